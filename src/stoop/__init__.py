@@ -1,0 +1,1 @@
+"""stoop: from a flight log to a flight-dynamics model one can trust."""

@@ -1,0 +1,52 @@
+"""One tree of exceptions; every message is one line: where, what is wrong, what to do.
+
+::
+
+    StoopError                 anything a user can mend; the command line exits with code 2
+    ├── LogError               a log that cannot be read (missing, empty, truncated, unknown format)
+    ├── FlightError            a flight that lacks what is asked of it (channel, window, time, units)
+    ├── VehicleError           a vehicle file that says something impossible or unknown
+    │   └── TermError          an aerodynamic term that cannot be parsed
+    ├── ManeuverError          a maneuver file that cannot be flown
+    ├── SimulationError        a start point from which the model cannot be simulated or trimmed
+    ├── IdentificationError    a fit that cannot begin (nothing free, no data, unknown optimizer)
+    └── OutputError            an output folder or file that cannot be written
+"""
+
+from __future__ import annotations
+
+
+class StoopError(Exception):
+    """Base of all errors that the user can mend; the message is one line with the fix."""
+
+
+class LogError(StoopError):
+    """A log cannot be read."""
+
+
+class FlightError(StoopError):
+    """A flight lacks what is asked of it."""
+
+
+class VehicleError(StoopError):
+    """A vehicle file says something impossible or unknown."""
+
+
+class TermError(VehicleError):
+    """An aerodynamic term cannot be parsed."""
+
+
+class ManeuverError(StoopError):
+    """A maneuver file cannot be flown."""
+
+
+class SimulationError(StoopError):
+    """A start point cannot be simulated or trimmed."""
+
+
+class IdentificationError(StoopError):
+    """A fit cannot begin."""
+
+
+class OutputError(StoopError):
+    """An output cannot be written."""
