@@ -1,0 +1,91 @@
+"""Recorded channels under their registry names, each on its own clock, not yet on a grid."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from stoop.logs import FloatArray
+
+GAP: Final = 0.05  #: s; a longer hole in an input ends a segment
+SLOW_GAP: Final = 2.5  #: median periods; for channels logged too slowly for `GAP`
+
+
+@dataclass(frozen=True)
+class Channels:
+    """Variables that share one clock.
+
+    Attributes
+    ----------
+    source : topic or file they come from
+    time : (n,) s, strictly increasing
+    values : variable -> (n,) SI, NaN where there is none
+    """
+
+    source: str
+    time: FloatArray
+    values: Mapping[str, FloatArray]
+
+    @property
+    def rate(self) -> float:
+        """Nominal rate [Hz] from the median period; zero with fewer than two samples."""
+        return 1.0 / float(np.median(np.diff(self.time))) if self.time.size > 1 else 0.0
+
+
+@dataclass(frozen=True)
+class SourceRate:
+    """How a variable was recorded.
+
+    Attributes
+    ----------
+    source : topic or file
+    rate : Hz, from the median period
+    longest_gap : s, the longest hole between two samples
+    gaps : how many holes end a contiguous stretch
+    start, stop : s, first and last sample on the log's own clock
+    """
+
+    source: str
+    rate: float
+    longest_gap: float
+    gaps: int
+    start: float
+    stop: float
+
+
+def longest_allowed(time: FloatArray) -> float:
+    """Return the longest distance between samples [s] that may be interpolated across."""
+    return max(GAP, SLOW_GAP * float(np.median(np.diff(time)))) if time.size > 1 else GAP
+
+
+def stretches(time: FloatArray, values: FloatArray) -> list[slice]:
+    """Split samples where the hole between neighbors is too long to interpolate across.
+
+    Parameters
+    ----------
+    time : (n,) s, increasing
+    values : (n, k); not looked at, beyond its length
+
+    Returns
+    -------
+    slices of two samples and more
+    """
+    cuts = np.flatnonzero(np.diff(time) > longest_allowed(time)) + 1
+    edges = [0, *cuts.tolist(), len(values)]
+    return [slice(a, b) for a, b in pairwise(edges) if b - a > 1]
+
+
+def source_rate(source: str, time: FloatArray) -> SourceRate:
+    """Describe the clock of one variable, from the samples that hold a value."""
+    if time.size < 2:
+        start = float(time[0]) if time.size else float("nan")
+        return SourceRate(source, 0.0, 0.0, 0, start, start)
+    steps = np.diff(time)
+    gaps = int(np.sum(steps > longest_allowed(time)))
+    return SourceRate(
+        source, 1.0 / float(np.median(steps)), float(steps.max()), gaps, float(time[0]), float(time[-1])
+    )

@@ -1,0 +1,160 @@
+"""PX4 topics -> registry variables.
+
+Each group of variables names its sources in order of trust; the first that is there wins, unless a later
+one was logged more than twice as fast. Layouts follow the message definitions of PX4 v1.9 to v1.15.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from stoop.flight.channels import Channels
+from stoop.logs import FloatArray, Recording, Stream
+from stoop.units import MICROSECOND, ZERO_CELSIUS
+
+MAX_TRANSPORT: Final = 0.2  #: s; a sample stamp further from its publication is not believed
+
+
+@dataclass(frozen=True)
+class Source:
+    """One topic that can supply a group of variables.
+
+    Attributes
+    ----------
+    topic : stream of the recording
+    columns : one per variable of the group
+    offset : added to each value, to reach SI
+    valid : column that must be positive for a sample to count
+    sampled : the stamp of the sample rather than of its publication is the time of the measurement
+    """
+
+    topic: str
+    columns: tuple[str, ...]
+    offset: float = 0.0
+    valid: str = ""
+    sampled: bool = True
+
+
+def _vector(field: str, size: int, first: int = 0) -> tuple[str, ...]:
+    return tuple(f"{field}[{i}]" for i in range(first, first + size))
+
+
+GROUPS: Final[tuple[tuple[tuple[str, ...], tuple[Source, ...]], ...]] = (
+    (("q0", "q1", "q2", "q3"), (
+        Source("vehicle_attitude", _vector("q", 4)),
+        Source("estimator_states", _vector("states", 4)),
+        Source("estimator_status", _vector("states", 4)),
+    )),
+    (("p", "q", "r"), (
+        Source("vehicle_angular_velocity", _vector("xyz", 3)),
+        Source("sensor_combined", _vector("gyro_rad", 3)),
+        Source("vehicle_attitude", ("rollspeed", "pitchspeed", "yawspeed")),
+    )),
+    (("p_dot", "q_dot", "r_dot"), (
+        Source("vehicle_angular_acceleration", _vector("xyz", 3)),
+        Source("vehicle_angular_velocity", _vector("xyz_derivative", 3)),
+    )),
+    (("ax", "ay", "az"), (
+        Source("sensor_combined", _vector("accelerometer_m_s2", 3)),
+        Source("vehicle_acceleration", _vector("xyz", 3)),
+    )),
+    (("control_roll", "control_pitch", "control_yaw"), (
+        Source("actuator_controls_0", _vector("control", 3), sampled=False),
+        Source("vehicle_torque_setpoint", _vector("xyz", 3), sampled=False),
+    )),
+    (("control_throttle",), (
+        Source("actuator_controls_0", ("control[3]",), sampled=False),
+        Source("vehicle_thrust_setpoint", ("xyz[0]",), sampled=False),
+    )),
+    (("vn", "ve", "vd"), (
+        Source("vehicle_local_position", ("vx", "vy", "vz"), valid="v_xy_valid"),
+        Source("vehicle_gps_position", ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s"), valid="vel_ned_valid"),
+        Source("sensor_gps", ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s"), valid="vel_ned_valid"),
+    )),
+    (("pn", "pe", "pd"), (Source("vehicle_local_position", ("x", "y", "z"), valid="xy_valid"),)),
+    (("airspeed_pitot",), (
+        Source("airspeed", ("true_airspeed_m_s",)),
+        Source("airspeed_validated", ("true_airspeed_m_s",)),
+    )),
+    (("wind_n", "wind_e"), tuple(
+        Source(topic, ("windspeed_north", "windspeed_east"), valid="variance_north", sampled=False)
+        for topic in ("wind_estimate", "wind", "estimator_wind", "airspeed_wind")
+    )),
+    (("density",), (Source("vehicle_air_data", ("rho",)),)),
+    (("pressure",), (Source("vehicle_air_data", ("baro_pressure_pa",)),)),
+    (("temperature",), (
+        Source("airspeed", ("air_temperature_celsius",), offset=ZERO_CELSIUS),
+        Source("vehicle_air_data", ("ambient_temperature",), offset=ZERO_CELSIUS),
+    )),
+    (("voltage",), (Source("battery_status", ("voltage_v",), sampled=False),)),
+)  # fmt: skip
+
+
+def px4_channels(recording: Recording) -> list[Channels]:
+    """Pick the registry variables out of a recording of PX4 topics."""
+    picked = [_best(recording, names, sources) for names, sources in GROUPS]
+    picked += [_altitude(recording), _pulses(recording)]
+    return [channels for channels in picked if channels is not None and channels.values]
+
+
+def _best(recording: Recording, names: tuple[str, ...], sources: tuple[Source, ...]) -> Channels | None:
+    best: Channels | None = None
+    for source in sources:
+        stream = recording.streams.get(source.topic)
+        if stream is None or not set(source.columns) <= set(stream.columns):
+            continue
+        found = _supply(names, source, stream)
+        if best is None or found.rate > 2.0 * best.rate:
+            best = found
+    return best
+
+
+def _supply(names: tuple[str, ...], source: Source, stream: Stream) -> Channels:
+    void = _void(source, stream)
+    values = {
+        name: np.where(void, np.nan, stream.columns[column] + source.offset)
+        for name, column in zip(names, source.columns, strict=True)
+    }
+    return Channels(source.topic, sample_time(stream) if source.sampled else stream.time, values)
+
+
+def _void(source: Source, stream: Stream) -> FloatArray | np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    flag = stream.columns.get(source.valid)
+    return np.zeros(stream.time.size, dtype=bool) if flag is None else ~(flag > 0.0)
+
+
+def sample_time(stream: Stream) -> FloatArray:
+    """Return when the samples were taken [s], where the topic says so and it can be believed."""
+    stamp = stream.columns.get("timestamp_sample")
+    if stamp is None:
+        return stream.time
+    taken = stamp * MICROSECOND
+    late = stream.time - taken
+    believable = np.all((late >= 0.0) & (late < MAX_TRANSPORT)) and np.all(np.diff(taken) > 0.0)
+    return taken if believable else stream.time
+
+
+def _altitude(recording: Recording) -> Channels | None:
+    """Height above sea level: from the estimator, else from the barometer."""
+    local = recording.streams.get("vehicle_local_position")
+    if local is not None and {"z", "ref_alt"} <= set(local.columns):
+        return Channels(
+            "vehicle_local_position",
+            sample_time(local),
+            {"altitude": local.columns["ref_alt"] - local.columns["z"]},
+        )
+    return _best(recording, ("altitude",), (Source("vehicle_air_data", ("baro_alt_meter",)),))
+
+
+def _pulses(recording: Recording) -> Channels | None:
+    """Pulses of the outputs in use; those that are never driven stay at zero and are left out."""
+    stream = recording.streams.get("actuator_outputs")
+    if stream is None:
+        return None
+    columns = {f"pwm_{n + 1}": stream.columns.get(f"output[{n}]") for n in range(16)}
+    return Channels(
+        "actuator_outputs", stream.time, {k: v for k, v in columns.items() if v is not None and v.any()}
+    )

@@ -1,0 +1,35 @@
+"""One door for all formats: the name tells which reader is asked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from stoop.errors import LogError
+from stoop.logs.recording import Recording
+
+
+def read(path: Path, mapping: Path | None = None) -> Recording:
+    """Read a log.
+
+    Parameters
+    ----------
+    path : a PX4 .ulg file, a folder of PX4 topic CSVs (plain or .gz), a .nc file written by stoop,
+        a .csv (or .csv.gz) file, or a folder of such files, with a mapping
+    mapping : TOML file that says which column is which variable, in which unit
+
+    Returns
+    -------
+    Recording : streams on the log's own clock and the defects that were met
+
+    Raises
+    ------
+    LogError
+        When the file is missing, empty, of unknown format or so damaged that nothing can be read.
+    """
+    if not path.exists():
+        raise LogError(f"{path}: no such file or folder; check the name")
+    if path.is_dir():
+        from stoop.logs.px4csv import read_px4_folder
+
+        return read_px4_folder(path)
+    raise LogError(f"{path}: unknown format; stoop reads .ulg, .nc, .csv and folders of PX4 topic CSVs")

@@ -1,0 +1,128 @@
+"""What every reader returns: streams of channels on the log's own clock, and the defects met on the way."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray: TypeAlias = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Stream:
+    """Channels that were recorded together.
+
+    Attributes
+    ----------
+    time : (n,) s, on the log's own clock, finite and strictly increasing
+    columns : name -> (n,) values as recorded, in the log's own units (SI where a mapping was given)
+    """
+
+    time: FloatArray
+    columns: Mapping[str, FloatArray]
+
+    @property
+    def period(self) -> float:
+        """Median time between samples [s]; NaN with fewer than two samples."""
+        return float(np.median(np.diff(self.time))) if self.time.size > 1 else float("nan")
+
+
+@dataclass(frozen=True)
+class Defect:
+    """Something wrong in a log that could be survived.
+
+    Attributes
+    ----------
+    kind : "time order", "truncated", "corrupt", "dropout", "text" or "skipped"
+    place : file, topic or column in which it was met
+    message : one plain sentence
+    """
+
+    kind: str
+    place: str
+    message: str
+
+    def __str__(self) -> str:
+        return f"{self.place}: {self.message}"
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A log as it was written.
+
+    Attributes
+    ----------
+    path : the file or folder
+    format : "px4-csv", "ulog", "table" or "stoop-netcdf"
+    streams : topic or file -> Stream; further instances of a PX4 topic are called "topic/1", "topic/2"
+    defects : what was wrong and survived
+    attributes : texts and numbers written beside the channels (only in our own netCDF files)
+    """
+
+    path: Path
+    format: str
+    streams: Mapping[str, Stream]
+    defects: tuple[Defect, ...] = ()
+    attributes: Mapping[str, str | float] = field(default_factory=dict)
+
+
+def clean_stream(
+    place: str, time: FloatArray, columns: Mapping[str, FloatArray]
+) -> tuple[Stream, tuple[Defect, ...]]:
+    """Drop the samples whose time is not finite or breaks the order; say how many.
+
+    Parameters
+    ----------
+    place : what to call the stream in a defect
+    time : (n,) s
+    columns : name -> (n,)
+
+    Returns
+    -------
+    stream : the samples that are left, perhaps none
+    defects : none, or one that counts what was dropped
+    """
+    keep = increasing(time)
+    lost = time.size - keep.size
+    if not lost:
+        return Stream(time, columns), ()
+    defect = Defect(
+        "time order", place, f"{lost} of {time.size} samples dropped: time stands still or runs back"
+    )
+    return Stream(time[keep], {name: values[keep] for name, values in columns.items()}), (defect,)
+
+
+def increasing(time: FloatArray) -> npt.NDArray[np.intp]:
+    """Return the indices of a longest strictly increasing run of finite times.
+
+    A single wild stamp thus costs one sample, whether it points to the past or to the future.
+    """
+    finite = np.flatnonzero(np.isfinite(time))
+    kept = time[finite]
+    if kept.size < 2 or bool(np.all(np.diff(kept) > 0.0)):
+        return finite
+    return finite[_longest_increasing(kept.tolist())]
+
+
+def _longest_increasing(values: list[float]) -> npt.NDArray[np.intp]:
+    """Patience sorting: tails[k] is the smallest end of an increasing run of length k + 1."""
+    tails: list[float] = []
+    ends: list[int] = []
+    before = np.full(len(values), -1, dtype=np.intp)
+    for i, value in enumerate(values):
+        k = bisect_left(tails, value)
+        before[i] = ends[k - 1] if k else -1
+        tails[k : k + 1] = [value]
+        ends[k : k + 1] = [i]
+    chain = np.empty(len(ends), dtype=np.intp)
+    at = ends[-1]
+    for k in range(len(ends) - 1, -1, -1):
+        chain[k] = at
+        at = int(before[at])
+    return chain
