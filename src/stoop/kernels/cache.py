@@ -1,0 +1,86 @@
+"""A folder of compiled modules that survives damage, races and read-only disks.
+
+Numba keeps compiled code in pickles, which must never be read when they are not what we wrote. Each module
+therefore lives in a folder of its own (mode 0700) with a manifest of checksums, which is written last. A
+folder is built under a temporary name and renamed into place, so two processes cannot see each other's
+half-written files; a folder whose checksums do not match is discarded and built again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import shutil
+import stat
+import tempfile
+from pathlib import Path
+
+MANIFEST = "manifest.json"
+
+
+def cache_folder() -> Path:
+    """Return where compiled modules are kept: ``STOOP_CACHE_DIR``, else the user's cache folder."""
+    chosen = os.environ.get("STOOP_CACHE_DIR")
+    if chosen:
+        return Path(chosen)
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "stoop" / "kernels"
+
+
+def checksums(folder: Path) -> dict[str, str]:
+    """Return the SHA-256 of each file below a folder, the manifest left out."""
+    files = sorted(p for p in folder.rglob("*") if p.is_file() and p.name != MANIFEST)
+    return {str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
+
+
+def _private(folder: Path) -> bool:
+    """Return whether nobody but this user can write there (a checksum proves nothing otherwise)."""
+    if not hasattr(os, "getuid"):
+        return True
+    status = folder.stat()
+    return status.st_uid == os.getuid() and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
+def intact(folder: Path) -> bool:
+    """Return whether a folder is ours and holds exactly what its manifest says."""
+    try:
+        return _private(folder) and json.loads((folder / MANIFEST).read_text()) == checksums(folder)
+    except (OSError, ValueError):
+        return False
+
+
+def start_build(root: Path) -> Path:
+    """Make a private folder to build in; outside the cache when the cache cannot be written."""
+    try:
+        root.mkdir(parents=True, exist_ok=True, mode=0o700)
+        return Path(tempfile.mkdtemp(prefix=".building-", dir=root))
+    except OSError:
+        return Path(tempfile.mkdtemp(prefix="stoop-kernels-"))
+
+
+def seal(building: Path, final: Path) -> Path:
+    """Write the manifest and put the folder in its place; return where it now is.
+
+    Another process may have been faster: then its folder stays and ours serves this process only.
+    """
+    (building / MANIFEST).write_text(json.dumps(checksums(building)))
+    if building.parent != final.parent:
+        return building
+    if final.exists() and not intact(final):
+        discard(final)
+    try:
+        building.rename(final)
+    except OSError:
+        return building
+    return final
+
+
+def discard(folder: Path) -> None:
+    """Remove a folder as far as the disk allows."""
+    with contextlib.suppress(OSError):
+        doomed = Path(tempfile.mkdtemp(prefix=".discarded-", dir=folder.parent))
+        folder.rename(doomed / folder.name)
+        folder = doomed
+    shutil.rmtree(folder, ignore_errors=True)

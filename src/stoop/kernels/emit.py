@@ -1,0 +1,159 @@
+"""SymPy expressions -> Python source of small functions on scalars.
+
+What depends on parameters alone is taken out of the time loop: :func:`hoist` replaces every such
+sub-expression, also a group of factors or summands, by a constant that is computed once per candidate.
+Names in the source are made here (``x0``, ``u1``, ``c7``): no text of a user's file reaches it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import sympy as sp
+from sympy.printing.pycode import PythonCodePrinter
+
+from stoop.kernels.symbolic import SymbolicModel
+
+
+class _Printer(PythonCodePrinter):  # type: ignore[misc]
+    """Prints only what the runtime header provides."""
+
+    def _print_Pow(self, expr: Any) -> str:
+        base, exponent = expr.args
+        twice = 2 * exponent
+        if not twice.is_Integer:
+            raise NotImplementedError(f"power {exponent} has no vector form")
+        magnitude = self._power(base, abs(int(twice)))
+        return f"(1.0/{magnitude})" if twice < 0 else magnitude
+
+    def _power(self, base: Any, halves: int) -> str:
+        factors = [self.parenthesize(base, 1000)] * (halves // 2)
+        if halves % 2:
+            factors.append(f"sqrt({self._print(base)})")
+        return "(" + "*".join(factors) + ")"
+
+    def _print_atan2(self, expr: Any) -> str:
+        return f"atan2({self._print(expr.args[0])}, {self._print(expr.args[1])})"
+
+    def _print_Abs(self, expr: Any) -> str:
+        return f"fabs({self._print(expr.args[0])})"
+
+    def _print_Integer(self, expr: Any) -> str:
+        return repr(float(expr))
+
+    def _print_Rational(self, expr: Any) -> str:
+        return repr(float(expr))
+
+    def _print_Float(self, expr: Any) -> str:
+        return repr(float(expr))
+
+
+_PRINTER = _Printer({"fully_qualified_modules": False})
+
+
+@dataclass(frozen=True)
+class Hoisted:
+    """Expressions whose parameter-only parts have been named."""
+
+    constants: tuple[tuple[Any, Any], ...]  #: (symbol, expression of the parameters alone)
+    expressions: tuple[Any, ...]
+
+
+class _Hoister:
+    def __init__(self, parameters: Iterable[Any]) -> None:
+        self.parameters = frozenset(parameters)
+        self.names: dict[Any, Any] = {}
+        self.memo: dict[Any, Any] = {}
+
+    def constant(self, expr: Any) -> bool:
+        return bool(expr.free_symbols <= self.parameters)
+
+    def name(self, expr: Any) -> Any:
+        """Give a parameter-only expression a name, unless it is as cheap as one."""
+        if expr.is_Number or expr.is_Symbol or (expr.is_Mul and -expr in self.parameters):
+            return expr
+        if expr not in self.names:
+            self.names[expr] = sp.Symbol(f"h{len(self.names)}", real=True)
+        return self.names[expr]
+
+    def visit(self, expr: Any) -> Any:
+        if expr not in self.memo:
+            self.memo[expr] = self._visit(expr)
+        return self.memo[expr]
+
+    def _visit(self, expr: Any) -> Any:
+        if self.constant(expr):
+            return self.name(expr)
+        if not expr.args:
+            return expr
+        if not (expr.is_Mul or expr.is_Add):
+            return expr.func(*map(self.visit, expr.args))
+        fixed = [a for a in expr.args if self.constant(a)]
+        moving = [self.visit(a) for a in expr.args if not self.constant(a)]
+        return expr.func(*([self.name(expr.func(*fixed))] if fixed else []), *moving)
+
+
+def hoist(expressions: Sequence[Any], parameters: Iterable[Any]) -> Hoisted:
+    """Take what depends on the parameters alone out of the expressions."""
+    hoister = _Hoister(parameters)
+    moved = tuple(hoister.visit(sp.sympify(e)) for e in expressions)
+    return Hoisted(tuple((symbol, expr) for expr, symbol in hoister.names.items()), moved)
+
+
+def function_source(name: str, arguments: dict[str, Sequence[Any]], expressions: Sequence[Any]) -> str:
+    """Write one inlined function of tuples that returns the tuple of the expressions."""
+    lines = [f"@inline\ndef {name}({', '.join(arguments)}):"]
+    used = set().union(*(e.free_symbols for e in expressions)) if expressions else set()
+    for argument, symbols in arguments.items():
+        lines += [f"    {s} = {argument}[{i}]" for i, s in enumerate(symbols) if s in used]
+    steps, results = sp.cse(list(expressions), sp.numbered_symbols("t"), order="none")
+    lines += [f"    {symbol} = {_PRINTER.doprint(expr)}" for symbol, expr in steps]
+    lines.append(f"    return ({''.join(_PRINTER.doprint(e) + ', ' for e in results)})")
+    return "\n".join(lines) + "\n"
+
+
+@dataclass(frozen=True)
+class Emitted:
+    """Source of the model's functions and the sizes that the lane loops need."""
+
+    source: str
+    states: int
+    inputs: int
+    parameters: int
+    constants: int
+    outputs: int
+    wrapped: tuple[bool, ...]
+
+
+def _renamed(model: SymbolicModel) -> tuple[list[Any], list[Any], list[Any], list[Any]]:
+    """Give every symbol a name of our own; return states, inputs, parameters, expressions."""
+    groups = []
+    table: dict[Any, Any] = {}
+    for prefix, symbols in (("x", model.states), ("u", model.inputs), ("p", model.parameters)):
+        new = [sp.Symbol(f"{prefix}{i}", real=True) for i in range(len(symbols))]
+        table.update(zip(symbols, new, strict=True))
+        groups.append(new)
+    expressions = [sp.sympify(e).xreplace(table) for e in (*model.derivatives, *model.outputs)]
+    return groups[0], groups[1], groups[2], expressions
+
+
+def emit(model: SymbolicModel) -> Emitted:
+    """Write ``prepare`` (once per candidate), ``derive`` and ``observe`` (in the time loop)."""
+    x, u, p, expressions = _renamed(model)
+    hoisted = hoist(expressions, p)
+    used = set().union(*(e.free_symbols for e in hoisted.expressions))
+    direct = [(s, s) for s in p if s in used]
+    constants = direct + [(s, e) for s, e in hoisted.constants if s in used]
+    names = [s for s, _ in constants]
+    arguments: dict[str, Sequence[Any]] = {"x": x, "u": u, "c": names}
+    nx = len(x)
+    source = "\n\n".join(
+        [
+            function_source("prepare", {"p": p}, [e for _, e in constants]),
+            function_source("derive", arguments, hoisted.expressions[:nx]),
+            function_source("observe", arguments, hoisted.expressions),
+        ]
+    )
+    return Emitted(source, nx, len(u), len(p), len(names), len(model.outputs), model.wrapped)

@@ -1,0 +1,294 @@
+"""The compiled model: costs and trajectories of many candidates at once."""
+
+from __future__ import annotations
+
+import atexit
+import functools
+import hashlib
+import importlib.util
+import os
+import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from importlib.machinery import SourceFileLoader
+from pathlib import Path
+from types import CodeType, ModuleType
+from typing import Any, Protocol, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.kernels import cache
+from stoop.kernels.symbolic import SymbolicModel
+
+FloatArray = NDArray[np.float64]
+_HERE = Path(__file__).parent
+
+
+class _Entry(Protocol):
+    def __call__(self, *arguments: Any) -> None: ...
+
+
+def thread_count() -> int:
+    """Return how many threads share the blocks: ``STOOP_THREADS``, else the cores this process may use."""
+    wanted = os.environ.get("STOOP_THREADS")
+    if wanted and wanted.isdigit() and int(wanted) > 0:
+        return int(wanted)
+    affinity = getattr(os, "sched_getaffinity", None)
+    return len(affinity(0)) if affinity else os.cpu_count() or 1
+
+
+@functools.cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    pool = ThreadPoolExecutor(threads, thread_name_prefix="stoop-lanes")
+    atexit.register(pool.shutdown)
+    return pool
+
+
+def _matrix(a: FloatArray) -> FloatArray:
+    """Return an array that Numba sees as writable and C-contiguous (else it would compile anew)."""
+    return np.require(a, dtype=np.float64, requirements=["C", "W"])
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """One vehicle structure, compiled.
+
+    Axes: b = candidate, k = sample, i = state, input or output, in the order of the model.
+    Every candidate (lane) has its own parameters and initial state. A candidate that diverges costs
+    infinity and leaves the others bit-identical. Results do not depend on the number of threads.
+    """
+
+    folder: Path
+    lanes: int
+    sizes: tuple[int, int, int, int]  #: states, inputs, parameters, outputs
+    shared: ModuleType
+    per_lane: Callable[[], ModuleType]
+
+    def cost(
+        self,
+        parameters: FloatArray,
+        initial: FloatArray,
+        inputs: FloatArray,
+        measured: FloatArray,
+        weights: FloatArray,
+        dt: float,
+        samples: int | None = None,
+        threads: int | None = None,
+    ) -> FloatArray:
+        """Return the weighted sum of squared residuals of each candidate, eq. (3) with diagonal Q.
+
+        Parameters
+        ----------
+        parameters : (n_p, B) array, SI
+        initial : (n_x, B) array, SI
+        inputs : (n, n_u) array, shared by all candidates, or (n, n_u, B) array
+            Linear between samples.
+        measured, weights : (n, n_y) arrays
+            A weight of zero hides a sample; a NaN measurement must come with weight zero.
+        dt : float, s
+        samples : int, optional
+            Only the first so many samples.
+        threads : int, optional
+
+        Returns
+        -------
+        (B,) array
+            Infinite where the trajectory diverged.
+        """
+        p, x, u, rows, module = self._arguments(parameters, initial, inputs)
+        hidden = ~(weights > 0.0)
+        z = _matrix(np.where(hidden, 0.0, measured))
+        w = _matrix(np.where(hidden, 0.0, weights))
+        n = min(samples or len(z), len(z))
+        out = np.empty(p.shape[1])
+        self._blocks(
+            lambda a, b: module.run_cost(p, x, u, rows, z, w, float(dt), n, out, a, b), p.shape[1], threads
+        )
+        return np.where(np.isfinite(out), out, np.inf)
+
+    def trajectories(
+        self,
+        parameters: FloatArray,
+        initial: FloatArray,
+        inputs: FloatArray,
+        dt: float,
+        samples: int | None = None,
+        threads: int | None = None,
+    ) -> FloatArray:
+        """Return the outputs (B, n, n_y) of each candidate; NaN or infinite once diverged.
+
+        Parameters as in :meth:`cost`.
+        """
+        p, x, u, rows, module = self._arguments(parameters, initial, inputs)
+        n = min(samples or rows, rows)
+        out = np.empty((p.shape[1], n, self.sizes[3]))
+        self._blocks(
+            lambda a, b: module.run_outputs(p, x, u, rows, float(dt), n, out, a, b), p.shape[1], threads
+        )
+        return out
+
+    def evaluate(
+        self, parameters: FloatArray, states: FloatArray, inputs: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return state derivatives (n_x, B) and outputs (n_y, B) at single points, no time passing.
+
+        Parameters
+        ----------
+        parameters : (n_p, B) array
+        states : (n_x, B) array
+        inputs : (n_u, B) array
+        """
+        nx, _, _, ny = self.sizes
+        out = np.empty((nx + ny, parameters.shape[1]))
+        self.shared.run_evaluate(_matrix(parameters), _matrix(states), _matrix(inputs), out)
+        return out[:nx], out[nx:]
+
+    def assembly(self) -> str:
+        """Return the machine code of the cost kernel as text, to be searched for vector instructions.
+
+        Numba keeps no text of what came from its cache, so the kernel is compiled once more.
+        """
+        import numba
+
+        from stoop.kernels.lanes import signatures
+
+        options = {"fastmath": self.shared.FASTMATH, "error_model": "numpy", "nogil": True}
+        entry: Any = numba.njit(**options)(self.shared.run_cost.py_func)
+        entry.compile(signatures(per_lane=False)["run_cost"])
+        return "\n".join(entry.inspect_asm().values())
+
+    def _arguments(
+        self, parameters: FloatArray, initial: FloatArray, inputs: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, int, ModuleType]:
+        p, x = _matrix(parameters), _matrix(initial)
+        if inputs.ndim == 2:
+            return p, x, _matrix(inputs), len(inputs), self.shared
+        return p, x, _interleave(inputs, self.lanes), len(inputs), self.per_lane()
+
+    def _blocks(self, run: Callable[[int, int], None], count: int, threads: int | None) -> None:
+        """Share whole blocks among threads; one thread works in place."""
+        blocks = -(-count // self.lanes)
+        workers = min(threads or thread_count(), blocks)
+        edges = [self.lanes * (blocks * i // workers) for i in range(workers)] + [count]
+        if workers == 1:
+            run(0, count)
+            return
+        list(_pool(workers).map(run, edges[:-1], edges[1:]))
+
+
+def _interleave(inputs: FloatArray, lanes: int) -> FloatArray:
+    """Arrange (n, n_u, B) as one flat array [block, sample, input, lane]; the last block is padded."""
+    n, m, count = inputs.shape
+    blocks = -(-count // lanes)
+    padded = np.concatenate([inputs, np.repeat(inputs[..., -1:], blocks * lanes - count, axis=2)], axis=2)
+    return np.ascontiguousarray(padded.reshape(n, m, blocks, lanes).transpose(2, 0, 1, 3)).ravel()
+
+
+@functools.cache
+def _environment() -> str:
+    """Return what compiled code depends on beside the model: processor, versions, our own sources."""
+    import llvmlite
+    import llvmlite.binding as llvm
+    import numba
+
+    sources = b"".join(p.read_bytes() for p in sorted(_HERE.glob("*.py")))
+    facts = (
+        sys.version, numba.__version__, llvmlite.__version__, llvm.get_host_cpu_name(),
+        llvm.get_host_cpu_features().flatten(), os.environ.get("NUMBA_CPU_FEATURES", ""),
+        hashlib.sha256(sources).hexdigest(),
+    )  # fmt: skip
+    return "\n".join(facts)
+
+
+class _SourceLoader(SourceFileLoader):
+    """Reads the source and leaves no byte code beside it: the sealed folder must not change."""
+
+    def get_code(self, fullname: str) -> CodeType:
+        path = self.get_filename(fullname)
+        return cast("CodeType", self.source_to_code(self.get_data(path), path))
+
+
+def _import(folder: Path, key: str, name: str) -> ModuleType:
+    unique = f"_stoop_kernel_{key}_{name}"  # Numba's files hold this name: it may not depend on the folder
+    spec = importlib.util.spec_from_loader(unique, _SourceLoader(unique, str(folder / f"{name}.py")))
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[unique] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def _open(folder: Path, key: str, name: str) -> ModuleType:
+    """Import a generated module and compile its entry points, or take them from Numba's files beside it."""
+    from stoop.kernels.lanes import signatures
+
+    module = _import(folder, key, name)
+    for entry, signature in signatures(name == "per_lane").items():
+        dispatcher = getattr(module, entry)
+        dispatcher.compile(signature)
+        dispatcher.disable_compile()
+    return module
+
+
+def _write_sources(folder: Path, model: SymbolicModel) -> None:
+    from stoop.kernels.emit import emit
+    from stoop.kernels.lanes import LANES, loop_source
+
+    emitted = emit(model)
+    header = (_HERE / "runtime.py").read_text()
+    for name in ("shared", "per_lane"):
+        body = loop_source(emitted, name == "per_lane")
+        (folder / f"{name}.py").write_text(header + "\n\n" + emitted.source + "\n\n" + body)
+    sizes = (emitted.states, emitted.inputs, emitted.parameters, emitted.outputs, LANES)
+    (folder / "sizes.txt").write_text(" ".join(map(str, sizes)))
+
+
+def _build(final: Path, key: str, name: str, write: Callable[[Path], None]) -> Path:
+    """Make the sealed folder of one module unless it is there; return where it lies."""
+    if cache.intact(final):
+        return final
+    building = cache.start_build(final.parent)
+    write(building)
+    _open(building, key, name)
+    sealed = cache.seal(building, final)
+    if sealed is building:
+        atexit.register(cache.discard, building)
+    return sealed
+
+
+def load_kernel(structure: str, model: Callable[[], SymbolicModel]) -> Kernel:
+    """Return the compiled kernel of a model structure, from the cache where it is there.
+
+    Parameters
+    ----------
+    structure : str
+        Everything that decides the equations, and no parameter value: the same text, the same kernel.
+    model : callable
+        Builds the equations; called only when the cache has no sound copy.
+    """
+    key = hashlib.sha256(f"{structure}\n{_environment()}".encode()).hexdigest()[:32]
+    return _load(key, model)
+
+
+_loaded: dict[str, Kernel] = {}
+
+
+def _load(key: str, model: Callable[[], SymbolicModel]) -> Kernel:
+    if key not in _loaded:
+        root = cache.cache_folder()
+        folder = _build(root / key, key, "shared", lambda f: _write_sources(f, model()))
+        numbers = [int(v) for v in (folder / "sizes.txt").read_text().split()]
+
+        @functools.cache
+        def per_lane() -> ModuleType:
+            def copy(target: Path) -> None:
+                (target / "per_lane.py").write_text((folder / "per_lane.py").read_text())
+
+            return _open(_build(root / f"{key}-lanes", key, "per_lane", copy), key, "per_lane")
+
+        nx, nu, np_, ny, lanes = numbers
+        _loaded[key] = Kernel(folder, lanes, (nx, nu, np_, ny), _open(folder, key, "shared"), per_lane)
+    return _loaded[key]

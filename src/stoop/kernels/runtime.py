@@ -1,0 +1,70 @@
+"""Header of every generated module: the one JIT gateway and branch-free elementary functions.
+
+The text of this file is copied to the head of each generated module, so that one flat file holds all that
+is compiled (Numba's cache does not follow imports). Nothing here may branch: a branch would keep LLVM from
+vectorizing across lanes.
+
+The reciprocal of zero is infinity and 0 * inf is NaN: fastmath leaves NaN and infinity honest (neither
+``nnan`` nor ``ninf``), so a diverging lane becomes NaN and no other lane notices.
+"""
+
+import math
+
+import numba as nb
+import numpy as np  # used by the loops that follow
+
+FASTMATH = {"contract", "nsz", "arcp", "afn", "reassoc"}
+inline = nb.njit(fastmath=FASTMATH, forceinline=True, error_model="numpy")
+compiled = nb.njit(fastmath=FASTMATH, error_model="numpy", nogil=True, cache=True)
+
+
+@inline
+def sqrt(a):
+    return math.sqrt(a)
+
+
+@inline
+def fabs(a):
+    return abs(a)
+
+
+@inline
+def select(c, a, b):
+    return a if c else b
+
+
+@inline
+def wrap(a):
+    """Take an angle difference from (-3 pi, 3 pi) to [-pi, pi]."""
+    a = select(a > 3.141592653589793, a - 6.283185307179586, a)
+    return select(a < -3.141592653589793, a + 6.283185307179586, a)
+
+
+@inline
+def atan2(y, x):
+    """Arc tangent of y / x over the whole circle, within 4e-16 relative.
+
+    Reduction to [0, tan(pi/8)] and a minimax polynomial of the odd series.
+    """
+    ax = fabs(x)
+    ay = fabs(y)
+    swap = ay > ax
+    large = select(swap, ay, ax)
+    small = select(swap, ax, ay)
+    upper = small > 0.41421356237309503 * large
+    t = select(upper, small - large, small) / (select(upper, small + large, large) + 1e-300)
+    z = t * t
+    s = 0.02113535694575133
+    s = -0.04348050891958043 + z * s
+    s = 0.056883487686028446 + z * s
+    s = -0.06640233842869744 + z * s
+    s = 0.07689953486227682 + z * s
+    s = -0.09090773074092884 + z * s
+    s = 0.11111106180425145 + z * s
+    s = -0.1428571418097571 + z * s
+    s = 0.199999999988551 + z * s
+    s = -0.3333333333332844 + z * s
+    r = select(upper, 0.7853981633974483, 0.0) + (t + t * (z * s))
+    r = select(swap, 1.5707963267948966 - r, r)
+    r = select(x < 0.0, 3.141592653589793 - r, r)
+    return select(y < 0.0, -r, r)

@@ -1,0 +1,33 @@
+"""The neutral description that a vehicle hands to the compiler."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class SymbolicModel:
+    """Equations of motion and of observation as SymPy expressions of plain symbols.
+
+    Attributes
+    ----------
+    states, inputs, parameters : tuple of sympy.Symbol
+        What the expressions are made of; a parameter is constant along a trajectory.
+    derivatives : tuple of sympy.Expr
+        Time derivative of each state, SI.
+    outputs : tuple of sympy.Expr
+        What the instruments would read.
+    output_names : tuple of str
+        Registry name of each output.
+    wrapped : tuple of bool
+        True for an output that is an angle on the whole circle; its residual is taken to (-pi, pi].
+    """
+
+    states: tuple[Any, ...]
+    inputs: tuple[Any, ...]
+    parameters: tuple[Any, ...]
+    derivatives: tuple[Any, ...]
+    outputs: tuple[Any, ...]
+    output_names: tuple[str, ...]
+    wrapped: tuple[bool, ...]

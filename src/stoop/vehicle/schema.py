@@ -1,0 +1,197 @@
+"""What a vehicle file may say: one pydantic model per table.
+
+Lengths in m, masses in kg, angles in rad; body axes forward-right-down from an origin of the file's own
+choice (the nose, the wing's leading edge, the centre of gravity itself).
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from stoop.vehicle.quantity import Quantity
+
+FORMAT = "stoop-vehicle/1"
+CHANNELS = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "ax", "ay", "az")
+Point = tuple[Quantity, Quantity, Quantity]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=40)]
+
+
+class Table(BaseModel):
+    """A table of the file: no unknown keys, no change after reading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Inertia(Table):
+    """Moments and products of inertia about the centre of gravity, kg m2 (Ixz = integral of x z dm)."""
+
+    xx: Quantity
+    yy: Quantity
+    zz: Quantity
+    xz: Quantity | None = None
+    xy: Quantity | None = None
+    yz: Quantity | None = None
+
+
+class Mass(Table):
+    """Mass properties."""
+
+    mass: Quantity  #: kg
+    inertia: Inertia
+    center_of_gravity: Point | None = None  #: m
+
+
+class Reference(Table):
+    """Reference geometry and the working point of the aerodynamic model."""
+
+    area: Quantity  #: m2
+    chord: Quantity  #: m
+    span: Quantity  #: m
+    airspeed: Quantity  #: V*, m/s
+    alpha: Quantity = Quantity(value=0.0)  #: alpha*, rad
+    moment_point: Point | None = None  #: m; the centre of gravity when absent
+    rate_normalization: Literal["reference", "actual"] = "reference"  #: qc/2V* (the paper) or qc/2V
+
+
+class Environment(Table):
+    """Where it flies."""
+
+    gravity: Quantity = Quantity(value=9.80665)  #: m/s2
+    density: Quantity | Literal["standard", "log"] = "standard"  #: kg/m3
+
+    @field_validator("density", mode="before")
+    @classmethod
+    def _words(cls, data: Any) -> Any:
+        if isinstance(data, str) and data not in ("standard", "log") and not data.startswith("="):
+            raise ValueError('write a number in kg/m3, "standard" or "log"')
+        return data
+
+
+class Term(Quantity):
+    """One aerodynamic term: its coefficient and what the coefficient multiplies."""
+
+    term: str
+
+
+class Aerodynamics(Table):
+    """Terms per coefficient; with ``default = true`` those of eq. (1) are there unless set to false."""
+
+    default: bool = True
+    CL: dict[Name, Term] = Field(default_factory=dict)
+    CD: dict[Name, Term] = Field(default_factory=dict)
+    CQ: dict[Name, Term] = Field(default_factory=dict)
+    Cl: dict[Name, Term] = Field(default_factory=dict)
+    Cm: dict[Name, Term] = Field(default_factory=dict)
+    Cn: dict[Name, Term] = Field(default_factory=dict)
+
+
+class ConstantThrust(Table):
+    """A thrust that does not change."""
+
+    kind: Literal["constant"]
+    thrust: Quantity  #: N
+    position: Point | None = None  #: a point of the thrust line, m
+    pitch: Quantity | None = None  #: inclination of the thrust line, nose up positive, rad
+
+
+class ThrustChannel(Table):
+    """A thrust that the flight holds as a channel, times a factor."""
+
+    kind: Literal["channel"]
+    channel: Name = "thrust"
+    scale: Quantity = Quantity(value=1.0)
+    position: Point | None = None
+    pitch: Quantity | None = None
+
+
+class Propeller(Table):
+    """T = rho D^4 (CT0 n^2 + CT1 n V/D + CT2 (V/D)^2), n = speed_gain (channel - idle) in rev/s, not below 0."""
+
+    kind: Literal["propeller"]
+    channel: Name
+    idle: Quantity = Quantity(value=0.0)
+    speed_gain: Quantity
+    diameter: Quantity
+    CT0: Quantity
+    CT1: Quantity | None = None
+    CT2: Quantity | None = None
+    position: Point | None = None
+    pitch: Quantity | None = None
+
+
+Propulsion = Annotated[ConstantThrust | ThrustChannel | Propeller, Field(discriminator="kind")]
+
+
+class Control(Table):
+    """A control surface: deflection = offset + sum of gain * (channel - center), then delay and lag.
+
+    ``mix`` takes recorded channels (PWM or normalized commands) to the deflection in rad, so V-tail, elevon
+    and flaperon mixers are sums of several channels. Without ``mix`` the flight holds the deflection itself.
+    """
+
+    mix: dict[Name, Quantity] | None = None  #: rad per unit of the channel
+    center: dict[Name, Quantity] = Field(default_factory=dict)
+    offset: Quantity | None = None  #: rad
+    lag: Quantity | None = None  #: s, first order
+    delay: Quantity | None = None  #: s
+
+    @model_validator(mode="after")
+    def _centers(self) -> Control:
+        stray = set(self.center) - set(self.mix or {})
+        if stray:
+            raise ValueError(f"center names {sorted(stray)[0]}, which is not in mix")
+        return self
+
+
+class Sensor(Table):
+    """What an instrument makes of the truth: scale * truth + bias, late by delay."""
+
+    bias: Quantity = Quantity(value=0.0)
+    scale: Quantity | None = None
+    delay: Quantity | None = None  #: s
+    sigma: float = Field(default=1.0, gt=0.0)  #: noise, the channel's unit
+
+
+class Sensors(Table):
+    """Instruments and where they sit."""
+
+    V: Sensor = Sensor()
+    alpha: Sensor = Sensor()
+    beta: Sensor = Sensor()
+    p: Sensor = Sensor()
+    q: Sensor = Sensor()
+    r: Sensor = Sensor()
+    phi: Sensor = Sensor()
+    theta: Sensor = Sensor()
+    psi: Sensor = Sensor()
+    ax: Sensor = Sensor()
+    ay: Sensor = Sensor()
+    az: Sensor = Sensor()
+    estimate_biases: bool = True  #: whether rate and acceleration biases are free unless said otherwise
+    accelerometer_position: Point | None = None  #: m
+    vane_position: Point | None = None  #: m
+
+
+class Model(Table):
+    """Which equations are kept."""
+
+    reduce: Literal["full", "longitudinal", "lateral"] = "full"
+
+
+class VehicleFile(Table):
+    """The whole file."""
+
+    format: Literal["stoop-vehicle/1"] = FORMAT
+    name: str = Field(max_length=200)
+    notes: tuple[str, ...] = ()
+    model: Model = Model()
+    mass: Mass
+    reference: Reference
+    environment: Environment = Environment()
+    aerodynamics: Aerodynamics = Aerodynamics()
+    propulsion: Propulsion | None = None
+    controls: dict[Name, Control] = Field(default_factory=dict)
+    sensors: Sensors = Sensors()
+    loadings: dict[Name, dict[str, float]] = Field(default_factory=dict)  #: values that differ per maneuver

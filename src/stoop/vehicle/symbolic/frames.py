@@ -1,0 +1,80 @@
+"""Kinematics: where the air comes from and how attitude turns.
+
+Body axes forward-right-down, Earth axes north-east-down, quaternion (e0 scalar) from body to Earth.
+Stevens, Lewis and Johnson, Aircraft Control and Simulation, 3rd ed., section 1.8.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import sympy as sp
+
+from stoop.vehicle.symbolic.symbols import Vector
+
+
+@dataclass(frozen=True)
+class Air:
+    """Air-relative motion at one point of the body."""
+
+    V: Any
+    V2: Any
+    alpha: Any
+    beta: Any
+    cos_alpha: Any
+    sin_alpha: Any
+    cos_beta: Any
+    sin_beta: Any
+
+
+def air(velocity: Vector) -> Air:
+    """Return airspeed, angle of attack and sideslip of a body-axes velocity, free of trigonometry."""
+    u, v, w = velocity
+    plane2 = u * u + w * w
+    V2 = plane2 + v * v
+    plane, V = sp.sqrt(plane2), sp.sqrt(V2)
+    return Air(V, V2, sp.atan2(w, u), sp.atan2(v, plane), u / plane, w / plane, plane / V, v / V)
+
+
+@dataclass(frozen=True)
+class Attitude:
+    """Rows of the rotation from Earth to body that are needed, and Euler angles."""
+
+    down: Vector  #: Earth's down axis in body axes
+    north: tuple[Any, Any]  #: R11, R21: where the nose points, north and east
+
+    @property
+    def phi(self) -> Any:
+        """Bank angle."""
+        return sp.atan2(self.down[1], self.down[2])
+
+    @property
+    def theta(self) -> Any:
+        """Pitch angle."""
+        return sp.atan2(-self.down[0], sp.sqrt(self.down[1] ** 2 + self.down[2] ** 2))
+
+    @property
+    def psi(self) -> Any:
+        """Heading."""
+        return sp.atan2(self.north[1], self.north[0])
+
+
+def attitude(e: tuple[Any, Any, Any, Any]) -> Attitude:
+    """Return what the quaternion says; no normalization is needed for the angles."""
+    e0, e1, e2, e3 = e
+    down = (2 * (e1 * e3 - e0 * e2), 2 * (e2 * e3 + e0 * e1), e0**2 - e1**2 - e2**2 + e3**2)
+    return Attitude(down, (e0**2 + e1**2 - e2**2 - e3**2, 2 * (e1 * e2 + e0 * e3)))
+
+
+def quaternion_rate(e: tuple[Any, Any, Any, Any], omega: Vector) -> tuple[Any, Any, Any, Any]:
+    """Return the quaternion's time derivative for body rates omega, rad/s."""
+    e0, e1, e2, e3 = e
+    p, q, r = omega
+    half = sp.Rational(1, 2)
+    return (
+        -half * (e1 * p + e2 * q + e3 * r),
+        half * (e0 * p + e2 * r - e3 * q),
+        half * (e0 * q + e3 * p - e1 * r),
+        half * (e0 * r + e1 * q - e2 * p),
+    )

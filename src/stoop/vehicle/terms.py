@@ -1,0 +1,131 @@
+"""Aerodynamic terms: a line of text such as ``alpha^2`` or ``alpha*elevator``, never evaluated.
+
+The text is parsed to Python's syntax tree and only what is on the white list is taken from it: numbers,
+known variables, ``+ - * /``, whole powers from 0 to 6, and ``abs(...)``.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from stoop.errors import TermError
+
+MAX_LENGTH = 200
+MAX_POWER = 6
+STATE_VARIABLES = {
+    "alpha": "angle of attack less its reference value, rad",
+    "beta": "sideslip angle, rad",
+    "p": "roll rate times span over twice the airspeed",
+    "q": "pitch rate times chord over twice the airspeed",
+    "r": "yaw rate times span over twice the airspeed",
+    "V": "(airspeed - reference airspeed) / reference airspeed",
+}  #: what a term can be made of, beside the controls
+_BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
+    ast.Add: lambda a, b: a + b,
+    ast.Sub: lambda a, b: a - b,
+    ast.Mult: lambda a, b: a * b,
+    ast.Div: lambda a, b: a / b,
+}
+
+
+def parse(text: str, names: Iterable[str], where: str) -> ast.expr:
+    """Parse a term and check it against the white list.
+
+    Parameters
+    ----------
+    text : str
+    names : iterable of str
+        Variables that the vehicle has (:data:`STATE_VARIABLES` and its controls).
+    where : str
+        File and key, for the message.
+
+    Raises
+    ------
+    TermError
+        Unknown variable, forbidden syntax, power out of range.
+    """
+    if len(text) > MAX_LENGTH:
+        raise TermError(f"{where}: the term is longer than {MAX_LENGTH} characters; split it into several")
+    try:
+        tree = ast.parse(text.replace("^", "**"), mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise TermError(f"{where}: cannot read the term '{text}'; write it like alpha^2 or alpha*elevator") from None
+    _check(tree, frozenset(names), where, text)
+    return tree
+
+
+def variables(tree: ast.expr) -> frozenset[str]:
+    """Return the variables of a parsed term."""
+    return frozenset(n.id for n in ast.walk(tree) if isinstance(n, ast.Name)) - {"abs"}
+
+
+def _check(node: ast.expr, names: frozenset[str], where: str, text: str) -> None:
+    match node:
+        case ast.Constant(value=int() | float()) if not isinstance(node.value, bool):
+            return
+        case ast.Name(id=name):
+            if name not in names:
+                known = ", ".join(sorted(names))
+                raise TermError(f"{where}: unknown variable '{name}' in the term '{text}'; known are {known}")
+        case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=operand):
+            _check(operand, names, where, text)
+        case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=int(power))):
+            if not 0 <= power <= MAX_POWER or isinstance(power, bool):
+                raise TermError(f"{where}: power {power} in '{text}'; whole powers from 0 to {MAX_POWER} are allowed")
+            _check(left, names, where, text)
+        case ast.BinOp(left=left, op=ast.Add() | ast.Sub() | ast.Mult() | ast.Div(), right=right):
+            _check(left, names, where, text)
+            _check(right, names, where, text)
+        case ast.Call(func=ast.Name(id="abs"), args=[argument], keywords=[]):
+            _check(argument, names, where, text)
+        case _:
+            raise TermError(
+                f"{where}: the term '{text}' uses something that is not allowed; "
+                "allowed are variables, numbers, + - * /, whole powers and abs()"
+            )
+
+
+def convert(node: ast.expr, symbols: Mapping[str, Any]) -> Any:
+    """Turn a checked syntax tree into an expression of the given symbols (SymPy's, or plain numbers)."""
+    match node:
+        case ast.Constant(value=value):
+            return value
+        case ast.Name(id=name):
+            return symbols[name]
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            return -convert(operand, symbols)
+        case ast.UnaryOp(operand=operand):
+            return convert(operand, symbols)
+        case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=power)):
+            return convert(left, symbols) ** power
+        case ast.BinOp(left=left, op=op, right=right):
+            return _BINARY[type(op)](convert(left, symbols), convert(right, symbols))
+        case ast.Call(args=[argument]):
+            return abs(convert(argument, symbols))
+    raise AssertionError(f"unchecked node {node!r}")
+
+
+def unit(text: str, controls: Iterable[str]) -> str:
+    """Return the unit of a coefficient that multiplies this term: one over the angles in it."""
+    tree = ast.parse(text.replace("^", "**"), mode="eval").body
+    power = _angle_degree(tree, frozenset(controls) | {"alpha", "beta"})
+    return "1" if power == 0 else "1/rad" if power == 1 else f"1/rad{power}"
+
+
+def _angle_degree(node: ast.expr, angles: frozenset[str]) -> int:
+    match node:
+        case ast.Name(id=name):
+            return int(name in angles)
+        case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=int(power))):
+            return power * _angle_degree(left, angles)
+        case ast.BinOp(left=left, op=ast.Mult(), right=right):
+            return _angle_degree(left, angles) + _angle_degree(right, angles)
+        case ast.BinOp(left=left, op=ast.Div(), right=right):
+            return _angle_degree(left, angles) - _angle_degree(right, angles)
+        case ast.BinOp(left=left):
+            return _angle_degree(left, angles)
+        case ast.UnaryOp(operand=operand) | ast.Call(args=[operand]):
+            return _angle_degree(operand, angles)
+    return 0

@@ -1,0 +1,262 @@
+"""A vehicle: what we believe it is, and the numbers in that belief that can be estimated."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel
+
+from stoop.errors import VehicleError
+from stoop.kernels import Kernel, load_kernel
+from stoop.vehicle import terms
+from stoop.vehicle.defaults import COEFFICIENTS, default_bounds
+from stoop.vehicle.quantity import Parameter, Quantity
+from stoop.vehicle.schema import CHANNELS, Term, VehicleFile
+
+FloatArray = NDArray[np.float64]
+RIGID_STATES = ("u", "v", "w", "p", "q", "r", "e0", "e1", "e2", "e3", "h")
+_REDUCED_STATES = {"full": RIGID_STATES, "longitudinal": ("u", "w", "q", "e0", "e2", "h"), "lateral": RIGID_STATES}
+_REDUCED_OUTPUTS = {
+    "full": CHANNELS,
+    "longitudinal": ("V", "alpha", "q", "theta", "ax", "az"),
+    "lateral": ("beta", "p", "r", "phi", "psi", "ay"),
+}
+_KEPT_COEFFICIENTS = {"full": COEFFICIENTS, "longitudinal": ("CL", "CD", "Cm"), "lateral": COEFFICIENTS}
+BIASED_BY_DEFAULT = ("p", "q", "r", "ax", "ay", "az")
+_UNITS = {
+    "mass": "kg", "xx": "kg m2", "yy": "kg m2", "zz": "kg m2", "xz": "kg m2", "xy": "kg m2", "yz": "kg m2",
+    "area": "m2", "chord": "m", "span": "m", "airspeed": "m/s", "alpha": "rad", "gravity": "m/s2",
+    "density": "kg/m3", "thrust": "N", "diameter": "m", "lag": "s", "delay": "s", "offset": "rad",
+    "x": "m", "y": "m", "z": "m", "pitch": "rad", "speed_gain": "rev/s per unit",
+}  # fmt: skip
+_CHANNEL_UNITS = {"V": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s", "ax": "m/s2", "ay": "m/s2", "az": "m/s2"}
+
+
+def _join(prefix: str, name: str) -> str:
+    return f"{prefix}.{name}" if prefix else name
+
+
+def leaves(node: Any, path: str = "") -> Iterator[tuple[str, Quantity]]:
+    """Walk over every number of a file in the order of the schema; a term goes by its own name."""
+    if isinstance(node, Quantity):
+        yield path, node
+    elif isinstance(node, BaseModel):
+        for name in type(node).model_fields:
+            yield from leaves(getattr(node, name), _join(path, name))
+    elif isinstance(node, Mapping):
+        for name, value in node.items():
+            yield from leaves(value, name if isinstance(value, Term) else _join(path, name))
+    elif isinstance(node, tuple) and node and isinstance(node[0], Quantity):
+        for axis, value in zip("xyz", node, strict=True):
+            yield from leaves(value, _join(path, axis))
+
+
+def _structure(node: Any, path: str = "") -> Any:
+    """Return the file with every number replaced by its name: what decides the equations."""
+    if isinstance(node, Term):
+        return [node.term, node.tie]
+    if isinstance(node, Quantity):
+        return f"={node.tie}" if node.tie else "number"
+    if isinstance(node, BaseModel):
+        skipped = ("name", "notes", "loadings", "sigma", "delay", "estimate_biases")
+        return {n: _structure(getattr(node, n)) for n in type(node).model_fields if n not in skipped}
+    if isinstance(node, Mapping):
+        return {n: _structure(v) for n, v in node.items()}
+    return [_structure(v) for v in node] if isinstance(node, tuple) else node
+
+
+def _unit(name: str, quantity: Quantity, controls: Iterable[str]) -> str:
+    if isinstance(quantity, Term):
+        return terms.unit(quantity.term, controls)
+    head, _, last = name.rpartition(".")
+    if last == "bias":
+        return _CHANNEL_UNITS.get(head.rpartition(".")[2], "rad")
+    if head.endswith(".mix"):
+        return "rad per unit"
+    return _UNITS.get(last, "1")
+
+
+def _bounds(name: str, q: Quantity) -> tuple[float, float]:
+    if q.bounds is not None:
+        return q.bounds
+    if isinstance(q, Term):
+        return default_bounds(name, q.value)
+    if q.prior is not None:
+        return q.value - 5.0 * q.prior, q.value + 5.0 * q.prior
+    return tuple(sorted((0.5 * q.value, 1.5 * q.value)))  # type: ignore[return-value]
+
+
+def _is_free(name: str, q: Quantity, biases: bool) -> bool:
+    if q.free is not None:
+        return q.free
+    return isinstance(q, Term) or (biases and name in {f"sensors.{c}.bias" for c in BIASED_BY_DEFAULT})
+
+
+@functools.cache
+def _equations_version() -> str:
+    sources = sorted((Path(__file__).parent / "symbolic").glob("*.py"))
+    return hashlib.sha256(b"".join(p.read_bytes() for p in sources)).hexdigest()
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """A vehicle file with its numbers flattened.
+
+    Attributes
+    ----------
+    file : VehicleFile
+    text : str
+        The TOML as written, so that an identified vehicle keeps the user's comments.
+    where : str
+        How messages name the file.
+    """
+
+    file: VehicleFile
+    text: str = field(repr=False)
+    where: str
+
+    @property
+    def name(self) -> str:
+        """What the user calls it."""
+        return self.file.name
+
+    @functools.cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Every number of the file that is not tied to another, in the order of the kernel's rows."""
+        controls = tuple(self.file.controls)
+        out = []
+        for name, q in leaves(self.file):
+            if q.tie is not None:
+                continue
+            low, high = _bounds(name, q)
+            free = _is_free(name, q, self.file.sensors.estimate_biases)
+            out.append(Parameter(name, q.value, low, high, free, q.prior, _unit(name, q, controls)))
+        return tuple(out)
+
+    @functools.cached_property
+    def rows(self) -> dict[str, int]:
+        """Row of each number in the kernel's parameter array; a tied number shares its target's row."""
+        own = {p.name: i for i, p in enumerate(self.parameters)}
+        ties = {name: q.tie for name, q in leaves(self.file) if q.tie is not None}
+        for name, target in ties.items():
+            if target not in own:
+                raise VehicleError(f"{self.where}: {name}: tied to '{target}', which is not a number of this file; correct the name")
+        return own | {name: own[target] for name, target in ties.items()}
+
+    @functools.cached_property
+    def values(self) -> FloatArray:
+        """Values of :attr:`parameters`, SI."""
+        return np.array([p.value for p in self.parameters])
+
+    def value(self, name: str) -> float:
+        """Return one number by its name."""
+        return float(self.values[self.rows[name]])
+
+    @property
+    def reduce(self) -> str:
+        """Which equations are kept: full, longitudinal or lateral."""
+        return self.file.model.reduce
+
+    @functools.cached_property
+    def terms(self) -> dict[str, dict[str, str]]:
+        """Term texts per kept coefficient and parameter."""
+        kept = _KEPT_COEFFICIENTS[self.reduce]
+        return {c: {n: t.term for n, t in getattr(self.file.aerodynamics, c).items()} for c in kept}
+
+    @functools.cached_property
+    def controls(self) -> tuple[str, ...]:
+        """Control surfaces that the kept equations contain."""
+        names = set(terms.STATE_VARIABLES) | set(self.file.controls)
+        texts = [text for group in self.terms.values() for text in group.values()]
+        used = frozenset().union(*(terms.variables(terms.parse(t, names, self.where)) for t in texts))
+        return tuple(c for c in self.file.controls if c in used)
+
+    def channels_of(self, control: str) -> tuple[str, ...]:
+        """Return the recorded channels that a control is mixed from."""
+        mix = self.file.controls[control].mix
+        return tuple(mix) if mix is not None else (control,)
+
+    @functools.cached_property
+    def inputs(self) -> tuple[str, ...]:
+        """Recorded channels that drive the equations, in the order of the kernel's inputs."""
+        channels = [channel for c in self.controls for channel in self.channels_of(c)]
+        propulsion = self.file.propulsion
+        if propulsion is not None and propulsion.kind != "constant":
+            channels.append(propulsion.channel)
+        if self.file.environment.density == "log":
+            channels.append("density")
+        return tuple(dict.fromkeys(channels)) or ("none",)
+
+    @functools.cached_property
+    def states(self) -> tuple[str, ...]:
+        """States of the kernel: air-relative body velocity, rates, quaternion, altitude, surface lags."""
+        lags = (f"{c}.lag" for c in self.controls if self.file.controls[c].lag is not None)
+        return (*_REDUCED_STATES[self.reduce], *lags)
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Observed channels, eq. (2), or those that a reduced model has."""
+        return _REDUCED_OUTPUTS[self.reduce]
+
+    @functools.cached_property
+    def structure(self) -> str:
+        """What decides the equations, as text; no value of a number enters."""
+        return json.dumps([_structure(self.file), _equations_version()], sort_keys=False)
+
+    def kernel(self) -> Kernel:
+        """Return the compiled equations (SymPy is imported only when they are not in the cache)."""
+
+        def build() -> Any:
+            from stoop.vehicle.symbolic import build_model
+
+            return build_model(self)
+
+        return load_kernel(self.structure, build)
+
+    def with_numbers(self, changes: Mapping[str, Mapping[str, Any]]) -> Vehicle:
+        """Return the vehicle with fields of some numbers replaced, e.g. ``{"CLalpha": {"value": 5.0}}``.
+
+        Raises
+        ------
+        VehicleError
+            A name that the vehicle does not have.
+        """
+        known = {name for name, _ in leaves(self.file)}
+        for name in changes:
+            if name not in known:
+                raise VehicleError(f"{self.where}: no number is called '{name}'; {_nearest(name, known)}")
+        return replace(self, file=_changed(self.file, changes))
+
+    def reduced(self, reduce: str) -> Vehicle:
+        """Return the longitudinal or lateral vehicle that the same file describes."""
+        model = self.file.model.model_copy(update={"reduce": reduce})
+        return replace(self, file=self.file.model_copy(update={"model": model}))
+
+
+def _nearest(name: str, known: Iterable[str]) -> str:
+    import difflib
+
+    near = difflib.get_close_matches(name, list(known), 3, 0.4)
+    return "did you mean " + " or ".join(near) + "?" if near else "see the vehicle file for its names"
+
+
+def _changed(node: Any, changes: Mapping[str, Mapping[str, Any]], path: str = "") -> Any:
+    """Copy a file with changed numbers, walking as :func:`leaves` does."""
+    if isinstance(node, Quantity):
+        return node.model_copy(update=dict(changes[path])) if path in changes else node
+    if isinstance(node, BaseModel):
+        new = {n: _changed(getattr(node, n), changes, _join(path, n)) for n in type(node).model_fields}
+        return node.model_copy(update=new)
+    if isinstance(node, Mapping):
+        return {n: _changed(v, changes, n if isinstance(v, Term) else _join(path, n)) for n, v in node.items()}
+    if isinstance(node, tuple) and node and isinstance(node[0], Quantity):
+        return tuple(_changed(v, changes, _join(path, a)) for a, v in zip("xyz", node, strict=True))
+    return node
