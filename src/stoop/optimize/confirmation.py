@@ -1,0 +1,56 @@
+"""When an optimum counts as confirmed: two dives that know nothing of each other end at the same cost."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from stoop.optimize.arrays import BoolArray, FloatArray, IntArray
+from stoop.optimize.levenberg import Dive
+
+AGREE: Final = 1e-3  #: relative difference of two costs that count as the same optimum
+NOTHING: Final = 1e-12  #: of the trivial model's cost: two exact fits agree
+
+
+@dataclass(frozen=True)
+class Ends:
+    """Where the dives on the full record ended.
+
+    Attributes
+    ----------
+    X : (m, D)
+    costs : (m,)
+    lineages : (m,), dives of one lineage may know of each other (members of one herd)
+    converged : (m,)
+    """
+
+    X: FloatArray
+    costs: FloatArray
+    lineages: IntArray
+    converged: BoolArray
+
+    def add(self, end: Dive, lineage: int) -> Ends:
+        """Return the ends with one more."""
+        return Ends(
+            np.concatenate([self.X, end.z[None, : self.X.shape[1]]]),
+            np.append(self.costs, end.cost),
+            np.append(self.lineages, lineage),
+            np.append(self.converged, end.converged),
+        )
+
+    def confirmed(self, best: float, reference: float) -> bool:
+        """Whether the last end converged to the best cost known, and one of another lineage did before."""
+        if not self.converged[-1] or not np.isfinite(best):
+            return False
+        scale = NOTHING * reference if np.isfinite(reference) else 0.0
+        level = np.abs(self.costs - best) <= AGREE * abs(best) + scale
+        return bool(level[-1] and (level & self.converged & (self.lineages != self.lineages[-1])).any())
+
+
+def no_ends(dimension: int) -> Ends:
+    """Return the ends before the first dive."""
+    return Ends(
+        np.empty((0, dimension)), np.empty(0), np.empty(0, dtype=np.intp), np.empty(0, dtype=np.bool_)
+    )

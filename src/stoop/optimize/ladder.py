@@ -1,0 +1,76 @@
+"""The horizon ladder: a prey is followed on ever longer records, and shelved where it does not explain them.
+
+On a short record a poor candidate has not yet run far from the measurements, so the cost has few wrong optima
+and costs little. The gates know neither the noise nor whether the model is perfect: a rung is passed by
+explaining most of what a constant does not, or by doing about as well as any earlier dive did there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from stoop.optimize.arrays import FloatArray
+from stoop.optimize.ledger import Ledger
+from stoop.optimize.levenberg import FULL, RUNG, Dive, dive
+
+GATE: Final = 0.25  #: share of the trivial model's cost that a passing prey may leave unexplained
+SIMILAR: Final = 1.2  #: or this many times the least cost that an earlier dive reached on the rung
+
+
+@dataclass(frozen=True)
+class Descent:
+    """Where a prey came to on the ladder.
+
+    Attributes
+    ----------
+    z : (D + E,)
+    rung, cost : the last rung tried, and the cost there; inf where it diverged
+    score : that cost over the trivial model's
+    passed : whether it passed every shortened record
+    seen : (rungs,), least cost that dives reached on each rung, this one included
+    """
+
+    z: FloatArray
+    rung: int
+    cost: float
+    score: float
+    passed: bool
+    seen: FloatArray
+
+
+def descend(ledger: Ledger, z: FloatArray, seen: FloatArray) -> Descent:
+    """Dive from z on each shortened record in turn, as long as the gates let it through."""
+    seen = seen.copy()
+    descent = Descent(z, 0, np.inf, np.inf, True, seen)
+    for rung in range(ledger.full):
+        end = dive(ledger, descent.z, rung, RUNG)
+        through = passes(ledger, end.cost, rung, seen)
+        seen[rung] = min(seen[rung], end.cost)
+        descent = Descent(end.z, rung, end.cost, relative(ledger, end.cost, rung), through, seen)
+        if not through:
+            break
+    return descent
+
+
+def finish(ledger: Ledger, z: FloatArray) -> Dive:
+    """Dive on the full record, measured against the best so far."""
+    return dive(ledger, z, ledger.full, FULL, ledger.cost)
+
+
+def passes(ledger: Ledger, cost: float, rung: int, seen: FloatArray) -> bool:
+    """Whether a cost on a rung is good enough to go on."""
+    return np.isfinite(cost) and (explains(ledger, cost, rung) or cost <= SIMILAR * float(seen[rung]))
+
+
+def explains(ledger: Ledger, cost: float, rung: int) -> bool:
+    """Whether a cost leaves little of what the trivial model cannot explain."""
+    return relative(ledger, cost, rung) <= GATE
+
+
+def relative(ledger: Ledger, cost: float, rung: int) -> float:
+    """Return a cost over the trivial model's; inf where there is nothing to compare with."""
+    reference = ledger.reference(rung)
+    return cost / reference if 0.0 < reference < np.inf else np.inf

@@ -1,0 +1,172 @@
+"""The ledger: books every trajectory, keeps the best, and ends a run at its budget or target.
+
+`Books` is the immutable page kept in a state; `Ledger` is the pen. Every optimizer reaches the problem
+through a ledger only, so that counting is the same for all of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+
+from stoop.optimize.arrays import FloatArray
+from stoop.optimize.problem import Problem
+
+SLACK: Final = 1e-9  #: rounding of summed prices
+
+
+class Halt(Exception):  # noqa: N818 - not an error: the run ends here
+    """A run ends inside a step; `status` says why."""
+
+    def __init__(self, status: Literal["budget", "target"]) -> None:
+        super().__init__(status)
+        self.status: Literal["budget", "target"] = status
+
+
+@dataclass(frozen=True)
+class Books:
+    """What has been spent and what it brought.
+
+    Attributes
+    ----------
+    trajectories : float, in trajectories of the full record
+    best : (D + E,), best point on the full record; zeros before there is one
+    cost : float, its cost; inf before there is one
+    history : (k, 2), trajectories spent and best cost, one row per improvement
+    """
+
+    trajectories: float
+    best: FloatArray
+    cost: float
+    history: FloatArray
+
+
+def blank(problem: Problem) -> Books:
+    """Return the books of a run that has not begun."""
+    return Books(0.0, np.zeros(problem.dimension + problem.extra), np.inf, np.empty((0, 2)))
+
+
+class Ledger:
+    """A problem that books what it is asked; itself a `Problem`.
+
+    Parameters
+    ----------
+    problem : Problem
+    books : Books
+        Where to go on from.
+    budget : float
+        Trajectories; a call that would exceed it raises `Halt` ("budget") after spending what is left.
+    target : float
+        A cost on the full record; reaching it raises `Halt` ("target").
+    """
+
+    def __init__(
+        self, problem: Problem, books: Books, budget: float = np.inf, target: float = -np.inf
+    ) -> None:
+        self.problem = problem
+        self.budget = budget
+        self.target = target
+        self.dimension = problem.dimension
+        self.extra = problem.extra
+        self.prices = problem.prices
+        self.full = len(problem.prices) - 1
+        self.rewind(books)
+
+    def rewind(self, books: Books) -> None:
+        """Go back to the given page."""
+        self.spent = books.trajectories
+        self.best = books.best
+        self.cost = books.cost
+        self._page = books
+        self._news: list[tuple[float, float]] = []
+
+    @property
+    def books(self) -> Books:
+        """The page as it stands."""
+        history = self._page.history
+        if self._news:
+            history = np.concatenate([history, np.array(self._news)])
+        return Books(self.spent, self.best, self.cost, history)
+
+    def costs(self, X: FloatArray, rung: int) -> FloatArray:
+        """Return and book costs; whatever is not finite becomes inf."""
+        price = self.prices[rung]
+        room = self._room(price)
+        F = np.asarray(self.problem.costs(X[:room] if room < len(X) else X, rung), dtype=np.float64)
+        F = np.where(np.isfinite(F), F, np.inf)
+        self._book_population(X, F, rung)
+        if room < len(X):
+            raise Halt("budget")
+        return F
+
+    def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
+        """Return and book residuals."""
+        if self._room(self.prices[rung]) < len(Z):
+            raise Halt("budget")
+        R = np.asarray(self.problem.residuals(Z, rung), dtype=np.float64)
+        for z, r in zip(Z, R, strict=True):
+            self.spent += self.prices[rung]
+            if rung == self.full:
+                self._offer(z, sum_of_squares(r))
+        return R
+
+    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
+        """Return and book a Jacobian."""
+        if self._room(self.prices[rung]) < len(z):
+            raise Halt("budget")
+        J, spent = self.problem.jacobian(z, rung, r)
+        self.spent += spent
+        return np.asarray(J, dtype=np.float64), spent
+
+    def reference(self, rung: int) -> float:
+        """Return the cost of the trivial model; inf where it has none."""
+        value = float(self.problem.reference(rung))
+        return value if np.isfinite(value) else np.inf
+
+    def _room(self, price: float) -> int:
+        """Return how many trajectories at this price the budget still pays for."""
+        left = (self.budget - self.spent) / price + SLACK
+        if left < 1.0:
+            raise Halt("budget")
+        return int(min(left, 2.0**62))
+
+    def _book_population(self, X: FloatArray, F: FloatArray, rung: int) -> None:
+        """Book a batch, candidate by candidate where it matters: up to the one that reaches the target."""
+        before, price = self.spent, self.prices[rung]
+        self.spent = before + len(F) * price
+        if rung != self.full or not len(F):
+            return
+        i = int(F.argmin())
+        if F[i] >= self.cost:
+            return
+        if F[i] <= self.target:
+            i = int(np.flatnonzero(F <= self.target)[0])
+            self.spent = before + (i + 1) * price
+        self._offer(np.concatenate([X[i], np.zeros(self.extra)]), float(F[i]))
+
+    def _offer(self, z: FloatArray, cost: float) -> None:
+        """Keep z if it is the best so far."""
+        if not cost < self.cost:
+            return
+        self.best, self.cost = z.copy(), cost
+        self._news.append((self.spent, cost))
+        if cost <= self.target:
+            raise Halt("target")
+
+
+def sum_of_squares(r: FloatArray) -> float:
+    """Return the cost of a row of residuals; inf where it is not finite."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        # einsum, not dot: a threaded dot product rounds by the number of threads
+        total = float(np.einsum("i,i->", r, r))
+    return total if np.isfinite(total) else np.inf
+
+
+def opened(problem: Problem, books: Books) -> Ledger:
+    """Return a ledger at the given page: the problem itself, rewound, if it is one already."""
+    if isinstance(problem, Ledger):
+        problem.rewind(books)
+        return problem
+    return Ledger(problem, books)

@@ -1,0 +1,214 @@
+"""The loop: steps until an optimum is confirmed, the target reached, or the means used up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from stoop.errors import IdentificationError
+from stoop.optimize.arrays import FloatArray
+from stoop.optimize.ledger import Halt, Ledger, blank
+from stoop.optimize.problem import Problem
+from stoop.optimize.state import Event, Optimizer, State
+
+Status = Literal["converged", "target", "budget", "generations", "interrupted"]
+
+ADVICE: Final[dict[str, str]] = {
+    "converged": "",
+    "target": "the target cost was reached and the search ended there; leave it out to go to the optimum",
+    "budget": "the budget ran out before an optimum was confirmed; allow more, or narrow the bounds",
+    "generations": "the generations ran out before an optimum was confirmed; allow more, narrow the bounds",
+    "interrupted": "stopped by the user; resume to go on from the last whole generation",
+    "nothing": "no candidate gave a finite cost; check values, bounds and units, or shorten the maneuver",
+}
+
+
+@dataclass(frozen=True)
+class Stop:
+    """When to give up; whatever comes first.
+
+    Attributes
+    ----------
+    generations : steps
+    budget : trajectories of the full record; never exceeded
+    target_cost : a cost on the full record that is good enough
+    """
+
+    generations: int = 2000
+    budget: float = np.inf
+    target_cost: float = -np.inf
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a callback is shown after each step; `state` may be saved."""
+
+    state: State
+    event: Event
+
+    @property
+    def cost(self) -> float:
+        """Best cost so far."""
+        return self.state.books.cost
+
+    @property
+    def trajectories(self) -> float:
+        """Spent so far."""
+        return self.state.books.trajectories
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended.
+
+    Attributes
+    ----------
+    z : (D + E,), best point; zeros if no candidate was finite
+    cost : its cost on the full record
+    trajectories : spent, in trajectories of the full record, whatever was thrown away included
+    generation : whole steps taken
+    status : "converged" (found and confirmed), "target", "budget", "generations" or "interrupted"
+    advice : what to change if it did not converge; empty if it did
+    history : (k, 2), trajectories spent and best cost at each improvement
+    state : after the last whole step, to resume from; None if there was none
+    optimizer : registered name
+    """
+
+    z: FloatArray
+    cost: float
+    trajectories: float
+    generation: int
+    status: Status
+    advice: str
+    history: FloatArray
+    state: State | None
+    optimizer: str
+
+
+def minimize(
+    optimizer: Optimizer[Any],
+    problem: Problem,
+    *,
+    seed: int,
+    starts: FloatArray | None = None,
+    stop: Stop = Stop(),
+    callback: Callable[[Progress], None] | None = None,
+    state: State | None = None,
+) -> Outcome:
+    """Search for the least cost on the full record.
+
+    A budget, a target or Ctrl-C may end the run inside a step; then the best point of that step counts, and
+    `state` is from before the step, so that resuming repeats it and ends where an undisturbed run would.
+
+    Parameters
+    ----------
+    optimizer : Optimizer
+    problem : Problem
+    seed : int
+        Ignored when resuming.
+    starts : (k, D), optional
+        Own guesses in the unit box, tried first.
+    stop : Stop
+    callback : callable, optional
+        Called with a `Progress` after each step.
+    state : State, optional
+        Where to go on from.
+
+    Raises
+    ------
+    IdentificationError
+        If there is nothing to search, or the state belongs to another run.
+    """
+    _check(optimizer, problem, state)
+    page = blank(problem) if state is None else state.books
+    ledger = Ledger(problem, page, stop.budget, stop.target_cost)
+    run = _Run(optimizer, ledger, stop, callback, state)
+    status = run.until_end(seed, _as_starts(starts, problem.dimension))
+    return run.outcome(status)
+
+
+@dataclass
+class _Run:
+    """A run under way."""
+
+    optimizer: Optimizer[Any]
+    ledger: Ledger
+    stop: Stop
+    callback: Callable[[Progress], None] | None
+    state: State | None
+
+    def until_end(self, seed: int, starts: FloatArray) -> Status:
+        """Step until there is a status."""
+        try:
+            if self.state is None:
+                self.state = self.optimizer.init(self.ledger, seed, starts)
+            return self._loop(self.state)
+        except Halt as halt:
+            return halt.status
+        except KeyboardInterrupt:
+            return "interrupted"
+
+    def _loop(self, state: State) -> Status:
+        while (status := self._status(state)) is None:
+            state, event = self.optimizer.step(state, self.ledger)
+            self.state = state
+            if self.callback is not None:
+                self.callback(Progress(state, event))
+        return status
+
+    def _status(self, state: State) -> Status | None:
+        """Return why to stop before the next step, if there is a reason."""
+        if state.converged:
+            return "converged"
+        if state.books.cost <= self.stop.target_cost:
+            return "target"
+        if state.books.trajectories >= self.stop.budget:
+            return "budget"
+        return "generations" if state.generation >= self.stop.generations else None
+
+    def outcome(self, status: Status) -> Outcome:
+        """Return the result as the ledger stands."""
+        books = self.ledger.books
+        return Outcome(
+            z=books.best,
+            cost=books.cost,
+            trajectories=books.trajectories,
+            generation=0 if self.state is None else self.state.generation,
+            status=status,
+            advice=ADVICE[status if np.isfinite(books.cost) or status == "interrupted" else "nothing"],
+            history=books.history,
+            state=self.state,
+            optimizer=self.optimizer.name,
+        )
+
+
+def _as_starts(starts: FloatArray | None, dimension: int) -> FloatArray:
+    """Return starts as (k, D), in the unit box."""
+    if starts is None:
+        return np.empty((0, dimension))
+    own = np.atleast_2d(np.asarray(starts, dtype=np.float64))
+    if own.shape[1] != dimension or not np.isfinite(own).all():
+        raise IdentificationError(
+            f"optimize: starts must be finite and {dimension} wide, not {own.shape}; give one row per guess"
+        )
+    return np.clip(own, 0.0, 1.0)
+
+
+def _check(optimizer: Optimizer[Any], problem: Problem, state: State | None) -> None:
+    """Refuse what cannot be searched or resumed."""
+    if problem.dimension < 1:
+        raise IdentificationError("optimize: no variable is free; free at least one parameter")
+    if state is None:
+        return
+    if state.optimizer != optimizer.name:
+        raise IdentificationError(
+            f"optimize: the saved state is of {state.optimizer}, not {optimizer.name}; start anew"
+        )
+    if len(state.books.best) != problem.dimension + problem.extra:
+        raise IdentificationError(
+            f"optimize: the saved state has {len(state.books.best)} variables, "
+            f"the problem {problem.dimension + problem.extra}; start anew"
+        )

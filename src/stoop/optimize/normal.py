@@ -1,0 +1,56 @@
+"""Normal equations of tall, thin least squares, rounded the same for any number of BLAS threads."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+
+from stoop.optimize.arrays import FloatArray
+
+SINGLE: Final = (
+    200_000  #: products up to this many multiplications run on one BLAS thread (OpenBLAS: 262,144)
+)
+STACK: Final = 64  #: slices multiplied in one call
+
+
+def gram(rows: FloatArray) -> FloatArray:
+    """Return rows @ rows.T, (v, v), of rows (v, n), n much larger than v.
+
+    The long axis is cut into slices small enough that BLAS does each on one thread, and the slices are added
+    in order: the sum does not depend on how many threads there are.
+    """
+    v, n = rows.shape
+    width = max(8, SINGLE // max(1, v * v))
+    total = np.zeros((v, v))
+    for start in range(0, n, width * STACK):
+        block = rows[:, start : start + width * STACK]
+        whole = block.shape[1] // width
+        cut = np.ascontiguousarray(block[:, : whole * width].reshape(v, whole, width).transpose(1, 0, 2))
+        total += np.matmul(cut, cut.copy().transpose(0, 2, 1)).sum(axis=0)
+        rest = block[:, whole * width :]
+        total += rest @ rest.copy().T
+    return 0.5 * (total + total.T)
+
+
+def project(rows: FloatArray, r: FloatArray) -> FloatArray:
+    """Return rows @ r without threads."""
+    product: FloatArray = np.einsum("vn,n->v", rows, r)
+    return product
+
+
+def solve_damped(normal: FloatArray, right: FloatArray, damping: float) -> FloatArray:
+    """Solve (A + damping diag A) x = b, scaled to a unit diagonal, so that units do not matter.
+
+    A variable that nothing depends on (zero diagonal) stays where it is.
+    """
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-24 * max(float(np.diag(normal).max()), 1e-276)))
+    unit = normal / np.outer(scale, scale)
+    unit[np.diag_indices_from(unit)] += damping
+    try:
+        x = cho_solve(cho_factor(unit), right / scale)
+    except LinAlgError:
+        x = np.linalg.lstsq(unit, right / scale, rcond=None)[0]
+    solution: FloatArray = np.asarray(x) / scale
+    return solution

@@ -1,0 +1,113 @@
+"""What an optimizer is told of the work: costs, residuals, and the price of each."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from stoop.optimize.arrays import FloatArray, IntArray
+
+STEP = 1e-7  #: forward-difference step; balances truncation against rounding for residuals of order one
+
+
+class Problem(Protocol):
+    """A least-squares problem on the unit box, with nuisances and a ladder of shorter records.
+
+    The first `dimension` variables are searched by the population, in [0, 1]. The next `extra` are nuisances
+    (initial states, sensor biases): unbounded, scaled so that 1 is about one prior sigma, zero where the
+    measurements put them. Populations keep them at zero; only dives refine them.
+
+    A rung is a shortened record: 0 the shortest, the last one the full record. What costs are quoted and
+    compared for is always the full record.
+
+    A candidate that diverges is a value, not an error: its cost is inf, its residuals hold inf or nan.
+    """
+
+    @property
+    def dimension(self) -> int:
+        """Number D of variables in the unit box."""
+
+    @property
+    def extra(self) -> int:
+        """Number E of nuisances."""
+
+    @property
+    def prices(self) -> tuple[float, ...]:
+        """Price of one trajectory on each rung, in trajectories of the full record; the last is 1."""
+
+    def costs(self, X: FloatArray, rung: int) -> FloatArray:
+        """Return the costs, (B,), of X, (B, D), with the nuisances at zero; books B prices."""
+
+    def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
+        """Return weighted residuals, (B, n_r), of Z, (B, D + E), priors included; cost = sum of squares."""
+
+    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
+        """Return d r / d z, (n_r, D + E), at z with residuals r, and the trajectories it took.
+
+        `forward_jacobian` is the ready-made implementation; override it where structure saves simulations.
+        """
+
+    def reference(self, rung: int) -> float:
+        """Return the trivial model's cost (a constant at the first measurement): the scale of the gates."""
+
+
+class Residuals(Protocol):
+    """The part of a problem that `forward_jacobian` needs."""
+
+    @property
+    def dimension(self) -> int:
+        """Number of variables in the unit box."""
+
+    @property
+    def prices(self) -> tuple[float, ...]:
+        """Price of one trajectory on each rung."""
+
+    def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
+        """Return weighted residuals."""
+        ...
+
+
+def forward_jacobian(
+    problem: Residuals, z: FloatArray, rung: int, r: FloatArray, step: float = STEP
+) -> tuple[FloatArray, float]:
+    """Differentiate the residuals by forward differences, backward at an upper bound.
+
+    A column whose forward point diverges is taken backward; if that diverges too it is zero, which holds the
+    variable for this iteration.
+
+    Parameters
+    ----------
+    problem : Residuals
+    z : (D + E,), first D in [0, 1]
+    rung : int
+    r : (n_r,), residuals at z
+    step : float
+
+    Returns
+    -------
+    jacobian : (n_r, D + E), column-major
+    spent : trajectories of the full record
+    """
+    signs = np.ones(len(z))
+    signs[: problem.dimension][z[: problem.dimension] + step > 1.0] = -1.0
+    rows = _differences(problem, z, rung, r, signs * step, np.arange(len(z)))
+    lost = np.flatnonzero(~np.isfinite(rows).all(axis=1))
+    if lost.size:
+        again = _differences(problem, z, rung, r, -signs[lost] * step, lost)
+        again[~np.isfinite(again).all(axis=1)] = 0.0
+        rows[lost] = again
+    return rows.T, (len(z) + lost.size) * problem.prices[rung]
+
+
+def _differences(
+    problem: Residuals, z: FloatArray, rung: int, r: FloatArray, steps: FloatArray, which: IntArray
+) -> FloatArray:
+    """Return one row of difference quotients per variable in `which`."""
+    Z = np.repeat(z[None, :], len(which), axis=0)
+    Z[np.arange(len(which)), which] += steps
+    # the step that was taken, not the one that was wished: z + h is rounded
+    taken = Z[np.arange(len(which)), which] - z[which]
+    with np.errstate(invalid="ignore", over="ignore"):
+        rows: FloatArray = (problem.residuals(Z, rung) - r) / taken[:, None]
+    return rows
