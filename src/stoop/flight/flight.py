@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stoop.flight.channels import SourceRate
+from stoop.flight.faults import Fault
 from stoop.logs import FloatArray
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ class Flight:
     sources : variable -> how it was recorded
     notes : plain words for the user: gaps, faults, defects, what was reconstructed
     air : result of the flight-path reconstruction, where there was one
+    faults : suspected faults of sensors
     """
 
     name: str
@@ -39,6 +41,7 @@ class Flight:
     sources: Mapping[str, SourceRate]
     notes: tuple[str, ...] = ()
     air: AirData | None = None
+    faults: tuple[Fault, ...] = ()
 
     @property
     def time(self) -> FloatArray:
@@ -48,11 +51,3 @@ class Flight:
     def column(self, name: str) -> FloatArray:
         """Return a variable, shape (n,), SI, NaN where there is no data."""
         return self.data[name].to_numpy()
-
-
-def flight_name(path: Path) -> str:
-    """Return the name by which a maneuver refers to a flight: the path's last part without endings."""
-    stem = path.resolve().name
-    for ending in (".gz", ".csv", ".ulg", ".nc"):
-        stem = stem.removesuffix(ending)
-    return stem

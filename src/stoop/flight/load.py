@@ -2,63 +2,132 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from stoop import logs
+from stoop.errors import FlightError
 from stoop.flight.build import build
-from stoop.flight.channels import Channels
-from stoop.flight.flight import Flight, flight_name
+from stoop.flight.channels import Channels, SourceRate
+from stoop.flight.faults import recorded_faults, rest_faults
+from stoop.flight.flight import Flight
+from stoop.flight.make import dataset, named
+from stoop.flight.plausible import check_radians
 from stoop.flight.px4 import px4_channels
-from stoop.flight.variables import VARIABLES
-from stoop.logs import FloatArray, Recording
+from stoop.flight.store import restore
+from stoop.flight.variables import QUATERNION, VARIABLES, nearest
+from stoop.logs import Recording
+from stoop.logs.table import beside
 
 if TYPE_CHECKING:
-    import xarray as xr
+    from collections.abc import Iterable, Mapping
 
 DEFAULT_RATE: Final = 100.0  #: Hz
+_INERTIAL: Final = frozenset({"vn", "ve", "vd", *QUATERNION})
 
 
 def load(path: str | Path, mapping: str | Path | None = None, rate: float = DEFAULT_RATE) -> Flight:
     """Read a log and lay its channels on one uniform grid.
 
+    Channels faster than the grid are low-passed first (zero phase, per contiguous stretch). Nothing is
+    interpolated across gaps. Without a vane, V, alpha and beta are reconstructed from the velocity over
+    ground, the attitude and an estimated steady wind.
+
     Parameters
     ----------
     path : see `stoop.logs.read`
-    mapping : TOML file for CSV logs
+    mapping : TOML file for CSV logs, see `stoop.logs.mapping`; None looks beside the log
     rate : Hz, of the grid; a flight written by stoop keeps the rate it was written with
-
-    Returns
-    -------
-    Flight : with air data reconstructed when the log has no vane
 
     Raises
     ------
-    LogError, FlightError
+    LogError
+        When the log cannot be read.
+    FlightError
+        When it holds no known variable, or degrees where radians belong.
     """
     path = Path(path)
-    recording = logs.read(path, Path(mapping) if mapping is not None else None)
-    channels = channels_of(recording)
+    mapping = Path(mapping) if mapping is not None else None
+    recording = logs.read(path, mapping)
+    if recording.format == "stoop-netcdf":
+        return restore(recording, named(path))
+    channels = channels_of(recording, mapping)
+    check_radians(channels, str(path), str(mapping or beside(path)) if recording.format == "table" else "")
+    return with_air(_gridded(path, recording, channels, rate))
+
+
+def channels_of(recording: Recording, mapping: Path | None = None) -> list[Channels]:
+    """Name the channels of a recording by the registry.
+
+    Raises
+    ------
+    FlightError
+        When the mapping names a variable that is not in the registry.
+    """
+    if recording.format != "table":
+        return px4_channels(recording)
+    place = mapping or beside(recording.path)
+    for stream in recording.streams.values():
+        for name in stream.columns:
+            if name not in VARIABLES:
+                raise FlightError(
+                    f"{place}: variables.{name} is no variable of stoop; {nearest(name, VARIABLES)}"
+                )
+    return [Channels(name, stream.time, stream.columns) for name, stream in recording.streams.items()]
+
+
+def _gridded(path: Path, recording: Recording, channels: list[Channels], rate: float) -> Flight:
     grid, data, sources = build(channels, rate, str(path))
-    notes = tuple(str(defect) for defect in recording.defects)
-    return Flight(flight_name(path), path, dataset(grid.time, data), rate, sources, notes)
+    faults = (*recorded_faults(channels), *rest_faults(grid.time, data, rate))
+    notes = [*_defect_notes(recording, sources), *_gap_notes(sources), *(fault.message for fault in faults)]
+    return Flight(named(path), path, dataset(grid.time, data), rate, sources, tuple(notes), None, faults)
 
 
-def channels_of(recording: Recording) -> list[Channels]:
-    """Name the channels of a recording by the registry."""
-    return px4_channels(recording)
+def _defect_notes(recording: Recording, sources: Mapping[str, SourceRate]) -> list[str]:
+    """Defects of topics that supply nothing do not matter to the user."""
+    used = {source.source for source in sources.values()}
+    return [
+        str(defect)
+        for defect in recording.defects
+        if defect.kind in ("corrupt", "truncated", "dropout") or any(topic in defect.place for topic in used)
+    ]
 
 
-def dataset(time: FloatArray, data: Mapping[str, FloatArray]) -> xr.Dataset:
-    """Make a data set of gridded variables, with units and meanings from the registry."""
-    import xarray as xr  # heavy, and only here
+def _gap_notes(sources: Mapping[str, SourceRate]) -> list[str]:
+    """Say in one line which sources have gaps."""
+    gaps = {source.source: source for source in sources.values() if source.gaps}
+    if not gaps:
+        return []
+    longest = max(source.longest_gap for source in gaps.values())
+    counted = ", ".join(f"{name} {source.gaps}" for name, source in gaps.items())
+    return [f"gaps of up to {longest:.2f} s, nothing is interpolated across them: {counted}"]
 
-    columns = {name: ("time", x, _attributes(name)) for name, x in data.items()}
-    clock = ("time", time, {"units": "s", "long_name": "time on the log's own clock"})
-    return xr.Dataset(columns, coords={"time": clock})
+
+def with_air(flight: Flight) -> Flight:
+    """Reconstruct air data where there is no vane but velocity over ground and attitude."""
+    there = {str(name) for name in flight.data.data_vars}
+    if there & {"alpha", "beta"} or not there >= _INERTIAL or _empty(flight, _INERTIAL):
+        return flight
+    from stoop.flight.reconstruction import reconstruct  # heavy, and only here
+
+    velocity = flight.sources["vn"]
+    data, air = reconstruct(flight.data, velocity.rate)
+    columns = {name: data[name].to_numpy() for name in VARIABLES if name in data}
+    sources = {name: replace(velocity, source="reconstructed") for name in columns if name not in there}
+    told = {
+        fault.message for fault in flight.faults if fault.variable == "airspeed_pitot"
+    }  # air tells more of it
+    return replace(
+        flight,
+        data=dataset(flight.time, columns),
+        air=air,
+        sources={**flight.sources, **sources},
+        notes=(*(note for note in flight.notes if note not in told), *air.notes),
+    )
 
 
-def _attributes(name: str) -> dict[str, str]:
-    known = VARIABLES[name]
-    return {"units": known.unit, "long_name": known.meaning, "frame": known.frame, "positive": known.sign}
+def _empty(flight: Flight, names: Iterable[str]) -> bool:
+    return not np.logical_and.reduce([np.isfinite(flight.column(name)) for name in names]).any()

@@ -153,7 +153,7 @@ def runs(mask: npt.NDArray[np.bool_]) -> list[slice]:
 def _slow_inputs(flight: Flight, inputs: Sequence[str]) -> list[str]:
     """Warn of inputs logged so slowly that what happened between samples is guessed."""
     return [
-        f"{flight.name}: input '{name}' was logged at only {source.rate:.1f} Hz; between samples it is guessed"
+        f"{flight.name}: input '{name}' was logged at {source.rate:.1f} Hz; between samples it is guessed"
         for name in inputs
         if (source := flight.sources.get(name)) is not None and 0.0 < source.rate < 1.0 / GAP
     ]

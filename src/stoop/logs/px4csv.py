@@ -13,24 +13,23 @@ from stoop.logs.recording import Defect, Recording, Stream, clean_stream
 from stoop.logs.text import read_table
 from stoop.units import MICROSECOND
 
-KNOWN_TOPICS: Final = frozenset(
-    (
-        "actuator_armed actuator_controls_0 actuator_controls_1 actuator_controls_2 "
-        "actuator_controls_3 actuator_motors actuator_outputs actuator_servos airspeed "
-        "airspeed_validated airspeed_wind battery_status cpuload differential_pressure "
-        "distance_sensor ekf2_innovations ekf2_timestamps esc_status estimator_attitude "
-        "estimator_innovations estimator_local_position estimator_sensor_bias estimator_states "
-        "estimator_status estimator_wind home_position input_rc manual_control_setpoint "
-        "rate_ctrl_status rpm sensor_accel sensor_baro sensor_combined sensor_gps sensor_gyro "
-        "sensor_mag system_power tecs_status vehicle_acceleration vehicle_air_data "
-        "vehicle_angular_acceleration vehicle_angular_velocity vehicle_attitude "
-        "vehicle_attitude_setpoint vehicle_control_mode vehicle_global_position vehicle_gps_position "
-        "vehicle_imu vehicle_imu_status vehicle_land_detected vehicle_local_position "
-        "vehicle_local_position_setpoint vehicle_magnetometer vehicle_rates_setpoint vehicle_status "
-        "vehicle_thrust_setpoint vehicle_torque_setpoint vtol_vehicle_status wind wind_estimate "
-        "yaw_estimator_status "
-    ).split()
+_TOPICS: Final = (
+    "actuator_armed actuator_controls_0 actuator_controls_1 actuator_controls_2 "
+    "actuator_controls_3 actuator_motors actuator_outputs actuator_servos airspeed "
+    "airspeed_validated airspeed_wind battery_status cpuload differential_pressure "
+    "distance_sensor ekf2_innovations ekf2_timestamps esc_status estimator_attitude "
+    "estimator_innovations estimator_local_position estimator_sensor_bias estimator_states "
+    "estimator_status estimator_wind home_position input_rc manual_control_setpoint "
+    "rate_ctrl_status rpm sensor_accel sensor_baro sensor_combined sensor_gps sensor_gyro "
+    "sensor_mag system_power tecs_status vehicle_acceleration vehicle_air_data "
+    "vehicle_angular_acceleration vehicle_angular_velocity vehicle_attitude "
+    "vehicle_attitude_setpoint vehicle_control_mode vehicle_global_position vehicle_gps_position "
+    "vehicle_imu vehicle_imu_status vehicle_land_detected vehicle_local_position "
+    "vehicle_local_position_setpoint vehicle_magnetometer vehicle_rates_setpoint vehicle_status "
+    "vehicle_thrust_setpoint vehicle_torque_setpoint vtol_vehicle_status wind wind_estimate "
+    "yaw_estimator_status "
 )
+KNOWN_TOPICS: Final = frozenset(_TOPICS.split())
 _ENDING: Final = re.compile(r"\.csv(\.gz)?$", re.IGNORECASE)
 _INSTANCE: Final = re.compile(r"_(\d{1,2})$")
 

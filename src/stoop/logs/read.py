@@ -28,8 +28,26 @@ def read(path: Path, mapping: Path | None = None) -> Recording:
     """
     if not path.exists():
         raise LogError(f"{path}: no such file or folder; check the name")
+    return _reader(path, mapping)
+
+
+def _reader(path: Path, mapping: Path | None) -> Recording:
+    """Choose by the name; each reader is imported only when it is needed."""
+    name = path.name.lower()
+    if name.endswith((".csv", ".csv.gz")) or mapping is not None or (path / "mapping.toml").is_file():
+        from stoop.logs.table import read_csv
+
+        return read_csv(path, mapping)
     if path.is_dir():
         from stoop.logs.px4csv import read_px4_folder
 
         return read_px4_folder(path)
+    if name.endswith((".ulg", ".ulog")):
+        from stoop.logs.ulog import read_ulog
+
+        return read_ulog(path)
+    if name.endswith((".nc", ".cdf")):
+        from stoop.logs.netcdf import read_netcdf
+
+        return read_netcdf(path)
     raise LogError(f"{path}: unknown format; stoop reads .ulg, .nc, .csv and folders of PX4 topic CSVs")

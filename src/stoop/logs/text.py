@@ -46,6 +46,11 @@ def read_table(path: Path) -> tuple[dict[str, FloatArray], tuple[Defect, ...]]:
     return columns, (*defects, *cut, *texts)
 
 
+def read_header(path: Path) -> list[str]:
+    """Return the names of the columns of a CSV file, plain or gzipped."""
+    return _header(path, _unpack(path)[0])
+
+
 def _unpack(path: Path) -> tuple[bytes, tuple[Defect, ...]]:
     try:
         with path.open("rb") as file:

@@ -1,0 +1,159 @@
+"""Suspected faults of sensors: stuck, clipped, an offset at rest. They are reported, never corrected."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from stoop.flight.channels import Channels, stretches
+from stoop.flight.variables import VARIABLES
+from stoop.logs import FloatArray
+from stoop.units import STANDARD_GRAVITY
+
+WATCHED: Final = frozenset(
+    "V alpha beta p q r phi theta psi ax ay az vn ve vd q0 q1 q2 q3 airspeed_pitot".split()  # noqa: SIM905
+)  #: channels that move whenever the vehicle does
+STUCK_TIME: Final = 1.0  #: s
+STUCK_SAMPLES: Final = 25
+CLIPPED_SAMPLES: Final = 8
+CLIPPED_CONTRAST: Final = 5  #: times as many samples at the limit as at the value next to it
+REST_SPEED: Final = 0.5  #: m/s over ground
+REST_RATE: Final = 0.05  #: rad/s
+REST_TIME: Final = 2.0  #: s
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One suspicion.
+
+    Attributes
+    ----------
+    kind : "stuck", "clipped" or "offset at rest"
+    variable : registry name
+    value : SI; where it is stuck or clipped, or what it reads at rest
+    start, stop : s, where it was seen first and last
+    message : plain words
+    """
+
+    kind: Literal["stuck", "clipped", "offset at rest"]
+    variable: str
+    value: float
+    start: float
+    stop: float
+    message: str
+
+
+def recorded_faults(channels: Sequence[Channels]) -> list[Fault]:
+    """Look for stuck and clipped channels in the samples as they were recorded."""
+    found: list[Fault] = []
+    for group in channels:
+        for name in WATCHED & set(group.values):
+            good = np.isfinite(group.values[name])
+            t, x = group.time[good], group.values[name][good]
+            if x.size > STUCK_SAMPLES:
+                limits = list(_clipped(name, t, x))
+                found += limits or _stuck(name, t, x)
+    return sorted(found, key=lambda fault: list(VARIABLES).index(fault.variable))
+
+
+def _stuck(name: str, t: FloatArray, x: FloatArray) -> list[Fault]:
+    """Return the longest time without any change, when it is suspiciously long."""
+    best: tuple[float, float, float] | None = None
+    for part in stretches(t, x):
+        first, last = _longest_constant(x[part])
+        lasted = t[part][last] - t[part][first]
+        if last - first >= STUCK_SAMPLES and lasted > (best[1] - best[0] if best else STUCK_TIME):
+            best = float(t[part][first]), float(t[part][last]), float(x[part][first])
+    if best is None:
+        return []
+    start, stop, value = best
+    unit = VARIABLES[name].unit
+    message = f"{name} stands still at {value:.4g} {unit} from {start:.2f} to {stop:.2f} s"
+    return [Fault("stuck", name, value, start, stop, message)]
+
+
+def _longest_constant(x: FloatArray) -> tuple[int, int]:
+    """Return first and last index of the longest run of equal values."""
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(x) != 0.0) + 1, [x.size]])
+    longest = int(np.argmax(np.diff(edges)))
+    return int(edges[longest]), int(edges[longest + 1]) - 1
+
+
+def _clipped(name: str, t: FloatArray, x: FloatArray) -> Iterator[Fault]:
+    """Yield the limits at which samples pile up far more than at the values next to them."""
+    values, counts = np.unique(x, return_counts=True)
+    if values.size < CLIPPED_SAMPLES:
+        return
+    for end, beside in ((0, 1), (-1, -2)):
+        value, count = float(values[end]), int(counts[end])
+        if value == 0.0 or count < max(CLIPPED_SAMPLES, CLIPPED_CONTRAST * int(counts[beside])):
+            continue
+        at = t[x == value]
+        words = (
+            f"{name} stops {count} times at exactly {value:.4g} {VARIABLES[name].unit}: clipped, or a default"
+        )
+        yield Fault("clipped", name, value, float(at[0]), float(at[-1]), words)
+
+
+def at_rest(data: Mapping[str, FloatArray], rate: float) -> npt.NDArray[np.bool_]:
+    """Tell at which grid points the vehicle surely stands: slow over ground and not turning, for a while.
+
+    Parameters
+    ----------
+    data : variable -> (n,), gridded
+    rate : Hz
+    """
+    size = next(iter(data.values())).size
+    if not {"vn", "ve", "vd", "p", "q", "r"} <= set(data):
+        return np.zeros(size, dtype=bool)
+    speed = np.sqrt(data["vn"] ** 2 + data["ve"] ** 2 + data["vd"] ** 2)
+    turning = np.sqrt(data["p"] ** 2 + data["q"] ** 2 + data["r"] ** 2)
+    still = (speed < REST_SPEED) & (turning < REST_RATE)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]))).reshape(-1, 2)
+    for start, stop in edges:
+        if stop - start < REST_TIME * rate:
+            still[start:stop] = False
+    return still
+
+
+def rest_faults(time: FloatArray, data: Mapping[str, FloatArray], rate: float) -> list[Fault]:
+    """Look for offsets while the vehicle stands: pitot, gyros, length of the specific force."""
+    rest = at_rest(data, rate)
+    if not rest.any():
+        return []
+    span = (float(time[rest][0]), float(time[rest][-1]))
+    found = []
+    for name, limit in (("airspeed_pitot", 1.0), ("p", 0.02), ("q", 0.02), ("r", 0.02)):
+        value = _median(data[name][rest]) if name in data else 0.0
+        if abs(value) > limit:
+            words = f"{name} reads {value:.2f} {VARIABLES[name].unit} at rest{_doubt(name, value)}"
+            found.append(Fault("offset at rest", name, value, *span, words))
+    return found + _weight_fault(data, rest, span)
+
+
+def _doubt(name: str, value: float) -> str:
+    return " (or wind blew into it)" if name == "airspeed_pitot" and value > 0.0 else ""
+
+
+def _weight_fault(
+    data: Mapping[str, FloatArray], rest: npt.NDArray[np.bool_], span: tuple[float, float]
+) -> list[Fault]:
+    if not {"ax", "ay", "az"} <= set(data):
+        return []
+    force = np.sqrt(sum(data[name][rest] ** 2 for name in ("ax", "ay", "az")))
+    value = _median(np.asarray(force))
+    if abs(value - STANDARD_GRAVITY) <= 0.03 * STANDARD_GRAVITY:
+        return []
+    words = (
+        f"the accelerometers read {value:.2f} m/s2 at rest in all, not 9.81: offset, scale or unit is wrong"
+    )
+    return [Fault("offset at rest", "az", value, *span, words)]
+
+
+def _median(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else 0.0

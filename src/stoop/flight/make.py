@@ -1,0 +1,112 @@
+"""Flights from arrays: what a simulation makes and a file of ours holds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stoop.errors import FlightError
+from stoop.flight.attitude import continuous, euler_angles, normalized, quaternions_of
+from stoop.flight.channels import SourceRate, source_rate
+from stoop.flight.flight import Flight
+from stoop.flight.variables import EULER, QUATERNION, VARIABLES, variable
+from stoop.logs import FloatArray
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def from_columns(
+    name: str,
+    time: FloatArray,
+    columns: Mapping[str, FloatArray],
+    notes: tuple[str, ...] = (),
+    source: str = "simulation",
+) -> Flight:
+    """Make a flight of channels that already lie on one uniform grid; nothing is filtered.
+
+    Parameters
+    ----------
+    name : as in FLIGHT@START:STOP
+    time : (n,) s, uniform
+    columns : registry variable -> (n,) SI, NaN where there is no data; from Euler angles the quaternion
+        is added, and the other way around
+    notes : plain words for the user
+    source : where the channels come from
+
+    Raises
+    ------
+    FlightError
+        When a variable is unknown, a column is too short, or the time is not uniform.
+    """
+    time = np.ascontiguousarray(time, dtype=np.float64)
+    rate = _uniform_rate(name, time)
+    data = {key: np.asarray(values, dtype=np.float64) for key, values in columns.items()}
+    for key, values in data.items():
+        variable(key, name)
+        if values.shape != time.shape:
+            raise FlightError(
+                f"{name}: '{key}' has {values.size} samples, the time {time.size}; give as many"
+            )
+    data = with_attitude(data)
+    ordered = {key: data[key] for key in VARIABLES if key in data}
+    return Flight(name, None, dataset(time, ordered), rate, sources_of(source, time, ordered), notes)
+
+
+def _uniform_rate(name: str, time: FloatArray) -> float:
+    steps = np.diff(time)
+    if time.ndim != 1 or time.size < 2 or not np.all(steps > 0.0):
+        raise FlightError(f"{name}: the time does not increase; give two and more rising samples")
+    period = float((time[-1] - time[0]) / steps.size)
+    if np.max(np.abs(steps - period)) > 1e-3 * period:
+        raise FlightError(f"{name}: the time is not uniform; save the channels as CSV and load that instead")
+    return _round_rate(1.0 / period)
+
+
+def _round_rate(rate: float) -> float:
+    """Make a rate whole that is so but for the rounding of the time stamps."""
+    return float(round(rate)) if abs(rate - round(rate)) < 1e-6 * rate else rate
+
+
+def with_attitude(data: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    """Add the quaternion to Euler angles, or Euler angles to the quaternion, where the other is missing."""
+    if set(QUATERNION) <= set(data):
+        if set(EULER) <= set(data):
+            return data
+        parts = normalized(np.column_stack([data[key] for key in QUATERNION]))
+        return {**data, **dict(zip(EULER, euler_angles(parts).T, strict=True))}
+    if not set(EULER) <= set(data):
+        return data
+    parts = continuous(quaternions_of(np.column_stack([data[key] for key in EULER])))
+    return {**data, **dict(zip(QUATERNION, parts.T, strict=True))}
+
+
+def sources_of(source: str, time: FloatArray, data: Mapping[str, FloatArray]) -> dict[str, SourceRate]:
+    """Describe channels that were never recorded apart."""
+    return {key: source_rate(source, time[np.isfinite(values)]) for key, values in data.items()}
+
+
+def dataset(time: FloatArray, data: Mapping[str, FloatArray]) -> xr.Dataset:
+    """Make a data set of gridded variables, with units and meanings from the registry."""
+    import xarray as xr  # heavy, and only here
+
+    columns = {name: ("time", x, _attributes(name)) for name, x in data.items()}
+    clock = ("time", time, {"units": "s", "long_name": "time on the log's own clock"})
+    return xr.Dataset(columns, coords={"time": clock})
+
+
+def _attributes(name: str) -> dict[str, str]:
+    known = VARIABLES[name]
+    words = {"units": known.unit, "long_name": known.meaning, "frame": known.frame, "positive": known.sign}
+    return {key: value for key, value in words.items() if value}
+
+
+def named(flight_path: Path) -> str:
+    """Return the name by which a maneuver refers to a flight: the path's last part without endings."""
+    stem = flight_path.resolve().name
+    for ending in (".gz", ".csv", ".ulg", ".ulog", ".nc"):
+        stem = stem.removesuffix(ending)
+    return stem

@@ -1,0 +1,124 @@
+"""Degrees where radians belong: told by size, or by a rate that is not the derivative of its angle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from stoop.errors import FlightError
+from stoop.flight.channels import Channels, stretches
+from stoop.logs import FloatArray
+from stoop.units import DEGREE
+
+QUANTILE: Final = 0.995  #: of the sizes; some wild samples prove nothing
+LIMITS: Final = {
+    "theta": 0.51 * math.pi,
+    "alpha": math.pi,
+    "beta": 0.51 * math.pi,
+    "phi": 2.02 * math.pi,
+    "psi": 2.02 * math.pi,
+    "elevator": 0.5 * math.pi,
+    "aileron": 0.5 * math.pi,
+    "rudder": 0.5 * math.pi,
+    "flap": 0.5 * math.pi,
+    "p": 40.0,
+    "q": 40.0,
+    "r": 40.0,
+}  #: rad, rad/s; gyros of drones end at 35 rad/s
+PAIRS: Final = (
+    ("phi", "p"),
+    ("theta", "q"),
+    ("alpha", "q"),
+)  #: angle, and the rate that is nearly its derivative
+LIKENESS: Final = 0.8  #: correlation above which the factor between a pair means something
+BAND: Final = 2.0  #: a factor this close to 57.3 is taken for it
+
+
+def check_radians(channels: Sequence[Channels], place: str, mapping: str = "") -> None:
+    """Refuse a flight whose angles or rates are in degrees.
+
+    Parameters
+    ----------
+    channels : as recorded
+    place : file, for the error message
+    mapping : where its units are said, for the error message
+
+    Raises
+    ------
+    FlightError
+        Names the file, the channel and the fix.
+    """
+    fix = f"write its unit as deg or deg/s in {mapping}" if mapping else "convert it and read the log again"
+    values = {name: (group.time, x) for group in channels for name, x in group.values.items()}
+    for angle, rate in PAIRS:
+        if angle in values and rate in values:
+            _check_pair(angle, rate, _factor(values[angle], values[rate]), place, fix)
+    for name, limit in LIMITS.items():
+        size = _size(values[name][1]) if name in values else 0.0
+        if size > limit and not (name == "psi" and _turns_like_r(values)):
+            unit = "deg/s" if name in "pqr" else "degrees"
+            raise FlightError(f"{place}: '{name}' reaches {size:.4g}: {unit} where radians belong; {fix}")
+
+
+def _size(x: FloatArray) -> float:
+    known = np.abs(x[np.isfinite(x)])
+    return float(np.quantile(known, QUANTILE)) if known.size else 0.0
+
+
+def _check_pair(angle: str, rate: str, factor: float, place: str, fix: str) -> None:
+    """Accuse the angle when the factor is near 57.3, the rate when it is near 1 / 57.3."""
+    if factor * DEGREE > 1.0 / BAND and factor * DEGREE < BAND:
+        accused, other = angle, rate
+    elif factor / DEGREE > 1.0 / BAND and factor / DEGREE < BAND:
+        accused, other = rate, angle
+    else:
+        return
+    raise FlightError(
+        f"{place}: '{angle}' changes {factor:.3g} times as fast as '{rate}' says: "
+        f"'{accused}' is in degrees, '{other}' in radians; {fix}"
+    )
+
+
+def _turns_like_r(values: dict[str, tuple[FloatArray, FloatArray]]) -> bool:
+    """Tell whether a heading beyond 2 pi was counted through several turns: it turns as the yaw rate says."""
+    return "r" in values and 0.2 < _factor(values["psi"], values["r"]) < 5.0
+
+
+def _factor(angle: tuple[FloatArray, FloatArray], rate: tuple[FloatArray, FloatArray]) -> float:
+    """Return how many times faster the angle changes than the rate says; NaN when they are unlike."""
+    t, x = _finite(*angle)
+    change, turned = [], []
+    for part in stretches(t, x):
+        steps = max(1, round(0.1 / float(np.median(np.diff(t[part])))))  # over 0.1 s, to keep noise down
+        integral = _integral(t[part], *_finite(*rate))
+        change.append(x[part][steps:] - x[part][:-steps])
+        turned.append(integral[steps:] - integral[:-steps])
+    if not change:
+        return math.nan
+    return _ratio(np.concatenate(change), np.concatenate(turned))
+
+
+def _finite(t: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    good = np.isfinite(x)
+    return t[good], x[good]
+
+
+def _integral(at: FloatArray, t: FloatArray, rate: FloatArray) -> FloatArray:
+    if t.size < 2:
+        return np.full(at.size, np.nan)
+    turned = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))])
+    return np.asarray(np.interp(at, t, turned, left=np.nan, right=np.nan))
+
+
+def _ratio(change: FloatArray, turned: FloatArray) -> float:
+    good = np.isfinite(turned) & np.isfinite(change)
+    if good.any():  # a jump of the angle by a whole turn is no change
+        good &= np.abs(change) < 20.0 * np.median(np.abs(change[good])) + 1e-12
+    a, b = change[good], turned[good]
+    power = float(a @ a) * float(b @ b)
+    if a.size < 20 or power == 0.0 or float(a @ b) / math.sqrt(power) < LIKENESS:
+        return math.nan
+    return math.sqrt(float(a @ a) / float(b @ b))
