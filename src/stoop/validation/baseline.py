@@ -1,0 +1,121 @@
+"""The trivial model beside every figure: a lag for each channel of each maneuver.
+
+In a fit maneuver the lag of p, q or r is given its own axis's command and fitted to that very maneuver; other
+channels have no axis of their own and are given all commands. In a validation maneuver the lag is given all
+commands, its gains and times come from the fit maneuvers, and only its bias is its own: that favors the lag,
+for the model under test gets nothing from the window but its initial state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from stoop.identify.result import Role
+from stoop.validation.lag import Lag, LagRecord, fit_lag
+from stoop.validation.runs import FloatArray, join
+
+OWN_COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
+    "p": ("control_roll", "aileron"),
+    "q": ("control_pitch", "elevator"),
+    "r": ("control_yaw", "rudder"),
+}  #: rate -> its axis's command, the first that there is
+
+
+@dataclass(frozen=True, eq=False)
+class BaselineSegment:
+    """One segment of a maneuver.
+
+    Attributes
+    ----------
+    commands : mapping of str to (n,)
+        What the pilot or autopilot commanded, or the surfaces; complete; the same names in every segment.
+    measured : mapping of str to (n,)
+        The channels; NaN where missing; angles unwrapped.
+    """
+
+    commands: Mapping[str, FloatArray]
+    measured: Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class BaselineManeuver:
+    """A maneuver as the trivial model sees it."""
+
+    role: Role
+    segments: tuple[BaselineSegment, ...]
+
+
+def baseline_curves(
+    maneuvers: Sequence[BaselineManeuver], channels: Sequence[str], rate: float
+) -> tuple[dict[str, FloatArray], ...]:
+    """Return the lag's curve of every channel of every maneuver.
+
+    Parameters
+    ----------
+    maneuvers : sequence of BaselineManeuver
+        Fit and validation maneuvers in any order.
+    channels : sequence of str
+        Channels wanted; one without enough measurements is left out.
+    rate : float, Hz
+        Sample rate of all segments.
+
+    Returns
+    -------
+    tuple of dict of str to (n,)
+        For each maneuver its curves, segments joined by one NaN as in `stoop.validation.runs.join`. Without
+        any fit maneuver the validation maneuvers have none.
+    """
+    curves: tuple[dict[str, FloatArray], ...] = tuple({} for _ in maneuvers)
+    for channel in channels:
+        joint = _joint(maneuvers, channel, rate)
+        for maneuver, found in zip(maneuvers, curves, strict=True):
+            pieces = _curve(maneuver, channel, rate, joint)
+            if pieces is not None:
+                found[channel] = join(pieces)
+    return curves
+
+
+def _joint(maneuvers: Sequence[BaselineManeuver], channel: str, rate: float) -> Lag | None:
+    """Return the lag given all commands, fitted to all fit maneuvers, if something is to be predicted."""
+    if all(maneuver.role == "fit" for maneuver in maneuvers):
+        return None
+    fitted = [m for m in maneuvers if m.role == "fit"]
+    records = [r for number, m in enumerate(fitted) for r in _records(m, channel, _all(m), number)]
+    return fit_lag(records, rate) if records else None
+
+
+def _curve(
+    maneuver: BaselineManeuver, channel: str, rate: float, joint: Lag | None
+) -> tuple[FloatArray, ...] | None:
+    if maneuver.role == "validation":
+        return joint.predicted(_records(maneuver, channel, _all(maneuver))) if joint else None
+    records = _records(maneuver, channel, _own(maneuver, channel))
+    lag = fit_lag(records, rate) if records else None
+    return lag.matched(records) if lag else None
+
+
+def _records(
+    maneuver: BaselineManeuver, channel: str, commands: Sequence[str], number: int = 0
+) -> list[LagRecord]:
+    return [
+        LagRecord(*_arrays(segment, channel, commands), number) for segment in maneuver.segments if commands
+    ]
+
+
+def _arrays(segment: BaselineSegment, channel: str, commands: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    driving = np.column_stack([segment.commands[name] for name in commands])
+    return driving, segment.measured.get(channel, np.full(len(driving), np.nan))
+
+
+def _all(maneuver: BaselineManeuver) -> list[str]:
+    return list(maneuver.segments[0].commands) if maneuver.segments else []
+
+
+def _own(maneuver: BaselineManeuver, channel: str) -> list[str]:
+    """Return the channel's own command where there is one, else all of them."""
+    there = _all(maneuver)
+    return [name for name in OWN_COMMANDS.get(channel, ()) if name in there][:1] or there

@@ -1,0 +1,132 @@
+"""Figures of merit of a simulated curve against a measured one.
+
+References
+----------
+H. Theil, *Economic Forecasts and Policy*, 2nd ed., North-Holland, 1961 (the coefficient and its parts).
+R. V. Jategaonkar, *Flight Vehicle System Identification: A Time-Domain Methodology*, 2nd ed., AIAA, 2015,
+chapter 11 (the coefficient as the field uses it; 0.25 to 0.3 is commonly taken as good agreement).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from stoop.identify.result import ChannelFigures
+from stoop.validation.runs import FloatArray, low_pass
+
+NAN: Final = float("nan")
+
+
+@dataclass(frozen=True)
+class TheilParts:
+    """Where the inequality comes from; the three shares add up to 1 (NaN for a perfect match).
+
+    Attributes
+    ----------
+    coefficient : float
+        rms(z - y) / (rms(z) + rms(y)); 0 perfect, 1 worst.
+    bias : float
+        Share of the difference of the means: an offset.
+    variance : float
+        Share of the difference of the standard deviations: a wrong amplitude.
+    covariance : float
+        Share of what does not correlate: noise, phase, missing physics; ideally all of it.
+    """
+
+    coefficient: float
+    bias: float
+    variance: float
+    covariance: float
+
+
+def theil(measured: FloatArray, simulated: FloatArray) -> float:
+    """Return Theil's inequality coefficient over the samples (n,) where both are finite; NaN without any.
+
+    Unlike the coefficient of determination it is bounded, and an output that hardly moves does not blow it
+    up; but it depends on the origin: an angle far from zero looks better than it is.
+    """
+    z, y = _common(measured, simulated)
+    scale = _rms(z) + _rms(y)
+    if z.size == 0:
+        return NAN
+    return _rms(z - y) / scale if scale > 0.0 else 0.0
+
+
+def theil_parts(measured: FloatArray, simulated: FloatArray) -> TheilParts:
+    """Return Theil's coefficient with the shares of bias, variance and covariance in the squared error."""
+    z, y = _common(measured, simulated)
+    error = float(np.mean((z - y) ** 2)) if z.size else 0.0
+    if error == 0.0:
+        return TheilParts(theil(measured, simulated), NAN, NAN, NAN)
+    bias = float(np.mean(z) - np.mean(y)) ** 2 / error
+    variance = float(np.std(z) - np.std(y)) ** 2 / error
+    return TheilParts(theil(measured, simulated), bias, variance, max(0.0, 1.0 - bias - variance))
+
+
+def rmse(measured: FloatArray, simulated: FloatArray) -> float:
+    """Return the root mean square of the difference where both are finite; NaN without any sample."""
+    z, y = _common(measured, simulated)
+    return _rms(z - y) if z.size else NAN
+
+
+def r2(measured: FloatArray, simulated: FloatArray) -> float:
+    """Return the coefficient of determination; negative when the mean of the data does better.
+
+    NaN without samples, or when the measured curve does not vary.
+    """
+    z, y = _common(measured, simulated)
+    spread = float(np.sum((z - np.mean(z)) ** 2)) if z.size else 0.0
+    return 1.0 - float(np.sum((z - y) ** 2)) / spread if spread > 0.0 else NAN
+
+
+def channel_figures(
+    measured: FloatArray, simulated: FloatArray, rate: float, baseline: FloatArray | None = None
+) -> ChannelFigures:
+    """Return the figures of one channel of one maneuver.
+
+    Parameters
+    ----------
+    measured, simulated : (n,), the channel's unit
+        Uniform samples; NaN where there is none and between segments. An angle that wraps must be unwrapped
+        alike in both.
+    rate : float, Hz
+        Sample rate.
+    baseline : (n,), optional
+        The trivial model's curve.
+
+    Returns
+    -------
+    ChannelFigures
+        Theil's coefficients of the curves low-passed at 10 Hz with zero phase, stretch by stretch; `rmse` and
+        `r2` of the curves as they are.
+    """
+    return ChannelFigures(
+        rmse=rmse(measured, simulated),
+        theil=filtered_theil(measured, simulated, rate),
+        r2=r2(measured, simulated),
+        baseline_theil=NAN if baseline is None else filtered_theil(measured, baseline, rate),
+    )
+
+
+def filtered_theil(measured: FloatArray, simulated: FloatArray, rate: float) -> float:
+    """Return Theil's coefficient of both curves low-passed over the stretches that they share."""
+    z, y = shared_stretches(measured, simulated)
+    return theil(low_pass(z, rate), low_pass(y, rate))
+
+
+def shared_stretches(measured: FloatArray, simulated: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return both curves (n,) with NaN wherever either has one, so that a filter treats them alike."""
+    missing = ~(np.isfinite(measured) & np.isfinite(simulated))
+    return np.where(missing, np.nan, measured), np.where(missing, np.nan, simulated)
+
+
+def _common(measured: FloatArray, simulated: FloatArray) -> tuple[FloatArray, FloatArray]:
+    both = np.isfinite(measured) & np.isfinite(simulated)
+    return measured[both], simulated[both]
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
