@@ -1,1 +1,22 @@
-"""TODO."""
+"""Vehicle + inputs -> trajectories, trim, linear models and simulated flights."""
+
+from stoop.simulate.initial import START_NAMES, initial_states, parameter_rows
+from stoop.simulate.linearize import LinearModel, Mode, linearize
+from stoop.simulate.maneuver import Maneuver, load_maneuver, parse_maneuver
+from stoop.simulate.fly import simulate_flight
+from stoop.simulate.trim import Trim, trim
+
+__all__ = [
+    "START_NAMES",
+    "LinearModel",
+    "Maneuver",
+    "Mode",
+    "Trim",
+    "initial_states",
+    "linearize",
+    "load_maneuver",
+    "parameter_rows",
+    "parse_maneuver",
+    "simulate_flight",
+    "trim",
+]

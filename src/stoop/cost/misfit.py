@@ -1,0 +1,276 @@
+"""The cost J = (Z - Y)' Q (Z - Y) of eq. (3) over all pieces of all maneuvers, plus priors.
+
+This is the least-squares problem that an optimizer sees (:class:`stoop.optimize.Problem`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.cost.layout import Layout
+from stoop.cost.shift import delayed, delayed_lanes
+from stoop.cost.weights import Weights
+from stoop.simulate import initial_states, parameter_rows
+
+FloatArray = NDArray[np.float64]
+STEP = 1e-7
+_ANGLES = ("phi", "psi")
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A contiguous stretch of one maneuver.
+
+    Attributes
+    ----------
+    maneuver : int
+    time : (n,), s, uniform
+    inputs : (n, n_u)
+    measured : (n, n_y), NaN where missing
+    start : mapping
+        Initial state by name (V ... psi, h), where its nuisances are zero.
+    changes : mapping
+        Numbers of the vehicle that differ in this maneuver (its loading).
+    """
+
+    maneuver: int
+    time: FloatArray
+    inputs: FloatArray
+    measured: FloatArray
+    start: Mapping[str, float]
+    changes: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def dt(self) -> float:
+        """Sample period, s."""
+        return float(self.time[1] - self.time[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Misfit:
+    """A least-squares problem on the unit box.
+
+    Attributes
+    ----------
+    layout : Layout
+    pieces : tuple of Piece
+    weights : Weights
+    ladder : tuple of tuple of int
+        Samples of each piece on each rung; the last rung is the whole record.
+    """
+
+    layout: Layout
+    pieces: tuple[Piece, ...]
+    weights: Weights
+    ladder: tuple[tuple[int, ...], ...]
+
+    @property
+    def dimension(self) -> int:
+        """Number of free parameters."""
+        return self.layout.dimension
+
+    @property
+    def extra(self) -> int:
+        """Number of nuisances."""
+        return self.layout.extra
+
+    @cached_property
+    def prices(self) -> tuple[float, ...]:
+        """Samples of each rung over all samples."""
+        whole = sum(self.ladder[-1])
+        return tuple(sum(rung) / whole for rung in self.ladder)
+
+    def weighted(self, weights: Weights) -> Misfit:
+        """Return the same problem with another Q."""
+        return replace(self, weights=weights)
+
+    def costs(self, X: FloatArray, rung: int) -> FloatArray:
+        """Return J (B,) of parameters (B, D) in the unit box, nuisances at their start."""
+        Z = np.concatenate([X, np.zeros((len(X), self.extra))], axis=1)
+        if not self.weights.diagonal or self._output_delays:
+            with np.errstate(invalid="ignore", over="ignore"):
+                total = np.sum(self.residuals(Z, rung) ** 2, axis=1)
+            return np.where(np.isfinite(total), total, np.inf)
+        total = np.sum(self.layout.prior_residuals(Z) ** 2, axis=1)
+        quality = np.diag(self.weights.root) ** 2
+        for i, (piece, count) in enumerate(zip(self.pieces, self.ladder[rung], strict=True)):
+            weights = np.where(np.isfinite(piece.measured), quality, 0.0)
+            rows, start = self._candidates(Z, i)
+            total += self._kernel.cost(
+                rows, start, self._inputs(piece, rows), piece.measured, weights, piece.dt, count
+            )
+        return np.asarray(total)
+
+    def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
+        """Return weighted residuals (B, n_r) of vectors (B, D + E), priors last."""
+        blocks = [self._piece_residuals(Z, i, n) for i, n in enumerate(self.ladder[rung])]
+        return np.concatenate([*blocks, self.layout.prior_residuals(Z)], axis=1)
+
+    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
+        """Return d r / d z (n_r, D + E) by forward differences, and the trajectories it took.
+
+        An initial state is varied on its own piece only, a bias not at all (its derivative is known).
+        """
+        out = np.zeros((len(z), len(r))).T
+        first, spent = 0, 0.0
+        for i, count in enumerate(self.ladder[rung]):
+            block = slice(first, first + count * self._channels)
+            spent += self._piece_jacobian(z, i, count, r[block], out[block]) * count
+            first = block.stop
+        out[first:] = self.layout.prior_jacobian()
+        return out, spent / sum(self.ladder[-1])
+
+    def reference(self, rung: int) -> float:
+        """Return the cost of a model that says nothing: each channel stays at its first measurement."""
+        total = 0.0
+        for piece, count in zip(self.pieces, self.ladder[rung], strict=True):
+            z = piece.measured[:count]
+            constant = np.array([column[np.isfinite(column)][:1].sum() for column in z.T])
+            total += float(np.sum(self._whitened(constant[None, None, :], z) ** 2))
+        return total
+
+    def outputs(self, z: FloatArray, index: int) -> FloatArray:
+        """Return the simulated readings (n, n_y) of one piece for a vector (D + E,)."""
+        return self._trajectories(z[None, :], index, len(self.pieces[index].time))[0]
+
+    @property
+    def _channels(self) -> int:
+        return len(self.layout.vehicle.outputs)
+
+    @cached_property
+    def _kernel(self):  # type: ignore[no-untyped-def]
+        return self.layout.vehicle.kernel()
+
+    def _piece_residuals(self, Z: FloatArray, index: int, count: int) -> FloatArray:
+        simulated = self._trajectories(Z, index, count)
+        return self._whitened(simulated, self.pieces[index].measured[:count]).reshape(len(Z), -1)
+
+    def _whitened(self, simulated: FloatArray, measured: FloatArray) -> FloatArray:
+        """Return whitened simulated minus measured, zero where there is no measurement."""
+        seen = np.isfinite(measured)
+        with np.errstate(invalid="ignore"):
+            error = (simulated - np.where(seen, measured, 0.0)) * seen
+            for i in self._wrapped:
+                error[..., i] -= 2.0 * np.pi * np.round(error[..., i] / (2.0 * np.pi))
+            return self.weights.whiten(error)
+
+    @cached_property
+    def _wrapped(self) -> tuple[int, ...]:
+        return tuple(i for i, c in enumerate(self.layout.vehicle.outputs) if c in _ANGLES)
+
+    @cached_property
+    def _steps(self) -> list[list[int]]:
+        """Entries that are varied on each piece: all parameters and the piece's own initial states."""
+        d = self.dimension
+        own = [
+            [d + j for j, n in enumerate(self.layout.nuisances) if n.piece == i] for i in range(len(self.pieces))
+        ]
+        return [[*range(d), *states] for states in own]
+
+    def _piece_jacobian(self, z: FloatArray, index: int, count: int, r: FloatArray, out: FloatArray) -> int:
+        """Fill the rows of one piece; return how many trajectories it took."""
+        entries = np.array(self._steps[index], dtype=np.intp)
+        steps = np.where((entries < self.dimension) & (z[entries] + STEP > 1.0), -STEP, STEP)
+        Z = np.repeat(z[None, :], len(entries), axis=0)
+        Z[np.arange(len(entries)), entries] += steps
+        taken = Z[np.arange(len(entries)), entries] - z[entries]
+        with np.errstate(invalid="ignore", over="ignore"):
+            out[:, entries] = ((self._piece_residuals(Z, index, count) - r) / taken[:, None]).T
+        self._bias_columns(index, count, out)
+        return len(entries)
+
+    def _bias_columns(self, index: int, count: int, out: FloatArray) -> None:
+        """Fill the known derivative of the readings by their biases."""
+        piece, vehicle = self.pieces[index], self.layout.vehicle
+        seen = np.isfinite(piece.measured[:count])
+        for j, nuisance in enumerate(self.layout.nuisances):
+            if nuisance.is_bias and nuisance.maneuver == piece.maneuver:
+                channel = vehicle.outputs.index(nuisance.name.split(".")[1])
+                unit = np.zeros_like(seen, dtype=float)
+                unit[:, channel] = nuisance.scale * seen[:, channel]
+                out[:, self.dimension + j] = self.weights.whiten(unit).ravel()
+
+    def _candidates(self, Z: FloatArray, index: int) -> tuple[FloatArray, FloatArray]:
+        """Return kernel parameters and initial states of one piece for vectors (B, D + E)."""
+        piece, layout = self.pieces[index], self.layout
+        rows = parameter_rows(layout.vehicle, piece.changes, len(Z))
+        rows[layout.rows] = layout.physical(Z).T
+        start = {k: np.full(len(Z), v) for k, v in piece.start.items()}
+        for j, n in enumerate(layout.nuisances):
+            value = n.center + n.scale * Z[:, layout.dimension + j]
+            if n.is_bias and n.maneuver == piece.maneuver:
+                rows[layout.vehicle.rows[n.name]] = value
+            elif n.piece == index:
+                start[n.name] = value
+        return rows, initial_states(layout.vehicle, start, rows, piece.inputs[0])
+
+    def _trajectories(self, Z: FloatArray, index: int, count: int) -> FloatArray:
+        piece = self.pieces[index]
+        rows, start = self._candidates(Z, index)
+        out: FloatArray = self._kernel.trajectories(rows, start, self._inputs(piece, rows), piece.dt, count)
+        for channel, row in self._output_delays:
+            delays = rows[row] / piece.dt
+            for lane, delay in enumerate(delays):
+                out[lane, :, channel] = delayed(out[lane, :, channel], float(delay))
+        return out
+
+    @cached_property
+    def _output_delays(self) -> list[tuple[int, int]]:
+        """Output channel and kernel row of each sensor delay in the file."""
+        vehicle = self.layout.vehicle
+        names = [(i, f"sensors.{c}.delay") for i, c in enumerate(vehicle.outputs)]
+        return [(i, vehicle.rows[n]) for i, n in names if n in vehicle.rows]
+
+    @cached_property
+    def _input_delays(self) -> list[tuple[int, int]]:
+        """Input channel and kernel row of each control delay; a channel shared by controls takes the first."""
+        vehicle = self.layout.vehicle
+        found: dict[int, int] = {}
+        for control in vehicle.controls:
+            name = f"controls.{control}.delay"
+            for channel in vehicle.channels_of(control) if name in vehicle.rows else ():
+                found.setdefault(vehicle.inputs.index(channel), vehicle.rows[name])
+        return list(found.items())
+
+    def _inputs(self, piece: Piece, rows: FloatArray) -> FloatArray:
+        """Return inputs (n, n_u), or one copy per lane (n, n_u, B) where lanes differ in a delay."""
+        if not self._input_delays:
+            return piece.inputs
+        same = all(np.ptp(rows[row]) == 0.0 for _, row in self._input_delays)
+        if same:
+            out = piece.inputs.copy()
+            for channel, row in self._input_delays:
+                out[:, channel] = delayed(out[:, channel], float(rows[row, 0]) / piece.dt)
+            return out
+        lanes = np.repeat(piece.inputs[:, :, None], rows.shape[1], axis=2)
+        for channel, row in self._input_delays:
+            lanes[:, channel] = delayed_lanes(piece.inputs[:, channel], rows[row] / piece.dt)
+        return lanes
+
+
+def horizon_ladder(pieces: Sequence[Piece]) -> tuple[tuple[int, ...], ...]:
+    """Return samples per piece and rung: where the excitation of each piece has shown itself, then thirds.
+
+    A rung that ends before the controls move says nothing. The first ends where half of the inputs' energy
+    (about their start) is spent, within 10 and 50 % of the piece and not before 0.4 s; the second is three
+    times as long; rungs that would be nearly whole are left out.
+    """
+    firsts = [_first_rung(p) for p in pieces]
+    whole = tuple(len(p.time) for p in pieces)
+    rungs = [tuple(min(factor * f, n) for f, n in zip(firsts, whole, strict=True)) for factor in (1, 3)]
+    return (*(r for r in rungs if sum(r) < 0.6 * sum(whole)), whole)
+
+
+def _first_rung(piece: Piece) -> int:
+    n = len(piece.time)
+    scale = np.ptp(piece.inputs, axis=0)
+    moves = (piece.inputs - piece.inputs[0]) / np.where(scale > 0.0, scale, 1.0)
+    energy = np.cumsum(np.sum(moves**2, axis=1))
+    half = int(np.searchsorted(energy, 0.5 * energy[-1])) + 1 if energy[-1] > 0.0 else n // 10
+    least = max(20, n // 10, round(0.4 / piece.dt))
+    return min(max(half, least), max(n // 2, least), n)

@@ -1,0 +1,48 @@
+"""The weighting matrix Q of eq. (3): the inverse of the measurement noise covariance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """Q, with its triangular root.
+
+    Attributes
+    ----------
+    covariance : (n_y, n_y) array
+        Of the measurement noise, the channels' units; Q is its inverse.
+    root : (n_y, n_y) array
+        Upper triangular, Q = root' root: whitens a residual.
+    """
+
+    covariance: FloatArray
+    root: FloatArray
+
+    @classmethod
+    def of(cls, covariance: FloatArray) -> Weights:
+        """Return the weights of a noise covariance (n_y, n_y), or of variances (n_y,)."""
+        matrix = np.diag(covariance) if covariance.ndim == 1 else covariance
+        return cls(matrix, np.linalg.cholesky(np.linalg.inv(matrix)).T)
+
+    @property
+    def diagonal(self) -> bool:
+        """Whether channels are weighted one by one."""
+        return not np.any(self.root - np.diag(np.diag(self.root)))
+
+    @property
+    def logdet(self) -> float:
+        """Logarithm of the determinant of the noise covariance."""
+        return -2.0 * float(np.sum(np.log(np.diag(self.root))))
+
+    def whiten(self, residuals: FloatArray) -> FloatArray:
+        """Return residuals (..., n_y) with unit covariance."""
+        if self.diagonal:
+            return residuals * np.diag(self.root)
+        return residuals @ self.root.T

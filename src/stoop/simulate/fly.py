@@ -1,0 +1,132 @@
+"""Fly a maneuver: a simulated flight, with sensor noise, as a flight file holds it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.errors import ManeuverError, SimulationError
+from stoop.flight import Flight, SourceRate
+from stoop.simulate.initial import commanded, initial_states, parameter_rows
+from stoop.simulate.maneuver import Maneuver
+from stoop.simulate.trim import Trim, mixed_inputs, trim
+from stoop.vehicle import Vehicle
+from stoop.vehicle.schema import CHANNELS
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Flown:
+    """What a simulated maneuver was, before an instrument saw it.
+
+    Attributes
+    ----------
+    time : (n,), s
+    inputs : (n, n_u)
+        Recorded channels.
+    outputs : (n, n_y)
+        Noise-free readings in the order of ``vehicle.outputs``.
+    """
+
+    trim: Trim
+    time: FloatArray
+    inputs: FloatArray
+    outputs: FloatArray
+
+
+def fly(vehicle: Vehicle, maneuver: Maneuver) -> Flown:
+    """Fly a maneuver from trim, without noise.
+
+    Raises
+    ------
+    ManeuverError
+        A control that the vehicle does not have.
+    SimulationError
+        No trim, or the flight diverges.
+    """
+    deflections = maneuver.deflections()
+    for control in deflections:
+        if control not in vehicle.controls:
+            known = ", ".join(vehicle.controls) or "none"
+            raise ManeuverError(f"{vehicle.where}: the maneuver moves '{control}', but the controls are {known}; correct the maneuver file")
+    point = trim(vehicle, maneuver.airspeed, maneuver.altitude)
+    inputs = _inputs(vehicle, maneuver, point, deflections)
+    rows = parameter_rows(vehicle, point.changes)
+    start = initial_states(vehicle, point.start, rows, inputs[0])
+    outputs = vehicle.kernel().trajectories(rows, start, inputs, 1.0 / maneuver.rate)[0]
+    if not np.isfinite(outputs).all():
+        last = maneuver.time[int(np.argmin(np.isfinite(outputs).all(axis=1)))]
+        raise SimulationError(f"{vehicle.where}: the flight diverges at {last:.2f} s; reduce the amplitude or check the vehicle's stability")
+    return Flown(point, maneuver.time, inputs, outputs)
+
+
+def _inputs(vehicle: Vehicle, maneuver: Maneuver, point: Trim, moves: dict[str, FloatArray]) -> FloatArray:
+    """Mix deflections into recorded channels; mixing is affine, so one column per control is enough."""
+    out = np.repeat(point.inputs[None, :], len(maneuver.time), axis=0)
+    for control, move in moves.items():
+        unit = mixed_inputs(vehicle, {**point.deflections, control: point.deflections[control] + 1.0}, point.inputs)
+        out += np.outer(move, unit - point.inputs)
+    return out
+
+
+def noise_sigma(vehicle: Vehicle, maneuver: Maneuver) -> FloatArray:
+    """Return the noise of each output channel, its own unit."""
+    unknown = set(maneuver.noise) - set(vehicle.outputs)
+    if unknown:
+        raise ManeuverError(f"noise: '{min(unknown)}' is not observed; channels are {', '.join(vehicle.outputs)}")
+    file = vehicle.file.sensors
+    return np.array([maneuver.noise.get(c, getattr(file, c).sigma) for c in vehicle.outputs])
+
+
+def simulate_flight(
+    vehicle: Vehicle, maneuver: Maneuver, seed: int = 0, noise: bool = True, name: str = "simulated"
+) -> Flight:
+    """Return a flight as the instruments of the vehicle would record it.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    maneuver : Maneuver
+    seed : int
+        Of the measurement noise.
+    noise : bool
+    name : str
+        As in ``FLIGHT@START:STOP``.
+    """
+    import xarray as xr
+
+    flown = fly(vehicle, maneuver)
+    sigma = noise_sigma(vehicle, maneuver) * float(noise)
+    measured = flown.outputs + sigma * np.random.default_rng(seed).standard_normal(flown.outputs.shape)
+    columns = dict(zip(vehicle.outputs, measured.T, strict=True))
+    columns |= {c: flown.inputs[:, i] for i, c in enumerate(vehicle.inputs) if c != "none"}
+    rows = parameter_rows(vehicle, flown.trim.changes)
+    columns |= {
+        c: np.array(commanded(vehicle, c, np.repeat(rows, len(flown.inputs), axis=1), flown.inputs.T))
+        for c in vehicle.controls
+    }
+    columns["altitude"] = _altitude(vehicle, maneuver, flown)
+    data = xr.Dataset({c: ("time", v) for c, v in columns.items()}, coords={"time": flown.time})
+    data.attrs["truth"] = json.dumps({p.name: p.value for p in vehicle.parameters if p.free})
+    data.attrs["vehicle"] = vehicle.name
+    period = 1.0 / maneuver.rate
+    rates = dict.fromkeys(columns, SourceRate("simulation", maneuver.rate, period, 0, 0.0, float(flown.time[-1])))
+    return Flight(name, None, data, maneuver.rate, rates, ("simulated flight",))
+
+
+def _altitude(vehicle: Vehicle, maneuver: Maneuver, flown: Flown) -> FloatArray:
+    """Integrate the climb rate that the noise-free readings imply, m (steady air)."""
+    y = dict.fromkeys(CHANNELS, np.zeros(len(flown.time))) | dict(zip(vehicle.outputs, flown.outputs.T, strict=True))
+    u, v, w = _body_velocity(y["V"], y["alpha"], y["beta"])
+    climb = u * np.sin(y["theta"]) - np.cos(y["theta"]) * (v * np.sin(y["phi"]) + w * np.cos(y["phi"]))
+    steps = 0.5 * (climb[1:] + climb[:-1]) / maneuver.rate
+    return maneuver.altitude + np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _body_velocity(V: FloatArray, alpha: FloatArray, beta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    plane = V * np.cos(beta)
+    return plane * np.cos(alpha), V * np.sin(beta), plane * np.sin(alpha)

@@ -1,0 +1,173 @@
+"""Linear models about a steady flight, by exact differentiation of the vehicle's own equations.
+
+The kernel's states are body velocities and a quaternion; engineers want airspeed, angles and rates. With
+z = g(x) the minimal state and x' = f(x, u), z' = G(x) f(x, u) with G = dg/dx, so A = d(G f)/dx dx/dz,
+where dx/dz is the right inverse of G on the unit sphere of quaternions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.simulate.initial import initial_states, parameter_rows
+from stoop.simulate.trim import Trim
+from stoop.vehicle import Vehicle
+
+FloatArray = NDArray[np.float64]
+_MINIMAL = {
+    "full": ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "h"),
+    "longitudinal": ("V", "alpha", "q", "theta", "h"),
+    "lateral": ("beta", "p", "r", "phi", "psi"),
+}
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One eigenvalue (of a pair, the upper half).
+
+    Attributes
+    ----------
+    name : str
+        Short period, phugoid, Dutch roll, roll, spiral, or the dominant state.
+    eigenvalue : complex, 1/s
+    frequency : float
+        Undamped natural frequency, rad/s.
+    damping : float
+        Damping ratio.
+    time_constant : float, s
+        Minus one over the real part.
+    """
+
+    name: str
+    eigenvalue: complex
+    frequency: float
+    damping: float
+    time_constant: float
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """x' = A x + B u, y = C x + D u about a steady flight; SI and rad."""
+
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    A: FloatArray
+    B: FloatArray
+    C: FloatArray
+    D: FloatArray
+    modes: tuple[Mode, ...]
+
+
+def linearize(vehicle: Vehicle, point: Trim) -> LinearModel:
+    """Return A, B, C, D and the modes of a vehicle at a trim point.
+
+    Inputs are control deflections in rad (the mixer is undone) and, where there is one, the thrust channel.
+    """
+    import sympy as sp
+
+    from stoop.vehicle.symbolic.assemble import build_model
+
+    model = build_model(vehicle)
+    x = list(model.states)
+    lags = [s for s in vehicle.states if s.endswith(".lag")]
+    minimal = _minimal_expressions(vehicle, model, sp) + [x[vehicle.states.index(s)] for s in lags]
+    f = sp.Matrix(model.derivatives)
+    G = sp.Matrix(minimal).jacobian(x)
+    rates = G * f
+    blocks = [G, rates.jacobian(x), rates.jacobian(model.inputs)]
+    outputs = sp.Matrix(model.outputs)
+    blocks += [outputs.jacobian(x), outputs.jacobian(model.inputs)]
+    numbers = _evaluate(vehicle, point, model, blocks, sp)
+    names = (*_MINIMAL[vehicle.reduce], *lags)
+    return _assemble(vehicle, names, numbers)
+
+
+def _minimal_expressions(vehicle: Vehicle, model: Any, sp: Any) -> list[Any]:
+    """Return the minimal state as expressions of the kernel's state."""
+    from stoop.vehicle.symbolic.frames import air, attitude
+
+    symbols = dict(zip(vehicle.states, model.states, strict=True))
+
+    def get(name: str) -> Any:
+        return symbols.get(name, sp.Integer(0))
+
+    wind = air((get("u"), get("v"), get("w")))
+    turned = attitude((get("e0"), get("e1"), get("e2"), get("e3")))
+    table = {
+        "V": wind.V, "alpha": wind.alpha, "beta": wind.beta, "phi": turned.phi, "theta": turned.theta,
+        "psi": turned.psi, **{n: get(n) for n in ("p", "q", "r", "h")},
+    }  # fmt: skip
+    return [table[name] for name in _MINIMAL[vehicle.reduce]]
+
+
+def _evaluate(vehicle: Vehicle, point: Trim, model: Any, blocks: list[Any], sp: Any) -> list[FloatArray]:
+    rows = parameter_rows(vehicle, point.changes)
+    states = initial_states(vehicle, point.start, rows, point.inputs)
+    arguments = [*model.states, *model.inputs, *model.parameters]
+    smooth = {"DiracDelta": np.zeros_like}  # the second derivative of abs(), away from its kink
+    function = sp.lambdify(arguments, blocks, [smooth, "numpy"], cse=True)
+    values = function(*states[:, 0], *point.inputs, *rows[:, 0])
+    return [np.atleast_2d(np.asarray(v, dtype=float)) for v in values]
+
+
+def _mixing(vehicle: Vehicle) -> tuple[tuple[str, ...], FloatArray]:
+    """Return the names of the linear model's inputs and the channels (n_u, m) that one unit of each moves."""
+    from stoop.simulate.trim import mixed_inputs, neutral_inputs
+
+    base = neutral_inputs(vehicle)
+    now = mixed_inputs(vehicle, dict.fromkeys(vehicle.controls, 0.0), base)
+    columns = [mixed_inputs(vehicle, {**dict.fromkeys(vehicle.controls, 0.0), c: 1.0}, base) - now for c in vehicle.controls]
+    names = list(vehicle.controls)
+    propulsion = vehicle.file.propulsion
+    if propulsion is not None and propulsion.kind != "constant":
+        names.append(propulsion.channel)
+        columns.append(np.eye(len(base))[vehicle.inputs.index(propulsion.channel)])
+    return tuple(names), np.array(columns).T if columns else np.zeros((len(base), 0))
+
+
+def _assemble(vehicle: Vehicle, names: tuple[str, ...], numbers: list[FloatArray]) -> LinearModel:
+    G, Fx, Fu, Hx, Hu = numbers
+    right = np.linalg.pinv(G)
+    inputs, mixing = _mixing(vehicle)
+    A = Fx @ right
+    modes = _modes(A, names)
+    return LinearModel(names, inputs, vehicle.outputs, A, Fu @ mixing, Hx @ right, Hu @ mixing, modes)
+
+
+def _modes(A: FloatArray, names: tuple[str, ...]) -> tuple[Mode, ...]:
+    """Name the modes by the states that take part in them."""
+    keep = [i for i, n in enumerate(names) if n not in ("psi", "h")]  # pure integrators of the rest
+    values, vectors = np.linalg.eig(A[np.ix_(keep, keep)])
+    left = np.linalg.inv(vectors)
+    kept = [names[i] for i in keep]
+    found = []
+    for i, s in enumerate(values):
+        if s.imag < 0.0:
+            continue
+        share = np.abs(vectors[:, i] * left[i])
+        weights = dict(zip(kept, share / share.sum(), strict=True))
+        frequency = abs(s)
+        constant = -1.0 / s.real if s.real else np.inf
+        found.append(Mode(_mode_name(weights, s), complex(s), float(frequency), float(-s.real / frequency) if frequency else 1.0, float(constant)))
+    return tuple(sorted(found, key=lambda m: -m.frequency))
+
+
+def _mode_name(weights: dict[str, float], s: complex) -> str:
+    def share(*names: str) -> float:
+        return sum(weights.get(n, 0.0) for n in names)
+
+    lag = max((n for n in weights if n.endswith(".lag")), key=lambda n: weights[n], default=None)
+    if lag is not None and weights[lag] > 0.5:
+        return lag
+    oscillates = abs(s.imag) > 1e-9
+    if share("V", "alpha", "q", "theta") > 0.5:
+        kind = "short period" if share("alpha", "q") > share("V", "theta") else "phugoid"
+        return kind if oscillates else f"{kind} (aperiodic)"
+    if oscillates:
+        return "Dutch roll" if share("beta", "r") > share("p", "phi") else "lateral phugoid"
+    return "roll" if share("p") > share("phi", "r", "beta") else "spiral"

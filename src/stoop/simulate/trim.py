@@ -1,0 +1,190 @@
+"""Steady straight flight: the paper's (14), for any vehicle file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.errors import SimulationError
+from stoop.simulate.initial import initial_states, parameter_rows
+from stoop.vehicle import Vehicle
+
+FloatArray = NDArray[np.float64]
+_TOLERANCE = 1e-7
+
+
+@dataclass(frozen=True)
+class Trim:
+    """A steady straight flight.
+
+    Attributes
+    ----------
+    start : dict
+        Initial state by the names of :data:`~stoop.simulate.initial.START_NAMES`, SI and rad.
+    deflections : dict
+        Control deflections, rad.
+    thrust : dict
+        The thrust number or channel that holds the speed (N, or the channel's unit).
+    inputs : (n_u,) array
+        Recorded channels that hold the flight, in the vehicle's order.
+    changes : dict
+        Numbers of the vehicle that the trim sets (a constant thrust).
+    residual : float
+        Largest acceleration left over, m/s2 or rad/s2.
+    """
+
+    start: dict[str, float]
+    deflections: dict[str, float]
+    thrust: dict[str, float]
+    inputs: FloatArray
+    changes: dict[str, float]
+    residual: float
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Which unknown is what in the trim's vector."""
+
+    vehicle: Vehicle
+    angles: tuple[str, ...]
+    controls: tuple[str, ...]
+    thrust: str | None
+
+    @property
+    def scale(self) -> FloatArray:
+        mass = self.vehicle.value("mass.mass") * 9.80665
+        constant = self.thrust is not None and self.vehicle.file.propulsion is not None
+        steps = [0.1] * (len(self.angles) + len(self.controls))
+        if constant:
+            steps.append(0.1 * mass if self.thrust == "propulsion.thrust" else _channel_step(self.vehicle, mass))
+        return np.array(steps)
+
+    def split(self, x: FloatArray) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
+        a, c = len(self.angles), len(self.controls)
+        values = [float(v) for v in x]
+        thrust = {self.thrust: values[-1]} if self.thrust is not None else {}
+        return dict(zip(self.angles, values[:a], strict=True)), dict(zip(self.controls, values[a : a + c], strict=True)), thrust
+
+
+def _channel_step(vehicle: Vehicle, weight: float) -> float:
+    propulsion = vehicle.file.propulsion
+    assert propulsion is not None
+    if propulsion.kind == "propeller":
+        return 20.0 / max(vehicle.value("propulsion.speed_gain"), 1e-6)
+    return 0.1 * weight
+
+
+def _layout(vehicle: Vehicle) -> _Layout:
+    propulsion = vehicle.file.propulsion
+    thrust = None
+    if propulsion is not None:
+        thrust = "propulsion.thrust" if propulsion.kind == "constant" else propulsion.channel
+    angles = ("alpha", "theta") if vehicle.reduce == "longitudinal" else ("alpha", "theta", "phi")
+    return _Layout(vehicle, angles, vehicle.controls, thrust)
+
+
+def mixed_inputs(vehicle: Vehicle, deflections: Mapping[str, float], base: FloatArray) -> FloatArray:
+    """Return recorded channels that give the deflections: the smallest change of ``base`` that does.
+
+    Parameters
+    ----------
+    deflections : mapping
+        Control -> rad.
+    base : (n_u,) array
+        Channels to start from; those that drive no control stay.
+    """
+    rows = parameter_rows(vehicle)
+    from stoop.simulate.initial import commanded
+
+    names = list(vehicle.controls)
+    now = np.array([commanded(vehicle, c, rows, base)[0] for c in names])
+    wanted = np.array([deflections.get(c, n) for c, n in zip(names, now, strict=True)])
+    gains = np.zeros((len(names), len(base)))
+    for i, control in enumerate(names):
+        for channel in vehicle.channels_of(control):
+            gain = vehicle.value(f"controls.{control}.mix.{channel}") if f"controls.{control}.mix.{channel}" in vehicle.rows else 1.0
+            gains[i, vehicle.inputs.index(channel)] = gain
+    return base + np.linalg.pinv(gains) @ (wanted - now) if names else base
+
+
+def neutral_inputs(vehicle: Vehicle, density: float | None = None) -> FloatArray:
+    """Return channels at their centers; a density channel at its value."""
+    out = np.zeros(len(vehicle.inputs))
+    for control in vehicle.controls:
+        for channel in vehicle.channels_of(control):
+            name = f"controls.{control}.center.{channel}"
+            if name in vehicle.rows:
+                out[vehicle.inputs.index(channel)] = vehicle.value(name)
+    if "density" in vehicle.inputs:
+        out[vehicle.inputs.index("density")] = 1.225 if density is None else density
+    return out
+
+
+def trim(
+    vehicle: Vehicle,
+    airspeed: float | None = None,
+    altitude: float = 200.0,
+    climb_angle: float = 0.0,
+    density: float | None = None,
+) -> Trim:
+    """Find steady straight flight without sideslip.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    airspeed : float, m/s, optional
+        The vehicle's V* when absent.
+    altitude : float, m
+    climb_angle : float, rad
+    density : float, kg/m3, optional
+        Only where the vehicle takes the density from the log.
+
+    Raises
+    ------
+    SimulationError
+        No steady flight at this speed with these controls.
+    """
+    from scipy.optimize import least_squares
+
+    layout = _layout(vehicle)
+    V = vehicle.value("reference.airspeed") if airspeed is None else airspeed
+    kernel, names = vehicle.kernel(), vehicle.states
+    quiet = neutral_inputs(vehicle, density)
+    scale = layout.scale
+    watched = [i for i, s in enumerate(names) if s in ("u", "v", "w", "p", "q", "r")]
+    height = names.index("h")
+
+    def point(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, dict[str, float]]:
+        angles, controls, thrust = layout.split(x * scale)
+        start = {"V": V, "h": altitude, **angles}
+        changes = {k: v for k, v in thrust.items() if k == "propulsion.thrust"}
+        inputs = mixed_inputs(vehicle, controls, quiet)
+        for channel in set(thrust) - set(changes):
+            inputs[vehicle.inputs.index(channel)] = thrust[channel]
+        rows = parameter_rows(vehicle, changes)
+        return rows, initial_states(vehicle, start, rows, inputs), inputs, start
+
+    def equations(x: FloatArray) -> FloatArray:
+        rows, states, inputs, _ = point(x)
+        rates, _ = kernel.evaluate(rows, states, inputs[:, None])
+        return np.append(rates[watched, 0], rates[height, 0] / V - math.sin(climb_angle))
+
+    first = np.zeros(len(scale))
+    first[:2] = 0.5
+    if layout.thrust is not None:
+        first[-1] = 1.0
+    solution = least_squares(equations, first, method="trf", xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=500)
+    residual = float(np.max(np.abs(equations(solution.x))))
+    angles, controls, thrust = layout.split(solution.x * scale)
+    if not residual < _TOLERANCE or max(map(abs, (*angles.values(), *controls.values()))) > math.pi / 2.0:
+        raise SimulationError(
+            f"{vehicle.where}: no steady flight found at {V:g} m/s (accelerations of {residual:.2g} remain); "
+            "try another airspeed or check thrust, CL and Cm"
+        )
+    _, _, inputs, start = point(solution.x)
+    changes = {k: v for k, v in thrust.items() if k == "propulsion.thrust"}
+    return Trim(start, controls, thrust, inputs, changes, residual)
