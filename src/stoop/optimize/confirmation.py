@@ -8,9 +8,8 @@ from typing import Final
 import numpy as np
 
 from stoop.optimize.arrays import BoolArray, FloatArray, IntArray
-from stoop.optimize.levenberg import Dive
+from stoop.optimize.levenberg import AGREE, Dive
 
-AGREE: Final = 1e-3  #: relative difference of two costs that count as the same optimum
 NOTHING: Final = 1e-12  #: of the trivial model's cost: two exact fits agree
 
 
@@ -23,13 +22,15 @@ class Ends:
     X : (m, D)
     costs : (m,)
     lineages : (m,), dives of one lineage may know of each other (members of one herd)
-    converged : (m,)
+    converged : (m,), to an optimum of their own
+    agreed : (m,), broken off as good as an optimum known before
     """
 
     X: FloatArray
     costs: FloatArray
     lineages: IntArray
     converged: BoolArray
+    agreed: BoolArray
 
     def add(self, end: Dive, lineage: int) -> Ends:
         """Return the ends with one more."""
@@ -38,11 +39,16 @@ class Ends:
             np.append(self.costs, end.cost),
             np.append(self.lineages, lineage),
             np.append(self.converged, end.converged),
+            np.append(self.agreed, end.ending == "agreed"),
         )
 
+    def optimum(self) -> float:
+        """Return the least cost that a dive converged to; inf before there is one."""
+        return float(self.costs[self.converged].min(initial=np.inf))
+
     def confirmed(self, best: float, reference: float) -> bool:
-        """Whether the last end converged to the best cost known, and one of another lineage did before."""
-        if not self.converged[-1] or not np.isfinite(best):
+        """Whether the last end is at the best cost known, and one of another lineage converged there before."""
+        if not (self.converged[-1] or self.agreed[-1]) or not np.isfinite(best):
             return False
         scale = NOTHING * reference if np.isfinite(reference) else 0.0
         level = np.abs(self.costs - best) <= AGREE * abs(best) + scale
@@ -51,6 +57,5 @@ class Ends:
 
 def no_ends(dimension: int) -> Ends:
     """Return the ends before the first dive."""
-    return Ends(
-        np.empty((0, dimension)), np.empty(0), np.empty(0, dtype=np.intp), np.empty(0, dtype=np.bool_)
-    )
+    nothing = np.empty(0, dtype=np.bool_)
+    return Ends(np.empty((0, dimension)), np.empty(0), np.empty(0, dtype=np.intp), nothing, nothing)

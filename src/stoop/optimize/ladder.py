@@ -55,9 +55,12 @@ def descend(ledger: Ledger, z: FloatArray, seen: FloatArray) -> Descent:
     return descent
 
 
-def finish(ledger: Ledger, z: FloatArray) -> Dive:
-    """Dive on the full record, measured against the best so far."""
-    return dive(ledger, z, ledger.full, FULL, ledger.cost)
+def finish(ledger: Ledger, z: FloatArray, optimum: float) -> Dive:
+    """Dive on the full record, measured against the best so far and the best optimum known."""
+    worthy = max(GATE * ledger.reference(ledger.full), SIMILAR * ledger.cost)
+    return dive(
+        ledger, z, ledger.full, FULL, ledger.cost, worthy if np.isfinite(worthy) else -np.inf, optimum
+    )
 
 
 def passes(ledger: Ledger, cost: float, rung: int, seen: FloatArray) -> bool:

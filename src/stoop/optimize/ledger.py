@@ -142,7 +142,7 @@ class Ledger:
         if F[i] >= self.cost:
             return
         if F[i] <= self.target:
-            i = int(np.flatnonzero(F <= self.target)[0])
+            i = int(np.flatnonzero(self.target >= F)[0])
             self.spent = before + (i + 1) * price
         self._offer(np.concatenate([X[i], np.zeros(self.extra)]), float(F[i]))
 

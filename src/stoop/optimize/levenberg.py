@@ -22,8 +22,9 @@ from stoop.optimize.ledger import sum_of_squares
 from stoop.optimize.normal import gram, project, solve_damped
 from stoop.optimize.problem import Problem
 
-Ending = Literal["converged", "stalled", "hopeless", "limit", "diverged"]
+Ending = Literal["converged", "agreed", "stalled", "hopeless", "limit", "diverged"]
 
+AGREE: Final = 1e-3  #: relative difference of two costs that count as the same optimum
 TINY_STEP: Final = 1e-12  #: of the unit box
 LOST: Final = 1e8  #: damping beyond which no step helps any more
 SMALLEST_DAMPING: Final = 1e-12
@@ -65,7 +66,8 @@ class Dive:
     ----------
     z : (D + E,)
     cost : on the dive's rung
-    ending : "converged", "stalled" (no longer falling), "hopeless" (above the incumbent and falling too
+    ending : "converged", "agreed" (above the known optimum by less than AGREE, with less than that to gain),
+        "stalled" (no longer falling), "hopeless" (above the incumbent and falling too
         slowly), "limit" (iterations used up) or "diverged" (no finite cost at the start)
     iterations : trial steps taken
     """
@@ -77,12 +79,18 @@ class Dive:
 
     @property
     def converged(self) -> bool:
-        """Whether the end is a local optimum."""
+        """Whether the end is a local optimum of its own."""
         return self.ending == "converged"
 
 
 def dive(
-    problem: Problem, z: FloatArray, rung: int, settings: Settings = FULL, incumbent: float = np.inf
+    problem: Problem,
+    z: FloatArray,
+    rung: int,
+    settings: Settings = FULL,
+    incumbent: float = np.inf,
+    worthy: float = -np.inf,
+    optimum: float = np.inf,
 ) -> Dive:
     """Minimize the sum of squares from z on one rung.
 
@@ -94,13 +102,18 @@ def dive(
     settings : Settings
     incumbent : float
         Best cost known on this rung; a dive that stays above it must fall fast or is let go.
+    worthy : float
+        A dive below this cost is never let go as stalled: near an optimum that noise or an imperfect model
+        keeps far above zero, every dive falls slowly.
+    optimum : float
+        Cost of an optimum that another dive converged to; this one ends as soon as it agrees with it.
     """
     start = np.concatenate([np.clip(z[: problem.dimension], 0.0, 1.0), z[problem.dimension :]])
     r = problem.residuals(start[None, :], rung)[0]
     cost = sum_of_squares(r)
     if not np.isfinite(cost):
         return Dive(start, np.inf, "diverged", 0)
-    return _Descent(problem, rung, settings, incumbent, start, r, cost).run()
+    return _Descent(problem, rung, settings, incumbent, worthy, optimum, start, r, cost).run()
 
 
 class _Descent:
@@ -112,11 +125,14 @@ class _Descent:
         rung: int,
         settings: Settings,
         incumbent: float,
+        worthy: float,
+        optimum: float,
         z: FloatArray,
         r: FloatArray,
         cost: float,
     ) -> None:
-        self.problem, self.rung, self.settings, self.incumbent = problem, rung, settings, incumbent
+        self.problem, self.rung, self.settings = problem, rung, settings
+        self.incumbent, self.worthy, self.optimum = incumbent, worthy, optimum
         self.z, self.r, self.cost = z, r, cost
         self.lower = np.concatenate([np.zeros(problem.dimension), np.full(problem.extra, -np.inf)])
         self.upper = np.concatenate([np.ones(problem.dimension), np.full(problem.extra, np.inf)])
@@ -149,6 +165,8 @@ class _Descent:
         predicted = -float(2.0 * (self.gradient @ step) + step @ self.normal @ step)
         if 0.0 <= predicted < self.settings.predicted * self.cost and self.damping <= 1e-2:
             return "converged"
+        if self.agrees(predicted):
+            return "agreed"
         ending = self.attempt(step, predicted)
         self.costs.append(self.cost)
         return ending or self.tired()
@@ -176,6 +194,11 @@ class _Descent:
         """Return which variables are not held at a bound that descent would cross."""
         held = ((self.z <= self.lower) & (self.gradient > 0)) | ((self.z >= self.upper) & (self.gradient < 0))
         return np.logical_not(held)
+
+    def agrees(self, predicted: float) -> bool:
+        """Whether this is as good as the known optimum to within AGREE, with little more to be gained."""
+        band = AGREE * self.cost
+        return self.optimum <= self.cost <= self.optimum + band and 0.0 <= predicted <= band
 
     def doubt(self) -> Ending | None:
         """Take a vanishing step for convergence only if the Jacobian can be trusted."""
@@ -230,7 +253,8 @@ class _Descent:
     def tired(self) -> Ending | None:
         """Let go of a prey that no longer comes down."""
         s, past = self.settings, self.costs
-        if len(past) > s.stall and past[-1] > 0.9 * past[-1 - s.stall] and self.damping > s.stall_damping:
+        slow = len(past) > s.stall and past[-1] > 0.9 * past[-1 - s.stall]
+        if slow and self.damping > s.stall_damping and past[-1] > self.worthy:
             return "stalled"
         if past[-1] > self.incumbent and len(past) > s.patience and past[-1] > 0.3 * past[-1 - s.patience]:
             return "hopeless"

@@ -13,11 +13,12 @@ import numpy as np
 
 from stoop.optimize import herd as herds
 from stoop.optimize.arrays import FloatArray
-from stoop.optimize.confirmation import AGREE, Ends, no_ends
+from stoop.optimize.confirmation import Ends, no_ends
 from stoop.optimize.herd import Herd
 from stoop.optimize.initialization import latin_hypercube
 from stoop.optimize.ladder import Descent, descend, explains, finish
 from stoop.optimize.ledger import Ledger, blank, opened
+from stoop.optimize.levenberg import AGREE
 from stoop.optimize.problem import Problem
 from stoop.optimize.state import Event, State
 from stoop.optimize.stream import from_generator
@@ -206,7 +207,7 @@ def _rescue(state: PreyState, ledger: Ledger) -> tuple[PreyState, Event]:
 
 def _dive(state: PreyState, ledger: Ledger, z: FloatArray, lineage: int) -> tuple[PreyState, Event]:
     """Dive on the full record and see whether that confirms the best."""
-    end = finish(ledger, z)
+    end = finish(ledger, z, state.ends.optimum())
     ends = state.ends.add(end, lineage)
     confirmed = ends.confirmed(ledger.cost, ledger.reference(ledger.full))
     text = f"{end.ending} after {end.iterations} steps" + (", confirmed" if confirmed else "")
