@@ -5,18 +5,25 @@ from stoop.flight.faults import Fault
 from stoop.flight.flight import Flight
 from stoop.flight.load import load
 from stoop.flight.make import from_columns
+from stoop.flight.maneuvers import Maneuver, find_maneuvers
 from stoop.flight.segments import Segment, segments
 from stoop.flight.store import save
+from stoop.flight.summary import ChannelRow, FlightSummary, describe
 from stoop.flight.variables import OUTPUTS, VARIABLES, Variable
 
 __all__ = [
     "OUTPUTS",
     "VARIABLES",
+    "ChannelRow",
     "Fault",
     "Flight",
+    "FlightSummary",
+    "Maneuver",
     "Segment",
     "SourceRate",
     "Variable",
+    "describe",
+    "find_maneuvers",
     "from_columns",
     "load",
     "save",

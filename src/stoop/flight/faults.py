@@ -88,11 +88,15 @@ def _clipped(name: str, t: FloatArray, x: FloatArray) -> Iterator[Fault]:
     values, counts = np.unique(x, return_counts=True)
     if values.size < CLIPPED_SAMPLES:
         return
+    symmetric = abs(values[0] + values[-1]) < 0.01 * abs(values[-1])
     for end, beside in ((0, 1), (-1, -2)):
         value, count = float(values[end]), int(counts[end])
         if value == 0.0 or count < max(CLIPPED_SAMPLES, CLIPPED_CONTRAST * int(counts[beside])):
             continue
-        at = t[x == value]
+        held = x == value
+        if not symmetric and np.count_nonzero(np.diff(held.astype(np.int8)) == 1) < 2:
+            continue  # held once: stuck rather than clipped
+        at = t[held]
         words = (
             f"{name} stops {count} times at exactly {value:.4g} {VARIABLES[name].unit}: clipped, or a default"
         )

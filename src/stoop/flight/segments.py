@@ -16,6 +16,7 @@ from stoop.flight.grid import EDGE, complete
 from stoop.flight.variables import variable
 from stoop.logs import FloatArray
 
+MOST_HOLES: Final = 4  #: that are told one by one
 SHORTEST: Final = 0.5  #: s; shorter pieces say nothing about the aircraft and are dropped
 
 
@@ -121,23 +122,30 @@ def _stack(columns: Mapping[str, FloatArray], names: Sequence[str], size: int) -
 
 
 def _pieces(flight: Flight, t: FloatArray, whole: npt.NDArray[np.bool_]) -> tuple[list[slice], list[str]]:
-    """Return the runs of complete inputs that are long enough, and a note on each hole and each short run."""
+    """Return the runs of complete inputs that are long enough, and notes on holes and short runs."""
     least = SHORTEST * flight.rate
-    kept: list[slice] = []
-    notes: list[str] = []
-    for run in runs(whole):
-        if run.stop - run.start >= least:
-            kept.append(run)
-        else:
-            notes.append(
-                f"{flight.name}: {_span(t, run)} is shorter than {SHORTEST:g} s between holes and was dropped"
-            )
+    pieces = runs(whole)
+    kept = [run for run in pieces if run.stop - run.start >= least]
+    edges = (0, t.size)  # a single sample at the edge is the rounding of the window, no hole
     holes = [
-        f"{flight.name}: inputs are missing in {_span(t, run)}; no segment crosses it"
-        for run in runs(~whole)
-        if run.stop - run.start > 1
+        run for run in runs(~whole) if run.stop - run.start > 1 or not {run.start, run.stop} & set(edges)
     ]
-    return kept, holes + notes
+    dropped = len(pieces) - len(kept)
+    short = f"{flight.name}: {dropped} pieces between holes were shorter than {SHORTEST:g} s and were dropped"
+    return kept, [*_holes(flight, t, holes), *([short] if dropped else [])]
+
+
+def _holes(flight: Flight, t: FloatArray, holes: list[slice]) -> list[str]:
+    if len(holes) <= MOST_HOLES:
+        return [
+            f"{flight.name}: inputs are missing in {_span(t, run)}; no segment crosses it" for run in holes
+        ]
+    lost = sum(run.stop - run.start for run in holes) / flight.rate
+    where = f"{t[holes[0].start]:.2f}:{t[holes[-1].stop - 1]:.2f}"
+    return [
+        f"{flight.name}: inputs are missing in {len(holes)} places in {where}, {lost:.2f} s in all; "
+        "no segment crosses them"
+    ]
 
 
 def _span(t: FloatArray, run: slice) -> str:
