@@ -1,0 +1,153 @@
+"""The fit: search with frozen weights, then alternate noise estimate and dive until the likelihood rests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop import optimize
+from stoop.cost import Layout, Misfit, Weights
+from stoop.cost.misfit import horizon_ladder
+from stoop.errors import IdentificationError
+from stoop.flight import Flight
+from stoop.identify.equation_error import equation_error
+from stoop.identify.noise import noise_variance
+from stoop.identify.prepare import Prepared, nuisances, prepare
+from stoop.identify.windows import Window
+from stoop.optimize.ledger import blank
+from stoop.vehicle import Vehicle
+
+FloatArray = NDArray[np.float64]
+RESTS = 1e-4  #: change of log det R per channel below which the noise estimate has come to rest
+MAX_ROUNDS = 30
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to search.
+
+    Attributes
+    ----------
+    optimizer : str
+        Name, see :func:`stoop.optimize.names`.
+    seed : int
+    generations, budget, target_cost
+        When to give up, see :class:`stoop.optimize.Stop`.
+    covariance : (n_y,) or (n_y, n_y) array, optional
+        A given noise covariance, the inverse of eq. (3)'s Q; estimated when absent.
+    """
+
+    optimizer: str = "ps-gde-lm"
+    seed: int = 0
+    generations: int = 2000
+    budget: float = 100_000.0
+    target_cost: float = -np.inf
+    covariance: FloatArray | None = None
+
+    @property
+    def stop(self) -> optimize.Stop:
+        """The optimizer's stopping rule."""
+        return optimize.Stop(self.generations, self.budget, self.target_cost)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A finished search.
+
+    Attributes
+    ----------
+    problem : Misfit
+        With the final weights.
+    prepared : Prepared
+    z : (D + E,)
+        The optimum.
+    outcome : Outcome
+        Of the search with the first weights.
+    cost : float
+        J at the optimum with the final weights.
+    trajectories : float
+        Whole-trajectory equivalents, refinement included.
+    warnings : tuple of str
+    """
+
+    problem: Misfit
+    prepared: Prepared
+    z: FloatArray
+    outcome: optimize.Outcome
+    cost: float
+    trajectories: float
+    warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def estimates(self) -> dict[str, float]:
+        """Free parameters, SI."""
+        values = self.problem.layout.physical(self.z[None, :])[0]
+        return {p.name: float(v) for p, v in zip(self.problem.layout.parameters, values, strict=True)}
+
+
+def pose(
+    vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window], options: Options
+) -> tuple[Misfit, Prepared]:
+    """Turn flights and windows into a least-squares problem.
+
+    Raises
+    ------
+    IdentificationError
+        Nothing is free.
+    """
+    prepared = prepare(vehicle, flights, windows)
+    layout = Layout.of(vehicle, nuisances(vehicle, prepared))
+    layout = replace(layout, parameters=tuple(p for p in layout.parameters if not p.name.startswith("sensors.") or not p.name.endswith(".bias")))
+    if layout.dimension == 0:
+        raise IdentificationError(f"{vehicle.where}: no number is free; set free = true or use --free NAME")
+    sigma = np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs])
+    covariance = sigma**2 if options.covariance is None else options.covariance
+    problem = Misfit(layout, prepared.pieces, Weights.of(covariance), horizon_ladder(prepared.pieces))
+    return problem, prepared
+
+
+def starts(problem: Misfit) -> FloatArray:
+    """Return first scouts (k, D): the file's own values and the equation-error estimate."""
+    layout = problem.layout
+    own = layout.unit(np.array([p.value for p in layout.parameters]))
+    guess = equation_error(layout, problem.pieces)
+    return np.array([own] if guess is None else [own, guess])
+
+
+def fit(
+    vehicle: Vehicle,
+    flights: Mapping[str, Flight],
+    windows: Sequence[Window],
+    options: Options = Options(),
+    callback: Callable[[optimize.Progress], None] | None = None,
+    state: optimize.State | None = None,
+) -> Fit:
+    """Fit the free numbers of a vehicle to windows of flights, jointly."""
+    problem, prepared = pose(vehicle, flights, windows, options)
+    outcome = optimize.minimize(
+        optimize.create(options.optimizer), problem, seed=options.seed, starts=starts(problem),
+        stop=options.stop, callback=callback, state=state,
+    )  # fmt: skip
+    if not np.isfinite(outcome.cost):
+        raise IdentificationError(f"{vehicle.where}: {outcome.advice}")
+    return refine(problem, prepared, outcome, estimate_noise=options.covariance is None)
+
+
+def refine(problem: Misfit, prepared: Prepared, outcome: optimize.Outcome, estimate_noise: bool) -> Fit:
+    """Alternate the noise estimate and a full dive; population optimizers get their nuisances here."""
+    rung = len(problem.prices) - 1
+    z, cost, before, spent = outcome.z, outcome.cost, np.inf, outcome.trajectories
+    for _ in range(MAX_ROUNDS):
+        if estimate_noise:
+            problem = problem.weighted(Weights.of(noise_variance(problem, z)))
+        ledger = optimize.Ledger(problem, blank(problem))
+        end = optimize.dive(ledger, z, rung)
+        z, cost, spent = end.z, end.cost, spent + ledger.spent
+        now = problem.weights.logdet
+        if not estimate_noise or abs(before - now) < RESTS * len(problem.weights.covariance):
+            break
+        before = now
+    return Fit(problem, prepared, z, outcome, cost, spent)

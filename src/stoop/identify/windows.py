@@ -1,0 +1,58 @@
+"""How a user names a maneuver: ``[FLIGHT@]START:STOP[#LOADING]``, seconds of the log's own clock."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from stoop.errors import FlightError
+from stoop.flight import Flight
+
+
+@dataclass(frozen=True)
+class Window:
+    """One stretch of one flight.
+
+    Attributes
+    ----------
+    flight : str
+        Name of the flight.
+    start, stop : float, s
+        On the log's own clock.
+    loading : str or None
+        Name of the vehicle file's loading (mass, centre of gravity, inertia) that was flown.
+    """
+
+    flight: str
+    start: float
+    stop: float
+    loading: str | None = None
+
+    def __str__(self) -> str:
+        return f"{self.flight}@{self.start:g}:{self.stop:g}"
+
+
+def parse_window(text: str, flights: Mapping[str, Flight]) -> Window:
+    """Read a window; the flight's name may be left out when there is one flight.
+
+    Raises
+    ------
+    FlightError
+        Not of this form, an unknown flight, or a window that ends before it begins.
+    """
+    span, _, loading = text.partition("#")
+    name, at, times = span.rpartition("@")
+    if not at:
+        if len(flights) != 1:
+            raise FlightError(f"maneuver '{text}': several flights are given; write FLIGHT@START:STOP with one of {', '.join(flights)}")
+        name = next(iter(flights))
+    if name not in flights:
+        raise FlightError(f"maneuver '{text}': no flight is called '{name}'; flights are {', '.join(flights)}")
+    try:
+        start, stop = (float(part) for part in times.split(":"))
+    except ValueError:
+        raise FlightError(f"maneuver '{text}': write START:STOP in seconds, for example 140:145") from None
+    if not (math.isfinite(start) and math.isfinite(stop) and start < stop):
+        raise FlightError(f"maneuver '{text}': the start must come before the stop")
+    return Window(name, start, stop, loading or None)
