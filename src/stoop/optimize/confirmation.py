@@ -47,7 +47,7 @@ class Ends:
         return float(self.costs[self.converged].min(initial=np.inf))
 
     def confirmed(self, best: float, reference: float) -> bool:
-        """Whether the last end is at the best cost known, and one of another lineage converged there before."""
+        """Whether the last end is at the best cost known, where one of another lineage converged before."""
         if not (self.converged[-1] or self.agreed[-1]) or not np.isfinite(best):
             return False
         scale = NOTHING * reference if np.isfinite(reference) else 0.0

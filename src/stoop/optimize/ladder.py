@@ -17,6 +17,7 @@ from stoop.optimize.ledger import Ledger
 from stoop.optimize.levenberg import FULL, RUNG, Dive, dive
 
 GATE: Final = 0.25  #: share of the trivial model's cost that a passing prey may leave unexplained
+CONSISTENT: Final = 2.0  #: times the score on the last rung that is still the same score on the full record
 SIMILAR: Final = 1.2  #: or this many times the least cost that an earlier dive reached on the rung
 
 
@@ -44,7 +45,7 @@ class Descent:
 def descend(ledger: Ledger, z: FloatArray, seen: FloatArray) -> Descent:
     """Dive from z on each shortened record in turn, as long as the gates let it through."""
     seen = seen.copy()
-    descent = Descent(z, 0, np.inf, np.inf, True, seen)
+    descent = Descent(z, 0, np.inf, 0.0, True, seen)
     for rung in range(ledger.full):
         end = dive(ledger, descent.z, rung, RUNG)
         through = passes(ledger, end.cost, rung, seen)
@@ -55,12 +56,17 @@ def descend(ledger: Ledger, z: FloatArray, seen: FloatArray) -> Descent:
     return descent
 
 
-def finish(ledger: Ledger, z: FloatArray, optimum: float) -> Dive:
-    """Dive on the full record, measured against the best so far and the best optimum known."""
-    worthy = max(GATE * ledger.reference(ledger.full), SIMILAR * ledger.cost)
-    return dive(
-        ledger, z, ledger.full, FULL, ledger.cost, worthy if np.isfinite(worthy) else -np.inf, optimum
-    )
+def finish(ledger: Ledger, z: FloatArray, optimum: float, score: float = 0.0) -> Dive:
+    """Dive on the full record, measured against the best so far and the best optimum known.
+
+    A dive is followed to its end, however slowly it falls, if it explains the data, or is near the best so
+    far, or does on the full record about as well as on the last rung (`score`): then it is the model that is
+    imperfect, not the prey.
+    """
+    worthy = max(GATE, CONSISTENT * score) * ledger.reference(ledger.full)
+    if np.isfinite(ledger.cost):
+        worthy = max(worthy, SIMILAR * ledger.cost)
+    return dive(ledger, z, ledger.full, FULL, ledger.cost, worthy, optimum)
 
 
 def passes(ledger: Ledger, cost: float, rung: int, seen: FloatArray) -> bool:

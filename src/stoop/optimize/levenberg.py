@@ -25,6 +25,7 @@ from stoop.optimize.problem import Problem
 Ending = Literal["converged", "agreed", "stalled", "hopeless", "limit", "diverged"]
 
 AGREE: Final = 1e-3  #: relative difference of two costs that count as the same optimum
+FORESEEN: Final = 0.25  #: a gain within this of the predicted one leaves the Jacobian in use
 TINY_STEP: Final = 1e-12  #: of the unit box
 LOST: Final = 1e8  #: damping beyond which no step helps any more
 SMALLEST_DAMPING: Final = 1e-12
@@ -164,7 +165,7 @@ class _Descent:
             return self.doubt()
         predicted = -float(2.0 * (self.gradient @ step) + step @ self.normal @ step)
         if 0.0 <= predicted < self.settings.predicted * self.cost and self.damping <= 1e-2:
-            return "converged"
+            return self.doubt()
         if self.agrees(predicted):
             return "agreed"
         ending = self.attempt(step, predicted)
@@ -201,7 +202,7 @@ class _Descent:
         return self.optimum <= self.cost <= self.optimum + band and 0.0 <= predicted <= band
 
     def doubt(self) -> Ending | None:
-        """Take a vanishing step for convergence only if the Jacobian can be trusted."""
+        """Take a vanishing step or gain for convergence only if the Jacobian can be trusted."""
         if self.fresh:
             return "converged"
         self.stale = True
@@ -219,7 +220,7 @@ class _Descent:
     def accept(self, z: FloatArray, r: FloatArray, cost: float, ratio: float) -> Ending | None:
         """Move, update the Jacobian, relax the damping."""
         small = self.cost - cost <= self.settings.gain * self.cost
-        poor = cost > 0.5 * self.cost or ratio < 0.25
+        poor = ratio < 0.25 or (cost > 0.5 * self.cost and abs(ratio - 1.0) > FORESEEN)
         self.secant(z - self.z, r)
         self.z, self.r, self.cost = z, r, cost
         if ratio > 0:
@@ -253,12 +254,12 @@ class _Descent:
     def tired(self) -> Ending | None:
         """Let go of a prey that no longer comes down."""
         s, past = self.settings, self.costs
-        slow = len(past) > s.stall and past[-1] > 0.9 * past[-1 - s.stall]
-        if slow and self.damping > s.stall_damping and past[-1] > self.worthy:
+        if past[-1] <= self.worthy:
+            return None
+        if len(past) > s.stall and past[-1] > 0.9 * past[-1 - s.stall] and self.damping > s.stall_damping:
             return "stalled"
-        if past[-1] > self.incumbent and len(past) > s.patience and past[-1] > 0.3 * past[-1 - s.patience]:
-            return "hopeless"
-        return None
+        above = past[-1] > self.incumbent and len(past) > s.patience
+        return "hopeless" if above and past[-1] > 0.3 * past[-1 - s.patience] else None
 
 
 def _finite(value: float) -> float:

@@ -187,7 +187,7 @@ def _follow(state: PreyState, ledger: Ledger, z: FloatArray, lineage: int) -> tu
     state = replace(state, seen=descent.seen)
     if not descent.passed:
         return _shelve(state, descent)
-    state, event = _dive(state, ledger, descent.z, lineage)
+    state, event = _dive(state, ledger, descent.z, lineage, descent.score)
     return replace(state, passed=True), event
 
 
@@ -205,9 +205,11 @@ def _rescue(state: PreyState, ledger: Ledger) -> tuple[PreyState, Event]:
     return _dive(state, ledger, z, state.lineages - 1)
 
 
-def _dive(state: PreyState, ledger: Ledger, z: FloatArray, lineage: int) -> tuple[PreyState, Event]:
+def _dive(
+    state: PreyState, ledger: Ledger, z: FloatArray, lineage: int, score: float = 0.0
+) -> tuple[PreyState, Event]:
     """Dive on the full record and see whether that confirms the best."""
-    end = finish(ledger, z, state.ends.optimum())
+    end = finish(ledger, z, state.ends.optimum(), score)
     ends = state.ends.add(end, lineage)
     confirmed = ends.confirmed(ledger.cost, ledger.reference(ledger.full))
     text = f"{end.ending} after {end.iterations} steps" + (", confirmed" if confirmed else "")
@@ -251,9 +253,8 @@ def _evolve(state: PreyState, herd: Herd, ledger: Ledger) -> tuple[PreyState, Ev
 def _sacrifice(state: PreyState, herd: Herd, member: int, ledger: Ledger) -> tuple[PreyState, Event]:
     """Dive from a member of the herd; its end stays in the herd."""
     before = ledger.cost
-    state, event = _dive(
-        state, ledger, np.concatenate([herd.X[member], np.zeros(ledger.extra)]), state.lineages - 1
-    )
+    z = np.concatenate([herd.X[member], np.zeros(ledger.extra)])
+    state, event = _dive(state, ledger, z, state.lineages - 1)
     improved = ledger.cost < before * (1.0 - 1e-12)
     x = state.ends.X[-1]
     # the herd lives where the nuisances are zero: only there may its members be compared
