@@ -43,6 +43,7 @@ BIAS_PRIOR: Final = 0.5  #: m/s2
 BIAS_WALK: Final = 0.01  #: m/s2 per square root of a second: 0.1 m/s2 in 100 s
 HEADING_PRIOR: Final = 5.0 * DEGREE
 HEADING_WALK: Final = 0.1 * DEGREE  #: per square root of a second: what a compass and its filter wander
+SLOWEST: Final = 0.1  #: Hz; a velocity without a rate of its own is taken this seldom
 LAGS: Final = 20  #: knots over which the two kinds of noise are told apart
 FLOOR_LOGGED: Final = 5e-3  #: m/s
 FLOOR_FORCE: Final = 0.03  #: m/s2 per square root of Hz
@@ -110,7 +111,7 @@ def smooth_velocity(record: Record, rate: float, limit: float = 1.0) -> Smoothed
     Smoothed, or None where no stretch of inertial data holds a logged velocity
     """
     path = _integrate(record)
-    stride = max(1, round(1.0 / (rate * path.step)))
+    stride = max(1, round(1.0 / (max(rate, SLOWEST) * path.step)))
     ties, delay, delay_std = _find_delay(record, path, stride)
     if ties.index.size < 2:
         return None
