@@ -168,7 +168,8 @@ class Misfit:
         """Entries that are varied on each piece: all parameters and the piece's own initial states."""
         d = self.dimension
         own = [
-            [d + j for j, n in enumerate(self.layout.nuisances) if n.piece == i] for i in range(len(self.pieces))
+            [d + j for j, n in enumerate(self.layout.nuisances) if n.piece == i]
+            for i in range(len(self.pieces))
         ]
         return [[*range(d), *states] for states in own]
 

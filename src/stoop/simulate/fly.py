@@ -52,7 +52,9 @@ def fly(vehicle: Vehicle, maneuver: Maneuver) -> Flown:
     for control in deflections:
         if control not in vehicle.controls:
             known = ", ".join(vehicle.controls) or "none"
-            raise ManeuverError(f"{vehicle.where}: the maneuver moves '{control}', but the controls are {known}; correct the maneuver file")
+            raise ManeuverError(
+                f"{vehicle.where}: the maneuver moves '{control}', but the controls are {known}; correct the maneuver file"
+            )
     point = trim(vehicle, maneuver.airspeed, maneuver.altitude)
     inputs = _inputs(vehicle, maneuver, point, deflections)
     rows = parameter_rows(vehicle, point.changes)
@@ -60,7 +62,9 @@ def fly(vehicle: Vehicle, maneuver: Maneuver) -> Flown:
     outputs = vehicle.kernel().trajectories(rows, start, inputs, 1.0 / maneuver.rate)[0]
     if not np.isfinite(outputs).all():
         last = maneuver.time[int(np.argmin(np.isfinite(outputs).all(axis=1)))]
-        raise SimulationError(f"{vehicle.where}: the flight diverges at {last:.2f} s; reduce the amplitude or check the vehicle's stability")
+        raise SimulationError(
+            f"{vehicle.where}: the flight diverges at {last:.2f} s; reduce the amplitude or check the vehicle's stability"
+        )
     return Flown(point, maneuver.time, inputs, outputs)
 
 
@@ -68,7 +72,9 @@ def _inputs(vehicle: Vehicle, maneuver: Maneuver, point: Trim, moves: dict[str, 
     """Mix deflections into recorded channels; mixing is affine, so one column per control is enough."""
     out = np.repeat(point.inputs[None, :], len(maneuver.time), axis=0)
     for control, move in moves.items():
-        unit = mixed_inputs(vehicle, {**point.deflections, control: point.deflections[control] + 1.0}, point.inputs)
+        unit = mixed_inputs(
+            vehicle, {**point.deflections, control: point.deflections[control] + 1.0}, point.inputs
+        )
         out += np.outer(move, unit - point.inputs)
     return out
 
@@ -77,7 +83,9 @@ def noise_sigma(vehicle: Vehicle, maneuver: Maneuver) -> FloatArray:
     """Return the noise of each output channel, its own unit."""
     unknown = set(maneuver.noise) - set(vehicle.outputs)
     if unknown:
-        raise ManeuverError(f"noise: '{min(unknown)}' is not observed; channels are {', '.join(vehicle.outputs)}")
+        raise ManeuverError(
+            f"noise: '{min(unknown)}' is not observed; channels are {', '.join(vehicle.outputs)}"
+        )
     file = vehicle.file.sensors
     return np.array([maneuver.noise.get(c, getattr(file, c).sigma) for c in vehicle.outputs])
 
@@ -114,19 +122,25 @@ def simulate_flight(
     data.attrs["truth"] = json.dumps({p.name: p.value for p in vehicle.parameters if p.free})
     data.attrs["vehicle"] = vehicle.name
     period = 1.0 / maneuver.rate
-    rates = dict.fromkeys(columns, SourceRate("simulation", maneuver.rate, period, 0, 0.0, float(flown.time[-1])))
+    rates = dict.fromkeys(
+        columns, SourceRate("simulation", maneuver.rate, period, 0, 0.0, float(flown.time[-1]))
+    )
     return Flight(name, None, data, maneuver.rate, rates, ("simulated flight",))
 
 
 def _altitude(vehicle: Vehicle, maneuver: Maneuver, flown: Flown) -> FloatArray:
     """Integrate the climb rate that the noise-free readings imply, m (steady air)."""
-    y = dict.fromkeys(CHANNELS, np.zeros(len(flown.time))) | dict(zip(vehicle.outputs, flown.outputs.T, strict=True))
+    y = dict.fromkeys(CHANNELS, np.zeros(len(flown.time))) | dict(
+        zip(vehicle.outputs, flown.outputs.T, strict=True)
+    )
     u, v, w = _body_velocity(y["V"], y["alpha"], y["beta"])
     climb = u * np.sin(y["theta"]) - np.cos(y["theta"]) * (v * np.sin(y["phi"]) + w * np.cos(y["phi"]))
     steps = 0.5 * (climb[1:] + climb[:-1]) / maneuver.rate
     return maneuver.altitude + np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def _body_velocity(V: FloatArray, alpha: FloatArray, beta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _body_velocity(
+    V: FloatArray, alpha: FloatArray, beta: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     plane = V * np.cos(beta)
     return plane * np.cos(alpha), V * np.sin(beta), plane * np.sin(alpha)

@@ -121,7 +121,10 @@ def _mixing(vehicle: Vehicle) -> tuple[tuple[str, ...], FloatArray]:
 
     base = neutral_inputs(vehicle)
     now = mixed_inputs(vehicle, dict.fromkeys(vehicle.controls, 0.0), base)
-    columns = [mixed_inputs(vehicle, {**dict.fromkeys(vehicle.controls, 0.0), c: 1.0}, base) - now for c in vehicle.controls]
+    columns = [
+        mixed_inputs(vehicle, {**dict.fromkeys(vehicle.controls, 0.0), c: 1.0}, base) - now
+        for c in vehicle.controls
+    ]
     names = list(vehicle.controls)
     propulsion = vehicle.file.propulsion
     if propulsion is not None and propulsion.kind != "constant":
@@ -153,7 +156,15 @@ def _modes(A: FloatArray, names: tuple[str, ...]) -> tuple[Mode, ...]:
         weights = dict(zip(kept, share / share.sum(), strict=True))
         frequency = abs(s)
         constant = -1.0 / s.real if s.real else np.inf
-        found.append(Mode(_mode_name(weights, s), complex(s), float(frequency), float(-s.real / frequency) if frequency else 1.0, float(constant)))
+        found.append(
+            Mode(
+                _mode_name(weights, s),
+                complex(s),
+                float(frequency),
+                float(-s.real / frequency) if frequency else 1.0,
+                float(constant),
+            )
+        )
     return tuple(sorted(found, key=lambda m: -m.frequency))
 
 

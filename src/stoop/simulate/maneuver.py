@@ -79,7 +79,9 @@ class Multisine(_Table):
     @model_validator(mode="after")
     def _has_harmonics(self) -> Multisine:
         if self.first / self.duration > self.band:
-            raise ValueError(f"no harmonic of 1/{self.duration:g} s lies below {self.band:g} Hz; raise band or duration")
+            raise ValueError(
+                f"no harmonic of 1/{self.duration:g} s lies below {self.band:g} Hz; raise band or duration"
+            )
         return self
 
 
@@ -143,7 +145,9 @@ def _multisine(spec: Any, t: FloatArray) -> FloatArray:
     tau = t - spec.start
     waves = np.sin(2.0 * np.pi * np.outer(tau, harmonics) / spec.duration + phases).sum(axis=1)
     inside = (tau >= -_EDGE) & (tau < spec.duration - _EDGE)
-    return np.asarray(np.where(inside, spec.amplitude * waves / max(float(np.max(np.abs(waves))), 1e-12), 0.0))
+    return np.asarray(
+        np.where(inside, spec.amplitude * waves / max(float(np.max(np.abs(waves))), 1e-12), 0.0)
+    )
 
 
 _SHAPES: dict[str, Callable[[Any, FloatArray], FloatArray]] = {

@@ -60,14 +60,20 @@ class _Layout:
         constant = self.thrust is not None and self.vehicle.file.propulsion is not None
         steps = [0.1] * (len(self.angles) + len(self.controls))
         if constant:
-            steps.append(0.1 * mass if self.thrust == "propulsion.thrust" else _channel_step(self.vehicle, mass))
+            steps.append(
+                0.1 * mass if self.thrust == "propulsion.thrust" else _channel_step(self.vehicle, mass)
+            )
         return np.array(steps)
 
     def split(self, x: FloatArray) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
         a, c = len(self.angles), len(self.controls)
         values = [float(v) for v in x]
         thrust = {self.thrust: values[-1]} if self.thrust is not None else {}
-        return dict(zip(self.angles, values[:a], strict=True)), dict(zip(self.controls, values[a : a + c], strict=True)), thrust
+        return (
+            dict(zip(self.angles, values[:a], strict=True)),
+            dict(zip(self.controls, values[a : a + c], strict=True)),
+            thrust,
+        )
 
 
 def _channel_step(vehicle: Vehicle, weight: float) -> float:
@@ -106,7 +112,11 @@ def mixed_inputs(vehicle: Vehicle, deflections: Mapping[str, float], base: Float
     gains = np.zeros((len(names), len(base)))
     for i, control in enumerate(names):
         for channel in vehicle.channels_of(control):
-            gain = vehicle.value(f"controls.{control}.mix.{channel}") if f"controls.{control}.mix.{channel}" in vehicle.rows else 1.0
+            gain = (
+                vehicle.value(f"controls.{control}.mix.{channel}")
+                if f"controls.{control}.mix.{channel}" in vehicle.rows
+                else 1.0
+            )
             gains[i, vehicle.inputs.index(channel)] = gain
     return base + np.linalg.pinv(gains) @ (wanted - now) if names else base
 

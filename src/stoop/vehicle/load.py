@@ -139,7 +139,9 @@ def _term(value: Any, known: str | None, where: str) -> Any:
         value = {"tie": value[1:].strip()} if isinstance(value, str) else {"value": float(value)}
     if isinstance(value, dict) and "term" not in value:
         if known is None:
-            raise VehicleError(f'{where}: not a term of eq. (1); say what it multiplies, e.g. {{ term = "alpha*elevator", value = 0.0 }}')
+            raise VehicleError(
+                f'{where}: not a term of eq. (1); say what it multiplies, e.g. {{ term = "alpha*elevator", value = 0.0 }}'
+            )
         value = {**value, "term": known}
     return value
 
@@ -154,11 +156,15 @@ def _check_terms(file: VehicleFile, where: str) -> None:
     names = set(terms.STATE_VARIABLES) | set(file.controls)
     clash = set(terms.STATE_VARIABLES) & set(file.controls)
     if clash:
-        raise VehicleError(f"{where}: controls.{min(clash)}: the name is taken by a flight variable; choose another")
+        raise VehicleError(
+            f"{where}: controls.{min(clash)}: the name is taken by a flight variable; choose another"
+        )
     seen: set[str] = set()
     for coefficient, name, text in _each_term(file):
         if name in seen:
-            raise VehicleError(f"{where}: aerodynamics.{coefficient}.{name}: the name is used twice; choose another")
+            raise VehicleError(
+                f"{where}: aerodynamics.{coefficient}.{name}: the name is used twice; choose another"
+            )
         seen.add(name)
         terms.parse(text, names, f"{where}: aerodynamics.{coefficient}.{name}")
 

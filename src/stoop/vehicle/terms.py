@@ -51,7 +51,9 @@ def parse(text: str, names: Iterable[str], where: str) -> ast.expr:
     try:
         tree = ast.parse(text.replace("^", "**"), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise TermError(f"{where}: cannot read the term '{text}'; write it like alpha^2 or alpha*elevator") from None
+        raise TermError(
+            f"{where}: cannot read the term '{text}'; write it like alpha^2 or alpha*elevator"
+        ) from None
     _check(tree, frozenset(names), where, text)
     return tree
 
@@ -73,7 +75,9 @@ def _check(node: ast.expr, names: frozenset[str], where: str, text: str) -> None
             _check(operand, names, where, text)
         case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=int(power))):
             if not 0 <= power <= MAX_POWER or isinstance(power, bool):
-                raise TermError(f"{where}: power {power} in '{text}'; whole powers from 0 to {MAX_POWER} are allowed")
+                raise TermError(
+                    f"{where}: power {power} in '{text}'; whole powers from 0 to {MAX_POWER} are allowed"
+                )
             _check(left, names, where, text)
         case ast.BinOp(left=left, op=ast.Add() | ast.Sub() | ast.Mult() | ast.Div(), right=right):
             _check(left, names, where, text)

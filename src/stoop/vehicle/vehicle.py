@@ -23,7 +23,11 @@ from stoop.vehicle.schema import CHANNELS, Term, VehicleFile
 
 FloatArray = NDArray[np.float64]
 RIGID_STATES = ("u", "v", "w", "p", "q", "r", "e0", "e1", "e2", "e3", "h")
-_REDUCED_STATES = {"full": RIGID_STATES, "longitudinal": ("u", "w", "q", "e0", "e2", "h"), "lateral": RIGID_STATES}
+_REDUCED_STATES = {
+    "full": RIGID_STATES,
+    "longitudinal": ("u", "w", "q", "e0", "e2", "h"),
+    "lateral": RIGID_STATES,
+}
 _REDUCED_OUTPUTS = {
     "full": CHANNELS,
     "longitudinal": ("V", "alpha", "q", "theta", "ax", "az"),
@@ -37,7 +41,15 @@ _UNITS = {
     "density": "kg/m3", "thrust": "N", "diameter": "m", "lag": "s", "delay": "s", "offset": "rad",
     "x": "m", "y": "m", "z": "m", "pitch": "rad", "speed_gain": "rev/s per unit",
 }  # fmt: skip
-_CHANNEL_UNITS = {"V": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s", "ax": "m/s2", "ay": "m/s2", "az": "m/s2"}
+_CHANNEL_UNITS = {
+    "V": "m/s",
+    "p": "rad/s",
+    "q": "rad/s",
+    "r": "rad/s",
+    "ax": "m/s2",
+    "ay": "m/s2",
+    "az": "m/s2",
+}
 
 
 def _join(prefix: str, name: str) -> str:
@@ -148,7 +160,9 @@ class Vehicle:
         ties = {name: q.tie for name, q in leaves(self.file) if q.tie is not None}
         for name, target in ties.items():
             if target not in own:
-                raise VehicleError(f"{self.where}: {name}: tied to '{target}', which is not a number of this file; correct the name")
+                raise VehicleError(
+                    f"{self.where}: {name}: tied to '{target}', which is not a number of this file; correct the name"
+                )
         return own | {name: own[target] for name, target in ties.items()}
 
     @functools.cached_property
@@ -256,7 +270,9 @@ def _changed(node: Any, changes: Mapping[str, Mapping[str, Any]], path: str = ""
         new = {n: _changed(getattr(node, n), changes, _join(path, n)) for n in type(node).model_fields}
         return node.model_copy(update=new)
     if isinstance(node, Mapping):
-        return {n: _changed(v, changes, n if isinstance(v, Term) else _join(path, n)) for n, v in node.items()}
+        return {
+            n: _changed(v, changes, n if isinstance(v, Term) else _join(path, n)) for n, v in node.items()
+        }
     if isinstance(node, tuple) and node and isinstance(node[0], Quantity):
         return tuple(_changed(v, changes, _join(path, a)) for a, v in zip("xyz", node, strict=True))
     return node

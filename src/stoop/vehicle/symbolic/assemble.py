@@ -38,7 +38,9 @@ def _density(n: Numbers, altitude: Any, channels: Mapping[str, Any]) -> Any:
     return symbolic_density(altitude) if choice == "standard" else n["environment.density"]
 
 
-def _lags(n: Numbers, states: Mapping[str, Any], commands: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+def _lags(
+    n: Numbers, states: Mapping[str, Any], commands: Mapping[str, Any]
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return deflections (lagged where the file says so) and the lag states' rates."""
     deflections, rates = dict(commands), {}
     for control, command in commands.items():
@@ -49,7 +51,9 @@ def _lags(n: Numbers, states: Mapping[str, Any], commands: Mapping[str, Any]) ->
     return deflections, rates
 
 
-def full_model(vehicle: Vehicle) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any], dict[str, Any], Numbers]:
+def full_model(
+    vehicle: Vehicle,
+) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any], dict[str, Any], Numbers]:
     """Return symbols of states and channels, rates of states, readings of instruments, numbers."""
     n = Numbers.of(vehicle)
     lag_names = [s for s in vehicle.states if s.endswith(".lag")]

@@ -9,7 +9,9 @@ import sympy as sp
 from stoop.vehicle.symbolic.symbols import Numbers, Vector
 
 
-def acceleration(specific_force: Vector, gravity: Any, down: Vector, velocity: Vector, omega: Vector) -> Vector:
+def acceleration(
+    specific_force: Vector, gravity: Any, down: Vector, velocity: Vector, omega: Vector
+) -> Vector:
     """Return the rate of the body-axes velocity, m/s2."""
     (u, v, w), (p, q, r) = velocity, omega
     return (
