@@ -94,26 +94,25 @@ def resample(grid: Grid, time: FloatArray, values: FloatArray, *, smooth: bool) 
 
 
 def _one_stretch(grid: Grid, at: slice, t: FloatArray, x: FloatArray, smooth: bool) -> FloatArray:
+    points = (grid.first + np.arange(at.start, at.stop)) / grid.rate
     rate = 1.0 / float(np.median(np.diff(t)))
     if rate <= 1.02 * grid.rate:
-        return _interpolate((grid.first + np.arange(at.start, at.stop)) / grid.rate, t, x, smooth)
-    return _decimate(grid, at, t, x, rate)
+        return _interpolate(points, t, x, smooth)
+    return _decimate(points, t, x, rate, grid.rate)
 
 
-def _decimate(grid: Grid, at: slice, t: FloatArray, x: FloatArray, rate: float) -> FloatArray:
-    """Interpolate onto a grid some times finer, low-pass with zero phase, keep every such point."""
-    factor = int(np.ceil(rate / grid.rate))
-    fine_rate = factor * grid.rate
-    low = int(np.ceil((t[0] - EDGE) * fine_rate))
-    high = int(np.floor((t[-1] + EDGE) * fine_rate))
-    fine = low_pass(
-        _interpolate(np.arange(low, high + 1) / fine_rate, t, x, smooth=False), fine_rate, grid.rate
-    )
-    start = factor * (grid.first + at.start) - low
-    return fine[start::factor][: at.stop - at.start]
+def _decimate(points: FloatArray, t: FloatArray, x: FloatArray, rate: float, grid_rate: float) -> FloatArray:
+    """Make the samples uniform at their own rate, low-pass with zero phase, interpolate what is left.
+
+    Interpolating first would fold the beat between both rates into the pass band.
+    """
+    uniform = t[0] + np.arange(int(np.ceil((t[-1] - t[0]) * rate - EDGE)) + 1) / rate
+    slow = low_pass(_interpolate(uniform, t, x, smooth=True), rate, grid_rate)
+    return _interpolate(points, uniform, slow, smooth=True)
 
 
 def _interpolate(at: FloatArray, t: FloatArray, x: FloatArray, smooth: bool) -> FloatArray:
+    """Interpolate by cubic splines, or linearly; samples that clump would make a spline swing."""
     steps = np.diff(t)
     if smooth and t.size > 3 and steps.min() > 0.1 * np.median(steps):
         from scipy.interpolate import CubicSpline

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
 DEFAULT_RATE: Final = 100.0  #: Hz
+SLOW_RATES: Final = 25.0  #: Hz; body rates below this do not show the fast modes
 _INERTIAL: Final = frozenset({"vn", "ve", "vd", *QUATERNION})
 
 
@@ -56,7 +57,7 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = DEFA
         return restore(recording, named(path))
     channels = channels_of(recording, mapping)
     check_radians(channels, str(path), str(mapping or beside(path)) if recording.format == "table" else "")
-    return with_air(_gridded(path, recording, channels, rate))
+    return _with_warnings(with_air(_gridded(path, recording, channels, rate)))
 
 
 def channels_of(recording: Recording, mapping: Path | None = None) -> list[Channels]:
@@ -127,6 +128,27 @@ def with_air(flight: Flight) -> Flight:
         sources={**flight.sources, **sources},
         notes=(*(note for note in flight.notes if note not in told), *air.notes),
     )
+
+
+def _with_warnings(flight: Flight) -> Flight:
+    """Say what this record cannot tell, whatever is fitted to it."""
+    notes = []
+    slow = {
+        name: s.rate
+        for name in ("p", "q", "r")
+        if (s := flight.sources.get(name)) and 0.0 < s.rate < SLOW_RATES
+    }
+    if slow:
+        notes.append(
+            f"{', '.join(slow)} were logged at only {min(slow.values()):.0f} Hz: "
+            "too slow for the roll mode and the short period of most aircraft"
+        )
+    if not {"V", "alpha", "beta"} & {str(name) for name in flight.data.data_vars}:
+        notes.append(
+            "no air data: neither airspeed and vanes, nor ground velocity and attitude to reconstruct it; "
+            "V, alpha and beta are missing"
+        )
+    return replace(flight, notes=(*flight.notes, *notes))
 
 
 def _empty(flight: Flight, names: Iterable[str]) -> bool:

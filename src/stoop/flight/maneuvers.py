@@ -28,6 +28,7 @@ USUAL: Final = 4.0  #: times the median activity of the flight that is out of th
 STRONGEST: Final = 0.25  #: of the strongest activity of this control
 JOIN: Final = 1.5  #: s between two bursts that make one maneuver
 LEAD, TAIL = 0.5, 1.0  #: s of calm kept before, and of response after
+CALM: Final = 5.0  #: s beside a burst, from which the position of rest is taken
 SWINGS: Final = 2  #: a doublet has two, a 3-2-1-1 four
 HYSTERESIS: Final = 0.3  #: of the largest excursion
 TOUCH: Final = 3.0  #: s around take-off and landing that are left alone
@@ -143,7 +144,9 @@ def _joined(pieces: list[slice], nearest: int) -> list[slice]:
 def _judged(flight: Flight, name: str, run: slice, strength: float) -> Maneuver:
     """Narrow the window to where the control moves, and count its swings."""
     t, u = flight.time[run], flight.column(name)[run]
-    swing = u - np.nanmedian(u)
+    around = round(CALM * flight.rate)
+    calm = float(np.nanmedian(flight.column(name)[max(run.start - around, 0) : run.stop + around]))
+    swing = u - calm
     amplitude = float(np.nanmax(np.abs(swing)))
     moving = np.flatnonzero(np.nan_to_num(np.abs(swing)) > HYSTERESIS * amplitude)
     start = max(float(t[moving[0]]) - LEAD, float(flight.time[0]))

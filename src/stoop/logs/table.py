@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Final
 
@@ -104,18 +105,20 @@ def _without_mapping(path: Path) -> str:
 
 
 def template(header: list[str]) -> str:
-    """Return a mapping to start from: each column under its own name, the first one as the time."""
-    clock = next((name for name in header if name.lower() in _CLOCKS), header[0])
-    lines = ["[time]", f"column = {_quoted(clock)}", 'unit = "s"', "", "[variables]"]
-    lines += [
-        f"{_key(name)} = {{column = {_quoted(name)}, unit = {_quoted(_unit(name))}}}"
-        for name in header
-        if name != clock
-    ]
+    """Return a mapping to start from: each column under its own name, the likeliest one as the time."""
+    clock = next((name for name in header if _CLOCK.fullmatch(name)), header[0])
+    suffix = _CLOCK.fullmatch(clock)
+    unit = (suffix and suffix["unit"]) or "s"
+    lines = ["[time]", f"column = {_quoted(clock)}", f'unit = "{unit}"', "", "[variables]"]
+    lines += [_template_line(name) for name in header if name != clock]
     return "\n".join(lines)
 
 
-_CLOCKS: Final = frozenset({"t", "time", "t_s", "time_s", "systime", "timestamp", "seconds"})
+def _template_line(name: str) -> str:
+    return f'{_key(name)} = {{column = {_quoted(name)}, unit = "{_UNITS.get(name, "1")}"}}'
+
+
+_CLOCK: Final = re.compile(r"(t|[Tt]ime|[Tt]imestamp|[Ss]ystime)([ _]?[(\[]?(?P<unit>s|ms|us|ns)[)\]]?)?")
 _UNITS: Final = {
     "V": "m/s", "vt": "m/s", "alpha": "rad", "beta": "rad", "phi": "rad", "theta": "rad", "psi": "rad",
     "p": "rad/s", "q": "rad/s", "r": "rad/s", "ax": "m/s2", "ay": "m/s2", "az": "m/s2",
@@ -124,13 +127,9 @@ _UNITS: Final = {
 }  # fmt: skip
 
 
-def _unit(name: str) -> str:
-    return _UNITS.get(name, "1")
-
-
 def _quoted(text: str) -> str:
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + "".join(c if c.isprintable() else "?" for c in escaped) + '"'
+    return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08X}" for c in escaped) + '"'
 
 
 def _key(text: str) -> str:

@@ -99,14 +99,13 @@ def _next_member(stream: zlib._Decompress) -> bytes:
 
 
 def _drop_cut_line(path: Path, text: bytes) -> tuple[bytes, tuple[Defect, ...]]:
-    """Drop a last line with fewer fields than the header: the log was cut while it was written."""
+    """Drop a last line without an end: whether its last number is whole cannot be told."""
     end = text.rfind(b"\n") + 1
     if end == len(text) or end == 0:
         return text, ()
-    width = text[: text.find(b"\n")].count(b",")
-    if text[end:].count(b",") == width and not text.endswith(b","):
-        return text, ()
-    return text[:end], (Defect("truncated", path.name, "the last line is cut and was dropped"),)
+    return text[:end], (
+        Defect("truncated", path.name, "the last line has no end, is perhaps cut, and was dropped"),
+    )
 
 
 def _header(path: Path, text: bytes) -> list[str]:
@@ -129,7 +128,7 @@ def _parse(path: Path, text: bytes) -> pd.DataFrame:
 
     try:
         table = pd.read_csv(
-            io.BytesIO(text), skiprows=1, header=None, float_precision="round_trip", on_bad_lines="error",
+            io.BytesIO(text), skiprows=1, header=None, on_bad_lines="error",
             skip_blank_lines=True, low_memory=False, index_col=False, engine="c",
         )  # fmt: skip
     except (ValueError, OverflowError, MemoryError) as error:  # pandas.errors derive from ValueError

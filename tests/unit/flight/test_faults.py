@@ -1,0 +1,90 @@
+"""Suspected faults: each kind is found where it was put, and none where there is only noise."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stoop.flight.channels import Channels
+from stoop.flight.faults import at_rest, recorded_faults, rest_faults
+from stoop.logs import FloatArray
+
+SIZE = 2000
+TIME = 0.01 * np.arange(SIZE)
+
+
+def noise(seed: int, scale: float = 1.0) -> FloatArray:
+    return scale * np.random.default_rng(seed).normal(size=SIZE)
+
+
+def found(**values: FloatArray) -> list[tuple[str, str]]:
+    return [(fault.kind, fault.variable) for fault in recorded_faults([Channels("x", TIME, values)])]
+
+
+@settings(deadline=None)
+@given(st.integers(0, 1000))
+def test_noise_is_no_fault(seed: int) -> None:
+    assert found(p=noise(seed), theta=np.cumsum(noise(seed + 1)) * 0.01, V=20.0 + noise(seed)) == []
+
+
+def test_stuck() -> None:
+    p = noise(0)
+    p[500:700] = p[500]
+    faults = recorded_faults([Channels("x", TIME, {"p": p})])
+    assert [(f.kind, f.start, f.stop) for f in faults] == [("stuck", 5.0, 6.99)]
+    assert "stands still" in faults[0].message
+
+
+def test_a_gap_is_not_stuck() -> None:
+    p = noise(0)
+    p[500:700] = np.nan
+    assert found(p=p) == []
+
+
+def test_a_command_may_stand_still() -> None:
+    assert found(elevator=np.zeros(SIZE), pwm_3=np.full(SIZE, 1500.0), voltage=np.full(SIZE, 12.0)) == []
+
+
+def test_clipped_on_both_sides_or_on_one() -> None:
+    assert found(p=np.clip(noise(1), -1.5, 1.5)) == [("clipped", "p"), ("clipped", "p")]
+    assert found(q=np.minimum(noise(1), 1.0)) == [("clipped", "q")]
+    assert found(az=np.maximum(noise(1), -1.0)) == [("clipped", "az")]
+
+
+def test_coarse_numbers_are_not_clipped() -> None:
+    assert found(theta=np.round(np.sin(TIME) * 20.0) / 20.0 + 1e-3 * (np.arange(SIZE) % 2)) == []
+
+
+def at_standstill(moving: slice, **offsets: float) -> dict[str, FloatArray]:
+    names = ("vn", "ve", "vd", "p", "q", "r", "ax", "ay", "az", "airspeed_pitot")
+    data = {name: noise(k, 1e-3) for k, name in enumerate(names)}
+    data["az"] -= 9.81
+    data["vn"][moving] = 15.0
+    for name, offset in offsets.items():
+        data[name] = data[name] + offset
+    return data
+
+
+def test_rest_is_slow_and_lasting() -> None:
+    data = at_standstill(slice(800, 1500))
+    data["q"][1600] = 1.0  # touched
+    rest = at_rest(data, 100.0)
+    assert rest[:800].all()
+    assert not rest[800:1601].any()  # the second after it is too short
+    assert rest[1601:].all()
+
+
+def test_offsets_at_rest() -> None:
+    moving = slice(800, 1500)
+    assert rest_faults(TIME, at_standstill(moving), 100.0) == []
+    for name, offset in (("airspeed_pitot", -3.0), ("q", 0.04), ("az", 1.0)):
+        (fault,) = rest_faults(TIME, at_standstill(moving, **{name: offset}), 100.0)
+        assert (fault.kind, fault.variable) == ("offset at rest", name)
+    (fault,) = rest_faults(TIME, at_standstill(moving, airspeed_pitot=4.0), 100.0)
+    assert "wind" in fault.message
+
+
+def test_always_flying() -> None:
+    assert rest_faults(TIME, at_standstill(slice(0, SIZE), airspeed_pitot=-3.0), 100.0) == []
+    assert rest_faults(TIME, {"p": noise(0)}, 100.0) == []

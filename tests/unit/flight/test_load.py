@@ -1,0 +1,175 @@
+"""From a CSV to a flight, and what goes wrong on the way: one line, naming the file and the fix."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.errors import FlightError, LogError, StoopError
+from stoop.flight import OUTPUTS, VARIABLES, from_columns, load
+from stoop.flight.make import named
+from stoop.flight.variables import variable
+from stoop.units import FACTORS
+
+MAPPING = """[time]
+column = "t"
+unit = "s"
+[variables]
+phi = {column = "phi", unit = "rad"}
+theta = {column = "theta", unit = "rad"}
+psi = {column = "psi", unit = "rad"}
+p = {column = "p", unit = "rad/s"}
+q = {column = "q", unit = "rad/s"}
+elevator = {column = "de", unit = "rad"}
+"""
+
+
+def rows(size: int = 500) -> list[list[float]]:
+    t = 3.0 + 0.01 * np.arange(size)
+    phi, theta = 0.3 * np.sin(2 * t), 0.2 * np.sin(t)
+    return np.column_stack(
+        [t, phi, theta, 3.0 + 0 * t, 0.6 * np.cos(2 * t), 0.2 * np.cos(t), 0.1 * np.sign(theta)]
+    ).tolist()
+
+
+def write(folder: Path, table: list[list[float]], mapping: str = MAPPING) -> Path:
+    path = folder / "sortie.csv"
+    lines = [",".join(repr(x) for x in row) for row in table]
+    path.write_text("t,phi,theta,psi,p,q,de\n" + "".join(line + "\n" for line in lines))
+    (folder / "sortie.csv.toml").write_text(mapping)
+    return path
+
+
+def test_channels_come_as_they_are(tmp_path: Path) -> None:
+    table = rows()
+    flight = load(write(tmp_path, table))
+    assert flight.name == "sortie"
+    assert flight.rate == 100.0
+    assert flight.time[[0, -1]].tolist() == [3.0, 7.99]
+    for k, name in enumerate(("phi", "theta", "psi", "p", "q", "elevator"), start=1):
+        np.testing.assert_allclose(flight.column(name), np.array(table)[:, k], atol=1e-9)
+    assert flight.data["p"].attrs["units"] == "rad/s"
+    assert any("no air data" in note for note in flight.notes)
+
+
+def test_another_rate(tmp_path: Path) -> None:
+    flight = load(write(tmp_path, rows()), rate=50.0)
+    np.testing.assert_allclose(np.diff(flight.time), 0.02)
+
+
+def test_rows_out_of_order_are_dropped_and_told(tmp_path: Path) -> None:
+    table = rows()
+    table[100][0] = 0.0
+    table[200][0] = float("nan")
+    flight = load(write(tmp_path, table))
+    assert any("2 of 500 samples dropped" in note for note in flight.notes)
+    np.testing.assert_allclose(flight.column("p")[100], 0.6 * np.cos(2 * 4.0), atol=1e-3)
+
+
+def test_missing_numbers_leave_a_gap(tmp_path: Path) -> None:
+    table = rows()
+    for row in table[100:120]:
+        row[4] = float("nan")
+    for row in table[300:302]:
+        row[4] = float("nan")
+    flight = load(write(tmp_path, table))
+    assert np.flatnonzero(np.isnan(flight.column("p"))).tolist() == list(range(100, 120))
+    assert np.isfinite(flight.column("q")).all()
+    assert flight.sources["p"].gaps == 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            'p = {column = "p"',
+            'pp = {column = "p"',
+            r"sortie\.csv\.toml: variables\.pp is no variable of stoop; did",
+        ),
+        (
+            '"phi", unit = "rad"',
+            '"phi", unit = "rad", scale = 57.3',
+            r"sortie\.csv: 'phi' changes .*sortie\.csv\.toml",
+        ),
+        ('"p", unit = "rad/s"', '"p", unit = "rad/s", scale = 57.3', "'p' is in degrees, 'phi' in radians"),
+        ('"psi", unit = "rad"', '"psi", unit = "rad", scale = 57.3', "'psi' reaches 171.9: degrees"),
+    ],
+)
+def test_mistakes_of_the_mapping(tmp_path: Path, old: str, new: str, words: str) -> None:
+    assert old in MAPPING
+    with pytest.raises(FlightError, match=words) as caught:
+        load(write(tmp_path, rows(), MAPPING.replace(old, new)))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("size", [0, 1])
+def test_nothing_is_left(tmp_path: Path, size: int) -> None:
+    with pytest.raises(LogError):
+        load(write(tmp_path, rows(size)))
+
+
+def test_only_nan(tmp_path: Path) -> None:
+    table = [[row[0], *[float("nan")] * 6] for row in rows()]
+    flight = load(write(tmp_path, table))
+    assert np.isnan(flight.column("p")).all()
+
+
+def test_a_folder_of_topics_that_hold_nothing_of_use(tmp_path: Path) -> None:
+    (tmp_path / "log_cpuload_0.csv").write_text("timestamp,load\n1,2\n3,4\n")
+    with pytest.raises(FlightError, match="no variable of the registry"):
+        load(tmp_path)
+
+
+def test_wild_times_do_not_fill_the_memory(tmp_path: Path) -> None:
+    table = rows()
+    for k, row in enumerate(table[250:]):
+        row[0] = 1e12 + k
+    with pytest.raises(StoopError, match="too long for a grid"):
+        load(write(tmp_path, table))
+
+
+def test_names_lose_their_endings() -> None:
+    assert [named(Path(p)) for p in ("a/b.csv.gz", "a/b.ulg", "b.nc", "x/flight2", "v1.2.csv")] == [
+        "b",
+        "b",
+        "b",
+        "flight2",
+        "v1.2",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("time", "columns", "words"),
+    [
+        (np.arange(3.0), {"P": np.zeros(3)}, "no variable 'P'"),
+        (np.arange(3.0), {"p": np.zeros(2)}, "'p' has 2 samples, the time 3"),
+        (np.array([0.0, 1.0, 1.5]), {"p": np.zeros(3)}, "not uniform"),
+        (np.array([1.0, 0.0]), {"p": np.zeros(2)}, "does not increase"),
+        (np.array([1.0]), {"p": np.zeros(1)}, "does not increase"),
+    ],
+)
+def test_flights_from_arrays(time: np.ndarray, columns: dict[str, np.ndarray], words: str) -> None:
+    with pytest.raises(FlightError, match=words):
+        from_columns("f", time, columns)
+
+
+def test_attitude_is_completed_either_way() -> None:
+    time = np.arange(4.0)
+    angles = {"phi": 0.1 * time, "theta": -0.2 * time, "psi": 0.3 * time}
+    there = from_columns("f", time, angles)
+    parts = {name: there.column(name) for name in ("q0", "q1", "q2", "q3")}
+    back = from_columns("f", time, parts)
+    for name, values in angles.items():
+        np.testing.assert_allclose(back.column(name), values, atol=1e-12)
+
+
+def test_the_registry_is_sound() -> None:
+    assert len(OUTPUTS) == 12
+    assert set(OUTPUTS) <= set(VARIABLES)
+    for name, known in VARIABLES.items():
+        assert known.name == name
+        assert known.meaning
+        assert known.unit in FACTORS
+        assert variable(name) is known

@@ -1,0 +1,99 @@
+"""Candidate maneuvers: found where they were flown, named by their axis."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stoop.flight import Flight, describe, find_maneuvers, from_columns
+from stoop.flight.maneuvers import airborne
+from stoop.logs import FloatArray
+
+TIME = 60.0 + np.arange(12000) / 100.0
+STEPS = {"3211": ((3, 1), (2, -1), (1, 1), (1, -1)), "doublet": ((1, 1), (1, -1))}
+
+
+def signal(*at: tuple[float, str, float]) -> FloatArray:
+    out = 0.02 * np.random.default_rng(5).normal(size=TIME.size).cumsum() / 30.0
+    for start, kind, size in at:
+        for seconds, sign in STEPS[kind]:
+            out[(start <= TIME) & (start + seconds > TIME)] += sign * size
+            start += seconds
+    return out
+
+
+def flight(**columns: FloatArray) -> Flight:
+    speed = np.where((TIME > 80.0) & (TIME < 170.0), 20.0, 0.0)
+    return from_columns("f", TIME, {"vn": speed, "ve": 0 * speed, "vd": 0 * speed, **columns})
+
+
+def test_each_maneuver_is_found_once_under_its_axis() -> None:
+    flown = flight(
+        control_roll=signal((100.0, "doublet", 0.5)),
+        control_pitch=signal((120.0, "3211", 0.4), (100.0, "doublet", 0.05)),
+        rudder=signal((140.0, "doublet", 0.2)),
+    )
+    found = find_maneuvers(flown)
+    assert [(m.axis, m.variable) for m in found] == [
+        ("roll", "control_roll"),
+        ("pitch", "control_pitch"),
+        ("yaw", "rudder"),
+    ]
+    for maneuver, start, stop in zip(found, (100.0, 120.0, 140.0), (102.0, 127.0, 142.0), strict=True):
+        assert start - 1.5 < maneuver.start <= start
+        assert stop <= maneuver.stop < stop + 2.5
+        assert maneuver.whole == 1.0
+    assert [m.swings for m in found] == [2, 4, 2]
+    assert found[1].amplitude == pytest.approx(0.4, rel=0.3)
+    assert found[1].window == f"{found[1].start:g}:{found[1].stop:g}"
+
+
+def test_control_checks_on_the_ground_are_no_maneuvers() -> None:
+    assert find_maneuvers(flight(elevator=signal((65.0, "doublet", 0.5), (175.0, "3211", 0.5)))) == []
+
+
+def test_a_step_is_no_maneuver() -> None:
+    assert find_maneuvers(flight(aileron=np.where(TIME > 120.0, 0.3, 0.0))) == []
+
+
+def test_holes_inside_are_counted() -> None:
+    u = signal((100.0, "3211", 0.5))
+    u[4300:4400] = np.nan
+    (maneuver,) = find_maneuvers(flight(elevator=u))
+    assert 0.8 < maneuver.whole < 0.95
+
+
+@pytest.mark.parametrize("u", [np.zeros(TIME.size), np.full(TIME.size, np.nan)])
+def test_nothing_moves(u: FloatArray) -> None:
+    assert find_maneuvers(flight(elevator=u)) == []
+
+
+def test_without_a_speed_everything_may_be_flight() -> None:
+    flown = from_columns("f", TIME, {"elevator": signal((65.0, "doublet", 0.5))})
+    assert airborne(flown).all()
+    assert len(find_maneuvers(flown)) == 1
+
+
+def test_take_off_and_landing_are_left_alone() -> None:
+    flying = airborne(flight())
+    assert flying.sum() == pytest.approx((170.0 - 80.0 - 6.0) * 100.0, abs=5)
+
+
+def test_description() -> None:
+    u = signal((100.0, "doublet", 0.5))
+    u[:1200] = np.nan
+    summary = describe(flight(elevator=u))
+    assert (summary.name, summary.start, summary.rate) == ("f", 60.0, 100.0)
+    assert [row.variable for row in summary.rows] == ["vn", "ve", "vd", "elevator"]
+    row = summary.rows[-1]
+    assert (row.unit, row.source) == ("rad", "simulation")
+    assert row.missing == pytest.approx(0.1)
+    assert row.minimum < -0.4
+    assert row.maximum > 0.4
+    assert len(summary.maneuvers) == 1
+
+
+def test_description_of_an_empty_channel() -> None:
+    summary = describe(flight(elevator=np.full(TIME.size, np.nan)))
+    assert np.isnan(summary.rows[-1].median)
+    assert summary.rows[-1].missing == 1.0

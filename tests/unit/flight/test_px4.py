@@ -1,0 +1,93 @@
+"""PX4 topics under registry names: order of trust, validity, clocks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from stoop.flight.px4 import px4_channels, sample_time
+from stoop.logs import FloatArray, Recording, Stream
+
+
+def stream(rate: float, *names: str, **columns: FloatArray) -> Stream:
+    time = np.arange(0.0, 4.0, 1.0 / rate)
+    return Stream(time, {**{name: np.full(time.size, float(k)) for k, name in enumerate(names)}, **columns})
+
+
+def named(**streams: Stream) -> dict[str, tuple[str, FloatArray]]:
+    channels = px4_channels(Recording(Path("log"), "px4-csv", streams))
+    return {name: (group.source, x) for group in channels for name, x in group.values.items()}
+
+
+GYRO = ("xyz[0]", "xyz[1]", "xyz[2]")
+COMBINED = ("gyro_rad[0]", "gyro_rad[1]", "gyro_rad[2]", *(f"accelerometer_m_s2[{i}]" for i in range(3)))
+
+
+def test_the_first_source_is_trusted() -> None:
+    found = named(vehicle_angular_velocity=stream(400, *GYRO), sensor_combined=stream(200, *COMBINED))
+    assert found["q"][0] == "vehicle_angular_velocity"
+    assert found["az"][0] == "sensor_combined"
+    assert found["az"][1][0] == 5.0
+
+
+def test_unless_a_later_one_is_much_faster() -> None:
+    found = named(vehicle_angular_velocity=stream(50, *GYRO), sensor_combined=stream(200, *COMBINED))
+    assert found["q"][0] == "sensor_combined"
+
+
+def test_a_topic_that_lacks_a_column_supplies_nothing() -> None:
+    assert named(vehicle_angular_velocity=stream(50, *GYRO[:2])) == {}
+
+
+def test_invalid_samples_are_missing() -> None:
+    size = stream(10).time.size
+    flag = np.arange(size) % 2.0
+    found = named(vehicle_local_position=stream(10, "vx", "vy", "vz", v_xy_valid=flag))
+    assert np.array_equal(np.isnan(found["ve"][1]), flag == 0.0)
+
+
+def test_a_wind_without_variance_was_not_estimated() -> None:
+    found = named(wind_estimate=stream(1, "windspeed_north", "windspeed_east", variance_north=np.zeros(4)))
+    assert np.isnan(found["wind_n"][1]).all()
+
+
+def test_altitude_counts_from_the_sea() -> None:
+    size = stream(10).time.size
+    position = stream(10, z=np.full(size, -20.0), ref_alt=np.full(size, 86.0))
+    assert np.array_equal(named(vehicle_local_position=position)["altitude"][1], np.full(size, 106.0))
+    barometer = stream(20, baro_alt_meter=np.full(80, 33.0))
+    assert named(vehicle_air_data=barometer)["altitude"][1][0] == 33.0
+
+
+def test_pulses_of_driven_outputs_only() -> None:
+    size = stream(10).time.size
+    outputs = {
+        "output[0]": np.full(size, 1500.0),
+        "output[1]": np.zeros(size),
+        "output[4]": np.full(size, 1000.0),
+    }
+    assert set(named(actuator_outputs=stream(10, **outputs))) == {"pwm_1", "pwm_5"}
+
+
+def test_commands_of_either_generation() -> None:
+    old = named(actuator_controls_0=stream(100, *(f"control[{i}]" for i in range(4))))
+    new = named(vehicle_torque_setpoint=stream(100, *GYRO), vehicle_thrust_setpoint=stream(100, *GYRO))
+    names = {"control_roll", "control_pitch", "control_yaw", "control_throttle"}
+    assert set(old) == set(new) == names
+    assert [old[name][1][0] for name in ("control_roll", "control_throttle")] == [0.0, 3.0]
+
+
+def test_temperature_is_in_kelvin() -> None:
+    found = named(
+        airspeed=stream(10, true_airspeed_m_s=np.ones(40), air_temperature_celsius=np.full(40, 20.0))
+    )
+    assert found["temperature"][1][0] == 293.15
+
+
+def test_the_stamp_of_the_sample_counts_where_it_can_be_believed() -> None:
+    published = np.arange(1.0, 2.0, 0.01)
+    late = Stream(published, {"timestamp_sample": (published - 0.02) * 1e6})
+    np.testing.assert_allclose(sample_time(late), published - 0.02)
+    for nonsense in (np.zeros(100), np.full(100, 1e6), (published + 0.1) * 1e6, (published - 3.0) * 1e6):
+        assert sample_time(Stream(published, {"timestamp_sample": nonsense})) is published

@@ -1,0 +1,111 @@
+"""Our own files: bit for bit there and back, and nothing but LogError from a damaged one."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from stoop.errors import LogError, OutputError, StoopError
+from stoop.flight import Fault, Flight, from_columns, load, save
+from stoop.flight.reconstruction import AirData
+from stoop.logs import FloatArray
+
+any_file = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+finite = st.floats(-1e6, 1e6) | st.just(float("nan"))
+
+
+def flight(values: FloatArray) -> Flight:
+    time = 68.23 + np.arange(values.size) / 100.0
+    return from_columns("f", time, {"p": values, "pwm_3": -values}, notes=("a note: ±1 °C", "another"))
+
+
+def assert_same(a: Flight, b: Flight) -> None:
+    assert a.data.identical(b.data)
+    assert (a.rate, a.notes, a.faults, a.air) == (b.rate, b.notes, b.faults, b.air)
+    assert repr(dict(a.sources)) == repr(dict(b.sources))  # NaN is not equal to itself
+
+
+@any_file
+@given(hnp.arrays(np.float64, st.integers(2, 30), elements=finite))
+def test_there_and_back_bit_for_bit(tmp_path: Path, values: FloatArray) -> None:
+    path = tmp_path / "g.nc"
+    there = flight(values)
+    save(there, path)
+    back = load(path, rate=50.0)
+    assert back.name == "g"
+    assert back.path == path
+    assert back.rate == 100.0
+    assert_same(there, back)
+
+
+def test_air_data_and_faults_come_back(tmp_path: Path) -> None:
+    import dataclasses
+
+    traces = {"time": np.arange(3.0), "pitot": np.array([1.0, np.nan, 2.0])}
+    air = AirData(
+        "pitot", wind_n=1.5, wind_n_std=0.1, accelerometer_bias=(0.1, 0.2, 0.3), notes=("x",), traces=traces
+    )
+    fault = Fault("stuck", "p", 0.5, 1.0, 2.0, "p stands still")
+    there = dataclasses.replace(flight(np.arange(5.0)), air=air, faults=(fault,))
+    save(there, tmp_path / "g.nc")
+    back = load(tmp_path / "g.nc")
+    assert back.faults == (fault,)
+    assert back.air is not None
+    assert back.air.wind_n == 1.5
+    assert back.air.accelerometer_bias == (0.1, 0.2, 0.3)
+    assert np.isnan(back.air.pitot_scale)
+    for name, trace in traces.items():
+        np.testing.assert_array_equal(back.air.traces[name], trace)
+
+
+def test_cut_at_many_places(tmp_path: Path) -> None:
+    save(flight(np.arange(40.0)), tmp_path / "g.nc")
+    whole = (tmp_path / "g.nc").read_bytes()
+    for end in range(0, len(whole) - 1, 13):
+        (tmp_path / "h.nc").write_bytes(whole[:end])
+        with pytest.raises(LogError) as caught:
+            load(tmp_path / "h.nc")
+        assert "\n" not in str(caught.value)
+
+
+@any_file
+@given(st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 255)), min_size=1, max_size=4))
+def test_damaged_bytes(tmp_path: Path, damage: list[tuple[int, int]]) -> None:
+    if not (tmp_path / "g.nc").exists():
+        save(flight(np.arange(20.0)), tmp_path / "g.nc")
+    content = bytearray((tmp_path / "g.nc").read_bytes())
+    for place, byte in damage:
+        content[place % min(len(content), 4000)] = byte
+    (tmp_path / "h.nc").write_bytes(content)
+    with suppress(StoopError):
+        load(tmp_path / "h.nc")
+
+
+def test_a_netcdf_file_of_another_make(tmp_path: Path) -> None:
+    import xarray as xr
+
+    xr.Dataset({"x": ("time", np.arange(3.0))}).to_netcdf(tmp_path / "x.nc", engine="scipy")
+    with pytest.raises(LogError, match="not a flight written by stoop"):
+        load(tmp_path / "x.nc")
+
+
+def test_nothing_half_written(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="cannot be written"):
+        save(flight(np.arange(3.0)), tmp_path / "no" / "g.nc")
+    save(flight(np.arange(3.0)), tmp_path / "g.nc")
+    assert [p.name for p in tmp_path.iterdir()] == ["g.nc"]
+
+
+def test_the_file_opens_in_xarray_with_its_units(tmp_path: Path) -> None:
+    import xarray as xr
+
+    save(flight(np.arange(3.0)), tmp_path / "g.nc")
+    with xr.open_dataset(tmp_path / "g.nc", engine="scipy", decode_timedelta=False) as data:
+        assert data["p"].attrs["units"] == "rad/s"
+        assert data.sizes["time"] == 3

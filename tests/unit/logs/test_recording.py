@@ -1,0 +1,63 @@
+"""Time on a log's own clock: as many samples kept as can be, in order."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stoop.logs.recording import clean_stream, increasing
+
+stamps = st.lists(
+    st.one_of(
+        st.floats(-5.0, 5.0), st.integers(-5, 5).map(float), st.just(float("nan")), st.just(float("inf"))
+    ),
+    max_size=14,
+)
+
+
+def longest_naively(time: list[float]) -> int:
+    """Try every last sample: quadratic, and plainly right."""
+    best: list[int] = []
+    for i, t in enumerate(time):
+        before = [n for n, earlier in zip(best, time[:i], strict=True) if earlier < t]
+        best.append((max(before, default=0) + 1) if np.isfinite(t) else 0)
+    finite = [t if np.isfinite(t) else float("inf") for t in time]
+    best = []
+    for i, t in enumerate(finite):
+        before = [n for n, earlier in zip(best, finite[:i], strict=True) if earlier < t]
+        best.append(max(before, default=0) + 1 if np.isfinite(t) else 0)
+    return max(best, default=0)
+
+
+@given(stamps)
+def test_keeps_a_longest_increasing_run(time: list[float]) -> None:
+    kept = increasing(np.array(time))
+    values = np.array(time)[kept]
+    assert np.all(np.diff(kept) > 0)
+    assert np.all(np.isfinite(values))
+    assert np.all(np.diff(values) > 0.0)
+    assert kept.size == longest_naively(time)
+
+
+def test_one_wild_stamp_costs_one_sample() -> None:
+    for wild in (-1e9, 1e9, 0.0, np.nan):
+        time = np.arange(100.0)
+        time[50] = wild
+        stream, defects = clean_stream("gyro", time, {"p": np.arange(100.0)})
+        assert stream.time.size == 99
+        assert 50.0 not in stream.columns["p"]
+        assert "1 of 100" in str(defects[0])
+
+
+def test_a_good_stream_is_not_copied() -> None:
+    time = np.arange(5.0)
+    stream, defects = clean_stream("gyro", time, {})
+    assert stream.time is time
+    assert defects == ()
+
+
+def test_period_is_the_median() -> None:
+    stream, _ = clean_stream("gyro", np.array([0.0, 1.0, 2.0, 9.0]), {})
+    assert stream.period == 1.0
+    assert np.isnan(clean_stream("gyro", np.array([0.0]), {})[0].period)

@@ -1,0 +1,153 @@
+"""CSV tables: what was written is read; what is damaged yields what is left, or one typed error."""
+
+from __future__ import annotations
+
+import gzip
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from stoop.errors import LogError
+from stoop.logs import text
+from stoop.logs.text import read_header, read_table
+
+any_file = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+@contextmanager
+def refusal_in_one_line() -> Iterator[None]:
+    """Let a typed error pass, if it is one line."""
+    try:
+        yield
+    except LogError as error:
+        if "\n" in str(error):
+            raise AssertionError(error) from error
+
+
+def table(rows: int = 50) -> bytes:
+    lines = [f"{i},{0.1 * i!r},{-1.5 * i!r}" for i in range(rows)]
+    return ("timestamp,x[0],x[1]\n" + "\n".join(lines) + "\n").encode()
+
+
+@any_file
+@given(st.lists(st.tuples(st.floats(allow_nan=True), st.floats(-1e300, 1e300)), min_size=1, max_size=20))
+def test_numbers_survive_the_round_trip(tmp_path: Path, rows: list[tuple[float, float]]) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("a,b\n" + "".join(f"{a!r},{b!r}\n" for a, b in rows))
+    columns, defects = read_table(path)
+    # pandas may be off in the last digit, depending on its version
+    np.testing.assert_allclose(np.column_stack([columns["a"], columns["b"]]), np.array(rows), rtol=1e-15)
+    assert defects == ()
+
+
+def test_plain_and_gzipped_are_the_same(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_bytes(table())
+    (tmp_path / "a.csv.gz").write_bytes(
+        gzip.compress(table()[:400]) + gzip.compress(table()[400:]) + b"\0" * 9
+    )
+    plain, packed = read_table(tmp_path / "a.csv")[0], read_table(tmp_path / "a.csv.gz")[0]
+    assert list(plain) == ["timestamp", "x[0]", "x[1]"]
+    for name, values in plain.items():
+        assert np.array_equal(values, packed[name])
+
+
+def test_a_cut_text_loses_only_its_last_line(tmp_path: Path) -> None:
+    whole = table()
+    path = tmp_path / "a.csv"
+    for end in range(len(whole) - 40, len(whole)):
+        path.write_bytes(whole[:end])
+        columns, defects = read_table(path)
+        assert columns["timestamp"].size == whole[:end].count(b"\n") - 1
+        assert bool(defects) == (whole[end - 1 : end] != b"\n")
+
+
+def test_a_cut_archive_yields_what_is_left_or_says_so(tmp_path: Path) -> None:
+    whole = gzip.compress(table(2000))
+    path = tmp_path / "a.csv.gz"
+    sizes = []
+    for end in range(0, len(whole) - 1, 97):
+        path.write_bytes(whole[:end])
+        try:
+            columns, defects = read_table(path)
+        except LogError:
+            continue
+        assert any(d.kind == "truncated" for d in defects)
+        sizes.append(columns["timestamp"].size)
+    assert sizes == sorted(sizes)
+    assert sizes[-1] > 1000
+
+
+@any_file
+@given(st.binary(max_size=200), st.booleans())
+def test_any_bytes_give_a_table_or_a_log_error(tmp_path: Path, content: bytes, packed: bool) -> None:
+    path = tmp_path / ("a.csv.gz" if packed else "a.csv")
+    path.write_bytes(gzip.compress(content) if packed else content)
+    with refusal_in_one_line():
+        columns, _ = read_table(path)
+        assert len({values.size for values in columns.values()}) <= 1
+
+
+@any_file
+@given(st.integers(0, 10**6), st.integers(0, 255))
+def test_a_damaged_archive_raises_nothing_else(tmp_path: Path, place: int, byte: int) -> None:
+    content = bytearray(gzip.compress(table(200)))
+    content[place % len(content)] = byte
+    path = tmp_path / "a.csv.gz"
+    path.write_bytes(content)
+    with refusal_in_one_line():
+        read_table(path)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "empty"),
+        (b"\n\n", "empty"),
+        (b"a,b\n", "not a table of numbers"),
+        (b"a,b\n1,2,3\n4,5\n6,7,8,9\n", "not a table of numbers"),
+        (b"\xff\xfe\x00\n1\n", "not a text table"),
+        (b"a" * (2**20 + 10) + b"\n1\n", "4096 columns"),
+    ],
+)
+def test_what_is_no_table_is_refused_in_one_line(tmp_path: Path, content: bytes, words: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes(content)
+    with pytest.raises(LogError, match=words) as caught:
+        read_table(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_archive_that_unfolds_without_end_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(text, "MAX_BYTES", 2**16)
+    path = tmp_path / "a.csv.gz"
+    path.write_bytes(gzip.compress(b"a,b\n" + b"1,2\n" * 10**6))
+    with pytest.raises(LogError, match="MiB of text"):
+        read_table(path)
+
+
+def test_cells_without_a_number_become_nan_and_are_counted(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("t,x\n0,1\n1,oops\n2,\n3,4\n")
+    columns, defects = read_table(path)
+    assert np.array_equal(columns["x"], [1.0, np.nan, np.nan, 4.0], equal_nan=True)
+    assert [str(d) for d in defects] == ["a.csv x: 1 of 4 cells hold no number"]
+
+
+def test_header_is_stripped(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes(b'\xef\xbb\xbft, "x" ,y\r\n0,1,2\r\n')
+    assert read_header(path) == ["t", "x", "y"]
+    assert list(read_table(path)[0]) == ["t", "x", "y"]
+
+
+def test_a_folder_in_place_of_a_file(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="cannot be read"):
+        read_table(tmp_path)
