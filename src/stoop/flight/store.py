@@ -79,9 +79,13 @@ def restore(recording: Recording, name: str) -> Flight:
         air = _air(recording)
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError):
         raise LogError(f"{recording.path}: {_BAD}") from None
-    if not (math.isfinite(rate) and rate > 0.0 and _all_numbers(data)):
+    if not (_uniform(stream.time, rate) and _all_numbers(data)):
         raise LogError(f"{recording.path}: {_BAD}")
     return Flight(name, recording.path, dataset(stream.time, data), rate, sources, notes, air, faults)
+
+
+def _uniform(time: FloatArray, rate: float) -> bool:
+    return math.isfinite(rate) and rate > 0.0 and bool(np.all(np.abs(np.diff(time) * rate - 1.0) < 1e-2))
 
 
 def _all_numbers(data: Mapping[str, FloatArray]) -> bool:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -72,8 +72,32 @@ class Recording:
     attributes: Mapping[str, str | float] = field(default_factory=dict)
 
 
+class Numbers(Mapping[str, FloatArray]):
+    """Columns of any number type, turned into float64 when they are asked for, to keep a large log small.
+
+    Parameters
+    ----------
+    raw : name -> (n,) numbers
+    keep : indices of the samples that count; None means all
+    """
+
+    def __init__(self, raw: Mapping[str, npt.NDArray[Any]], keep: npt.NDArray[np.intp] | None = None) -> None:
+        self._raw = raw
+        self._keep = keep
+
+    def __getitem__(self, name: str) -> FloatArray:
+        values = self._raw[name]
+        return np.asarray(values if self._keep is None else values[self._keep], dtype=np.float64)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._raw)
+
+    def __len__(self) -> int:
+        return len(self._raw)
+
+
 def clean_stream(
-    place: str, time: FloatArray, columns: Mapping[str, FloatArray]
+    place: str, time: FloatArray, columns: Mapping[str, npt.NDArray[Any]]
 ) -> tuple[Stream, tuple[Defect, ...]]:
     """Drop the samples whose time is not finite or breaks the order; say how many.
 
@@ -91,11 +115,9 @@ def clean_stream(
     keep = increasing(time)
     lost = time.size - keep.size
     if not lost:
-        return Stream(time, columns), ()
-    defect = Defect(
-        "time order", place, f"{lost} of {time.size} samples dropped: time stands still or runs back"
-    )
-    return Stream(time[keep], {name: values[keep] for name, values in columns.items()}), (defect,)
+        return Stream(time, Numbers(columns)), ()
+    message = f"{lost} of {time.size} samples dropped: time stands still or runs back"
+    return Stream(time[keep], Numbers(columns, keep)), (Defect("time order", place, message),)
 
 
 def increasing(time: FloatArray) -> npt.NDArray[np.intp]:

@@ -15,7 +15,7 @@ from stoop.logs.recording import Defect, FloatArray
 if TYPE_CHECKING:
     import pandas as pd
 
-MAX_BYTES: Final = 512 * 2**20  #: text of one file, unpacked; a fast topic of an hour takes 100 MiB
+MAX_BYTES: Final = 256 * 2**20  #: text of one file, unpacked; a fast topic of an hour takes 100 MiB
 MAX_HEADER: Final = 2**20  #: bytes of the first line
 MAX_COLUMNS: Final = 4096
 _CHUNK: Final = 2**20

@@ -10,7 +10,7 @@ from typing import Any, BinaryIO, Final
 import numpy as np
 
 from stoop.errors import LogError
-from stoop.logs.recording import Defect, FloatArray, Recording, Stream, clean_stream
+from stoop.logs.recording import Defect, Recording, Stream, clean_stream
 from stoop.units import MICROSECOND
 
 MAGIC: Final = b"ULog\x01\x12\x35"
@@ -142,13 +142,9 @@ def _file_defects(path: Path, parsed: Any, cut: bool) -> list[Defect]:
 
 
 def _stream(name: str, data: dict[str, Any]) -> tuple[Stream | None, tuple[Defect, ...]]:
-    columns: dict[str, FloatArray] = {
-        key: np.asarray(values, dtype=np.float64)
-        for key, values in data.items()
-        if not key.startswith("_padding")
-    }
+    columns = {key: values for key, values in data.items() if not key.startswith("_padding")}
     stamp = columns.pop("timestamp", None)
     if stamp is None:
         return None, (Defect("skipped", name, "no field 'timestamp'"),)
-    stream, defects = clean_stream(name, stamp * MICROSECOND, columns)
+    stream, defects = clean_stream(name, np.asarray(stamp, dtype=np.float64) * MICROSECOND, columns)
     return (stream if stream.time.size else None), defects

@@ -95,6 +95,16 @@ def test_a_netcdf_file_of_another_make(tmp_path: Path) -> None:
         load(tmp_path / "x.nc")
 
 
+def test_a_clock_that_is_not_uniform(tmp_path: Path) -> None:
+    import dataclasses
+
+    there = flight(np.arange(5.0))
+    bent = there.data.assign_coords(time=[0.0, 0.01, 0.02, 0.03, 0.06])
+    save(dataclasses.replace(there, data=bent), tmp_path / "g.nc")
+    with pytest.raises(LogError, match="stoop did not write"):
+        load(tmp_path / "g.nc")
+
+
 def test_nothing_half_written(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot be written"):
         save(flight(np.arange(3.0)), tmp_path / "no" / "g.nc")

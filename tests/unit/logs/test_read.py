@@ -32,6 +32,19 @@ def test_missing_file(tmp_path: Path, name: str) -> None:
         read(tmp_path / name)
 
 
+@pytest.mark.parametrize("name", ["x" * 5000 + ".ulg", "a\0b.ulg"])
+def test_impossible_names(tmp_path: Path, name: str) -> None:
+    with pytest.raises(LogError, match=r"cannot be read|no such file"):
+        read(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["a.ulg", "a.nc"])
+def test_a_mapping_for_other_logs_does_no_harm(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(b"something else entirely")
+    with pytest.raises(LogError, match=r"not a (ULog|netCDF-3) file"):
+        read(tmp_path / name, tmp_path / "m.toml")
+
+
 @pytest.mark.parametrize("name", ["a.ulg", "a.nc"])
 def test_empty_file(tmp_path: Path, name: str) -> None:
     (tmp_path / name).touch()
