@@ -11,6 +11,7 @@ from stoop.optimize.minimize import Outcome, Progress, Stop, minimize
 from stoop.optimize.problem import Problem, forward_jacobian
 from stoop.optimize.registry import create, names
 from stoop.optimize.state import Event, Optimizer, State
+from stoop.optimize.store import load_state, save_state
 
 __all__ = [
     "Books",
@@ -27,6 +28,8 @@ __all__ = [
     "create",
     "dive",
     "forward_jacobian",
+    "load_state",
     "minimize",
     "names",
+    "save_state",
 ]

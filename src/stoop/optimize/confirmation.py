@@ -24,6 +24,7 @@ class Ends:
     lineages : (m,), dives of one lineage may know of each other (members of one herd)
     converged : (m,), to an optimum of their own
     agreed : (m,), broken off as good as an optimum known before
+    unfinished : (m,), still falling when the iterations were used up
     """
 
     X: FloatArray
@@ -31,6 +32,7 @@ class Ends:
     lineages: IntArray
     converged: BoolArray
     agreed: BoolArray
+    unfinished: BoolArray
 
     def add(self, end: Dive, lineage: int) -> Ends:
         """Return the ends with one more."""
@@ -40,7 +42,12 @@ class Ends:
             np.append(self.lineages, lineage),
             np.append(self.converged, end.converged),
             np.append(self.agreed, end.ending == "agreed"),
+            np.append(self.unfinished, end.ending == "limit"),
         )
+
+    def best(self) -> int:
+        """Return which end is the lowest."""
+        return int(self.costs.argmin())
 
     def optimum(self) -> float:
         """Return the least cost that a dive converged to; inf before there is one."""
@@ -58,4 +65,4 @@ class Ends:
 def no_ends(dimension: int) -> Ends:
     """Return the ends before the first dive."""
     nothing = np.empty(0, dtype=np.bool_)
-    return Ends(np.empty((0, dimension)), np.empty(0), np.empty(0, dtype=np.intp), nothing, nothing)
+    return Ends(np.empty((0, dimension)), np.empty(0), np.empty(0, dtype=np.intp), nothing, nothing, nothing)

@@ -104,8 +104,8 @@ def dive(
     incumbent : float
         Best cost known on this rung; a dive that stays above it must fall fast or is let go.
     worthy : float
-        A dive below this cost is never let go as stalled: near an optimum that noise or an imperfect model
-        keeps far above zero, every dive falls slowly.
+        A dive below this cost is not let go early: near an optimum that noise or an imperfect model keeps
+        far above zero, every dive falls slowly.
     optimum : float
         Cost of an optimum that another dive converged to; this one ends as soon as it agrees with it.
     """

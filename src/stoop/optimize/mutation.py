@@ -85,7 +85,8 @@ def distinct(number: int, picks: int, generator: np.random.Generator) -> IntArra
     for k in range(picks):
         for low in taken:
             draws[k] += draws[k] >= low
-        taken = np.sort(np.concatenate([taken, draws[k : k + 1]]), axis=0)
+        if k + 1 < picks:
+            taken = np.sort(np.concatenate([taken, draws[k : k + 1]]), axis=0)
     return draws
 
 

@@ -12,30 +12,25 @@ from stoop.optimize.arrays import FloatArray
 SINGLE: Final = (
     200_000  #: products up to this many multiplications run on one BLAS thread (OpenBLAS: 262,144)
 )
-STACK: Final = 64  #: slices multiplied in one call
 
 
 def gram(rows: FloatArray) -> FloatArray:
     """Return rows @ rows.T, (v, v), of rows (v, n), n much larger than v.
 
-    The long axis is cut into slices small enough that BLAS does each on one thread, and the slices are added
-    in order: the sum does not depend on how many threads there are.
+    The long axis is cut into slices so small that BLAS does each on one thread, and the slices are added in
+    order: the sum does not depend on how many threads there are.
     """
     v, n = rows.shape
     width = max(8, SINGLE // max(1, v * v))
     total = np.zeros((v, v))
-    for start in range(0, n, width * STACK):
-        block = rows[:, start : start + width * STACK]
-        whole = block.shape[1] // width
-        cut = np.ascontiguousarray(block[:, : whole * width].reshape(v, whole, width).transpose(1, 0, 2))
-        total += np.matmul(cut, cut.copy().transpose(0, 2, 1)).sum(axis=0)
-        rest = block[:, whole * width :]
-        total += rest @ rest.copy().T
+    for start in range(0, n, width):
+        part = rows[:, start : start + width]
+        total += part @ part.T
     return 0.5 * (total + total.T)
 
 
 def project(rows: FloatArray, r: FloatArray) -> FloatArray:
-    """Return rows @ r without threads."""
+    """Return rows @ r, summed without BLAS: a threaded product rounds by the number of threads."""
     product: FloatArray = np.einsum("vn,n->v", rows, r)
     return product
 

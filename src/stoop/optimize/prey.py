@@ -40,6 +40,7 @@ class PreyState(State):
     round : rounds begun
     queue : (q, D), prey of this round still to be followed
     passed : whether a prey of this round passed every gate
+    gone_on : whether the best was followed further in this round
     shelved, scores : (s, D + E) and (s,), prey that a gate stopped, and their costs over the trivial model's
     seen : (rungs,), least cost that dives reached on each rung
     ends : where full dives ended
@@ -54,6 +55,7 @@ class PreyState(State):
     round: int
     queue: FloatArray
     passed: bool
+    gone_on: bool
     shelved: FloatArray
     scores: FloatArray
     seen: FloatArray
@@ -103,6 +105,7 @@ class PsGdeLm:
             round=0,
             queue=np.empty((0, D)),
             passed=False,
+            gone_on=False,
             shelved=np.empty((0, width)),
             scores=np.empty(0),
             seen=np.full(len(problem.prices), np.inf),
@@ -120,13 +123,15 @@ class PsGdeLm:
         return replace(state, books=ledger.books, generation=state.generation + 1), event
 
     def _next(self, state: PreyState, ledger: Ledger) -> tuple[PreyState, Event]:
-        """Choose: starts, prey in the queue, the best of the shelved, new scouts, the herd."""
+        """Choose: starts, queued prey, the best of the shelved, an unfinished dive, scouts, the herd."""
         if len(state.starts):
             return _try_starts(state, ledger)
         if len(state.queue):
             return _chase(state, ledger)
         if len(state.shelved) and state.round and not state.passed:
             return _rescue(state, ledger)
+        if _may_go_on(state, ledger):
+            return _go_on(state, ledger)
         if state.round < self.rounds:
             return self._scout(state, ledger)
         return _graze(state, ledger)
@@ -144,6 +149,7 @@ class PsGdeLm:
             queue=queue,
             round=state.round + 1,
             passed=False,
+            gone_on=False,
             shelved=state.shelved[keep],
             scores=state.scores[keep],
         ), event
@@ -203,6 +209,20 @@ def _rescue(state: PreyState, ledger: Ledger) -> tuple[PreyState, Event]:
     z = state.shelved[int(state.scores.argmin())]
     state = replace(state, shelved=state.shelved[:0], scores=state.scores[:0], lineages=state.lineages + 1)
     return _dive(state, ledger, z, state.lineages - 1)
+
+
+def _may_go_on(state: PreyState, ledger: Ledger) -> bool:
+    """Whether the best is the end of a dive that ran out of iterations; once a round."""
+    ends = state.ends
+    if state.gone_on or not len(ends.costs):
+        return False
+    return bool(ends.unfinished[ends.best()]) and float(ends.costs[ends.best()]) <= ledger.cost
+
+
+def _go_on(state: PreyState, ledger: Ledger) -> tuple[PreyState, Event]:
+    """Follow the best further."""
+    lineage = int(state.ends.lineages[state.ends.best()])
+    return _dive(replace(state, gone_on=True), ledger, ledger.best, lineage)
 
 
 def _dive(

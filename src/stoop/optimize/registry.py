@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from stoop.errors import IdentificationError
+from stoop.optimize.evolution import de_best_2_bin, de_rand_1_bin, ps_gde
 from stoop.optimize.prey import PsGdeLm
 from stoop.optimize.state import Optimizer
 
@@ -13,6 +14,9 @@ DEFAULT: Final = "ps-gde-lm"
 
 _MAKERS: Final[dict[str, Callable[[], Optimizer[Any]]]] = {
     "ps-gde-lm": PsGdeLm,
+    "ps-gde": ps_gde,
+    "de-rand-1-bin": de_rand_1_bin,
+    "de-best-2-bin": de_best_2_bin,
 }
 
 

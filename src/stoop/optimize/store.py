@@ -1,0 +1,109 @@
+"""States on disk: arrays in an .npz, everything else in a JSON header beside them; no pickle, ever.
+
+Only the classes named here are ever built from a file, and from their fields alone. A file is written to a
+temporary name and renamed, so that a killed run leaves the previous state or the new one, never half of one.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import zipfile
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from stoop.errors import IdentificationError, OutputError
+from stoop.optimize.adaptation import Memory
+from stoop.optimize.confirmation import Ends
+from stoop.optimize.evolution import PopulationState
+from stoop.optimize.herd import Herd
+from stoop.optimize.ledger import Books
+from stoop.optimize.prey import PreyState
+from stoop.optimize.state import State
+from stoop.optimize.stream import Stream
+
+SCHEMA: Final = "stoop-state/1"
+HEADER: Final = "header"
+CLASSES: Final[dict[str, type]] = {
+    c.__name__: c for c in (PopulationState, PreyState, Books, Stream, Ends, Herd, Memory)
+}
+
+
+def save_state(path: Path, state: State) -> None:
+    """Write a state, atomically.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    arrays: dict[str, np.ndarray[Any, Any]] = {}
+    header = json.dumps({"schema": SCHEMA, "state": _encode(state, arrays)})
+    arrays[HEADER] = np.frombuffer(header.encode(), dtype=np.uint8)
+    write: Callable[..., None] = np.savez
+    try:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".tmp")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                write(file, **arrays)
+            Path(name).replace(path)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise OutputError(
+            f"{path}: the state cannot be written ({error}); free the folder or choose another"
+        ) from None
+
+
+def load_state(path: Path) -> State:
+    """Read a state.
+
+    Raises
+    ------
+    IdentificationError
+        If the file is missing, damaged or of another version.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        header = json.loads(arrays[HEADER].tobytes())
+        if header["schema"] != SCHEMA:
+            raise ValueError(f"schema {header['schema']}, not {SCHEMA}")
+        state = _decode(header["state"], arrays)
+    except FileNotFoundError:
+        raise IdentificationError(f"{path}: there is no saved state; start anew without resuming") from None
+    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        what = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise IdentificationError(f"{path}: not a usable state ({what}); delete it and start anew") from None
+    if not isinstance(state, State):
+        raise IdentificationError(f"{path}: holds no state; delete it and start anew")
+    return state
+
+
+def _encode(value: Any, arrays: dict[str, np.ndarray[Any, Any]]) -> Any:
+    """Return what JSON can hold; arrays are put aside under a number."""
+    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
+        arrays[f"a{len(arrays)}"] = value
+        return {"array": f"a{len(arrays) - 1}"}
+    if is_dataclass(value):
+        content = {f.name: _encode(getattr(value, f.name), arrays) for f in fields(value)}
+        return {"class": type(value).__name__, "fields": content}
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    raise TypeError(f"a state cannot hold {type(value).__name__}")
+
+
+def _decode(value: Any, arrays: dict[str, np.ndarray[Any, Any]]) -> Any:
+    """Return what `_encode` was given."""
+    if not isinstance(value, dict):
+        return value
+    if "array" in value:
+        return arrays[value["array"]]
+    content = {name: _decode(item, arrays) for name, item in value["fields"].items()}
+    return CLASSES[value["class"]](**content)
