@@ -1,0 +1,172 @@
+"""`stoop info`: what a flight log holds."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stoop.cli.page import Page, page, print_json
+from stoop.cli.tables import alike, fixed, numbers, points, shown_unit, words
+
+if TYPE_CHECKING:
+    from stoop.flight import ChannelRow, FlightSummary, Maneuver
+
+FORMAT = "stoop-info/1"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this verb."""
+    parser.add_argument(
+        "flight", metavar="FLIGHT", type=Path, help=".ulg, .nc, .csv with a mapping, or a folder of PX4 CSVs"
+    )
+    parser.add_argument("--mapping", metavar="M.toml", type=Path, help="which CSV column is which variable")
+    parser.add_argument("--json", action="store_true", help="print JSON (SI units, rad) instead of tables")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Read, describe, print."""
+    from stoop.flight import describe, load
+
+    summary = describe(load(arguments.flight, arguments.mapping))
+    if arguments.json:
+        print_json(info_document(summary))
+    else:
+        _print(page(), summary, str(arguments.flight))
+    return 0
+
+
+def info_document(summary: FlightSummary) -> dict[str, Any]:
+    """Return what is known of a flight for JSON, SI and rad."""
+    return {
+        "format": FORMAT,
+        "name": summary.name,
+        "path": None if summary.path is None else str(summary.path),
+        "start": summary.start,
+        "stop": summary.stop,
+        "rate": summary.rate,
+        "channels": [asdict(row) for row in summary.rows],
+        "faults": [asdict(fault) for fault in summary.faults],
+        "maneuvers": [asdict(maneuver) for maneuver in summary.maneuvers],
+        "air": None if summary.air is None else _numbers_of(summary.air),
+        "notes": summary.notes,
+    }
+
+
+def _numbers_of(air: Any) -> dict[str, Any]:
+    """Return all of the reconstruction but its time histories and its notes, which are told elsewhere."""
+    return {name: value for name, value in vars(air).items() if name not in ("traces", "notes")}
+
+
+def _print(out: Page, summary: FlightSummary, path: str) -> None:
+    length = summary.stop - summary.start
+    out.line(path)
+    span = f"{summary.start:.2f} to {summary.stop:.2f} s on the log's own clock ({length:.2f} s)"
+    out.line(f"{span}, {summary.rate:g} Hz grid")
+    full = [row for row in summary.rows if row.missing < 1.0]
+    empty = [row.variable for row in summary.rows if row.missing >= 1.0]
+    out.heading("Sources")
+    _print_sources(out, full)
+    out.heading("Channels")
+    _print_channels(out, full)
+    if empty:
+        out.line(f"without any value: {' '.join(empty)}")
+    out.heading("Suspected faults")
+    faults = [fault.message for fault in summary.faults]
+    out.bullets(faults or ["none seen"])
+    out.heading("Candidate maneuvers")
+    _print_maneuvers(out, summary, path)
+    told = set(faults)
+    notes = [note for note in summary.notes if note not in told]
+    if notes:
+        out.heading("Notes")
+        out.bullets(notes)
+
+
+@dataclass(frozen=True)
+class _Source:
+    """Channels that were recorded alike."""
+
+    name: str
+    rate: float
+    gaps: int
+    longest_gap: float
+
+
+def _by_source(rows: Iterable[ChannelRow]) -> Mapping[_Source, list[str]]:
+    found: dict[_Source, list[str]] = {}
+    for row in rows:
+        found.setdefault(_Source(row.source, row.rate, row.gaps, row.longest_gap), []).append(row.variable)
+    return found
+
+
+def _print_sources(out: Page, rows: Sequence[ChannelRow]) -> None:
+    sources = _by_source(rows)
+    out.table(
+        [
+            words("source", [source.name for source in sources]),
+            fixed("Hz", [source.rate for source in sources], 1),
+            fixed("gaps", [source.gaps for source in sources], 0),
+            fixed("longest s", [source.longest_gap for source in sources], 3),
+            words("channels", [" ".join(names) for names in sources.values()], wraps=True),
+        ]
+    )
+
+
+def _print_channels(out: Page, rows: Sequence[ChannelRow]) -> None:
+    low, middle, high = zip(*(alike((row.minimum, row.median, row.maximum)) for row in rows), strict=True)
+    out.table(
+        [
+            words("", [row.variable for row in rows]),
+            words("unit", [shown_unit(row.unit) for row in rows]),
+            points("lowest", low),
+            points("median", middle),
+            points("highest", high),
+            words("missing", [_percent(row.missing) for row in rows]),
+            words("meaning", [row.meaning for row in rows]),
+        ]
+    )
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:5.1f} %" if share > 0.0 else ""
+
+
+def _print_maneuvers(out: Page, summary: FlightSummary, path: str) -> None:
+    found = summary.maneuvers
+    if not found:
+        out.bullets(["none found: no control was moved to and fro, or none was recorded"])
+        return
+    out.table(
+        [
+            words("window s", map(_window, found)),
+            words("axis", [m.axis for m in found]),
+            words("by", [m.variable for m in found]),
+            numbers("amplitude", [m.amplitude for m in found]),
+            fixed("swings", [m.swings for m in found], 0),
+            points("times usual", [_times(m.strength) for m in found]),
+            words("recorded", [_percent(m.whole) for m in found]),
+        ]
+    )
+    out.line()
+    out.command("next: ", _next_command(path, found))
+
+
+def _times(strength: float) -> str:
+    return f"{strength:.1f}" if strength < 100.0 else ">100"
+
+
+def _next_command(path: str, found: Sequence[Maneuver]) -> list[str]:
+    """Fit the most completely recorded maneuver of each axis; the others are there to be predicted."""
+    best = {m.axis: m for m in sorted(found, key=lambda m: m.whole)}
+    out = ["stoop", "identify", path, "--vehicle", "V.toml"]
+    for maneuver in found:
+        out += ["--maneuver" if maneuver is best[maneuver.axis] else "--validate", _window(maneuver)]
+    return [*out, "-o", "result"]
+
+
+def _window(maneuver: Maneuver) -> str:
+    """Return START:STOP as `stoop identify --maneuver` takes it."""
+    return f"{maneuver.start:.1f}:{maneuver.stop:.1f}"

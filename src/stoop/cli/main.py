@@ -1,0 +1,176 @@
+"""The entry point: find the verb, import only its module, turn what goes wrong into one line and a code.
+
+Exit codes: 0 done, 1 a bug in stoop, 2 something the user can mend, 130 interrupted, 141 nobody reads the
+output any more.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from typing import Any, Final, NoReturn
+
+from stoop.cli.printable import printable
+from stoop.errors import StoopError
+
+VERBS: Final[dict[str, tuple[str, str]]] = {
+    "demo": ("stoop.cli.demo", "simulate a flight, identify it, print truth beside estimate; needs no file"),
+    "info": ("stoop.cli.info", "show what a flight log holds: channels, gaps, faults, maneuvers"),
+    "identify": ("stoop.cli.identify", "estimate a vehicle's coefficients from flight logs, with error bars"),
+    "simulate": ("stoop.cli.simulate", "fly a maneuver and write a flight file"),
+    "trim": ("stoop.cli.trim", "find the controls of a steady straight flight"),
+    "linearize": ("stoop.cli.linearize", "linear model and modes about a steady flight"),
+}  #: verb -> its module, one line of help
+
+BUG, MENDABLE, INTERRUPTED, UNREAD = 1, 2, 130, 141
+_BUG_WORDS = "this is a bug in stoop: please report it with the lines above and your command"
+_DEBUG = "show the traceback of every error (or set STOOP_DEBUG=1)"
+_EXAMPLES: Final = """\
+examples:
+  stoop demo
+  stoop info LOG.ulg
+  stoop identify LOG.ulg --vehicle V.toml --maneuver 140:145 -o result
+
+Every verb explains itself: stoop VERB --help"""
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser that complains in one line, as the rest of stoop does."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print one line and leave with code 2 (the hook that argparse documents for this)."""
+        self.exit(MENDABLE, f"stoop: error: {printable(message)} (see {self.prog} --help)\n")
+
+
+class _Version(argparse.Action):
+    """Look the version up only when it is asked for: importlib.metadata is slow to import."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
+        from importlib.metadata import version
+
+        print(f"stoop {version('stoop')}")
+        parser.exit()
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    words : the arguments; those of the process when absent
+
+    Returns
+    -------
+    The exit code.
+    """
+    if words is None:
+        words = sys.argv[1:]
+        _prepare_process(words)
+    debug = "--debug" in words or bool(os.environ.get("STOOP_DEBUG"))
+    try:
+        return _guarded(words)
+    except StoopError as error:
+        if debug:
+            _print_traceback()
+        return _complain(f"error: {error}", MENDABLE)
+    except KeyboardInterrupt:
+        return _complain("interrupted", INTERRUPTED)
+    except BrokenPipeError:
+        return _close_output(UNREAD)
+    except Exception:
+        _print_traceback()
+        return _complain(_BUG_WORDS, BUG)
+
+
+def _guarded(words: Sequence[str]) -> int:
+    """Parse, run the verb, and make sure that all of its output was taken."""
+    try:
+        arguments = parser_for(words).parse_args(words)
+        code = int(arguments.run(arguments))
+    except SystemExit as leaving:  # argparse leaves this way after --help and after errors
+        code = leaving.code if isinstance(leaving.code, int) else 0
+    return _flushed(code)
+
+
+def _flushed(code: int) -> int:
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        _close_output(MENDABLE)
+        return _complain(f"error: the output cannot be written ({error.strerror})", MENDABLE)
+    return code
+
+
+def parser_for(words: Sequence[str]) -> Parser:
+    """Return a parser that knows every verb by name and the arguments of the chosen one."""
+    parser = Parser(
+        prog="stoop",
+        usage="stoop [-h] [--version] [--debug] VERB ...",
+        description="From a flight log to a flight-dynamics model one can trust.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and leave")
+    parser.add_argument("--debug", action="store_true", help=_DEBUG)
+    verbs = parser.add_subparsers(
+        prog="stoop",
+        title="verbs",
+        metavar="VERB",
+        required=True,
+        help=argparse.SUPPRESS,  # the list below is better laid out than argparse's own
+        description=_verb_list(),
+    )
+    chosen = next((word for word in words if not word.startswith("-")), None)
+    for name, (module, purpose) in VERBS.items():
+        verb = verbs.add_parser(name, description=f"{purpose[0].upper()}{purpose[1:]}.", allow_abbrev=False)
+        if name == chosen:
+            _complete(verb, module)
+    return parser
+
+
+def _complete(parser: argparse.ArgumentParser, module: str) -> None:
+    verb = importlib.import_module(module)
+    verb.add_arguments(parser)
+    parser.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=_DEBUG)
+    parser.set_defaults(run=verb.run)
+
+
+def _verb_list() -> str:
+    return "\n".join(f"{name:<10} {purpose}" for name, (_, purpose) in VERBS.items())
+
+
+def _prepare_process(words: Sequence[str]) -> None:
+    """Set up what belongs to the process: an output that takes any character, no warnings of libraries."""
+    import io
+    import warnings
+
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+    if not sys.warnoptions and "--debug" not in words:
+        warnings.simplefilter("ignore")
+
+
+def _complain(message: str, code: int) -> int:
+    print(f"stoop: {printable(message)}", file=sys.stderr)
+    return code
+
+
+def _print_traceback() -> None:
+    import traceback
+
+    traceback.print_exc()
+
+
+def _close_output(code: int) -> int:
+    """Let the interpreter flush into nothing when it ends; see the Python manual on SIGPIPE."""
+    with contextlib.suppress(OSError, ValueError):  # an output without a file descriptor has nothing to flush
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return code

@@ -1,0 +1,114 @@
+"""The flight condition that `trim` and `linearize` share: which vehicle, how fast, how high, how steep."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from stoop.simulate import Trim
+    from stoop.vehicle import Vehicle
+
+LOWEST, HIGHEST = -1000.0, 11000.0  #: m; the standard atmosphere of the equations reaches no further
+SEA_LEVEL_DENSITY: Final = 1.225  #: kg/m3, what `stoop.simulate.trim` assumes where the log would tell
+VEHICLE_HELP: Final = "vehicle file (TOML), or a built-in vehicle: twin-boom"
+
+
+def add_point_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the vehicle and the flight condition."""
+    add = parser.add_argument
+    add("vehicle", metavar="VEHICLE", help=VEHICLE_HELP)
+    add("--airspeed", metavar="V", type=positive, help="m/s (default: the vehicle's reference)")
+    add("--altitude", metavar="H", type=altitude, default=200.0, help="m above sea level (default: 200)")
+    add(
+        "--climb-angle",
+        metavar="DEG",
+        type=climb_angle,
+        default=0.0,
+        help="degrees, up positive (default: 0)",
+    )
+    add("--density", metavar="RHO", type=positive, help="kg/m3, instead of what the vehicle file says")
+
+
+def number(text: str) -> float:
+    """Read a finite number."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number") from None
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a finite number")
+    return value
+
+
+def positive(text: str) -> float:
+    """Read a number above zero."""
+    value = number(text)
+    if value <= 0.0:
+        raise argparse.ArgumentTypeError(f"{text} is not above zero")
+    return value
+
+
+def altitude(text: str) -> float:
+    """Read an altitude in m that the standard atmosphere reaches."""
+    value = number(text)
+    if not LOWEST <= value <= HIGHEST:
+        raise argparse.ArgumentTypeError(f"{text} m is outside {LOWEST:g} to {HIGHEST:g} m")
+    return value
+
+
+def climb_angle(text: str) -> float:
+    """Read an angle in degrees; return rad."""
+    value = number(text)
+    if abs(value) >= 90.0:
+        raise argparse.ArgumentTypeError(f"{text} is not between -90 and 90 degrees")
+    return math.radians(value)
+
+
+def chosen_vehicle(arguments: argparse.Namespace) -> Vehicle:
+    """Return the vehicle with the density and the reduction that the command line asks for."""
+    from stoop.vehicle.builtin import resolve_vehicle
+
+    vehicle = resolve_vehicle(arguments.vehicle)
+    if arguments.density is not None and vehicle.file.environment.density != "log":
+        vehicle = _with_density(vehicle, arguments.density)
+    return vehicle if arguments.reduce is None else vehicle.reduced(arguments.reduce)
+
+
+def _with_density(vehicle: Vehicle, density: float) -> Vehicle:
+    from stoop.vehicle.quantity import Quantity
+
+    environment = vehicle.file.environment.model_copy(update={"density": Quantity(value=density)})
+    return replace(vehicle, file=vehicle.file.model_copy(update={"environment": environment}))
+
+
+def chosen_trim(vehicle: Vehicle, arguments: argparse.Namespace) -> Trim:
+    """Find the steady flight that the command line asks for.
+
+    A lateral model holds speed and incidence, so its steady flight is that of the full equations.
+    """
+    from stoop.simulate import trim
+
+    flown = vehicle.reduced("full") if vehicle.reduce == "lateral" else vehicle
+    return trim(flown, arguments.airspeed, arguments.altitude, arguments.climb_angle, arguments.density)
+
+
+def condition(vehicle: Vehicle, point: Trim, arguments: argparse.Namespace) -> str:
+    """Say the flight condition in one line."""
+    return (
+        f"steady straight flight at {point.start['V']:g} m/s, {point.start['h']:g} m, "
+        f"climb {math.degrees(arguments.climb_angle):g} deg, {_density_words(vehicle, arguments.density)}"
+    )
+
+
+def _density_words(vehicle: Vehicle, given: float | None) -> str:
+    choice = vehicle.file.environment.density
+    if choice == "standard":
+        return "standard atmosphere"
+    if choice != "log":
+        return f"density {vehicle.value('environment.density'):g} kg/m3"
+    if given is None:
+        return f"density {SEA_LEVEL_DENSITY:g} kg/m3 (assumed; the log has it, or give --density)"
+    return f"density {given:g} kg/m3"

@@ -1,0 +1,77 @@
+"""`stoop simulate`: fly a maneuver from trim and write what the instruments would record."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stoop.cli.outputs import add_overwrite, check_target
+from stoop.cli.page import page
+from stoop.cli.point import VEHICLE_HELP
+from stoop.errors import OutputError, VehicleError
+
+if TYPE_CHECKING:
+    from stoop.flight import Flight
+    from stoop.vehicle import Vehicle
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this verb."""
+    add = parser.add_argument
+    add("vehicle", metavar="VEHICLE", help=VEHICLE_HELP)
+    add("--maneuver", metavar="M.toml", type=Path, required=True, help="what the pilot does (TOML)")
+    add("-o", "--output", metavar="FLIGHT.nc", type=Path, required=True, help="the flight file to write")
+    add("--no-noise", action="store_true", help="perfect sensors")
+    add("--seed", metavar="N", type=_seed, default=0, help="of the sensor noise (default: 0)")
+    add_overwrite(parser)
+
+
+def _seed(text: str) -> int:
+    if not text.isascii() or not text.isdigit():
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number, zero or above")
+    return int(text)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Fly, write, and say what to do next."""
+    target: Path = arguments.output
+    _check_ending(target)
+    check_target(target, arguments.overwrite)
+    from stoop.flight import save
+    from stoop.simulate import load_maneuver, simulate_flight
+    from stoop.vehicle.builtin import resolve_vehicle
+
+    vehicle = resolve_vehicle(arguments.vehicle)
+    _check_channels(vehicle)
+    maneuver = load_maneuver(arguments.maneuver)
+    flight = simulate_flight(vehicle, maneuver, arguments.seed, not arguments.no_noise, target.stem)
+    save(flight, target)
+    noise = "no sensor noise" if arguments.no_noise else f"sensor noise of seed {arguments.seed}"
+    _tell(flight, target, arguments.vehicle, noise)
+    return 0
+
+
+def _check_ending(target: Path) -> None:
+    """Refuse a name by which the file could not be read again."""
+    if target.suffix.lower() != ".nc":
+        raise OutputError(f"{target}: a flight file is netCDF; end its name in .nc")
+
+
+def _check_channels(vehicle: Vehicle) -> None:
+    """Refuse an input that a flight file has no place for: it would be lost on reading."""
+    from stoop.flight.variables import VARIABLES, nearest
+
+    for channel in vehicle.inputs:
+        if channel not in VARIABLES and channel != "none":
+            advice = nearest(channel, VARIABLES)
+            raise VehicleError(f"{vehicle.where}: the input '{channel}' is no variable of stoop; {advice}")
+
+
+def _tell(flight: Flight, target: Path, vehicle: str, noise: str) -> None:
+    start, stop = float(flight.time[0]), float(flight.time[-1])
+    size = f"{stop - start:g} s at {flight.rate:g} Hz, {len(flight.data.data_vars)} channels"
+    out = page()
+    out.line(f"wrote {target}: {size}, {noise}")
+    command = ["stoop", "identify", str(target), "--vehicle", vehicle, "--maneuver", f"{start:g}:{stop:g}"]
+    out.command("next: ", [*command, "-o", f"{target.stem}-result"])

@@ -1,0 +1,50 @@
+"""Vehicles that come with the package, by name."""
+
+from __future__ import annotations
+
+import difflib
+from importlib.resources import files
+from pathlib import Path
+from typing import Final
+
+from stoop.errors import VehicleError
+from stoop.vehicle.load import load_vehicle, parse_vehicle
+from stoop.vehicle.vehicle import Vehicle
+
+BUILT_IN: Final[dict[str, str]] = {"twin-boom": "twin_boom.toml"}  #: name -> file in stoop/data
+
+
+def resolve_vehicle(name_or_path: str | Path) -> Vehicle:
+    """Return a vehicle of the package by its name, or read a vehicle file.
+
+    A name of the package wins over a file of the same name; write ``./twin-boom`` for the file.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        One of :data:`BUILT_IN`, or the path of a TOML file.
+
+    Raises
+    ------
+    VehicleError
+        There is no such vehicle, or its file says something impossible.
+    """
+    if str(name_or_path) in BUILT_IN:
+        return builtin_vehicle(str(name_or_path))
+    path = Path(name_or_path)
+    if not path.exists():
+        raise VehicleError(f"{path}: there is no such vehicle file; {_advice(str(name_or_path))}")
+    return load_vehicle(path)
+
+
+def builtin_vehicle(name: str) -> Vehicle:
+    """Return a vehicle of the package; messages name it, not where the package happens to lie."""
+    text = (files("stoop.data") / BUILT_IN[name]).read_text(encoding="utf-8")
+    return parse_vehicle(text, name)
+
+
+def _advice(name: str) -> str:
+    near = difflib.get_close_matches(name.removesuffix(".toml").replace("_", "-"), BUILT_IN, 1)
+    if near:
+        return f"did you mean the built-in vehicle {near[0]}?"
+    return f"check the path, or use a built-in vehicle ({', '.join(BUILT_IN)})"
