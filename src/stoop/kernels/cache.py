@@ -36,19 +36,41 @@ def checksums(folder: Path) -> dict[str, str]:
 
 
 def _private(folder: Path) -> bool:
-    """Return whether nobody but this user can write there (a checksum proves nothing otherwise)."""
+    """Return whether nobody but this user and root can write there (a checksum proves nothing otherwise).
+
+    Where others cannot enter the folder, what lies in it may have any mode.
+    """
     if not hasattr(os, "getuid"):
         return True
-    status = folder.stat()
-    return status.st_uid == os.getuid() and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    closed = not folder.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO)
+    return all(_ours(p.lstat(), closed) for p in (folder, *folder.rglob("*")))
+
+
+def _ours(status: os.stat_result, closed: bool) -> bool:
+    writable = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    return status.st_uid in (os.getuid(), 0) and not stat.S_ISLNK(status.st_mode) and (closed or not writable)
 
 
 def intact(folder: Path) -> bool:
     """Return whether a folder is ours and holds exactly what its manifest says."""
     try:
         return _private(folder) and json.loads((folder / MANIFEST).read_text()) == checksums(folder)
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return False
+
+
+def writable(folder: Path) -> bool:
+    """Return whether Numba could write beside its files; where it cannot, it does not read them either."""
+    return all(os.access(p, os.W_OK) for p in (folder, folder / "__pycache__"))
+
+
+def copy(folder: Path) -> Path:
+    """Copy a folder that cannot be written to a private one that can."""
+    private = Path(tempfile.mkdtemp(prefix="stoop-kernels-"))
+    shutil.copytree(folder, private, dirs_exist_ok=True)
+    for inner in (private, *private.rglob("*/")):
+        inner.chmod(stat.S_IRWXU)
+    return private
 
 
 def start_build(root: Path) -> Path:

@@ -37,6 +37,10 @@ class _Printer(PythonCodePrinter):  # type: ignore[misc]
     def _print_atan2(self, expr: Any) -> str:
         return f"atan2({self._print(expr.args[0])}, {self._print(expr.args[1])})"
 
+    def _print_atan(self, expr: Any) -> str:
+        # SymPy turns atan2 into this one where it knows that x is positive.
+        return f"atan2({self._print(expr.args[0])}, 1.0)"
+
     def _print_Abs(self, expr: Any) -> str:
         return f"fabs({self._print(expr.args[0])})"
 
@@ -127,6 +131,17 @@ class Emitted:
     wrapped: tuple[bool, ...]
 
 
+_KNOWN = (sp.Symbol, sp.Float, sp.Rational, sp.Add, sp.Mul, sp.Pow, sp.atan2, sp.atan, sp.Abs)
+
+
+def _check(expressions: Sequence[Any]) -> None:
+    """Refuse here what the runtime header has no function for, rather than deep inside the compiler."""
+    for expr in expressions:
+        for node in sp.preorder_traversal(expr):
+            if not isinstance(node, _KNOWN):
+                raise NotImplementedError(f"{type(node).__name__} has no vector form")
+
+
 def _renamed(model: SymbolicModel) -> tuple[list[Any], list[Any], list[Any], list[Any]]:
     """Give every symbol a name of our own; return states, inputs, parameters, expressions."""
     groups = []
@@ -136,6 +151,7 @@ def _renamed(model: SymbolicModel) -> tuple[list[Any], list[Any], list[Any], lis
         table.update(zip(symbols, new, strict=True))
         groups.append(new)
     expressions = [sp.sympify(e).xreplace(table) for e in (*model.derivatives, *model.outputs)]
+    _check(expressions)
     return groups[0], groups[1], groups[2], expressions
 
 

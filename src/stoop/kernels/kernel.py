@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import atexit
+import contextlib
 import functools
 import hashlib
-import importlib.util
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import CodeType, ModuleType
-from typing import Any, Protocol, cast
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,10 +98,13 @@ class Kernel:
             Infinite where the trajectory diverged.
         """
         p, x, u, rows, module = self._arguments(parameters, initial, inputs)
+        n = min(len(measured) if samples is None else samples, len(measured))
+        _fits("measured", measured, (len(measured), self.sizes[3]))
+        _fits("weights", weights, measured.shape)
+        _fits("inputs", inputs, (max(n, rows), *inputs.shape[1:]))
         hidden = ~(weights > 0.0)
         z = _matrix(np.where(hidden, 0.0, measured))
         w = _matrix(np.where(hidden, 0.0, weights))
-        n = min(samples or len(z), len(z))
         out = np.empty(p.shape[1])
         self._blocks(
             lambda a, b: module.run_cost(p, x, u, rows, z, w, float(dt), n, out, a, b), p.shape[1], threads
@@ -122,7 +125,7 @@ class Kernel:
         Parameters as in :meth:`cost`.
         """
         p, x, u, rows, module = self._arguments(parameters, initial, inputs)
-        n = min(samples or rows, rows)
+        n = rows if samples is None else min(samples, rows)
         out = np.empty((p.shape[1], n, self.sizes[3]))
         self._blocks(
             lambda a, b: module.run_outputs(p, x, u, rows, float(dt), n, out, a, b), p.shape[1], threads
@@ -140,8 +143,12 @@ class Kernel:
         states : (n_x, B) array
         inputs : (n_u, B) array
         """
-        nx, _, _, ny = self.sizes
-        out = np.empty((nx + ny, parameters.shape[1]))
+        nx, nu, np_, ny = self.sizes
+        count = parameters.shape[1]
+        _fits("parameters", parameters, (np_, count))
+        _fits("states", states, (nx, count))
+        _fits("inputs", inputs, (nu, count))
+        out = np.empty((nx + ny, count))
         self.shared.run_evaluate(_matrix(parameters), _matrix(states), _matrix(inputs), out)
         return out[:nx], out[nx:]
 
@@ -162,6 +169,11 @@ class Kernel:
     def _arguments(
         self, parameters: FloatArray, initial: FloatArray, inputs: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, int, ModuleType]:
+        nx, nu, np_, _ = self.sizes
+        count = parameters.shape[-1]
+        _fits("parameters", parameters, (np_, count))
+        _fits("initial", initial, (nx, count))
+        _fits("inputs", inputs, (max(len(inputs), 1), nu, count)[: max(inputs.ndim, 2)])
         p, x = _matrix(parameters), _matrix(initial)
         if inputs.ndim == 2:
             return p, x, _matrix(inputs), len(inputs), self.shared
@@ -170,12 +182,18 @@ class Kernel:
     def _blocks(self, run: Callable[[int, int], None], count: int, threads: int | None) -> None:
         """Share whole blocks among threads; one thread works in place."""
         blocks = -(-count // self.lanes)
-        workers = min(threads or thread_count(), blocks)
+        workers = max(1, min(threads or thread_count(), blocks))
         edges = [self.lanes * (blocks * i // workers) for i in range(workers)] + [count]
         if workers == 1:
             run(0, count)
             return
         list(_pool(workers).map(run, edges[:-1], edges[1:]))
+
+
+def _fits(name: str, array: FloatArray, shape: tuple[int, ...]) -> None:
+    """Refuse an array of another shape: compiled code would read beyond its end."""
+    if array.shape != shape:
+        raise ValueError(f"{name}: shape {array.shape} instead of {shape}")
 
 
 def _interleave(inputs: FloatArray, lanes: int) -> FloatArray:
@@ -184,6 +202,15 @@ def _interleave(inputs: FloatArray, lanes: int) -> FloatArray:
     blocks = -(-count // lanes)
     padded = np.concatenate([inputs, np.repeat(inputs[..., -1:], blocks * lanes - count, axis=2)], axis=2)
     return np.ascontiguousarray(padded.reshape(n, m, blocks, lanes).transpose(2, 0, 1, 3)).ravel()
+
+
+_CODE_SETTINGS = (
+    "NUMBA_CPU_NAME",
+    "NUMBA_CPU_FEATURES",
+    "NUMBA_OPT",
+    "NUMBA_ENABLE_AVX",
+    "NUMBA_LOOP_VECTORIZE",
+)
 
 
 @functools.cache
@@ -196,7 +223,7 @@ def _environment() -> str:
     sources = b"".join(p.read_bytes() for p in sorted(_HERE.glob("*.py")))
     facts = (
         sys.version, numba.__version__, llvmlite.__version__, llvm.get_host_cpu_name(),
-        llvm.get_host_cpu_features().flatten(), os.environ.get("NUMBA_CPU_FEATURES", ""),
+        llvm.get_host_cpu_features().flatten(), *(os.environ.get(name, "") for name in _CODE_SETTINGS),
         hashlib.sha256(sources).hexdigest(),
     )  # fmt: skip
     return "\n".join(facts)
@@ -207,17 +234,33 @@ class _SourceLoader(SourceFileLoader):
 
     def get_code(self, fullname: str) -> CodeType:
         path = self.get_filename(fullname)
-        return cast("CodeType", self.source_to_code(self.get_data(path), path))
+        code: CodeType = self.source_to_code(self.get_data(path), path)
+        return code
+
+
+@contextlib.contextmanager
+def _beside_source() -> Iterator[None]:
+    """Let Numba keep its files beside the source, also where the user sends them to another folder.
+
+    There no checksum would guard them, and a damaged one ends the process.
+    """
+    from numba import config
+
+    wanted, config.CACHE_DIR = config.CACHE_DIR, ""
+    try:
+        yield
+    finally:
+        config.CACHE_DIR = wanted
 
 
 def _import(folder: Path, key: str, name: str) -> ModuleType:
     unique = f"_stoop_kernel_{key}_{name}"  # Numba's files hold this name: it may not depend on the folder
-    spec = importlib.util.spec_from_loader(unique, _SourceLoader(unique, str(folder / f"{name}.py")))
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
+    loader = _SourceLoader(unique, str(folder / f"{name}.py"))
+    module = ModuleType(unique)
+    module.__file__ = loader.path
     sys.modules[unique] = module
-    spec.loader.exec_module(module)
+    with _beside_source():
+        loader.exec_module(module)
     return module
 
 
@@ -249,14 +292,17 @@ def _write_sources(folder: Path, model: SymbolicModel) -> None:
 def _build(final: Path, key: str, name: str, write: Callable[[Path], None]) -> Path:
     """Make the sealed folder of one module unless it is there; return where it lies."""
     if cache.intact(final):
-        return final
+        return final if cache.writable(final) else _for_this_process(cache.copy(final))
     building = cache.start_build(final.parent)
     write(building)
     _open(building, key, name)
     sealed = cache.seal(building, final)
-    if sealed is building:
-        atexit.register(cache.discard, building)
-    return sealed
+    return _for_this_process(building) if sealed is building else sealed
+
+
+def _for_this_process(folder: Path) -> Path:
+    atexit.register(cache.discard, folder)
+    return folder
 
 
 def load_kernel(structure: str, model: Callable[[], SymbolicModel]) -> Kernel:
@@ -281,13 +327,14 @@ def _load(key: str, model: Callable[[], SymbolicModel]) -> Kernel:
         root = cache.cache_folder()
         folder = _build(root / key, key, "shared", lambda f: _write_sources(f, model()))
         numbers = [int(v) for v in (folder / "sizes.txt").read_text().split()]
+        lanes_source = (folder / "per_lane.py").read_text()  # now: the folder may be gone when it is needed
 
         @functools.cache
         def per_lane() -> ModuleType:
-            def copy(target: Path) -> None:
-                (target / "per_lane.py").write_text((folder / "per_lane.py").read_text())
+            def write(target: Path) -> None:
+                (target / "per_lane.py").write_text(lanes_source)
 
-            return _open(_build(root / f"{key}-lanes", key, "per_lane", copy), key, "per_lane")
+            return _open(_build(root / f"{key}-lanes", key, "per_lane", write), key, "per_lane")
 
         nx, nu, np_, ny, lanes = numbers
         _loaded[key] = Kernel(folder, lanes, (nx, nu, np_, ny), _open(folder, key, "shared"), per_lane)

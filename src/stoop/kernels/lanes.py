@@ -9,13 +9,16 @@ Axes: b = candidate, k = sample, i = state, input or output, j = lane.
 
 from __future__ import annotations
 
-from stoop.kernels.emit import Emitted
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # a warm start needs the signatures below, but no SymPy
+    from stoop.kernels.emit import Emitted
 
 LANES = 8  #: one AVX-512 register of doubles
 
 
 def _tuple(pattern: str, count: int) -> str:
-    """Write a tuple display of ``count`` entries; ``{i}`` is the index, ``{r}`` the scratch row times lanes."""
+    """Write a tuple of ``count`` entries; ``{i}`` is the index, ``{r}`` the scratch row times lanes."""
     return "(" + "".join(pattern.format(i=i, r=i * LANES) + ", " for i in range(count)) + ")"
 
 
@@ -174,7 +177,8 @@ def _evaluate(e: Emitted) -> str:
 @compiled
 def run_evaluate(P, X, U, D):
     for b in range(P.shape[1]):
-        y = observe({_tuple("X[{i}, b]", nx)}, {_tuple("U[{i}, b]", e.inputs)}, prepare(load_parameters(P, b)))
+        c = prepare(load_parameters(P, b))
+        y = observe({_tuple("X[{i}, b]", nx)}, {_tuple("U[{i}, b]", e.inputs)}, c)
 {chr(10).join(f"        D[{i}, b] = y[{i}]" for i in range(nx + ny))}
 """
 

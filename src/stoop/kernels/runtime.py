@@ -11,7 +11,7 @@ The reciprocal of zero is infinity and 0 * inf is NaN: fastmath leaves NaN and i
 import math
 
 import numba as nb
-import numpy as np  # used by the loops that follow
+import numpy as np  # noqa: F401  used by the loops that follow
 
 FASTMATH = {"contract", "nsz", "arcp", "afn", "reassoc"}
 inline = nb.njit(fastmath=FASTMATH, forceinline=True, error_model="numpy")
@@ -19,29 +19,32 @@ compiled = nb.njit(fastmath=FASTMATH, error_model="numpy", nogil=True, cache=Tru
 
 
 @inline
-def sqrt(a):
+def sqrt(a: float) -> float:
+    """Take the square root."""
     return math.sqrt(a)
 
 
 @inline
-def fabs(a):
+def fabs(a: float) -> float:
+    """Take the magnitude."""
     return abs(a)
 
 
 @inline
-def select(c, a, b):
+def select(c: bool, a: float, b: float) -> float:
+    """Choose without a branch."""
     return a if c else b
 
 
 @inline
-def wrap(a):
+def wrap(a: float) -> float:
     """Take an angle difference from (-3 pi, 3 pi) to [-pi, pi]."""
     a = select(a > 3.141592653589793, a - 6.283185307179586, a)
     return select(a < -3.141592653589793, a + 6.283185307179586, a)
 
 
 @inline
-def atan2(y, x):
+def atan2(y: float, x: float) -> float:
     """Arc tangent of y / x over the whole circle, within 4e-16 relative.
 
     Reduction to [0, tan(pi/8)] and a minimax polynomial of the odd series.

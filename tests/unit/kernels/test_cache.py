@@ -1,0 +1,282 @@
+"""Compiled modules on disk: reused, shared, and never believed when they are not what we wrote."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from naive import oscillator
+
+from stoop.kernels import Kernel, SymbolicModel, cache, cache_folder, kernel, load_kernel
+
+TESTS = Path(__file__).parents[2]
+CHILD = """
+import sys
+sys.path.insert(0, {tests!r})
+import numpy as np
+from stoop.kernels import load_kernel
+built = []
+def model():
+    built.append(1)
+    from naive import oscillator
+    return oscillator.equations()
+k = load_kernel("pendulum", model)
+y = k.trajectories(np.ones((3, 1)), np.ones((2, 1)), np.ones((50, 1)), 0.01)
+lanes = k.trajectories(np.ones((3, 2)), np.ones((2, 2)), np.ones((50, 1, 2)), 0.01)
+assert np.allclose(y, lanes[:1], rtol=1e-13)
+print(len(built), repr(float(y[0, -1, 0])), "sympy" in sys.modules)
+"""
+
+
+def child(folder: Path, **environment: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-W", "error", "-c", CHILD.format(tests=str(TESTS))],
+        env=os.environ | {"STOOP_CACHE_DIR": str(folder)} | environment,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def said(process: subprocess.Popen[str]) -> list[str]:
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 0, err
+    assert err == ""
+    return out.split()
+
+
+def value(k: Kernel) -> float:
+    return float(k.trajectories(np.ones((3, 1)), np.ones((2, 1)), np.ones((50, 1)), 0.01)[0, -1, 0])
+
+
+def sealed(folder: Path) -> list[Path]:
+    return [p for p in folder.iterdir() if not p.name.startswith(".")]
+
+
+@pytest.fixture(scope="module")
+def expected(pendulum: Kernel) -> float:
+    return value(pendulum)
+
+
+def count_builds() -> tuple[list[int], Callable[[], SymbolicModel]]:
+    built: list[int] = []
+
+    def model() -> SymbolicModel:
+        built.append(1)
+        return oscillator.equations()
+
+    return built, model
+
+
+@pytest.fixture
+def filled(forget: Path, pendulum: Kernel) -> Path:
+    """Return a cache that holds a sound pendulum, without compiling one again."""
+    import shutil
+
+    forget.mkdir(mode=0o700)
+    shutil.copytree(pendulum.folder, forget / pendulum.folder.name)
+    return forget
+
+
+def test_processes_share_what_was_compiled_once(tmp_path: Path, expected: float) -> None:
+    first = said(child(tmp_path))
+    assert first == ["1", repr(expected), "True"]
+    assert len(sealed(tmp_path)) == 2, "one module for shared inputs, one for inputs per lane"
+    before = {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*")}
+    second = said(child(tmp_path))
+    assert second == ["0", repr(expected), "False"], "a warm start needs no SymPy"
+    assert {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*")} == before, "nothing was written again"
+    assert all(cache.intact(p) for p in sealed(tmp_path))
+
+
+def test_two_processes_at_once(tmp_path: Path, expected: float) -> None:
+    pair = [child(tmp_path), child(tmp_path)]
+    assert [said(p)[1] for p in pair] == [repr(expected)] * 2
+    assert all(cache.intact(p) for p in tmp_path.iterdir()), "no half-built folder is left behind"
+
+
+def test_numbas_own_cache_folder_is_not_used(tmp_path: Path, expected: float) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    ours = tmp_path / "ours"
+    assert said(child(ours, NUMBA_CACHE_DIR=str(elsewhere)))[1] == repr(expected)
+    assert not elsewhere.exists()
+    assert len(list(ours.rglob("*.nbc"))) == 6
+
+
+def test_the_filled_fixture_is_a_sound_cache(filled: Path, expected: float) -> None:
+    built, model = count_builds()
+    assert value(load_kernel("pendulum", model)) == expected
+    assert not built
+
+
+def damaged(filled: Path, suffix: str, damage: Callable[[Path], None], expected: float) -> None:
+    for victim in sorted(filled.rglob(f"*{suffix}")):
+        damage(victim)
+    built, model = count_builds()
+    assert value(load_kernel("pendulum", model)) == expected
+    assert built == [1]
+    assert all(cache.intact(p) for p in sealed(filled))
+    assert not [p for p in filled.iterdir() if p.name.startswith(".")], "nothing half-made is left"
+
+
+def truncate(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def empty(path: Path) -> None:
+    path.write_bytes(b"")
+
+
+def flip(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 0x10
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize(("suffix", "damage"), [(".nbc", truncate), (".nbi", Path.unlink), (".py", flip)])
+def test_damage_is_recompiled_silently(
+    filled: Path, suffix: str, damage: Callable[[Path], None], expected: float
+) -> None:
+    damaged(filled, suffix, damage, expected)
+
+
+@pytest.mark.parametrize("suffix", [".nbc", ".nbi", "manifest.json", "shared.py", "per_lane.py", "sizes.txt"])
+@pytest.mark.parametrize("damage", [truncate, empty, flip, Path.unlink])
+def test_any_damage_is_seen(filled: Path, suffix: str, damage: Callable[[Path], None]) -> None:
+    (folder,) = sealed(filled)
+    assert cache.intact(folder)
+    damage(sorted(folder.rglob(f"*{suffix}"))[0])
+    assert not cache.intact(folder)
+
+
+def test_an_added_file_is_seen(filled: Path) -> None:
+    (folder,) = sealed(filled)
+    (folder / "__pycache__" / "more.nbi").write_bytes(b"cos\nsystem\n(S'true'\ntR.")
+    assert not cache.intact(folder)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "null", "{}", "\x00", "[" * 100_000, '{"shared.py": 3}'])
+def test_any_manifest_is_only_a_mismatch(filled: Path, text: str) -> None:
+    (folder,) = sealed(filled)
+    (folder / "manifest.json").write_text(text)
+    assert not cache.intact(folder)
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no file modes on this system")
+class TestTrust:
+    def test_a_folder_that_others_can_write_is_not_trusted(self, filled: Path) -> None:
+        (folder,) = sealed(filled)
+        for mode in (0o770, 0o707, 0o722):
+            folder.chmod(mode)
+            assert not cache.intact(folder)
+        for mode in (0o700, 0o755, 0o500):
+            folder.chmod(mode)
+            assert cache.intact(folder)
+        folder.chmod(0o700)
+
+    def test_a_file_that_others_can_reach_and_write_is_not_trusted(self, filled: Path) -> None:
+        (folder,) = sealed(filled)
+        (folder / "shared.py").chmod(0o664)
+        assert cache.intact(folder), "nobody else can enter the folder"
+        folder.chmod(0o755)
+        assert not cache.intact(folder)
+
+    def test_a_folder_of_somebody_else_is_not_trusted(
+        self, filled: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        (folder,) = sealed(filled)
+        status = folder.stat()
+        real = Path.lstat
+
+        def lstat(self: Path) -> os.stat_result:
+            return os.stat_result((*real(self)[:4], 12345, *real(self)[5:]))
+
+        assert status.st_uid == os.getuid()
+        monkeypatch.setattr(Path, "lstat", lstat)
+        assert not cache.intact(folder)
+
+    def test_a_link_is_not_trusted(self, filled: Path, tmp_path: Path) -> None:
+        (folder,) = sealed(filled)
+        target = tmp_path / "target.py"
+        (folder / "shared.py").rename(target)
+        (folder / "shared.py").symlink_to(target)
+        assert not cache.intact(folder)
+
+    def test_an_untrusted_folder_is_compiled_anew(self, filled: Path, expected: float) -> None:
+        (folder,) = sealed(filled)
+        folder.chmod(0o777)
+        built, model = count_builds()
+        assert value(load_kernel("pendulum", model)) == expected
+        assert built == [1]
+        assert cache.intact(folder)
+        assert folder.stat().st_mode & 0o777 == 0o700
+
+
+def test_a_read_only_cache_is_used(filled: Path, expected: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cache, "writable", lambda _: False)  # the tests may run as root, whom no mode stops
+    built, model = count_builds()
+    k = load_kernel("pendulum", model)
+    assert value(k) == expected
+    assert not built
+    assert filled not in k.folder.parents
+    assert k.folder.stat().st_mode & 0o777 == 0o700
+
+
+def test_an_unwritable_cache_still_compiles(
+    tmp_path: Path, expected: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("a file stands where the folder should be")
+    monkeypatch.setenv("STOOP_CACHE_DIR", str(blocked / "cache"))
+    monkeypatch.setattr(kernel, "_loaded", {})
+    k = load_kernel("pendulum", oscillator.equations)
+    assert value(k) == expected
+    assert blocked not in k.folder.parents
+
+
+def test_a_damaged_folder_that_cannot_be_removed(
+    filled: Path, expected: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder,) = sealed(filled)
+    flip(folder / "shared.py")
+    monkeypatch.setattr(cache, "discard", lambda _: None)
+    k = load_kernel("pendulum", oscillator.equations)
+    assert value(k) == expected
+    assert k.folder != folder
+
+
+def test_one_kernel_per_process(filled: Path) -> None:
+    built, model = count_builds()
+    assert load_kernel("pendulum", model) is load_kernel("pendulum", model)
+    assert not built
+
+
+def test_the_key_holds_structure_versions_and_processor(monkeypatch: pytest.MonkeyPatch) -> None:
+    keys = []
+    monkeypatch.setattr(kernel, "_load", lambda key, _: keys.append(key))
+    for structure, facts in (("a", "1"), ("a", "1"), ("b", "1"), ("a", "2")):
+        monkeypatch.setattr(kernel, "_environment", lambda facts=facts: facts)
+        load_kernel(structure, oscillator.equations)
+    assert keys[0] == keys[1]
+    assert len(set(keys)) == 3
+
+
+def test_where_the_cache_lies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("STOOP_CACHE_DIR", str(tmp_path / "a"))
+    assert cache_folder() == tmp_path / "a"
+    monkeypatch.delenv("STOOP_CACHE_DIR")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "b"))
+    assert cache_folder() == tmp_path / "b" / "stoop" / "kernels"
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    assert cache_folder() == Path.home() / ".cache" / "stoop" / "kernels"
+
+
+def test_the_manifest_is_plain_json(filled: Path) -> None:
+    (folder,) = sealed(filled)
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert {"shared.py", "per_lane.py", "sizes.txt"} <= set(manifest)
+    assert all(len(digest) == 64 for digest in manifest.values())

@@ -1,0 +1,241 @@
+"""What every compiled model promises, shown on a pendulum and its plain twin."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from naive import march, oscillator
+
+from stoop.kernels import Kernel
+from stoop.kernels.kernel import thread_count
+
+DT, N = 0.02, 60
+
+
+def candidates(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    p = np.array([4.0, 0.4, 2.0])[:, None] * rng.uniform(0.5, 1.5, (3, count))
+    return p, rng.uniform(-0.5, 0.5, (2, count))
+
+
+def inputs(seed: int = 1) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(-1, 1, (N, 1))
+
+
+def record(seed: int = 2) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-0.5, 0.5, (N, 3)), rng.uniform(0.5, 2.0, (N, 3))
+
+
+def twin(p: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+    return march.march(
+        lambda s, v: oscillator.rates(s, v, p), lambda s, v: oscillator.readings(s, v, p), x, u, DT
+    )
+
+
+def test_trajectories_equal_plain_python(pendulum: Kernel) -> None:
+    p, x = candidates(11)
+    y = pendulum.trajectories(p, x, inputs(), DT)
+    expected = np.array([twin(p[:, b], x[:, b], inputs()) for b in range(11)])
+    np.testing.assert_allclose(y, expected, rtol=1e-12, atol=1e-13)
+
+
+def test_evaluate_equals_plain_python(pendulum: Kernel) -> None:
+    p, x = candidates(5)
+    u = np.linspace(-1, 1, 5)[None, :]
+    d, y = pendulum.evaluate(p, x, u)
+    for b in range(5):
+        np.testing.assert_allclose(d[:, b], oscillator.rates(x[:, b], u[:, b], p[:, b]), rtol=1e-14)
+        np.testing.assert_allclose(y[:, b], oscillator.readings(x[:, b], u[:, b], p[:, b]), rtol=1e-14)
+
+
+def test_cost_is_the_weighted_sum_of_squares(pendulum: Kernel) -> None:
+    p, x = candidates(11)
+    z, w = record()
+    z[:, 0] += 2 * np.pi * np.random.default_rng(5).integers(-1, 2, N) * (np.arange(N) % 3 == 0)
+    z[7, 1], w[7, 1] = np.nan, 0.0
+    z[9] = np.nan
+    w[9] = 0.0
+    J = pendulum.cost(p, x, inputs(), z, w, DT)
+    y = [twin(p[:, b], x[:, b], inputs()) for b in range(11)]
+    np.testing.assert_allclose(J, [march.cost(t, z, w, (True, False, False)) for t in y], rtol=1e-12)
+
+
+def test_what_a_zero_weight_hides_does_not_matter(pendulum: Kernel) -> None:
+    p, x = candidates(8)
+    z, w = record()
+    w[::4] = 0.0
+    costs = []
+    for hidden in (0.0, np.nan, np.inf, 1e308):
+        z[::4] = hidden
+        costs.append(pendulum.cost(p, x, inputs(), z, w, DT))
+    assert all(np.array_equal(J, costs[0]) for J in costs)
+    assert np.isfinite(costs[0]).all()
+
+
+def test_nan_weight_hides_too(pendulum: Kernel) -> None:
+    p, x = candidates(3)
+    z, w = record()
+    without = w.copy()
+    w[5, 1], without[5, 1] = np.nan, 0.0
+    u = inputs()
+    assert np.array_equal(pendulum.cost(p, x, u, z, w, DT), pendulum.cost(p, x, u, z, without, DT))
+
+
+def test_nan_measurement_with_weight_costs_infinity(pendulum: Kernel) -> None:
+    p, x = candidates(3)
+    z, w = record()
+    z[3, 2] = np.nan
+    assert np.isposinf(pendulum.cost(p, x, inputs(), z, w, DT)).all()
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e200, -1e9])
+@pytest.mark.parametrize("lane", [0, 3, 7, 12])
+def test_a_diverging_candidate_disturbs_no_other(pendulum: Kernel, bad: float, lane: int) -> None:
+    p, x = candidates(13)
+    z, w = record()
+    J, y = pendulum.cost(p, x, inputs(), z, w, DT), pendulum.trajectories(p, x, inputs(), DT)
+    p[0, lane] = bad
+    J2, y2 = pendulum.cost(p, x, inputs(), z, w, DT), pendulum.trajectories(p, x, inputs(), DT)
+    others = np.arange(13) != lane
+    assert np.isposinf(J2[lane])
+    assert not np.isfinite(y2[lane]).all()
+    assert np.array_equal(J[others], J2[others])
+    assert np.array_equal(y[others], y2[others])
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.floats(), min_size=5, max_size=5), st.integers(0, 9))
+def test_any_numbers_give_a_cost_and_leave_the_others(
+    pendulum: Kernel, numbers: list[float], lane: int
+) -> None:
+    p, x = candidates(10)
+    z, w = record()
+    before = pendulum.cost(p, x, inputs(), z, w, DT)
+    p[:, lane], x[:, lane] = numbers[:3], numbers[3:]
+    after = pendulum.cost(p, x, inputs(), z, w, DT)
+    others = np.arange(10) != lane
+    assert np.array_equal(before[others], after[others])
+    assert after[lane] >= 0.0
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3, 8, 50])
+def test_threads_do_not_change_a_bit(pendulum: Kernel, threads: int) -> None:
+    p, x = candidates(67)
+    z, w = record()
+    one = pendulum.cost(p, x, inputs(), z, w, DT, threads=1)
+    assert np.array_equal(pendulum.cost(p, x, inputs(), z, w, DT, threads=threads), one)
+    y = pendulum.trajectories(p, x, inputs(), DT, threads=1)
+    assert np.array_equal(pendulum.trajectories(p, x, inputs(), DT, threads=threads), y)
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 8, 9, 16, 31])
+def test_place_and_company_do_not_change_a_bit(pendulum: Kernel, count: int) -> None:
+    p, x = candidates(31)
+    z, w = record()
+    all_costs = pendulum.cost(p, x, inputs(), z, w, DT)
+    assert np.array_equal(pendulum.cost(p[:, :count], x[:, :count], inputs(), z, w, DT), all_costs[:count])
+    order = np.random.default_rng(count).permutation(31)
+    assert np.array_equal(pendulum.cost(p[:, order], x[:, order], inputs(), z, w, DT), all_costs[order])
+    y = pendulum.trajectories(p, x, inputs(), DT)
+    assert np.array_equal(pendulum.trajectories(p[:, order], x[:, order], inputs(), DT), y[order])
+
+
+@pytest.mark.parametrize("samples", [1, 2, 17, N])
+def test_first_samples_only(pendulum: Kernel, samples: int) -> None:
+    p, x = candidates(9)
+    z, w = record()
+    y = pendulum.trajectories(p, x, inputs(), DT)
+    assert np.array_equal(pendulum.trajectories(p, x, inputs(), DT, samples), y[:, :samples])
+    w_short = w.copy()
+    w_short[samples:] = 0.0
+    J = pendulum.cost(p, x, inputs(), z, w, DT, samples)
+    np.testing.assert_array_equal(J, pendulum.cost(p, x, inputs(), z, w_short, DT))
+
+
+def test_no_samples_and_no_candidates(pendulum: Kernel) -> None:
+    p, x = candidates(4)
+    z, w = record()
+    assert np.array_equal(pendulum.cost(p, x, inputs(), z, w, DT, 0), np.zeros(4))
+    assert pendulum.trajectories(p, x, inputs(), DT, 0).shape == (4, 0, 3)
+    assert pendulum.cost(p[:, :0], x[:, :0], inputs(), z, w, DT).shape == (0,)
+    assert pendulum.trajectories(p[:, :0], x[:, :0], inputs(), DT).shape == (0, N, 3)
+
+
+def test_inputs_per_lane_equal_shared_ones(pendulum: Kernel) -> None:
+    p, x = candidates(13)
+    z, w = record()
+    lanes = np.repeat(inputs()[:, :, None], 13, axis=2)
+    J = pendulum.cost(p, x, inputs(), z, w, DT)
+    np.testing.assert_allclose(pendulum.cost(p, x, lanes, z, w, DT), J, rtol=1e-13)
+    y = pendulum.trajectories(p, x, inputs(), DT)
+    np.testing.assert_allclose(pendulum.trajectories(p, x, lanes, DT), y, rtol=1e-13, atol=1e-14)
+
+
+def test_every_lane_hears_its_own_inputs(pendulum: Kernel) -> None:
+    p, x = candidates(13)
+    lanes = np.random.default_rng(8).uniform(-1, 1, (N, 1, 13))
+    y = pendulum.trajectories(p, x, lanes, DT)
+    alone = [
+        pendulum.trajectories(p[:, b : b + 1], x[:, b : b + 1], lanes[:, :, b], DT)[0] for b in range(13)
+    ]
+    np.testing.assert_allclose(y, alone, rtol=1e-12, atol=1e-13)
+
+
+def test_read_only_strided_and_integer_arrays(pendulum: Kernel) -> None:
+    p, x = candidates(9)
+    z, w = record()
+    u = inputs()
+    J = pendulum.cost(p, x, u, z, w, DT)
+    strided = [np.asfortranarray(a) for a in (p, x, u, z, w)]
+    for a in (p, x, u, z, w):
+        a.setflags(write=False)
+    assert np.array_equal(pendulum.cost(p, x, u, z, w, DT), J)
+    assert np.array_equal(pendulum.cost(*strided, DT), J)
+    still = pendulum.trajectories(np.ones((3, 1), int), np.zeros((2, 1), int), np.zeros((4, 1), int), DT)
+    assert np.array_equal(still, np.zeros((1, 4, 3)))
+
+
+def test_arguments_are_not_changed(pendulum: Kernel) -> None:
+    p, x = candidates(9)
+    z, w = record()
+    z[0], w[0] = np.nan, 0.0
+    held = [a.copy() for a in (p, x, z, w)]
+    pendulum.cost(p, x, inputs(), z, w, DT)
+    assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(held, (p, x, z, w), strict=True))
+
+
+@pytest.mark.parametrize(
+    ("changed", "shape"),
+    [
+        ("parameters", (4, 9)), ("parameters", (2, 9)), ("initial", (2, 8)), ("initial", (3, 9)),
+        ("inputs", (N - 1, 1)), ("inputs", (N, 2)), ("inputs", (N, 1, 8)), ("inputs", (N,)),
+        ("measured", (N, 2)), ("weights", (N - 1, 3)),
+    ],
+)  # fmt: skip
+def test_shapes_that_do_not_fit_are_refused(pendulum: Kernel, changed: str, shape: tuple[int, ...]) -> None:
+    fits = {"parameters": (3, 9), "initial": (2, 9), "inputs": (N, 1), "measured": (N, 3), "weights": (N, 3)}
+    arrays = {name: np.ones(s) for name, s in (fits | {changed: shape}).items()}
+    with pytest.raises(ValueError, match="shape"):
+        pendulum.cost(**arrays, dt=DT)
+
+
+def test_thread_count_can_be_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("STOOP_THREADS", "3")
+    assert thread_count() == 3
+    for nonsense in ("0", "-1", "many", ""):
+        monkeypatch.setenv("STOOP_THREADS", nonsense)
+        assert thread_count() >= 1
+
+
+def test_many_python_threads_may_call_at_once(pendulum: Kernel) -> None:
+    from concurrent.futures import ThreadPoolExecutor
+
+    p, x = candidates(40)
+    z, w = record()
+    J = pendulum.cost(p, x, inputs(), z, w, DT)
+    with ThreadPoolExecutor(6) as pool:
+        again = list(pool.map(lambda _: pendulum.cost(p, x, inputs(), z, w, DT, threads=2), range(30)))
+    assert all(np.array_equal(a, J) for a in again)

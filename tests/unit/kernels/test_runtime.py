@@ -1,0 +1,68 @@
+"""The branch-free elementary functions against 40 digits."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath
+import numba
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from stoop.kernels import runtime
+
+
+@pytest.fixture(scope="module")
+def functions() -> numba.core.dispatcher.Dispatcher:
+    @numba.njit(fastmath=runtime.FASTMATH, error_model="numpy")
+    def apply(y: np.ndarray, x: np.ndarray, out: np.ndarray) -> None:
+        for i in range(y.size):
+            out[0, i] = runtime.atan2(y[i], x[i])
+            out[1, i] = runtime.wrap(y[i])
+
+    return apply
+
+
+def test_atan2_is_within_two_units_in_the_last_place(functions: numba.core.dispatcher.Dispatcher) -> None:
+    rng = np.random.default_rng(0)
+    y, x = rng.standard_normal((2, 4000)) * 10.0 ** rng.uniform(-9, 3, (2, 4000))
+    out = np.empty((2, 4000))
+    functions(y, x, out)
+    with mpmath.workdps(40):
+        exact = [mpmath.atan2(mpmath.mpf(float(a)), mpmath.mpf(float(b))) for a, b in zip(y, x, strict=True)]
+        errors = [abs((mpmath.mpf(float(o)) - e) / e) for o, e in zip(out[0], exact, strict=True)]
+    assert max(errors) < 4.5e-16
+
+
+@given(st.floats(allow_nan=False), st.floats(allow_nan=False))
+@example(0.0, 0.0)
+@example(1.0, 0.0)
+@example(0.0, -1.0)
+@example(math.inf, 1.0)
+@example(1.0, -math.inf)
+def test_atan2_at_the_edges(functions: numba.core.dispatcher.Dispatcher, y: float, x: float) -> None:
+    out = np.empty((2, 1))
+    functions(np.array([y]), np.array([x]), out)
+    if math.isinf(x) and math.isinf(y):
+        assert math.isnan(out[0, 0])  # no direction: a candidate that has diverged
+    elif max(abs(x), abs(y)) > 1e-280 and max(abs(x), abs(y)) < 1e300:
+        unsigned = y + 0.0  # minus zero counts as zero
+        assert out[0, 0] == pytest.approx(math.atan2(unsigned, x), rel=5e-16, abs=1e-300)
+
+
+def test_not_a_number_stays_one(functions: numba.core.dispatcher.Dispatcher) -> None:
+    out = np.empty((2, 2))
+    functions(np.array([np.nan, 1.0]), np.array([1.0, np.nan]), out)
+    assert np.isnan(out[0]).all()
+    assert np.isnan(out[1, 0])
+
+
+@given(st.floats(-9.42, 9.42))
+def test_wrap(functions: numba.core.dispatcher.Dispatcher, a: float) -> None:
+    out = np.empty((2, 1))
+    functions(np.array([a]), np.array([1.0]), out)
+    assert abs(out[1, 0]) <= math.pi
+    assert math.isclose(math.cos(out[1, 0]), math.cos(a), abs_tol=1e-14)
+    assert math.isclose(math.sin(out[1, 0]), math.sin(a), abs_tol=1e-14)
