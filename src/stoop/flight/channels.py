@@ -12,6 +12,7 @@ import numpy as np
 from stoop.logs import FloatArray
 
 GAP: Final = 0.05  #: s; a longer hole in an input ends a segment
+WILD: Final = 1e9  #: SI; no quantity of the registry is that large
 SLOW_GAP: Final = 2.5  #: median periods; for channels logged too slowly for `GAP`
 
 
@@ -55,6 +56,32 @@ class SourceRate:
     gaps: int
     start: float
     stop: float
+
+
+def tame(group: Channels) -> tuple[Channels, list[str]]:
+    """Count impossibly large numbers as missing, and say so.
+
+    Parameters
+    ----------
+    group : as recorded
+
+    Returns
+    -------
+    group : the same, with NaN in their place
+    notes : one for each variable that had any
+    """
+    wild = {name: int(np.sum(np.abs(x) > WILD)) for name, x in group.values.items()}
+    if not any(wild.values()):
+        return group, []
+    values = {
+        name: np.where(np.abs(x) <= WILD, x, np.nan) if wild[name] else x for name, x in group.values.items()
+    }
+    notes = [
+        f"{group.source}: {n} samples of {name} are beyond any size and were dropped"
+        for name, n in wild.items()
+        if n
+    ]
+    return Channels(group.source, group.time, values), notes
 
 
 def longest_allowed(time: FloatArray) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from stoop import logs
 from stoop.errors import FlightError
 from stoop.flight.build import build
-from stoop.flight.channels import Channels, SourceRate
+from stoop.flight.channels import Channels, SourceRate, tame
 from stoop.flight.faults import recorded_faults, rest_faults
 from stoop.flight.flight import Flight
 from stoop.flight.make import dataset, named
@@ -23,7 +23,7 @@ from stoop.logs import Recording
 from stoop.logs.table import beside
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
 DEFAULT_RATE: Final = 100.0  #: Hz
 SLOW_RATES: Final = 25.0  #: Hz; body rates below this do not show the fast modes
@@ -55,9 +55,13 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = DEFA
     recording = logs.read(path, mapping)
     if recording.format == "stoop-netcdf":
         return restore(recording, named(path))
-    channels = channels_of(recording, mapping)
+    tamed = [tame(group) for group in channels_of(recording, mapping)]
+    channels = [group for group, _ in tamed]
     check_radians(channels, str(path), str(mapping or beside(path)) if recording.format == "table" else "")
-    return _with_warnings(with_air(_gridded(path, recording, channels, rate)))
+    flight = with_air(_gridded(path, recording, channels, rate))
+    return replace(
+        flight, notes=(*(note for _, told in tamed for note in told), *flight.notes, *_warnings(flight))
+    )
 
 
 def channels_of(recording: Recording, mapping: Path | None = None) -> list[Channels]:
@@ -83,7 +87,11 @@ def channels_of(recording: Recording, mapping: Path | None = None) -> list[Chann
 def _gridded(path: Path, recording: Recording, channels: list[Channels], rate: float) -> Flight:
     grid, data, sources = build(channels, rate, str(path))
     faults = (*recorded_faults(channels), *rest_faults(grid.time, data, rate))
-    notes = [*_defect_notes(recording, sources), *_gap_notes(sources), *(fault.message for fault in faults)]
+    notes = [
+        *_defect_notes(recording, sources),
+        *_gap_notes(sources),
+        *(fault.message for fault in faults),
+    ]
     return Flight(named(path), path, dataset(grid.time, data), rate, sources, tuple(notes), None, faults)
 
 
@@ -130,7 +138,24 @@ def with_air(flight: Flight) -> Flight:
     )
 
 
-def _with_warnings(flight: Flight) -> Flight:
+def without(flight: Flight, windows: Sequence[tuple[float, float]]) -> Flight:
+    """Reconstruct the air data anew, learning nothing about wind and pitot inside some windows [s].
+
+    A flight whose air data were measured, or could not be reconstructed, is returned as it is.
+    """
+    if not windows or flight.air is None or flight.air.method == "none":
+        return flight
+    from stoop.flight.reconstruction import reconstruct
+
+    data, air = reconstruct(flight.data, flight.sources["vn"].rate, windows)
+    if air.method == "none":
+        return flight
+    kept = tuple(note for note in flight.notes if note not in flight.air.notes)
+    columns = {name: data[name].to_numpy() for name in VARIABLES if name in data}
+    return replace(flight, data=dataset(flight.time, columns), air=air, notes=(*kept, *air.notes))
+
+
+def _warnings(flight: Flight) -> list[str]:
     """Say what this record cannot tell, whatever is fitted to it."""
     notes = []
     slow = {
@@ -148,7 +173,7 @@ def _with_warnings(flight: Flight) -> Flight:
             "no air data: neither airspeed and vanes, nor ground velocity and attitude to reconstruct it; "
             "V, alpha and beta are missing"
         )
-    return replace(flight, notes=(*flight.notes, *notes))
+    return notes
 
 
 def _empty(flight: Flight, names: Iterable[str]) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 
 from stoop.errors import LogError
 from stoop.files import write_bytes_atomic
-from stoop.flight.channels import SourceRate
+from stoop.flight.channels import WILD, SourceRate
 from stoop.flight.faults import Fault
 from stoop.flight.flight import Flight
 from stoop.flight.make import dataset
@@ -79,7 +79,7 @@ def restore(recording: Recording, name: str) -> Flight:
         air = _air(recording)
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError):
         raise LogError(f"{recording.path}: {_BAD}") from None
-    if not (_uniform(stream.time, rate) and _all_numbers(data)):
+    if not (_uniform(stream.time, rate) and _all_numbers(data) and set(data) <= set(sources)):
         raise LogError(f"{recording.path}: {_BAD}")
     return Flight(name, recording.path, dataset(stream.time, data), rate, sources, notes, air, faults)
 
@@ -89,8 +89,8 @@ def _uniform(time: FloatArray, rate: float) -> bool:
 
 
 def _all_numbers(data: Mapping[str, FloatArray]) -> bool:
-    """Tell whether there is a channel at all and none is infinite."""
-    return bool(data) and not any(np.isinf(values).any() for values in data.values())
+    """Tell whether there is a channel at all and none is beyond any size."""
+    return bool(data) and not any((np.abs(values) > WILD).any() for values in data.values())
 
 
 def _json(recording: Recording, key: str) -> Any:

@@ -87,7 +87,8 @@ class Numbers(Mapping[str, FloatArray]):
 
     def __getitem__(self, name: str) -> FloatArray:
         values = self._raw[name]
-        return np.asarray(values if self._keep is None else values[self._keep], dtype=np.float64)
+        with np.errstate(invalid="ignore"):  # a signaling NaN in a damaged log is a NaN
+            return np.asarray(values if self._keep is None else values[self._keep], dtype=np.float64)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._raw)

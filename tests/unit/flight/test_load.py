@@ -110,6 +110,15 @@ def test_nothing_is_left(tmp_path: Path, size: int) -> None:
         load(write(tmp_path, rows(size)))
 
 
+def test_impossible_sizes_are_missing(tmp_path: Path) -> None:
+    table = rows()
+    table[50][4] = 1e300
+    table[60][4] = float("inf")
+    flight = load(write(tmp_path, table))
+    assert any("2 samples of p are beyond any size" in note for note in flight.notes)
+    assert np.nanmax(np.abs(flight.column("p"))) < 1.0
+
+
 def test_only_nan(tmp_path: Path) -> None:
     table = [[row[0], *[float("nan")] * 6] for row in rows()]
     flight = load(write(tmp_path, table))
