@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 MAX_BYTES: Final = 256 * 2**20  #: text of one file, unpacked; a fast topic of an hour takes 100 MiB
+MAX_ROWS: Final = 5_000_000  #: three hours at 400 Hz
 MAX_HEADER: Final = 2**20  #: bytes of the first line
 MAX_COLUMNS: Final = 4096
 _CHUNK: Final = 2**20
@@ -41,6 +42,8 @@ def read_table(path: Path) -> tuple[dict[str, FloatArray], tuple[Defect, ...]]:
     text, defects = _unpack(path)
     text, cut = _drop_cut_line(path, text)
     header = _header(path, text)
+    if text.count(b"\n") > MAX_ROWS:
+        raise LogError(f"{path}: more than {MAX_ROWS} lines; cut the log to the flight of interest")
     table = _parse(path, text)
     columns, texts = _numbers(path, table, header)
     return columns, (*defects, *cut, *texts)

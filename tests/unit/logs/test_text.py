@@ -133,6 +133,13 @@ def test_an_archive_that_unfolds_without_end_is_refused(
         read_table(path)
 
 
+def test_too_many_lines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(text, "MAX_ROWS", 40)
+    (tmp_path / "a.csv").write_bytes(table(50))
+    with pytest.raises(LogError, match="more than 40 lines"):
+        read_table(tmp_path / "a.csv")
+
+
 def test_cells_without_a_number_become_nan_and_are_counted(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("t,x\n0,1\n1,oops\n2,\n3,4\n")
