@@ -1,1 +1,63 @@
-"""stoop: from a flight log to a flight-dynamics model one can trust."""
+"""stoop: from a flight log to a flight-dynamics model one can trust.
+
+>>> import stoop
+>>> vehicle = stoop.load_vehicle("vehicle.toml")  # doctest: +SKIP
+>>> flight = stoop.load_flight("log.ulg")  # doctest: +SKIP
+>>> job = stoop.fit(vehicle, flight, ["140:145", "160:168"], validate=["187:196"])  # doctest: +SKIP
+>>> print(job)  # doctest: +SKIP
+>>> job.save("result")  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from stoop.flight.load import load as load_flight
+    from stoop.flight.store import save as save_flight
+    from stoop.identify.fit import Options
+    from stoop.identify.result import read_result
+    from stoop.job import identify as fit
+    from stoop.simulate.fly import simulate_flight
+    from stoop.simulate.linearize import linearize
+    from stoop.simulate.maneuver import load_maneuver
+    from stoop.simulate.trim import trim
+    from stoop.vehicle import load_vehicle
+
+_PLACES = {
+    "Options": "stoop.identify.fit",
+    "fit": "stoop.job",
+    "linearize": "stoop.simulate",
+    "load_flight": "stoop.flight",
+    "load_maneuver": "stoop.simulate",
+    "load_vehicle": "stoop.vehicle",
+    "read_result": "stoop.identify.result",
+    "save_flight": "stoop.flight",
+    "simulate_flight": "stoop.simulate",
+    "trim": "stoop.simulate",
+}  #: public name -> room; imported on first use, so that ``import stoop`` costs nothing
+_OTHER_NAMES = {"fit": "identify", "load_flight": "load", "save_flight": "save"}
+
+__all__ = [
+    "Options",
+    "fit",
+    "linearize",
+    "load_flight",
+    "load_maneuver",
+    "load_vehicle",
+    "read_result",
+    "save_flight",
+    "simulate_flight",
+    "trim",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("stoop")
+    if name not in _PLACES:
+        raise AttributeError(f"module 'stoop' has no attribute '{name}'")
+    return getattr(importlib.import_module(_PLACES[name]), _OTHER_NAMES.get(name, name))

@@ -15,7 +15,6 @@ ZERO_CELSIUS: Final = 273.15  #: K
 MICROSECOND: Final = 1e-6  #: s
 
 FACTORS: Final[dict[str, float]] = {
-    # fmt: off
     "1": 1.0, "rad": 1.0, "deg": DEGREE, "rad/s": 1.0, "deg/s": DEGREE, "rad/s2": 1.0, "deg/s2": DEGREE,
     "m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3, "ft": FOOT,
     "m/s": 1.0, "km/h": 1.0 / 3.6, "kt": KNOT, "ft/s": FOOT,
@@ -24,5 +23,4 @@ FACTORS: Final[dict[str, float]] = {
     "kg": 1.0, "slug": SLUG, "N": 1.0, "lbf": POUND_FORCE, "N m": 1.0,
     "kg/m3": 1.0, "Pa": 1.0, "hPa": 100.0, "mbar": 100.0, "K": 1.0, "V": 1.0, "A": 1.0,
     "percent": 0.01, "pwm": 1.0,
-    # fmt: on
-}  #: unit written in a file -> factor to SI
+}  #: unit written in a file -> factor to SI  # fmt: skip

@@ -136,7 +136,7 @@ class Misfit:
 
     def outputs(self, z: FloatArray, index: int) -> FloatArray:
         """Return the simulated readings (n, n_y) of one piece for a vector (D + E,)."""
-        return self._trajectories(z[None, :], index, len(self.pieces[index].time))[0]
+        return np.asarray(self._trajectories(z[None, :], index, len(self.pieces[index].time))[0])
 
     @property
     def _channels(self) -> int:
@@ -157,7 +157,8 @@ class Misfit:
             error = (simulated - np.where(seen, measured, 0.0)) * seen
             for i in self._wrapped:
                 error[..., i] -= 2.0 * np.pi * np.round(error[..., i] / (2.0 * np.pi))
-            return self.weights.whiten(error)
+            whitened: FloatArray = self.weights.whiten(error)
+        return whitened
 
     @cached_property
     def _wrapped(self) -> tuple[int, ...]:

@@ -45,6 +45,8 @@ from stoop.flight.wind import (
 from stoop.logs import FloatArray
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import xarray as xr
 
 VELOCITY: Final = ("vn", "ve", "vd")
@@ -86,7 +88,9 @@ ATTRIBUTES: Final = {
 __all__ = ["AirData", "reconstruct"]
 
 
-def reconstruct(data: xr.Dataset, velocity_rate: float = 10.0) -> tuple[xr.Dataset, AirData]:
+def reconstruct(
+    data: xr.Dataset, velocity_rate: float = 10.0, exclude: Sequence[tuple[float, float]] = ()
+) -> tuple[xr.Dataset, AirData]:
     """Reconstruct airspeed, angle of attack and sideslip of a flight without vanes.
 
     Parameters
@@ -94,6 +98,7 @@ def reconstruct(data: xr.Dataset, velocity_rate: float = 10.0) -> tuple[xr.Datas
     data : over "time" [s], uniform, NaN in gaps: vn ve vd [m/s], q0..q3 (or phi theta psi [rad]) and, where
         there are any, ax ay az [m/s2], p q r [rad/s], airspeed_pitot, wind_n, wind_e [m/s], density [kg/m3]
     velocity_rate : Hz, at which the velocity was recorded before it was interpolated onto the grid
+    exclude : windows [s] from which nothing is learnt about wind and pitot
 
     Returns
     -------
@@ -107,12 +112,21 @@ def reconstruct(data: xr.Dataset, velocity_rate: float = 10.0) -> tuple[xr.Datas
     rotation = rotation_matrices(_quaternion(data))
     motion = _smoothed(data, rotation, velocity_rate)
     flying = _flying(motion.velocity, _column(data, "airspeed_pitot"))
-    samples = _thin(data, rotation, motion, _airborne(motion.velocity, flying, _step(data)))
+    learnt = _airborne(motion.velocity, flying, _step(data)) & ~_inside(data, exclude)
+    samples = _thin(data, rotation, motion, learnt)
     if samples.time.size * samples.step < LEAST:
         why = f"no airspeed, alpha and beta: less than {LEAST:g} s of flight with attitude and velocity"
         return data, AirData("none", notes=(why,))
     air = _air_data(data, samples, motion)
     return _with_air(data, rotation, motion.velocity, flying, air), air
+
+
+def _inside(data: xr.Dataset, windows: Sequence[tuple[float, float]]) -> BoolArray:
+    time = data["time"].to_numpy()
+    inside = np.zeros(time.size, dtype=np.bool_)
+    for start, stop in windows:
+        inside |= (time >= start) & (time <= stop)
+    return inside
 
 
 def _missing(data: xr.Dataset) -> str:

@@ -34,7 +34,11 @@ def equation_error(layout: Layout, pieces: tuple[Piece, ...]) -> FloatArray | No
     blocks = [_regression(layout, piece, linear) for piece in pieces]
     A, b = np.concatenate([m for m, _ in blocks]), np.concatenate([y for _, y in blocks])
     size = np.linalg.norm(A, axis=0)
-    linear, A, size = [i for i, s in zip(linear, size, strict=True) if s > 0.0], A[:, size > 0.0], size[size > 0.0]
+    linear, A, size = (
+        [i for i, s in zip(linear, size, strict=True) if s > 0.0],
+        A[:, size > 0.0],
+        size[size > 0.0],
+    )
     lower = np.array([layout.parameters[i].lower for i in linear])
     upper = np.array([layout.parameters[i].upper for i in linear])
     found = lsq_linear(A / size, b, bounds=(lower * size, upper * size)).x / size

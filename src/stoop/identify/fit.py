@@ -14,15 +14,18 @@ from stoop.cost.misfit import horizon_ladder
 from stoop.errors import IdentificationError
 from stoop.flight import Flight
 from stoop.identify.equation_error import equation_error
-from stoop.identify.noise import noise_variance
+from stoop.identify.noise import effective_variance, first_variance
 from stoop.identify.prepare import Prepared, nuisances, prepare
 from stoop.identify.windows import Window
 from stoop.optimize.ledger import blank
+from stoop.optimize.levenberg import FULL
 from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
 RESTS = 1e-4  #: change of log det R per channel below which the noise estimate has come to rest
 MAX_ROUNDS = 30
+SETTLING = 3  #: dives before the weights are frozen
+SHORT = optimize.Settings(iterations=40, gain=1e-4, predicted=1e-4, stall=0, stall_damping=np.inf)
 
 
 @dataclass(frozen=True)
@@ -100,7 +103,12 @@ def pose(
     """
     prepared = prepare(vehicle, flights, windows)
     layout = Layout.of(vehicle, nuisances(vehicle, prepared))
-    layout = replace(layout, parameters=tuple(p for p in layout.parameters if not p.name.startswith("sensors.") or not p.name.endswith(".bias")))
+    layout = replace(
+        layout,
+        parameters=tuple(
+            p for p in layout.parameters if not p.name.startswith("sensors.") or not p.name.endswith(".bias")
+        ),
+    )
     if layout.dimension == 0:
         raise IdentificationError(f"{vehicle.where}: no number is free; set free = true or use --free NAME")
     sigma = np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs])
@@ -125,29 +133,67 @@ def fit(
     callback: Callable[[optimize.Progress], None] | None = None,
     state: optimize.State | None = None,
 ) -> Fit:
-    """Fit the free numbers of a vehicle to windows of flights, jointly."""
+    """Fit the free numbers of a vehicle to windows of flights, jointly.
+
+    Without a given noise covariance the weights are settled first, by dives from the best start; the search
+    then runs with frozen weights from there; at last dives and noise estimates alternate until both rest.
+    """
     problem, prepared = pose(vehicle, flights, windows, options)
+    guesses, spent = starts(problem), 0.0
+    if options.covariance is None:
+        problem, first, spent = settle(problem, guesses)
+        guesses = np.concatenate([first[None, :], guesses])
     outcome = optimize.minimize(
-        optimize.create(options.optimizer), problem, seed=options.seed, starts=starts(problem),
+        optimize.create(options.optimizer), problem, seed=options.seed, starts=guesses,
         stop=options.stop, callback=callback, state=state,
     )  # fmt: skip
     if not np.isfinite(outcome.cost):
         raise IdentificationError(f"{vehicle.where}: {outcome.advice}")
-    return refine(problem, prepared, outcome, estimate_noise=options.covariance is None)
+    done = refine(problem, prepared, outcome, estimate_noise=options.covariance is None)
+    return replace(done, trajectories=done.trajectories + spent)
+
+
+def settle(problem: Misfit, guesses: FloatArray) -> tuple[Misfit, FloatArray, float]:
+    """Settle the weights by a few dives from the best start; return problem, that place, trajectories."""
+    problem = problem.weighted(Weights.of(first_variance(problem)))
+    rung = len(problem.prices) - 1
+    costs = problem.costs(guesses, rung)
+    z = np.concatenate([guesses[int(np.argmin(costs))], np.zeros(problem.extra)])
+    spent = float(len(guesses))
+    for _ in range(SETTLING):
+        end, price = _dive(problem, z, SHORT)
+        spent += price
+        if not np.isfinite(end.cost):
+            break
+        z = end.z
+        problem = problem.weighted(Weights.of(effective_variance(problem, z)))
+    return problem, z[: problem.dimension], spent
 
 
 def refine(problem: Misfit, prepared: Prepared, outcome: optimize.Outcome, estimate_noise: bool) -> Fit:
-    """Alternate the noise estimate and a full dive; population optimizers get their nuisances here."""
-    rung = len(problem.prices) - 1
+    """Alternate the noise estimate and a full dive; population optimizers get their nuisances here.
+
+    An interrupted search is not refined; Ctrl-C during the refinement keeps what there is.
+    """
     z, cost, before, spent = outcome.z, outcome.cost, np.inf, outcome.trajectories
-    for _ in range(MAX_ROUNDS):
-        if estimate_noise:
-            problem = problem.weighted(Weights.of(noise_variance(problem, z)))
-        ledger = optimize.Ledger(problem, blank(problem))
-        end = optimize.dive(ledger, z, rung)
-        z, cost, spent = end.z, end.cost, spent + ledger.spent
+    for _ in range(0 if outcome.status == "interrupted" else MAX_ROUNDS):
+        try:
+            end, price = _dive(problem, z, FULL)
+        except KeyboardInterrupt:
+            outcome = replace(
+                outcome, status="interrupted", advice="stopped by the user while the estimates were refined"
+            )
+            break
+        z, cost, spent = end.z, end.cost, spent + price
         now = problem.weights.logdet
         if not estimate_noise or abs(before - now) < RESTS * len(problem.weights.covariance):
             break
         before = now
+        problem = problem.weighted(Weights.of(effective_variance(problem, z)))
     return Fit(problem, prepared, z, outcome, cost, spent)
+
+
+def _dive(problem: Misfit, z: FloatArray, settings: optimize.Settings) -> tuple[optimize.Dive, float]:
+    ledger = optimize.Ledger(problem, blank(problem))
+    end = optimize.dive(ledger, z, len(problem.prices) - 1, settings)
+    return end, ledger.spent

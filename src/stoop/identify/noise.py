@@ -14,6 +14,8 @@ from stoop.cost import Misfit
 
 FloatArray = NDArray[np.float64]
 FLOOR = 1e-4  #: of a channel's spread: no channel is trusted further than that
+FIRST_GUESS = 0.5  #: of a channel's spread: noise before anything is known, so that no channel rules
+LONGEST = 2.0  #: s; residuals further apart are taken as independent
 
 
 def channel_residuals(problem: Misfit, z: FloatArray) -> list[FloatArray]:
@@ -38,3 +40,51 @@ def noise_variance(problem: Misfit, z: FloatArray) -> FloatArray:
         floor = (FLOOR * float(np.std(measured[seen, i]))) ** 2 + 1e-20 if seen.any() else 1.0
         out[i] = max(float(np.mean(errors[seen, i] ** 2)), floor) if seen.any() else 1.0
     return out
+
+
+def first_variance(problem: Misfit) -> FloatArray:
+    """Return a variance (n_y,) to begin with: a share of each channel's spread within its pieces."""
+    spreads = np.array([np.nanvar(p.measured, axis=0) if len(p.time) else 0.0 for p in problem.pieces])
+    typical = np.nanmedian(spreads, axis=0)
+    return FIRST_GUESS**2 * np.where(np.isfinite(typical) & (typical > 0.0), typical, 1.0)
+
+
+def correlation_times(errors: list[FloatArray], dt: float) -> FloatArray:
+    """Return how many residuals of each channel say as much as one independent residual (n_y,), at least 1.
+
+    The integrated autocorrelation 1 + 2 sum r_k up to its first zero crossing. A channel whose neighbors
+    are uncorrelated within chance counts as white.
+    """
+    count = errors[0].shape[1]
+    return np.array([_correlation_time([e[:, i] for e in errors], round(LONGEST / dt)) for i in range(count)])
+
+
+def _correlation_time(pieces: list[FloatArray], longest: int) -> float:
+    total, pairs = np.zeros(longest + 1), np.zeros(longest + 1)
+    for piece in pieces:
+        x = np.nan_to_num(piece)
+        seen = np.isfinite(piece).astype(float)
+        n = min(longest + 1, len(x))
+        total[:n] += np.correlate(x, x, "full")[len(x) - 1 :][:n]
+        pairs[:n] += np.correlate(seen, seen, "full")[len(x) - 1 :][:n]
+    if pairs[0] < 10 or total[0] <= 0.0:
+        return 1.0
+    r = (total / np.maximum(pairs, 1.0)) / (total[0] / pairs[0])
+    if r[1] < 2.0 / np.sqrt(pairs[0]):
+        return 1.0
+    negative = np.flatnonzero(r <= 0.0)
+    end = int(negative[0]) if negative.size else len(r)
+    return max(1.0, 1.0 + 2.0 * float(np.sum(r[1:end])))
+
+
+def effective_variance(problem: Misfit, z: FloatArray) -> FloatArray:
+    """Return the variance (n_y,) with which a channel weighs: its noise times the common correlation time.
+
+    Correlated residuals repeat themselves: counted as independent they would drown the priors. One number,
+    the median over the channels, is used for all: the channels' weights among each other stay those of
+    maximum likelihood, and a channel that fits badly is not given up for it. For white residuals it is 1.
+    """
+    errors = channel_residuals(problem, z)
+    seen = [i for i in range(errors[0].shape[1]) if any(np.isfinite(e[:, i]).any() for e in errors)]
+    common = float(np.median(correlation_times(errors, problem.pieces[0].dt)[seen]))
+    return noise_variance(problem, z) * common

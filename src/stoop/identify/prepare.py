@@ -66,7 +66,9 @@ def _pieces(vehicle: Vehicle, flight: Flight, window: Window, index: int) -> tup
     inputs = [name for name in vehicle.inputs if name != "none"]
     found, notes = segments(flight, window.start, window.stop, inputs, vehicle.outputs, _extras(flight))
     if not any(np.isfinite(s.z).any() for s in found):
-        raise FlightError(f"{window}: none of {', '.join(vehicle.outputs)} was recorded there; choose another window")
+        raise FlightError(
+            f"{window}: none of {', '.join(vehicle.outputs)} was recorded there; choose another window"
+        )
     changes = _loading(vehicle, window)
     out = []
     for s in found:
@@ -86,7 +88,9 @@ def _loading(vehicle: Vehicle, window: Window) -> dict[str, float]:
         return {}
     loadings = vehicle.file.loadings
     if window.loading not in loadings:
-        raise VehicleError(f"{vehicle.where}: no loading is called '{window.loading}'; loadings are {', '.join(loadings) or 'none'}")
+        raise VehicleError(
+            f"{vehicle.where}: no loading is called '{window.loading}'; loadings are {', '.join(loadings) or 'none'}"
+        )
     return dict(loadings[window.loading])
 
 
@@ -96,7 +100,9 @@ def _altitude(vehicle: Vehicle, window: Window, extras: Mapping[str, FloatArray]
     if seen.size:
         return float(seen[: max(1, seen.size // 10)].mean())
     if vehicle.file.environment.density == "standard":
-        raise FlightError(f"{window}: no altitude was recorded; write environment.density as a number in {vehicle.where}")
+        raise FlightError(
+            f"{window}: no altitude was recorded; write environment.density as a number in {vehicle.where}"
+        )
     return 0.0
 
 
@@ -108,7 +114,7 @@ def guess_start(vehicle: Vehicle, t: FloatArray, z: FloatArray) -> dict[str, flo
     t : (n,), s
     z : (n, n_y), NaN where missing
     """
-    start = {name: 0.0 for name in START_NAMES}
+    start = dict.fromkeys(START_NAMES, 0.0)
     start["V"] = vehicle.value("reference.airspeed")
     for i, channel in enumerate(vehicle.outputs):
         if channel in START_SCALES:

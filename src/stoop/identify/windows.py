@@ -45,10 +45,14 @@ def parse_window(text: str, flights: Mapping[str, Flight]) -> Window:
     name, at, times = span.rpartition("@")
     if not at:
         if len(flights) != 1:
-            raise FlightError(f"maneuver '{text}': several flights are given; write FLIGHT@START:STOP with one of {', '.join(flights)}")
+            raise FlightError(
+                f"maneuver '{text}': several flights are given; write FLIGHT@START:STOP with one of {', '.join(flights)}"
+            )
         name = next(iter(flights))
     if name not in flights:
-        raise FlightError(f"maneuver '{text}': no flight is called '{name}'; flights are {', '.join(flights)}")
+        raise FlightError(
+            f"maneuver '{text}': no flight is called '{name}'; flights are {', '.join(flights)}"
+        )
     try:
         start, stop = (float(part) for part in times.split(":"))
     except ValueError:

@@ -1,9 +1,9 @@
 """Vehicle + inputs -> trajectories, trim, linear models and simulated flights."""
 
+from stoop.simulate.fly import simulate_flight
 from stoop.simulate.initial import START_NAMES, initial_states, parameter_rows
 from stoop.simulate.linearize import LinearModel, Mode, linearize
 from stoop.simulate.maneuver import Maneuver, load_maneuver, parse_maneuver
-from stoop.simulate.fly import simulate_flight
 from stoop.simulate.trim import Trim, trim
 
 __all__ = [

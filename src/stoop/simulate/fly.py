@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.errors import ManeuverError, SimulationError
-from stoop.flight import Flight, SourceRate
+from stoop.flight import VARIABLES, Flight, from_columns
 from stoop.simulate.initial import commanded, initial_states, parameter_rows
 from stoop.simulate.maneuver import Maneuver
 from stoop.simulate.trim import Trim, mixed_inputs, trim
@@ -105,8 +105,6 @@ def simulate_flight(
     name : str
         As in ``FLIGHT@START:STOP``.
     """
-    import xarray as xr
-
     flown = fly(vehicle, maneuver)
     sigma = noise_sigma(vehicle, maneuver) * float(noise)
     measured = flown.outputs + sigma * np.random.default_rng(seed).standard_normal(flown.outputs.shape)
@@ -116,16 +114,12 @@ def simulate_flight(
     columns |= {
         c: np.array(commanded(vehicle, c, np.repeat(rows, len(flown.inputs), axis=1), flown.inputs.T))
         for c in vehicle.controls
+        if c in VARIABLES
     }
     columns["altitude"] = _altitude(vehicle, maneuver, flown)
-    data = xr.Dataset({c: ("time", v) for c, v in columns.items()}, coords={"time": flown.time})
-    data.attrs["truth"] = json.dumps({p.name: p.value for p in vehicle.parameters if p.free})
-    data.attrs["vehicle"] = vehicle.name
-    period = 1.0 / maneuver.rate
-    rates = dict.fromkeys(
-        columns, SourceRate("simulation", maneuver.rate, period, 0, 0.0, float(flown.time[-1]))
-    )
-    return Flight(name, None, data, maneuver.rate, rates, ("simulated flight",))
+    flight = from_columns(name, flown.time, columns, ("simulated flight",))
+    flight.data.attrs["truth"] = json.dumps({p.name: p.value for p in vehicle.parameters if p.free})
+    return flight
 
 
 def _altitude(vehicle: Vehicle, maneuver: Maneuver, flown: Flown) -> FloatArray:

@@ -86,7 +86,9 @@ def initial_states(
     out = np.empty((len(vehicle.states), count))
     for i, name in enumerate(vehicle.states):
         if name.endswith(".lag"):
-            out[i] = commanded(vehicle, name.removesuffix(".lag"), rows, inputs) + start.get(name, 0.0)
+            out[i] = commanded(vehicle, name.removesuffix(".lag"), rows, inputs) + np.asarray(
+                start.get(name, 0.0)
+            )
         else:
             out[i] = rigid[name]
     return out

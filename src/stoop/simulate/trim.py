@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.errors import SimulationError
-from stoop.simulate.initial import initial_states, parameter_rows
+from stoop.simulate.initial import commanded, initial_states, parameter_rows
 from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
@@ -77,9 +77,7 @@ class _Layout:
 
 
 def _channel_step(vehicle: Vehicle, weight: float) -> float:
-    propulsion = vehicle.file.propulsion
-    assert propulsion is not None
-    if propulsion.kind == "propeller":
+    if "propulsion.speed_gain" in vehicle.rows:
         return 20.0 / max(vehicle.value("propulsion.speed_gain"), 1e-6)
     return 0.1 * weight
 
@@ -104,8 +102,6 @@ def mixed_inputs(vehicle: Vehicle, deflections: Mapping[str, float], base: Float
         Channels to start from; those that drive no control stay.
     """
     rows = parameter_rows(vehicle)
-    from stoop.simulate.initial import commanded
-
     names = list(vehicle.controls)
     now = np.array([commanded(vehicle, c, rows, base)[0] for c in names])
     wanted = np.array([deflections.get(c, n) for c, n in zip(names, now, strict=True)])

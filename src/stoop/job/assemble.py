@@ -1,0 +1,192 @@
+"""A finished fit -> the result and what the report draws."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.flight import VARIABLES, Flight
+from stoop.identify.fit import Fit, Options
+from stoop.identify.noise import noise_variance
+from stoop.identify.predict import predict
+from stoop.identify.result import (
+    AirDataTrace,
+    Covariance,
+    Identification,
+    InitialState,
+    NoiseCovariance,
+    ParameterEstimate,
+    Quantity,
+    Result,
+    SensorBiases,
+    WindEstimate,
+)
+from stoop.identify.windows import Window
+from stoop.job.curves import Flown, maneuver_curves
+from stoop.job.errorbars import ErrorBars, error_bars
+from stoop.job.provenance import input_hashes, versions
+from stoop.job.words import statements, warnings
+from stoop.uncertainty.covariance import intervals_95
+from stoop.vehicle.latex import equations, symbols
+
+FloatArray = NDArray[np.float64]
+_START_UNITS = {"V": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}
+
+
+def assemble(
+    fit: Fit,
+    flights: Mapping[str, Flight],
+    predicted: Sequence[Window],
+    options: Options,
+    began: float,
+    command: str,
+) -> Identification:
+    """Collect numbers, figures of merit, curves and words."""
+    vehicle = fit.problem.layout.vehicle
+    noise = _noise(fit, options)
+    color = float(np.median(np.diag(fit.problem.weights.covariance) / np.diag(noise)))
+    bars = error_bars(fit, color)
+    groups = [
+        Flown("fit", fit.prepared, [fit.problem.outputs(fit.z, i) for i in range(len(fit.problem.pieces))])
+    ]
+    notes = list(fit.prepared.notes)
+    if predicted:
+        prepared, simulated = predict(fit, flights, predicted)
+        groups.append(Flown("validation", prepared, simulated))
+        notes += prepared.notes
+    maneuvers, traces = maneuver_curves(vehicle, groups)
+    parameters = _parameters(fit, bars)
+    names = tuple(parameters)
+    result = Result(
+        parameters=parameters,
+        covariance=Covariance(names, bars.covariance[: len(names), : len(names)]),
+        noise_covariance=NoiseCovariance(vehicle.outputs, noise),
+        initial_states=_initial_states(fit, bars),
+        biases=_biases(fit, bars),
+        wind=_wind(flights),
+        maneuvers=maneuvers,
+        cost=fit.cost,
+        trajectories=fit.trajectories,
+        seconds=time.perf_counter() - began,
+        seed=options.seed,
+        optimizer=options.optimizer,
+        status=fit.outcome.status,
+        advice=fit.outcome.advice,
+        warnings=warnings(parameters, bars.judged, maneuvers, color, fit),
+        versions=versions(),
+        inputs=input_hashes(vehicle, flights),
+    )
+    return Identification(
+        result=result,
+        traces=traces,
+        vehicle=vehicle.name,
+        equations=equations(vehicle),
+        convergence=fit.outcome.history,
+        units=_units(vehicle.outputs, vehicle.inputs, vehicle.controls),
+        symbols=symbols(vehicle),
+        standard_errors=_both(names, bars),
+        statements=statements(vehicle, flights, color),
+        air_data=_air_data(flights),
+        notes=(*(note for flight in flights.values() for note in flight.notes), *dict.fromkeys(notes)),
+        command=command,
+    )
+
+
+def _noise(fit: Fit, options: Options) -> FloatArray:
+    if options.covariance is None:
+        return np.diag(noise_variance(fit.problem, fit.z))
+    return fit.problem.weights.covariance
+
+
+def _parameters(fit: Fit, bars: ErrorBars) -> dict[str, ParameterEstimate]:
+    out = {}
+    for i, p in enumerate(fit.problem.layout.parameters):
+        estimate, sigma, held = fit.estimates[p.name], float(bars.std[i]), bool(bars.held[i])
+        low, high = intervals_95(np.array([estimate]), np.array([sigma]))[0]
+        out[p.name] = ParameterEstimate(
+            estimate=estimate,
+            std_error=np.nan if held else sigma,
+            ci95_lower=np.nan if held else float(low),
+            ci95_upper=np.nan if held else float(high),
+            bound_lower=p.lower,
+            bound_upper=p.upper,
+            at_bound=held,
+            identifiable=not held and bars.judged[p.name].identifiable,
+            unit=p.unit,
+            prior_mean=p.value if p.prior is not None else np.nan,
+            prior_std=p.prior if p.prior is not None else np.nan,
+            start=p.value,
+        )
+    return out
+
+
+def _quantity(fit: Fit, bars: ErrorBars, j: int, unit: str) -> Quantity:
+    nuisance = fit.problem.layout.nuisances[j]
+    entry = fit.problem.dimension + j
+    return Quantity(nuisance.center + nuisance.scale * float(fit.z[entry]), float(bars.std[entry]), unit)
+
+
+def _initial_states(fit: Fit, bars: ErrorBars) -> tuple[InitialState, ...]:
+    out, counts = [], dict.fromkeys(range(len(fit.prepared.windows)), 0)
+    for i, piece in enumerate(fit.problem.pieces):
+        values = {
+            n.name: _quantity(fit, bars, j, _START_UNITS.get(n.name, "rad"))
+            for j, n in enumerate(fit.problem.layout.nuisances)
+            if n.piece == i
+        }
+        out.append(InitialState(piece.maneuver, counts[piece.maneuver], float(piece.time[0]), values))
+        counts[piece.maneuver] += 1
+    return tuple(out)
+
+
+def _biases(fit: Fit, bars: ErrorBars) -> tuple[SensorBiases, ...]:
+    out = []
+    for maneuver in range(len(fit.prepared.windows)):
+        values = {}
+        for j, n in enumerate(fit.problem.layout.nuisances):
+            if n.is_bias and n.maneuver == maneuver:
+                channel = n.name.split(".")[1]
+                values[channel] = _quantity(fit, bars, j, VARIABLES[channel].unit)
+        out.append(SensorBiases(maneuver, values))
+    return tuple(out)
+
+
+def _wind(flights: Mapping[str, Flight]) -> tuple[WindEstimate, ...]:
+    out = []
+    for flight in flights.values():
+        air = flight.air
+        if air is None or air.method == "none":
+            continue
+        values = {
+            "wind_n": Quantity(air.wind_n, air.wind_n_std, "m/s"),
+            "wind_e": Quantity(air.wind_e, air.wind_e_std, "m/s"),
+        }
+        if np.isfinite(air.pitot_scale):
+            values["pitot_scale"] = Quantity(air.pitot_scale, air.pitot_scale_std, "1")
+            values["pitot_offset"] = Quantity(air.pitot_offset, air.pitot_offset_std, "m/s")
+        out.append(WindEstimate(flight.name, values, air.residual_rms, air.notes))
+    return tuple(out)
+
+
+def _air_data(flights: Mapping[str, Flight]) -> tuple[AirDataTrace, ...]:
+    out = []
+    for flight in flights.values():
+        if flight.air is not None and "time" in flight.air.traces:
+            curves = {k: v for k, v in flight.air.traces.items() if k != "time"}
+            out.append(AirDataTrace(flight.name, flight.air.traces["time"], curves))
+    return tuple(out)
+
+
+def _units(*groups: Sequence[str]) -> dict[str, str]:
+    names = dict.fromkeys(name for group in groups for name in group)
+    return {name: VARIABLES[name].unit if name in VARIABLES else "rad" for name in names}
+
+
+def _both(names: tuple[str, ...], bars: ErrorBars) -> dict[str, dict[str, float]]:
+    return {
+        "corrected for colored residuals": dict(zip(names, map(float, bars.std), strict=False)),
+        "Cramer-Rao, residuals taken as white": dict(zip(names, map(float, bars.white), strict=False)),
+    }

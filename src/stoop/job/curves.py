@@ -1,0 +1,95 @@
+"""Curves and figures of merit of every maneuver, fitted or predicted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.cost import Piece
+from stoop.identify.prepare import Prepared
+from stoop.identify.result import ChannelTrace, ManeuverResult, ManeuverTrace, Role
+from stoop.validation.baseline import BaselineManeuver, BaselineSegment, baseline_curves
+from stoop.validation.figures import channel_figures
+from stoop.validation.runs import join
+from stoop.vehicle import Vehicle
+
+FloatArray = NDArray[np.float64]
+_ANGLES = ("phi", "psi")
+
+
+@dataclass(frozen=True, eq=False)
+class Flown:
+    """Maneuvers of one role with what was simulated for each piece."""
+
+    role: Role
+    prepared: Prepared
+    simulated: Sequence[FloatArray]
+
+    def of(self, maneuver: int) -> list[tuple[Piece, FloatArray]]:
+        """Return pieces and simulated readings of a maneuver."""
+        return [(self.prepared.pieces[i], self.simulated[i]) for i in self.prepared.of_maneuver(maneuver)]
+
+
+def maneuver_curves(
+    vehicle: Vehicle, groups: Sequence[Flown]
+) -> tuple[tuple[ManeuverResult, ...], tuple[ManeuverTrace, ...]]:
+    """Return figures and curves of all maneuvers, each beside the trivial lag."""
+    flown = [(group, index) for group in groups for index in range(len(group.prepared.windows))]
+    rate = 1.0 / flown[0][0].prepared.pieces[0].dt
+    lags = baseline_curves([_baseline(vehicle, g, i) for g, i in flown], vehicle.outputs, rate)
+    traces = [_trace(vehicle, g, i, lag) for (g, i), lag in zip(flown, lags, strict=True)]
+    results = [_result(g, i, trace, rate) for (g, i), trace in zip(flown, traces, strict=True)]
+    return tuple(results), tuple(traces)
+
+
+def _unwrapped(
+    piece: Piece, simulated: FloatArray, channel: int, angle: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Return measured and simulated curves; an angle is unwrapped, the simulated one beside the measured."""
+    z, y = piece.measured[:, channel].copy(), simulated[:, channel].copy()
+    if angle:
+        seen = np.isfinite(z)
+        z[seen] = np.unwrap(z[seen])
+        y = np.unwrap(y)
+        near = z - y
+        if seen.any():
+            y += 2.0 * np.pi * np.round(float(near[seen][0]) / (2.0 * np.pi))
+    return z, y
+
+
+def _trace(vehicle: Vehicle, group: Flown, index: int, lag: dict[str, FloatArray]) -> ManeuverTrace:
+    pieces = group.of(index)
+    channels = {}
+    for i, name in enumerate(vehicle.outputs):
+        pairs = [_unwrapped(p, y, i, name in _ANGLES) for p, y in pieces]
+        channels[name] = ChannelTrace(join([z for z, _ in pairs]), join([y for _, y in pairs]))
+    inputs = {name: join([p.inputs[:, i] for p, _ in pieces]) for i, name in enumerate(vehicle.inputs)}
+    inputs.pop("none", None)
+    return ManeuverTrace(join([p.time for p, _ in pieces]), channels, inputs, lag)
+
+
+def _result(group: Flown, index: int, trace: ManeuverTrace, rate: float) -> ManeuverResult:
+    window = group.prepared.windows[index]
+    spans = tuple((float(p.time[0]), float(p.time[-1])) for p, _ in group.of(index))
+    figures = {
+        name: channel_figures(curve.measured, curve.simulated, rate, trace.baseline.get(name))
+        for name, curve in trace.channels.items()
+        if np.isfinite(curve.measured).any()
+    }
+    return ManeuverResult(window.flight, window.start, window.stop, group.role, spans, figures)
+
+
+def _baseline(vehicle: Vehicle, group: Flown, index: int) -> BaselineManeuver:
+    controls = dict.fromkeys(c for control in vehicle.controls for c in vehicle.channels_of(control))
+    columns = [(name, vehicle.inputs.index(name)) for name in controls]
+    segments = []
+    for piece, simulated in group.of(index):
+        measured = {
+            name: _unwrapped(piece, simulated, i, name in _ANGLES)[0]
+            for i, name in enumerate(vehicle.outputs)
+        }
+        segments.append(BaselineSegment({name: piece.inputs[:, i] for name, i in columns}, measured))
+    return BaselineManeuver(group.role, tuple(segments))

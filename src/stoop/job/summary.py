@@ -1,0 +1,51 @@
+"""Results as plain text tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from stoop.identify.result import ManeuverResult, Result
+
+_SHOWN = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "ax", "ay", "az")
+
+
+def _number(value: float, width: int = 11) -> str:
+    return f"{value:{width}.4g}" if math.isfinite(value) else "-".rjust(width)
+
+
+def estimates_table(result: Result, truth: Mapping[str, float] | None = None) -> str:
+    """Return estimates with standard errors, intervals and remarks; beside the truth where it is known."""
+    wide = max([len("parameter"), *map(len, result.parameters)])
+    head = (
+        f"{'parameter':{wide}} {'estimate':>11} {'std error':>11} {'95 % from':>11} {'to':>11} {'start':>11}"
+    )
+    lines = [head + (f" {'truth':>11} {'sigmas off':>10}" if truth else "") + "  unit"]
+    for name, p in result.parameters.items():
+        cells = [_number(v) for v in (p.estimate, p.std_error, p.ci95_lower, p.ci95_upper, p.start)]
+        if truth:
+            known = truth.get(name, math.nan)
+            off = (p.estimate - known) / p.std_error if p.std_error > 0.0 else math.nan
+            cells += [_number(known), f"{off:10.2f}" if math.isfinite(off) else "-".rjust(10)]
+        remark = "  at bound" if p.at_bound else "" if p.identifiable else "  not identifiable"
+        lines.append(f"{name:{wide}} {' '.join(cells)}  {p.unit}{remark}")
+    return "\n".join(lines)
+
+
+def figures_table(result: Result) -> str:
+    """Return Theil's coefficient of every channel and maneuver, the trivial lag's beneath."""
+    lines = [
+        "Theil's inequality coefficient (0 perfect, 1 worst; low-passed at 10 Hz), first-order lag beneath"
+    ]
+    for m in result.maneuvers:
+        channels = [c for c in _SHOWN if c in m.channels]
+        lines.append(f"{m.flight} {m.start:g}:{m.stop:g} ({m.role})")
+        lines.append("  " + "".join(f"{c:>7}" for c in channels))
+        lines.append("  " + "".join(f"{m.channels[c].theil:7.3f}" for c in channels) + "  model")
+        lines.append("  " + "".join(_lag(m, c) for c in channels) + "  lag")
+    return "\n".join(lines)
+
+
+def _lag(m: ManeuverResult, channel: str) -> str:
+    value = m.channels[channel].baseline_theil
+    return f"{value:7.3f}" if math.isfinite(value) else "-".rjust(7)

@@ -1,0 +1,60 @@
+"""What the user must know, in plain words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from stoop.flight import Flight
+from stoop.identify.fit import Fit
+from stoop.identify.result import ManeuverResult, ParameterEstimate
+from stoop.uncertainty.identifiability import Identifiability
+from stoop.vehicle import Vehicle
+
+COLORED = 2.0  #: correlation time in samples from which residuals count as colored
+
+
+def statements(vehicle: Vehicle, flights: Mapping[str, Flight], color: float) -> tuple[str, ...]:
+    """Return what the figures rest on."""
+    rebuilt = [
+        f"{flight.name}: V, alpha and beta are reconstructed from inertial velocity, attitude and a steady wind "
+        f"({flight.air.method}), not measured by a vane; agreement with them is agreement with that reconstruction."
+        for flight in flights.values()
+        if flight.air is not None and flight.air.method != "none"
+    ]
+    colored = (
+        f"Residuals are correlated over about {color:.0f} samples (median channel): the fit weighs them as that "
+        "many times fewer independent ones, and the error bars are corrected for their color (Morelli and Klein "
+        "1997). Plain Cramer-Rao errors, shown beside, are several times too small."
+    )
+    return (*vehicle.file.notes, *rebuilt, *([colored] if color > COLORED else []))
+
+
+def warnings(
+    parameters: Mapping[str, ParameterEstimate],
+    judged: Mapping[str, Identifiability],
+    maneuvers: Sequence[ManeuverResult],
+    color: float,
+    fit: Fit,
+) -> tuple[str, ...]:
+    """Return what is doubtful about a result, most serious first."""
+    out = []
+    if fit.outcome.status not in ("converged", "target"):
+        out.append(f"The search ended without a confirmed optimum: {fit.outcome.advice}.")
+    held = [name for name, p in parameters.items() if p.at_bound]
+    if held:
+        out.append(
+            f"At a bound, so the number is the box's and not the flight's: {', '.join(held)}. Widen the bounds or fix them."
+        )
+    out += [
+        f"{n} cannot be told from this flight: {j.reason}."
+        for n, j in judged.items()
+        if not j.identifiable and not parameters[n].at_bound
+    ]
+    for m in maneuvers:
+        weak = [c for c, f in m.channels.items() if f.theil > f.baseline_theil]
+        if weak:
+            out.append(
+                f"{m.flight} {m.start:g}:{m.stop:g} ({m.role}): no better than a first-order lag in {', '.join(weak)}."
+            )
+    out += list(fit.warnings)
+    return tuple(out)
