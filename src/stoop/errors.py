@@ -19,6 +19,10 @@ from __future__ import annotations
 class StoopError(Exception):
     """Base of all errors that the user can mend; the message is one line with the fix."""
 
+    def __str__(self) -> str:
+        """Return the message on one line, whatever keys and file names are quoted in it."""
+        return "".join(c if c.isprintable() else " " for c in super().__str__())
+
 
 class LogError(StoopError):
     """A log cannot be read."""

@@ -11,22 +11,39 @@ from stoop.vehicle.vehicle import Vehicle, leaves
 
 _POSITIVE = (
     "mass.mass", "mass.inertia.xx", "mass.inertia.yy", "mass.inertia.zz", "reference.area", "reference.chord",
-    "reference.span", "reference.airspeed", "environment.gravity", "environment.density", "propulsion.diameter",
+    "reference.span", "reference.airspeed", "environment.gravity", "environment.density",
+    "propulsion.diameter", "propulsion.speed_gain",
 )  # fmt: skip
+_AXES = ("xx", "yy", "zz", "xz", "xy", "yz")
 
 
 def check(vehicle: Vehicle) -> None:
-    """Raise :class:`VehicleError` for the first impossible number."""
-    rows = vehicle.rows
-    for name in _POSITIVE:
-        if name in rows and not vehicle.value(name) > 0.0:
-            raise VehicleError(
-                f"{vehicle.where}: {name}: {vehicle.value(name):g} is not positive; write its true value in SI units"
-            )
-    _check_inertia(vehicle)
+    """Raise :class:`VehicleError` for the first impossible number, also of a loading."""
+    _check_numbers(vehicle, "")
     _check_angles(vehicle)
     _check_bounds(vehicle)
-    _check_loadings(vehicle)
+    known = {name for name, _ in leaves(vehicle.file)}
+    for loading, numbers in vehicle.file.loadings.items():
+        for name in numbers:
+            if name not in known:
+                raise VehicleError(
+                    f"{vehicle.where}: loadings.{loading}.{name}: no number has this name; "
+                    'write e.g. "mass.mass" = 9.1'
+                )
+        own = {vehicle.parameters[vehicle.rows[name]].name: value for name, value in numbers.items()}
+        loaded = vehicle.with_numbers({name: {"value": value} for name, value in own.items()})
+        _check_numbers(loaded, f"loadings.{loading}: ")
+
+
+def _check_numbers(vehicle: Vehicle, place: str) -> None:
+    lags = tuple(f"controls.{c}.lag" for c in vehicle.file.controls)
+    for name in (*_POSITIVE, *lags):
+        if name in vehicle.rows and not vehicle.value(name) > 0.0:
+            raise VehicleError(
+                f"{vehicle.where}: {place}{name}: {vehicle.value(name):g} is not positive; "
+                + ("remove it for no lag" if name in lags else "write its true value in SI units")
+            )
+    _check_inertia(vehicle, place)
 
 
 def inertia_tensor(vehicle: Vehicle) -> np.ndarray:
@@ -36,36 +53,34 @@ def inertia_tensor(vehicle: Vehicle) -> np.ndarray:
         name = f"mass.inertia.{axis}"
         return vehicle.value(name) if name in vehicle.rows else 0.0
 
-    xx, yy, zz, xz, xy, yz = (get(a) for a in ("xx", "yy", "zz", "xz", "xy", "yz"))
+    xx, yy, zz, xz, xy, yz = (get(a) for a in _AXES)
     return np.array([[xx, -xy, -xz], [-xy, yy, -yz], [-xz, -yz, zz]])
 
 
-def _check_inertia(vehicle: Vehicle) -> None:
+def _check_inertia(vehicle: Vehicle, place: str) -> None:
     """Hold the principal moments to the triangle inequality, which every body of mass obeys."""
+    where = f"{vehicle.where}: {place}mass.inertia"
     small, middle, large = np.linalg.eigvalsh(inertia_tensor(vehicle))
-    if small <= 0.0:
+    if not small > 0.0:
         raise VehicleError(
-            f"{vehicle.where}: mass.inertia: a principal moment is {small:.3g} kg m2; products of inertia are too large, check xz, xy, yz"
+            f"{where}: a principal moment is {small:.3g} kg m2; "
+            "products of inertia are too large, check xz, xy, yz"
         )
     if large > (small + middle) * (1.0 + 1e-9):
         raise VehicleError(
-            f"{vehicle.where}: mass.inertia: the largest principal moment {large:.4g} exceeds the sum of the others "
+            f"{where}: the largest principal moment {large:.4g} exceeds the sum of the others "
             f"{small + middle:.4g} kg m2, which no body can have; measure xx, yy, zz again"
         )
 
 
 def _check_angles(vehicle: Vehicle) -> None:
-    angles = ("reference.alpha", "propulsion.pitch")
-    for name in angles:
+    offsets = tuple(f"controls.{c}.offset" for c in vehicle.file.controls)
+    for name in ("reference.alpha", "propulsion.pitch", *offsets):
         if name in vehicle.rows and abs(vehicle.value(name)) > math.pi / 2.0:
+            value = vehicle.value(name)
             raise VehicleError(
-                f"{vehicle.where}: {name}: {vehicle.value(name):g} looks like degrees; write radians ({math.radians(vehicle.value(name)):.4g})"
-            )
-    for control in vehicle.file.controls:
-        name = f"controls.{control}.offset"
-        if name in vehicle.rows and abs(vehicle.value(name)) > math.pi / 2.0:
-            raise VehicleError(
-                f"{vehicle.where}: {name}: {vehicle.value(name):g} looks like degrees; write radians ({math.radians(vehicle.value(name)):.4g})"
+                f"{vehicle.where}: {name}: {value:g} looks like degrees; "
+                f"write radians ({math.radians(value):.4g})"
             )
 
 
@@ -73,15 +88,6 @@ def _check_bounds(vehicle: Vehicle) -> None:
     for p in vehicle.parameters:
         if p.free and not p.lower < p.upper:
             raise VehicleError(
-                f"{vehicle.where}: {p.name}: free, but its bounds are [{p.lower:g}, {p.upper:g}]; add bounds = [low, high]"
+                f"{vehicle.where}: {p.name}: free, but its bounds are [{p.lower:g}, {p.upper:g}]; "
+                "add bounds = [low, high]"
             )
-
-
-def _check_loadings(vehicle: Vehicle) -> None:
-    known = {name for name, _ in leaves(vehicle.file)}
-    for loading, numbers in vehicle.file.loadings.items():
-        for name in numbers:
-            if name not in known:
-                raise VehicleError(
-                    f'{vehicle.where}: loadings.{loading}.{name}: no number has this name; write e.g. "mass.mass" = 9.1'
-                )

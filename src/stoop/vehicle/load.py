@@ -7,11 +7,13 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from stoop.errors import VehicleError
 from stoop.vehicle import checks, terms
+from stoop.vehicle.complaints import first_complaint
 from stoop.vehicle.defaults import COEFFICIENTS, EQUATION_1
+from stoop.vehicle.quantity import tied
 from stoop.vehicle.schema import CHANNELS, Control, VehicleFile
 from stoop.vehicle.vehicle import Vehicle
 
@@ -25,6 +27,16 @@ _SENSOR_DEFAULTS = {
 MAX_BYTES = 1_000_000
 
 
+def _read(path: Path) -> str:
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise VehicleError(f"{path}: larger than {MAX_BYTES} bytes; this is not a vehicle file")
+        return path.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "not UTF-8 text"
+        raise VehicleError(f"{path}: cannot read the vehicle file ({reason}); check the path") from None
+
+
 def load_vehicle(path: Path | str) -> Vehicle:
     """Read a vehicle file.
 
@@ -33,15 +45,7 @@ def load_vehicle(path: Path | str) -> Vehicle:
     VehicleError
         One line that names the file, the key and what to write instead.
     """
-    path = Path(path)
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise VehicleError(f"{path}: larger than {MAX_BYTES} bytes; this is not a vehicle file")
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not UTF-8 text"
-        raise VehicleError(f"{path}: cannot read the vehicle file ({reason}); check the path") from None
-    return parse_vehicle(text, str(path))
+    return parse_vehicle(_read(Path(path)), str(path))
 
 
 def parse_vehicle(text: str, where: str) -> Vehicle:
@@ -54,35 +58,11 @@ def parse_vehicle(text: str, where: str) -> Vehicle:
     try:
         file = VehicleFile.model_validate(raw)
     except ValidationError as error:
-        raise VehicleError(f"{where}: {_first(error)}") from None
+        raise VehicleError(f"{where}: {first_complaint(error, raw, VehicleFile)}") from None
     _check_terms(file, where)
     vehicle = Vehicle(file=file, text=text, where=where)
     checks.check(vehicle)
     return vehicle
-
-
-def _first(error: ValidationError) -> str:
-    """Say the first complaint of pydantic in one line: key, what is wrong, what to write."""
-    first = error.errors()[0]
-    key = ".".join(str(part) for part in first["loc"] if part not in ("constant", "channel", "propeller"))
-    message = first["msg"].removeprefix("Value error, ")
-    if first["type"] == "extra_forbidden":
-        message = f"unknown key; remove it or correct its name ({_siblings(first['loc'])})"
-    if first["type"] == "missing":
-        message = "missing; add it"
-    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-    return f"{key}: {message}{more}"
-
-
-def _siblings(location: tuple[int | str, ...]) -> str:
-    """List the keys that the table of a wrong key knows."""
-    model: Any = VehicleFile
-    for part in location[:-1]:
-        field = getattr(model, "model_fields", {}).get(part)
-        model = field.annotation if field is not None else None
-    if isinstance(model, type) and issubclass(model, BaseModel):
-        return "known here: " + ", ".join(model.model_fields)
-    return "see the documentation of this table"
 
 
 def _complete(raw: dict[str, Any], where: str) -> None:
@@ -105,8 +85,8 @@ def _complete_sensor(sensors: dict[str, Any], channel: str) -> None:
     sensor.setdefault("sigma", sigma)
     bias = sensor.setdefault("bias", {})
     if isinstance(bias, int | float) and not isinstance(bias, bool):
-        sensor["bias"] = {"value": float(bias), "prior": prior}
-    elif isinstance(bias, dict):
+        sensor["bias"] = {"value": bias, "prior": prior}
+    elif isinstance(bias, dict) and "tie" not in bias:
         bias.setdefault("prior", prior)
 
 
@@ -121,7 +101,7 @@ def _complete_terms(raw: dict[str, Any], where: str) -> None:
             continue
         known = {k: t for k, (t, _, _) in EQUATION_1[coefficient].items()}
         present = {k: t for k, t in known.items() if _has_control(t, raw["controls"])} if default else {}
-        merged = {name: {"term": text} for name, text in present.items()} | written
+        merged: dict[str, Any] = {name: {"term": text} for name, text in present.items()} | written
         aerodynamics[coefficient] = {
             name: _term(value, known.get(name), f"{where}: aerodynamics.{coefficient}.{name}")
             for name, value in merged.items()
@@ -135,15 +115,25 @@ def _has_control(term: str, controls: Mapping[str, Any]) -> bool:
 
 def _term(value: Any, known: str | None, where: str) -> Any:
     """Give a bare number or a table without a term the term of eq. (1) that has its name."""
-    if isinstance(value, int | float | str) and not isinstance(value, bool):
-        value = {"tie": value[1:].strip()} if isinstance(value, str) else {"value": float(value)}
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        value = {"value": value}
+    elif isinstance(value, str):
+        value = {"tie": _tied(value, where)}
     if isinstance(value, dict) and "term" not in value:
         if known is None:
             raise VehicleError(
-                f'{where}: not a term of eq. (1); say what it multiplies, e.g. {{ term = "alpha*elevator", value = 0.0 }}'
+                f"{where}: not a term of eq. (1); say what it multiplies, "
+                'e.g. { term = "alpha*elevator", value = 0.0 }'
             )
         value = {**value, "term": known}
     return value
+
+
+def _tied(text: str, where: str) -> str:
+    try:
+        return tied(text)
+    except ValueError as error:
+        raise VehicleError(f"{where}: {error}") from None
 
 
 def _each_term(file: VehicleFile) -> Iterator[tuple[str, str, str]]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Switch = Annotated[bool, Field(strict=True)]  #: true or false, not "no" or 0
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]  #: no text, no true or false, no nan
 
 
 class Quantity(BaseModel):
@@ -28,10 +30,10 @@ class Quantity(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    value: float = 0.0
-    bounds: tuple[float, float] | None = None
-    free: bool | None = None
-    prior: float | None = Field(default=None, gt=0.0)
+    value: Number = 0.0
+    bounds: tuple[Number, Number] | None = None
+    free: Switch | None = None
+    prior: Annotated[Number, Field(gt=0.0)] | None = None
     tie: str | None = None
 
     @model_validator(mode="before")
@@ -40,24 +42,38 @@ class Quantity(BaseModel):
         if isinstance(data, bool):
             raise ValueError("write a number here, not true or false")
         if isinstance(data, int | float):
-            return {"value": float(data)}
+            return {"value": data}
         if isinstance(data, str):
-            if not data.startswith("="):
-                raise ValueError('write a number, or "=name" to tie it to another number')
-            return {"tie": data[1:].strip()}
+            return {"tie": tied(data)}
+        if not isinstance(data, dict | Quantity):
+            raise ValueError(
+                'write a number, "=name", or a table such as { value = 0.3, bounds = [0.1, 0.5] }'
+            )
         return data
 
     @model_validator(mode="after")
     def _sound(self) -> Quantity:
-        if not math.isfinite(self.value):
-            raise ValueError("write a finite number")
+        stray = self.model_fields_set & {"value", "bounds", "free", "prior"}
+        if self.tie is not None and stray:
+            raise ValueError(f"a tied number takes all from '{self.tie}'; remove {min(stray)}")
         if self.bounds is not None:
             low, high = self.bounds
-            if not (math.isfinite(low) and math.isfinite(high) and low < high):
-                raise ValueError("bounds must be two finite numbers, the lower first")
+            if not low < high:
+                raise ValueError(
+                    f"bounds [{low:g}, {high:g}] are reversed or empty; write the lower one first"
+                )
             if not low <= self.value <= high:
-                raise ValueError(f"value {self.value:g} lies outside its bounds [{low:g}, {high:g}]")
+                raise ValueError(
+                    f"value {self.value:g} lies outside its bounds [{low:g}, {high:g}]; widen them"
+                )
         return self
+
+
+def tied(text: str) -> str:
+    """Return the name in a tie ``"=name"``."""
+    if not text.startswith("=") or not text[1:].strip():
+        raise ValueError('write a number, or "=name" to tie it to another number')
+    return text[1:].strip()
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from stoop.vehicle.quantity import Quantity
+from stoop.vehicle.quantity import Number, Quantity, Switch
 
-FORMAT = "stoop-vehicle/1"
 CHANNELS = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "ax", "ay", "az")
 Point = tuple[Quantity, Quantity, Quantity]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=40)]
@@ -78,7 +77,7 @@ class Term(Quantity):
 class Aerodynamics(Table):
     """Terms per coefficient; with ``default = true`` those of eq. (1) are there unless set to false."""
 
-    default: bool = True
+    default: Switch = True
     CL: dict[Name, Term] = Field(default_factory=dict)
     CD: dict[Name, Term] = Field(default_factory=dict)
     CQ: dict[Name, Term] = Field(default_factory=dict)
@@ -107,7 +106,7 @@ class ThrustChannel(Table):
 
 
 class Propeller(Table):
-    """T = rho D^4 (CT0 n^2 + CT1 n V/D + CT2 (V/D)^2), n = speed_gain (channel - idle) in rev/s, not below 0."""
+    """T = rho D^4 (CT0 n^2 + CT1 n V/D + CT2 (V/D)^2), n = speed_gain (channel - idle) >= 0 in rev/s."""
 
     kind: Literal["propeller"]
     channel: Name
@@ -151,7 +150,7 @@ class Sensor(Table):
     bias: Quantity = Quantity(value=0.0)
     scale: Quantity | None = None
     delay: Quantity | None = None  #: s
-    sigma: float = Field(default=1.0, gt=0.0)  #: noise, the channel's unit
+    sigma: Annotated[Number, Field(gt=0.0)] = 1.0  #: noise, the channel's unit
 
 
 class Sensors(Table):
@@ -169,7 +168,7 @@ class Sensors(Table):
     ax: Sensor = Sensor()
     ay: Sensor = Sensor()
     az: Sensor = Sensor()
-    estimate_biases: bool = True  #: whether rate and acceleration biases are free unless said otherwise
+    estimate_biases: Switch = True  #: whether rate and acceleration biases are free unless said otherwise
     accelerometer_position: Point | None = None  #: m
     vane_position: Point | None = None  #: m
 
@@ -183,7 +182,7 @@ class Model(Table):
 class VehicleFile(Table):
     """The whole file."""
 
-    format: Literal["stoop-vehicle/1"] = FORMAT
+    format: Literal["stoop-vehicle/1"] = "stoop-vehicle/1"
     name: str = Field(max_length=200)
     notes: tuple[str, ...] = ()
     model: Model = Model()
@@ -194,4 +193,4 @@ class VehicleFile(Table):
     propulsion: Propulsion | None = None
     controls: dict[Name, Control] = Field(default_factory=dict)
     sensors: Sensors = Sensors()
-    loadings: dict[Name, dict[str, float]] = Field(default_factory=dict)  #: values that differ per maneuver
+    loadings: dict[Name, dict[str, Number]] = Field(default_factory=dict)  #: what differs per maneuver

@@ -2,11 +2,16 @@
 
 The text is parsed to Python's syntax tree and only what is on the white list is taken from it: numbers,
 known variables, ``+ - * /``, whole powers from 0 to 6, and ``abs(...)``.
+
+Powers of powers multiply, so a short text can ask for a number that fills the memory: the product of all
+powers above a variable is held to 12.
 """
 
 from __future__ import annotations
 
 import ast
+import math
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -14,6 +19,7 @@ from stoop.errors import TermError
 
 MAX_LENGTH = 200
 MAX_POWER = 6
+MAX_DEGREE = 12
 STATE_VARIABLES = {
     "alpha": "angle of attack less its reference value, rad",
     "beta": "sideslip angle, rad",
@@ -49,13 +55,20 @@ def parse(text: str, names: Iterable[str], where: str) -> ast.expr:
     if len(text) > MAX_LENGTH:
         raise TermError(f"{where}: the term is longer than {MAX_LENGTH} characters; split it into several")
     try:
-        tree = ast.parse(text.replace("^", "**"), mode="eval").body
+        tree = _tree(text)
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise TermError(
             f"{where}: cannot read the term '{text}'; write it like alpha^2 or alpha*elevator"
         ) from None
     _check(tree, frozenset(names), where, text)
+    _check_value(tree, where, text)
     return tree
+
+
+def _tree(text: str) -> ast.expr:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Python's advice on odd literals is not for the user of a file
+        return ast.parse(text.strip().replace("^", "**"), mode="eval").body
 
 
 def variables(tree: ast.expr) -> frozenset[str]:
@@ -70,7 +83,10 @@ def _check(node: ast.expr, names: frozenset[str], where: str, text: str) -> None
         case ast.Name(id=name):
             if name not in names:
                 known = ", ".join(sorted(names))
-                raise TermError(f"{where}: unknown variable '{name}' in the term '{text}'; known are {known}")
+                raise TermError(
+                    f"{where}: unknown variable '{name}' in the term '{text}'; known are {known}, "
+                    "and a control surface needs its table [controls.NAME]"
+                )
         case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=operand):
             _check(operand, names, where, text)
         case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=int(power))):
@@ -79,6 +95,8 @@ def _check(node: ast.expr, names: frozenset[str], where: str, text: str) -> None
                     f"{where}: power {power} in '{text}'; whole powers from 0 to {MAX_POWER} are allowed"
                 )
             _check(left, names, where, text)
+            if power * _height(left) > MAX_DEGREE:
+                raise TermError(f"{where}: powers in '{text}' multiply beyond {MAX_DEGREE}; lower them")
         case ast.BinOp(left=left, op=ast.Add() | ast.Sub() | ast.Mult() | ast.Div(), right=right):
             _check(left, names, where, text)
             _check(right, names, where, text)
@@ -89,6 +107,26 @@ def _check(node: ast.expr, names: frozenset[str], where: str, text: str) -> None
                 f"{where}: the term '{text}' uses something that is not allowed; "
                 "allowed are variables, numbers, + - * /, whole powers and abs()"
             )
+
+
+def _height(node: ast.AST) -> int:
+    """Return the largest product of nested powers."""
+    inner = max((_height(child) for child in ast.iter_child_nodes(node)), default=1)
+    match node:
+        case ast.BinOp(op=ast.Pow(), right=ast.Constant(value=int(power))):
+            return max(inner * power, 1)
+    return inner
+
+
+def _check_value(tree: ast.expr, where: str, text: str) -> None:
+    """Evaluate a term at some point, to see what has no value at any: 1e999, 1/0, 1/(alpha - alpha)."""
+    somewhere = {name: 0.37 + 0.11 * i for i, name in enumerate(sorted(variables(tree)))}
+    try:
+        value = float(convert(tree, somewhere))
+    except ArithmeticError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise TermError(f"{where}: the term '{text}' has no finite value; look for a division by zero")
 
 
 def convert(node: ast.expr, symbols: Mapping[str, Any]) -> Any:
@@ -113,7 +151,7 @@ def convert(node: ast.expr, symbols: Mapping[str, Any]) -> Any:
 
 def unit(text: str, controls: Iterable[str]) -> str:
     """Return the unit of a coefficient that multiplies this term: one over the angles in it."""
-    tree = ast.parse(text.replace("^", "**"), mode="eval").body
+    tree = _tree(text)
     power = _angle_degree(tree, frozenset(controls) | {"alpha", "beta"})
     return "1" if power == 0 else "1/rad" if power == 1 else f"1/rad{power}"
 

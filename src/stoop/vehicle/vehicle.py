@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,7 @@ _REDUCED_OUTPUTS = {
     "longitudinal": ("V", "alpha", "q", "theta", "ax", "az"),
     "lateral": ("beta", "p", "r", "phi", "psi", "ay"),
 }
+_ESTIMATED = {"full": COEFFICIENTS, "longitudinal": ("CL", "CD", "Cm"), "lateral": ("CQ", "Cl", "Cn")}
 _KEPT_COEFFICIENTS = {"full": COEFFICIENTS, "longitudinal": ("CL", "CD", "Cm"), "lateral": COEFFICIENTS}
 BIASED_BY_DEFAULT = ("p", "q", "r", "ax", "ay", "az")
 _UNITS = {
@@ -41,6 +42,7 @@ _UNITS = {
     "density": "kg/m3", "thrust": "N", "diameter": "m", "lag": "s", "delay": "s", "offset": "rad",
     "x": "m", "y": "m", "z": "m", "pitch": "rad", "speed_gain": "rev/s per unit",
 }  # fmt: skip
+_EQUATION_SOURCES = ("vehicle.py", "terms.py", "atmosphere.py")  #: beside all of symbolic/
 _CHANNEL_UNITS = {
     "V": "m/s",
     "p": "rad/s",
@@ -78,7 +80,7 @@ def _structure(node: Any, path: str = "") -> Any:
     if isinstance(node, Quantity):
         return f"={node.tie}" if node.tie else "number"
     if isinstance(node, BaseModel):
-        skipped = ("name", "notes", "loadings", "sigma", "delay", "estimate_biases")
+        skipped = ("name", "notes", "loadings", "sigma", "estimate_biases")  # these make no kernel row
         return {n: _structure(getattr(node, n)) for n in type(node).model_fields if n not in skipped}
     if isinstance(node, Mapping):
         return {n: _structure(v) for n, v in node.items()}
@@ -106,15 +108,16 @@ def _bounds(name: str, q: Quantity) -> tuple[float, float]:
     return tuple(sorted((0.5 * q.value, 1.5 * q.value)))  # type: ignore[return-value]
 
 
-def _is_free(name: str, q: Quantity, biases: bool) -> bool:
+def _is_free(name: str, q: Quantity, biases: bool, estimated: Container[str]) -> bool:
     if q.free is not None:
         return q.free
-    return isinstance(q, Term) or (biases and name in {f"sensors.{c}.bias" for c in BIASED_BY_DEFAULT})
+    return name in estimated or (biases and name in {f"sensors.{c}.bias" for c in BIASED_BY_DEFAULT})
 
 
 @functools.cache
 def _equations_version() -> str:
-    sources = sorted((Path(__file__).parent / "symbolic").glob("*.py"))
+    here = Path(__file__).parent
+    sources = [*sorted((here / "symbolic").glob("*.py")), *(here / name for name in _EQUATION_SOURCES)]
     return hashlib.sha256(b"".join(p.read_bytes() for p in sources)).hexdigest()
 
 
@@ -142,14 +145,19 @@ class Vehicle:
 
     @functools.cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Every number of the file that is not tied to another, in the order of the kernel's rows."""
+        """Every number of the file that is not tied to another, in the order of the kernel's rows.
+
+        A reduced model estimates its own coefficients; what its equations do not contain is never free.
+        """
         controls = tuple(self.file.controls)
+        own = {n for c in _ESTIMATED[self.reduce] for n in getattr(self.file.aerodynamics, c)}
+        dropped = {n for c in COEFFICIENTS for n in getattr(self.file.aerodynamics, c) if c not in self.terms}
         out = []
         for name, q in leaves(self.file):
             if q.tie is not None:
                 continue
             low, high = _bounds(name, q)
-            free = _is_free(name, q, self.file.sensors.estimate_biases)
+            free = _is_free(name, q, self.file.sensors.estimate_biases, own) and name not in dropped
             out.append(Parameter(name, q.value, low, high, free, q.prior, _unit(name, q, controls)))
         return tuple(out)
 
@@ -160,8 +168,9 @@ class Vehicle:
         ties = {name: q.tie for name, q in leaves(self.file) if q.tie is not None}
         for name, target in ties.items():
             if target not in own:
+                fault = "itself tied" if target in ties else "not a number of this file"
                 raise VehicleError(
-                    f"{self.where}: {name}: tied to '{target}', which is not a number of this file; correct the name"
+                    f"{self.where}: {name}: tied to '{target}', which is {fault}; {_nearest(target, own)}"
                 )
         return own | {name: own[target] for name, target in ties.items()}
 

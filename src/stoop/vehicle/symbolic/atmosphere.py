@@ -1,7 +1,4 @@
-"""Density of the standard atmosphere as a polynomial, which vectorizes.
-
-ISO 2533 / U.S. Standard Atmosphere 1976 below 11 km: rho = rho0 (1 - L h / T0)^(g/(R L) - 1).
-"""
+"""Density of the standard atmosphere as a polynomial, which vectorizes."""
 
 from __future__ import annotations
 
@@ -11,17 +8,10 @@ from typing import Any, Final
 import numpy as np
 import sympy as sp
 
-SEA_LEVEL_DENSITY: Final = 1.225  #: kg/m3
-SEA_LEVEL_TEMPERATURE: Final = 288.15  #: K
-LAPSE: Final = 0.0065  #: K/m
-EXPONENT: Final = 9.80665 / (287.05287 * 0.0065) - 1.0
+from stoop.vehicle.atmosphere import standard_density
+
 FLOOR, CEILING = -1000.0, 11000.0  #: m, where the polynomial holds
 DEGREE: Final = 9
-
-
-def standard_density(altitude: Any) -> Any:
-    """Return density, kg/m3, at a geopotential altitude in m; numbers or arrays."""
-    return SEA_LEVEL_DENSITY * (1.0 - LAPSE * np.asarray(altitude) / SEA_LEVEL_TEMPERATURE) ** EXPONENT
 
 
 @functools.cache

@@ -128,7 +128,7 @@ def propulsion(s: Surroundings) -> Load:
 
 
 def _half_angle(angle: Any) -> tuple[Any, Any]:
-    """Return cosine and sine as polynomials good to 1e-12 below 0.5 rad (they stand outside the time loop)."""
+    """Return cosine and sine as polynomials good to 1e-12 below 0.5 rad (outside the time loop)."""
     x = angle
     cosine = sum(((-1) ** k * x ** (2 * k) / sp.factorial(2 * k) for k in range(7)), sp.Integer(0))
     sine = sum(((-1) ** k * x ** (2 * k + 1) / sp.factorial(2 * k + 1) for k in range(7)), sp.Integer(0))

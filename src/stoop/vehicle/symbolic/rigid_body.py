@@ -40,7 +40,7 @@ def angular_acceleration(n: Numbers, moment: Vector, omega: Vector) -> Vector:
     turned = [sp.Poly(sp.expand(row), *omega) for row in inertia.adjugate() * gyroscopic]
     quadratic = [_monomials(row, omega, inertia.det()) for row in turned]
     driven = inverse * sp.Matrix(moment)
-    return tuple(driven[i] - quadratic[i] for i in range(3))  # type: ignore[return-value]
+    return driven[0] - quadratic[0], driven[1] - quadratic[1], driven[2] - quadratic[2]
 
 
 def _monomials(polynomial: Any, omega: Vector, denominator: Any) -> Any:

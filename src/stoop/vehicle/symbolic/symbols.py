@@ -10,6 +10,7 @@ import sympy as sp
 from stoop.vehicle.vehicle import Vehicle
 
 Vector = tuple[Any, Any, Any]
+ZERO = sp.Integer(0)
 
 
 @dataclass(frozen=True)
@@ -30,9 +31,10 @@ class Numbers:
     def __getitem__(self, name: str) -> Any:
         return self.symbols[self.vehicle.rows[name]]
 
-    def get(self, name: str, default: Any = sp.Integer(0)) -> Any:
+    def get(self, name: str, default: Any = ZERO) -> Any:
         """Return the symbol, or a default where the file has no such number."""
-        return self[name] if name in self else default
+        row = self.vehicle.rows.get(name)
+        return default if row is None else self.symbols[row]
 
     def point(self, name: str) -> Vector:
         """Return a point of the file's own coordinates."""
@@ -41,7 +43,7 @@ class Numbers:
     def arm(self, name: str) -> Vector:
         """Return a point relative to the centre of gravity; an absent point lies on it."""
         if f"{name}.x" not in self:
-            return sp.Integer(0), sp.Integer(0), sp.Integer(0)
+            return ZERO, ZERO, ZERO
         return subtract(self.point(name), self.point("mass.center_of_gravity"))
 
 

@@ -1,0 +1,103 @@
+"""What pydantic finds wrong with a file, in one line for the person who wrote it: key, fault, remedy."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+_TAGS = ("kind", "shape")  #: keys that choose among tables
+_REMEDIES = {
+    "missing": "missing; add it",
+    "model_type": "this must be a table; write its keys below it",
+    "dict_type": "this must be a table; write its keys below it",
+    "tuple_type": "this must be a list; write it in square brackets",
+    "string_pattern_mismatch": "a name is letters, digits and _, the first a letter; rename it",
+    "string_too_long": "too long; shorten it",
+    "too_long": "too many entries; remove some",
+}
+
+
+def first_complaint(error: ValidationError, raw: Mapping[str, Any], model: type[BaseModel]) -> str:
+    """Return the first of an error's complaints as ``key: what is wrong; what to write``.
+
+    Parameters
+    ----------
+    error : ValidationError
+    raw : mapping
+        What was validated: tells keys of the file from pydantic's own notes on where it was.
+    model : type of BaseModel
+        Knows which keys could have been meant.
+    """
+    first = error.errors(include_url=False)[0]
+    key, message = _key(first, raw), _message(first, model)
+    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+    return f"{key}: {message}{more}" if key else f"{message}{more}"
+
+
+def _key(first: Any, raw: Any) -> str:
+    path, here, tagged = [], raw, False
+    for part in first["loc"]:
+        if not tagged and isinstance(here, Mapping) and part in [here.get(t) for t in _TAGS]:
+            tagged = True
+        elif (isinstance(here, Mapping) and part in here) or (
+            isinstance(here, list) and isinstance(part, int)
+        ):
+            path.append(str(part))
+            here, tagged = here[part] if isinstance(here, Mapping) or part < len(here) else None, False
+    if first["type"] == "missing" and isinstance(first["loc"][-1], str):
+        path.append(first["loc"][-1])
+    return ".".join(path)
+
+
+def _message(first: Any, model: type[BaseModel]) -> str:
+    kind, context = first["type"], first.get("ctx", {})
+    if kind == "extra_forbidden":
+        return f"unknown key; remove it or correct its name ({_known(first['loc'], model)})"
+    if kind == "missing" and isinstance(first["loc"][-1], int):
+        return "too few entries; write one more"
+    if kind == "union_tag_not_found":
+        return f"the key {context['discriminator']} is missing; it says which of several tables this is"
+    if kind == "union_tag_invalid":
+        return f"{context['discriminator']} is '{context['tag']}'; choose one of {context['expected_tags']}"
+    plain = first["msg"].removeprefix("Value error, ")
+    return _REMEDIES.get(kind) or (plain if kind == "value_error" else f"{_softened(plain)}; correct it")
+
+
+def _softened(text: str) -> str:
+    return (
+        text[:1].lower() + text[1:]
+        if not text.startswith("Input ")
+        else text.replace("Input should", "it must")
+    )
+
+
+def _known(location: tuple[int | str, ...], model: type[BaseModel]) -> str:
+    """Say which keys a table knows, the nearest to the wrong one first."""
+    tables = [model]
+    for part in location[:-1]:
+        holders = [m for m in tables if part in m.model_fields]
+        inner = [t for m in holders for t in _tables(m.model_fields[str(part)].annotation)]
+        tables = inner or _tagged(tables, part)
+    fields = list(dict.fromkeys(name for m in tables for name in m.model_fields))
+    near = difflib.get_close_matches(str(location[-1]), fields, 1)
+    return f"did you mean {near[0]}?" if near else "known here: " + ", ".join(fields)
+
+
+def _tagged(tables: list[type[BaseModel]], part: Any) -> list[type[BaseModel]]:
+    """Return the tables that a tag chooses; a part that is no tag is a name of the user's."""
+    chosen = [
+        m
+        for m in tables
+        for t in _TAGS
+        if t in m.model_fields and part in get_args(m.model_fields[t].annotation)
+    ]
+    return chosen or tables
+
+
+def _tables(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [t for a in get_args(annotation) for t in _tables(a)]

@@ -1,0 +1,284 @@
+"""Vehicle files that say something impossible: one line that names the file, the key and the remedy."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stoop.errors import VehicleError
+from stoop.vehicle import load_vehicle, parse_vehicle
+
+WHERE = "folder/bad.toml"
+
+
+def complaint(text: str) -> str:
+    with pytest.raises(VehicleError) as caught:
+        parse_vehicle(text, WHERE)
+    said = str(caught.value)
+    assert said.startswith(f"{WHERE}: ")
+    assert said.isprintable(), "one line"
+    assert caught.value.__cause__ is None
+    return said
+
+
+def replaced(text: str, old: str, new: str) -> str:
+    assert text.count(old) == 1, old
+    return text.replace(old, new)
+
+
+MASS = "mass = 189.40\n"
+CL0 = "CL0 = 0.385\n"
+INERTIA = "inertia = { xx = 100.0, yy = 120.0, zz = 200.0, xz = 5.0 }"
+THRUST = 'kind = "constant"\nthrust = 220.87'
+
+CHANGES = [
+    # where, what stands there instead, key that is named, what is said
+    (MASS, "mass = 0\n", "mass.mass", "not positive; write its true value"),
+    (MASS, "mass = -3.0\n", "mass.mass", "not positive"),
+    (MASS, "mass = nan\n", "mass.mass", "finite number"),
+    (MASS, "mass = inf\n", "mass.mass", "finite number"),
+    (MASS, "mass = true\n", "mass.mass", "not true or false"),
+    (MASS, 'mass = "heavy"\n', "mass.mass", 'write a number, or "=name"'),
+    (MASS, "mass = [1, 2]\n", "mass.mass", "or a table such as"),
+    (MASS, "mass = 1979-05-27\n", "mass.mass", "or a table such as"),
+    (MASS, f"mass = 1{'0' * 400}\n", "mass.mass", "valid number"),
+    (MASS, "", "mass.mass", "missing; add it"),
+    (MASS, f"{MASS}mess = 1\n", "mass.mess", "unknown key; remove it or correct its name (did you mean mass?)"),
+    (MASS, 'mass = "=mass.heft"\n', "mass.mass", "tied to 'mass.heft', which is not a number of this file"),
+    (MASS, 'mass = "=mass.mass"\n', "mass.mass", "itself tied"),
+    (MASS, 'mass = { tie = "reference.area", value = 2.0 }\n', "mass.mass", "remove value"),
+    (MASS, "mass = { value = 3.0, bounds = [5.0, 1.0] }\n", "mass.mass", "reversed or empty"),
+    (MASS, "mass = { value = 3.0, bounds = [3.0, 3.0] }\n", "mass.mass", "reversed or empty"),
+    (MASS, "mass = { value = 3.0, bounds = [1.0, 2.0] }\n", "mass.mass", "lies outside its bounds"),
+    (MASS, "mass = { value = 3.0, bounds = [1.0, 2.0, 5.0] }\n", "mass.mass.bounds", "too many"),
+    (MASS, "mass = { value = 3.0, bounds = [1.0] }\n", "mass.mass.bounds", "too few"),
+    (MASS, "mass = { value = 3.0, bounds = [1.0, inf] }\n", "mass.mass.bounds.1", "finite"),
+    (MASS, "mass = { value = 3.0, prior = 0.0 }\n", "mass.mass.prior", "greater than 0"),
+    (MASS, "mass = { value = 3.0, prior = inf }\n", "mass.mass.prior", "finite"),
+    (MASS, 'mass = { value = "3.0" }\n', "mass.mass.value", "valid number"),
+    (MASS, "mass = { value = 3.0, fre = true }\n", "mass.mass.fre", "did you mean free?"),
+    (INERTIA, "inertia = { xx = 1.0, yy = 2.0, zz = 30.0 }", "mass.inertia", "exceeds the sum of the others"),
+    (INERTIA, "inertia = { xx = 1.0, yy = 2.0, zz = 2.0, xz = 9.0 }", "mass.inertia", "principal moment"),
+    (INERTIA, "inertia = { xx = 0.0, yy = 2.0, zz = 2.0 }", "mass.inertia.xx", "not positive"),
+    (INERTIA, "inertia = 3.0", "mass.inertia", "must be a table"),
+    ("area = 2.8667", "area = 0.0", "reference.area", "not positive"),
+    ("alpha = 0.0", "alpha = 5.88", "reference.alpha", "looks like degrees; write radians (0.1026)"),
+    ("airspeed = 35.0", "airspeed = 0.0", "reference.airspeed", "not positive"),
+    ("density = 1.20165", 'density = "thin"', "environment.density", '"standard" or "log"'),
+    ("density = 1.20165", "density = 0.0", "environment.density", "not positive"),
+    (THRUST, "thrust = 3.0", "propulsion", "'kind' is missing"),
+    (THRUST, 'kind = "jet"', "propulsion", "choose one of 'constant', 'channel', 'propeller'"),
+    (THRUST, 'kind = "propeller"', "propulsion.channel", "missing"),
+    (THRUST, f'{THRUST}\nchannel = "x"', "propulsion.channel", "known here: kind, thrust, position, pitch"),
+    (THRUST, f"{THRUST}\npitch = 10.0", "propulsion.pitch", "degrees"),
+    (THRUST, f"{THRUST}\nposition = [1.0, 2.0]", "propulsion.position.2", "too few entries"),
+    (THRUST, 'kind = "channel"\nchannel = "a b"', "propulsion.channel", "letters, digits"),
+    (CL0, "CL0 = nan\n", "aerodynamics.CL.CL0", "finite number"),
+    (CL0, 'CL0 = "alpha"\n', "aerodynamics.CL.CL0", 'or "=name"'),
+    (CL0, 'CL0 = "="\n', "aerodynamics.CL.CL0", 'or "=name"'),
+    (CL0, "CL0 = { free = true, bounds = [1.0, 0.0] }\n", "aerodynamics.CL.CL0", "reversed"),
+    (CL0, "CLx = 1.0\n", "aerodynamics.CL.CLx", "say what it multiplies"),
+    (CL0, '"C L" = 1.0\n', "aerodynamics.CL.C L", "say what it multiplies"),
+    (CL0, '"C\\nL" = { term = "1" }\n', "aerodynamics.CL.C L", "rename it"),
+    (CL0, 'Cmalpha = { term = "alpha" }\n', "aerodynamics.Cm.Cmalpha", "the name is used twice"),
+    (CL0, 'CLx = { term = "flaps" }\n', "aerodynamics.CL.CLx", "unknown variable 'flaps'"),
+    (CL0, "CLx = { term = 3 }\n", "aerodynamics.CL.CLx.term", "valid string"),
+    (CL0, "CLx = { term = \"__import__('os').system('x')\" }\n", "aerodynamics.CL.CLx", "not allowed"),
+    (CL0, 'CLx = { term = "alpha.real" }\n', "aerodynamics.CL.CLx", "not allowed"),
+    (CL0, 'CLx = { term = "alpha^9999999" }\n', "aerodynamics.CL.CLx", "powers from 0 to 6"),
+    (CL0, 'CLx = { term = "((9^6)^6)^6" }\n', "aerodynamics.CL.CLx", "multiply beyond 12"),
+    (CL0, 'CLx = { term = "1/(beta-beta)" }\n', "aerodynamics.CL.CLx", "division by zero"),
+    (CL0, f'CLx = {{ term = "{"alpha*" * 50}1" }}\n', "aerodynamics.CL.CLx", "longer than 200"),
+    ("[aerodynamics.CD]", "[aerodynamics.CX]\nx = 1\n[aerodynamics.CD]", "aerodynamics.CX", "unknown key"),
+    ("[aerodynamics.CD]", '[aerodynamics]\ndefault = "no"\n[aerodynamics.CD]', "aerodynamics.default", "boolean"),
+    ('format = "stoop-vehicle/1"', 'format = "stoop-vehicle/2"', "format", "'stoop-vehicle/1'"),
+    ('name = "Twin', 'nickname = "a"\nname = "Twin', "nickname", "did you mean name?"),
+]  # fmt: skip
+
+OTHERS = "[controls.aileron]\n[controls.rudder]\n"
+ADDITIONS = [
+    ("[controls.alpha]", "controls.alpha", "taken by a flight variable"),
+    ("[controls.'a b']", "controls.a b", "letters, digits"),
+    ("[controls]\nelevator = 3", "controls.elevator", "must be a table"),
+    (f"{OTHERS}[controls.elevator]\nlag = 0.0", "controls.elevator.lag", "remove it for no lag"),
+    (f"{OTHERS}[controls.elevator]\noffset = 5.0", "controls.elevator.offset", "degrees"),
+    ("[controls.elevator]\nmix = 3", "controls.elevator.mix", "must be a table"),
+    ("[controls.elevator]\nmix = { a = 1.0 }\ncenter = { b = 2.0 }", "controls.elevator", "center names b"),
+    ("[controls.elevator]\nlags = 0.1", "controls.elevator.lags", "did you mean lag?"),
+    ("[controls.flap]", "aerodynamics", "needs its table [controls.NAME]"),
+    ("[sensors]\nalpha = 3", "sensors.alpha", "must be a table"),
+    ("[sensors.gamma]\nbias = 0.0", "sensors.gamma", "unknown key"),
+    ("[sensors.q]\nsigma = 0.0", "sensors.q.sigma", "greater than 0"),
+    ("[sensors.q]\nsigma = inf", "sensors.q.sigma", "finite"),
+    (f"[sensors.q]\nbias = 1{'0' * 400}", "sensors.q.bias", "valid number"),
+    ("[sensors]\nvane_position = [1.0, 2.0, 3.0, 4.0]", "sensors.vane_position", "too many"),
+    ("[sensors]\nvane_position = 3.0", "sensors.vane_position", "square brackets"),
+    ("[model]\nreduce = 'sideways'", "model.reduce", "'full', 'longitudinal' or 'lateral'"),
+    ('[loadings.full]\n"mass.heft" = 3.0', "loadings.full.mass.heft", "no number has this name"),
+    ('[loadings.full]\n"mass.mass" = 0.0', "loadings.full: mass.mass", "not positive"),
+    ('[loadings.full]\n"mass.mass" = "x"', "loadings.full.mass.mass", "valid number"),
+    ('[loadings.full]\n"mass.inertia.zz" = 900.0', "loadings.full: mass.inertia", "exceeds the sum"),
+    ("[surprise]\nx = 1", "surprise", "unknown key"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "key", "says"), CHANGES)
+def test_impossible_numbers(twin_boom: str, old: str, new: str, key: str, says: str) -> None:
+    said = complaint(replaced(twin_boom, old, new))
+    assert said.startswith(f"{WHERE}: {key}")
+    assert says in said
+
+
+@pytest.mark.parametrize(("more", "key", "says"), ADDITIONS)
+def test_impossible_tables(twin_boom: str, more: str, key: str, says: str) -> None:
+    said = complaint(f"{twin_boom}\n{more}\n")
+    assert said.startswith(f"{WHERE}: {key}")
+    assert says in said
+
+
+@pytest.mark.parametrize("place", ["aerodynamics", "aerodynamics.CL", "controls", "sensors", "mass", "reference", "environment",
+                                   "propulsion", "loadings", "model", "notes", "name"])  # fmt: skip
+@pytest.mark.parametrize("value", ["3", "'text'", "[1]", "true", "nan", "{ x = { y = 1 } }"])
+def test_any_table_may_be_of_the_wrong_type(place: str, value: str) -> None:
+    head, _, last = place.rpartition(".")
+    text = f"[{head}]\n{last} = {value}" if head else f"{last} = {value}"
+    complaint(text)
+
+
+def test_zero_width_bounds_of_a_free_number(twin_boom: str) -> None:
+    said = complaint(replaced(twin_boom, "alpha = 0.0", "alpha = { value = 0.0, free = true }"))
+    assert "reference.alpha: free, but its bounds are [0, 0]; add bounds" in said
+
+
+@pytest.mark.parametrize("text", ["", "\n", "# only a comment", "name = 'x'"])
+def test_empty_files(text: str) -> None:
+    assert "missing; add it" in complaint(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "name", "[mass", "a = 1\na = 2", "x = 2020-13-45", "[" * 5000, "a=" + "[" * 5000, "\x00",
+        "a." * 3000 + "b=1", "a=" + "{a=" * 3000, "\ufeff[mass]", "mass = 1\n[mass]", "a = 0x",
+    ],
+)  # fmt: skip
+def test_not_toml(text: str) -> None:
+    complaint(text)
+
+
+class TestFiles:
+    def test_a_sound_file(self, twin_boom: str, tmp_path: Path) -> None:
+        path = tmp_path / "v.toml"
+        path.write_text(twin_boom)
+        vehicle = load_vehicle(path)
+        assert vehicle.value("mass.mass") == 189.40
+        assert vehicle.where == str(path)
+        assert load_vehicle(str(path)).file == vehicle.file
+
+    def test_missing(self, tmp_path: Path) -> None:
+        with pytest.raises(
+            VehicleError, match=r"none\.toml: cannot read the vehicle file .*; check the path"
+        ):
+            load_vehicle(tmp_path / "none.toml")
+
+    def test_a_folder(self, tmp_path: Path) -> None:
+        with pytest.raises(VehicleError, match="cannot read"):
+            load_vehicle(tmp_path)
+
+    def test_binary(self, tmp_path: Path) -> None:
+        path = tmp_path / "v.toml"
+        path.write_bytes(bytes(range(256)))
+        with pytest.raises(VehicleError, match=r"v\.toml: .*not UTF-8 text"):
+            load_vehicle(path)
+
+    def test_huge(self, tmp_path: Path) -> None:
+        path = tmp_path / "v.toml"
+        path.write_bytes(b"#" * 1_000_001)
+        with pytest.raises(VehicleError, match="not a vehicle file"):
+            load_vehicle(path)
+
+    @pytest.mark.parametrize("name", ["a\x00b", "x" * 5000, "a\nb"])
+    def test_strange_names(self, tmp_path: Path, name: str) -> None:
+        with pytest.raises(VehicleError) as caught:
+            load_vehicle(f"{tmp_path}/{name}")
+        assert str(caught.value).isprintable()
+
+
+def parses_or_says(text: str) -> None:
+    try:
+        parse_vehicle(text, WHERE)
+    except VehicleError as error:
+        said = str(error)
+    else:
+        return
+    assert said.startswith(f"{WHERE}: ")
+    assert said.isprintable()
+
+
+@given(st.text(max_size=200))
+def test_any_text(text: str) -> None:
+    parses_or_says(text)
+
+
+def toml(value: Any) -> str:
+    """Write a value as TOML (inline tables)."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return '"' + "".join(f"\\U{ord(c):08x}" for c in value) + '"'
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{toml(str(k))} = {toml(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(toml, value)) + "]"
+    return repr(value)
+
+
+word = st.one_of(
+    st.sampled_from(
+        ["value", "bounds", "free", "prior", "tie", "term", "xx", "yy", "zz", "mass", "inertia", "kind", "channel",
+         "propeller", "constant", "CL", "CL0", "Cm", "default", "elevator", "mix", "center", "lag", "bias",
+         "=mass.mass", "alpha^2", "alpha*elevator", "standard", "log", "full", "lateral", "vane_position"]
+    ),
+    st.text(st.characters(codec="utf-8"), max_size=4),
+)  # fmt: skip
+scalar = st.one_of(st.booleans(), st.integers(), st.integers(10**307, 10**320), st.floats(), word)
+value = st.recursive(
+    scalar, lambda v: st.lists(v, max_size=3) | st.dictionaries(word, v, max_size=4), max_leaves=8
+)
+TABLES = ["format", "name", "notes", "model", "mass", "reference", "environment", "aerodynamics", "propulsion", "controls",
+          "sensors", "loadings"]  # fmt: skip
+
+
+@given(st.dictionaries(st.sampled_from(TABLES), value))
+@settings(max_examples=300)
+def test_any_toml(raw: dict[str, Any]) -> None:
+    text = "\n".join(f"{k} = {toml(v)}" for k, v in raw.items())
+    tomllib.loads(text)
+    parses_or_says(text)
+
+
+def paths(node: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    below = [p for k, v in node.items() for p in paths(v, (*path, k))] if isinstance(node, dict) else []
+    return [path, *below]
+
+
+@given(st.data())
+@settings(max_examples=300, deadline=None)
+def test_any_spoiled_vehicle(twin_boom: str, data: st.DataObject) -> None:
+    raw = tomllib.loads(twin_boom)
+    for _ in range(data.draw(st.integers(1, 3))):
+        path = data.draw(st.sampled_from(paths(raw)[1:]))
+        node = raw
+        for part in path[:-1]:
+            node = node[part]
+        key = data.draw(st.one_of(st.just(path[-1]), word))
+        if data.draw(st.booleans()):
+            node[key] = data.draw(value)
+        else:
+            node.pop(path[-1], None)
+    parses_or_says("\n".join(f"{toml(k)} = {toml(v)}" for k, v in raw.items()))

@@ -1,0 +1,140 @@
+"""Aerodynamic terms: what is allowed means what Python means; the rest is refused in one line."""
+
+from __future__ import annotations
+
+import ast
+import math
+
+import pytest
+import sympy as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stoop.errors import TermError
+from stoop.vehicle import terms
+
+NAMES = (*terms.STATE_VARIABLES, "elevator", "aileron", "rudder")
+
+WHERE = "a.toml: aerodynamics.CL.x"
+
+
+def complaint(text: str) -> str:
+    """Return what parsing says, or nothing."""
+    try:
+        terms.parse(text, NAMES, WHERE)
+    except TermError as error:
+        return str(error)
+    return ""
+
+
+number = st.one_of(st.integers(0, 99).map(str), st.floats(0.01, 99).map(repr))
+leaf = st.one_of(st.sampled_from(NAMES), number)
+
+
+def grow(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
+    binary = st.tuples(inner, st.sampled_from(["+", "-", "*", "/", " * ", " - "]), inner).map("".join)
+    return st.one_of(
+        binary,
+        inner.map("({})".format),
+        inner.map("-{}".format),
+        inner.map("abs({})".format),
+        st.tuples(inner.map("({})".format), st.integers(0, 3)).map(lambda p: f"{p[0]}^{p[1]}"),
+    )
+
+
+allowed = st.recursive(leaf, grow, max_leaves=6).filter(lambda t: len(t) <= terms.MAX_LENGTH)
+values = st.lists(st.floats(-2, 2), min_size=len(NAMES), max_size=len(NAMES))
+
+
+@given(allowed, values)
+@settings(max_examples=300)
+def test_terms_mean_what_python_means(text: str, numbers: list[float]) -> None:
+    here = dict(zip(NAMES, numbers, strict=True))
+    said = complaint(text)
+    if said:
+        assert "has no finite value" in said or "multiply beyond" in said
+        return
+    tree = terms.parse(text, NAMES, WHERE)
+    try:
+        expected = float(eval(text.replace("^", "**"), {"abs": abs}, here))  # noqa: S307  text made above
+    except ArithmeticError:
+        return
+    assert terms.convert(tree, here) == pytest.approx(expected, rel=1e-12, abs=1e-300, nan_ok=True)
+    assert terms.variables(tree) <= set(NAMES)
+
+
+@given(allowed, values)
+@settings(max_examples=60, deadline=None)
+def test_symbols_and_numbers_agree(text: str, numbers: list[float]) -> None:
+    try:
+        tree = terms.parse(text, NAMES, "f")
+        plain = float(terms.convert(tree, dict(zip(NAMES, numbers, strict=True))))
+    except (TermError, ArithmeticError):
+        return
+    symbols = {name: sp.Symbol(name, real=True) for name in NAMES}
+    expression = sp.sympify(terms.convert(tree, symbols))
+    table = {symbols[n]: v for n, v in zip(NAMES, numbers, strict=True)}
+    exact = expression.evalf(60, subs=table)
+    if not exact.is_finite:
+        return  # the symbolic form cancelled a factor, as 0 / 0 * x
+    scale = max((abs(v) for v in numbers), default=1.0) ** 12 + 1e12
+    assert float(exact) == pytest.approx(
+        plain, rel=1e-6, abs=1e-9 * min(scale, 1e12) + 1e-12 * abs(plain)
+    ) or (not math.isfinite(plain))
+
+
+@given(st.text(max_size=60))
+@settings(max_examples=500)
+def test_any_text_parses_or_is_refused_in_one_line(text: str) -> None:
+    said = complaint(text)
+    assert not said or (said.startswith(f"{WHERE}: ") and said.isprintable())
+
+
+WORDS = ["alpha", "os", "__import__", "(", ")", "[", "]", "'a'", ".", ",", "^", "**", "1", "1e999", "9" * 30, "-",
+         "lambda", ":", "for", "in", "if", "else", "abs", "*", "/", "+", "=", ":=", "\n", " ", "0x1", "1j", "{", "}",
+         "True", "None", "and", "not", "<", "@", "%", "//", "await", "yield", "f'{1}'", "\\", "#", "\x00"]  # fmt: skip
+
+
+@given(st.lists(st.sampled_from(WORDS), max_size=12).map("".join))
+@settings(max_examples=500)
+def test_fragments_of_python_parse_or_are_refused(text: str) -> None:
+    try:
+        tree = terms.parse(text, NAMES, "f")
+    except TermError:
+        return
+    kinds = {type(n).__name__ for n in ast.walk(tree)}
+    assert kinds <= {"BinOp", "UnaryOp", "Name", "Constant", "Call", "Load", "Add", "Sub", "Mult", "Div", "Pow",
+                     "USub", "UAdd"}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "__import__('os').system('true')", "alpha.real", "alpha.__class__", "[alpha]", "(alpha,)", "alpha if beta else q",
+        "lambda: 1", "alpha(1)", "abs", "abs()", "abs(alpha, beta)", "abs(*alpha)", "abs(x=alpha)", "pow(alpha, 2)",
+        "alpha < beta",
+        "alpha and beta", "not alpha", "~1", "alpha // 2", "alpha % 2", "alpha @ beta", "alpha^beta", "alpha^0.5",
+        "alpha^-1", "2^alpha", "f'{alpha}'", "'alpha'", "b'a'", "1j", "True", "None", "...", "alpha := 2", "x", "Alpha",
+        "alpha beta", "alpha;beta", "", " ", "(", "alpha^7", "alpha^999999999", "((alpha^6)^6)^6",
+        "(" * 60 + "9" + "^6)" * 60, "1e999*alpha", "alpha/0", "0/0", "1/(alpha-alpha)", "9" * 199 + "^6", "alpha*" * 60 + "1",
+        "await alpha", "yield", "alpha\x00", "\ud800", "(" * 190,
+    ],
+)  # fmt: skip
+def test_refused(text: str) -> None:
+    with pytest.raises(TermError, match=r"^v\.toml: Cm\.x: ") as caught:
+        terms.parse(text, NAMES, "v.toml: Cm.x")
+    assert str(caught.value).isprintable()
+    assert ";" in str(caught.value), "says what to do"
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"),
+    [
+        ("1", "1"), ("alpha", "1/rad"), ("alpha^2", "1/rad2"), ("alpha*elevator", "1/rad2"), ("abs(beta)*beta", "1/rad2"),
+        ("q", "1"), ("V", "1"), ("q*alpha", "1/rad"), ("-alpha", "1/rad"), ("alpha/beta", "1"), ("(alpha)^3", "1/rad3"),
+        (" alpha ", "1/rad"), ("alpha^0", "1"),
+    ],
+)  # fmt: skip
+def test_unit(text: str, unit: str) -> None:
+    terms.parse(text, NAMES, "f")
+    assert terms.unit(text, ("elevator", "aileron", "rudder")) == unit
