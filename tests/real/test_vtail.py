@@ -1,0 +1,80 @@
+"""The main job on a real flight: an 8.5 kg V-tail aeroplane, pilot doublets, no vane, a faulty pitot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import stoop
+from stoop.job import Job
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "vtail.toml"
+
+
+@pytest.fixture(scope="module")
+def job(shared_data: Path) -> Job:
+    flight = shared_data / "altlnt-vtail-8kg-px4" / "flight2"
+    fitted = ["140:145", "146:152", "160:168.3"]
+    return stoop.fit(EXAMPLE, flight, fitted, validate=["187:196"])
+
+
+@pytest.mark.parametrize(
+    ("maneuver", "channel", "limit"),
+    [(0, "p", 0.12), (1, "q", 0.086), (2, "r", 0.081), (3, "p", 0.25), (3, "r", 0.30), (3, "beta", 0.25)],
+)
+def test_figures_asked_for(job: Job, maneuver: int, channel: str, limit: float) -> None:
+    found = job.identification.result.maneuvers[maneuver]
+    assert found.role == ("validation" if maneuver == 3 else "fit")
+    assert found.channels[channel].theil <= limit
+    assert found.channels[channel].theil < found.channels[channel].baseline_theil
+
+
+def test_confirmed_optimum_inside_its_box(job: Job) -> None:
+    result = job.identification.result
+    assert result.status == "converged"
+    assert not [name for name, p in result.parameters.items() if p.at_bound]
+
+
+@pytest.mark.parametrize(
+    ("name", "sign"),
+    [
+        ("CLalpha", 1), ("Cmalpha", -1), ("Cmq", -1), ("Cmelevator", -1), ("CQbeta", -1), ("Clbeta", -1), ("Clp", -1),
+        ("Claileron", 1), ("Cnbeta", 1), ("Cnr", -1), ("Cnrudder", -1), ("CD0", 1), ("propulsion.CT0", 1),
+    ],
+)  # fmt: skip
+def test_derivatives_have_physical_signs(job: Job, name: str, sign: int) -> None:
+    p = job.identification.result.parameters[name]
+    assert sign * p.estimate > 0.0
+    assert p.std_error < 0.7 * abs(p.estimate)
+
+
+def test_splits_at_the_dropout(job: Job) -> None:
+    """142.47 to 142.75 s is missing in the roll maneuver: two segments, each with its own initial state."""
+    segments = job.identification.result.maneuvers[0].segments
+    assert len(segments) == 2
+    assert segments[0][1] < 142.5 < 142.7 < segments[1][0]
+
+
+def test_wind_and_pitot_fault_are_reported(job: Job) -> None:
+    wind = job.identification.result.wind[0]
+    assert wind.values["wind_e"].estimate == pytest.approx(-3.2, abs=0.8)
+    assert any("pitot fault" in note for note in wind.notes)
+
+
+def test_wind_learns_nothing_from_the_predicted_window(shared_data: Path) -> None:
+    from stoop.flight import load, without
+
+    flight = load(shared_data / "altlnt-vtail-8kg-px4" / "flight2")
+    outside = without(flight, [(187.0, 196.0)])
+    assert outside.air is not None
+    assert flight.air is not None
+    assert outside.air.wind_n != flight.air.wind_n
+
+
+def test_says_that_plain_cramer_rao_is_too_small(job: Job) -> None:
+    both = job.identification.standard_errors
+    corrected, white = (both[k] for k in both)
+    ratios = [corrected[n] / white[n] for n in corrected]
+    assert sorted(ratios)[len(ratios) // 2] > 2.0
+    assert any("Cramer-Rao" in s for s in job.identification.statements)

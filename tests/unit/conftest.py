@@ -1,0 +1,26 @@
+"""A longitudinal aircraft and its simulated flight, shared by these tests."""
+
+from __future__ import annotations
+
+import pytest
+
+from stoop.cli.demo import MANEUVER, misled
+from stoop.flight import Flight
+from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+
+
+@pytest.fixture(scope="session")
+def aircraft() -> Vehicle:
+    return resolve_vehicle("twin-boom").reduced("longitudinal")
+
+
+@pytest.fixture(scope="session")
+def flight(aircraft: Vehicle) -> Flight:
+    return simulate_flight(aircraft, parse_maneuver(MANEUVER, "test"), seed=3, name="sim")
+
+
+@pytest.fixture(scope="session")
+def wrong(aircraft: Vehicle) -> Vehicle:
+    return misled(aircraft, 3)

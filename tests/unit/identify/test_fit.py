@@ -1,0 +1,161 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stoop import optimize
+from stoop.cli.demo import TABLE_1
+from stoop.errors import IdentificationError, VehicleError
+from stoop.flight import Flight
+from stoop.identify.equation_error import equation_error
+from stoop.identify.fit import Options, fit, pose, refine, starts
+from stoop.identify.noise import noise_variance
+from stoop.identify.predict import mean_biases, predict
+from stoop.identify.prepare import guess_start
+from stoop.identify.windows import Window
+from stoop.vehicle import Vehicle
+
+WINDOW = [Window("sim", 0.0, 30.0)]
+
+
+def test_start_is_guessed_from_the_first_measurements(aircraft: Vehicle) -> None:
+    t = np.arange(50) / 100.0
+    z = np.zeros((50, 6))
+    z[:, aircraft.outputs.index("V")] = 30.0 + 2.0 * t
+    z[:, aircraft.outputs.index("theta")] = np.nan
+    start = guess_start(aircraft, t, z)
+    assert start["V"] == pytest.approx(30.0)
+    assert start["theta"] == 0.0
+
+
+def test_equation_error_is_exact_without_noise(aircraft: Vehicle, wrong: Vehicle, flight: Flight) -> None:
+    """On noise-free states and accelerations only the derivative of q is approximated."""
+    from stoop.cli.demo import MANEUVER
+    from stoop.simulate import parse_maneuver, simulate_flight
+
+    clean = simulate_flight(aircraft, parse_maneuver(MANEUVER, "test"), noise=False, name="sim")
+    problem, _ = pose(wrong, {"sim": clean}, WINDOW, Options())
+    guess = equation_error(problem.layout, problem.pieces)
+    assert guess is not None
+    found = dict(
+        zip([p.name for p in problem.layout.parameters], problem.layout.physical(guess[None])[0], strict=True)
+    )
+    for name in ("CL0", "CLalpha", "CD0", "CDalpha"):
+        assert found[name] == pytest.approx(aircraft.value(name), rel=1e-3)
+    assert found["Cmalpha"] == pytest.approx(aircraft.value("Cmalpha"), rel=0.1)
+
+
+def test_recovers_the_truth_and_the_noise(aircraft: Vehicle, wrong: Vehicle, flight: Flight) -> None:
+    found = fit(wrong, {"sim": flight}, WINDOW, Options(seed=1))
+    assert found.outcome.status == "converged"
+    for name in TABLE_1:
+        assert found.estimates[name] == pytest.approx(aircraft.value(name), rel=0.15)
+    sigma = np.array([getattr(aircraft.file.sensors, c).sigma for c in aircraft.outputs])
+    assert np.sqrt(noise_variance(found.problem, found.z)) == pytest.approx(sigma, rel=0.1)
+
+
+def test_same_seed_same_bits_whatever_the_threads(
+    wrong: Vehicle, flight: Flight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run(threads: str) -> np.ndarray:
+        monkeypatch.setenv("STOOP_THREADS", threads)
+        return fit(wrong, {"sim": flight}, WINDOW, Options(seed=5)).z
+
+    first = run("1")
+    assert np.array_equal(first, run("2"))
+    assert np.array_equal(first, run("3"))
+
+
+def test_every_optimizer_reaches_the_same_place(wrong: Vehicle, flight: Flight) -> None:
+    best = fit(wrong, {"sim": flight}, WINDOW, Options()).estimates
+    for name in optimize.names():
+        found = fit(wrong, {"sim": flight}, WINDOW, Options(optimizer=name, budget=3000.0)).estimates
+        for key, value in best.items():
+            assert found[key] == pytest.approx(value, rel=2e-3, abs=1e-4), (name, key)
+
+
+def test_interrupted_search_keeps_its_best(wrong: Vehicle, flight: Flight) -> None:
+    def interrupt(progress: optimize.Progress) -> None:
+        raise KeyboardInterrupt
+
+    found = fit(wrong, {"sim": flight}, WINDOW, Options(), interrupt)
+    assert found.outcome.status == "interrupted"
+    assert np.isfinite(found.cost)
+
+
+def test_interrupted_refinement_keeps_the_search(
+    wrong: Vehicle, flight: Flight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    found = fit(wrong, {"sim": flight}, WINDOW, Options())
+    monkeypatch.setattr("stoop.identify.fit._dive", interrupt)
+    again = refine(found.problem, found.prepared, found.outcome, estimate_noise=True)
+    assert again.outcome.status == "interrupted"
+    assert np.array_equal(again.z, found.outcome.z)
+
+
+def test_resumed_search_ends_where_an_undisturbed_one_does(wrong: Vehicle, flight: Flight) -> None:
+    states: list[optimize.State] = []
+    whole = fit(wrong, {"sim": flight}, WINDOW, Options(), lambda p: states.append(p.state))
+    resumed = fit(wrong, {"sim": flight}, WINDOW, Options(), state=states[0])
+    assert np.array_equal(whole.z, resumed.z)
+
+
+def test_given_covariance_is_kept(wrong: Vehicle, flight: Flight) -> None:
+    given = np.diag([0.09, 1e-4, 1e-4, 1e-4, 0.01, 0.01])
+    given[0, 4] = given[4, 0] = 0.01
+    found = fit(wrong, {"sim": flight}, WINDOW, Options(covariance=given))
+    assert np.allclose(found.problem.weights.covariance, given)
+
+
+def test_nothing_free_is_an_error(aircraft: Vehicle, flight: Flight) -> None:
+    held = aircraft.with_numbers({p.name: {"free": False} for p in aircraft.parameters})
+    with pytest.raises(IdentificationError, match="--free"):
+        fit(held, {"sim": flight}, WINDOW)
+
+
+def test_unknown_loading_is_an_error(wrong: Vehicle, flight: Flight) -> None:
+    with pytest.raises(VehicleError, match="loading"):
+        fit(wrong, {"sim": flight}, [Window("sim", 0.0, 30.0, "heavy")])
+
+
+def test_loading_changes_the_mass_of_one_maneuver(aircraft: Vehicle, wrong: Vehicle) -> None:
+    """Two flights of different mass, fitted jointly with the masses told, give one set of coefficients."""
+    from stoop.cli.demo import MANEUVER
+    from stoop.simulate import parse_maneuver, simulate_flight
+
+    maneuver = parse_maneuver(MANEUVER, "test")
+    heavy = aircraft.with_numbers({"mass.mass": {"value": 210.0}})
+    flights = {
+        "light": simulate_flight(aircraft, maneuver, 1, name="light"),
+        "heavy": simulate_flight(heavy, maneuver, 2, name="heavy"),
+    }
+    loaded = replace(wrong, file=wrong.file.model_copy(update={"loadings": {"full": {"mass.mass": 210.0}}}))
+    windows = [Window("light", 0.0, 30.0), Window("heavy", 0.0, 30.0, "full")]
+    found = fit(loaded, flights, windows, Options())
+    assert found.estimates["CLalpha"] == pytest.approx(4.78, rel=0.02)
+    wrongly = fit(loaded, flights, [windows[0], Window("heavy", 0.0, 30.0)], Options())
+    assert wrongly.problem.weights.logdet > found.problem.weights.logdet + 1.0
+
+
+def test_prediction_starts_from_measurements_and_fits_nothing(wrong: Vehicle, flight: Flight) -> None:
+    found = fit(wrong, {"sim": flight}, [Window("sim", 0.0, 15.0)], Options())
+    prepared, simulated = predict(found, {"sim": flight}, [Window("sim", 15.0, 25.0)])
+    piece = prepared.pieces[0]
+    assert piece.start["V"] == pytest.approx(
+        piece.measured[:10, 0].mean() - mean_biases(found).get("sensors.V.bias", 0.0), abs=0.5
+    )
+    error = piece.measured - simulated[0]
+    assert np.std(error[:, 1]) < 0.03
+
+
+def test_starts_include_the_files_own_values(wrong: Vehicle, flight: Flight) -> None:
+    problem, _ = pose(wrong, {"sim": flight}, WINDOW, Options())
+    own = starts(problem)[0]
+    assert problem.layout.physical(own[None])[0] == pytest.approx(
+        [p.value for p in problem.layout.parameters]
+    )
