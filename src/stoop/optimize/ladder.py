@@ -71,7 +71,10 @@ def finish(ledger: Ledger, z: FloatArray, optimum: float, score: float = 0.0) ->
 
 def passes(ledger: Ledger, cost: float, rung: int, seen: FloatArray) -> bool:
     """Whether a cost on a rung is good enough to go on."""
-    return np.isfinite(cost) and (explains(ledger, cost, rung) or cost <= SIMILAR * float(seen[rung]))
+    if not np.isfinite(cost):
+        return False
+    similar = bool(np.isfinite(seen[rung])) and cost <= SIMILAR * float(seen[rung])
+    return similar or explains(ledger, cost, rung)
 
 
 def explains(ledger: Ledger, cost: float, rung: int) -> bool:
@@ -80,6 +83,6 @@ def explains(ledger: Ledger, cost: float, rung: int) -> bool:
 
 
 def relative(ledger: Ledger, cost: float, rung: int) -> float:
-    """Return a cost over the trivial model's; inf where there is nothing to compare with."""
+    """Return a cost over the trivial model's: 0 where that is infinite (no gate), inf where it is zero."""
     reference = ledger.reference(rung)
-    return cost / reference if 0.0 < reference < np.inf else np.inf
+    return cost / reference if reference > 0.0 else np.inf

@@ -14,6 +14,7 @@ import numpy as np
 from stoop.optimize.arrays import FloatArray
 from stoop.optimize.problem import Problem
 
+HUGE: Final = 1e100  #: a cost beyond this is infinite: its products would overflow
 SLACK: Final = 1e-9  #: rounding of summed prices
 
 
@@ -157,11 +158,11 @@ class Ledger:
 
 
 def sum_of_squares(r: FloatArray) -> float:
-    """Return the cost of a row of residuals; inf where it is not finite."""
+    """Return the cost of a row of residuals; inf where it is not finite, or huge."""
     with np.errstate(over="ignore", invalid="ignore"):
         # einsum, not dot: a threaded dot product rounds by the number of threads
         total = float(np.einsum("i,i->", r, r))
-    return total if np.isfinite(total) else np.inf
+    return total if total < HUGE else np.inf
 
 
 def opened(problem: Problem, books: Books) -> Ledger:

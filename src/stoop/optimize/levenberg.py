@@ -18,7 +18,7 @@ from typing import Final, Literal
 import numpy as np
 
 from stoop.optimize.arrays import BoolArray, FloatArray
-from stoop.optimize.ledger import sum_of_squares
+from stoop.optimize.ledger import HUGE, sum_of_squares
 from stoop.optimize.normal import gram, project, solve_damped
 from stoop.optimize.problem import Problem
 
@@ -26,6 +26,7 @@ Ending = Literal["converged", "agreed", "stalled", "hopeless", "limit", "diverge
 
 AGREE: Final = 1e-3  #: relative difference of two costs that count as the same optimum
 FORESEEN: Final = 0.25  #: a gain within this of the predicted one leaves the Jacobian in use
+FLATTEST: Final = 1e-8  #: curvature, of a scaled problem, that differences still resolve
 TINY_STEP: Final = 1e-12  #: of the unit box
 LOST: Final = 1e8  #: damping beyond which no step helps any more
 SMALLEST_DAMPING: Final = 1e-12
@@ -163,12 +164,12 @@ class _Descent:
             return "converged"
         if np.abs(step).max() < TINY_STEP:
             return self.doubt()
-        predicted = -float(2.0 * (self.gradient @ step) + step @ self.normal @ step)
-        if 0.0 <= predicted < self.settings.predicted * self.cost and self.damping <= 1e-2:
+        left = self.decrement()
+        if left < self.settings.predicted * self.cost:
             return self.doubt()
-        if self.agrees(predicted):
+        if self.agrees(left):
             return "agreed"
-        ending = self.attempt(step, predicted)
+        ending = self.attempt(step, -float(2.0 * (self.gradient @ step) + step @ self.normal @ step))
         self.costs.append(self.cost)
         return ending or self.tired()
 
@@ -176,7 +177,7 @@ class _Descent:
         """Take the Jacobian by differences."""
         J, _ = self.problem.jacobian(self.z, self.rung, self.r)
         self.rows = np.ascontiguousarray(J.T)
-        self.rows[~np.isfinite(self.rows).all(axis=1)] = 0.0
+        self.rows[~(np.abs(self.rows) < HUGE).all(axis=1)] = 0.0
         self.normal = gram(self.rows)
         self.gradient = project(self.rows, self.r)
         self.stale, self.fresh = False, True
@@ -196,10 +197,19 @@ class _Descent:
         held = ((self.z <= self.lower) & (self.gradient > 0)) | ((self.z >= self.upper) & (self.gradient < 0))
         return np.logical_not(held)
 
-    def agrees(self, predicted: float) -> bool:
+    def decrement(self) -> float:
+        """Return what the linear model says is left to gain, whatever the damping.
+
+        A damped step along a flat valley promises little although much is left; only this tells them apart.
+        """
+        free = self.free()
+        g = self.gradient[free]
+        return float(g @ solve_damped(self.normal[np.ix_(free, free)], g, FLATTEST))
+
+    def agrees(self, left: float) -> bool:
         """Whether this is as good as the known optimum to within AGREE, with little more to be gained."""
         band = AGREE * self.cost
-        return self.optimum <= self.cost <= self.optimum + band and 0.0 <= predicted <= band
+        return self.optimum <= self.cost <= self.optimum + band and left <= band
 
     def doubt(self) -> Ending | None:
         """Take a vanishing step or gain for convergence only if the Jacobian can be trusted."""
@@ -226,12 +236,11 @@ class _Descent:
         if ratio > 0:
             self.damping = max(SMALLEST_DAMPING, self.damping * max(0.2, 1.0 - (2.0 * ratio - 1.0) ** 3))
         self.growth = 2.0
+        self.gradient = project(self.rows, self.r)
         if small and self.slow:
-            return "converged"
+            return self.settle()
         self.slow = small
         self.stale = small or poor
-        if not self.stale:
-            self.gradient = project(self.rows, self.r)
         return None
 
     def secant(self, step: FloatArray, r: FloatArray) -> None:
@@ -249,7 +258,11 @@ class _Descent:
             return None
         self.damping *= self.growth
         self.growth *= 2.0
-        return "converged" if self.damping > LOST else None
+        return self.settle() if self.damping > LOST else None
+
+    def settle(self) -> Ending:
+        """Say what it is when no step helps any more: an optimum only if little was left to gain."""
+        return "converged" if self.decrement() <= AGREE * self.cost else "stalled"
 
     def tired(self) -> Ending | None:
         """Let go of a prey that no longer comes down."""

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import json
 import os
+import struct
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -29,6 +31,19 @@ from stoop.optimize.stream import Stream
 
 SCHEMA: Final = "stoop-state/1"
 HEADER: Final = "header"
+BROKEN: Final = (
+    OSError,
+    ValueError,
+    LookupError,
+    TypeError,
+    EOFError,
+    RuntimeError,
+    AttributeError,
+    OverflowError,
+    struct.error,
+    zlib.error,
+    zipfile.BadZipFile,
+)  #: what a damaged file may raise
 CLASSES: Final[dict[str, type]] = {
     c.__name__: c for c in (PopulationState, PreyState, Books, Stream, Ends, Herd, Memory)
 }
@@ -70,20 +85,26 @@ def load_state(path: Path) -> State:
         If the file is missing, damaged or of another version.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-        header = json.loads(arrays[HEADER].tobytes())
-        if header["schema"] != SCHEMA:
-            raise ValueError(f"schema {header['schema']}, not {SCHEMA}")
-        state = _decode(header["state"], arrays)
+        state = _read(path)
     except FileNotFoundError:
         raise IdentificationError(f"{path}: there is no saved state; start anew without resuming") from None
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+    except BROKEN as error:
         what = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise IdentificationError(f"{path}: not a usable state ({what}); delete it and start anew") from None
     if not isinstance(state, State):
         raise IdentificationError(f"{path}: holds no state; delete it and start anew")
     return state
+
+
+def _read(path: Path) -> Any:
+    """Return what a file holds."""
+    # opened here: np.load leaves a damaged file open
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    header = json.loads(arrays[HEADER].tobytes())
+    if header["schema"] != SCHEMA:
+        raise ValueError(f"schema {header['schema']}, not {SCHEMA}")
+    return _decode(header["state"], arrays)
 
 
 def _encode(value: Any, arrays: dict[str, np.ndarray[Any, Any]]) -> Any:

@@ -1,0 +1,112 @@
+"""A small problem with many wrong optima: a decaying oscillation of unknown frequency, with a sensor bias."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+
+from stoop import optimize
+
+LOW = np.array([0.2, 0.0, 0.5, -1.0])  # amplitude, decay 1/s, angular frequency rad/s, phase rad
+HIGH = np.array([3.0, 1.0, 9.0, 1.0])
+TRUTH = np.array([1.3, 0.25, 5.1, 0.4])
+TIME = np.linspace(0.0, 8.0, 240)
+
+
+def response(Z: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Return readings, (B, n), of unit-box parameters and one bias in tenths."""
+    a, b, w, p = (LOW + Z[:, :4] * (HIGH - LOW)).T[:, :, None]
+    readings = a * np.exp(-b * time) * np.cos(w * time + p)
+    return readings + 0.1 * Z[:, 4:5] if Z.shape[1] > 4 else readings
+
+
+@dataclass
+class Oscillation:
+    """Readings in sigmas of 0.01; rungs of 15 %, 40 % and the whole record.
+
+    `spent` counts what was really asked, candidate by candidate, for comparison with the ledger.
+    """
+
+    measured: np.ndarray
+    extra: int = 1
+    shares: tuple[float, ...] = (0.15, 0.4, 1.0)
+    broken: Callable[[np.ndarray], np.ndarray] | None = None  # which candidates diverge
+    dimension: int = 4
+    spent: float = field(default=0.0)
+    largest: float = field(default=0.0)  # furthest outside the box that anything was asked
+
+    @property
+    def prices(self) -> tuple[float, ...]:
+        return tuple(self._samples(k) / len(TIME) for k in range(len(self.shares)))
+
+    def costs(self, X: np.ndarray, rung: int) -> np.ndarray:
+        Z = np.concatenate([X, np.zeros((len(X), self.extra))], axis=1)
+        with np.errstate(invalid="ignore"):
+            return (self.residuals(Z, rung) ** 2).sum(axis=1)
+
+    def residuals(self, Z: np.ndarray, rung: int) -> np.ndarray:
+        n = self._samples(rung)
+        self.spent += len(Z) * n / len(TIME)
+        self.largest = max(self.largest, float(np.abs(Z[:, :4] - 0.5).max(initial=0.0) - 0.5))
+        R = (response(Z, TIME[:n]) - self.measured[:n]) / 0.01
+        if self.broken is not None:
+            R[self.broken(Z)] = np.nan
+        return np.concatenate([R, Z[:, 4:]], axis=1)
+
+    def jacobian(self, z: np.ndarray, rung: int, r: np.ndarray) -> tuple[np.ndarray, float]:
+        return optimize.forward_jacobian(self, z, rung, r)
+
+    def reference(self, rung: int) -> float:
+        n = self._samples(rung)
+        return float((((self.measured[:n] - self.measured[0]) / 0.01) ** 2).sum())
+
+    def _samples(self, rung: int) -> int:
+        return round(self.shares[rung] * len(TIME))
+
+
+def measure(seed: int = 0, noise: float = 0.01, bias: float = 0.05, disturbance: float = 0.0) -> np.ndarray:
+    """Return readings of the truth, with white noise, a bias and slow unmodelled disturbance."""
+    generator = np.random.default_rng(seed)
+    z = np.append((TRUTH - LOW) / (HIGH - LOW), bias / 0.1)
+    slow = np.convolve(generator.standard_normal(len(TIME) + 40), np.ones(40) / 40**0.5, "valid")[: len(TIME)]
+    return response(z[None, :], TIME)[0] + noise * generator.standard_normal(len(TIME)) + disturbance * slow
+
+
+@pytest.fixture
+def oscillation() -> Callable[..., Oscillation]:
+    """Return a maker of problems: options of `measure`, then fields of `Oscillation`."""
+
+    def make(
+        seed: int = 0, noise: float = 0.01, bias: float = 0.05, disturbance: float = 0.0, **fields: object
+    ) -> Oscillation:
+        return replace(Oscillation(measure(seed, noise, bias, disturbance)), **fields)
+
+    return make
+
+
+@pytest.fixture
+def least(oscillation: Callable[..., Oscillation]) -> Callable[[Oscillation], float]:
+    """Return a function that finds the least cost of a problem by SciPy, from the truth."""
+
+    def find(problem: Oscillation) -> float:
+        from scipy.optimize import least_squares
+
+        z = np.append((TRUTH - LOW) / (HIGH - LOW), np.zeros(problem.extra))
+        full = len(problem.shares) - 1
+        fit = least_squares(lambda v: problem.residuals(v[None, :], full)[0], z, xtol=1e-14, ftol=1e-14)
+        return float(2.0 * fit.cost)
+
+    return find
+
+
+@pytest.fixture
+def near() -> Callable[[float], np.ndarray]:
+    """Return a maker of points beside the truth: every parameter multiplied by a factor."""
+
+    def point(factor: float) -> np.ndarray:
+        return np.append((TRUTH * factor - LOW) / (HIGH - LOW), 0.0)
+
+    return point

@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stoop.optimize import Ledger
+from stoop.optimize.confirmation import Ends, no_ends
+from stoop.optimize.ladder import GATE, descend, explains, finish, passes
+from stoop.optimize.ledger import blank
+from stoop.optimize.levenberg import Dive, Ending
+
+NONE = np.full(3, np.inf)
+
+
+def pen(problem: Any) -> Ledger:
+    return Ledger(problem, blank(problem))
+
+
+def test_a_good_prey_climbs_every_rung(
+    oscillation: Callable[..., Any], near: Callable[[float], np.ndarray]
+) -> None:
+    ledger = pen(oscillation())
+    descent = descend(ledger, near(0.9), NONE)
+    assert descent.passed
+    assert descent.rung == 1
+    assert descent.score < 0.01
+    assert np.isfinite(descent.seen).tolist() == [True, True, False]
+    assert ledger.cost == np.inf  # the full record was not touched
+    assert np.isinf(NONE).all()
+    end = finish(ledger, descent.z, np.inf, descent.score)
+    assert end.converged
+    assert end.cost == ledger.cost
+
+
+def test_gates_know_no_noise() -> None:
+    class Known:
+        dimension, extra, prices = 1, 0, (0.5, 1.0)
+
+        def reference(self, rung: int) -> float:
+            return 100.0
+
+    ledger = pen(Known())
+    assert explains(ledger, GATE * 100.0, 0)
+    assert not explains(ledger, GATE * 100.0 + 1e-9, 0)
+    # an imperfect model never explains, but it may do as well as any
+    assert not passes(ledger, 60.0, 0, np.array([np.inf, np.inf]))
+    assert passes(ledger, 60.0, 0, np.array([55.0, np.inf]))
+    assert not passes(ledger, 60.0, 0, np.array([30.0, np.inf]))
+    assert not passes(ledger, np.inf, 0, np.array([np.inf, np.inf]))
+
+
+@pytest.mark.parametrize(("reference", "open_"), [(np.nan, True), (np.inf, True), (0.0, False)])
+def test_without_a_reference_there_is_no_gate(reference: float, open_: bool) -> None:
+    class Unknown:
+        dimension, extra, prices = 1, 0, (1.0,)
+
+        def reference(self, rung: int) -> float:
+            return reference
+
+    assert explains(pen(Unknown()), 5.0, 0) is open_
+
+
+def test_a_diverging_prey_is_stopped(oscillation: Callable[..., Any]) -> None:
+    descent = descend(pen(oscillation(broken=lambda Z: Z[:, 0] < 2.0)), np.full(5, 0.5), NONE)
+    assert not descent.passed
+    assert (descent.cost, descent.score) == (np.inf, np.inf)
+
+
+# ------------------------------------------------------------------------------------------ confirmation
+def ends(*rows: tuple[float, int, Ending]) -> Ends:
+    found = no_ends(2)
+    for cost, lineage, ending in rows:
+        found = found.add(Dive(np.zeros(3), cost, ending, 5), lineage)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("rows", "confirmed"),
+    [
+        ([(100.0, 1, "converged")], False),
+        ([(100.0, 1, "converged"), (100.05, 2, "converged")], True),
+        ([(100.0, 1, "converged"), (100.05, 2, "agreed")], True),
+        ([(100.0, 1, "converged"), (100.05, 1, "converged")], False),  # not independent
+        ([(100.0, 1, "converged"), (100.5, 2, "converged")], False),  # another optimum
+        ([(100.0, 1, "stalled"), (100.05, 2, "converged")], False),  # the first was none
+        ([(100.0, 1, "converged"), (100.05, 2, "limit")], False),
+        ([(100.0, 1, "converged"), (50.0, 2, "converged")], False),  # a better one: begin again
+        ([(100.0, 1, "converged"), (50.0, 2, "stalled"), (100.0, 3, "converged")], False),
+        ([(100.0, 1, "converged"), (300.0, 2, "hopeless"), (100.0, 3, "converged")], True),
+    ],
+)
+def test_confirmation_needs_two_independent_dives_to_the_best(
+    rows: list[tuple[float, int, Ending]], confirmed: bool
+) -> None:
+    best = min(r[0] for r in rows)
+    assert ends(*rows).confirmed(best, 1e4) is confirmed
+
+
+def test_two_exact_fits_agree() -> None:
+    found = ends((1e-11, 1, "converged"), (3e-12, 2, "converged"))
+    assert found.confirmed(3e-12, 1e4)
+    assert not found.confirmed(3e-12, np.inf)

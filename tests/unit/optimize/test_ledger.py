@@ -1,0 +1,121 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stoop.optimize.ledger import Books, Halt, Ledger, blank, opened, sum_of_squares
+
+
+class Line:
+    """Cost x, residual sqrt(x)."""
+
+    dimension, extra, prices = 1, 1, (0.25, 1.0)
+
+    def costs(self, X: np.ndarray, rung: int) -> np.ndarray:
+        return X[:, 0].copy()
+
+    def residuals(self, Z: np.ndarray, rung: int) -> np.ndarray:
+        return np.sqrt(Z[:, :1])
+
+    def jacobian(self, z: np.ndarray, rung: int, r: np.ndarray) -> tuple[np.ndarray, float]:
+        return np.ones((1, 2)), 0.7
+
+    def reference(self, rung: int) -> float:
+        return np.nan
+
+
+def column(*values: float) -> np.ndarray:
+    return np.array(values)[:, None]
+
+
+@pytest.fixture
+def ledger() -> Callable[..., Ledger]:
+    return lambda **limits: Ledger(Line(), blank(Line()), **limits)
+
+
+def test_every_call_is_booked_at_its_price(ledger: Callable[..., Ledger]) -> None:
+    pen = ledger()
+    pen.costs(column(3.0, 2.0), 1)
+    pen.costs(column(1.0, 1.0, 1.0, 1.0), 0)
+    pen.residuals(np.array([[4.0, 0.0]]), 1)
+    pen.jacobian(np.array([4.0, 0.0]), 1, np.ones(1))
+    assert pen.books.trajectories == pytest.approx(2.0 + 1.0 + 1.0 + 0.7)
+
+
+def test_only_the_full_record_counts_for_the_best(ledger: Callable[..., Ledger]) -> None:
+    pen = ledger()
+    pen.costs(column(0.1), 0)
+    assert pen.books.cost == np.inf
+    pen.costs(column(3.0, 2.0, 2.5), 1)
+    pen.residuals(np.array([[1.0, 5.0], [9.0, 6.0]]), 1)
+    assert pen.books.best.tolist() == [1.0, 5.0]
+    assert pen.books.history == pytest.approx(np.array([[3.25, 2.0], [4.25, 1.0]]))
+
+
+def test_whatever_is_not_finite_costs_infinity(ledger: Callable[..., Ledger]) -> None:
+    pen = ledger()
+    assert pen.costs(column(np.nan, 2.0, -np.inf, np.inf), 1).tolist() == [np.inf, 2.0, np.inf, np.inf]
+    assert pen.books.cost == 2.0
+    assert sum_of_squares(np.array([1.0, np.nan])) == np.inf
+    assert sum_of_squares(np.array([1e200, 1.0])) == np.inf
+    assert pen.reference(0) == np.inf
+
+
+def test_the_target_is_booked_at_the_candidate_that_reaches_it(ledger: Callable[..., Ledger]) -> None:
+    pen = ledger(target=1.0)
+    with pytest.raises(Halt) as halt:
+        pen.costs(column(5.0, 0.9, 0.1, 3.0), 1)
+    assert halt.value.status == "target"
+    assert (pen.books.trajectories, pen.books.cost) == (2.0, 0.9)
+
+
+def test_the_budget_is_used_up_and_never_exceeded(ledger: Callable[..., Ledger]) -> None:
+    pen = ledger(budget=3.6)
+    with pytest.raises(Halt) as halt:
+        pen.costs(column(5.0, 4.0, 3.0, 0.1), 1)
+    assert halt.value.status == "budget"
+    assert (pen.books.trajectories, pen.books.cost) == (3.0, 3.0)
+    pen.costs(column(1.0, 1.0), 0)
+    for ask in (lambda: pen.costs(column(0.1), 0), lambda: pen.jacobian(np.ones(2), 0, np.ones(1))):
+        with pytest.raises(Halt):
+            ask()
+    assert pen.books.trajectories == 3.5
+
+
+def test_prices_that_sum_to_the_budget_are_all_spent(ledger: Callable[..., Ledger]) -> None:
+    pen = Ledger(_tenths(), blank(Line()), budget=1.0)
+    for _ in range(10):
+        pen.costs(column(1.0), 0)
+    assert pen.books.trajectories == pytest.approx(1.0)
+
+
+def _tenths() -> Any:
+    problem = Line()
+    problem.prices = (0.1, 1.0)
+    return problem
+
+
+def test_reopening_goes_back_to_the_page(ledger: Callable[..., Ledger]) -> None:
+    pen = ledger()
+    pen.costs(column(3.0), 1)
+    page = pen.books
+    pen.costs(column(1.0), 1)
+    again = opened(pen, page)
+    assert again is pen
+    assert (again.books.trajectories, again.books.cost, len(again.books.history)) == (1.0, 3.0, 1)
+    fresh = opened(Line(), page)
+    assert (fresh.spent, fresh.cost) == (1.0, 3.0)
+
+
+def test_the_page_does_not_move_with_the_pen(ledger: Callable[..., Ledger]) -> None:
+    pen = ledger()
+    X = column(3.0)
+    pen.costs(X, 1)
+    page: Books = pen.books
+    X[0] = 9.0
+    pen.costs(column(1.0), 1)
+    assert page.best.tolist() == [3.0, 0.0]
+    assert len(page.history) == 1

@@ -1,0 +1,307 @@
+"""Every optimizer: determinism, resuming, stopping, bounds, bad numbers; and what the default concludes."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stoop import optimize
+from stoop.errors import IdentificationError
+from stoop.optimize import Stop
+
+NAMES = optimize.names()
+every = pytest.mark.parametrize("name", NAMES)
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Whether two states are equal to the last bit."""
+    if isinstance(a, np.ndarray):
+        return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
+    if is_dataclass(a):
+        return type(a) is type(b) and all(_same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+    return type(a) is type(b) and a == b
+
+
+# ---------------------------------------------------------------------------------- determinism, resuming
+@every
+def test_a_seed_decides_everything(name: str, oscillation: Callable[..., Any]) -> None:
+    runs = [
+        optimize.minimize(optimize.create(name), oscillation(), seed=seed, stop=Stop(generations=30))
+        for seed in (5, 5, 6)
+    ]
+    assert _same(runs[0].state, runs[1].state)
+    assert not _same(runs[0].state, runs[2].state)
+
+
+@every
+def test_resuming_from_any_generation_changes_nothing(name: str, tmp_path: Path) -> None:
+    """Saved to disk and loaded after each step, with a fresh problem and a fresh optimizer each time."""
+    stop = Stop(generations=45, target_cost=-1.0)
+    states: list[Any] = []
+    whole = optimize.minimize(
+        optimize.create(name),
+        Rugged(),
+        seed=3,
+        stop=stop,
+        callback=lambda p: states.append(p.state),
+    )
+    path = tmp_path / "state.npz"
+    state = None
+    for expected in states:
+        part = optimize.minimize(
+            optimize.create(name),
+            Rugged(),
+            seed=3,
+            stop=Stop(generations=expected.generation),
+            state=state,
+        )
+        optimize.save_state(path, part.state)
+        state = optimize.load_state(path)
+        assert _same(state, expected)
+    assert _same(whole.state, state)
+    assert name != optimize.names()[0] or whole.state.herd is not None
+
+
+class Rugged:
+    """Thousands of local optima: nothing is confirmed early, so that scouts, dives and herd all come by."""
+
+    dimension, extra, prices = 4, 1, (0.1, 0.3, 1.0)
+
+    def __init__(self) -> None:
+        self.spent, self.largest = 0.0, 0.0
+
+    def residuals(self, Z: np.ndarray, rung: int) -> np.ndarray:
+        self.spent += len(Z) * self.prices[rung]
+        self.largest = max(self.largest, float(np.abs(Z[:, :4] - 0.5).max(initial=0.0) - 0.5))
+        return np.concatenate([3.0 * (Z - 0.37), np.sin((30.0 + rung) * Z[:, :4]), Z[:, 4:] - 0.5], axis=1)
+
+    def costs(self, X: np.ndarray, rung: int) -> np.ndarray:
+        return (self.residuals(np.concatenate([X, np.zeros((len(X), 1))], axis=1), rung) ** 2).sum(axis=1)
+
+    def jacobian(self, z: np.ndarray, rung: int, r: np.ndarray) -> tuple[np.ndarray, float]:
+        return optimize.forward_jacobian(self, z, rung, r)
+
+    def reference(self, rung: int) -> float:
+        return 12.0
+
+
+@every
+def test_a_step_does_not_change_its_state(name: str, oscillation: Callable[..., Any]) -> None:
+    optimizer, problem = optimize.create(name), oscillation()
+    state = optimizer.init(problem, 1, np.empty((0, 4)))
+    for _ in range(25):
+        before = pickle.dumps(state)
+        first, _ = optimizer.step(state, problem)
+        again, _ = optimizer.step(state, problem)
+        assert _same(first, again)
+        assert pickle.dumps(state) == before
+        state = first
+
+
+@every
+def test_a_budget_that_ends_inside_a_step_is_repeated_on_resuming(name: str) -> None:
+    whole = optimize.minimize(optimize.create(name), Rugged(), seed=2, stop=Stop(generations=12))
+    for budget in (0.5, 3.3, 31.0, 77.7, 200.0):
+        part = optimize.minimize(optimize.create(name), Rugged(), seed=2, stop=Stop(12, budget))
+        assert part.trajectories <= budget + 1e-9
+        rest = optimize.minimize(
+            optimize.create(name), Rugged(), seed=2, stop=Stop(generations=12), state=part.state
+        )
+        assert _same(rest.state, whole.state)
+
+
+# ----------------------------------------------------------------------------------------------- stopping
+@every
+def test_trajectories_are_what_was_simulated(name: str, oscillation: Callable[..., Any]) -> None:
+    problem = oscillation(seed=9)
+    outcome = optimize.minimize(optimize.create(name), problem, seed=2, stop=Stop(generations=45))
+    assert outcome.trajectories == pytest.approx(problem.spent)
+    assert outcome.history[-1, 1] == outcome.cost
+    assert (np.diff(outcome.history[:, 0]) > 0).all()
+    assert (np.diff(outcome.history[:, 1]) < 0).all()
+
+
+@every
+def test_the_target_ends_the_run(name: str, oscillation: Callable[..., Any]) -> None:
+    problem = oscillation()
+    target = 0.05 * problem.reference(2)
+    outcome = optimize.minimize(
+        optimize.create(name), problem, seed=2, stop=Stop(target_cost=target, budget=20_000)
+    )
+    assert outcome.status == "target"
+    assert outcome.cost <= target
+    assert (problem.residuals(outcome.z[None, :], 2) ** 2).sum() == pytest.approx(outcome.cost)
+    assert len(outcome.advice.splitlines()) == 1
+
+
+@every
+@pytest.mark.parametrize("when", [0, 1, 7])
+def test_ctrl_c_in_the_callback_keeps_the_best(name: str, when: int) -> None:
+    def callback(progress: optimize.Progress) -> None:
+        if progress.state.generation > when:
+            raise KeyboardInterrupt
+
+    outcome = optimize.minimize(optimize.create(name), Rugged(), seed=2, callback=callback)
+    assert outcome.status == "interrupted"
+    assert outcome.generation == when + 1
+    assert "resume" in outcome.advice
+
+
+@every
+def test_ctrl_c_in_the_problem_keeps_the_best_of_the_unfinished_step(name: str) -> None:
+    problem = Rugged()
+    simulate = problem.residuals
+
+    def residuals(Z: np.ndarray, rung: int) -> np.ndarray:
+        if problem.spent > 60.0:
+            raise KeyboardInterrupt
+        return simulate(Z, rung)
+
+    problem.residuals = residuals
+    outcome = optimize.minimize(optimize.create(name), problem, seed=2)
+    assert outcome.status == "interrupted"
+    assert np.isfinite(outcome.cost)
+    assert (simulate(outcome.z[None, :], 2) ** 2).sum() == pytest.approx(outcome.cost)
+
+
+# ------------------------------------------------------------------------------------ bounds, bad numbers
+@every
+def test_nothing_outside_the_box_is_ever_asked(name: str) -> None:
+    problem = Rugged()
+    starts = np.array([[0.0, 1.0, 0.5, 1.0], [-2.0, 3.0, 0.5, 0.5]])
+    outcome = optimize.minimize(
+        optimize.create(name), problem, seed=2, starts=starts, stop=Stop(generations=45)
+    )
+    assert problem.largest <= 1e-15
+    assert ((outcome.z[:4] >= 0.0) & (outcome.z[:4] <= 1.0)).all()
+
+
+@settings(deadline=None, max_examples=15)
+@given(
+    st.sampled_from(NAMES),
+    st.integers(0, 1000),
+    st.floats(0.0, 1.0),
+    st.sampled_from([np.nan, np.inf, -np.inf]),
+)
+def test_divergence_is_survived(name: str, seed: int, share: float, bad: float) -> None:
+    """A share of the box diverges, at random places, to nan or infinity."""
+
+    class Patchy:
+        dimension, extra, prices = 3, 2, (0.25, 1.0)
+        direction = np.random.default_rng(seed).standard_normal((3, 5)) * 40.0
+
+        def residuals(self, Z: np.ndarray, rung: int) -> np.ndarray:
+            R = np.concatenate([Z - 0.3, np.sin(9.0 * Z)], axis=1)
+            hash_ = np.abs(np.sin(Z[:, :3] @ self.direction)).prod(axis=1) * 7919.0 % 1.0
+            R[hash_ < share] = bad
+            return R
+
+        def costs(self, X: np.ndarray, rung: int) -> np.ndarray:
+            with np.errstate(invalid="ignore"):
+                return (self.residuals(np.concatenate([X, np.zeros((len(X), 2))], axis=1), rung) ** 2).sum(
+                    axis=1
+                )
+
+        def jacobian(self, z: np.ndarray, rung: int, r: np.ndarray) -> tuple[np.ndarray, float]:
+            return optimize.forward_jacobian(self, z, rung, r)
+
+        def reference(self, rung: int) -> float:
+            return bad
+
+    outcome = optimize.minimize(optimize.create(name), Patchy(), seed=seed, stop=Stop(60, 3000.0))
+    assert np.isfinite(outcome.z).all()
+    assert not np.isnan(outcome.cost)
+    if share == 1.0:
+        assert outcome.cost == np.inf
+        assert outcome.status != "converged"
+        assert "no candidate gave a finite cost" in outcome.advice
+
+
+# --------------------------------------------------------------------------------------------- what is said
+def test_the_default_finds_and_confirms_the_least_cost(
+    oscillation: Callable[..., Any], least: Callable[[Any], float]
+) -> None:
+    for seed in range(12):
+        problem = oscillation(seed=seed)
+        outcome = optimize.minimize(optimize.create(), problem, seed=seed, stop=Stop(budget=5000))
+        assert outcome.status == "converged"
+        assert outcome.advice == ""
+        assert outcome.cost == pytest.approx(least(problem), rel=1e-5)
+
+
+def test_an_imperfect_model_is_fitted_and_confirmed_all_the_same(
+    oscillation: Callable[..., Any], least: Callable[[Any], float]
+) -> None:
+    for seed in range(6):
+        problem = oscillation(seed=seed, disturbance=0.12)
+        outcome = optimize.minimize(optimize.create(), problem, seed=seed, stop=Stop(budget=5000))
+        assert outcome.status == "converged"
+        assert outcome.cost / 240 > 30.0
+        assert outcome.cost <= least(problem) * (1.0 + 1e-5)
+        assert outcome.trajectories < 1000
+
+
+def test_a_good_start_is_cheap_and_a_bad_one_does_no_harm(
+    oscillation: Callable[..., Any], near: Callable[[float], np.ndarray], least: Callable[[Any], float]
+) -> None:
+    problem = oscillation(seed=1)
+    best = least(problem)
+    for start, cheap in ((near(0.98)[:4], True), (np.array([0.9, 0.9, 0.02, 0.1]), False)):
+        outcome = optimize.minimize(
+            optimize.create(), problem, seed=1, starts=start[None, :], stop=Stop(budget=5000)
+        )
+        assert outcome.status == "converged"
+        assert outcome.cost == pytest.approx(best, rel=1e-5)
+        reached = outcome.history[outcome.history[:, 1] <= best * 1.001, 0][0]
+        if cheap:
+            assert reached < 20.0
+
+
+def test_the_best_of_several_starts_is_dived_from_first(
+    oscillation: Callable[..., Any], near: Callable[[float], np.ndarray]
+) -> None:
+    events: list[optimize.Event] = []
+    starts = np.array([[0.9, 0.9, 0.02, 0.1], near(0.99)[:4]])
+    optimize.minimize(
+        optimize.create(),
+        oscillation(),
+        seed=1,
+        starts=starts,
+        stop=Stop(generations=1),
+        callback=lambda p: events.append(p.event),
+    )
+    assert events[0].kind == "dive"
+    assert events[0].text.startswith("converged")
+
+
+def test_one_rung_is_enough(oscillation: Callable[..., Any], least: Callable[[Any], float]) -> None:
+    problem = oscillation(shares=(1.0,))
+    outcome = optimize.minimize(optimize.create(), problem, seed=0, stop=Stop(budget=20_000))
+    assert outcome.cost == pytest.approx(
+        (problem.residuals(outcome.z[None, :], 0) ** 2).sum(),
+    )
+    assert outcome.status == "converged"
+
+
+# ------------------------------------------------------------------------------------------ what is refused
+def test_bad_questions_get_one_line(oscillation: Callable[..., Any]) -> None:
+    problem = oscillation()
+    run = optimize.minimize(optimize.create("ps-gde"), problem, seed=0, stop=Stop(generations=2))
+    with pytest.raises(IdentificationError, match=r"^optimizer nonsense: .*use one of ps-gde-lm"):
+        optimize.create("nonsense")
+    with pytest.raises(IdentificationError, match=r"starts must be finite and 4 wide"):
+        optimize.minimize(optimize.create(), problem, seed=0, starts=np.zeros((2, 3)))
+    with pytest.raises(IdentificationError, match=r"is of ps-gde, not ps-gde-lm"):
+        optimize.minimize(optimize.create(), problem, seed=0, state=run.state)
+    with pytest.raises(IdentificationError, match=r"has 5 variables, the problem 4"):
+        optimize.minimize(optimize.create("ps-gde"), oscillation(extra=0), seed=0, state=run.state)
+    with pytest.raises(IdentificationError, match="no variable is free"):
+        optimize.minimize(optimize.create(), oscillation(dimension=0), seed=0)

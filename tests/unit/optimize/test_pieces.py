@@ -1,0 +1,177 @@
+"""Initialization, mutation, bounds, crossover, selection, adaptation: against naive twins and properties."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from unittest.mock import Mock
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stoop.optimize.adaptation import fresh_memory
+from stoop.optimize.bounds import clip, midpoint
+from stoop.optimize.crossover import binomial
+from stoop.optimize.initialization import EXCLUDED, chaos, chaotic_start, latin_hypercube
+from stoop.optimize.mutation import Best2, Ordered, Rand1, distinct, ranked
+from stoop.optimize.selection import greedy
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def _population(seed: int, n: int = 12, d: int = 5) -> tuple[np.ndarray, np.ndarray]:
+    generator = np.random.default_rng(seed)
+    return generator.random((n, d)), generator.random(n)
+
+
+# ---------------------------------------------------------------------------------------- initialization
+@given(SEEDS)
+def test_latin_hypercube_has_one_point_in_each_slice(seed: int) -> None:
+    X = latin_hypercube(17, 3, np.random.default_rng(seed))
+    assert (np.sort((X * 17).astype(int), axis=0) == np.arange(17)[:, None]).all()
+
+
+def test_chaos_is_the_logistic_map_of_each_variable() -> None:
+    X = chaos(30, 4, np.random.default_rng(3))
+    c = np.random.default_rng(3).random(4).tolist()
+    for row in X:
+        assert row.tolist() == c
+        c = [4.0 * v * (1.0 - v) for v in c]
+
+
+@given(SEEDS)
+def test_chaos_stays_inside_and_moves(seed: int) -> None:
+    X = chaos(50, 3, np.random.default_rng(seed))
+    assert ((X > 0.0) & (X < 1.0)).all()
+    assert (np.ptp(X, axis=0) > 0.5).all()
+
+
+def test_chaos_never_starts_where_the_map_is_not_chaotic() -> None:
+    draws = ([0.25, 0.3, 0.75, 0.5], [0.0, 1.0, 0.7], [0.75, 0.6], [0.2])
+    answers = iter([np.array(d) for d in draws])
+    generator = Mock(random=lambda n: next(answers)[:n].copy())
+    c = chaotic_start(4, generator)
+    assert c.tolist() == [0.2, 0.3, 0.6, 0.7]
+    assert not np.isin(c, EXCLUDED).any()
+
+
+def test_an_orbit_that_is_caught_begins_anew() -> None:
+    caught = (1.0 + math.sqrt(1.0 - 1e-13)) / 2.0  # next iterate 1e-13: absorbed
+    answers = iter([np.array([caught]), np.array([0.3])])
+    X = chaos(3, 1, Mock(random=lambda n: next(answers)[:n].copy()))
+    assert X[:, 0].tolist() == [caught, 0.3, 4.0 * 0.3 * 0.7]
+
+
+# ---------------------------------------------------------------------------------------------- mutation
+@given(SEEDS, st.integers(6, 40), st.integers(1, 4))
+def test_distinct_indices_differ_from_each_other_and_the_parent(seed: int, n: int, k: int) -> None:
+    picks = distinct(n, k, np.random.default_rng(seed))
+    for i, column in enumerate(picks.T.tolist()):
+        assert len({i, *column}) == k + 1
+        assert all(0 <= j < n for j in column)
+
+
+def test_distinct_indices_are_uniform() -> None:
+    counts = Counter[tuple[int, ...]]()
+    generator = np.random.default_rng(1)
+    for _ in range(6000):
+        picks = distinct(5, 3, generator)
+        counts[tuple(picks[:, 0].tolist())] += 1
+    assert len(counts) == 4 * 3 * 2
+    expected = 6000 / 24
+    chi2 = sum((c - expected) ** 2 / expected for c in counts.values())
+    assert chi2 < 49.7  # 99.9 % of chi-square with 23 degrees of freedom
+
+
+def _rand1(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int, j: int) -> float:
+    a, b, c = picks[:, i]
+    return X[c, j] + 0.7 * (X[a, j] - X[b, j])
+
+
+def _best2(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int, j: int) -> float:
+    best = min(range(len(F)), key=lambda m: F[m])
+    a, b, c, d = picks[:, i]
+    return X[best, j] + 0.7 * (X[a, j] - X[b, j] + X[c, j] - X[d, j])
+
+
+def _ordered(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int, j: int) -> float:
+    r1, r2, r3 = sorted(picks[:, i], key=lambda m: F[m])
+    return X[i, j] + 0.7 * (X[r1, j] - X[i, j] + X[r2, j] - X[r3, j])
+
+
+@pytest.mark.parametrize(
+    ("operator", "twin", "k"), [(Rand1(0.7), _rand1, 3), (Best2(0.7), _best2, 4), (Ordered(0.7), _ordered, 3)]
+)
+def test_mutation_equals_its_naive_twin(operator: object, twin: object, k: int) -> None:
+    X, F = _population(5)
+    mutants = operator(X, F, np.random.default_rng(8))
+    picks = distinct(len(X), k, np.random.default_rng(8))
+    naive = np.array([[twin(X, F, picks, i, j) for j in range(X.shape[1])] for i in range(len(X))])
+    assert mutants == pytest.approx(naive, rel=1e-14)
+
+
+def test_ranked_puts_infinite_costs_last() -> None:
+    F = np.array([np.inf, 2.0, 1.0, np.inf, 3.0])
+    assert ranked(np.array([[0], [4], [2]]), F)[:, 0].tolist() == [2, 4, 0]
+
+
+# --------------------------------------------------------------------------- bounds, crossover, selection
+@given(SEEDS)
+def test_mended_mutants_are_inside_and_others_untouched(seed: int) -> None:
+    X, _ = _population(seed)
+    V = X + np.random.default_rng(seed).normal(0.0, 1.0, X.shape)
+    inside = (V >= 0) & (V <= 1)
+    for mend in (clip, midpoint):
+        W = mend(V, X)
+        assert ((W >= 0) & (W <= 1)).all()
+        assert (W[inside] == V[inside]).all()
+    assert (clip(V, X)[V < 0] == 0.0).all()
+    assert (midpoint(V, X)[V < 0] == X[V < 0] / 2).all()
+    assert (midpoint(V, X)[V > 1] == (X[V > 1] + 1) / 2).all()
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.3, 0.9, 1.0])
+def test_crossover_equals_its_naive_twin(rate: float) -> None:
+    X, _ = _population(2)
+    T = binomial(X, X + 10.0, rate, np.random.default_rng(4))
+    generator = np.random.default_rng(4)
+    draws, always = generator.random(X.shape), generator.random(len(X))
+    for i, row in enumerate(X):
+        j_always = int(always[i] * len(row))
+        naive = [x + 10.0 if j == j_always or draws[i, j] <= rate else x for j, x in enumerate(row)]
+        assert T[i].tolist() == naive
+        assert (T[i] != X[i]).any()
+
+
+def test_selection_keeps_the_parent_on_a_tie_and_never_takes_nan() -> None:
+    parents, trials = np.zeros((4, 1)), np.ones((4, 1))
+    X, F, won = greedy(parents, np.array([1.0, 1.0, np.inf, 1.0]), trials, np.array([1.0, 0.5, 2.0, np.nan]))
+    assert won.tolist() == [False, True, True, False]
+    assert X[:, 0].tolist() == [0.0, 1.0, 1.0, 0.0]
+    assert F.tolist() == [1.0, 0.5, 2.0, 1.0]
+
+
+# -------------------------------------------------------------------------------------------- adaptation
+@given(SEEDS)
+def test_sampled_scales_and_rates_are_in_range(seed: int) -> None:
+    scales, rates = fresh_memory().sample(100, np.random.default_rng(seed))
+    assert ((scales > 0.0) & (scales <= 1.0)).all()
+    assert ((rates >= 0.0) & (rates <= 1.0)).all()
+
+
+def test_memory_learns_weighted_lehmer_means_in_turn() -> None:
+    scales, rates, gains = np.array([0.2, 0.9, 0.5]), np.array([1.0, 0.1, 0.3]), np.array([1.0, 5.0, 3.0])
+    won = np.array([True, False, True])
+    memory = fresh_memory(entries=2).learn(scales, rates, gains, won)
+    assert memory.scales[0] == pytest.approx((0.25 * 0.04 + 0.75 * 0.25) / (0.25 * 0.2 + 0.75 * 0.5))
+    assert memory.rates[0] == pytest.approx((0.25 * 1.0 + 0.75 * 0.09) / (0.25 * 1.0 + 0.75 * 0.3))
+    assert (memory.scales[1], memory.rates[1], memory.slot) == (0.5, 0.8, 1)
+    assert memory.learn(scales, rates, gains, won).slot == 0
+    assert memory.learn(scales, rates, gains, np.zeros(3, dtype=bool)) is memory
+
+
+def test_memory_survives_infinite_parents() -> None:
+    memory = fresh_memory().learn(np.array([0.4]), np.array([0.6]), np.array([np.inf]), np.array([True]))
+    assert (memory.scales[0], memory.rates[0]) == (pytest.approx(0.4), pytest.approx(0.6))

@@ -1,0 +1,123 @@
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stoop import optimize
+from stoop.errors import IdentificationError, OutputError
+
+
+@pytest.fixture
+def state(oscillation: Callable[..., Any]) -> Any:
+    run = optimize.minimize(
+        optimize.create(), oscillation(disturbance=0.3), seed=0, stop=optimize.Stop(generations=8)
+    )
+    return run.state
+
+
+def test_a_file_can_be_opened_without_pickle(state: Any, tmp_path: Path) -> None:
+    path = tmp_path / "state.npz"
+    optimize.save_state(path, state)
+    with np.load(path, allow_pickle=False) as file:
+        assert all(not file[name].dtype.hasobject for name in file.files)
+    assert optimize.load_state(path).books.cost == state.books.cost
+    assert [p.name for p in tmp_path.iterdir()] == ["state.npz"]
+
+
+def test_infinity_and_large_integers_survive(state: Any, tmp_path: Path) -> None:
+    path = tmp_path / "state.npz"
+    books = replace(state.books, cost=np.inf, trajectories=1 / 3)
+    optimize.save_state(path, replace(state, books=books))
+    loaded = optimize.load_state(path)
+    assert loaded.books.cost == np.inf
+    assert loaded.books.trajectories == 1 / 3
+    assert loaded.stream == state.stream
+    assert loaded.stream.state > 2**64
+
+
+def test_a_damaged_file_is_named_and_nothing_worse(state: Any, tmp_path: Path) -> None:
+    path = tmp_path / "state.npz"
+    optimize.save_state(path, state)
+    whole = path.read_bytes()
+    generator = np.random.default_rng(0)
+    damaged = [whole[:n] for n in (0, 1, 100, len(whole) // 2, len(whole) - 1)]
+    for _ in range(200):
+        flipped = bytearray(whole)
+        flipped[generator.integers(len(whole))] ^= 1 << generator.integers(8)
+        damaged.append(bytes(flipped))
+    messages = [m for m in (_refusal(path, content) for content in damaged) if m is not None]
+    assert len(messages) >= 100
+    assert all(m.startswith(str(path)) and len(m.splitlines()) == 1 for m in messages)
+
+
+def _refusal(path: Path, content: bytes) -> str | None:
+    """Return what is said of a file; None where a flipped bit did not matter."""
+    path.write_bytes(content)
+    try:
+        optimize.load_state(path)
+    except IdentificationError as error:
+        return str(error)
+    return None
+
+
+def test_another_version_is_refused(state: Any, tmp_path: Path) -> None:
+    path, other = tmp_path / "state.npz", tmp_path / "other.npz"
+    optimize.save_state(path, state)
+    with np.load(path) as file:
+        arrays = {name: file[name] for name in file.files}
+    header = arrays["header"].tobytes().replace(b"stoop-state/1", b"stoop-state/9")
+    arrays["header"] = np.frombuffer(header, dtype=np.uint8)
+    np.savez(other, **arrays)
+    with pytest.raises(IdentificationError, match="stoop-state/9"):
+        optimize.load_state(other)
+
+
+def test_a_file_names_no_class_but_ours(tmp_path: Path) -> None:
+    path = tmp_path / "state.npz"
+    header = b'{"schema": "stoop-state/1", "state": {"class": "Path", "fields": {}}}'
+    np.savez(path, header=np.frombuffer(header, dtype=np.uint8))
+    with pytest.raises(IdentificationError, match="not a usable state"):
+        optimize.load_state(path)
+    header = header.replace(b"Path", b"Stream").replace(
+        b"{}}", b'{"state":1,"inc":1,"has_uint32":0,"uinteger":0}}'
+    )
+    np.savez(path, header=np.frombuffer(header, dtype=np.uint8))
+    with pytest.raises(IdentificationError, match="holds no state"):
+        optimize.load_state(path)
+
+
+def test_missing_files_and_folders_are_told(state: Any, tmp_path: Path) -> None:
+    with pytest.raises(IdentificationError, match="there is no saved state"):
+        optimize.load_state(tmp_path / "none.npz")
+    with pytest.raises(OutputError, match="cannot be written"):
+        optimize.save_state(tmp_path / "none" / "state.npz", state)
+
+
+def test_a_failed_write_leaves_the_old_file(
+    state: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "state.npz"
+    optimize.save_state(path, state)
+    before = path.read_bytes()
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError("No space left on device")
+
+    monkeypatch.setattr(np, "savez", full)
+    with pytest.raises(OutputError, match="No space left"):
+        optimize.save_state(path, replace(state, generation=99))
+    assert path.read_bytes() == before
+    assert zipfile.is_zipfile(path)
+    assert [p.name for p in tmp_path.iterdir()] == ["state.npz"]
+
+
+def test_what_cannot_be_stored_is_an_error_of_ours(state: Any, tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match="cannot hold set"):
+        optimize.save_state(tmp_path / "state.npz", replace(state, round={1}))
+    assert not list(tmp_path.iterdir())
