@@ -1,0 +1,89 @@
+"""Run every check of the project: ``python3 scripts/test.py [--environment DIR] [CHECK ...]``.
+
+The environment is made if it is not there and stoop is installed into it from this folder, so Python 3.11 is
+all it needs. Without names all checks run; one that fails does not keep the others from running.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+OLDEST = (3, 11)
+CHECKS = {
+    "lint": ["ruff", "check", "."],
+    "format": ["ruff", "format", "--check", "."],
+    "types": ["mypy"],
+    "layers": ["lint-imports"],
+    "tests": ["pytest", "-q", "--durations=10"],
+    "docs": ["sphinx-build", "-q", "-W", "--keep-going", "docs", "{scratch}/site"],
+}  #: name -> command of the environment; {scratch} is thrown away
+
+
+def main() -> int:
+    """Make the environment, run the checks, say which failed."""
+    arguments = _arguments()
+    folder = arguments.environment.resolve()
+    install = _install(folder)
+    with tempfile.TemporaryDirectory(prefix="stoop-checks-") as scratch:
+        chosen = {name: CHECKS[name] for name in arguments.checks or CHECKS}
+        commands = {name: [w.format(scratch=scratch) for w in words] for name, words in chosen.items()}
+        failed = ["install"] if not install else [n for n, c in commands.items() if not _run(n, c, folder)]
+    print(f"\nfailed: {', '.join(failed)}" if failed else f"\nall passed: {', '.join(commands)}", flush=True)
+    return 1 if failed else 0
+
+
+def _arguments() -> argparse.Namespace:
+    if sys.version_info < OLDEST:
+        sys.exit("stoop needs Python 3.11 or later; run this with python3.11")
+    parser = argparse.ArgumentParser(description="Run every check of the project.")
+    parser.add_argument("checks", metavar="CHECK", nargs="*", help=f"of {', '.join(CHECKS)} (default: all)")
+    parser.add_argument("--environment", metavar="DIR", type=Path, default=ROOT / ".venv-test")
+    arguments = parser.parse_args()
+    unknown = set(arguments.checks) - set(CHECKS)
+    if unknown:
+        parser.error(f"there is no check '{min(unknown)}'; choose from {', '.join(CHECKS)}")
+    return arguments
+
+
+def _install(folder: Path) -> bool:
+    """Make the environment and install the package as it is now, with all that the checks need."""
+    if not (folder / "pyvenv.cfg").exists() and not _run(
+        "environment", [sys.executable, "-m", "venv", str(folder)], folder
+    ):
+        return False
+    return _run("install", ["python", "-m", "pip", "install", "--quiet", ".[test,docs]"], folder)
+
+
+def _run(name: str, command: Sequence[str], folder: Path) -> bool:
+    """Run a command with the environment's programs first; return whether it succeeded."""
+    programs = folder / ("Scripts" if os.name == "nt" else "bin")
+    path = os.pathsep.join([str(programs), os.environ.get("PATH", "")])
+    kernels = {"STOOP_CACHE_DIR": str(folder / "kernels")}  # what another version compiled proves nothing
+    print(f"\n=== {name}: {' '.join(command)}", flush=True)
+    began = time.monotonic()
+    found = programs / command[0]
+    program = str(found) if found.exists() else command[0]
+    code = subprocess.run(
+        [program, *command[1:]],
+        cwd=ROOT,
+        env={**os.environ, "PATH": path, **kernels},
+        stdin=subprocess.DEVNULL,
+        check=False,
+    ).returncode
+    print(
+        f"=== {name}: {'ok' if code == 0 else f'failed ({code})'}, {time.monotonic() - began:.0f} s",
+        flush=True,
+    )
+    return code == 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
