@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stoop.cli.page import Page, page, print_json
+from stoop.cli.page import Page, busy, page, print_json
 from stoop.cli.tables import alike, fixed, numbers, points, shown_unit, words
 
 if TYPE_CHECKING:
@@ -30,12 +30,18 @@ def run(arguments: argparse.Namespace) -> int:
     """Read, describe, print."""
     from stoop.flight import describe, load
 
-    summary = describe(load(arguments.flight, arguments.mapping))
+    with busy("reading the log"):
+        summary = describe(load(arguments.flight, arguments.mapping))
     if arguments.json:
         print_json(info_document(summary))
     else:
-        _print(page(), summary, str(arguments.flight))
+        _print(page(), summary, source_words(arguments.flight, arguments.mapping))
     return 0
+
+
+def source_words(flight: Path, mapping: Path | None) -> list[str]:
+    """Return the words by which another verb reads the same flight."""
+    return [str(flight)] if mapping is None else [str(flight), "--mapping", str(mapping)]
 
 
 def info_document(summary: FlightSummary) -> dict[str, Any]:
@@ -60,24 +66,25 @@ def _numbers_of(air: Any) -> dict[str, Any]:
     return {name: value for name, value in vars(air).items() if name not in ("traces", "notes")}
 
 
-def _print(out: Page, summary: FlightSummary, path: str) -> None:
+def _print(out: Page, summary: FlightSummary, source: Sequence[str]) -> None:
     length = summary.stop - summary.start
-    out.line(path)
+    out.line(source[0])
     span = f"{summary.start:.2f} to {summary.stop:.2f} s on the log's own clock ({length:.2f} s)"
     out.line(f"{span}, {summary.rate:g} Hz grid")
     full = [row for row in summary.rows if row.missing < 1.0]
-    empty = [row.variable for row in summary.rows if row.missing >= 1.0]
-    out.heading("Sources")
-    _print_sources(out, full)
-    out.heading("Channels")
-    _print_channels(out, full)
+    if full:
+        out.heading("Sources")
+        _print_sources(out, full)
+        out.heading("Channels")
+        _print_channels(out, full)
+    empty = [row.variable for row in summary.rows if row not in full]
     if empty:
-        out.line(f"without any value: {' '.join(empty)}")
+        out.heading(f"Without any value: {' '.join(empty)}")
     out.heading("Suspected faults")
     faults = [fault.message for fault in summary.faults]
     out.bullets(faults or ["none seen"])
     out.heading("Candidate maneuvers")
-    _print_maneuvers(out, summary, path)
+    _print_maneuvers(out, summary, source)
     told = set(faults)
     notes = [note for note in summary.notes if note not in told]
     if notes:
@@ -116,14 +123,14 @@ def _print_sources(out: Page, rows: Sequence[ChannelRow]) -> None:
 
 
 def _print_channels(out: Page, rows: Sequence[ChannelRow]) -> None:
-    low, middle, high = zip(*(alike((row.minimum, row.median, row.maximum)) for row in rows), strict=True)
+    spans = [alike((row.minimum, row.median, row.maximum)) for row in rows]
     out.table(
         [
             words("", [row.variable for row in rows]),
             words("unit", [shown_unit(row.unit) for row in rows]),
-            points("lowest", low),
-            points("median", middle),
-            points("highest", high),
+            points("lowest", [low for low, _, _ in spans]),
+            points("median", [middle for _, middle, _ in spans]),
+            points("highest", [high for _, _, high in spans]),
             words("missing", [_percent(row.missing) for row in rows]),
             words("meaning", [row.meaning for row in rows]),
         ]
@@ -134,7 +141,7 @@ def _percent(share: float) -> str:
     return f"{100.0 * share:5.1f} %" if share > 0.0 else ""
 
 
-def _print_maneuvers(out: Page, summary: FlightSummary, path: str) -> None:
+def _print_maneuvers(out: Page, summary: FlightSummary, source: Sequence[str]) -> None:
     found = summary.maneuvers
     if not found:
         out.bullets(["none found: no control was moved to and fro, or none was recorded"])
@@ -151,20 +158,20 @@ def _print_maneuvers(out: Page, summary: FlightSummary, path: str) -> None:
         ]
     )
     out.line()
-    out.command("next: ", _next_command(path, found))
+    out.command("next: ", _next_command(source, found))
 
 
 def _times(strength: float) -> str:
     return f"{strength:.1f}" if strength < 100.0 else ">100"
 
 
-def _next_command(path: str, found: Sequence[Maneuver]) -> list[str]:
+def _next_command(source: Sequence[str], found: Sequence[Maneuver]) -> list[str]:
     """Fit the most completely recorded maneuver of each axis; the others are there to be predicted."""
     best = {m.axis: m for m in sorted(found, key=lambda m: m.whole)}
-    out = ["stoop", "identify", path, "--vehicle", "V.toml"]
-    for maneuver in found:
-        out += ["--maneuver" if maneuver is best[maneuver.axis] else "--validate", _window(maneuver)]
-    return [*out, "-o", "result"]
+    fitted = [_window(m) for m in found if m is best[m.axis]]
+    predicted = [_window(m) for m in found if m is not best[m.axis]]
+    windows = ["--maneuver", *fitted, *(["--validate", *predicted] if predicted else [])]
+    return ["stoop", "identify", *source, "--vehicle", "V.toml", *windows, "-o", "result"]
 
 
 def _window(maneuver: Maneuver) -> str:

@@ -76,11 +76,16 @@ def main(words: Sequence[str] | None = None) -> int:
     except StoopError as error:
         if debug:
             _print_traceback()
-        return _complain(f"error: {error}", MENDABLE)
+        return _report(error)
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
     except BrokenPipeError:
         return _close_output(UNREAD)
+    except OSError as error:  # a full disk, or an output that went away
+        if debug:
+            _print_traceback()
+        _close_output(MENDABLE)
+        return _complain(f"error: {error.filename or 'the output'}: {error.strerror or error}", MENDABLE)
     except Exception:
         _print_traceback()
         return _complain(_BUG_WORDS, BUG)
@@ -89,21 +94,13 @@ def main(words: Sequence[str] | None = None) -> int:
 def _guarded(words: Sequence[str]) -> int:
     """Parse, run the verb, and make sure that all of its output was taken."""
     try:
-        arguments = parser_for(words).parse_args(words)
+        arguments, unknown = parser_for(words).parse_known_args(words)
+        if unknown:
+            arguments.complain(f"unrecognized arguments: {' '.join(unknown)}")
         code = int(arguments.run(arguments))
     except SystemExit as leaving:  # argparse leaves this way after --help and after errors
         code = leaving.code if isinstance(leaving.code, int) else 0
-    return _flushed(code)
-
-
-def _flushed(code: int) -> int:
-    try:
-        sys.stdout.flush()
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        _close_output(MENDABLE)
-        return _complain(f"error: the output cannot be written ({error.strerror})", MENDABLE)
+    sys.stdout.flush()
     return code
 
 
@@ -139,7 +136,7 @@ def _complete(parser: argparse.ArgumentParser, module: str) -> None:
     verb = importlib.import_module(module)
     verb.add_arguments(parser)
     parser.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=_DEBUG)
-    parser.set_defaults(run=verb.run)
+    parser.set_defaults(run=verb.run, complain=parser.error)
 
 
 def _verb_list() -> str:
@@ -156,6 +153,15 @@ def _prepare_process(words: Sequence[str]) -> None:
             stream.reconfigure(errors="backslashreplace")
     if not sys.warnoptions and "--debug" not in words:
         warnings.simplefilter("ignore")
+
+
+def _report(error: StoopError) -> int:
+    """Print the first line as the error; more lines are a file to start from, for the user to redirect."""
+    message, *attached = "".join(map(str, error.args)).splitlines() or [type(error).__name__]
+    code = _complain(f"error: {message}", MENDABLE)
+    for line in attached:
+        print(printable(line))
+    return code
 
 
 def _complain(message: str, code: int) -> int:

@@ -8,7 +8,8 @@ import os
 import shlex
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, final
 
 from stoop.cli.printable import printable
@@ -128,6 +129,19 @@ def page() -> Page:
     from rich.console import Console
 
     return TerminalPage(Console(markup=False, highlight=False, emoji=False))
+
+
+@contextmanager
+def busy(what: str) -> Iterator[None]:
+    """Show on a terminal that work goes on; a pipe sees nothing of it."""
+    if not sys.stderr.isatty() or os.environ.get("TERM") == "dumb":
+        yield
+        return
+    from rich.console import Console
+    from rich.text import Text
+
+    with Console(stderr=True).status(Text(printable(what))):
+        yield
 
 
 def print_json(document: Mapping[str, Any]) -> None:

@@ -7,12 +7,14 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
+from stoop.cli.page import busy
+
 if TYPE_CHECKING:
     from stoop.simulate import Trim
     from stoop.vehicle import Vehicle
 
-LOWEST, HIGHEST = -1000.0, 11000.0  #: m; the standard atmosphere of the equations reaches no further
 SEA_LEVEL_DENSITY: Final = 1.225  #: kg/m3, what `stoop.simulate.trim` assumes where the log would tell
+COMPILING: Final = "preparing the equations (some seconds the first time)"
 VEHICLE_HELP: Final = "vehicle file (TOML), or a built-in vehicle: twin-boom"
 
 
@@ -20,51 +22,40 @@ def add_point_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the vehicle and the flight condition."""
     add = parser.add_argument
     add("vehicle", metavar="VEHICLE", help=VEHICLE_HELP)
-    add("--airspeed", metavar="V", type=positive, help="m/s (default: the vehicle's reference)")
+    add("--airspeed", metavar="V", type=airspeed, help="m/s (default: the vehicle's reference)")
     add("--altitude", metavar="H", type=altitude, default=200.0, help="m above sea level (default: 200)")
-    add(
-        "--climb-angle",
-        metavar="DEG",
-        type=climb_angle,
-        default=0.0,
-        help="degrees, up positive (default: 0)",
-    )
-    add("--density", metavar="RHO", type=positive, help="kg/m3, instead of what the vehicle file says")
+    add("--climb-angle", metavar="DEG", type=climb_angle, default=0.0, help="degrees (default: 0)")
+    add("--density", metavar="RHO", type=density, help="kg/m3, instead of what the vehicle file says")
 
 
-def number(text: str) -> float:
-    """Read a finite number."""
-    try:
-        value = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number") from None
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"'{text}' is not a finite number")
-    return value
-
-
-def positive(text: str) -> float:
-    """Read a number above zero."""
-    value = number(text)
-    if value <= 0.0:
-        raise argparse.ArgumentTypeError(f"{text} is not above zero")
-    return value
+def airspeed(text: str) -> float:
+    """Read an airspeed in m/s."""
+    return _between(text, 0.1, 10_000.0, "m/s")
 
 
 def altitude(text: str) -> float:
-    """Read an altitude in m that the standard atmosphere reaches."""
-    value = number(text)
-    if not LOWEST <= value <= HIGHEST:
-        raise argparse.ArgumentTypeError(f"{text} m is outside {LOWEST:g} to {HIGHEST:g} m")
-    return value
+    """Read an altitude in m that the standard atmosphere of the equations reaches."""
+    return _between(text, -1000.0, 11_000.0, "m")
 
 
 def climb_angle(text: str) -> float:
     """Read an angle in degrees; return rad."""
-    value = number(text)
-    if abs(value) >= 90.0:
-        raise argparse.ArgumentTypeError(f"{text} is not between -90 and 90 degrees")
-    return math.radians(value)
+    return math.radians(_between(text, -89.0, 89.0, "degrees"))
+
+
+def density(text: str) -> float:
+    """Read a density in kg/m3."""
+    return _between(text, 1e-6, 10_000.0, "kg/m3")
+
+
+def _between(text: str, low: float, high: float, unit: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number") from None
+    if not low <= value <= high:
+        raise argparse.ArgumentTypeError(f"{text} is not between {low:g} and {high:g} {unit}")
+    return value
 
 
 def chosen_vehicle(arguments: argparse.Namespace) -> Vehicle:
@@ -92,7 +83,8 @@ def chosen_trim(vehicle: Vehicle, arguments: argparse.Namespace) -> Trim:
     from stoop.simulate import trim
 
     flown = vehicle.reduced("full") if vehicle.reduce == "lateral" else vehicle
-    return trim(flown, arguments.airspeed, arguments.altitude, arguments.climb_angle, arguments.density)
+    with busy(COMPILING):
+        return trim(flown, arguments.airspeed, arguments.altitude, arguments.climb_angle, arguments.density)
 
 
 def condition(vehicle: Vehicle, point: Trim, arguments: argparse.Namespace) -> str:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stoop.cli.outputs import add_overwrite, check_target
-from stoop.cli.page import page
-from stoop.cli.point import VEHICLE_HELP
-from stoop.errors import OutputError, VehicleError
+from stoop.cli.page import busy, page
+from stoop.cli.point import COMPILING, VEHICLE_HELP
+from stoop.errors import ManeuverError, OutputError, VehicleError
 
 if TYPE_CHECKING:
     from stoop.flight import Flight
@@ -45,11 +47,21 @@ def run(arguments: argparse.Namespace) -> int:
     vehicle = resolve_vehicle(arguments.vehicle)
     _check_channels(vehicle)
     maneuver = load_maneuver(arguments.maneuver)
-    flight = simulate_flight(vehicle, maneuver, arguments.seed, not arguments.no_noise, target.stem)
+    with _naming(arguments.maneuver), busy(COMPILING):
+        flight = simulate_flight(vehicle, maneuver, arguments.seed, not arguments.no_noise, target.stem)
     save(flight, target)
     noise = "no sensor noise" if arguments.no_noise else f"sensor noise of seed {arguments.seed}"
     _tell(flight, target, arguments.vehicle, noise)
     return 0
+
+
+@contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Name the maneuver file in what only the flight finds wrong with it."""
+    try:
+        yield
+    except ManeuverError as error:
+        raise ManeuverError(f"{path}: {error}") from None
 
 
 def _check_ending(target: Path) -> None:

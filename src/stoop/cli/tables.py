@@ -43,12 +43,12 @@ class Column:
 
 def words(head: str, cells: Iterable[str], wraps: bool = False) -> Column:
     """Make a column of text."""
-    return Column(head, tuple(map(printable, cells)), wraps=wraps)
+    return Column(printable(head), tuple(map(printable, cells)), wraps=wraps)
 
 
 def points(head: str, texts: Sequence[str]) -> Column:
     """Make a column of numbers already written, their points below each other."""
-    return Column(head, aligned(texts), right=True)
+    return Column(printable(head), aligned(texts), right=True)
 
 
 def numbers(head: str, values: Iterable[float]) -> Column:
@@ -58,7 +58,7 @@ def numbers(head: str, values: Iterable[float]) -> Column:
 
 def fixed(head: str, values: Iterable[float], decimals: int) -> Column:
     """Make a column of numbers with so many decimals."""
-    return Column(head, tuple(_fixed(v, decimals) for v in values), right=True)
+    return points(head, [_fixed(v, decimals) for v in values])
 
 
 def plain(columns: Sequence[Column]) -> str:

@@ -1,0 +1,99 @@
+"""`stoop info`: what is in a log, in words and in JSON."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.cli.main import main, parser_for
+from stoop.flight import VARIABLES, from_columns, save
+
+MAPPING = """
+[time]
+column = "t"
+unit = "s"
+[variables]
+p = { column = "p", unit = "rad/s" }
+q = { column = "q", unit = "rad/s" }
+"""
+
+
+def test_describes_a_simulated_flight(flight_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", str(flight_file)]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert out.splitlines()[0] == str(flight_file)
+    assert "0.00 to 30.00 s on the log's own clock (30.00 s), 100 Hz grid" in out
+    assert re.search(r"^simulation +100\.0 +0 +0\.010 +V alpha beta p q r", out, re.MULTILINE)
+    assert re.search(r"^elevator +rad +-0\.2294 +-0\.0294 +0\.1706 +elevator deflection$", out, re.MULTILINE)
+    assert "none seen" in out
+    assert not any(line.endswith(" ") for line in out.splitlines())
+
+
+def test_next_command_is_one_that_identify_takes(
+    flight_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["info", str(flight_file)]) == 0
+    line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("next: "))
+    words = shlex.split(line)[2:]
+    parsed = parser_for(words).parse_args(words)
+    start, stop = map(float, parsed.maneuver[0].split(":"))
+    assert start < 1.0 < 3.1 < stop  # the 3-2-1-1
+
+
+def test_json_holds_the_same(flight_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", str(flight_file), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["format"] == "stoop-info/1"
+    assert (found["start"], found["stop"], found["rate"]) == (0.0, 30.0, 100.0)
+    rows = {row["variable"]: row for row in found["channels"]}
+    assert set(rows) <= set(VARIABLES)
+    assert rows["V"]["unit"] == "m/s"
+    assert rows["V"]["missing"] == 0.0
+    assert found["maneuvers"][0]["axis"] == "pitch"
+    assert found["faults"] == []
+
+
+def test_channels_without_a_value_are_only_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "half.nc"
+    t = np.arange(100) / 100.0
+    save(from_columns("half", t, {"p": np.sin(t), "vn": np.full(100, np.nan)}), path)
+    assert main(["info", str(path)]) == 0
+    out = capsys.readouterr().out
+    assert "Without any value: vn\n" in out
+    assert not re.search(r"^vn ", out, re.MULTILINE)
+    save(from_columns("none", t, {"vn": np.full(100, np.nan)}), path)
+    assert main(["info", str(path)]) == 0
+    assert "Channels" not in capsys.readouterr().out
+
+
+def test_csv_with_a_mapping(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log, mapping = tmp_path / "log.csv", tmp_path / "columns.toml"
+    mapping.write_text(MAPPING)
+    rows = (f"{1.7e9 + 0.01 * i:.2f},{np.sin(0.1 * i)},{np.cos(0.1 * i)}" for i in range(500))
+    log.write_text("\n".join(["t,p,q", *rows]))
+    assert main(["info", str(log), "--mapping", str(mapping)]) == 0
+    out = capsys.readouterr().out
+    assert "1700000000.00 to 1700000004.9" in out
+    assert re.search(r"^log\.csv +100\.0 +0 +0\.010 +p q$", out, re.MULTILINE)
+
+
+def test_real_flight(shared_data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The V-tail flight: pitot fault, wind, gaps and the pilot's doublets are all told."""
+    path = shared_data / "altlnt-vtail-8kg-px4" / "flight2"
+    assert main(["info", str(path)]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert "airspeed_pitot reads -2." in out
+    assert "steady wind" in out
+    assert "gaps of up to 3.00 s" in out
+    axes = re.findall(r"^[\d.]+:[\d.]+ +(roll|pitch|yaw) ", out, re.MULTILINE)
+    assert set(axes) == {"roll", "pitch", "yaw"}
+    assert "--validate" in out
+    assert main(["info", str(path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["air"]["wind_e"] < -2.0

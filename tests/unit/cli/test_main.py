@@ -1,0 +1,202 @@
+"""The entry point: verbs, exit codes, one line of complaint, and nothing heavy before a verb is chosen."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import re
+import subprocess
+import sys
+import types
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from stoop.cli.main import VERBS, main
+from stoop.errors import StoopError
+
+HEAVY = (
+    "numpy",
+    "scipy",
+    "sympy",
+    "numba",
+    "xarray",
+    "pandas",
+    "pydantic",
+    "rich",
+    "stoop.vehicle",
+    "stoop.flight",
+)
+
+
+def verb(monkeypatch: pytest.MonkeyPatch, run: Callable[[object], int]) -> None:
+    """Register a verb called `fake`."""
+    module = types.ModuleType("fake_verb")
+    module.add_arguments = lambda parser: None  # type: ignore[attr-defined]
+    module.run = run  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "fake_verb", module)
+    monkeypatch.setitem(VERBS, "fake", ("fake_verb", "does what the test says"))
+
+
+def raising(error: BaseException) -> Callable[[object], int]:
+    def run(_: object) -> int:
+        raise error
+
+    return run
+
+
+def test_help_lists_every_verb(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--help"]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    for name, (_, purpose) in VERBS.items():
+        assert re.search(rf"^  {name} +{re.escape(purpose)}$", out, re.MULTILINE)
+    assert all(len(line) <= 90 for line in out.splitlines())
+
+
+@pytest.mark.parametrize("name", VERBS)
+def test_every_verb_explains_itself(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert importlib.util.find_spec(VERBS[name][0]) is not None
+    assert main([name, "--help"]) == 0
+    out, err = capsys.readouterr()
+    assert out.startswith(f"usage: stoop {name}")
+    assert "--debug" in out
+    assert err == ""
+
+
+def test_help_imports_nothing_heavy() -> None:
+    words = "import sys; from stoop.cli.main import main; main(sys.argv[1:]); print(*sys.modules)"
+    for arguments in (
+        ["--help"],
+        ["info", "--help"],
+        ["simulate", "--help"],
+        ["trim", "--help"],
+        ["linearize", "--help"],
+    ):
+        done = subprocess.run(
+            [sys.executable, "-c", words, *arguments], capture_output=True, text=True, check=True
+        )
+        loaded = set(done.stdout.splitlines()[-1].split())
+        assert not loaded & set(HEAVY), arguments
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert re.fullmatch(r"stoop \d+\.\d+\S*\n", capsys.readouterr().out)
+
+
+def test_runs_as_a_module() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "stoop", "--version"], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.startswith("stoop ")
+
+
+@pytest.mark.parametrize(
+    "words", [[], ["nosuch"], ["trim"], ["trim", "twin-boom", "--nosuch"], ["--nosuch"], ["info", "a", "b"]]
+)
+def test_wrong_arguments_are_told_in_one_line(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("stoop: error: ")
+    assert err.endswith("--help)\n")
+    assert err.count("\n") == 1
+
+
+def test_verb_decides_the_exit_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    verb(monkeypatch, lambda _: 7)
+    assert main(["fake"]) == 7
+
+
+def test_mendable_error_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("STOOP_DEBUG", raising=False)
+    verb(monkeypatch, raising(StoopError("a.toml: \x1b[31mwrong\x1b[0m; mend it")))
+    assert main(["fake"]) == 2
+    assert capsys.readouterr().err == "stoop: error: a.toml: \\x1b[31mwrong\\x1b[0m; mend it\n"
+
+
+def test_further_lines_of_an_error_are_a_file_to_start_from(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    verb(monkeypatch, raising(StoopError('a.csv: save the lines below\n[time]\nunit = "s"')))
+    assert main(["fake"]) == 2
+    out, err = capsys.readouterr()
+    assert err == "stoop: error: a.csv: save the lines below\n"
+    assert out == '[time]\nunit = "s"\n'
+
+
+@pytest.mark.parametrize("words", [["fake", "--debug"], ["--debug", "fake"]])
+def test_debug_shows_the_traceback(
+    words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    verb(monkeypatch, raising(StoopError("a.toml: wrong; mend it")))
+    assert main(words) == 2
+    err = capsys.readouterr().err
+    assert "Traceback" in err
+    assert err.endswith("stoop: error: a.toml: wrong; mend it\n")
+
+
+def test_debug_by_environment(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setenv("STOOP_DEBUG", "1")
+    verb(monkeypatch, raising(StoopError("a.toml: wrong; mend it")))
+    assert main(["fake"]) == 2
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_interrupt(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    verb(monkeypatch, raising(KeyboardInterrupt()))
+    assert main(["fake"]) == 130
+    assert capsys.readouterr().err == "stoop: interrupted\n"
+
+
+def test_bug_shows_its_traceback_and_asks_for_a_report(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    verb(monkeypatch, raising(ZeroDivisionError("by zero")))
+    assert main(["fake"]) == 1
+    err = capsys.readouterr().err
+    assert "ZeroDivisionError: by zero" in err
+    assert "report" in err.splitlines()[-1]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_output_that_cannot_be_written(flight_file: Path, unbuffered: str) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "stoop", "info", str(flight_file)],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+            env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+        )
+    assert done.returncode == 2
+    assert done.stderr == "stoop: error: the output: No space left on device\n"
+
+
+@pytest.mark.parametrize("words", [["info", "FLIGHT"], ["info", "FLIGHT", "--json"]])
+def test_reader_that_leaves_early_is_no_error(words: list[str], flight_file: Path) -> None:
+    arguments = [str(flight_file) if word == "FLIGHT" else word for word in words]
+    with subprocess.Popen(
+        [sys.executable, "-m", "stoop", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == b""
+        assert process.wait() == 141
+
+
+def test_warnings_of_libraries_do_not_reach_the_user(tmp_path: Path) -> None:
+    module = "import warnings\ndef add_arguments(parser): pass\ndef run(arguments): warnings.warn('boo'); return 0\n"
+    (tmp_path / "noisy.py").write_text(module)
+    words = "import sys; from stoop.cli import main as m; m.VERBS['noisy'] = ('noisy', 'warns'); sys.exit(m.main())"
+    command = [sys.executable, "-c", words, "noisy"]
+    assert subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stderr == ""
+    loud = subprocess.run([*command, "--debug"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert "boo" in loud.stderr

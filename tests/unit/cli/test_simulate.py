@@ -1,0 +1,89 @@
+"""`stoop simulate`: flies from trim, with the vehicle's noise, and tells what to do next."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.cli.main import main, parser_for
+from stoop.flight import Flight, load
+
+
+def fly(examples: Path, target: Path, *words: str, maneuver: str = "maneuver_3211.toml") -> Flight:
+    arguments = ["simulate", "twin-boom", "--maneuver", str(examples / maneuver), "-o", str(target), *words]
+    assert main(arguments) == 0
+    return load(target)
+
+
+def test_flies_the_paper_maneuver(examples: Path, tmp_path: Path) -> None:
+    """3-2-1-1 of 0.3 s and 11.46 deg from 1 s, then a pulse of 3 s."""
+    flight = fly(examples, tmp_path / "a.nc", "--no-noise")
+    t, elevator = flight.time, np.degrees(flight.column("elevator"))
+    assert t[[0, -1]] == pytest.approx([0.0, 30.0])
+    move = elevator - elevator[0]
+    for start, stop, sign in ((1.0, 1.9, 1.0), (1.9, 2.5, -1.0), (2.5, 2.8, 1.0), (2.8, 3.1, -1.0)):
+        inside = (t > start + 0.005) & (t < stop - 0.005)
+        assert move[inside] == pytest.approx(sign * 11.46, abs=0.01)
+    assert np.all(np.abs(move[(t > 3.105) & (t < 6.995)]) < 1e-12)
+    held = np.abs(move) > 1e-9
+    assert np.count_nonzero(held & (t > 5.0)) == 300
+    alpha = np.degrees(flight.column("alpha"))
+    assert alpha[t < 1.0] == pytest.approx(5.88, abs=0.005)
+    assert 1.7 < alpha.min() < alpha.max() < 10.3  # the paper's Fig. 3 stays within 1.8 and 10.2 deg
+
+
+def test_noise_is_the_vehicle_files_and_the_seeds(examples: Path, tmp_path: Path) -> None:
+    clean = fly(examples, tmp_path / "clean.nc", "--no-noise")
+    first = fly(examples, tmp_path / "a.nc", "--seed", "3")
+    again = fly(examples, tmp_path / "b.nc", "--seed", "3")
+    other = fly(examples, tmp_path / "c.nc", "--seed", "4")
+    for channel, sigma in (("V", 0.3), ("alpha", 0.005), ("q", 0.01), ("az", 0.1)):
+        error = first.column(channel) - clean.column(channel)
+        assert np.std(error) == pytest.approx(sigma, rel=0.1)
+        np.testing.assert_array_equal(first.column(channel), again.column(channel))
+        assert np.any(first.column(channel) != other.column(channel))
+
+
+def test_tells_what_it_wrote_and_what_to_do_next(
+    examples: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    target = tmp_path / "a flight's log.nc"
+    fly(examples, target, maneuver="maneuver_lateral.toml")
+    wrote, after = capsys.readouterr().out.splitlines()
+    summary = r": 20 s at 100 Hz, \d+ channels, sensor noise of seed 0"
+    assert re.fullmatch(re.escape(f"wrote {target}") + summary, wrote)
+    start, *words = shlex.split(after)
+    assert start == "next:"
+    parsed = parser_for(words[1:]).parse_args(words[1:])
+    assert parsed.flight == [target]
+    assert parsed.maneuver == ["0:20"]
+
+
+def test_does_not_write_over_a_file_unasked(
+    examples: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    target = tmp_path / "a.nc"
+    target.write_text("precious")
+    words = ["simulate", "twin-boom", "--maneuver", str(examples / "maneuver_3211.toml"), "-o", str(target)]
+    assert main(words) == 2
+    assert "add --overwrite" in capsys.readouterr().err
+    assert target.read_text() == "precious"
+    assert main([*words, "--overwrite"]) == 0
+    assert load(target).rate == 100.0
+
+
+def test_input_that_a_flight_cannot_hold_is_refused(
+    examples: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (examples / "vtail.toml").read_text().replace("control_pitch", "my_servo")
+    vehicle = tmp_path / "v.toml"
+    vehicle.write_text(text)
+    maneuver = str(examples / "maneuver_3211.toml")
+    assert main(["simulate", str(vehicle), "--maneuver", maneuver, "-o", str(tmp_path / "a.nc")]) == 2
+    err = capsys.readouterr().err
+    assert "v.toml: the input 'my_servo' is no variable of stoop" in err
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["v.toml"]
