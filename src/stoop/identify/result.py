@@ -111,7 +111,8 @@ class WindEstimate:
     """Steady wind and pitot calibration of one flight, by flight-path reconstruction.
 
     `values` holds ``wind_n``, ``wind_e`` (m/s, the velocity of the air over ground), ``pitot_scale`` (1),
-    ``pitot_offset`` (m/s) and whatever else was reconstructed; `residual_rms` is in m/s.
+    ``pitot_offset`` (m/s; true airspeed = scale * (reading - offset)) and whatever else was reconstructed;
+    `residual_rms` is in m/s.
     """
 
     flight: str

@@ -58,11 +58,11 @@ def theil(measured: FloatArray, simulated: FloatArray) -> float:
 def theil_parts(measured: FloatArray, simulated: FloatArray) -> TheilParts:
     """Return Theil's coefficient with the shares of bias, variance and covariance in the squared error."""
     z, y = _common(measured, simulated)
-    error = float(np.mean((z - y) ** 2)) if z.size else 0.0
+    error = _rms(z - y)
     if error == 0.0:
         return TheilParts(theil(measured, simulated), NAN, NAN, NAN)
-    bias = float(np.mean(z) - np.mean(y)) ** 2 / error
-    variance = float(np.std(z) - np.std(y)) ** 2 / error
+    bias = (float(np.mean(z / error)) - float(np.mean(y / error))) ** 2
+    variance = (float(np.std(z / error)) - float(np.std(y / error))) ** 2
     return TheilParts(theil(measured, simulated), bias, variance, max(0.0, 1.0 - bias - variance))
 
 
@@ -78,8 +78,9 @@ def r2(measured: FloatArray, simulated: FloatArray) -> float:
     NaN without samples, or when the measured curve does not vary.
     """
     z, y = _common(measured, simulated)
-    spread = float(np.sum((z - np.mean(z)) ** 2)) if z.size else 0.0
-    return 1.0 - float(np.sum((z - y) ** 2)) / spread if spread > 0.0 else NAN
+    spread = _rms(z - np.mean(z)) if z.size else 0.0
+    left = _rms(z - y) / spread if spread > 0.0 else NAN
+    return 1.0 - left * left
 
 
 def channel_figures(
@@ -129,4 +130,6 @@ def _common(measured: FloatArray, simulated: FloatArray) -> tuple[FloatArray, Fl
 
 
 def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
+    # In parts of the greatest value: a diverged simulation may not overflow, its coefficient is 1.
+    peak = float(np.max(np.abs(values), initial=0.0))
+    return peak * float(np.sqrt(np.mean((values / peak) ** 2))) if peak > 0.0 else 0.0

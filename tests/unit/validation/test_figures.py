@@ -92,3 +92,12 @@ def test_figures_of_a_channel() -> None:
     assert figures.r2 == pytest.approx(r2(z, y))
     assert figures.theil == pytest.approx(theil(z, y), abs=2e-3)
     assert np.isnan(channel_figures(z2, y2, 100.0).baseline_theil)
+
+
+def test_a_diverged_simulation_is_worst_not_an_overflow() -> None:
+    z, y = pair()
+    far = np.where(np.arange(z.size) > 200, 1e300, y)
+    assert theil(z, far) == pytest.approx(1.0)
+    assert theil_parts(z, far).coefficient == pytest.approx(1.0)
+    assert rmse(z, far) > 1e299
+    assert r2(z, far) == -np.inf

@@ -1,0 +1,248 @@
+"""What one maneuver shows: its curves, its figures of merit, and what its residuals look like."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from markupsafe import Markup
+
+from stoop.flight.variables import VARIABLES
+from stoop.identify.result import ChannelFigures, Identification, ManeuverResult, ManeuverTrace
+from stoop.report.charts import LARGE, Curves, autocorrelation_panel, channel_panel, plain_panel
+from stoop.report.estimates import label
+from stoop.report.numbers import factor_and_unit, number, share, window
+from stoop.report.svg import FloatArray
+from stoop.uncertainty.noise import autocorrelation
+from stoop.validation.figures import theil_parts
+from stoop.validation.runs import runs
+
+ABSURD: Final = 1e15  #: a simulation that has left for infinity is not drawn on
+LAGS: Final = 100  #: samples over which autocorrelations are drawn
+
+
+@dataclass(frozen=True)
+class FigureRow:
+    """Figures of merit of one channel; texts as shown."""
+
+    name: Markup
+    meaning: str
+    unit: str
+    rmse: str
+    theil: str
+    lag: str
+    better: str  #: "better", "worse", or "" without a baseline
+    r2: str
+    shares: tuple[str, str, str]
+    bars: tuple[float, float]  #: Theil's coefficient of model and lag, in parts of the table's `reach`
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One drawing with its heading."""
+
+    name: Markup
+    meaning: str
+    unit: str
+    figures: FigureRow | None
+    drawing: Markup
+
+
+@dataclass(frozen=True)
+class ManeuverView:
+    """One maneuver as the page shows it."""
+
+    title: str
+    role: str
+    segments: str
+    rows: tuple[FigureRow, ...]
+    reach: float  #: to which Theil's coefficient the bars of the rows run
+    panels: tuple[Panel, ...]
+    inputs: tuple[Panel, ...]
+
+
+def maneuver_views(identification: Identification) -> list[ManeuverView]:
+    """Return all maneuvers in the order of the result."""
+    pairs = zip(identification.result.maneuvers, identification.traces, strict=True)
+    return [_view(identification, maneuver, trace) for maneuver, trace in pairs]
+
+
+def maneuver_title(maneuver: ManeuverResult) -> str:
+    """Return e.g. ``flight2, 140–145 s``."""
+    return f"{maneuver.flight}, {window(maneuver.start, maneuver.stop)}"
+
+
+def _view(identification: Identification, maneuver: ManeuverResult, trace: ManeuverTrace) -> ManeuverView:
+    reach = _reach(maneuver)
+    rows = {
+        name: _figures(identification, name, maneuver.channels[name], trace, reach)
+        for name in trace.channels
+        if name in maneuver.channels
+    }
+    panels = tuple(_panel(identification, name, maneuver, trace, rows.get(name)) for name in trace.channels)
+    return ManeuverView(
+        title=maneuver_title(maneuver),
+        role=maneuver.role,
+        segments=", ".join(window(*segment) for segment in maneuver.segments),
+        rows=tuple(rows.values()),
+        reach=reach,
+        panels=panels,
+        inputs=tuple(_input(identification, name, trace) for name in trace.inputs),
+    )
+
+
+def _reach(maneuver: ManeuverResult) -> float:
+    """Return the greatest of Theil's coefficients, rounded up to a tenth."""
+    found = [value for one in maneuver.channels.values() for value in (one.theil, one.baseline_theil)]
+    return max(0.1, math.ceil(10.0 * max((v for v in found if math.isfinite(v)), default=1.0) - 1e-9) / 10.0)
+
+
+def _figures(
+    identification: Identification, name: str, one: ChannelFigures, trace: ManeuverTrace, reach: float
+) -> FigureRow:
+    factor, unit = factor_and_unit(_unit(identification, name))
+    channel = trace.channels[name]
+    parts = theil_parts(channel.measured, channel.simulated)
+    compared = math.isfinite(one.baseline_theil) and math.isfinite(one.theil)
+    return FigureRow(
+        name=label(identification, name),
+        meaning=_meaning(name),
+        unit=unit,
+        rmse=number(factor * one.rmse, 3),
+        theil=_decimals(one.theil),
+        lag=_decimals(one.baseline_theil),
+        better=("better" if one.theil < one.baseline_theil else "worse") if compared else "",
+        r2=_decimals(one.r2),
+        shares=(share(parts.bias), share(parts.variance), share(parts.covariance)),
+        bars=(_unit_interval(one.theil / reach), _unit_interval(one.baseline_theil / reach)),
+    )
+
+
+def _panel(
+    identification: Identification,
+    name: str,
+    maneuver: ManeuverResult,
+    trace: ManeuverTrace,
+    figures: FigureRow | None,
+) -> Panel:
+    factor, unit = factor_and_unit(_unit(identification, name))
+    channel = trace.channels[name]
+    baseline = trace.baseline.get(name)
+    curves = Curves(
+        trace.time,
+        _sane(factor * channel.measured),
+        _sane(factor * channel.simulated),
+        None if baseline is None else _sane(factor * baseline),
+    )
+    words = f"{name}, {_meaning(name)}: measured, simulated and their difference, {maneuver_title(maneuver)}"
+    said = f"{words}; Theil's coefficient {figures.theil}." if figures else f"{words}."
+    drawing = channel_panel(curves, maneuver.role, said)
+    return Panel(label(identification, name), _meaning(name), unit, figures, drawing)
+
+
+def _input(identification: Identification, name: str, trace: ManeuverTrace) -> Panel:
+    factor, unit = factor_and_unit(_unit(identification, name))
+    drawing = plain_panel(trace.time, {"input": _sane(factor * trace.inputs[name])}, f"Input {name}.")
+    return Panel(label(identification, name), _meaning(name), unit, None, drawing)
+
+
+def autocorrelation_panels(identification: Identification) -> tuple[list[Panel], list[str]]:
+    """Return the autocorrelation of the residuals of every channel over the fit maneuvers, and which are colored."""
+    pieces = _residual_pieces(identification)
+    panels, colored = [], []
+    for name, (residuals, period) in pieces.items():
+        lags = min(LAGS, max(len(piece) for piece in residuals) - 1)
+        samples = sum(int(np.isfinite(piece).sum()) for piece in residuals)
+        values = autocorrelation([piece[:, None] for piece in residuals], lags)[0]
+        if samples < 3 or not np.isfinite(values).all():
+            continue
+        panels.append(
+            Panel(
+                label(identification, name),
+                _meaning(name),
+                "",
+                None,
+                autocorrelation_panel(values, period, samples, name),
+            )
+        )
+        if lags and abs(values[1]) > 1.96 / math.sqrt(samples):
+            colored.append(name)
+    return panels, colored
+
+
+def _residual_pieces(identification: Identification) -> Mapping[str, tuple[list[FloatArray], float]]:
+    """Return the residuals of every channel by segment, and the sample period."""
+    found: dict[str, tuple[list[FloatArray], float]] = {}
+    for maneuver, trace in zip(identification.result.maneuvers, identification.traces, strict=True):
+        if maneuver.role != "fit":
+            continue
+        for name, channel in trace.channels.items():
+            residual = _sane(channel.measured - channel.simulated)
+            pieces = [residual[run] for run in runs(np.isfinite(trace.time))]
+            if pieces:
+                found.setdefault(name, ([], _period(trace.time)))[0].extend(pieces)
+    return found
+
+
+def air_panels(identification: Identification) -> list[tuple[str, list[Panel]]]:
+    """Return by flight the reconstructed air data: curves of one unit share a drawing."""
+    return [
+        (
+            air.flight,
+            [
+                _air_panel(air.time, names, air.curves, unit)
+                for unit, names in _by_unit(identification, air.curves)
+            ],
+        )
+        for air in identification.air_data
+    ]
+
+
+def _by_unit(identification: Identification, curves: Mapping[str, FloatArray]) -> list[tuple[str, list[str]]]:
+    groups: dict[str, list[str]] = {}
+    for name in curves:
+        groups.setdefault(_unit(identification, name), []).append(name)
+    return list(groups.items())
+
+
+def _air_panel(time: FloatArray, names: list[str], curves: Mapping[str, FloatArray], unit: str) -> Panel:
+    factor, shown = factor_and_unit(unit)
+    drawn = {f"air{i % 4}": _sane(factor * curves[name]) for i, name in enumerate(names)}
+    key = Markup(", ").join(
+        Markup('<span class="key air{}">{}</span>').format(i % 4, name) for i, name in enumerate(names)
+    )
+    return Panel(
+        key, "", shown, None, plain_panel(time, drawn, f"{', '.join(names)} over the flight.", LARGE, 150.0)
+    )
+
+
+def _meaning(name: str) -> str:
+    meaning = VARIABLES[name].meaning if name in VARIABLES else ""
+    return meaning if meaning != name else ""
+
+
+def _unit(identification: Identification, name: str) -> str:
+    known = VARIABLES[name].unit if name in VARIABLES else ""
+    return identification.units.get(name, known)
+
+
+def _period(time: FloatArray) -> float:
+    steps = np.diff(time)
+    steps = steps[np.isfinite(steps)]
+    return float(np.median(steps)) if steps.size else 1.0
+
+
+def _sane(values: FloatArray) -> FloatArray:
+    with np.errstate(invalid="ignore"):
+        return np.where(np.abs(values) < ABSURD, values, np.nan)
+
+
+def _decimals(value: float) -> str:
+    return number(value, 3) if not math.isfinite(value) else f"{value:.3f}".replace("-", "−")
+
+
+def _unit_interval(value: float) -> float:
+    return min(max(value, 0.0), 1.0) if math.isfinite(value) else 0.0

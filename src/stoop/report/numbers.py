@@ -1,0 +1,85 @@
+"""Numbers as people read them: as many digits as they are worth, a true minus, powers of ten set raised."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from stoop.units import DEGREE
+
+NOTHING: Final = "–"
+RAISED: Final = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+SHOWN_IN_DEGREES: Final = {"rad": "deg", "rad/s": "deg/s", "rad/s2": "deg/s2"}
+SUPERSCRIPTS: Final = {"m/s2": "m/s²", "deg/s2": "deg/s²", "rad/s2": "rad/s²", "kg/m3": "kg/m³", "1": ""}
+
+
+def number(value: float, digits: int = 4) -> str:
+    """Return `value` with `digits` significant digits; a dash when there is none."""
+    if math.isnan(value):
+        return NOTHING
+    if math.isinf(value):
+        return "∞" if value > 0.0 else "−∞"
+    exponent = math.floor(math.log10(abs(value))) if value else 0
+    if -4 < exponent < 6:
+        return _minus(f"{value:.{max(0, digits - 1 - exponent)}f}")
+    return _power(f"{value:.{digits - 1}e}")
+
+
+def rounded_to_error(value: float, error: float) -> tuple[str, str]:
+    """Return `value` and its standard error, both to the second significant digit of the error."""
+    if not (math.isfinite(value) and math.isfinite(error) and error > 0.0):
+        return number(value), number(error, 2)
+    last = math.floor(math.log10(error)) - 1
+    largest = math.floor(math.log10(max(abs(value), error)))
+    if largest >= 6 or last < -7:
+        digits = max(largest - last + 1, 1)
+        return _power(f"{value:.{digits - 1}e}"), number(error, 2)
+    decimals = max(0, -last)
+    return _minus(f"{value:.{decimals}f}"), _minus(f"{error:.{decimals}f}")
+
+
+def clock(value: float) -> str:
+    """Return a time in s as short as it is: milliseconds at most."""
+    return number(value) if not math.isfinite(value) else _minus(f"{value:.3f}".rstrip("0").rstrip("."))
+
+
+def window(start: float, stop: float) -> str:
+    """Return e.g. ``140–145 s``."""
+    return f"{clock(start)}–{clock(stop)} s"
+
+
+def share(value: float) -> str:
+    """Return a share between 0 and 1 in percent; a dash when there is none."""
+    return NOTHING if math.isnan(value) else f"{100.0 * value:.0f} %"
+
+
+def factor_and_unit(unit: str) -> tuple[float, str]:
+    """Return by what an SI value is multiplied to be drawn, and in which unit: angles in degrees."""
+    shown = SHOWN_IN_DEGREES.get(unit, unit)
+    factor = 1.0 / DEGREE if shown != unit else 1.0
+    return factor, readable_unit(shown)
+
+
+def readable_unit(unit: str) -> str:
+    """Return the unit with raised powers; nothing for a pure number."""
+    return SUPERSCRIPTS.get(unit, unit)
+
+
+def count(amount: int, one: str, many: str = "") -> str:
+    """Return e.g. ``1 parameter`` or ``3 parameters``."""
+    return f"{amount} {one if amount == 1 else many or one + 's'}"
+
+
+def listed(names: list[str], most: int = 8) -> str:
+    """Return names as a phrase, the rest counted."""
+    shown = names[:most] + ([f"{len(names) - most} more"] if len(names) > most else [])
+    return shown[0] if len(shown) == 1 else ", ".join(shown[:-1]) + " and " + shown[-1] if shown else "none"
+
+
+def _minus(text: str) -> str:
+    return text.replace("-", "−")
+
+
+def _power(text: str) -> str:
+    mantissa, exponent = text.split("e")
+    return _minus(mantissa) + "×10" + str(int(exponent)).translate(RAISED)

@@ -1,0 +1,93 @@
+"""An identification -> one HTML page that needs nothing else: no network, no scripts, no other files."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from stoop.files import write_text_atomic
+from stoop.identify.result import Identification
+from stoop.report import estimates, matches
+from stoop.report.charts import convergence_panel, correlation_map
+from stoop.report.formula import mathml
+from stoop.report.numbers import number
+from stoop.report.words import verdict
+
+
+def write_report(identification: Identification, path: Path) -> None:
+    """Write the report whole or not at all.
+
+    Parameters
+    ----------
+    identification : Identification
+        The result and its traces. Whatever text it holds is shown as text: nothing in it becomes markup.
+    path : Path
+        The HTML file; its folder must exist.
+
+    Raises
+    ------
+    OutputError
+        When the file cannot be written.
+    """
+    write_text_atomic(path, render(identification))
+
+
+def render(identification: Identification) -> str:
+    """Return the report as HTML."""
+    return _environment().get_template("report.html").render(**_context(identification))
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("stoop.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["number"] = number
+    return environment
+
+
+def _context(identification: Identification) -> dict[str, Any]:
+    views = matches.maneuver_views(identification)
+    autocorrelations, colored = matches.autocorrelation_panels(identification)
+    return {
+        "it": identification,
+        "result": identification.result,
+        "verdict": verdict(identification.result),
+        "equations": [mathml(latex, "block") for latex in identification.equations],
+        "maneuvers": views,
+        "fitted": [view for view in views if view.role == "fit"],
+        "predicted": [view for view in views if view.role == "validation"],
+        "autocorrelations": autocorrelations,
+        "colored": colored,
+        "convergence": _convergence(identification),
+        **_estimated(identification),
+    }
+
+
+def _estimated(identification: Identification) -> dict[str, Any]:
+    names, matrix = estimates.correlations(identification)
+    return {
+        "parameters": estimates.parameter_rows(identification),
+        "methods": list(identification.standard_errors),
+        "errors": estimates.error_rows(identification),
+        "correlation": correlation_map(names, matrix) if len(names) > 1 else None,
+        "pairs": estimates.strong_pairs(names, matrix),
+        "states": estimates.state_rows(identification),
+        "biases": estimates.bias_rows(identification),
+        "wind": estimates.wind_rows(identification),
+        "noise": estimates.noise_rows(identification),
+        "air": matches.air_panels(identification),
+    }
+
+
+def _convergence(identification: Identification) -> Any:
+    history = np.asarray(identification.convergence, dtype=np.float64).reshape(-1, 2)
+    return convergence_panel(history) if np.all(np.isfinite(history), axis=1).any() else None

@@ -1,0 +1,125 @@
+"""What the numbers mean, in plain words: the verdict at the top of the page."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from stoop.identify.result import ManeuverResult, Result, Role
+from stoop.report.numbers import count, listed, number, window
+
+Level = Literal["good", "caution", "bad"]
+
+FINISHED: Final = frozenset({"converged", "target"})
+ENDINGS: Final = {
+    "converged": "The search converged",
+    "target": "The search reached the target cost",
+    "budget": "The search ran out of its budget before it converged",
+    "generations": "The search ran out of generations before it converged",
+    "interrupted": "The search was interrupted; this is the best it had found",
+}
+HEADLINES: Final[dict[Level, str]] = {
+    "good": "The model matches the flight, and its parameters stand on the data.",
+    "caution": "Usable, with reservations: read the points below first.",
+    "bad": "Do not rely on these numbers yet.",
+}
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How far to trust the result."""
+
+    level: Level
+    headline: str
+    sentences: tuple[str, ...]
+
+
+def verdict(result: Result) -> Verdict:
+    """Return the verdict on a result."""
+    level = _level(result)
+    sentences = (_ending(result), _parameters(result), _match(result, "fit"), _match(result, "validation"))
+    return Verdict(level, HEADLINES[level], tuple(sentence for sentence in sentences if sentence))
+
+
+def _level(result: Result) -> Level:
+    unknown = [one for one in result.parameters.values() if not one.identifiable]
+    if result.status not in FINISHED or not math.isfinite(result.cost):
+        return "bad"
+    if result.parameters and len(unknown) == len(result.parameters):
+        return "bad"
+    doubts = [
+        bool(unknown),
+        any(one.at_bound for one in result.parameters.values()),
+        bool(result.warnings),
+        not any(m.role == "validation" for m in result.maneuvers),
+        bool(_lost(result, "fit") or _lost(result, "validation")),
+    ]
+    return "caution" if any(doubts) else "good"
+
+
+def _ending(result: Result) -> str:
+    how = ENDINGS.get(result.status, f"The search ended with status “{result.status}”")
+    spent = f"{number(result.trajectories, 3)} simulated trajectories in {number(result.seconds, 2)} s"
+    return f"{how}, after {spent}. {result.advice}".rstrip()
+
+
+def _parameters(result: Result) -> str:
+    unknown = [name for name, one in result.parameters.items() if not one.identifiable]
+    stuck = [name for name, one in result.parameters.items() if one.at_bound]
+    total = len(result.parameters)
+    said = f"{count(total, 'parameter')} estimated"
+    if unknown:
+        said += f"; the data cannot tell {count(len(unknown), 'of them', 'of them')} ({listed(unknown)})"
+    if stuck:
+        lie = "lies" if len(stuck) == 1 else "lie"
+        said += f"; {len(stuck)} {lie} on the edge of the searched box ({listed(stuck)})"
+    return said + ("." if unknown or stuck else ", all of them seen by the data.")
+
+
+def _match(result: Result, role: Role) -> str:
+    maneuvers = [m for m in result.maneuvers if m.role == role]
+    if not maneuvers:
+        return "" if role == "fit" else "Nothing was held back, so how well the model predicts is not known."
+    opening = "In the maneuvers it was fitted to" if role == "fit" else "Where nothing was fitted"
+    said = "; ".join(part for part in (_theil_range(maneuvers), _against_lag(result, role)) if part)
+    return f"{opening}, {said}." if said else ""
+
+
+def _theil_range(maneuvers: list[ManeuverResult]) -> str:
+    found = sorted(
+        (one.theil, name) for m in maneuvers for name, one in m.channels.items() if math.isfinite(one.theil)
+    )
+    if not found:
+        return ""
+    (least, best), (most, worst) = found[0], found[-1]
+    return f"Theil’s coefficient runs from {least:.3f} ({best}) to {most:.3f} ({worst}), 0 being perfect and 1 worst"
+
+
+def _against_lag(result: Result, role: Role) -> str:
+    compared = [one for m in result.maneuvers if m.role == role for one in _compared(m)]
+    if not compared:
+        return ""
+    lost = _lost(result, role)
+    score = f"{len(compared) - len(lost)} of {count(len(compared), 'comparison')}"
+    said = f"the model beats a trivial first-order lag in {score}"
+    return f"{said}, not in {listed(lost)}" if lost else said
+
+
+def _compared(maneuver: ManeuverResult) -> list[tuple[str, bool]]:
+    """Return the channels that have a baseline, and whether the model beats it."""
+    return [
+        (name, one.theil < one.baseline_theil)
+        for name, one in maneuver.channels.items()
+        if math.isfinite(one.baseline_theil)
+    ]
+
+
+def _lost(result: Result, role: Role) -> list[str]:
+    return [
+        f"{name} ({window(m.start, m.stop)})"
+        for m in result.maneuvers
+        if m.role == role
+        for name, better in _compared(m)
+        if not better
+    ]

@@ -1,0 +1,199 @@
+"""The page: complete, self-contained, and deaf to hostile text."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import time
+from html.parser import HTMLParser
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from stoop.errors import OutputError
+from stoop.identify.result import ChannelTrace, Identification, ManeuverTrace
+from stoop.report import render, write_report
+
+VOID = {"meta", "line", "rect", "circle", "path", "br", "hr", "img", "link", "input", "mspace"}
+
+
+class Page(HTMLParser):
+    """Collects elements, attributes and text, and checks that what opens is closed."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__(convert_charrefs=True)
+        self.open: list[str] = []
+        self.tags: list[str] = []
+        self.attributes: list[tuple[str, str, str]] = []
+        self.words: list[str] = []
+        self.feed(html)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.attributes += [(tag, name, value or "") for name, value in attrs]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.attributes += [(tag, name, value or "") for name, value in attrs]
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag not in VOID:
+            assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+    @property
+    def text(self) -> str:
+        return " ".join(" ".join(self.words).split())
+
+
+@pytest.fixture(scope="module")
+def page(examples: ModuleType) -> Page:
+    return Page(render(examples.example()))
+
+
+@pytest.fixture(scope="module")
+def hostile(examples: ModuleType) -> Page:
+    names = ("CL0", "CLalpha", "Clp" + examples.HOSTILE)
+    return Page(render(examples.example(names, examples.HOSTILE)))
+
+
+def test_everything_that_opens_is_closed(page: Page, hostile: Page) -> None:
+    assert page.open == []
+    assert hostile.open == []
+
+
+def test_it_needs_nothing_from_outside(page: Page) -> None:
+    assert not {"script", "link", "img", "iframe", "object", "embed"} & set(page.tags)
+    for _, name, value in page.attributes:
+        if name in ("href", "src", "xlink:href", "action", "data"):
+            assert value.startswith("#")
+    css = " ".join(page.words)
+    assert "url(" not in css
+    assert "@import" not in css
+
+
+def test_links_lead_somewhere(page: Page) -> None:
+    places = {value for _, name, value in page.attributes if name == "id"}
+    assert {value[1:] for tag, name, value in page.attributes if tag == "a" and name == "href"} <= places
+
+
+def test_hostile_text_stays_text(hostile: Page, examples: ModuleType) -> None:
+    assert "script" not in hostile.tags
+    assert not [name for _, name, _ in hostile.attributes if name.startswith("on")]
+    assert hostile.text.count("<script>") >= 8
+
+
+def test_nothing_runs_even_if_it_got_in(page: Page) -> None:
+    policies = [value for tag, name, value in page.attributes if tag == "meta" and name == "content"]
+    assert any("default-src 'none'" in policy for policy in policies)
+
+
+def test_what_a_reader_looks_for_is_there(page: Page, examples: ModuleType) -> None:
+    for name in examples.NAMES:
+        assert name in page.text or any(value == name for _, key, value in page.attributes if key == "title")
+    for phrase in (
+        "Usable, with reservations",
+        "Residuals are colored",
+        "flight2, 140–145 s",
+        "Prediction: nothing was fitted here",
+        "the data cannot tell",
+        "on its bound",
+        "reconstructed: the aircraft carries no vane",
+        "142.47:142.75",
+        "The pitot reads 5.4 m/s too little",
+        "wind_n",
+        "sha256 9f9f",
+        "numpy 2.4.6",
+        "stoop identify flight2",
+        "✓ better",
+    ):
+        assert phrase in page.text, phrase
+    assert page.tags.count("math") >= 3
+
+
+def test_drawings_are_described_and_tables_have_heads(page: Page) -> None:
+    drawings = page.tags.count("svg")
+    described = sum(1 for tag, name, _ in page.attributes if tag == "svg" and name == "aria-label")
+    clips = sum(1 for tag, name, value in page.attributes if tag == "svg" and value == "clip")
+    assert described + clips == drawings
+    assert described >= 4 * 12 + len("three for the rest")
+    assert page.tags.count("th") > page.tags.count("table")
+
+
+def test_it_is_quick_and_not_large(examples: ModuleType) -> None:
+    it = examples.example()
+    begin = time.perf_counter()
+    html = render(it)
+    assert time.perf_counter() - begin < 3.0  # 0.2 s when nothing else runs
+    assert len(html) < 2_000_000
+
+
+def test_the_same_result_gives_the_same_bytes(examples: ModuleType) -> None:
+    assert render(examples.example()) == render(examples.example())
+
+
+def bare(examples: ModuleType) -> Identification:
+    whole = examples.example()
+    empty = dataclasses.replace(
+        whole.result,
+        parameters={},
+        covariance=type(whole.result.covariance)((), np.empty((0, 0))),
+        noise_covariance=type(whole.result.noise_covariance)((), np.empty((0, 0))),
+        initial_states=(),
+        biases=(),
+        wind=(),
+        maneuvers=(),
+        warnings=(),
+        versions={},
+        inputs={},
+    )
+    return Identification(result=empty, traces=(), vehicle="nothing")
+
+
+def test_nothing_to_show(examples: ModuleType) -> None:
+    page = Page(render(bare(examples)))
+    assert page.open == []
+    assert "0 parameters" in page.text
+
+
+@pytest.mark.parametrize("fault", [np.nan, np.inf, 1e300, -1e17])
+def test_a_diverged_simulation_is_still_a_page(examples: ModuleType, fault: float) -> None:
+    whole = examples.example(("CL0", "CLalpha"))
+    trace = whole.traces[0]
+    channels = {
+        name: ChannelTrace(one.measured, np.where(np.arange(one.measured.size) > 50, fault, one.simulated))
+        for name, one in trace.channels.items()
+    }
+    channels["q"] = ChannelTrace(np.full(trace.time.size, np.nan), np.full(trace.time.size, np.nan))
+    worse = dataclasses.replace(
+        whole, traces=(ManeuverTrace(trace.time, channels, trace.inputs), *whole.traces[1:])
+    )
+    html = render(worse)
+    assert Page(html).open == []
+    assert not re.search(r"\b(nan|inf)\b", html)
+
+
+def test_one_sample_maneuver(examples: ModuleType) -> None:
+    whole = examples.example(("CL0",))
+    one = ManeuverTrace(
+        np.array([140.0]),
+        {"p": ChannelTrace(np.array([0.1]), np.array([0.1]))},
+        {"elevator": np.array([0.0])},
+    )
+    page = Page(render(dataclasses.replace(whole, traces=(one, *whole.traces[1:]))))
+    assert page.open == []
+
+
+def test_written_whole_or_not_at_all(examples: ModuleType, tmp_path: Path) -> None:
+    path = tmp_path / "report.html"
+    write_report(bare(examples), path)
+    assert path.read_text(encoding="utf-8").startswith("<!doctype html>")
+    with pytest.raises(OutputError, match="cannot be written"):
+        write_report(bare(examples), tmp_path / "none" / "report.html")

@@ -1,0 +1,208 @@
+"""Numbers, formulas, scales and words of the page."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from types import ModuleType
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stoop.identify.result import ChannelFigures, ManeuverResult, ParameterEstimate, Result
+from stoop.report.charts import holes
+from stoop.report.formula import mathml
+from stoop.report.numbers import clock, count, factor_and_unit, listed, number, rounded_to_error, window
+from stoop.report.svg import COLUMNS, Scale, path, spanning, tick_text, ticks
+from stoop.report.words import verdict
+from stoop.validation.runs import join
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0.000"),
+        (1.0, "1.000"),
+        (-12.3456, "−12.35"),
+        (0.00123456, "0.001235"),
+        (123456.7, "123457"),
+        (1.5e7, "1.500×10⁷"),
+        (-2.5e-6, "−2.500×10⁻⁶"),
+        (math.nan, "–"),
+        (math.inf, "∞"),
+        (-math.inf, "−∞"),
+    ],
+)
+def test_number(value: float, text: str) -> None:
+    assert number(value) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "texts"),
+    [
+        (5.12345, 0.0123, ("5.123", "0.012")),
+        (-0.5, 1.4, ("−0.5", "1.4")),
+        (1234.5, 210.0, ("1234", "210")),
+        (0.1, math.nan, ("0.1000", "–")),
+        (0.1, math.inf, ("0.1000", "∞")),
+        (0.1, 0.0, ("0.1000", "0.0")),
+        (3.0e-9, 2.0e-10, ("3.00×10⁻⁹", "2.0×10⁻¹⁰")),
+        (4.2e8, 1.1e7, ("4.20×10⁸", "1.1×10⁷")),
+    ],
+)
+def test_rounded_to_error(value: float, error: float, texts: tuple[str, str]) -> None:
+    assert rounded_to_error(value, error) == texts
+
+
+@given(st.floats(), st.floats())
+def test_any_number_can_be_written(value: float, error: float) -> None:
+    assert number(value)
+    assert all(rounded_to_error(value, abs(error)))
+    assert clock(value)
+
+
+def test_small_words() -> None:
+    assert window(140.0, 168.3) == "140–168.3 s"
+    assert count(1, "parameter") == "1 parameter"
+    assert count(2, "parameter") == "2 parameters"
+    assert listed(["a"]) == "a"
+    assert listed(["a", "b", "c"]) == "a, b and c"
+    assert listed([str(n) for n in range(12)], most=2) == "0, 1 and 10 more"
+    assert listed([]) == "none"
+    assert factor_and_unit("rad/s") == (pytest.approx(57.29578), "deg/s")
+    assert factor_and_unit("m/s2") == (1.0, "m/s²")
+
+
+def test_mathml_of_an_equation() -> None:
+    made = mathml(r"C_L = C_{L_0} + C_{L_q} \frac{q \bar{c}}{2 V}", "block")
+    assert made.startswith('<math display="block">')
+    assert "<mfrac>" in made
+    assert "&amp;" not in made
+
+
+@pytest.mark.parametrize(
+    "latex",
+    [
+        r"\text{<script>alert(1)</script>}",
+        "<img src=x onerror=alert(1)>",
+        r"\href{javascript:alert(1)}{x}",
+        r"\frac{a}{",
+        "a & b",
+        r"\text{</math><script>}",
+        r"\style{background:url(http://x)}{y}",
+        "",
+    ],
+)
+def test_mathml_holds_nothing_but_mathematics(latex: str) -> None:
+    made = str(mathml(latex))
+    for forbidden in ("<script", "<img", "<a", "href=", "onerror=", "style=", "src="):
+        assert forbidden not in made.replace("&lt;", "")
+
+
+@given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6), st.integers(1, 8))
+def test_ticks_are_round_few_and_inside(low: float, width: float, most: int) -> None:
+    high = low + width
+    if high - low < 1e-9 * max(abs(low), 1.0):
+        return
+    found = ticks(low, high, most)
+    assert len(found) <= most + 1
+    assert all(low - 1e-6 * width <= level <= high + 1e-6 * width for level in found)
+    if len(found) > 1:
+        step = found[1] - found[0]
+        mantissa = step / 10 ** math.floor(math.log10(step) + 1e-9)
+        assert min(abs(mantissa - n) for n in (1, 2, 5, 10)) < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("value", "step", "text"),
+    [(0.0, 0.5, "0"), (-2.0, 2.0, "−2"), (0.25, 0.05, "0.25"), (140.0, 1.0, "140"), (3e-6, 1e-6, "3e−6"), (2e7, 1e7, "2e7")],
+)  # fmt: skip
+def test_tick_text(value: float, step: float, text: str) -> None:
+    assert tick_text(value, step) == text
+
+
+@given(st.lists(st.floats(), max_size=5))
+def test_an_axis_is_never_empty(values: list[float]) -> None:
+    if any(abs(value) > 1e15 for value in values if math.isfinite(value)):
+        return
+    low, high = spanning([np.array(values)])
+    assert low < high
+    assert math.isfinite(Scale(low, high, 0.0, 100.0).at(low))
+
+
+def test_paths_break_at_holes_and_keep_their_peaks() -> None:
+    x = np.arange(6.0)
+    assert path(x, np.array([0, 1, np.nan, 3, 4, 5.0]), "k").count("M") == 2
+    assert path(np.zeros(1), np.zeros(1), "k").count("M") == 1
+    long = np.zeros(10_000)
+    long[5_678] = 7.0
+    drawn = str(path(np.linspace(0, 300, 10_000), long, "k"))
+    assert " 70 " in drawn
+    assert drawn.count(" ") < 5 * COLUMNS
+
+
+def test_holes_lie_between_segments() -> None:
+    assert holes(join([np.array([1.0, 2.0]), np.array([5.0, 6.0])])) == [(2.0, 5.0)]
+    assert holes(np.array([1.0, 2.0])) == []
+
+
+def good(examples: ModuleType) -> Result:
+    whole: Result = examples.example(("CL0",)).result
+    figures = {"p": ChannelFigures(0.1, 0.1, 0.9, 0.2)}
+    maneuvers = (
+        ManeuverResult("f", 0.0, 1.0, "fit", (), figures),
+        ManeuverResult("f", 2.0, 3.0, "validation", (), figures),
+    )
+    parameters = {"CL0": ParameterEstimate(1.0, 0.1)}
+    return dataclasses.replace(whole, parameters=parameters, maneuvers=maneuvers, warnings=())
+
+
+def test_a_good_verdict(examples: ModuleType) -> None:
+    found = verdict(good(examples))
+    assert found.level == "good"
+    assert "all of them seen by the data" in " ".join(found.sentences)
+    assert "beats a trivial first-order lag in 1 of 1 comparison" in found.sentences[2]
+
+
+@pytest.mark.parametrize(
+    ("changes", "level", "said"),
+    [
+        ({"warnings": ("pitot",)}, "caution", ""),
+        ({"status": "budget"}, "bad", "ran out of its budget"),
+        ({"status": "interrupted"}, "bad", "interrupted"),
+        ({"status": "something new"}, "bad", "“something new”"),
+        ({"cost": math.nan}, "bad", ""),
+        (
+            {"parameters": {"a": ParameterEstimate(1.0, identifiable=False)}},
+            "bad",
+            "cannot tell 1 of them (a)",
+        ),
+        (
+            {"parameters": {"a": ParameterEstimate(1.0, at_bound=True), "b": ParameterEstimate(1.0)}},
+            "caution",
+            "1 lies on the edge of the searched box (a)",
+        ),
+        ({"advice": "widen the box"}, "good", "widen the box"),
+    ],
+)
+def test_verdicts(examples: ModuleType, changes: dict[str, object], level: str, said: str) -> None:
+    found = verdict(dataclasses.replace(good(examples), **changes))  # type: ignore[arg-type]
+    assert found.level == level
+    assert said in " ".join(found.sentences)
+
+
+def test_a_lag_that_wins_is_named(examples: ModuleType) -> None:
+    whole = good(examples)
+    worse = dataclasses.replace(whole.maneuvers[1], channels={"r": ChannelFigures(0.1, 0.6, 0.1, 0.5)})
+    found = verdict(dataclasses.replace(whole, maneuvers=(whole.maneuvers[0], worse)))
+    assert found.level == "caution"
+    assert "not in r (2–3 s)" in " ".join(found.sentences)
+
+
+def test_nothing_held_back(examples: ModuleType) -> None:
+    whole = good(examples)
+    found = verdict(dataclasses.replace(whole, maneuvers=whole.maneuvers[:1]))
+    assert found.level == "caution"
+    assert "Nothing was held back" in found.sentences[-1]
