@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,6 +130,42 @@ def neutral_inputs(vehicle: Vehicle, density: float | None = None) -> FloatArray
     return out
 
 
+@dataclass(frozen=True, eq=False)
+class _Condition:
+    """The equations of steady straight flight at one speed, height and climb angle."""
+
+    layout: _Layout
+    airspeed: float
+    altitude: float
+    climb_angle: float
+    quiet: FloatArray  #: channels to start from
+
+    def split(self, x: FloatArray) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
+        """Return angles, deflections and thrust of a scaled vector."""
+        return self.layout.split(x * self.layout.scale)
+
+    def point(self, x: FloatArray) -> Trim:
+        """Return the flight that a scaled vector describes, its residual still open."""
+        angles, controls, thrust = self.split(x)
+        vehicle = self.layout.vehicle
+        inputs = mixed_inputs(vehicle, controls, self.quiet)
+        changes = {k: v for k, v in thrust.items() if k == "propulsion.thrust"}
+        for channel in set(thrust) - set(changes):
+            inputs[vehicle.inputs.index(channel)] = thrust[channel]
+        start = {"V": self.airspeed, "h": self.altitude, **angles}
+        return Trim(start, controls, thrust, inputs, changes, math.inf)
+
+    def residuals(self, x: FloatArray) -> FloatArray:
+        """Return accelerations, m/s2 and rad/s2, and the climb angle's error."""
+        vehicle, point = self.layout.vehicle, self.point(x)
+        rows = parameter_rows(vehicle, point.changes)
+        states = initial_states(vehicle, point.start, rows, point.inputs)
+        rates, _ = vehicle.kernel().evaluate(rows, states, point.inputs[:, None])
+        watched = [i for i, s in enumerate(vehicle.states) if s in ("u", "v", "w", "p", "q", "r")]
+        climb = rates[vehicle.states.index("h"), 0] / self.airspeed - math.sin(self.climb_angle)
+        return np.append(rates[watched, 0], climb)
+
+
 def trim(
     vehicle: Vehicle,
     airspeed: float | None = None,
@@ -158,39 +194,17 @@ def trim(
 
     layout = _layout(vehicle)
     V = vehicle.value("reference.airspeed") if airspeed is None else airspeed
-    kernel, names = vehicle.kernel(), vehicle.states
-    quiet = neutral_inputs(vehicle, density)
-    scale = layout.scale
-    watched = [i for i, s in enumerate(names) if s in ("u", "v", "w", "p", "q", "r")]
-    height = names.index("h")
-
-    def point(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, dict[str, float]]:
-        angles, controls, thrust = layout.split(x * scale)
-        start = {"V": V, "h": altitude, **angles}
-        changes = {k: v for k, v in thrust.items() if k == "propulsion.thrust"}
-        inputs = mixed_inputs(vehicle, controls, quiet)
-        for channel in set(thrust) - set(changes):
-            inputs[vehicle.inputs.index(channel)] = thrust[channel]
-        rows = parameter_rows(vehicle, changes)
-        return rows, initial_states(vehicle, start, rows, inputs), inputs, start
-
-    def equations(x: FloatArray) -> FloatArray:
-        rows, states, inputs, _ = point(x)
-        rates, _ = kernel.evaluate(rows, states, inputs[:, None])
-        return np.append(rates[watched, 0], rates[height, 0] / V - math.sin(climb_angle))
-
-    first = np.zeros(len(scale))
+    condition = _Condition(layout, V, altitude, climb_angle, neutral_inputs(vehicle, density))
+    first = np.zeros(len(layout.scale))
     first[:2] = 0.5
     if layout.thrust is not None:
         first[-1] = 1.0
-    solution = least_squares(equations, first, method="trf", xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=500)
-    residual = float(np.max(np.abs(equations(solution.x))))
-    angles, controls, thrust = layout.split(solution.x * scale)
+    x = least_squares(condition.residuals, first, xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=500).x
+    residual = float(np.max(np.abs(condition.residuals(x))))
+    angles, controls, _ = condition.split(x)
     if not residual < _TOLERANCE or max(map(abs, (*angles.values(), *controls.values()))) > math.pi / 2.0:
         raise SimulationError(
             f"{vehicle.where}: no steady flight found at {V:g} m/s (accelerations of {residual:.2g} remain); "
             "try another airspeed or check thrust, CL and Cm"
         )
-    _, _, inputs, start = point(solution.x)
-    changes = {k: v for k, v in thrust.items() if k == "propulsion.thrust"}
-    return Trim(start, controls, thrust, inputs, changes, residual)
+    return replace(condition.point(x), residual=residual)
