@@ -72,27 +72,23 @@ def main(words: Sequence[str] | None = None) -> int:
         _prepare_process(words)
     debug = "--debug" in words or bool(os.environ.get("STOOP_DEBUG"))
     try:
-        return _guarded(words)
-    except StoopError as error:
-        if debug:
-            _print_traceback()
-        return _report(error)
+        return _guarded(words, debug)
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
     except BrokenPipeError:
         return _close_output(UNREAD)
-    except OSError as error:  # a full disk, or an output that went away
+    except (OSError, MemoryError) as error:  # a full disk, an output that went away, a log without end
         if debug:
             _print_traceback()
         _close_output(MENDABLE)
-        return _complain(f"error: {error.filename or 'the output'}: {error.strerror or error}", MENDABLE)
+        return _complain(f"error: {_of_the_machine(error)}", MENDABLE)
     except Exception:
         _print_traceback()
         return _complain(_BUG_WORDS, BUG)
 
 
-def _guarded(words: Sequence[str]) -> int:
-    """Parse, run the verb, and make sure that all of its output was taken."""
+def _guarded(words: Sequence[str], debug: bool) -> int:
+    """Parse, run the verb, say what the user can mend, and make sure that all output was taken."""
     try:
         arguments, unknown = parser_for(words).parse_known_args(words)
         if unknown:
@@ -100,8 +96,18 @@ def _guarded(words: Sequence[str]) -> int:
         code = int(arguments.run(arguments))
     except SystemExit as leaving:  # argparse leaves this way after --help and after errors
         code = leaving.code if isinstance(leaving.code, int) else 0
+    except StoopError as error:
+        if debug:
+            _print_traceback()
+        code = _report(error)
     sys.stdout.flush()
     return code
+
+
+def _of_the_machine(error: OSError | MemoryError) -> str:
+    if isinstance(error, MemoryError):
+        return "the memory is not enough for this; give less data"
+    return f"{error.filename or 'the output'}: {error.strerror or error}"
 
 
 def parser_for(words: Sequence[str]) -> Parser:

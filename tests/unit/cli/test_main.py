@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from stoop.cli import main as entry
 from stoop.cli.main import VERBS, main
 from stoop.errors import StoopError
 
@@ -161,6 +162,22 @@ def test_bug_shows_its_traceback_and_asks_for_a_report(
     err = capsys.readouterr().err
     assert "ZeroDivisionError: by zero" in err
     assert "report" in err.splitlines()[-1]
+
+
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [
+        (MemoryError(), "the memory is not enough for this; give less data"),
+        (PermissionError(13, "Permission denied", "a.ulg"), "a.ulg: Permission denied"),
+    ],
+)
+def test_fault_of_the_machine_is_one_line(
+    error: BaseException, told: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    verb(monkeypatch, raising(error))
+    monkeypatch.setattr(entry, "_close_output", lambda code: code)
+    assert main(["fake"]) == 2
+    assert capsys.readouterr().err == f"stoop: error: {told}\n"
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
