@@ -102,9 +102,7 @@ class Kernel:
         _fits("measured", measured, (len(measured), self.sizes[3]))
         _fits("weights", weights, measured.shape)
         _fits("inputs", inputs, (max(n, rows), *inputs.shape[1:]))
-        hidden = ~(weights > 0.0)
-        z = _matrix(np.where(hidden, 0.0, measured))
-        w = _matrix(np.where(hidden, 0.0, weights))
+        z, w = _shown(measured, weights)
         out = np.empty(p.shape[1])
         self._blocks(
             lambda a, b: module.run_cost(p, x, u, rows, z, w, float(dt), n, out, a, b), p.shape[1], threads
@@ -194,6 +192,17 @@ def _fits(name: str, array: FloatArray, shape: tuple[int, ...]) -> None:
     """Refuse an array of another shape: compiled code would read beyond its end."""
     if array.shape != shape:
         raise ValueError(f"{name}: shape {array.shape} instead of {shape}")
+
+
+def _shown(measured: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return measurements and weights with zeros where the weight hides a sample.
+
+    Copies are made only where there is something to hide: they take as long as several trajectories.
+    """
+    seen = weights > 0.0
+    if seen.all():
+        return _matrix(measured), _matrix(weights)
+    return _matrix(np.where(seen, measured, 0.0)), _matrix(np.where(seen, weights, 0.0))
 
 
 def _interleave(inputs: FloatArray, lanes: int) -> FloatArray:
