@@ -35,7 +35,7 @@ class Watch:
         if sys.stderr.isatty():
             from rich.console import Console
 
-            self._status = Console(stderr=True).status("preparing")
+            self._status = Console(stderr=True).status("settling the weights")
             self._status.start()
         return self
 

@@ -24,7 +24,8 @@ from stoop.vehicle import Vehicle
 FloatArray = NDArray[np.float64]
 RESTS = 1e-4  #: change of log det R per channel below which the noise estimate has come to rest
 MAX_ROUNDS = 30
-SETTLING = 3  #: dives before the weights are frozen
+SETTLING = 3  #: dives at most before the weights are frozen
+SETTLED = 0.05  #: change of log det R per channel below which they need no further dive
 SHORT = optimize.Settings(iterations=40, gain=1e-4, predicted=1e-4, stall=0, stall_damping=np.inf)
 
 
@@ -165,8 +166,10 @@ def settle(problem: Misfit, guesses: FloatArray) -> tuple[Misfit, FloatArray, fl
         spent += price
         if not np.isfinite(end.cost):
             break
-        z = end.z
+        z, before = end.z, problem.weights.logdet
         problem = problem.weighted(Weights.of(effective_variance(problem, z)))
+        if abs(problem.weights.logdet - before) < SETTLED * len(problem.weights.covariance):
+            break
     return problem, z[: problem.dimension], spent
 
 

@@ -113,6 +113,11 @@ def _by_name(flights: Sequence[Flight]) -> dict[str, Flight]:
         if flight.name in out:
             raise FlightError(f"identify: two flights are called '{flight.name}'; rename one of the files")
         out[flight.name] = flight
+    rates = sorted({f"{flight.rate:g}" for flight in out.values()})
+    if len(rates) > 1:
+        raise FlightError(
+            f"identify: the flights are sampled at {' and '.join(rates)} Hz; bring them to one rate first"
+        )
     return out
 
 

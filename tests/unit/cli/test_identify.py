@@ -97,7 +97,8 @@ def test_missing_files(place: Path, tmp_path: Path, missing: str, capsys: pytest
 def test_missing_channel_names_what_is_there(
     place: Path, tmp_path: Path, aircraft: Vehicle, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    text = (place / "v.toml").read_text() + "\n[controls.elevator]\nmix = { pwm_3 = 0.001 }\n[controls.aileron]\n[controls.rudder]\n"
+    controls = "\n[controls.elevator]\nmix = { pwm_3 = 0.001 }\n[controls.aileron]\n[controls.rudder]\n"
+    text = (place / "v.toml").read_text() + controls
     (tmp_path / "v.toml").write_text(text)
     words = [
         "identify",
