@@ -15,6 +15,7 @@ from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
 _TOLERANCE = 1e-7
+_POWERS = (1.0, 4.0, 16.0)  #: steps of thrust to begin with: a propeller at rest has no slope
 
 
 @dataclass(frozen=True)
@@ -166,6 +167,12 @@ class _Condition:
         return np.append(rates[watched, 0], climb)
 
 
+def _starts(layout: _Layout) -> list[FloatArray]:
+    first = np.zeros(len(layout.scale))
+    first[:2] = 0.5
+    return [first] if layout.thrust is None else [np.append(first[:-1], power) for power in _POWERS]
+
+
 def trim(
     vehicle: Vehicle,
     airspeed: float | None = None,
@@ -195,12 +202,11 @@ def trim(
     layout = _layout(vehicle)
     V = vehicle.value("reference.airspeed") if airspeed is None else airspeed
     condition = _Condition(layout, V, altitude, climb_angle, neutral_inputs(vehicle, density))
-    first = np.zeros(len(layout.scale))
-    first[:2] = 0.5
-    if layout.thrust is not None:
-        first[-1] = 1.0
-    x = least_squares(condition.residuals, first, xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=500).x
-    residual = float(np.max(np.abs(condition.residuals(x))))
+    for first in _starts(layout):
+        x = least_squares(condition.residuals, first, xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=500).x
+        residual = float(np.max(np.abs(condition.residuals(x))))
+        if residual < _TOLERANCE:
+            break
     angles, controls, _ = condition.split(x)
     if not residual < _TOLERANCE or max(map(abs, (*angles.values(), *controls.values()))) > math.pi / 2.0:
         raise SimulationError(
