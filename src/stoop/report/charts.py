@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -53,17 +53,17 @@ def channel_panel(curves: Curves, role: str, description: str) -> Markup:
 
 def plain_panel(
     time: FloatArray,
-    curves: Mapping[str, FloatArray],
+    curves: Sequence[tuple[str, FloatArray]],
     description: str,
     width: float = WIDTH,
     height: float = 76.0,
 ) -> Markup:
-    """Return curves over one another, by class."""
+    """Return curves (n,) over one another, each with its class, the last on top."""
     span = _time_span(time)
     box = Box(LEFT, 6.0, width - LEFT - RIGHT, height)
-    axes = Axes.around(box, span, spanning(list(curves.values())))
+    axes = Axes.around(box, span, spanning([values for _, values in curves]))
     parts = [axes.hole(*gap) for gap in holes(time)] + axes.frame(rows=round(height / 25.0))
-    parts += [axes.curve(time, values, f"curve {kind}") for kind, values in curves.items()]
+    parts += [axes.curve(time, values, f"curve {kind}") for kind, values in curves]
     return drawing(width, height + 6.0 + FLOOR, description, parts)
 
 

@@ -13,7 +13,7 @@ from markupsafe import Markup, escape
 from stoop.identify.result import Identification, ParameterEstimate, Quantity
 from stoop.report.charts import Interval, forest_row
 from stoop.report.formula import mathml
-from stoop.report.numbers import NOTHING, clock, number, readable_unit, rounded_to_error, window
+from stoop.report.numbers import NOTHING, clock, compact, number, readable_unit, rounded_to_error, window
 from stoop.report.svg import FloatArray
 from stoop.uncertainty.covariance import NORMAL_95, correlation
 
@@ -64,15 +64,16 @@ def parameter_rows(identification: Identification) -> list[ParameterRow]:
 
 def _row(identification: Identification, name: str, one: ParameterEstimate) -> ParameterRow:
     estimate, error = rounded_to_error(one.estimate, one.std_error)
-    prior_mean, prior_std = rounded_to_error(one.prior_mean, one.prior_std)
     return ParameterRow(
         name=label(identification, name),
         estimate=estimate,
         error=error if one.identifiable else f"({error})",
         interval=_span(one.ci95_lower, one.ci95_upper, one.std_error),
         unit=readable_unit(one.unit),
-        start=number(one.start),
-        prior=NOTHING if math.isnan(one.prior_std) else f"{prior_mean} ± {prior_std}",
+        start=compact(one.start, 4),
+        prior=NOTHING
+        if math.isnan(one.prior_std)
+        else f"{compact(one.prior_mean, 4)} ± {compact(one.prior_std)}",
         bounds=_bounds(one.bound_lower, one.bound_upper),
         remark=_remark(one),
         kind=_kind(one),
@@ -118,8 +119,8 @@ def _bounds(lower: float, upper: float) -> str:
     if math.isinf(lower) and math.isinf(upper):
         return NOTHING
     if lower == -upper:
-        return f"± {number(upper, 3)}"
-    return f"{number(lower, 3)} … {number(upper, 3)}"
+        return f"± {compact(upper)}"
+    return f"{compact(lower)} … {compact(upper)}"
 
 
 def error_rows(identification: Identification) -> list[tuple[Markup, str, list[str]]]:

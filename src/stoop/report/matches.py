@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from stoop.flight.variables import VARIABLES
 from stoop.identify.result import ChannelFigures, Identification, ManeuverResult, ManeuverTrace
-from stoop.report.charts import LARGE, Curves, autocorrelation_panel, channel_panel, plain_panel
+from stoop.report.charts import Curves, autocorrelation_panel, channel_panel, plain_panel
 from stoop.report.estimates import label
 from stoop.report.numbers import factor_and_unit, number, share, window
 from stoop.report.svg import FloatArray
@@ -21,6 +21,7 @@ from stoop.validation.figures import theil_parts
 from stoop.validation.runs import runs
 
 ABSURD: Final = 1e15  #: a simulation that has left for infinity is not drawn on
+EVIDENT: Final = 4.0  #: standard errors of an autocorrelation: no matter of chance in any channel
 LAGS: Final = 100  #: samples over which autocorrelations are drawn
 
 
@@ -45,7 +46,7 @@ class Panel:
     """One drawing with its heading."""
 
     name: Markup
-    meaning: str
+    meaning: str  #: or the key of its curves
     unit: str
     figures: FigureRow | None
     drawing: Markup
@@ -133,9 +134,9 @@ def _panel(
     baseline = trace.baseline.get(name)
     curves = Curves(
         trace.time,
-        _sane(factor * channel.measured),
-        _sane(factor * channel.simulated),
-        None if baseline is None else _sane(factor * baseline),
+        sane(factor * channel.measured),
+        sane(factor * channel.simulated),
+        None if baseline is None else sane(factor * baseline),
     )
     words = f"{name}, {_meaning(name)}: measured, simulated and their difference, {maneuver_title(maneuver)}"
     said = f"{words}; Theil's coefficient {figures.theil}." if figures else f"{words}."
@@ -145,7 +146,7 @@ def _panel(
 
 def _input(identification: Identification, name: str, trace: ManeuverTrace) -> Panel:
     factor, unit = factor_and_unit(_unit(identification, name))
-    drawing = plain_panel(trace.time, {"input": _sane(factor * trace.inputs[name])}, f"Input {name}.")
+    drawing = plain_panel(trace.time, [("input", sane(factor * trace.inputs[name]))], f"Input {name}.")
     return Panel(label(identification, name), _meaning(name), unit, None, drawing)
 
 
@@ -168,7 +169,7 @@ def autocorrelation_panels(identification: Identification) -> tuple[list[Panel],
                 autocorrelation_panel(values, period, samples, name),
             )
         )
-        if lags and abs(values[1]) > 1.96 / math.sqrt(samples):
+        if lags and abs(values[1]) > EVIDENT / math.sqrt(samples):
             colored.append(name)
     return panels, colored
 
@@ -180,43 +181,11 @@ def _residual_pieces(identification: Identification) -> Mapping[str, tuple[list[
         if maneuver.role != "fit":
             continue
         for name, channel in trace.channels.items():
-            residual = _sane(channel.measured - channel.simulated)
+            residual = sane(channel.measured - channel.simulated)
             pieces = [residual[run] for run in runs(np.isfinite(trace.time))]
             if pieces:
                 found.setdefault(name, ([], _period(trace.time)))[0].extend(pieces)
     return found
-
-
-def air_panels(identification: Identification) -> list[tuple[str, list[Panel]]]:
-    """Return by flight the reconstructed air data: curves of one unit share a drawing."""
-    return [
-        (
-            air.flight,
-            [
-                _air_panel(air.time, names, air.curves, unit)
-                for unit, names in _by_unit(identification, air.curves)
-            ],
-        )
-        for air in identification.air_data
-    ]
-
-
-def _by_unit(identification: Identification, curves: Mapping[str, FloatArray]) -> list[tuple[str, list[str]]]:
-    groups: dict[str, list[str]] = {}
-    for name in curves:
-        groups.setdefault(_unit(identification, name), []).append(name)
-    return list(groups.items())
-
-
-def _air_panel(time: FloatArray, names: list[str], curves: Mapping[str, FloatArray], unit: str) -> Panel:
-    factor, shown = factor_and_unit(unit)
-    drawn = {f"air{i % 4}": _sane(factor * curves[name]) for i, name in enumerate(names)}
-    key = Markup(", ").join(
-        Markup('<span class="key air{}">{}</span>').format(i % 4, name) for i, name in enumerate(names)
-    )
-    return Panel(
-        key, "", shown, None, plain_panel(time, drawn, f"{', '.join(names)} over the flight.", LARGE, 150.0)
-    )
 
 
 def _meaning(name: str) -> str:
@@ -235,7 +204,8 @@ def _period(time: FloatArray) -> float:
     return float(np.median(steps)) if steps.size else 1.0
 
 
-def _sane(values: FloatArray) -> FloatArray:
+def sane(values: FloatArray) -> FloatArray:
+    """Return `values` (n,) with NaN where they have left for infinity."""
     with np.errstate(invalid="ignore"):
         return np.where(np.abs(values) < ABSURD, values, np.nan)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Final
 
 from stoop.units import DEGREE
@@ -10,7 +11,7 @@ from stoop.units import DEGREE
 NOTHING: Final = "–"
 RAISED: Final = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 SHOWN_IN_DEGREES: Final = {"rad": "deg", "rad/s": "deg/s", "rad/s2": "deg/s2"}
-SUPERSCRIPTS: Final = {"m/s2": "m/s²", "deg/s2": "deg/s²", "rad/s2": "rad/s²", "kg/m3": "kg/m³", "1": ""}
+POWER: Final = re.compile(r"(?<=[a-zA-Z])\d+")
 
 
 def number(value: float, digits: int = 4) -> str:
@@ -23,6 +24,12 @@ def number(value: float, digits: int = 4) -> str:
     if -4 < exponent < 6:
         return _minus(f"{value:.{max(0, digits - 1 - exponent)}f}")
     return _power(f"{value:.{digits - 1}e}")
+
+
+def compact(value: float, digits: int = 3) -> str:
+    """Return `value` without trailing zeros, for numbers that somebody chose."""
+    text = number(value, digits)
+    return text.rstrip("0").rstrip(".") if "." in text and "×" not in text else text
 
 
 def rounded_to_error(value: float, error: float) -> tuple[str, str]:
@@ -62,7 +69,7 @@ def factor_and_unit(unit: str) -> tuple[float, str]:
 
 def readable_unit(unit: str) -> str:
     """Return the unit with raised powers; nothing for a pure number."""
-    return SUPERSCRIPTS.get(unit, unit)
+    return "" if unit == "1" else POWER.sub(lambda found: found.group().translate(RAISED), unit)
 
 
 def count(amount: int, one: str, many: str = "") -> str:

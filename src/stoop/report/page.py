@@ -12,6 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from stoop.files import write_text_atomic
 from stoop.identify.result import Identification
 from stoop.report import estimates, matches
+from stoop.report.air import air_panels
 from stoop.report.charts import convergence_panel, correlation_map
 from stoop.report.formula import mathml
 from stoop.report.numbers import number
@@ -84,7 +85,7 @@ def _estimated(identification: Identification) -> dict[str, Any]:
         "biases": estimates.bias_rows(identification),
         "wind": estimates.wind_rows(identification),
         "noise": estimates.noise_rows(identification),
-        "air": matches.air_panels(identification),
+        "air": air_panels(identification),
     }
 
 

@@ -1,9 +1,9 @@
 """The trivial model beside every figure: a lag for each channel of each maneuver.
 
-In a fit maneuver the lag of p, q or r is given its own axis's command and fitted to that very maneuver; other
-channels have no axis of their own and are given all commands. In a validation maneuver the lag is given all
-commands, its gains and times come from the fit maneuvers, and only its bias is its own: that favors the lag,
-for the model under test gets nothing from the window but its initial state.
+In a fit maneuver the lag is given its own axis's command and fitted to that very maneuver: more commands would
+make it a regression that can match anything once. In a validation maneuver it is given all commands, its gains
+and times come from the fit maneuvers, and only its bias is its own: that favors the lag, for the model under
+test gets nothing from the window but its initial state.
 """
 
 from __future__ import annotations
@@ -18,11 +18,14 @@ from stoop.identify.result import Role
 from stoop.validation.lag import Lag, LagRecord, fit_lag
 from stoop.validation.runs import FloatArray, join
 
+ROLL: Final = ("control_roll", "aileron")
+PITCH: Final = ("control_pitch", "elevator")
+YAW: Final = ("control_yaw", "rudder")
 OWN_COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
-    "p": ("control_roll", "aileron"),
-    "q": ("control_pitch", "elevator"),
-    "r": ("control_yaw", "rudder"),
-}  #: rate -> its axis's command, the first that there is
+    **dict.fromkeys(("p", "phi"), ROLL),
+    **dict.fromkeys(("q", "V", "alpha", "theta", "ax", "az"), PITCH),
+    **dict.fromkeys(("r", "beta", "psi", "ay"), YAW),
+}  #: channel -> its axis's command, the first that there is
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,10 +11,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stoop.identify.result import ChannelFigures, ManeuverResult, ParameterEstimate, Result
+from stoop.identify.result import AirDataTrace, ChannelFigures, ManeuverResult, ParameterEstimate, Result
+from stoop.report.air import air_panels
 from stoop.report.charts import holes
 from stoop.report.formula import mathml
-from stoop.report.numbers import clock, count, factor_and_unit, listed, number, rounded_to_error, window
+from stoop.report.numbers import (
+    clock,
+    compact,
+    count,
+    factor_and_unit,
+    listed,
+    number,
+    rounded_to_error,
+    window,
+)
 from stoop.report.svg import COLUMNS, Scale, path, spanning, tick_text, ticks
 from stoop.report.words import verdict
 from stoop.validation.runs import join
@@ -73,6 +83,9 @@ def test_small_words() -> None:
     assert listed([]) == "none"
     assert factor_and_unit("rad/s") == (pytest.approx(57.29578), "deg/s")
     assert factor_and_unit("m/s2") == (1.0, "m/s²")
+    assert factor_and_unit("1/rad2") == (1.0, "1/rad²")
+    assert factor_and_unit("1") == (1.0, "")
+    assert [compact(value) for value in (1.0, -0.25, 120.0, 1e9)] == ["1", "−0.25", "120", "1.00×10⁹"]
 
 
 def test_mathml_of_an_equation() -> None:
@@ -141,6 +154,19 @@ def test_paths_break_at_holes_and_keep_their_peaks() -> None:
     drawn = str(path(np.linspace(0, 300, 10_000), long, "k"))
     assert " 70 " in drawn
     assert drawn.count(" ") < 5 * COLUMNS
+
+
+def test_air_data_share_drawings_and_break_at_pauses(examples: ModuleType) -> None:
+    whole = examples.example(("CL0",))
+    time = np.concatenate([np.arange(0.0, 5.0, 0.1), np.arange(9.0, 12.0, 0.1)])
+    names = ("speed_inertial", "pitot", "pitot_corrected", "V", "beta", "beta_from_force", "strange<b>")
+    trace = AirDataTrace("f", time, {name: time + n for n, name in enumerate(names)})
+    ((flight, panels),) = air_panels(dataclasses.replace(whole, air_data=(trace,)))
+    assert flight == "f"
+    assert [str(panel.name) for panel in panels] == ["Airspeed", "Sideslip", "strange&lt;b&gt;"]
+    assert panels[0].drawing.count("<path") == 4
+    assert panels[0].drawing.count("hole") == 1
+    assert [panel.unit for panel in panels] == ["m/s", "deg", ""]
 
 
 def test_holes_lie_between_segments() -> None:

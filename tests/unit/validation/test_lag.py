@@ -152,6 +152,18 @@ def test_own_axis_only_in_a_fit() -> None:
     assert theil(fit.segments[0].measured["p"], curves["p"]) > 0.3
 
 
+def test_every_channel_has_its_axis() -> None:
+    lags = {
+        "phi": truth(gains=(3.0, 0.0, 0.0)),
+        "alpha": truth(gains=(0.0, 3.0, 0.0)),
+        "beta": truth(gains=(0.0, 0.0, 3.0)),
+    }
+    fit = BaselineManeuver("fit", (segment(lags, 600, 1, 0),))
+    (curves,) = baseline_curves([fit], list(lags), RATE)
+    for name in lags:
+        assert theil(fit.segments[0].measured[name], curves[name]) < 1e-3
+
+
 def test_nothing_to_learn_from() -> None:
     lags = {"p": truth(gains=(3.0, 0.0, 0.0))}
     alone = BaselineManeuver("validation", (segment(lags, 300, 1, 0),))
