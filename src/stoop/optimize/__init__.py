@@ -1,8 +1,24 @@
 """Optimizers: numbers only, a problem in and an outcome out; no aircraft is known here.
 
+A problem (`Problem`) is a sum of squares over D variables in the unit box and E nuisances, which can be
+asked for on the whole record or on shorter rungs of it, each at its price. `minimize` runs an optimizer on
+it until an optimum is confirmed, a target is reached, or generations or budget run out::
+
+    outcome = optimize.minimize(
+        optimize.create("ps-gde-lm"), problem, seed=1, starts=own_values, stop=optimize.Stop(budget=5000),
+        callback=lambda progress: optimize.save_state(path, progress.state),
+    )
+
+"ps-gde-lm" is the default (`prey.PsGdeLm`): the user's own values first, then scouts on the shortest record,
+the best of them followed up the ladder by Levenberg-Marquardt dives, then ordered SHADE. "ps-gde",
+"de-rand-1-bin" and "de-best-2-bin" are compositions of `evolution.DifferentialEvolution`.
+
+A run is decided by its seed to the last bit, whatever the number of BLAS threads, and may be saved after any
+step and resumed as if nothing had been. `dive` is the local search alone.
+
 >>> from stoop import optimize
->>> optimize.names()[0]
-'ps-gde-lm'
+>>> optimize.names()
+('ps-gde-lm', 'ps-gde', 'de-rand-1-bin', 'de-best-2-bin')
 """
 
 from stoop.optimize.ledger import Books, Ledger

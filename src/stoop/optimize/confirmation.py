@@ -1,4 +1,8 @@
-"""When an optimum counts as confirmed: two dives that know nothing of each other end at the same cost."""
+"""When an optimum counts as confirmed: dives that know nothing of each other end at the same best cost.
+
+Two such dives suffice where the model leaves little unexplained. Where it leaves much, a wrong optimum may
+attract as many dives as the right one, so there must be three.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,7 @@ import numpy as np
 from stoop.optimize.arrays import BoolArray, FloatArray, IntArray
 from stoop.optimize.levenberg import AGREE, Dive
 
+CLEAR: Final = 0.1  #: share of the trivial model's cost up to which little is left unexplained
 NOTHING: Final = 1e-12  #: of the trivial model's cost: two exact fits agree
 
 
@@ -54,12 +59,21 @@ class Ends:
         return float(self.costs[self.converged].min(initial=np.inf))
 
     def confirmed(self, best: float, reference: float) -> bool:
-        """Whether the last end is at the best cost known, where one of another lineage converged before."""
-        if not (self.converged[-1] or self.agreed[-1]) or not np.isfinite(best):
+        """Whether the last end is at the best cost known, with enough of other lineages.
+
+        Parameters
+        ----------
+        best : best cost known on the full record
+        reference : the trivial model's cost there; inf if there is none
+        """
+        if not np.isfinite(best):
             return False
         scale = NOTHING * reference if np.isfinite(reference) else 0.0
         level = np.abs(self.costs - best) <= AGREE * abs(best) + scale
-        return bool(level[-1] and (level & self.converged & (self.lineages != self.lineages[-1])).any())
+        there = level & (self.converged | self.agreed)
+        needed = 2 if best <= CLEAR * reference else 3
+        enough = len(np.unique(self.lineages[there])) >= needed
+        return bool(there[-1] and enough and (there & self.converged).any())
 
 
 def no_ends(dimension: int) -> Ends:

@@ -47,7 +47,7 @@ def descend(ledger: Ledger, z: FloatArray, seen: FloatArray) -> Descent:
     seen = seen.copy()
     descent = Descent(z, 0, np.inf, 0.0, True, seen)
     for rung in range(ledger.full):
-        end = dive(ledger, descent.z, rung, RUNG)
+        end = dive(ledger, descent.z, rung, RUNG, worthy=-np.inf)
         through = passes(ledger, end.cost, rung, seen)
         seen[rung] = min(seen[rung], end.cost)
         descent = Descent(end.z, rung, end.cost, relative(ledger, end.cost, rung), through, seen)

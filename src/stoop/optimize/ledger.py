@@ -33,7 +33,7 @@ class Books:
     Attributes
     ----------
     trajectories : float, in trajectories of the full record
-    best : (D + E,), best point on the full record; zeros before there is one
+    best : (D + E,), best point on the full record; the center of the box before there is one
     cost : float, its cost; inf before there is one
     history : (k, 2), trajectories spent and best cost, one row per improvement
     """
@@ -46,7 +46,8 @@ class Books:
 
 def blank(problem: Problem) -> Books:
     """Return the books of a run that has not begun."""
-    return Books(0.0, np.zeros(problem.dimension + problem.extra), np.inf, np.empty((0, 2)))
+    center = np.concatenate([np.full(problem.dimension, 0.5), np.zeros(problem.extra)])
+    return Books(0.0, center, np.inf, np.empty((0, 2)))
 
 
 class Ledger:

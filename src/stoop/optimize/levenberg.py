@@ -91,7 +91,7 @@ def dive(
     rung: int,
     settings: Settings = FULL,
     incumbent: float = np.inf,
-    worthy: float = -np.inf,
+    worthy: float = np.inf,
     optimum: float = np.inf,
 ) -> Dive:
     """Minimize the sum of squares from z on one rung.
@@ -105,8 +105,8 @@ def dive(
     incumbent : float
         Best cost known on this rung; a dive that stays above it must fall fast or is let go.
     worthy : float
-        A dive below this cost is not let go early: near an optimum that noise or an imperfect model keeps
-        far above zero, every dive falls slowly.
+        A dive below this cost is not let go early (inf: never): near an optimum that noise or an imperfect
+        model keeps far above zero, every dive falls slowly.
     optimum : float
         Cost of an optimum that another dive converged to; this one ends as soon as it agrees with it.
     """
@@ -208,7 +208,7 @@ class _Descent:
 
     def agrees(self, left: float) -> bool:
         """Whether this is as good as the known optimum to within AGREE, with little more to be gained."""
-        band = AGREE * self.cost
+        band = AGREE * self.optimum
         return self.optimum <= self.cost <= self.optimum + band and left <= band
 
     def doubt(self) -> Ending | None:

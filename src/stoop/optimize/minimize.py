@@ -66,7 +66,7 @@ class Outcome:
 
     Attributes
     ----------
-    z : (D + E,), best point; zeros if no candidate was finite
+    z : (D + E,), best point; the center of the box if no candidate was finite
     cost : its cost on the full record
     trajectories : spent, in trajectories of the full record, whatever was thrown away included
     generation : whole steps taken

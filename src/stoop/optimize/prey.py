@@ -73,8 +73,9 @@ class PsGdeLm:
     A step is the dive from the user's own values, a scouting round, the chase of one prey, or a generation
     (or dive) of the herd. The search counts as converged when
 
-    - two dives of different lineage (scouts, the user's values, one herd) converged on the full record to
-      within 0.1 % of the best cost known; or
+    - two dives of different lineage (scouts, the user's values, one herd) come on the full record to within
+      0.1 % of the best cost known, one of them to convergence; three where the model leaves more than a
+      tenth of the trivial model's cost (`confirmation`); or
     - the dive from the user's own values converged, explains the data (`ladder.GATE`), and a whole scouting
       round brought nothing better.
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 
@@ -36,6 +36,7 @@ def test_golden_section_reuses_one_point_a_step() -> None:
     assert len({round(t, 12) for t in asked}) == 4
 
 
+@settings(deadline=None)
 @given(st.floats(0.0, 1.0), st.floats(0.0, 0.5))
 def test_golden_section_walks_around_infinities(minimum: float, edge: float) -> None:
     t = golden_section(lambda t: np.inf if t > minimum + edge else (t - minimum) ** 2, 0.0, 1.0, 1e-7)

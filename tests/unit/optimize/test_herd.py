@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stoop.optimize import herd as herds
@@ -20,6 +20,7 @@ def young(n: int = 20, d: int = 3, seed: int = 0) -> Herd:
     return herds.gather(X, sphere(X))
 
 
+@settings(deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_trials_lie_in_the_box_and_the_herd_never_worsens(seed: int) -> None:
     generator, herd = np.random.default_rng(seed), young(seed=seed)

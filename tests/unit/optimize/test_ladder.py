@@ -99,6 +99,15 @@ def test_confirmation_needs_two_independent_dives_to_the_best(
     assert ends(*rows).confirmed(best, 1e4) is confirmed
 
 
+def test_three_must_agree_where_much_is_left_unexplained() -> None:
+    two = ends((100.0, 1, "converged"), (100.05, 2, "agreed"))
+    assert two.confirmed(100.0, 1001.0)
+    assert not two.confirmed(100.0, 999.0)
+    assert two.add(Dive(np.zeros(3), 100.02, "agreed", 5), 3).confirmed(100.0, 999.0)
+    assert not two.add(Dive(np.zeros(3), 100.02, "agreed", 5), 2).confirmed(100.0, 999.0)
+    assert not ends(*[(100.0, i, "agreed") for i in range(4)]).confirmed(100.0, 999.0)
+
+
 def test_two_exact_fits_agree() -> None:
     found = ends((1e-11, 1, "converged"), (3e-12, 2, "converged"))
     assert found.confirmed(3e-12, 1e4)

@@ -113,9 +113,9 @@ def test_a_dive_agrees_with_a_known_optimum_instead_of_converging(
 def test_a_prey_above_the_incumbent_is_let_go(oscillation: Callable[..., Any]) -> None:
     problem = oscillation()
     far = np.array([0.9, 0.0, 0.05, 0.9, 0.0])
-    end = dive(problem, far, 2, FULL, incumbent=1.0)
+    end = dive(problem, far, 2, FULL, incumbent=1.0, worthy=-np.inf)
     assert end.ending in ("hopeless", "stalled")
-    worthy = dive(problem, far, 2, FULL, incumbent=1.0, worthy=np.inf)
+    worthy = dive(problem, far, 2, FULL, incumbent=1.0)
     assert worthy.ending in ("converged", "limit")
     assert worthy.cost <= end.cost
 

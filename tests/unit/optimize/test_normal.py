@@ -6,12 +6,13 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stoop.optimize.normal import gram, project, solve_damped
 
 
+@settings(deadline=None)
 @given(st.integers(1, 30), st.integers(1, 3000))
 def test_gram_and_project_are_the_plain_products(v: int, n: int) -> None:
     generator = np.random.default_rng(v * 10_000 + n)
@@ -44,6 +45,7 @@ def test_rounding_does_not_depend_on_the_number_of_threads() -> None:
     assert len(seen) == 1
 
 
+@settings(deadline=None)
 @given(st.integers(1, 12), st.floats(1e-10, 1e3), st.integers(0, 1000))
 def test_solution_does_not_depend_on_units(v: int, damping: float, seed: int) -> None:
     generator = np.random.default_rng(seed)

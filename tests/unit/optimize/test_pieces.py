@@ -8,7 +8,7 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stoop.optimize.adaptation import fresh_memory
@@ -27,6 +27,7 @@ def _population(seed: int, n: int = 12, d: int = 5) -> tuple[np.ndarray, np.ndar
 
 
 # ---------------------------------------------------------------------------------------- initialization
+@settings(deadline=None)
 @given(SEEDS)
 def test_latin_hypercube_has_one_point_in_each_slice(seed: int) -> None:
     X = latin_hypercube(17, 3, np.random.default_rng(seed))
@@ -41,6 +42,7 @@ def test_chaos_is_the_logistic_map_of_each_variable() -> None:
         c = [4.0 * v * (1.0 - v) for v in c]
 
 
+@settings(deadline=None)
 @given(SEEDS)
 def test_chaos_stays_inside_and_moves(seed: int) -> None:
     X = chaos(50, 3, np.random.default_rng(seed))
@@ -65,6 +67,7 @@ def test_an_orbit_that_is_caught_begins_anew() -> None:
 
 
 # ---------------------------------------------------------------------------------------------- mutation
+@settings(deadline=None)
 @given(SEEDS, st.integers(6, 40), st.integers(1, 4))
 def test_distinct_indices_differ_from_each_other_and_the_parent(seed: int, n: int, k: int) -> None:
     picks = distinct(n, k, np.random.default_rng(seed))
@@ -118,6 +121,7 @@ def test_ranked_puts_infinite_costs_last() -> None:
 
 
 # --------------------------------------------------------------------------- bounds, crossover, selection
+@settings(deadline=None)
 @given(SEEDS)
 def test_mended_mutants_are_inside_and_others_untouched(seed: int) -> None:
     X, _ = _population(seed)
@@ -154,6 +158,7 @@ def test_selection_keeps_the_parent_on_a_tie_and_never_takes_nan() -> None:
 
 
 # -------------------------------------------------------------------------------------------- adaptation
+@settings(deadline=None)
 @given(SEEDS)
 def test_sampled_scales_and_rates_are_in_range(seed: int) -> None:
     scales, rates = fresh_memory().sample(100, np.random.default_rng(seed))
