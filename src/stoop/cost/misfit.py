@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.cost.layout import Layout
-from stoop.cost.shift import delayed, delayed_lanes
 from stoop.cost.weights import Weights
 from stoop.simulate import initial_states, parameter_rows
+from stoop.simulate.delays import late_inputs, late_outputs, output_delays
 
 FloatArray = NDArray[np.float64]
 STEP = 1e-7
@@ -92,7 +92,7 @@ class Misfit:
     def costs(self, X: FloatArray, rung: int) -> FloatArray:
         """Return J (B,) of parameters (B, D) in the unit box, nuisances at their start."""
         Z = np.concatenate([X, np.zeros((len(X), self.extra))], axis=1)
-        if not self.weights.diagonal or self._output_delays:
+        if not self.weights.diagonal or output_delays(self.layout.vehicle):
             with np.errstate(invalid="ignore", over="ignore"):
                 total = np.sum(self.residuals(Z, rung) ** 2, axis=1)
             return np.where(np.isfinite(total), total, np.inf)
@@ -101,9 +101,8 @@ class Misfit:
         for i, (piece, count) in enumerate(zip(self.pieces, self.ladder[rung], strict=True)):
             weights = np.where(np.isfinite(piece.measured), quality, 0.0)
             rows, start = self._candidates(Z, i)
-            total += self._kernel.cost(
-                rows, start, self._inputs(piece, rows), piece.measured, weights, piece.dt, count
-            )
+            inputs = late_inputs(self.layout.vehicle, piece.inputs, rows, piece.dt)
+            total += self._kernel.cost(rows, start, inputs, piece.measured, weights, piece.dt, count)
         return np.asarray(total)
 
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
@@ -192,9 +191,11 @@ class Misfit:
         seen = np.isfinite(piece.measured[:count])
         for j, nuisance in enumerate(self.layout.nuisances):
             if nuisance.is_bias and nuisance.maneuver == piece.maneuver:
-                channel = vehicle.outputs.index(nuisance.name.split(".")[1])
-                unit = np.zeros_like(seen, dtype=float)
-                unit[:, channel] = nuisance.scale * seen[:, channel]
+                row = vehicle.rows[nuisance.name]
+                shared = [
+                    vehicle.rows[f"sensors.{c}.bias"] == row for c in vehicle.outputs
+                ]  # a tie shares it
+                unit = nuisance.scale * seen * shared
                 out[:, self.dimension + j] = self.weights.whiten(unit).ravel()
 
     def _candidates(self, Z: FloatArray, index: int) -> tuple[FloatArray, FloatArray]:
@@ -212,47 +213,11 @@ class Misfit:
         return rows, initial_states(layout.vehicle, start, rows, piece.inputs[0])
 
     def _trajectories(self, Z: FloatArray, index: int, count: int) -> FloatArray:
-        piece = self.pieces[index]
+        piece, layout = self.pieces[index], self.layout
         rows, start = self._candidates(Z, index)
-        out: FloatArray = self._kernel.trajectories(rows, start, self._inputs(piece, rows), piece.dt, count)
-        for channel, row in self._output_delays:
-            delays = rows[row] / piece.dt
-            for lane, delay in enumerate(delays):
-                out[lane, :, channel] = delayed(out[lane, :, channel], float(delay))
-        return out
-
-    @cached_property
-    def _output_delays(self) -> list[tuple[int, int]]:
-        """Output channel and kernel row of each sensor delay in the file."""
-        vehicle = self.layout.vehicle
-        names = [(i, f"sensors.{c}.delay") for i, c in enumerate(vehicle.outputs)]
-        return [(i, vehicle.rows[n]) for i, n in names if n in vehicle.rows]
-
-    @cached_property
-    def _input_delays(self) -> list[tuple[int, int]]:
-        """Input channel and kernel row of each control delay; a channel shared by controls takes the first."""
-        vehicle = self.layout.vehicle
-        found: dict[int, int] = {}
-        for control in vehicle.controls:
-            name = f"controls.{control}.delay"
-            for channel in vehicle.channels_of(control) if name in vehicle.rows else ():
-                found.setdefault(vehicle.inputs.index(channel), vehicle.rows[name])
-        return list(found.items())
-
-    def _inputs(self, piece: Piece, rows: FloatArray) -> FloatArray:
-        """Return inputs (n, n_u), or one copy per lane (n, n_u, B) where lanes differ in a delay."""
-        if not self._input_delays:
-            return piece.inputs
-        same = all(np.ptp(rows[row]) == 0.0 for _, row in self._input_delays)
-        if same:
-            out = piece.inputs.copy()
-            for channel, row in self._input_delays:
-                out[:, channel] = delayed(out[:, channel], float(rows[row, 0]) / piece.dt)
-            return out
-        lanes = np.repeat(piece.inputs[:, :, None], rows.shape[1], axis=2)
-        for channel, row in self._input_delays:
-            lanes[:, channel] = delayed_lanes(piece.inputs[:, channel], rows[row] / piece.dt)
-        return lanes
+        inputs = late_inputs(layout.vehicle, piece.inputs, rows, piece.dt)
+        out = self._kernel.trajectories(rows, start, inputs, piece.dt, count)
+        return late_outputs(layout.vehicle, out, rows, piece.dt)
 
 
 def horizon_ladder(pieces: Sequence[Piece]) -> tuple[tuple[int, ...], ...]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from stoop.errors import ManeuverError, SimulationError
 from stoop.flight import VARIABLES, Flight, from_columns
+from stoop.simulate.delays import late_inputs, late_outputs
 from stoop.simulate.initial import commanded, initial_states, parameter_rows
 from stoop.simulate.maneuver import Maneuver
 from stoop.simulate.trim import Trim, mixed_inputs, trim
@@ -59,7 +60,9 @@ def fly(vehicle: Vehicle, maneuver: Maneuver) -> Flown:
     inputs = _inputs(vehicle, maneuver, point, deflections)
     rows = parameter_rows(vehicle, point.changes)
     start = initial_states(vehicle, point.start, rows, inputs[0])
-    outputs = vehicle.kernel().trajectories(rows, start, inputs, 1.0 / maneuver.rate)[0]
+    dt = 1.0 / maneuver.rate
+    received = late_inputs(vehicle, inputs, rows, dt)
+    outputs = late_outputs(vehicle, vehicle.kernel().trajectories(rows, start, received, dt), rows, dt)[0]
     if not np.isfinite(outputs).all():
         last = maneuver.time[int(np.argmin(np.isfinite(outputs).all(axis=1)))]
         raise SimulationError(
@@ -114,7 +117,7 @@ def simulate_flight(
     columns |= {
         c: np.array(commanded(vehicle, c, np.repeat(rows, len(flown.inputs), axis=1), flown.inputs.T))
         for c in vehicle.controls
-        if c in VARIABLES
+        if c in VARIABLES and c not in vehicle.inputs  # a recorded channel stays as it was commanded
     }
     columns["altitude"] = _altitude(vehicle, maneuver, flown)
     flight = from_columns(name, flown.time, columns, ("simulated flight",))

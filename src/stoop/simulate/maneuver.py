@@ -21,23 +21,39 @@
 
 from __future__ import annotations
 
-import tomllib
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from stoop.errors import ManeuverError
+from stoop.vehicle.complaints import first_complaint
+from stoop.vehicle.quantity import Number
+from stoop.vehicle.source import parse_source, read_source
 
 FloatArray = NDArray[np.float64]
 MAX_SAMPLES = 5_000_000
+MAX_HARMONICS = 2000
 
 
 class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def _radians(value: float) -> float:
+    if abs(value) > math.pi / 2.0:
+        raise ValueError(f"{value:g} looks like degrees; write radians ({math.radians(value):.4g})")
+    return value
+
+
+Seconds = Annotated[Number, Field(gt=0.0)]
+Instant = Annotated[Number, Field(ge=0.0)]
+Deflection = Annotated[Number, AfterValidator(_radians)]
+Harmonic = Annotated[int, Field(strict=True, ge=1, le=MAX_HARMONICS)]
 
 
 class Steps(_Table):
@@ -45,9 +61,9 @@ class Steps(_Table):
 
     control: str
     shape: Literal["3-2-1-1", "doublet", "1-1", "2-1-1"]
-    start: float = Field(ge=0.0)
-    step: float = Field(gt=0.0)
-    amplitude: float
+    start: Instant
+    step: Seconds
+    amplitude: Deflection
 
 
 class Pulse(_Table):
@@ -55,9 +71,9 @@ class Pulse(_Table):
 
     control: str
     shape: Literal["pulse"]
-    start: float = Field(ge=0.0)
-    duration: float = Field(gt=0.0)
-    amplitude: float
+    start: Instant
+    duration: Seconds
+    amplitude: Deflection
 
 
 class Multisine(_Table):
@@ -69,12 +85,12 @@ class Multisine(_Table):
 
     control: str
     shape: Literal["multisine"]
-    start: float = Field(ge=0.0)
-    duration: float = Field(gt=0.0)
-    amplitude: float
-    band: float = Field(gt=0.0)
-    first: int = Field(default=1, ge=1)
-    stride: int = Field(default=1, ge=1)
+    start: Instant
+    duration: Seconds
+    amplitude: Deflection
+    band: Annotated[Number, Field(gt=0.0)]  #: Hz
+    first: Harmonic = 1
+    stride: Harmonic = 1
 
     @model_validator(mode="after")
     def _has_harmonics(self) -> Multisine:
@@ -82,6 +98,8 @@ class Multisine(_Table):
             raise ValueError(
                 f"no harmonic of 1/{self.duration:g} s lies below {self.band:g} Hz; raise band or duration"
             )
+        if self.band * self.duration > MAX_HARMONICS * self.stride:
+            raise ValueError(f"more than {MAX_HARMONICS} harmonics; lower band or duration, or raise stride")
         return self
 
 
@@ -92,19 +110,22 @@ class Maneuver(_Table):
     """A maneuver flown from trim."""
 
     format: Literal["stoop-maneuver/1"] = "stoop-maneuver/1"
-    duration: float = Field(gt=0.0, le=36000.0)
-    rate: float = Field(default=100.0, gt=0.0, le=10000.0)
-    airspeed: float | None = Field(default=None, gt=0.0)
-    altitude: float = 200.0
+    duration: Annotated[Number, Field(gt=0.0, le=36000.0)]
+    rate: Annotated[Number, Field(gt=0.0, le=10000.0)] = 100.0
+    airspeed: Annotated[Number, Field(gt=0.0)] | None = None
+    altitude: Annotated[Number, Field(ge=-1000.0, le=11000.0)] = 200.0
     input: tuple[Input, ...] = ()
-    noise: dict[str, float] = Field(default_factory=dict)
+    noise: dict[str, Instant] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _bounded(self) -> Maneuver:
         if self.duration * self.rate > MAX_SAMPLES:
-            raise ValueError(f"duration times rate exceeds {MAX_SAMPLES} samples")
-        if any(not s >= 0.0 for s in self.noise.values()):
-            raise ValueError("noise must be standard deviations, zero or above")
+            raise ValueError(f"duration times rate exceeds {MAX_SAMPLES} samples; lower one of them")
+        if self.duration * self.rate < 1.0:
+            raise ValueError("duration is shorter than one sample; raise duration or rate")
+        bands = [spec.band for spec in self.input if isinstance(spec, Multisine)]
+        if max(bands, default=0.0) > self.rate / 2.0:
+            raise ValueError(f"band {max(bands):g} Hz is above half the rate; lower band or raise rate")
         return self
 
     @property
@@ -140,10 +161,12 @@ def _pulse(spec: Any, t: FloatArray) -> FloatArray:
 
 
 def _multisine(spec: Any, t: FloatArray) -> FloatArray:
-    harmonics = np.arange(spec.first, int(spec.band * spec.duration) + 1, spec.stride)
-    phases = -np.pi * np.arange(harmonics.size) * (np.arange(harmonics.size) + 1) / harmonics.size
+    harmonics = range(spec.first, int(spec.band * spec.duration) + 1, spec.stride)
     tau = t - spec.start
-    waves = np.sin(2.0 * np.pi * np.outer(tau, harmonics) / spec.duration + phases).sum(axis=1)
+    waves = np.zeros_like(t)
+    for k, harmonic in enumerate(harmonics):
+        phase = -np.pi * k * (k + 1) / len(harmonics)
+        waves += np.sin(2.0 * np.pi * harmonic * tau / spec.duration + phase)
     inside = (tau >= -_EDGE) & (tau < spec.duration - _EDGE)
     return np.asarray(
         np.where(inside, spec.amplitude * waves / max(float(np.max(np.abs(waves))), 1e-12), 0.0)
@@ -165,22 +188,13 @@ def load_maneuver(path: Path | str) -> Maneuver:
     ManeuverError
         One line naming the file, the key and the fix.
     """
-    path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not UTF-8 text"
-        raise ManeuverError(f"{path}: cannot read the maneuver file ({reason}); check the path") from None
-    return parse_maneuver(text, str(path))
+    return parse_maneuver(read_source(path, "maneuver", ManeuverError), str(path))
 
 
 def parse_maneuver(text: str, where: str) -> Maneuver:
     """Read a maneuver from TOML text; ``where`` names it in messages."""
+    raw = parse_source(text, where, ManeuverError)
     try:
-        return Maneuver.model_validate(tomllib.loads(text))
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ManeuverError(f"{where}: not valid TOML: {error}; mend that line") from None
+        return Maneuver.model_validate(raw)
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(p) for p in first["loc"])
-        raise ManeuverError(f"{where}: {key}: {first['msg'].removeprefix('Value error, ')}") from None
+        raise ManeuverError(f"{where}: {first_complaint(error, raw, Maneuver)}") from None

@@ -182,6 +182,8 @@ def trim(
 ) -> Trim:
     """Find steady straight flight without sideslip.
 
+    A lateral model holds speed and incidence, so its steady flight is that of the full equations.
+
     Parameters
     ----------
     vehicle : Vehicle
@@ -199,6 +201,8 @@ def trim(
     """
     from scipy.optimize import least_squares
 
+    if vehicle.reduce == "lateral":
+        return trim(vehicle.reduced("full"), airspeed, altitude, climb_angle, density)
     layout = _layout(vehicle)
     V = vehicle.value("reference.airspeed") if airspeed is None else airspeed
     condition = _Condition(layout, V, altitude, climb_angle, neutral_inputs(vehicle, density))

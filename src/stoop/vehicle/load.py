@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from stoop.vehicle.complaints import first_complaint
 from stoop.vehicle.defaults import COEFFICIENTS, EQUATION_1
 from stoop.vehicle.quantity import tied
 from stoop.vehicle.schema import CHANNELS, Control, VehicleFile
+from stoop.vehicle.source import parse_source, read_source
 from stoop.vehicle.vehicle import Vehicle
 
 STANDARD_CONTROLS = ("elevator", "aileron", "rudder")
@@ -24,17 +24,6 @@ _SENSOR_DEFAULTS = {
     "phi": (0.02, 0.01), "theta": (0.02, 0.01), "psi": (0.02, 0.01),
     "ax": (0.2, 0.1), "ay": (0.2, 0.1), "az": (0.2, 0.1),
 }  # fmt: skip
-MAX_BYTES = 1_000_000
-
-
-def _read(path: Path) -> str:
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise VehicleError(f"{path}: larger than {MAX_BYTES} bytes; this is not a vehicle file")
-        return path.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "not UTF-8 text"
-        raise VehicleError(f"{path}: cannot read the vehicle file ({reason}); check the path") from None
 
 
 def load_vehicle(path: Path | str) -> Vehicle:
@@ -45,15 +34,12 @@ def load_vehicle(path: Path | str) -> Vehicle:
     VehicleError
         One line that names the file, the key and what to write instead.
     """
-    return parse_vehicle(_read(Path(path)), str(path))
+    return parse_vehicle(read_source(path, "vehicle", VehicleError), str(path))
 
 
 def parse_vehicle(text: str, where: str) -> Vehicle:
     """Read a vehicle from TOML text; ``where`` names it in messages."""
-    try:
-        raw = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise VehicleError(f"{where}: not valid TOML: {error}; mend that line") from None
+    raw = parse_source(text, where, VehicleError)
     _complete(raw, where)
     try:
         file = VehicleFile.model_validate(raw)

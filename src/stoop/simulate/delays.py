@@ -1,0 +1,114 @@
+"""Delays of controls and sensors: signals read a fraction of a sample late.
+
+A gather inside the kernel would break its vectorization and a linear interpolation would put kinks into the
+gradient, so signals are shifted outside it, by four-point Lagrange interpolation.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.flight.variables import WRAPPED
+from stoop.vehicle import Vehicle
+
+FloatArray = NDArray[np.float64]
+
+
+def delayed(signal: FloatArray, samples: float) -> FloatArray:
+    """Return a signal as it was ``samples`` earlier; before the record it holds its first value.
+
+    Parameters
+    ----------
+    signal : (n, ...) array
+    samples : float
+        Delay in samples; negative looks ahead.
+    """
+    if samples == 0.0:
+        return signal
+    whole = int(np.floor(samples))
+    fraction = samples - whole
+    weights = _lagrange(fraction)
+    index = np.arange(len(signal)) - whole
+    last = len(signal) - 1
+    out = np.zeros_like(signal, dtype=float)
+    for offset, weight in zip((1, 0, -1, -2), weights, strict=True):
+        out += weight * signal[np.clip(index + offset, 0, last)]
+    return out
+
+
+def _lagrange(f: float) -> tuple[float, float, float, float]:
+    """Return the weights of the samples at +1, 0, -1, -2 for the point at -f, 0 <= f < 1."""
+    return (
+        -f * (1.0 - f) * (2.0 - f) / 6.0,
+        (1.0 + f) * (1.0 - f) * (2.0 - f) / 2.0,
+        (1.0 + f) * f * (2.0 - f) / 2.0,
+        -(1.0 + f) * f * (1.0 - f) / 6.0,
+    )
+
+
+def delayed_lanes(signal: FloatArray, samples: FloatArray) -> FloatArray:
+    """Return one delayed copy per lane: (n, B) for a signal (n,), delays (B,).
+
+    Few lanes differ from the first (a Jacobian perturbs one delay at a time), so each distinct delay is
+    computed once.
+    """
+    distinct, lane = np.unique(samples, return_inverse=True)
+    copies = np.stack([delayed(signal, float(d)) for d in distinct], axis=-1)
+    return np.ascontiguousarray(copies[:, lane])
+
+
+def input_delays(vehicle: Vehicle) -> list[tuple[int, int]]:
+    """Return input column and kernel row of each control delay; a channel shared by controls takes the first."""
+    found: dict[int, int] = {}
+    for control in vehicle.controls:
+        name = f"controls.{control}.delay"
+        for channel in vehicle.channels_of(control) if name in vehicle.rows else ():
+            found.setdefault(vehicle.inputs.index(channel), vehicle.rows[name])
+    return list(found.items())
+
+
+def output_delays(vehicle: Vehicle) -> list[tuple[int, int]]:
+    """Return output column and kernel row of each sensor delay."""
+    names = [(i, f"sensors.{c}.delay") for i, c in enumerate(vehicle.outputs)]
+    return [(i, vehicle.rows[n]) for i, n in names if n in vehicle.rows]
+
+
+def late_inputs(vehicle: Vehicle, inputs: FloatArray, rows: FloatArray, dt: float) -> FloatArray:
+    """Return inputs as the surfaces receive them.
+
+    Parameters
+    ----------
+    inputs : (n, n_u) array
+        As recorded.
+    rows : (n_p, B) array
+        Kernel parameters.
+    dt : float, s
+
+    Returns
+    -------
+    (n, n_u) array, or (n, n_u, B) where candidates differ in a delay
+    """
+    late = input_delays(vehicle)
+    if not late:
+        return inputs
+    if all(np.ptp(rows[row]) == 0.0 for _, row in late):
+        out = inputs.astype(float)
+        for channel, row in late:
+            out[:, channel] = delayed(inputs[:, channel], float(rows[row, 0]) / dt)
+        return out
+    lanes = np.repeat(inputs[:, :, None], rows.shape[1], axis=2)
+    for channel, row in late:
+        lanes[:, channel] = delayed_lanes(inputs[:, channel], rows[row] / dt)
+    return lanes
+
+
+def late_outputs(vehicle: Vehicle, outputs: FloatArray, rows: FloatArray, dt: float) -> FloatArray:
+    """Return readings (B, n, n_y) as late as the instruments deliver them; the array is changed in place."""
+    for channel, row in output_delays(vehicle):
+        turns = vehicle.outputs[channel] in WRAPPED
+        for lane, delay in enumerate(rows[row] / dt):
+            # An angle that jumps from pi to -pi has no value between them.
+            signal = np.unwrap(outputs[lane, :, channel]) if turns else outputs[lane, :, channel]
+            outputs[lane, :, channel] = delayed(signal, float(delay))
+    return outputs

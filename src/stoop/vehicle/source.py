@@ -1,0 +1,39 @@
+"""Read a small TOML file whole, or say in one line why not."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from stoop.errors import StoopError
+
+MAX_BYTES = 1_000_000
+
+
+def read_source(path: Path | str, what: str, error: type[StoopError]) -> str:
+    """Return the text of a file.
+
+    Parameters
+    ----------
+    path : Path or str
+    what : str
+        Kind of file, for the message.
+    error : type of StoopError
+        What to raise.
+    """
+    try:
+        if Path(path).stat().st_size > MAX_BYTES:
+            raise error(f"{path}: larger than {MAX_BYTES} bytes; this is no {what} file, check the path")
+        return Path(path).read_text(encoding="utf-8")
+    except (OSError, ValueError) as fault:
+        reason = getattr(fault, "strerror", None) or "not UTF-8 text"
+        raise error(f"{path}: cannot read the {what} file ({reason}); check the path") from None
+
+
+def parse_source(text: str, where: str, error: type[StoopError]) -> dict[str, Any]:
+    """Return the tables of a TOML text; ``where`` names it in messages."""
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as fault:
+        raise error(f"{where}: not valid TOML: {fault}; mend that line") from None
