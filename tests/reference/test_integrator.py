@@ -1,0 +1,96 @@
+"""The compiled Runge-Kutta steps against DOP853 at a relative tolerance of 1e-13 (Hairer, Norsett, Wanner).
+
+Both see the same inputs, linear between samples; DOP853 starts anew at every corner of the inputs, where a
+method of high order would otherwise lose it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import DOP853
+
+from stoop.kernels import Kernel
+from stoop.simulate import Maneuver, initial_states, parameter_rows, trim
+from stoop.simulate.fly import fly
+from stoop.vehicle import Vehicle
+
+PAPER = Maneuver.model_validate(
+    {
+        "duration": 20.0,
+        "input": [
+            {"control": "elevator", "shape": "3-2-1-1", "start": 1.0, "step": 0.3, "amplitude": 0.2},
+            {"control": "elevator", "shape": "pulse", "start": 4.0, "duration": 3.0, "amplitude": 0.05},
+            {"control": "aileron", "shape": "doublet", "start": 9.0, "step": 0.5, "amplitude": 0.1},
+            {"control": "rudder", "shape": "doublet", "start": 12.0, "step": 1.0, "amplitude": 0.1},
+        ],
+    }
+)
+
+
+def exact(
+    kernel: Kernel, rows: np.ndarray, x: np.ndarray, u: np.ndarray, corner: float, samples: int
+) -> np.ndarray:
+    """Return readings at every corner of the inputs and ``samples`` times between two of them."""
+    nu = u.shape[1]
+
+    def rates(s: float, state: np.ndarray, k: int) -> np.ndarray:
+        here = u[k] + (u[min(k + 1, len(u) - 1)] - u[k]) * (s / corner)
+        return kernel.evaluate(rows, state[:, None], here.reshape(nu, 1))[0][:, 0]
+
+    out = []
+    for k in range(len(u)):
+        for j in range(samples):
+            here = u[k] + (u[min(k + 1, len(u) - 1)] - u[k]) * (j / samples)
+            out.append(kernel.evaluate(rows, x[:, None], here.reshape(nu, 1))[1][:, 0])
+            start, stop = corner * j / samples, corner * (j + 1) / samples
+            solver = DOP853(
+                lambda s, state, k=k: rates(s, state, k),
+                start,
+                x,
+                stop,
+                rtol=1e-13,
+                atol=1e-13,
+                first_step=stop - start,
+            )
+            while solver.status == "running":
+                solver.step()
+            x = solver.y
+    return np.array(out)
+
+
+def test_outputs_at_100_hz(twin_boom: Vehicle) -> None:
+    flown = fly(twin_boom, PAPER)
+    point = trim(twin_boom)
+    rows = parameter_rows(twin_boom, point.changes)
+    start = initial_states(twin_boom, point.start, rows, flown.inputs[0])
+    expected = exact(twin_boom.kernel(), rows, start[:, 0], flown.inputs, 0.01, 1)
+    largest = np.abs(expected).max(axis=0)
+    error = np.abs(flown.outputs - expected).max(axis=0) / largest
+    assert dict(zip(twin_boom.outputs, error, strict=True)) == pytest.approx(
+        dict.fromkeys(twin_boom.outputs, 0.0), abs=1e-6
+    )
+
+
+def test_order_four(twin_boom: Vehicle) -> None:
+    """A multisine sampled every 80 ms, and steps that divide those: the corners never fall inside a step."""
+    coarse, corners = 0.08, 51
+    t = coarse * np.arange(corners)
+    point = trim(twin_boom)
+    u = np.repeat(point.inputs[None, :], corners, axis=0)
+    for i, (name, size) in enumerate((("elevator", 0.03), ("aileron", 0.03), ("rudder", 0.05))):
+        u[:, twin_boom.inputs.index(name)] += size * (np.sin(2.5 * t + i) + np.sin(4.1 * t))
+    rows = parameter_rows(twin_boom, point.changes)
+    start = initial_states(twin_boom, point.start, rows, u[0])
+    kernel = twin_boom.kernel()
+    expected = exact(kernel, rows, start[:, 0], u, coarse, 1)
+    errors = []
+    for parts in (1, 2, 4, 8):
+        fine = np.arange((corners - 1) * parts + 1) / parts
+        v = np.array([np.interp(fine, np.arange(corners), column) for column in u.T]).T
+        y = kernel.trajectories(rows, start, v, coarse / parts)[0, ::parts]
+        errors.append(np.abs(y - expected).max(axis=0))
+    order = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
+    assert order[1:].min() > 3.7
+    assert order[1:].max() < 4.4
+    assert order[-1] == pytest.approx(np.full(order.shape[1], 4.0), abs=0.2)
