@@ -150,19 +150,26 @@ class Kernel:
         self.shared.run_evaluate(_matrix(parameters), _matrix(states), _matrix(inputs), out)
         return out[:nx], out[nx:]
 
-    def assembly(self) -> str:
-        """Return the machine code of the cost kernel as text, to be searched for vector instructions.
+    def assembly(self, entry: str = "run_cost", per_lane: bool = False) -> str:
+        """Return the machine code of a time loop as text, to be searched for vector instructions.
 
         Numba keeps no text of what came from its cache, so the kernel is compiled once more.
+
+        Parameters
+        ----------
+        entry : "run_cost" or "run_outputs"
+        per_lane : bool
+            The variant in which each candidate has its own inputs.
         """
         import numba
 
         from stoop.kernels.lanes import signatures
 
-        options = {"fastmath": self.shared.FASTMATH, "error_model": "numpy", "nogil": True}
-        entry: Any = numba.njit(**options)(self.shared.run_cost.py_func)
-        entry.compile(signatures(per_lane=False)["run_cost"])
-        return "\n".join(entry.inspect_asm().values())
+        module = self.per_lane() if per_lane else self.shared
+        options = {"fastmath": module.FASTMATH, "error_model": "numpy", "nogil": True}
+        again: Any = numba.njit(**options)(getattr(module, entry).py_func)
+        again.compile(signatures(per_lane)[entry])
+        return "\n".join(again.inspect_asm().values())
 
     def _arguments(
         self, parameters: FloatArray, initial: FloatArray, inputs: FloatArray

@@ -18,8 +18,8 @@ LANES = 8  #: one AVX-512 register of doubles
 
 
 def _tuple(pattern: str, count: int) -> str:
-    """Write a tuple of ``count`` entries; ``{i}`` is the index, ``{r}`` the scratch row times lanes."""
-    return "(" + "".join(pattern.format(i=i, r=i * LANES) + ", " for i in range(count)) + ")"
+    """Write a tuple of ``count`` entries; ``{i}`` is the index."""
+    return "(" + "".join(pattern.format(i=i) + ", " for i in range(count)) + ")"
 
 
 def _rows(first: int, count: int) -> str:
@@ -95,6 +95,17 @@ def fill(S, P, X0, b0):
 """
 
 
+def _scratch(e: Emitted) -> tuple[int, int, int]:
+    """Return where the results and a lane's own inputs begin in the scratch array, and its size, in rows.
+
+    All that the lane loop touches lies in this one array: with two, LLVM could not rule out that they
+    overlap, and would not vectorize.
+    """
+    results = e.states + e.constants
+    inputs = results + e.outputs
+    return results, inputs, inputs + 2 * e.inputs
+
+
 def _inputs(e: Emitted, per_lane: bool) -> tuple[str, str]:
     """Return the source that reads a sample's inputs: before the lane loop and inside it."""
     if not per_lane:
@@ -105,14 +116,17 @@ def _inputs(e: Emitted, per_lane: bool) -> tuple[str, str]:
             "um = middle(ua, ub)",
         ]
         return _indent(lines, 12), ""
-    block = f"(b0 // LANES) * rows * {e.inputs * LANES}"
+    width, first = e.inputs * LANES, _scratch(e)[1]
     before = [
-        f"ia = {block} + k * {e.inputs * LANES}",
-        f"ib = {block} + min(k + 1, rows - 1) * {e.inputs * LANES}",
+        f"ia = ((b0 // LANES) * rows + k) * {width}",
+        f"ib = ((b0 // LANES) * rows + min(k + 1, rows - 1)) * {width}",
+        f"for i in range({width}):",
+        f"    S[{first * LANES} + i] = U[ia + i]",
+        f"    S[{first * LANES + width} + i] = U[ib + i]",
     ]
     inside = [
-        f"ua = {_tuple('U[ia + {r} + j]', e.inputs)}",
-        f"ub = {_tuple('U[ib + {r} + j]', e.inputs)}",
+        f"ua = {_rows(first, e.inputs)}",
+        f"ub = {_rows(first + e.inputs, e.inputs)}",
         "um = middle(ua, ub)",
     ]
     return _indent(before, 12), _indent(inside, 16)
@@ -123,9 +137,9 @@ def _indent(lines: list[str], depth: int) -> str:
 
 
 def _loops(e: Emitted, per_lane: bool) -> str:
-    nx, rows = e.states, e.states + e.constants + 1
+    nx, (results, _, size) = e.states, _scratch(e)
     before, inside = _inputs(e, per_lane)
-    total = f"S[{(nx + e.constants) * LANES} + j]"
+    total = f"S[{results * LANES} + j]"
     step = inside + _indent(
         [
             "x = load_state(S, j)",
@@ -135,11 +149,11 @@ def _loops(e: Emitted, per_lane: bool) -> str:
         ],
         16,
     )
-    keep = _indent([f"T[{i * LANES} + j] = y[{nx + i}]" for i in range(e.outputs)], 16)
+    keep = _indent([f"S[{(results + i) * LANES} + j] = y[{nx + i}]" for i in range(e.outputs)], 16)
     return f"""
 @compiled
 def run_cost(P, X0, U, rows, Z, W, dt, samples, J, first, last):
-    S = np.empty({rows * LANES})
+    S = np.empty({size * LANES})
     hh = 0.5 * dt
     h6 = dt / 6.0
     for b0 in range(first, last, LANES):
@@ -157,8 +171,7 @@ def run_cost(P, X0, U, rows, Z, W, dt, samples, J, first, last):
 
 @compiled
 def run_outputs(P, X0, U, rows, dt, samples, Y, first, last):
-    S = np.empty({rows * LANES})
-    T = np.empty({e.outputs * LANES})
+    S = np.empty({size * LANES})
     hh = 0.5 * dt
     h6 = dt / 6.0
     for b0 in range(first, last, LANES):
@@ -167,7 +180,7 @@ def run_outputs(P, X0, U, rows, dt, samples, Y, first, last):
 {before}            for j in range(LANES):
 {step}{keep}            for j in range(min(LANES, last - b0)):
                 for i in range({e.outputs}):
-                    Y[b0 + j, k, i] = T[i * LANES + j]
+                    Y[b0 + j, k, i] = S[({results} + i) * LANES + j]
 """
 
 
