@@ -212,9 +212,17 @@ def trim(
         if residual < _TOLERANCE:
             break
     angles, controls, _ = condition.split(x)
-    if not residual < _TOLERANCE or max(map(abs, (*angles.values(), *controls.values()))) > math.pi / 2.0:
+    named = {**angles, **controls}
+    worst = max(named, key=lambda name: abs(named[name]))
+    if not residual < _TOLERANCE or abs(named[worst]) > math.pi / 2.0:
+        wanting = residual >= _TOLERANCE or not math.isfinite(residual)
+        why = (
+            f"accelerations of {residual:.2g} remain"
+            if wanting
+            else f"{worst} would be {named[worst]:.3g} rad"
+        )
         raise SimulationError(
-            f"{vehicle.where}: no steady flight found at {V:g} m/s (accelerations of {residual:.2g} remain); "
+            f"{vehicle.where}: no steady flight found at {V:g} m/s ({why}); "
             "try another airspeed or check thrust, CL and Cm"
         )
     return replace(condition.point(x), residual=residual)
