@@ -1,0 +1,98 @@
+"""Read Markdown: fenced blocks, commands, tables under their headings, links."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = (
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "examples" / "README.md",
+    *sorted(DOCS.glob("*.md")),
+)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table: the heading above it without backticks, its own head, its rows without backticks around a cell."""
+
+    heading: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    def column(self, name: str) -> list[str]:
+        """Return the cells under a head."""
+        return [row[self.head.index(name)] for row in self.rows]
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    """Return the fenced blocks of a language."""
+    return re.findall(
+        rf"^```{language}\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
+    )
+
+
+def commands(page: Path) -> list[str]:
+    """Return what stands behind the prompts of console blocks, continued lines joined."""
+    lines = "\n".join(blocks(page, "console")).replace("\\\n", " ").splitlines()
+    return [re.sub(r"\s+#.*", "", line[2:]).strip() for line in lines if line.startswith("$ ")]
+
+
+def tables(page: Path) -> list[Table]:
+    """Return all tables of a page."""
+    found, heading = [], ""
+    for part in _parts(page.read_text(encoding="utf-8")):
+        if isinstance(part, str):
+            heading = part.replace("`", "")
+        else:
+            found.append(Table(heading, part[0], tuple(part[2:])))
+    return found
+
+
+def table(page: Path, heading: str, *head: str) -> Table:
+    """Return the table under a heading whose head begins with some names."""
+    for t in tables(page):
+        if t.heading == heading and t.head[: len(head)] == head:
+            return t
+    raise LookupError(f"{page.name}: no table {head} under '{heading}'")
+
+
+def _parts(text: str) -> Iterator[str | list[tuple[str, ...]]]:
+    rows: list[tuple[str, ...]] = []
+    for line in [*re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL).splitlines(), ""]:
+        if line.startswith("|"):
+            rows.append(tuple(_bare(cell) for cell in line.strip().strip("|").split("|")))
+        elif rows:
+            yield rows
+            rows = []
+        if line.startswith("#"):
+            yield line.lstrip("# ")
+
+
+def _bare(cell: str) -> str:
+    text = cell.strip().replace("\\*", "*")
+    return text[1:-1] if re.fullmatch(r"`[^`]*`", text) else text
+
+
+def links(page: Path) -> list[str]:
+    """Return the targets of links and pictures that lie in the repository, without their anchors."""
+    targets = re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8"))
+    local = [t.partition("#")[0] for t in targets if "://" not in t]
+    return [t for t in local if t]
+
+
+def run_python(page: Path, folder: Path) -> str:
+    """Run the first Python block of a page in a folder, as its reader would; return what it prints."""
+    block = blocks(page, "python")[0]
+    done = subprocess.run(
+        [sys.executable, "-c", block], cwd=folder, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout

@@ -1,0 +1,104 @@
+"""The references of mapping files, variables, units and maneuver files are the code's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+from pydantic import BaseModel
+
+from docs.pages import DOCS, blocks, run_python, table, tables
+from stoop.cli.main import main
+from stoop.flight import OUTPUTS, VARIABLES, load, save
+from stoop.logs.mapping import TIME_UNITS, read_mapping
+from stoop.simulate import maneuver, parse_maneuver, simulate_flight
+from stoop.units import FACTORS
+from stoop.vehicle.builtin import resolve_vehicle
+
+FLIGHTS, MANEUVERS = DOCS / "flight-files.md", DOCS / "maneuver-file.md"
+
+
+def test_variables() -> None:
+    rows = table(FLIGHTS, "Variables", "variable").rows
+    code = [(v.name, v.unit, v.frame, v.sign, v.meaning) for v in VARIABLES.values() if "pwm" not in v.name]
+    assert list(rows[:-1]) == code
+    assert rows[-1][0] == "`pwm_1` to `pwm_16`"
+    assert {f"pwm_{i}" for i in range(1, 17)} == set(VARIABLES) - {row[0] for row in rows}
+
+
+def test_units_of_mappings() -> None:
+    text = FLIGHTS.read_text(encoding="utf-8")
+    line = next(line for line in text.splitlines() if line.startswith("Units: "))
+    assert line.removeprefix("Units: ").rstrip(".").replace("`", "").split(", ") == list(FACTORS)
+    assert all(f"`{unit}`" in text for unit in TIME_UNITS)
+
+
+def test_mapping_of_the_page(tmp_path: Path) -> None:
+    path = tmp_path / "mapping.toml"
+    path.write_text(blocks(FLIGHTS, "toml")[0], encoding="utf-8")
+    mapping = read_mapping(path)
+    assert (mapping.time_column, mapping.time_factor) == ("t_ms", 1e-3)
+    az = next(c for c in mapping.columns if c.variable == "az")
+    assert (az.factor, az.offset) == (-9.80665, 0.0)
+
+
+def test_template_is_a_mapping(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """``stoop info flight.csv > flight.csv.toml``: what is printed can be read."""
+    t = np.arange(300) * 0.02
+    rows = np.column_stack([t, 0.1 * np.sin(t), np.cos(t)])
+    log = tmp_path / "flight.csv"
+    np.savetxt(log, rows, delimiter=",", header="time,q,elevator", comments="")
+    assert main(["info", str(log)]) == 2
+    (tmp_path / "flight.csv.toml").write_text(capsys.readouterr().out, encoding="utf-8")
+    assert {"q", "elevator"} <= {str(name) for name in load(log).data.data_vars}
+
+
+def test_python_of_the_page(tmp_path: Path) -> None:
+    flight = simulate_flight(resolve_vehicle("twin-boom"), parse_maneuver("duration = 2.0", "two seconds"))
+    save(flight, tmp_path / "flight.nc")
+    assert "simulated flight" in run_python(FLIGHTS, tmp_path)
+    assert (tmp_path / "copy.nc").exists()
+
+
+@pytest.mark.parametrize(
+    ("heading", "models"),
+    [("Top level", [maneuver.Maneuver]), ("[[input]]", [maneuver.Steps, maneuver.Pulse, maneuver.Multisine])],
+)
+def test_keys_of_maneuver_files(heading: str, models: list[type[BaseModel]]) -> None:
+    page = table(MANEUVERS, heading, "key")
+    fields = {name: field for model in models for name, field in model.model_fields.items()}
+    assert set(page.column("key")) == set(fields)
+    for key, said in zip(page.column("key"), page.column("default"), strict=True):
+        default = None if fields[key].is_required() else fields[key].get_default(call_default_factory=True)
+        if fields[key].is_required():
+            assert said == "required", key
+        elif isinstance(default, str | float | int):
+            assert said.strip('"') == str(default), key
+
+
+def test_shapes_of_maneuver_files() -> None:
+    rows = table(MANEUVERS, "[[input]]", "key").rows
+    known = {
+        shape for model in (maneuver.Steps, maneuver.Pulse, maneuver.Multisine) for shape in shapes(model)
+    }
+    written = next(row[2] for row in rows if row[0] == "shape")
+    assert all(f'`"{shape}"`' in written for shape in known)
+
+
+def shapes(model: type[BaseModel]) -> tuple[str, ...]:
+    return get_args(model.model_fields["shape"].annotation)
+
+
+def test_maneuver_of_the_page() -> None:
+    flown = parse_maneuver(blocks(MANEUVERS, "toml")[0], "page")
+    assert set(flown.deflections()) == {"rudder", "aileron"}
+    assert "noise" in flown.model_fields_set
+
+
+def test_channels_of_the_pages() -> None:
+    channels = ", ".join(OUTPUTS)
+    assert channels in FLIGHTS.read_text(encoding="utf-8").replace("\n", " ")
+    assert channels in MANEUVERS.read_text(encoding="utf-8")
+    assert tables(FLIGHTS)

@@ -1,0 +1,102 @@
+"""The README's Python block on the real flight, and every figure that the pages take from it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from docs.pages import DOCS, ROOT, blocks, commands, run_python, table
+from stoop.cli.main import main
+from stoop.identify.result import Result, read_result
+
+PAGE = DOCS / "vtail.md"
+ROUNDING = 0.02  #: other processors round otherwise, and the optimum is flat
+
+
+@pytest.fixture(scope="module")
+def workplace(tmp_path_factory: pytest.TempPathFactory, shared_data: Path) -> Path:
+    """Return a folder in which the README's block was run, the flight beside it under its name."""
+    folder = tmp_path_factory.mktemp("vtail")
+    (folder / "examples").symlink_to(ROOT / "examples")
+    (folder / "flight2").symlink_to(shared_data / "altlnt-vtail-8kg-px4" / "flight2")
+    assert "CLalpha" in run_python(ROOT / "README.md", folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def result(workplace: Path) -> Result:
+    return read_result(workplace / "result" / "result.json")
+
+
+def test_the_api_page_shows_the_same_block() -> None:
+    assert blocks(DOCS / "api.md", "python")[0] == blocks(ROOT / "README.md", "python")[0]
+
+
+def test_the_readme_asks_for_the_same_windows() -> None:
+    windows = "--maneuver 140:145 146:152 160:168.3 --validate 187:196"
+    for page in (ROOT / "README.md", PAGE):
+        assert any(" ".join(c.split()).find(windows) > 0 for c in commands(page))
+
+
+def test_outputs_of_the_readme(workplace: Path) -> None:
+    written = set(table(ROOT / "README.md", "A real flight", "file").column("file"))
+    assert written == {p.name for p in (workplace / "result").iterdir()}
+
+
+def test_figures(result: Result) -> None:
+    for maneuver, channel, model, lag in table(PAGE, "4. Judge", "maneuver").rows:
+        start = float(maneuver.rpartition(" ")[2].partition(":")[0])
+        figures = next(m for m in result.maneuvers if m.start == start).channels[channel.split()[0]]
+        assert figures.theil == pytest.approx(float(model), abs=ROUNDING)
+        assert figures.baseline_theil == pytest.approx(float(lag), abs=ROUNDING)
+
+
+def test_figures_of_the_changelog() -> None:
+    page = table(PAGE, "4. Judge", "maneuver")
+    newest = table(ROOT / "CHANGELOG.md", "Numbers", "maneuver")
+    assert [r[:3] for r in page.rows] == [(*r[:2], r[-1]) for r in newest.rows]
+
+
+def test_estimates(result: Result) -> None:
+    for name, *numbers, _ in table(PAGE, "4. Judge", "parameter").rows:
+        p = result.parameters[name]
+        found = (p.estimate, p.ci95_lower, p.ci95_upper)
+        for number, value in zip(numbers, found, strict=True):
+            assert value == pytest.approx(float(number), abs=0.2 * p.std_error + 0.006 * abs(value)), name
+
+
+def test_sizes(result: Result) -> None:
+    states = sum(len(s.values) for s in result.initial_states) + sum(len(b.values) for b in result.biases)
+    text = PAGE.read_text(encoding="utf-8")
+    assert f"{len(result.parameters)} parameters, {states} initial states and biases" in text
+
+
+def test_what_info_prints(
+    workplace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(workplace)
+    assert main(["info", "flight2"]) == 0
+    printed = capsys.readouterr().out.splitlines()
+    assert [
+        line for line in blocks(PAGE, "text")[0].splitlines() if line != "..." and line not in printed
+    ] == []
+
+
+def test_trim_and_modes(
+    workplace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(workplace)
+    for command in commands(PAGE):
+        if command.startswith(("stoop trim", "stoop linearize")):
+            assert main(command.split()[1:]) == 0, command
+    now, written = modes(capsys.readouterr().out), modes(blocks(PAGE, "text")[1])
+    assert set(now) == set(written)
+    for name, frequency in written.items():
+        assert now[name] == pytest.approx(frequency, rel=0.05), name
+
+
+def modes(text: str) -> dict[str, float]:
+    """Return the frequencies, rad/s, of a table of modes."""
+    lines = text[text.index("Modes") :].split("\n\n")[0].splitlines()[2:]
+    return {name: float(rest.split()[0]) for name, _, rest in (line.partition("  ") for line in lines)}
