@@ -22,7 +22,7 @@ from stoop.optimize.levenberg import FULL
 from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
-RESTS = 1e-4  #: change of log det R per channel below which the noise estimate has come to rest
+RESTS = 1e-3  #: change of log det R per channel below which the noise estimate has come to rest
 MAX_ROUNDS = 30
 SETTLING = 3  #: dives at most before the weights are frozen
 SETTLED = 0.05  #: change of log det R per channel below which they need no further dive
