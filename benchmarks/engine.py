@@ -1,0 +1,111 @@
+"""How fast costs are computed: against the prototype, against the core's peak, against SciPy."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from benchmarks import flops, peak, plain, prototype
+from benchmarks.case import Case, full
+from benchmarks.clock import FloatArray, interleave, ratio
+from benchmarks.table import Row
+
+PART = "engine"
+COUNTS = (64, 512)
+ROUNDS = 15
+
+
+def run() -> list[Row]:
+    """Measure all of it."""
+    case = full()
+    return [*_against_prototype_and_peak(case), *_against_scipy(case), *_threads(case)]
+
+
+def _nanoseconds(times: FloatArray, count: int, steps: int) -> FloatArray:
+    return times / count / steps * 1e9
+
+
+def _against_prototype_and_peak(case: Case) -> Iterator[Row]:
+    """Time stoop, the prototype and the multiply-add loop in turn."""
+    ceiling = peak.compiled()
+    calls = _calls(case)
+    if ceiling is not None:
+        calls["peak"] = ceiling[0]
+    times, steps = interleave(calls, ROUNDS), len(case.flown.time)
+    ours = {count: _nanoseconds(times[f"stoop {count}"], count, steps) for count in COUNTS}
+    for count in COUNTS:
+        yield Row(PART, f"step, {count} candidates", float(np.median(ours[count])), "ns", note=_SETTING)
+    for name, words in _KEPT.items():
+        spent = float(np.median(_nanoseconds(times[name], 64, steps)))
+        yield Row(PART, f"step, 64 candidates, {words}", spent, "ns")
+    for count in COUNTS:
+        yield _beside(times, ours[count], count)
+    yield _share(case, ours[max(COUNTS)], times.get("peak"), ceiling[1] if ceiling else 0.0)
+
+
+def _calls(case: Case) -> dict[str, Callable[[], object]]:
+    """Return what is timed of stoop and of the prototype, by name, partners next to each other."""
+    theirs = prototype.calls(COUNTS)
+    calls: dict[str, Callable[[], object]] = {}
+    for count in COUNTS:
+        calls[f"stoop {count}"] = case.cost(count)
+        if count in theirs:
+            calls[f"prototype {count}"] = theirs[count]
+    return calls | {"outputs": case.outputs(64), "delays": case.outputs(64, delays=True)}
+
+
+_KEPT = {"outputs": "outputs kept", "delays": "outputs kept, inputs of its own (free delay)"}
+_SETTING = "6 DoF, 32 parameters, 12 channels, one thread; per RK4 step and candidate"
+
+
+def _beside(times: dict[str, FloatArray], ours: FloatArray, count: int) -> Row:
+    figure = f"over k10_sympy_lanes.py, {count} candidates"
+    if f"prototype {count}" not in times:
+        return Row(PART, figure, None, at_most=1.10, note="shared folder not found: set STOOP_SHARED")
+    theirs = _nanoseconds(times[f"prototype {count}"], count, prototype.STEPS)
+    return Row(PART, figure, ratio(ours, theirs), at_most=1.10, note=f"it takes {np.median(theirs):.1f} ns")
+
+
+def _share(case: Case, ours: FloatArray, loop: FloatArray | None, in_loop: float) -> Row:
+    """Return which share of the core's multiply-add peak the kernel reaches."""
+    figure = "share of the core's FMA peak"
+    if loop is None:
+        return Row(PART, figure, None, "%", at_least=45.0, note="no fused multiply-add here")
+    count = flops.operations((case.kernel.folder / "shared.py").read_text()) + 1
+    share = 100.0 * ratio(count / ours, in_loop / loop * 1e-9)
+    note = f"{count} operations a step; peak {np.median(in_loop / loop) * 1e-9:.0f} Gflop/s"
+    return Row(PART, figure, share, "%", at_least=45.0, note=note)
+
+
+def _against_scipy(case: Case) -> Iterator[Row]:
+    """Time one trajectory by odeint against one candidate of 64."""
+    p = plain.plain(case)
+    python, compiled = plain.python_odeint(p), plain.numba_odeint(p)
+    times = interleave({"ours": case.cost(64), "python": python, "numba": compiled}, 7)
+    ours = times["ours"] / 64
+    for name, side, least in (("python", "lean Python", 120.0), ("numba", "Numba", 40.0)):
+        error = _difference(plain.readings(p, {"python": python, "numba": compiled}[name]()), case)
+        note = f"{np.median(times[name]) * 1e3:.1f} ms against {np.median(ours) * 1e6:.0f} us; differ by {error:.0e}"
+        figure = f"times faster than odeint, {side} right-hand side"
+        yield Row(PART, figure, ratio(times[name], ours), at_least=least, note=note)
+
+
+def _difference(readings: FloatArray, case: Case) -> float:
+    """Return the largest difference to our readings, in channel maxima."""
+    y = case.flown.outputs
+    return float((np.abs(readings - y).max(axis=0) / np.abs(y).max(axis=0)).max())
+
+
+def _threads(case: Case) -> Iterator[Row]:
+    """Compare wall times of one and two threads; the least of several, as others may use the machine."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if cores < 2:
+        yield Row(PART, "two threads over one", None, note="only one core")
+        return
+    calls = {"one": case.cost(64), "two": case.cost(64, threads=2)}
+    times = interleave(calls, 100, time.perf_counter, least=0.0)
+    note = "64 candidates, least wall times of 100"
+    yield Row(PART, "two threads over one, speed", float(times["one"].min() / times["two"].min()), note=note)

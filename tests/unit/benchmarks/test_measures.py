@@ -1,0 +1,93 @@
+"""The measuring itself: what is counted, what passes, what the loop of multiply-adds does."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[3]
+SOURCE = """
+def sqrt(a):
+    return math.sqrt(a)
+
+def half(x):
+    return 0.5 * x[0] - fabs(-x[1])
+
+def step(x, y):
+    t = half(x) / sqrt(y * y + 1.0)
+    return (t, select(x > y, t, t + half(y)))
+"""
+
+
+@pytest.fixture
+def part(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Import a module of the benchmarks, which lie outside the package."""
+    monkeypatch.syspath_prepend(str(ROOT))
+
+    def load(name: str) -> ModuleType:
+        return importlib.import_module(f"benchmarks.{name}")
+
+    return load
+
+
+def test_operations_are_counted_through_calls(part: Any) -> None:
+    count = part("flops").operations
+    assert count(SOURCE, ("half",)) == 2, "a product and a difference; magnitude and sign are free"
+    assert count(SOURCE, ("step",)) == 2 * 2 + 5, "half twice; quotient, root, product, two sums"
+    assert count(SOURCE, ("step", "half")) == 2 * 3 + 5
+
+
+def test_the_loop_of_multiply_adds_computes_them(part: Any) -> None:
+    peak = part("peak")
+    compiled = peak.compiled()
+    if compiled is None:
+        pytest.skip("no fused multiply-add on this processor")
+    call, operations = compiled
+    assert call() == pytest.approx(peak.SUMS * 1.0), "x = x / 2 + 1 / 2 rests at one in each of the sums"
+    assert operations == 2 * peak.SUMS * peak.lanes() * peak.STEPS
+
+
+@pytest.mark.parametrize(
+    ("value", "bounds", "asked", "verdict"),
+    [
+        (1.05, {"at_most": 1.1}, "<= 1.1", "pass"),
+        (1.2, {"at_most": 1.1}, "<= 1.1", "falls short"),
+        (130.0, {"at_least": 120.0}, ">= 120", "pass"),
+        (3.0, {"at_least": 3.9, "at_most": 4.1}, "3.9 to 4.1", "falls short"),
+        (0.0, {"at_most": 0.0}, "0", "pass"),
+        (1.0, {}, "", ""),
+        (None, {"at_most": 1.0}, "<= 1", ""),
+    ],
+)
+def test_verdicts(part: Any, value: float | None, bounds: dict[str, float], asked: str, verdict: str) -> None:
+    row = part("table").Row("part", "figure", value, **bounds)
+    assert (row.asked, row.verdict) == (asked, verdict)
+    assert row.as_json()["verdict"] == verdict
+    assert ("not measured" in part("table").markdown([row])) == (value is None)
+
+
+def test_things_are_timed_in_turn(part: Any) -> None:
+    order: list[str] = []
+    ticks = iter(np.arange(100.0))
+    times = part("clock").interleave(
+        {"a": lambda: order.append("a"), "b": lambda: order.append("b")}, 3, lambda: float(next(ticks)), 0.0
+    )
+    assert order == list("ab" * 4), "once to warm up, then three rounds"
+    assert {name: t.tolist() for name, t in times.items()} == {"a": [1.0] * 3, "b": [1.0] * 3}
+
+
+@pytest.mark.parametrize("kind", ["N", "W", "S"])
+def test_boxes_hold_the_truth_off_their_middle(part: Any, kind: str) -> None:
+    truth = np.array([2.0, -0.5, 10.0])
+    places = []
+    for seed in range(50):
+        low, high = part("paper").box(kind, seed, truth)
+        assert (low < truth).all()
+        assert (truth < high).all()
+        places.append((truth - low) / (high - low))
+    assert np.ptp(places, axis=0).min() > 0.25
