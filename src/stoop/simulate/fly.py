@@ -120,9 +120,19 @@ def simulate_flight(
         if c in VARIABLES and c not in vehicle.inputs  # a recorded channel stays as it was commanded
     }
     columns["altitude"] = _altitude(vehicle, maneuver, flown)
-    flight = from_columns(name, flown.time, columns, ("simulated flight",))
+    flight = from_columns(name, flown.time, columns, ("simulated flight", *_changed(vehicle, flown)))
     flight.data.attrs["truth"] = json.dumps({p.name: p.value for p in vehicle.parameters if p.free})
     return flight
+
+
+def _changed(vehicle: Vehicle, flown: Flown) -> list[str]:
+    """Say what the trim set: a fit with the file's own number would put the difference into the drag."""
+    return [
+        f"{name} was set to {value:.7g} {vehicle.parameters[vehicle.rows[name]].unit} to hold "
+        f"{flown.trim.start['V']:g} m/s; the vehicle file says {vehicle.value(name):.7g}"
+        for name, value in flown.trim.changes.items()
+        if abs(value - vehicle.value(name)) > 1e-3 * abs(vehicle.value(name))
+    ]
 
 
 def _altitude(vehicle: Vehicle, maneuver: Maneuver, flown: Flown) -> FloatArray:

@@ -29,6 +29,14 @@ def test_noise_free_readings_are_recorded(twin_boom: Vehicle) -> None:
     assert np.array_equal(flight.time, flown.time)
 
 
+def test_a_thrust_that_the_trim_sets_is_told(twin_boom: Vehicle) -> None:
+    assert simulate_flight(twin_boom, maneuver()).notes == ("simulated flight",)
+    draggy = twin_boom.with_numbers({"CD0": {"value": 0.08}})
+    told = simulate_flight(draggy, maneuver()).notes[1]
+    assert told.startswith("propulsion.thrust was set to 262.8389 N")
+    assert told.endswith("to hold 35 m/s; the vehicle file says 220.87")
+
+
 def test_noise_has_the_size_that_was_asked_for(twin_boom: Vehicle) -> None:
     quiet = simulate_flight(twin_boom, maneuver(duration=40.0), noise=False)
     noisy = simulate_flight(twin_boom, maneuver(duration=40.0, noise={"q": 0.5, "V": 0.0}), seed=3)
