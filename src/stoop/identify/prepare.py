@@ -91,7 +91,14 @@ def _loading(vehicle: Vehicle, window: Window) -> dict[str, float]:
         raise VehicleError(
             f"{vehicle.where}: no loading is called '{window.loading}'; loadings are {', '.join(loadings) or 'none'}"
         )
-    return dict(loadings[window.loading])
+    changes = dict(loadings[window.loading])
+    for name in changes:
+        if vehicle.parameters[vehicle.rows[name]].free:  # its estimate would stand in for the loading's value
+            raise VehicleError(
+                f"{vehicle.where}: loadings.{window.loading}.{name}: the number is free, so one estimate holds for all "
+                f"maneuvers; remove it from the loading or use --fix {name}"
+            )
+    return changes
 
 
 def _altitude(vehicle: Vehicle, window: Window, extras: Mapping[str, FloatArray]) -> float:
