@@ -110,7 +110,7 @@ def test_without_a_mapping_the_error_holds_one_to_start_from(tmp_path: Path) -> 
     log, mapping = write(tmp_path)
     with pytest.raises(LogError, match=r"needs a mapping .* f\.csv\.toml beside it") as caught:
         read(log)
-    start = str(caught.value).split("\n", 1)[1]
+    start = str(caught.value.args[0]).split("\n", 1)[1]
     assert tomllib.loads(start)["time"]["column"] == "t_ms"
     mapping.write_text(start)
     assert read(log, mapping).streams["f.csv"].time.size == 2
