@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 from typing import get_args
 
@@ -9,8 +11,7 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from docs.pages import DOCS, blocks, run_python, table, tables
-from stoop.cli.main import main
+from docs.pages import DOCS, blocks, commands, run_python, table, tables
 from stoop.flight import OUTPUTS, VARIABLES, load, save
 from stoop.logs.mapping import TIME_UNITS, read_mapping
 from stoop.simulate import maneuver, parse_maneuver, simulate_flight
@@ -44,14 +45,14 @@ def test_mapping_of_the_page(tmp_path: Path) -> None:
     assert (az.factor, az.offset) == (-9.80665, 0.0)
 
 
-def test_template_is_a_mapping(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """``stoop info flight.csv > flight.csv.toml``: what is printed can be read."""
+def test_template_is_a_mapping(tmp_path: Path) -> None:
+    """The page's own commands, in a shell: what is printed can be read."""
     t = np.arange(300) * 0.02
     rows = np.column_stack([t, 0.1 * np.sin(t), np.cos(t)])
     log = tmp_path / "flight.csv"
     np.savetxt(log, rows, delimiter=",", header="time,q,elevator", comments="")
-    assert main(["info", str(log)]) == 2
-    (tmp_path / "flight.csv.toml").write_text(capsys.readouterr().out, encoding="utf-8")
+    first, second = (c.replace("stoop", f"{sys.executable} -m stoop") for c in commands(FLIGHTS))
+    subprocess.run(f"{first}; {second}", shell=True, cwd=tmp_path, capture_output=True, check=True)  # noqa: S602
     assert {"q", "elevator"} <= {str(name) for name in load(log).data.data_vars}
 
 
