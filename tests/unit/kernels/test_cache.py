@@ -28,15 +28,16 @@ def model():
     return oscillator.equations()
 k = load_kernel("pendulum", model)
 y = k.trajectories(np.ones((3, 1)), np.ones((2, 1)), np.ones((50, 1)), 0.01)
-lanes = k.trajectories(np.ones((3, 2)), np.ones((2, 2)), np.ones((50, 1, 2)), 0.01)
-assert np.allclose(y, lanes[:1], rtol=1e-13)
+if {lanes}:
+    lanes = k.trajectories(np.ones((3, 2)), np.ones((2, 2)), np.ones((50, 1, 2)), 0.01)
+    assert np.allclose(y, lanes[:1], rtol=1e-13)
 print(len(built), repr(float(y[0, -1, 0])), "sympy" in sys.modules)
 """
 
 
-def child(folder: Path, **environment: str) -> subprocess.Popen[str]:
+def child(folder: Path, lanes: bool = False, **environment: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-W", "error", "-c", CHILD.format(tests=str(TESTS))],
+        [sys.executable, "-W", "error", "-c", CHILD.format(tests=str(TESTS), lanes=lanes)],
         env=os.environ | {"STOOP_CACHE_DIR": str(folder)} | environment,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
@@ -83,11 +84,11 @@ def filled(forget: Path, pendulum: Kernel) -> Path:
 
 
 def test_processes_share_what_was_compiled_once(tmp_path: Path, expected: float) -> None:
-    first = said(child(tmp_path))
+    first = said(child(tmp_path, lanes=True))
     assert first == ["1", repr(expected), "True"]
     assert len(sealed(tmp_path)) == 2, "one module for shared inputs, one for inputs per lane"
     before = {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*")}
-    second = said(child(tmp_path))
+    second = said(child(tmp_path, lanes=True))
     assert second == ["0", repr(expected), "False"], "a warm start needs no SymPy"
     assert {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*")} == before, "nothing was written again"
     assert all(cache.intact(p) for p in sealed(tmp_path))
@@ -104,7 +105,7 @@ def test_numbas_own_cache_folder_is_not_used(tmp_path: Path, expected: float) ->
     ours = tmp_path / "ours"
     assert said(child(ours, NUMBA_CACHE_DIR=str(elsewhere)))[1] == repr(expected)
     assert not elsewhere.exists()
-    assert len(list(ours.rglob("*.nbc"))) == 6
+    assert len(list(ours.rglob("*.nbc"))) == 3
 
 
 def test_the_filled_fixture_is_a_sound_cache(filled: Path, expected: float) -> None:
