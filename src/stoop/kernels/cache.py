@@ -8,16 +8,21 @@ half-written files; a folder whose checksums do not match is discarded and built
 
 from __future__ import annotations
 
+import atexit
 import contextlib
+import functools
 import hashlib
 import json
 import os
 import shutil
 import stat
 import tempfile
+import time
 from pathlib import Path
 
 MANIFEST = "manifest.json"
+BUILDING = ".building-"
+STALE = 86400.0  #: s
 
 
 def cache_folder() -> Path:
@@ -25,8 +30,18 @@ def cache_folder() -> Path:
     chosen = os.environ.get("STOOP_CACHE_DIR")
     if chosen:
         return Path(chosen)
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "stoop" / "kernels"
+    base = os.environ.get("XDG_CACHE_HOME")
+    try:
+        return Path(base or Path.home() / ".cache") / "stoop" / "kernels"
+    except RuntimeError:  # a user without a home, as containers have them
+        return _for_this_process()
+
+
+@functools.cache
+def _for_this_process() -> Path:
+    folder = Path(tempfile.mkdtemp(prefix="stoop-kernels-"))
+    atexit.register(discard, folder)
+    return folder
 
 
 def checksums(folder: Path) -> dict[str, str]:
@@ -77,7 +92,10 @@ def start_build(root: Path) -> Path:
     """Make a private folder to build in; outside the cache when the cache cannot be written."""
     try:
         root.mkdir(parents=True, exist_ok=True, mode=0o700)
-        return Path(tempfile.mkdtemp(prefix=".building-", dir=root))
+        for old in root.glob(f"{BUILDING}*"):  # a process was killed while it compiled
+            if time.time() - old.stat().st_mtime > STALE:
+                discard(old)
+        return Path(tempfile.mkdtemp(prefix=BUILDING, dir=root))
     except OSError:
         return Path(tempfile.mkdtemp(prefix="stoop-kernels-"))
 

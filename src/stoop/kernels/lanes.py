@@ -153,7 +153,7 @@ def _loops(e: Emitted, per_lane: bool) -> str:
     return f"""
 @compiled
 def run_cost(P, X0, U, rows, Z, W, dt, samples, J, first, last):
-    S = np.empty({size * LANES})
+    S = nb.carray(scratch({size * LANES}), {size * LANES})
     hh = 0.5 * dt
     h6 = dt / 6.0
     for b0 in range(first, last, LANES):
@@ -171,7 +171,7 @@ def run_cost(P, X0, U, rows, Z, W, dt, samples, J, first, last):
 
 @compiled
 def run_outputs(P, X0, U, rows, dt, samples, Y, first, last):
-    S = np.empty({size * LANES})
+    S = nb.carray(scratch({size * LANES}), {size * LANES})
     hh = 0.5 * dt
     h6 = dt / 6.0
     for b0 in range(first, last, LANES):

@@ -9,13 +9,33 @@ The reciprocal of zero is infinity and 0 * inf is NaN: fastmath leaves NaN and i
 """
 
 import math
+from typing import Any
 
 import numba as nb
-import numpy as np  # noqa: F401  used by the loops that follow
+from llvmlite import ir
+from numba.extending import intrinsic
 
 FASTMATH = {"contract", "nsz", "arcp", "afn", "reassoc"}
 inline = nb.njit(fastmath=FASTMATH, forceinline=True, error_model="numpy")
 compiled = nb.njit(fastmath=FASTMATH, error_model="numpy", nogil=True, cache=True)
+
+
+@intrinsic(prefer_literal=True)
+def scratch(_: Any, size: Any) -> Any:
+    """Reserve so many doubles (a literal) on the caller's stack, on a cache line.
+
+    The compiler then puts the whole stack frame on a cache line, also the hundred registers a time step spills
+    there. Else each of those crosses two lines, unless the caller's depth happens to be a lucky one.
+    """
+    count = size.literal_value
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        with builder.goto_entry_block():
+            place = builder.alloca(ir.ArrayType(ir.DoubleType(), count))
+        place.align = 64
+        return builder.bitcast(place, ir.DoubleType().as_pointer())
+
+    return nb.types.CPointer(nb.float64)(size), generate
 
 
 @inline

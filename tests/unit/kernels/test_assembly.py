@@ -47,6 +47,7 @@ def check(text: str, least: int) -> None:
         block = step(text, packed)
         assert count(packed, block) > least
         assert count(rf"{_ARITHMETIC}sd\s", block) < 10, "only what all lanes share is scalar"
+        assert re.search(r"andq\s+\$-64, %rsp", text), "spilled registers lie on cache lines"
     elif machine in ("aarch64", "arm64"):
         assert count(r"\b(?:fadd|fmul|fmla|fsub)\s+v\d+\.2d", text) > least
     else:
