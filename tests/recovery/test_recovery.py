@@ -14,7 +14,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from stoop.errors import VehicleError
+from stoop.errors import IdentificationError, VehicleError
 from stoop.identify.fit import Fit, Options, fit
 from stoop.identify.windows import Window
 from stoop.simulate import Maneuver, simulate_flight, trim
@@ -215,6 +215,15 @@ def test_a_loading_may_not_hold_what_is_free(aircraft: Vehicle) -> None:
         VehicleError, match=r"loadings\.heavy\.mass\.mass: the number is free.*--fix mass\.mass"
     ):
         fit(start, {"sim": flight}, [Window("sim", 0.0, 2.0, "heavy")])
+
+
+def test_a_free_number_needs_bounds(aircraft: Vehicle) -> None:
+    start = aircraft.with_numbers({"reference.alpha": {"free": True}})
+    flight = simulate_flight(start, maneuver(PITCH, 2.0), name="sim")
+    with pytest.raises(
+        IdentificationError, match=r"reference\.alpha: free, but its bounds are \[0, 0\]; write bounds"
+    ):
+        fit(start, {"sim": flight}, [Window("sim", 0.0, 2.0)])
 
 
 INSTRUMENTED = """

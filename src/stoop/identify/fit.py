@@ -112,6 +112,11 @@ def pose(
     )
     if layout.dimension == 0:
         raise IdentificationError(f"{vehicle.where}: no number is free; set free = true or use --free NAME")
+    for p in layout.parameters:
+        if not 0.0 < p.upper - p.lower < np.inf:
+            raise IdentificationError(
+                f"{vehicle.where}: {p.name}: free, but its bounds are [{p.lower:g}, {p.upper:g}]; write bounds = [low, high]"
+            )
     sigma = np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs])
     covariance = sigma**2 if options.covariance is None else options.covariance
     problem = Misfit(layout, prepared.pieces, Weights.of(covariance), horizon_ladder(prepared.pieces))

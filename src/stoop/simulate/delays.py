@@ -59,12 +59,12 @@ def delayed_lanes(signal: FloatArray, samples: FloatArray) -> FloatArray:
 
 
 def input_delays(vehicle: Vehicle) -> list[tuple[int, int]]:
-    """Return input column and kernel row of each control delay; a channel shared by controls takes the first."""
+    """Return input column and kernel row of each control delay (controls that share a channel share it)."""
     found: dict[int, int] = {}
     for control in vehicle.controls:
         name = f"controls.{control}.delay"
         for channel in vehicle.channels_of(control) if name in vehicle.rows else ():
-            found.setdefault(vehicle.inputs.index(channel), vehicle.rows[name])
+            found[vehicle.inputs.index(channel)] = vehicle.rows[name]
     return list(found.items())
 
 

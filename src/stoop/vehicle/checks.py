@@ -22,6 +22,7 @@ def check(vehicle: Vehicle) -> None:
     _check_numbers(vehicle, "")
     _check_angles(vehicle)
     _check_bounds(vehicle)
+    _check_delays(vehicle)
     known = {name for name, _ in leaves(vehicle.file)}
     for loading, numbers in vehicle.file.loadings.items():
         for name in numbers:
@@ -86,8 +87,22 @@ def _check_angles(vehicle: Vehicle) -> None:
 
 def _check_bounds(vehicle: Vehicle) -> None:
     for p in vehicle.parameters:
-        if p.free and not p.lower < p.upper:
+        if p.free and not 0.0 < p.upper - p.lower < math.inf:
             raise VehicleError(
                 f"{vehicle.where}: {p.name}: free, but its bounds are [{p.lower:g}, {p.upper:g}]; "
                 "add bounds = [low, high]"
             )
+
+
+def _check_delays(vehicle: Vehicle) -> None:
+    """Refuse a channel that would have to be late for one control and not for another."""
+    rows: dict[str, tuple[str, int | None]] = {}
+    for control in vehicle.controls:
+        row = vehicle.rows.get(f"controls.{control}.delay")
+        for channel in vehicle.channels_of(control):
+            other, known = rows.setdefault(channel, (control, row))
+            if known != row:
+                raise VehicleError(
+                    f"{vehicle.where}: controls.{control}.delay: channel {channel} also moves {other}, whose delay "
+                    f'is another; tie them, e.g. delay = "=controls.{other}.delay"'
+                )

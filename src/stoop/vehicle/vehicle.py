@@ -250,12 +250,16 @@ class Vehicle:
         Raises
         ------
         VehicleError
-            A name that the vehicle does not have.
+            A name that the vehicle does not have, or of a number that is tied to another.
         """
-        known = {name for name, _ in leaves(self.file)}
+        known = dict(leaves(self.file))
         for name in changes:
             if name not in known:
                 raise VehicleError(f"{self.where}: no number is called '{name}'; {_nearest(name, known)}")
+            if known[name].tie is not None:
+                raise VehicleError(
+                    f"{self.where}: {name}: tied to '{known[name].tie}'; change that one instead"
+                )
         return replace(self, file=_changed(self.file, changes))
 
     def reduced(self, reduce: str) -> Vehicle:

@@ -276,6 +276,29 @@ def test_where_the_cache_lies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -
     assert cache_folder() == Path.home() / ".cache" / "stoop" / "kernels"
 
 
+def test_a_user_without_a_home(monkeypatch: pytest.MonkeyPatch) -> None:
+    def home() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "home", home)
+    monkeypatch.delenv("STOOP_CACHE_DIR", raising=False)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    assert cache_folder() == cache_folder()
+    assert cache_folder().stat().st_mode & 0o777 == 0o700
+
+
+def test_what_a_killed_process_left_is_removed(tmp_path: Path) -> None:
+    old, fresh = tmp_path / ".building-old", tmp_path / ".building-fresh"
+    for folder in (old, fresh):
+        folder.mkdir()
+        (folder / "shared.py").touch()
+    os.utime(old, (0, 0))
+    building = cache.start_build(tmp_path)
+    assert not old.exists()
+    assert fresh.exists()
+    assert building.parent == tmp_path
+
+
 def test_the_manifest_is_plain_json(filled: Path) -> None:
     (folder,) = sealed(filled)
     manifest = json.loads((folder / "manifest.json").read_text())

@@ -140,6 +140,14 @@ def test_with_numbers_knows_names(vehicle: Vehicle) -> None:
         vehicle.with_numbers({"CLalfa": {"value": 5.0}})
 
 
+def test_a_tied_number_cannot_be_changed(twin_boom: str) -> None:
+    v = parse_vehicle(f'{twin_boom}\n[sensors.q]\nbias = "=sensors.p.bias"\n', "x")
+    with pytest.raises(
+        VehicleError, match=r"sensors\.q\.bias: tied to 'sensors\.p\.bias'; change that one instead"
+    ):
+        v.with_numbers({"sensors.q.bias": {"free": False}})
+
+
 def test_units(vehicle: Vehicle) -> None:
     units = {p.name: p.unit for p in vehicle.parameters}
     expected = {"mass.mass": "kg", "mass.inertia.xz": "kg m2", "CLalpha": "1/rad", "CDalpha2": "1/rad2", "CLq": "1",
