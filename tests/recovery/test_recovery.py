@@ -217,6 +217,22 @@ def test_a_loading_may_not_hold_what_is_free(aircraft: Vehicle) -> None:
         fit(start, {"sim": flight}, [Window("sim", 0.0, 2.0, "heavy")])
 
 
+@pytest.mark.parametrize("lost", [("alpha",), ("alpha", "V", "theta")])
+def test_channels_that_nothing_measured(aircraft: Vehicle, lost: tuple[str, ...]) -> None:
+    v = aircraft.reduced("longitudinal")
+    flight = simulate_flight(v, maneuver(PITCH, 16.0), seed=8, name="sim")
+    data = flight.data.copy(deep=True)
+    for channel in lost:
+        data[channel][:] = np.nan
+    start = freed(
+        v, {"Cmq": (-90.0, -10.0), "Cmalpha": (-4.0, 0.0), "Cmelevator": (-2.0, 0.0), "CLalpha": (2.0, 8.0)}
+    )
+    found = fit(
+        spoiled(start, 8), {"sim": replace(flight, data=data)}, [Window("sim", 0.0, 16.0)], Options(seed=8)
+    )
+    assert max(map(abs, deviations(found, truths(v)).values())) < 3.0
+
+
 def test_a_free_number_needs_bounds(aircraft: Vehicle) -> None:
     start = aircraft.with_numbers({"reference.alpha": {"free": True}})
     flight = simulate_flight(start, maneuver(PITCH, 2.0), name="sim")

@@ -184,20 +184,21 @@ def refine(problem: Misfit, prepared: Prepared, outcome: optimize.Outcome, estim
     An interrupted search is not refined; Ctrl-C during the refinement keeps what there is.
     """
     z, cost, before, spent = outcome.z, outcome.cost, np.inf, outcome.trajectories
-    for _ in range(0 if outcome.status == "interrupted" else MAX_ROUNDS):
+    for turn in range(0 if outcome.status == "interrupted" else MAX_ROUNDS):
+        reweigh = estimate_noise and turn > 0
+        weighed = problem.weighted(Weights.of(effective_variance(problem, z))) if reweigh else problem
         try:
-            end, price = _dive(problem, z, FULL)
+            end, price = _dive(weighed, z, FULL)
         except KeyboardInterrupt:
             outcome = replace(
                 outcome, status="interrupted", advice="stopped by the user while the estimates were refined"
             )
             break
-        z, cost, spent = end.z, end.cost, spent + price
+        problem, z, cost, spent = weighed, end.z, end.cost, spent + price
         now = problem.weights.logdet
         if not estimate_noise or abs(before - now) < RESTS * len(problem.weights.covariance):
             break
         before = now
-        problem = problem.weighted(Weights.of(effective_variance(problem, z)))
     return Fit(problem, prepared, z, outcome, cost, spent)
 
 

@@ -7,6 +7,8 @@ logarithm of det R no longer falls (Klein and Morelli, Aircraft System Identific
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -44,9 +46,14 @@ def noise_variance(problem: Misfit, z: FloatArray) -> FloatArray:
 
 def first_variance(problem: Misfit) -> FloatArray:
     """Return a variance (n_y,) to begin with: a share of each channel's spread within its pieces."""
-    spreads = np.array([np.nanvar(p.measured, axis=0) if len(p.time) else 0.0 for p in problem.pieces])
-    typical = np.nanmedian(spreads, axis=0)
-    return FIRST_GUESS**2 * np.where(np.isfinite(typical) & (typical > 0.0), typical, 1.0)
+    columns = zip(*(p.measured.T for p in problem.pieces), strict=True)
+    return FIRST_GUESS**2 * np.array([_typical_spread(pieces) for pieces in columns])
+
+
+def _typical_spread(pieces: Sequence[FloatArray]) -> float:
+    """Return the median variance of a channel over pieces; one where it was not measured or does not move."""
+    spreads = [float(np.var(y[np.isfinite(y)])) for y in pieces if np.isfinite(y).any()]
+    return float(np.median(spreads) if spreads else 0.0) or 1.0
 
 
 def correlation_times(errors: list[FloatArray], dt: float) -> FloatArray:
