@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.vehicle import Parameter, Vehicle
+from stoop.vehicle.schema import CHANNELS
 
 FloatArray = NDArray[np.float64]
 
@@ -55,9 +56,9 @@ class Layout:
 
     @classmethod
     def of(cls, vehicle: Vehicle, nuisances: Sequence[Nuisance]) -> Layout:
-        """Take the vehicle's free numbers as parameters, less those that are nuisances."""
-        taken = {n.name for n in nuisances}
-        free = tuple(p for p in vehicle.parameters if p.free and p.name not in taken)
+        """Take the vehicle's free numbers as parameters, less sensor biases: those are nuisances."""
+        biases = {f"sensors.{c}.bias" for c in CHANNELS}
+        free = tuple(p for p in vehicle.parameters if p.free and p.name not in biases)
         return cls(vehicle, free, tuple(nuisances))
 
     @property

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from stoop.cost.layout import Layout
 from stoop.cost.weights import Weights
+from stoop.flight.variables import WRAPPED
 from stoop.simulate import initial_states, parameter_rows
 from stoop.simulate.delays import late_inputs, late_outputs, output_delays
 
 FloatArray = NDArray[np.float64]
 STEP = 1e-7
-_ANGLES = ("phi", "psi")
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,12 +156,12 @@ class Misfit:
             error = (simulated - np.where(seen, measured, 0.0)) * seen
             for i in self._wrapped:
                 error[..., i] -= 2.0 * np.pi * np.round(error[..., i] / (2.0 * np.pi))
-            whitened: FloatArray = self.weights.whiten(error)
+            whitened: FloatArray = self.weights.whiten(error, seen)
         return whitened
 
     @cached_property
     def _wrapped(self) -> tuple[int, ...]:
-        return tuple(i for i, c in enumerate(self.layout.vehicle.outputs) if c in _ANGLES)
+        return tuple(i for i, c in enumerate(self.layout.vehicle.outputs) if c in WRAPPED)
 
     @cached_property
     def _steps(self) -> list[list[int]]:
@@ -196,7 +196,7 @@ class Misfit:
                     vehicle.rows[f"sensors.{c}.bias"] == row for c in vehicle.outputs
                 ]  # a tie shares it
                 unit = nuisance.scale * seen * shared
-                out[:, self.dimension + j] = self.weights.whiten(unit).ravel()
+                out[:, self.dimension + j] = self.weights.whiten(unit, seen).ravel()
 
     def _candidates(self, Z: FloatArray, index: int) -> tuple[FloatArray, FloatArray]:
         """Return kernel parameters and initial states of one piece for vectors (B, D + E)."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +42,30 @@ class Weights:
         """Logarithm of the determinant of the noise covariance."""
         return -2.0 * float(np.sum(np.log(np.diag(self.root))))
 
-    def whiten(self, residuals: FloatArray) -> FloatArray:
-        """Return residuals (..., n_y) with unit covariance."""
+    def whiten(self, residuals: FloatArray, seen: BoolArray) -> FloatArray:
+        """Return residuals (..., n, n_y) with unit covariance.
+
+        Parameters
+        ----------
+        residuals : (..., n, n_y)
+            Zero where nothing was measured.
+        seen : (n, n_y)
+            Where something was: a sample that lacks channels has the covariance of those it has.
+        """
         if self.diagonal:
             return residuals * np.diag(self.root)
-        return residuals @ self.root.T
+        out = np.zeros_like(residuals)
+        patterns, which = np.unique(seen, axis=0, return_inverse=True)
+        for i, pattern in enumerate(patterns):
+            rows = which.ravel() == i
+            out[..., rows, :] = residuals[..., rows, :] @ self._root_of(pattern).T
+        return out
+
+    def _root_of(self, pattern: BoolArray) -> FloatArray:
+        """Return the root of the inverse covariance of some channels, zero in the others."""
+        index = np.flatnonzero(pattern)
+        root = np.zeros_like(self.root)
+        if index.size:
+            part = self.covariance[np.ix_(index, index)]
+            root[np.ix_(index, index)] = np.linalg.cholesky(np.linalg.inv(part)).T
+        return root

@@ -149,7 +149,11 @@ def without(flight: Flight, windows: Sequence[tuple[float, float]]) -> Flight:
 
     data, air = reconstruct(flight.data, flight.sources["vn"].rate, windows)
     if air.method == "none":
-        return flight
+        note = (
+            f"{flight.name}: too little flight remains outside the predicted windows: the wind, and so the measured V, "
+            "alpha and beta, were estimated with those windows in"
+        )
+        return replace(flight, notes=(*flight.notes, note))
     kept = tuple(note for note in flight.notes if note not in flight.air.notes)
     columns = {name: data[name].to_numpy() for name in VARIABLES if name in data}
     return replace(flight, data=dataset(flight.time, columns), air=air, notes=(*kept, *air.notes))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.cost import Layout, Piece
+from stoop.flight.segments import runs
 from stoop.flight.smoothing import smooth_derivative
 from stoop.simulate import initial_states, parameter_rows
 from stoop.vehicle import Vehicle
@@ -48,8 +49,21 @@ def equation_error(layout: Layout, pieces: tuple[Piece, ...]) -> FloatArray | No
 
 
 def _measured(vehicle: Vehicle, piece: Piece) -> bool:
+    return bool(_complete(vehicle, piece).mean() > 0.9)
+
+
+def _complete(vehicle: Vehicle, piece: Piece) -> NDArray[np.bool_]:
+    """Return the samples (n,) at which all that the equations need was measured."""
     needed = [i for i, c in enumerate(vehicle.outputs) if c != "psi"]
-    return bool(np.isfinite(piece.measured[:, needed]).mean() > 0.9)
+    return np.asarray(np.isfinite(piece.measured[:, needed]).all(axis=1))
+
+
+def _turning(rate: FloatArray, kept: NDArray[np.bool_], dt: float) -> FloatArray:
+    """Differentiate a rate over each stretch without a hole; return the kept samples."""
+    out = np.zeros_like(rate)
+    for run in runs(kept):
+        out[run] = smooth_derivative(rate[run], dt) if run.stop - run.start > 2 else 0.0
+    return out[kept]
 
 
 def _equations(vehicle: Vehicle) -> tuple[list[int], list[int], list[int]]:
@@ -62,13 +76,12 @@ def _equations(vehicle: Vehicle) -> tuple[list[int], list[int], list[int]]:
 def _regression(layout: Layout, piece: Piece, linear: list[int]) -> tuple[FloatArray, FloatArray]:
     """Return the regressors (m, k) and the measured side (m,), each equation scaled by its spread."""
     vehicle = layout.vehicle
-    kept = np.isfinite(piece.measured).all(axis=1)
-    if "psi" in vehicle.outputs:
-        kept = np.isfinite(np.delete(piece.measured, vehicle.outputs.index("psi"), axis=1)).all(axis=1)
+    kept = _complete(vehicle, piece)
     z, u = piece.measured[kept], piece.inputs[kept].T
     states, forces, rates = _equations(vehicle)
     start = {c: np.nan_to_num(z[:, i]) for i, c in enumerate(vehicle.outputs) if c not in _FORCES}
-    start = {"V": np.full(len(z), piece.start["V"]), **start, "h": np.full(len(z), piece.start["h"])}
+    held = {c: np.full(len(z), piece.start[c]) for c in ("V", "alpha", "theta", "h")}
+    start = {**held, **start}
 
     def accelerations(changes: dict[str, float]) -> FloatArray:
         rows = parameter_rows(vehicle, {**piece.changes, **changes}, len(z))
@@ -79,7 +92,7 @@ def _regression(layout: Layout, piece: Piece, linear: list[int]) -> tuple[FloatA
     names = [layout.parameters[i].name for i in linear]
     zero = accelerations(dict.fromkeys(names, 0.0))
     columns = [accelerations({**dict.fromkeys(names, 0.0), n: 1.0}) - zero for n in names]
-    turning = [smooth_derivative(z[:, i], piece.dt) for i in rates]
+    turning = [_turning(piece.measured[:, i], kept, piece.dt) for i in rates]
     wanted = np.concatenate([np.array(turning).reshape(len(rates), -1), z[:, forces].T]) - zero
     spread = np.maximum(np.std(wanted, axis=1, keepdims=True), 1e-9)
     return np.stack([(c / spread).ravel() for c in columns], axis=1), (wanted / spread).ravel()

@@ -17,15 +17,20 @@ from stoop.identify.equation_error import equation_error
 from stoop.identify.noise import effective_variance, first_variance
 from stoop.identify.prepare import Prepared, nuisances, prepare
 from stoop.identify.windows import Window
-from stoop.optimize.ledger import blank
+from stoop.optimize.ledger import Halt, blank
 from stoop.optimize.levenberg import FULL
 from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
 RESTS = 1e-3  #: change of log det R per channel below which the noise estimate has come to rest
 MAX_ROUNDS = 30
+SEARCH = 0.8  #: of the budget; the rest is for the refinement, without which no nuisance is estimated
 SETTLING = 3  #: dives at most before the weights are frozen
 SETTLED = 0.05  #: change of log det R per channel below which they need no further dive
+STOPPED = "stopped by the user while the estimates were refined"
+UNRESTED = (
+    "The noise estimate did not come to rest: weights and error bars are approximate. Allow a larger budget."
+)
 SHORT = optimize.Settings(iterations=40, gain=1e-4, predicted=1e-4, stall=0, stall_damping=np.inf)
 
 
@@ -39,7 +44,7 @@ class Options:
         Name, see :func:`stoop.optimize.names`.
     seed : int
     generations, budget, target_cost
-        When to give up, see :class:`stoop.optimize.Stop`.
+        When to give up, see :class:`stoop.optimize.Stop`; a fifth of the budget is kept for the refinement.
     covariance : (n_y,) or (n_y, n_y) array, optional
         A given noise covariance, the inverse of eq. (3)'s Q; estimated when absent.
     """
@@ -102,14 +107,8 @@ def pose(
     IdentificationError
         Nothing is free.
     """
-    prepared = prepare(vehicle, flights, windows)
+    prepared = without_stuck_channels(vehicle, prepare(vehicle, flights, windows))
     layout = Layout.of(vehicle, nuisances(vehicle, prepared))
-    layout = replace(
-        layout,
-        parameters=tuple(
-            p for p in layout.parameters if not p.name.startswith("sensors.") or not p.name.endswith(".bias")
-        ),
-    )
     if layout.dimension == 0:
         raise IdentificationError(f"{vehicle.where}: no number is free; set free = true or use --free NAME")
     for p in layout.parameters:
@@ -147,62 +146,111 @@ def fit(
     problem, prepared = pose(vehicle, flights, windows, options)
     guesses, spent = starts(problem), 0.0
     if options.covariance is None:
-        problem, first, spent = settle(problem, guesses)
+        problem, first, spent = settle(problem, guesses, options.budget)
         guesses = np.concatenate([first[None, :], guesses])
+    stop = replace(options.stop, budget=max(SEARCH * (options.budget - spent), float(len(guesses))))
     outcome = optimize.minimize(
         optimize.create(options.optimizer), problem, seed=options.seed, starts=guesses,
-        stop=options.stop, callback=callback, state=state,
+        stop=stop, callback=callback, state=state,
     )  # fmt: skip
     if not np.isfinite(outcome.cost):
         raise IdentificationError(f"{vehicle.where}: {outcome.advice}")
-    done = refine(problem, prepared, outcome, estimate_noise=options.covariance is None)
+    left = options.budget - spent - outcome.trajectories
+    done = refine(problem, prepared, outcome, left, estimate_noise=options.covariance is None)
     return replace(done, trajectories=done.trajectories + spent)
 
 
-def settle(problem: Misfit, guesses: FloatArray) -> tuple[Misfit, FloatArray, float]:
-    """Settle the weights by a few dives from the best start; return problem, that place, trajectories."""
+def without_stuck_channels(vehicle: Vehicle, prepared: Prepared) -> Prepared:
+    """Take a channel that never changes for one that was not measured: it would fit perfectly and rule."""
+    stuck = [i for i in range(len(vehicle.outputs)) if _stuck([p.measured[:, i] for p in prepared.pieces])]
+    if not stuck:
+        return prepared
+    pieces = tuple(replace(p, measured=_blanked(p.measured, stuck)) for p in prepared.pieces)
+    names = ", ".join(vehicle.outputs[i] for i in stuck)
+    note = f"{names}: the readings never change in the fitted windows; taken as not measured"
+    return replace(
+        prepared, pieces=pieces, notes=(*prepared.notes, note), warnings=(*prepared.warnings, note)
+    )
+
+
+def _stuck(columns: Sequence[FloatArray]) -> bool:
+    seen = np.concatenate([c[np.isfinite(c)] for c in columns])
+    return seen.size > 1 and float(np.ptp(seen)) <= 1e-12 * max(1.0, float(np.abs(seen).max()))
+
+
+def _blanked(measured: FloatArray, columns: Sequence[int]) -> FloatArray:
+    out = measured.copy()
+    out[:, columns] = np.nan
+    return out
+
+
+def settle(problem: Misfit, guesses: FloatArray, budget: float = np.inf) -> tuple[Misfit, FloatArray, float]:
+    """Settle the weights by a few dives from the best start; return problem, that place, trajectories.
+
+    Ctrl-C or an empty purse ends it early, with what there is.
+    """
     problem = problem.weighted(Weights.of(first_variance(problem)))
-    rung = len(problem.prices) - 1
-    costs = problem.costs(guesses, rung)
+    costs = problem.costs(guesses, len(problem.prices) - 1)
     z = np.concatenate([guesses[int(np.argmin(costs))], np.zeros(problem.extra)])
     spent = float(len(guesses))
     for _ in range(SETTLING):
-        end, price = _dive(problem, z, SHORT)
-        spent += price
-        if not np.isfinite(end.cost):
-            break
+        end = _dive(problem, z, SHORT, budget - spent)
+        spent += end.spent
         z, before = end.z, problem.weights.logdet
         problem = problem.weighted(Weights.of(effective_variance(problem, z)))
-        if abs(problem.weights.logdet - before) < SETTLED * len(problem.weights.covariance):
+        if end.cut_short or abs(problem.weights.logdet - before) < SETTLED * len(problem.weights.covariance):
             break
     return problem, z[: problem.dimension], spent
 
 
-def refine(problem: Misfit, prepared: Prepared, outcome: optimize.Outcome, estimate_noise: bool) -> Fit:
+def refine(
+    problem: Misfit,
+    prepared: Prepared,
+    outcome: optimize.Outcome,
+    budget: float = np.inf,
+    estimate_noise: bool = True,
+) -> Fit:
     """Alternate the noise estimate and a full dive; population optimizers get their nuisances here.
 
     An interrupted search is not refined; Ctrl-C during the refinement keeps what there is.
     """
-    z, cost, before, spent = outcome.z, outcome.cost, np.inf, outcome.trajectories
-    for turn in range(0 if outcome.status == "interrupted" else MAX_ROUNDS):
-        reweigh = estimate_noise and turn > 0
-        weighed = problem.weighted(Weights.of(effective_variance(problem, z))) if reweigh else problem
-        try:
-            end, price = _dive(weighed, z, FULL)
-        except KeyboardInterrupt:
-            outcome = replace(
-                outcome, status="interrupted", advice="stopped by the user while the estimates were refined"
-            )
-            break
-        problem, z, cost, spent = weighed, end.z, end.cost, spent + price
+    z, before, spent = outcome.z, np.inf, 0.0
+    rested = outcome.status == "interrupted"
+    for _ in range(0 if rested else MAX_ROUNDS):
+        end = _dive(problem, z, FULL, budget - spent)
+        z, spent = end.z, spent + end.spent
         now = problem.weights.logdet
-        if not estimate_noise or abs(before - now) < RESTS * len(problem.weights.covariance):
+        rested = not estimate_noise or abs(before - now) < RESTS * len(problem.weights.covariance)
+        if end.cut_short == "interrupted":
+            outcome = replace(outcome, status="interrupted", advice=STOPPED)
+        if rested or end.cut_short:
             break
         before = now
-    return Fit(problem, prepared, z, outcome, cost, spent)
+        problem = problem.weighted(Weights.of(effective_variance(problem, z)))
+    notes = () if rested or outcome.status == "interrupted" else (UNRESTED,)
+    cost = float(np.sum(problem.residuals(z[None, :], len(problem.prices) - 1) ** 2))
+    return Fit(
+        problem, prepared, z, outcome, cost, outcome.trajectories + spent, (*prepared.warnings, *notes)
+    )
 
 
-def _dive(problem: Misfit, z: FloatArray, settings: optimize.Settings) -> tuple[optimize.Dive, float]:
-    ledger = optimize.Ledger(problem, blank(problem))
-    end = optimize.dive(ledger, z, len(problem.prices) - 1, settings)
-    return end, ledger.spent
+@dataclass(frozen=True, eq=False)
+class _End:
+    """Where a dive ended, what it took, and what cut it short, if anything did."""
+
+    z: FloatArray
+    cost: float
+    spent: float
+    cut_short: str = ""
+
+
+def _dive(problem: Misfit, z: FloatArray, settings: optimize.Settings, budget: float) -> _End:
+    """Dive on the full record; Ctrl-C or an empty purse keeps the best so far."""
+    ledger = optimize.Ledger(problem, blank(problem), budget)
+    try:
+        end = optimize.dive(ledger, z, len(problem.prices) - 1, settings)
+    except (KeyboardInterrupt, Halt) as reason:
+        books = ledger.books
+        best = books.best if np.isfinite(books.cost) else z
+        return _End(best, books.cost, books.trajectories, getattr(reason, "status", "interrupted"))
+    return _End(end.z if np.isfinite(end.cost) else z, end.cost, ledger.spent)

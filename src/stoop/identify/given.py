@@ -19,13 +19,15 @@ def read_covariance(path: Path, channels: Sequence[str]) -> NDArray[np.float64]:
     Raises
     ------
     IdentificationError
-        Not readable, wrong shape, or not symmetric positive definite.
+        Missing, not readable, wrong shape, or not symmetric positive definite.
     """
     wanted = f"one row of {len(channels)} variances, or a {len(channels)} by {len(channels)} matrix, for {', '.join(channels)}"
     try:
         if path.stat().st_size > MAX_BYTES:
             raise IdentificationError(f"{path}: too large for a covariance; write {wanted}")
         matrix = np.loadtxt(path, delimiter=",", ndmin=2, dtype=np.float64)
+    except FileNotFoundError:
+        raise IdentificationError(f"{path}: no such file; check the name") from None
     except (OSError, ValueError, UnicodeDecodeError):
         raise IdentificationError(f"{path}: cannot be read as numbers; write {wanted}") from None
     if matrix.shape == (1, len(channels)):

@@ -13,9 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.cost import Misfit
+from stoop.flight.variables import WRAPPED
+from stoop.identify.autocorrelation import lagged_products
 
 FloatArray = NDArray[np.float64]
 FLOOR = 1e-4  #: of a channel's spread: no channel is trusted further than that
+SENSOR_FLOOR = 1e-3  #: of the noise that the vehicle file gives a sensor, likewise
 FIRST_GUESS = 0.5  #: of a channel's spread: noise before anything is known, so that no channel rules
 LONGEST = 2.0  #: s; residuals further apart are taken as independent
 
@@ -26,7 +29,7 @@ def channel_residuals(problem: Misfit, z: FloatArray) -> list[FloatArray]:
     for i, piece in enumerate(problem.pieces):
         error = piece.measured - problem.outputs(z, i)
         for j, channel in enumerate(problem.layout.vehicle.outputs):
-            if channel in ("phi", "psi"):
+            if channel in WRAPPED:
                 error[:, j] -= 2.0 * np.pi * np.round(error[:, j] / (2.0 * np.pi))
         out.append(error)
     return out
@@ -36,11 +39,14 @@ def noise_variance(problem: Misfit, z: FloatArray) -> FloatArray:
     """Return the maximum-likelihood variance (n_y,) of each channel, kept above a floor."""
     errors = np.concatenate(channel_residuals(problem, z))
     measured = np.concatenate([p.measured for p in problem.pieces])
-    out = np.empty(errors.shape[1])
-    for i in range(errors.shape[1]):
+    sensors, outputs = problem.layout.vehicle.file.sensors, problem.layout.vehicle.outputs
+    out = np.ones(errors.shape[1])
+    for i, channel in enumerate(outputs):
         seen = np.isfinite(errors[:, i])
-        floor = (FLOOR * float(np.std(measured[seen, i]))) ** 2 + 1e-20 if seen.any() else 1.0
-        out[i] = max(float(np.mean(errors[seen, i] ** 2)), floor) if seen.any() else 1.0
+        if seen.any():
+            spread = FLOOR * float(np.std(measured[seen, i]))
+            floor = spread**2 + (SENSOR_FLOOR * getattr(sensors, channel).sigma) ** 2
+            out[i] = max(float(np.mean(errors[seen, i] ** 2)), floor)
     return out
 
 
@@ -67,13 +73,10 @@ def correlation_times(errors: list[FloatArray], dt: float) -> FloatArray:
 
 
 def _correlation_time(pieces: list[FloatArray], longest: int) -> float:
-    total, pairs = np.zeros(longest + 1), np.zeros(longest + 1)
-    for piece in pieces:
-        x = np.nan_to_num(piece)
-        seen = np.isfinite(piece).astype(float)
-        n = min(longest + 1, len(x))
-        total[:n] += np.correlate(x, x, "full")[len(x) - 1 :][:n]
-        pairs[:n] += np.correlate(seen, seen, "full")[len(x) - 1 :][:n]
+    seen = [np.isfinite(piece).astype(float)[:, None] for piece in pieces]
+    filled = [np.nan_to_num(piece)[:, None] for piece in pieces]
+    sums, counts = lagged_products(filled, seen, longest)
+    total, pairs = sums[0], counts[0]
     if pairs[0] < 10 or total[0] <= 0.0:
         return 1.0
     r = (total / np.maximum(pairs, 1.0)) / (total[0] / pairs[0])

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from stoop.cost import Layout, Misfit, Piece
+from stoop.cost import Layout, Misfit
 from stoop.cost.misfit import horizon_ladder
 from stoop.flight import Flight
 from stoop.identify.fit import Fit
@@ -25,13 +25,14 @@ def identified_vehicle(fit: Fit) -> Vehicle:
     return fit.problem.layout.vehicle.with_numbers(changes)
 
 
-def mean_biases(fit: Fit) -> dict[str, float]:
-    """Return each bias averaged over the fitted maneuvers: what is known of it elsewhere."""
+def mean_biases(fit: Fit, flight: str) -> dict[str, float]:
+    """Return each bias averaged over the fitted maneuvers of a flight, or of all flights if it has none."""
+    windows = fit.prepared.windows
+    own = {i for i, w in enumerate(windows) if w.flight == flight} or set(range(len(windows)))
     found: dict[str, list[float]] = {}
-    offset = fit.problem.dimension
-    for j, nuisance in enumerate(fit.problem.layout.nuisances):
-        if nuisance.is_bias:
-            found.setdefault(nuisance.name, []).append(nuisance.center + nuisance.scale * fit.z[offset + j])
+    for nuisance, entry in zip(fit.problem.layout.nuisances, fit.z[fit.problem.dimension :], strict=True):
+        if nuisance.is_bias and nuisance.maneuver in own:
+            found.setdefault(nuisance.name, []).append(nuisance.center + nuisance.scale * float(entry))
     return {name: float(np.mean(values)) for name, values in found.items()}
 
 
@@ -49,17 +50,22 @@ def predict(
     simulated : list of (n, n_y)
         Readings of each piece.
     """
+    biases = [mean_biases(fit, window.flight) for window in windows]
     vehicle = identified_vehicle(fit)
-    prepared = prepare(vehicle, flights, windows)
-    biases = mean_biases(fit)
-    pieces = tuple(_unbiased(piece, biases) for piece in prepared.pieces)
-    prepared = replace(prepared, pieces=pieces)
+    parts = [_of_window(vehicle, flights, w, b) for w, b in zip(windows, biases, strict=True)]
+    pieces = tuple(replace(p, maneuver=i) for i, part in enumerate(parts) for p in part.pieces)
+    prepared = Prepared(tuple(windows), pieces, tuple(note for part in parts for note in part.notes))
     problem = Misfit(
         replace(Layout.of(vehicle, ()), parameters=()), pieces, fit.problem.weights, horizon_ladder(pieces)
     )
     return prepared, [problem.outputs(np.empty(0), i) for i in range(len(pieces))]
 
 
-def _unbiased(piece: Piece, biases: Mapping[str, float]) -> Piece:
-    start = {name: value - biases.get(f"sensors.{name}.bias", 0.0) for name, value in piece.start.items()}
-    return replace(piece, start=start, changes={**piece.changes, **biases})
+def _of_window(
+    vehicle: Vehicle, flights: Mapping[str, Flight], window: Window, biases: Mapping[str, float]
+) -> Prepared:
+    """Prepare one window with the biases of its flight, which its start is read with."""
+    biased = vehicle.with_numbers({name: {"value": value} for name, value in biases.items()})
+    prepared = prepare(biased, flights, [window])
+    pieces = tuple(replace(p, changes={**p.changes, **biases}) for p in prepared.pieces)
+    return replace(prepared, pieces=pieces)

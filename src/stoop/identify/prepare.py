@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 
 from stoop.cost import Nuisance, Piece
 from stoop.errors import FlightError, VehicleError
-from stoop.flight import Flight, segments
+from stoop.flight import Flight, Segment, segments
+from stoop.identify.start import first_complete, guess_start, state_channels
 from stoop.identify.windows import Window
-from stoop.simulate import START_NAMES
 from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
-FIRST = 0.2  #: s; the stretch of measurements from which an initial state is guessed
 START_SCALES = {
     "V": 2.0, "alpha": 0.1, "beta": 0.1, "p": 0.2, "q": 0.2, "r": 0.2, "phi": 0.1, "theta": 0.1, "psi": 0.1,
 }  #: m/s, rad, rad/s: prior standard deviation of an initial state about its guess, deliberately wide  # fmt: skip
@@ -34,11 +33,14 @@ class Prepared:
     pieces : tuple of Piece
     notes : tuple of str
         What was trimmed, split or dropped.
+    warnings : tuple of str
+        What makes the result doubtful.
     """
 
     windows: tuple[Window, ...]
     pieces: tuple[Piece, ...]
     notes: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
 
     def of_maneuver(self, maneuver: int) -> list[int]:
         """Return the indices of a maneuver's pieces."""
@@ -64,23 +66,42 @@ def prepare(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[W
 
 def _pieces(vehicle: Vehicle, flight: Flight, window: Window, index: int) -> tuple[list[Piece], list[str]]:
     inputs = [name for name in vehicle.inputs if name != "none"]
-    found, notes = segments(flight, window.start, window.stop, inputs, vehicle.outputs, _extras(flight))
+    extras = _extras(vehicle, flight)
+    found, notes = segments(flight, window.start, window.stop, inputs, vehicle.outputs, extras)
     if not any(np.isfinite(s.z).any() for s in found):
         raise FlightError(
             f"{window}: none of {', '.join(vehicle.outputs)} was recorded there; choose another window"
         )
     changes = _loading(vehicle, window)
     out = []
-    for s in found:
-        u = s.u if inputs else np.zeros((len(s.t), 1))
-        start = guess_start(vehicle, s.t, s.z)
-        start["h"] = _altitude(vehicle, window, s.extras)
-        out.append(Piece(index, s.t, np.ascontiguousarray(u), s.z, start, changes))
+    for segment in found:
+        piece, said = _piece(vehicle, window, segment, index, changes)
+        out.append(piece)
+        notes += said
     return out, notes
 
 
-def _extras(flight: Flight) -> tuple[str, ...]:
-    return ("altitude",) if "altitude" in flight.data else ()
+def _piece(
+    vehicle: Vehicle, window: Window, segment: Segment, index: int, changes: dict[str, float]
+) -> tuple[Piece, list[str]]:
+    """Make a piece that begins where the state can be read off the measurements."""
+    blank = np.full(len(segment.t), np.nan)
+    columns = dict(zip(vehicle.outputs, segment.z.T, strict=True)) | dict(segment.extras)
+    readings = {c: columns.get(c, blank) for c in state_channels(vehicle)}
+    first = first_complete(readings)
+    notes = [f"{window}: begins at {segment.t[first]:.2f} s, where its state was measured"] if first else []
+    t = segment.t[first:]
+    start, missing = guess_start(vehicle, t, {c: v[first:] for c, v in readings.items()}, str(window))
+    if missing:
+        notes.append(f"{window}: {', '.join(missing)} not recorded at the start; a default is used there")
+    start["h"] = _altitude(vehicle, window, segment.extras, first)
+    u = segment.u[first:] if segment.u.shape[1] else np.zeros((len(t), 1))
+    return Piece(index, t, np.ascontiguousarray(u), segment.z[first:], start, changes), notes
+
+
+def _extras(vehicle: Vehicle, flight: Flight) -> tuple[str, ...]:
+    wanted = ("altitude", *(c for c in state_channels(vehicle) if c not in vehicle.outputs))
+    return tuple(name for name in wanted if name in flight.data)
 
 
 def _loading(vehicle: Vehicle, window: Window) -> dict[str, float]:
@@ -101,43 +122,16 @@ def _loading(vehicle: Vehicle, window: Window) -> dict[str, float]:
     return changes
 
 
-def _altitude(vehicle: Vehicle, window: Window, extras: Mapping[str, FloatArray]) -> float:
-    seen = extras.get("altitude", np.empty(0))
-    seen = seen[np.isfinite(seen)]
+def _altitude(vehicle: Vehicle, window: Window, extras: Mapping[str, FloatArray], first: int) -> float:
+    recorded = extras.get("altitude", np.empty(0))[first:]
+    seen = recorded[np.isfinite(recorded)]
     if seen.size:
-        return float(seen[: max(1, seen.size // 10)].mean())
+        return float(seen[0])
     if vehicle.file.environment.density == "standard":
         raise FlightError(
             f"{window}: no altitude was recorded; write environment.density as a number in {vehicle.where}"
         )
     return 0.0
-
-
-def guess_start(vehicle: Vehicle, t: FloatArray, z: FloatArray) -> dict[str, float]:
-    """Guess the state at the first sample from a line through the first 0.2 s of each channel.
-
-    Parameters
-    ----------
-    t : (n,), s
-    z : (n, n_y), NaN where missing
-    """
-    start = dict.fromkeys(START_NAMES, 0.0)
-    start["V"] = vehicle.value("reference.airspeed")
-    for i, channel in enumerate(vehicle.outputs):
-        if channel in START_SCALES:
-            value = _line_at_start(t, z[:, i], channel in ("phi", "psi"))
-            start[channel] = start[channel] if value is None else value
-    return start
-
-
-def _line_at_start(t: FloatArray, y: FloatArray, angle: bool) -> float | None:
-    seen = np.isfinite(y) & (t <= t[0] + FIRST)
-    if not seen.any():
-        return None
-    early, values = t[seen] - t[0], np.unwrap(y[seen]) if angle else y[seen]
-    if seen.sum() < 4:
-        return float(values[0])
-    return float(np.polyfit(early, values, 1)[1])
 
 
 def nuisances(vehicle: Vehicle, prepared: Prepared) -> tuple[Nuisance, ...]:
@@ -160,12 +154,13 @@ def _start_names(vehicle: Vehicle) -> tuple[str, ...]:
 
 def _biases(vehicle: Vehicle, maneuver: int) -> list[Nuisance]:
     free = {p.name: p for p in vehicle.parameters if p.free}
-    names = [f"sensors.{c}.bias" for c in vehicle.outputs]
-    return [
-        Nuisance(n, maneuver, None, free[n].value, free[n].prior or 0.1 * (free[n].upper - free[n].lower))
-        for n in names
-        if n in free
-    ]
+    names = [f"sensors.{c}.bias" for c in vehicle.outputs if f"sensors.{c}.bias" in free]
+    for name in names:
+        if getattr(vehicle.file.sensors, name.split(".")[1]).bias.bounds is not None:
+            raise VehicleError(
+                f"{vehicle.where}: {name}: a bias takes no bounds; write prior = SIGMA instead"
+            )
+    return [Nuisance(n, maneuver, None, free[n].value, free[n].prior or 1.0) for n in names]
 
 
 def _observed(prepared: Prepared, maneuver: int, vehicle: Vehicle, name: str) -> bool:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from stoop.flight import VARIABLES, Flight
 from stoop.identify.fit import Fit, Options
@@ -17,6 +19,7 @@ from stoop.identify.result import (
     Covariance,
     Identification,
     InitialState,
+    ManeuverResult,
     NoiseCovariance,
     ParameterEstimate,
     Quantity,
@@ -46,59 +49,85 @@ def assemble(
 ) -> Identification:
     """Collect numbers, figures of merit, curves and words."""
     vehicle = fit.problem.layout.vehicle
-    noise = _noise(fit, options)
-    color = float(np.median(np.diag(fit.problem.weights.covariance) / np.diag(noise)))
-    bars = error_bars(fit, color)
-    groups = [
-        Flown("fit", fit.prepared, [fit.problem.outputs(fit.z, i) for i in range(len(fit.problem.pieces))])
-    ]
-    notes = list(fit.prepared.notes)
-    if predicted:
-        prepared, simulated = predict(fit, flights, predicted)
-        groups.append(Flown("validation", prepared, simulated))
-        notes += prepared.notes
+    color = _color(fit, options)
+    with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
+        bars = error_bars(fit, color)
+    groups = _flown(fit, flights, predicted)
     maneuvers, traces = maneuver_curves(vehicle, groups)
-    parameters = _parameters(fit, bars)
-    names = tuple(parameters)
-    result = Result(
-        parameters=parameters,
-        covariance=Covariance(names, bars.covariance[: len(names), : len(names)]),
-        noise_covariance=NoiseCovariance(vehicle.outputs, noise),
-        initial_states=_initial_states(fit, bars),
-        biases=_biases(fit, bars),
-        wind=_wind(flights),
-        maneuvers=maneuvers,
-        cost=fit.cost,
-        trajectories=fit.trajectories,
-        seconds=time.perf_counter() - began,
-        seed=options.seed,
-        optimizer=options.optimizer,
-        status=fit.outcome.status,
-        advice=fit.outcome.advice,
-        warnings=warnings(parameters, bars.judged, maneuvers, color, fit),
-        versions=versions(),
-        inputs=input_hashes(vehicle, flights),
-    )
+    result = _result(fit, bars, maneuvers, flights, options)
     return Identification(
-        result=result,
+        result=replace(result, seconds=time.perf_counter() - began),
         traces=traces,
         vehicle=vehicle.name,
         equations=equations(vehicle),
         convergence=fit.outcome.history,
         units=_units(vehicle.outputs, vehicle.inputs, vehicle.controls),
         symbols=symbols(vehicle),
-        standard_errors=_both(names, bars),
+        standard_errors=_both(tuple(result.parameters), bars),
         statements=statements(vehicle, flights, color),
         air_data=_air_data(flights),
-        notes=(*(note for flight in flights.values() for note in flight.notes), *dict.fromkeys(notes)),
+        notes=_notes(flights, groups),
         command=command,
     )
 
 
+def _flown(fit: Fit, flights: Mapping[str, Flight], predicted: Sequence[Window]) -> list[Flown]:
+    """Simulate the fitted maneuvers, and predict the others."""
+    fitted = [fit.problem.outputs(fit.z, i) for i in range(len(fit.problem.pieces))]
+    groups = [Flown("fit", fit.prepared, fitted)]
+    if predicted:
+        groups.append(Flown("validation", *predict(fit, flights, predicted)))
+    return groups
+
+
+def _result(
+    fit: Fit,
+    bars: ErrorBars,
+    maneuvers: tuple[ManeuverResult, ...],
+    flights: Mapping[str, Flight],
+    options: Options,
+) -> Result:
+    vehicle, parameters = fit.problem.layout.vehicle, _parameters(fit, bars)
+    names = tuple(parameters)
+    return Result(
+        parameters=parameters,
+        covariance=Covariance(names, bars.covariance[: len(names), : len(names)]),
+        noise_covariance=NoiseCovariance(vehicle.outputs, _noise(fit, options)),
+        initial_states=_initial_states(fit, bars),
+        biases=_biases(fit, bars),
+        wind=_wind(flights),
+        maneuvers=maneuvers,
+        cost=fit.cost,
+        trajectories=fit.trajectories,
+        seconds=0.0,
+        seed=options.seed,
+        optimizer=options.optimizer,
+        status=fit.outcome.status,
+        advice=fit.outcome.advice,
+        warnings=warnings(parameters, bars, maneuvers, fit),
+        versions=versions(),
+        inputs=input_hashes(vehicle, flights),
+    )
+
+
+def _notes(flights: Mapping[str, Flight], groups: Sequence[Flown]) -> tuple[str, ...]:
+    of_flights = [note for flight in flights.values() for note in flight.notes]
+    return tuple(dict.fromkeys([*of_flights, *(note for g in groups for note in g.prepared.notes)]))
+
+
+def _color(fit: Fit, options: Options) -> float:
+    """Return by how much the weights were reduced for the correlation of the residuals."""
+    if options.covariance is not None:
+        return 1.0
+    return float(np.median(np.diag(fit.problem.weights.covariance) / noise_variance(fit.problem, fit.z)))
+
+
 def _noise(fit: Fit, options: Options) -> FloatArray:
-    if options.covariance is None:
-        return np.diag(noise_variance(fit.problem, fit.z))
-    return fit.problem.weights.covariance
+    """Return the noise covariance; NaN for a channel that was never measured."""
+    if options.covariance is not None:
+        return fit.problem.weights.covariance
+    seen = np.any([np.isfinite(p.measured).any(axis=0) for p in fit.problem.pieces], axis=0)
+    return np.diag(np.where(seen, noise_variance(fit.problem, fit.z), np.nan))
 
 
 def _parameters(fit: Fit, bars: ErrorBars) -> dict[str, ParameterEstimate]:

@@ -11,7 +11,7 @@ from stoop.identify.fit import Fit
 from stoop.uncertainty.covariance import invert, marked, standard_errors
 from stoop.uncertainty.estimate import Uncertainty, estimate_uncertainty
 from stoop.uncertainty.identifiability import Identifiability, Yardstick, identifiability
-from stoop.uncertainty.sensitivity import Sensitivity, prior_information
+from stoop.uncertainty.sensitivity import Sensitivity, data_information, prior_information
 
 FloatArray = NDArray[np.float64]
 AT_BOUND = 1e-6  #: of the box
@@ -31,12 +31,15 @@ class ErrorBars:
         Whether a bound holds the entry.
     judged : dict
         Identifiability by parameter.
+    leaning : tuple of str
+        Parameters whose error bar would be more than twice as wide if those at a bound were free.
     """
 
     covariance: FloatArray
     white: FloatArray
     held: NDArray[np.bool_]
     judged: dict[str, Identifiability]
+    leaning: tuple[str, ...]
 
     @property
     def std(self) -> FloatArray:
@@ -57,7 +60,8 @@ def error_bars(fit: Fit, color: float) -> ErrorBars:
     held = _held(fit)
     free = np.flatnonzero(~held)
     prior = prior_information(_prior_std(fit)[free])
-    found = estimate_uncertainty(_sensitivities(fit, free), prior)
+    every = _sensitivities(fit)
+    found = estimate_uncertainty([_only(s, free) for s in every], prior)
     plain = invert((found.information - prior) * color + prior)
     white = standard_errors(marked(plain.matrix, plain.determined))
     return ErrorBars(
@@ -65,6 +69,24 @@ def error_bars(fit: Fit, color: float) -> ErrorBars:
         white=_scatter(white, free, len(held)),
         held=held,
         judged=_judged(fit, found, free, [p.name for p in layout.parameters]),
+        leaning=_leaning(fit, every, found, free) if held.any() else (),
+    )
+
+
+def _only(segment: Sensitivity, free: NDArray[np.intp]) -> Sensitivity:
+    return Sensitivity(segment.residual, segment.jacobian[:, :, free])
+
+
+def _leaning(
+    fit: Fit, every: list[Sensitivity], found: Uncertainty, free: NDArray[np.intp]
+) -> tuple[str, ...]:
+    """Name the parameters that are known only as long as those at a bound are right there."""
+    whole = invert(data_information(every) + prior_information(_prior_std(fit)))
+    wide = standard_errors(marked(whole.matrix, whole.determined))[free]
+    narrow = standard_errors(found.cramer_rao)
+    names = [p.name for p in fit.problem.layout.parameters]
+    return tuple(
+        names[e] for e, w, n in zip(free, wide, narrow, strict=True) if e < len(names) and w > 2.0 * n
     )
 
 
@@ -80,19 +102,19 @@ def _prior_std(fit: Fit) -> FloatArray:
     return np.array([*parameters, *(n.scale for n in fit.problem.layout.nuisances)])
 
 
-def _sensitivities(fit: Fit, free: NDArray[np.intp]) -> list[Sensitivity]:
+def _sensitivities(fit: Fit) -> list[Sensitivity]:
     """Return whitened residuals and sensitivities of each piece, per SI unit."""
     problem = fit.problem
     rung = len(problem.prices) - 1
     r = problem.residuals(fit.z[None, :], rung)[0]
     J, _ = problem.jacobian(fit.z, rung, r)
-    J = J[:, free] / problem.layout.scales[free]
+    J = J / problem.layout.scales
     ny, first, out = len(problem.layout.vehicle.outputs), 0, []
     for piece in problem.pieces:
         block = slice(first, first + piece.measured.size)
         missing = ~np.isfinite(piece.measured)
         residual = np.where(missing, np.nan, -r[block].reshape(-1, ny))
-        out.append(Sensitivity(residual, J[block].reshape(len(piece.time), ny, len(free))))
+        out.append(Sensitivity(residual, J[block].reshape(len(piece.time), ny, -1)))
         first = block.stop
     return out
 

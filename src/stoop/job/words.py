@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from stoop.flight import Flight
 from stoop.identify.fit import Fit
 from stoop.identify.result import ManeuverResult, ParameterEstimate
-from stoop.uncertainty.identifiability import Identifiability
+from stoop.job.errorbars import ErrorBars
 from stoop.vehicle import Vehicle
 
 COLORED = 2.0  #: correlation time in samples from which residuals count as colored
@@ -31,9 +31,8 @@ def statements(vehicle: Vehicle, flights: Mapping[str, Flight], color: float) ->
 
 def warnings(
     parameters: Mapping[str, ParameterEstimate],
-    judged: Mapping[str, Identifiability],
+    bars: ErrorBars,
     maneuvers: Sequence[ManeuverResult],
-    color: float,
     fit: Fit,
 ) -> tuple[str, ...]:
     """Return what is doubtful about a result, most serious first."""
@@ -45,9 +44,14 @@ def warnings(
         out.append(
             f"At a bound, so the number is the box's and not the flight's: {', '.join(held)}. Widen the bounds or fix them."
         )
+    if bars.leaning:
+        out.append(
+            f"Known only if {', '.join(held)} really lies at its bound: {', '.join(bars.leaning)}; otherwise their "
+            "error bars would be more than twice as wide."
+        )
     out += [
         f"{n} cannot be told from this flight: {j.reason}."
-        for n, j in judged.items()
+        for n, j in bars.judged.items()
         if not j.identifiable and not parameters[n].at_bound
     ]
     for m in maneuvers:

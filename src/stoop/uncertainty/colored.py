@@ -28,8 +28,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.fft import next_fast_len, rfft
 
+from stoop.identify.autocorrelation import lagged_products
 from stoop.uncertainty.covariance import Inverse
-from stoop.uncertainty.noise import ColoredNoise, fit_noise, lagged_products
+from stoop.uncertainty.noise import ColoredNoise, fit_noise
 from stoop.uncertainty.sensitivity import FloatArray, Sensitivity
 
 ORDER: Final = 20  #: of the autoregression: at 100 Hz, slow residuals under white noise still come out right

@@ -8,9 +8,10 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from scipy.fft import irfft, next_fast_len, rfft
+from scipy.fft import rfft
 from scipy.linalg import toeplitz
 
+from stoop.identify.autocorrelation import lagged_products
 from stoop.uncertainty.sensitivity import FloatArray
 
 LEAST: Final = 1e-3  #: of the variance: least power at any frequency; bounds how slow the noise can be
@@ -48,33 +49,6 @@ class ColoredNoise:
     def _gain(self, size: int) -> npt.NDArray[np.complex128]:
         ones = np.ones((len(self.coefficients), 1))
         return np.asarray(1.0 / rfft(np.concatenate([ones, -self.coefficients], axis=1), size, axis=1).T)
-
-
-def lagged_products(
-    residuals: Sequence[FloatArray], present: Sequence[FloatArray], lags: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return the sums over all segments of v(i) v(i + l), and how many products they hold.
-
-    Parameters
-    ----------
-    residuals, present : sequences of (n_i, ny)
-        Residuals with zeros where missing; ones where not.
-    lags : int
-        l runs from 0 to `lags`.
-
-    Returns
-    -------
-    sums, counts : (ny, lags + 1)
-    """
-    sums = sum(_correlate(residual, lags) for residual in residuals)
-    counts = sum(_correlate(mask, lags) for mask in present)
-    return np.asarray(sums), np.maximum(np.rint(np.asarray(counts)), 0.0)
-
-
-def _correlate(values: FloatArray, lags: int) -> FloatArray:
-    size = next_fast_len(len(values) + lags, real=True)
-    transformed = rfft(values, size, axis=0)
-    return np.asarray(irfft(np.abs(transformed) ** 2, size, axis=0)[: lags + 1].T)
 
 
 def autocorrelation(residuals: Sequence[FloatArray], lags: int) -> FloatArray:

@@ -6,35 +6,131 @@ import numpy as np
 import pytest
 
 from stoop import optimize
-from stoop.cli.demo import TABLE_1
-from stoop.errors import IdentificationError, VehicleError
+from stoop.cli.demo import MANEUVER, TABLE_1
+from stoop.errors import FlightError, IdentificationError, VehicleError
 from stoop.flight import Flight
 from stoop.identify.equation_error import equation_error
 from stoop.identify.fit import Options, fit, pose, refine, starts
 from stoop.identify.noise import noise_variance
 from stoop.identify.predict import mean_biases, predict
-from stoop.identify.prepare import guess_start
+from stoop.identify.start import first_complete, guess_start
 from stoop.identify.windows import Window
-from stoop.vehicle import Vehicle
+from stoop.simulate import START_NAMES, parse_maneuver, simulate_flight
+from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.builtin import resolve_vehicle
 
 WINDOW = [Window("sim", 0.0, 30.0)]
 
 
 def test_start_is_guessed_from_the_first_measurements(aircraft: Vehicle) -> None:
     t = np.arange(50) / 100.0
-    z = np.zeros((50, 6))
-    z[:, aircraft.outputs.index("V")] = 30.0 + 2.0 * t
-    z[:, aircraft.outputs.index("theta")] = np.nan
-    start = guess_start(aircraft, t, z)
+    readings = {c: np.zeros(50) for c in ("V", "alpha", "q", "theta")}
+    readings["V"] = 30.0 + 2.0 * t
+    readings["theta"] = np.full(50, np.nan)
+    start, missing = guess_start(aircraft, t, readings, "here")
     assert start["V"] == pytest.approx(30.0)
     assert start["theta"] == 0.0
+    assert missing == ["theta"]
+
+
+def test_start_undoes_scale_bias_and_vane_position(aircraft: Vehicle) -> None:
+    text = (
+        aircraft.text
+        + """
+[sensors]
+V = { scale = 0.8, bias = 1.0 }
+vane_position = [2.0, 0.0, 0.0]
+"""
+    )
+    vehicle = parse_vehicle(text, "scaled.toml")
+    t = np.arange(30) / 100.0
+    readings = {c: np.zeros(30) for c in START_NAMES[:-1]}
+    readings["V"] = np.full(30, 0.8 * 35.0 + 1.0)
+    readings["q"] = np.full(30, 0.5)
+    readings["alpha"] = np.full(30, 0.1 - 2.0 * 0.5 / 35.0)
+    start, _ = guess_start(vehicle, t, readings, "here")
+    assert start["V"] == pytest.approx(35.0)
+    assert start["alpha"] == pytest.approx(0.1)
+
+
+def test_a_piece_begins_where_its_state_was_measured() -> None:
+    readings = {"V": np.array([np.nan, 1, 1, 1]), "q": np.array([1, 1, np.nan, 1.0]), "r": np.full(4, np.nan)}
+    assert first_complete(readings) == 1
+    assert first_complete({"r": np.full(4, np.nan)}) == 0
+
+
+def test_lateral_model_flies_at_the_measured_speed() -> None:
+    """Truth flown 20 % faster than V*: the held speed must be the measured one, or all derivatives scale."""
+    full = resolve_vehicle("twin-boom")
+    text = """
+duration = 16.0
+rate = 50.0
+airspeed = 42.0
+[[input]]
+control = "aileron"
+shape = "doublet"
+start = 1.0
+step = 0.6
+amplitude = 0.04
+[[input]]
+control = "rudder"
+shape = "doublet"
+start = 6.0
+step = 0.8
+amplitude = 0.05
+[noise]
+"""
+    flight = simulate_flight(full, parse_maneuver(text, "lateral"), seed=1, name="sim")
+    lateral = full.reduced("lateral")
+    drag = [p.name for p in lateral.parameters if p.free and p.name[:2] in ("CD", "CL", "Cm")]
+    held = lateral.with_numbers({n: {"free": False} for n in drag})
+    found = fit(held, {"sim": flight}, [Window("sim", 0.0, 16.0)], Options()).estimates
+    for name in ("Claileron", "Clp", "Cnbeta", "Cnrudder"):
+        assert found[name] == pytest.approx(full.value(name), rel=0.12), name
+    blind = replace(flight, data=flight.data.drop_vars("V"))
+    with pytest.raises(FlightError, match="'V' was not recorded"):
+        fit(held, {"sim": blind}, [Window("sim", 0.0, 16.0)])
+
+
+def test_without_a_vane_there_is_no_equation_error_but_a_fit(wrong: Vehicle, flight: Flight) -> None:
+    blind = replace(flight, data=flight.data.drop_vars("alpha"))
+    problem, _ = pose(wrong, {"sim": blind}, WINDOW, Options())
+    assert equation_error(problem.layout, problem.pieces) is None
+    found = fit(wrong, {"sim": blind}, WINDOW, Options())
+    assert found.estimates["Cmalpha"] == pytest.approx(-2.12, rel=0.2)
+
+
+def test_a_stuck_channel_counts_as_not_measured(aircraft: Vehicle, wrong: Vehicle, flight: Flight) -> None:
+    data = flight.data.copy()
+    data["theta"] = data["theta"] * 0.0 + 0.01
+    found = fit(wrong, {"sim": replace(flight, data=data)}, WINDOW, Options())
+    assert any("theta" in w and "never change" in w for w in found.warnings)
+    assert found.estimates["Cmalpha"] == pytest.approx(aircraft.value("Cmalpha"), rel=0.1)
+
+
+def test_budget_holds_for_settling_and_refinement_too(wrong: Vehicle, flight: Flight) -> None:
+    for budget in (20.0, 60.0, 100.0):
+        found = fit(wrong, {"sim": flight}, WINDOW, Options(budget=budget))
+        assert found.trajectories <= budget + 20.0
+        assert found.warnings or found.outcome.status != "converged"
+
+
+def test_biases_for_a_prediction_come_from_the_same_flight(aircraft: Vehicle, wrong: Vehicle) -> None:
+    maneuver = parse_maneuver(MANEUVER, "test")
+    flights = {}
+    for name, bias in (("a", 0.03), ("b", -0.03)):
+        biased = aircraft.with_numbers({"sensors.q.bias": {"value": bias}})
+        flights[name] = simulate_flight(biased, maneuver, 1, name=name)
+    found = fit(wrong, flights, [Window("a", 0.0, 20.0), Window("b", 0.0, 20.0)], Options())
+    assert mean_biases(found, "a")["sensors.q.bias"] == pytest.approx(0.03, abs=0.003)
+    assert mean_biases(found, "b")["sensors.q.bias"] == pytest.approx(-0.03, abs=0.003)
+    prepared, simulated = predict(found, flights, [Window("b", 20.0, 28.0)])
+    error = prepared.pieces[0].measured[:, 2] - simulated[0][:, 2]
+    assert np.sqrt(np.mean(error**2)) < 0.02
 
 
 def test_equation_error_is_exact_without_noise(aircraft: Vehicle, wrong: Vehicle, flight: Flight) -> None:
     """On noise-free states and accelerations only the derivative of q is approximated."""
-    from stoop.cli.demo import MANEUVER
-    from stoop.simulate import parse_maneuver, simulate_flight
-
     clean = simulate_flight(aircraft, parse_maneuver(MANEUVER, "test"), noise=False, name="sim")
     problem, _ = pose(wrong, {"sim": clean}, WINDOW, Options())
     guess = equation_error(problem.layout, problem.pieces)
@@ -92,7 +188,7 @@ def test_interrupted_refinement_keeps_the_search(
         raise KeyboardInterrupt
 
     found = fit(wrong, {"sim": flight}, WINDOW, Options())
-    monkeypatch.setattr("stoop.identify.fit._dive", interrupt)
+    monkeypatch.setattr("stoop.optimize.dive", interrupt)
     again = refine(found.problem, found.prepared, found.outcome, estimate_noise=True)
     assert again.outcome.status == "interrupted"
     assert np.array_equal(again.z, found.outcome.z)
@@ -125,9 +221,6 @@ def test_unknown_loading_is_an_error(wrong: Vehicle, flight: Flight) -> None:
 
 def test_loading_changes_the_mass_of_one_maneuver(aircraft: Vehicle, wrong: Vehicle) -> None:
     """Two flights of different mass, fitted jointly with the masses told, give one set of coefficients."""
-    from stoop.cli.demo import MANEUVER
-    from stoop.simulate import parse_maneuver, simulate_flight
-
     maneuver = parse_maneuver(MANEUVER, "test")
     heavy = aircraft.with_numbers({"mass.mass": {"value": 210.0}})
     flights = {
@@ -147,7 +240,7 @@ def test_prediction_starts_from_measurements_and_fits_nothing(wrong: Vehicle, fl
     prepared, simulated = predict(found, {"sim": flight}, [Window("sim", 15.0, 25.0)])
     piece = prepared.pieces[0]
     assert piece.start["V"] == pytest.approx(
-        piece.measured[:10, 0].mean() - mean_biases(found).get("sensors.V.bias", 0.0), abs=0.5
+        piece.measured[:10, 0].mean() - mean_biases(found, "sim").get("sensors.V.bias", 0.0), abs=0.5
     )
     error = piece.measured - simulated[0]
     assert np.std(error[:, 1]) < 0.03

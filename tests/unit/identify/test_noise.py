@@ -25,3 +25,8 @@ def test_holes_do_not_count() -> None:
     x = np.random.default_rng(2).standard_normal((3000, 1))
     x[::7] = np.nan
     assert correlation_times([x], 0.01)[0] < 1.3
+
+
+def test_long_records_take_no_time() -> None:
+    x = np.random.default_rng(3).standard_normal((100_000, 2))
+    assert correlation_times([x], 0.01) == pytest.approx(1.0, abs=0.1)

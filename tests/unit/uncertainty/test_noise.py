@@ -9,7 +9,8 @@ from scipy.fft import irfft
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
-from stoop.uncertainty.noise import ColoredNoise, autocorrelation, fit_noise, lagged_products
+from stoop.identify.autocorrelation import lagged_products
+from stoop.uncertainty.noise import ColoredNoise, autocorrelation, fit_noise
 
 
 def test_lagged_products_are_the_naive_sums() -> None:
