@@ -27,7 +27,7 @@ from stoop.optimize.minimize import Outcome, Progress, Stop, minimize
 from stoop.optimize.problem import Problem, forward_jacobian
 from stoop.optimize.registry import create, names
 from stoop.optimize.state import Event, Optimizer, State
-from stoop.optimize.store import load_state, save_state
+from stoop.optimize.store import load_state, load_tagged, save_state
 
 __all__ = [
     "Books",
@@ -45,6 +45,7 @@ __all__ = [
     "dive",
     "forward_jacobian",
     "load_state",
+    "load_tagged",
     "minimize",
     "names",
     "save_state",

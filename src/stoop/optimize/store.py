@@ -49,8 +49,15 @@ CLASSES: Final[dict[str, type]] = {
 }
 
 
-def save_state(path: Path, state: State) -> None:
+def save_state(path: Path, state: State, tag: str = "") -> None:
     """Write a state, atomically.
+
+    Parameters
+    ----------
+    path : Path
+    state : State
+    tag : str
+        Kept in the same file: what the state belongs to.
 
     Raises
     ------
@@ -58,7 +65,7 @@ def save_state(path: Path, state: State) -> None:
         If the file cannot be written.
     """
     arrays: dict[str, np.ndarray[Any, Any]] = {}
-    header = json.dumps({"schema": SCHEMA, "state": _encode(state, arrays)})
+    header = json.dumps({"schema": SCHEMA, "tag": tag, "state": _encode(state, arrays)})
     arrays[HEADER] = np.frombuffer(header.encode(), dtype=np.uint8)
     write: Callable[..., None] = np.savez
     try:
@@ -77,7 +84,18 @@ def save_state(path: Path, state: State) -> None:
 
 
 def load_state(path: Path) -> State:
-    """Read a state.
+    """Read a state; its tag is not looked at.
+
+    Raises
+    ------
+    IdentificationError
+        If the file is missing, damaged or of another version.
+    """
+    return load_tagged(path)[0]
+
+
+def load_tagged(path: Path) -> tuple[State, str]:
+    """Read a state and its tag.
 
     Raises
     ------
@@ -85,7 +103,7 @@ def load_state(path: Path) -> State:
         If the file is missing, damaged or of another version.
     """
     try:
-        state = _read(path)
+        state, tag = _read(path)
     except FileNotFoundError:
         raise IdentificationError(f"{path}: there is no saved state; start anew without resuming") from None
     except BROKEN as error:
@@ -93,18 +111,18 @@ def load_state(path: Path) -> State:
         raise IdentificationError(f"{path}: not a usable state ({what}); delete it and start anew") from None
     if not isinstance(state, State):
         raise IdentificationError(f"{path}: holds no state; delete it and start anew")
-    return state
+    return state, tag
 
 
-def _read(path: Path) -> Any:
-    """Return what a file holds."""
+def _read(path: Path) -> tuple[Any, str]:
+    """Return what a file holds, and its tag."""
     # opened here: np.load leaves a damaged file open
     with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
         arrays = {name: archive[name] for name in archive.files}
     header = json.loads(arrays[HEADER].tobytes())
     if header["schema"] != SCHEMA:
         raise ValueError(f"schema {header['schema']}, not {SCHEMA}")
-    return _decode(header["state"], arrays)
+    return _decode(header["state"], arrays), str(header.get("tag", ""))
 
 
 def _encode(value: Any, arrays: dict[str, np.ndarray[Any, Any]]) -> Any:

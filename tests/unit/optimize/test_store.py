@@ -30,6 +30,16 @@ def test_a_file_can_be_opened_without_pickle(state: Any, tmp_path: Path) -> None
     assert [p.name for p in tmp_path.iterdir()] == ["state.npz"]
 
 
+def test_a_tag_lies_in_the_same_file(state: Any, tmp_path: Path) -> None:
+    path = tmp_path / "state.npz"
+    optimize.save_state(path, state, "this problem")
+    loaded, tag = optimize.load_tagged(path)
+    assert tag == "this problem"
+    assert loaded.books.cost == state.books.cost == optimize.load_state(path).books.cost
+    optimize.save_state(path, state)
+    assert optimize.load_tagged(path)[1] == ""
+
+
 def test_infinity_and_large_integers_survive(state: Any, tmp_path: Path) -> None:
     path = tmp_path / "state.npz"
     books = replace(state.books, cost=np.inf, trajectories=1 / 3)
