@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -167,11 +168,23 @@ def _times(strength: float) -> str:
 
 def _next_command(source: Sequence[str], found: Sequence[Maneuver]) -> list[str]:
     """Fit the most completely recorded maneuver of each axis; the others are there to be predicted."""
-    best = {m.axis: m for m in sorted(found, key=lambda m: m.whole)}
-    fitted = [_window(m) for m in found if m is best[m.axis]]
-    predicted = [_window(m) for m in found if m is not best[m.axis]]
+    apart = _apart(found)
+    best = {m.axis: m for m in sorted(apart, key=lambda m: m.whole)}
+    fitted = [_window(m) for m in apart if m is best[m.axis]]
+    predicted = [_window(m) for m in apart if m is not best[m.axis]]
     windows = ["--maneuver", *fitted, *(["--validate", *predicted] if predicted else [])]
     return ["stoop", "identify", *source, "--vehicle", "V.toml", *windows, "-o", "result"]
+
+
+def _apart(found: Sequence[Maneuver]) -> list[Maneuver]:
+    """Cut windows that overlap (one's calm end is the next one's beginning) in the middle, in order of time."""
+    out = list(found)
+    for i, (one, following) in enumerate(pairwise(found)):
+        if following.start < one.stop:
+            middle = 0.5 * (following.start + one.stop)
+            out[i] = replace(out[i], stop=middle)
+            out[i + 1] = replace(following, start=middle)
+    return out
 
 
 def _window(maneuver: Maneuver) -> str:

@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.cli.info import _next_command
 from stoop.cli.main import main, parser_for
-from stoop.flight import VARIABLES, from_columns, save
+from stoop.flight import VARIABLES, Maneuver, from_columns, save
 
 MAPPING = """
 [time]
@@ -97,3 +98,18 @@ def test_real_flight(shared_data: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert "--validate" in out
     assert main(["info", str(path), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["air"]["wind_e"] < -2.0
+
+
+def test_suggested_windows_do_not_overlap() -> None:
+    """The calm end of one maneuver is the beginning of the next: identify takes it once."""
+    found = [
+        Maneuver("roll", "aileron", 10.0, 15.0, 0.3, 4, 20.0, 1.0),
+        Maneuver("pitch", "elevator", 14.4, 20.0, 0.3, 4, 20.0, 1.0),
+        Maneuver("pitch", "elevator", 19.5, 25.0, 0.3, 4, 20.0, 0.8),
+        Maneuver("yaw", "rudder", 25.0, 30.0, 0.3, 4, 20.0, 0.9),
+    ]
+    words = _next_command(["log.ulg"], found)
+    fitted, predicted = ["10.0:14.7", "14.7:19.8", "25.0:30.0"], ["19.8:25.0"]
+    assert words[words.index("--maneuver") : words.index("-o")] == [
+        "--maneuver", *fitted, "--validate", *predicted,
+    ]  # fmt: skip
