@@ -7,12 +7,15 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stoop.cli.numbers import count
 from stoop.cli.page import page
 
 if TYPE_CHECKING:
     from stoop.job import Job
     from stoop.vehicle import Vehicle
 
+HERE = Path("stoop-demo")
+NAME = "demo"  #: of the flight
 TABLE_1 = ("CD0", "CDalpha", "CL0", "CLalpha", "CLq", "CLelevator", "Cm0", "Cmalpha", "Cmq", "Cmelevator")
 MANEUVER = """
 duration = 30.0
@@ -35,28 +38,18 @@ amplitude = -0.1
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
     add = parser.add_argument
-    add(
-        "-o",
-        "--output",
-        metavar="DIR",
-        type=Path,
-        default=Path("stoop-demo"),
-        help="folder for the results (default: stoop-demo)",
-    )
-    add(
-        "--seed",
-        metavar="N",
-        type=int,
-        default=0,
-        help="of sensor noise, wrong start values and search (default: 0)",
-    )
+    folder, seed = "folder for the results", "of sensor noise, wrong start values and search"
+    add("-o", "--output", metavar="DIR", type=Path, default=HERE, help=f"{folder} (default: {HERE})")
+    add("--seed", metavar="N", type=count, default=0, help=f"{seed} (default: 0)")
+    add("--overwrite", action="store_true", help="replace files in DIR that are of no earlier demo")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate, identify from wrong values, print truth beside estimate, write the report."""
     from stoop.job.outputs import check_folder
 
-    check_folder(arguments.output, overwrite=True)
+    overwrite = arguments.overwrite or _holds_demo(arguments.output)
+    check_folder(arguments.output, [NAME], overwrite)
     job, truth = identify_demo(arguments.seed)
     from stoop.job.summary import estimates_table
 
@@ -72,9 +65,21 @@ def run(arguments: argparse.Namespace) -> int:
     out.line(
         f"{result.status} ({result.trajectories:.0f} trajectories, {result.seconds:.2f} s); writing the report ..."
     )
-    folder = job.save(arguments.output, overwrite=True)
+    folder = job.save(arguments.output, overwrite)
     out.line(f"report: {folder / 'report.html'}")
     return 0
+
+
+def _holds_demo(folder: Path) -> bool:
+    """Tell whether a folder holds the result of an earlier demo, which nobody will miss."""
+    from stoop.errors import StoopError
+    from stoop.identify.result import read_result
+    from stoop.job.outputs import RESULT
+
+    try:
+        return {m.flight for m in read_result(folder / RESULT).maneuvers} == {NAME}
+    except StoopError:
+        return False
 
 
 def identify_demo(seed: int) -> tuple[Job, dict[str, float]]:
@@ -85,7 +90,7 @@ def identify_demo(seed: int) -> tuple[Job, dict[str, float]]:
     from stoop.vehicle.builtin import resolve_vehicle
 
     vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
-    flight = simulate_flight(vehicle, parse_maneuver(MANEUVER, "demo"), seed, name="demo")
+    flight = simulate_flight(vehicle, parse_maneuver(MANEUVER, NAME), seed, name=NAME)
     truth = {k: v for k, v in json.loads(flight.data.attrs["truth"]).items() if k in TABLE_1}
     job = identify(misled(vehicle, seed), flight, ["0:30"], options=Options(seed=seed), command="stoop demo")
     return job, truth

@@ -6,168 +6,116 @@ import argparse
 import math
 import shlex
 import sys
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from stoop.cli.freed import freed
+from stoop.cli.numbers import at_least_one, count, finite, positive
 from stoop.cli.page import page
 from stoop.cli.point import VEHICLE_HELP
-from stoop.errors import IdentificationError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from stoop.cli.progress import Watch
     from stoop.flight import Flight
+    from stoop.identify.fit import Options
     from stoop.job import Job
+    from stoop.job.checkpoint import Checkpoint
+    from stoop.optimize import Progress
     from stoop.vehicle import Vehicle
 
 _WINDOW = "[FLIGHT@]START:STOP[#LOADING]"
+_INTERRUPTED = 130
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
+    _add_data(parser)
+    _add_windows(parser)
+    _add_model(parser)
+    _add_search(parser)
+    _add_output(parser)
+
+
+def _add_data(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add(
-        "flight",
-        metavar="FLIGHT",
-        nargs="+",
-        type=Path,
-        help="flight log(s): .ulg, PX4 CSV folder, .nc, .csv",
-    )
+    logs = "flight log(s): .ulg, PX4 CSV folder, .nc, .csv"
+    add("flight", metavar="FLIGHT", nargs="+", type=Path, help=logs)
     add("--vehicle", metavar="V.toml", required=True, help=VEHICLE_HELP)
     add("--mapping", metavar="M.toml", type=Path, help="columns and units of a CSV log")
-    add(
-        "--maneuver",
-        metavar=_WINDOW,
-        nargs="+",
-        action="extend",
-        required=True,
-        help="windows to fit, seconds of the log's clock",
-    )
-    add(
-        "--validate",
-        metavar=_WINDOW,
-        nargs="+",
-        action="extend",
-        default=[],
-        help="windows to predict; nothing is fitted there",
-    )
-    add(
-        "-o",
-        "--output",
-        metavar="DIR",
-        type=Path,
-        required=True,
-        help="folder for result, vehicle, flight and report",
-    )
-    add(
-        "--free", metavar="NAME", action="append", default=[], help="estimate this number of the vehicle file"
-    )
-    add("--fix", metavar="NAME", action="append", default=[], help="hold this number")
-    add(
-        "--noise",
-        metavar="Q.csv",
-        type=Path,
-        help="noise covariance (variances in a row, or a square matrix) instead of estimating it",
-    )
-    _add_search(parser)
-    add("--resume", action="store_true", help="go on from an interrupted search in DIR")
-    add("--overwrite", action="store_true", help="replace a result in DIR")
+
+
+def _add_windows(parser: argparse.ArgumentParser) -> None:
+    fit, predict = "windows to fit, seconds of the log's clock", "windows to predict; nothing is fitted there"
+    parser.add_argument("--maneuver", metavar=_WINDOW, nargs="+", action="extend", required=True, help=fit)
+    parser.add_argument("--validate", metavar=_WINDOW, nargs="+", action="extend", default=[], help=predict)
+
+
+def _add_model(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    free, fix = "estimate this number of the vehicle file", "hold this number"
+    noise = "noise covariance (variances in a row, or a square matrix) instead of estimating it"
+    add("--free", metavar="NAME", action="append", default=[], help=free)
+    add("--fix", metavar="NAME", action="append", default=[], help=fix)
+    add("--noise", metavar="Q.csv", type=Path, help=noise)
 
 
 def _add_search(parser: argparse.ArgumentParser) -> None:
+    add, many = parser.add_argument, "give up after so many (default: {})"
+    names = "ps-gde-lm (default), ps-gde, de-rand-1-bin, de-best-2-bin"
+    add("--optimizer", metavar="NAME", default="ps-gde-lm", help=names)
+    add("--seed", metavar="N", type=count, default=0, help="of the search (default: 0)")
+    add("--generations", metavar="N", type=at_least_one, default=2000, help=many.format(2000))
+    add("--budget", metavar="TRAJECTORIES", type=positive, default=100_000.0, help=many.format(100000))
+    add("--target-cost", metavar="J", type=finite, default=-math.inf, help="stop at this cost")
+
+
+def _add_output(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add(
-        "--optimizer",
-        metavar="NAME",
-        default="ps-gde-lm",
-        help="ps-gde-lm (default), ps-gde, de-rand-1-bin, de-best-2-bin",
-    )
-    add("--seed", metavar="N", type=_count, default=0, help="of the search (default: 0)")
-    add("--generations", metavar="N", type=_count, default=2000, help="give up after so many (default: 2000)")
-    add(
-        "--budget",
-        metavar="TRAJECTORIES",
-        type=_positive,
-        default=100_000.0,
-        help="give up after so many (default: 100000)",
-    )
-    add("--target-cost", metavar="J", type=float, default=-math.inf, help="stop at this cost")
-
-
-def _count(text: str) -> int:
-    if not text.isascii() or not text.isdigit():
-        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number, zero or above")
-    return int(text)
-
-
-def _positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not value > 0.0:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a positive number")
-    return value
+    folder = "folder for result, vehicle, flight and report"
+    add("-o", "--output", metavar="DIR", type=Path, required=True, help=folder)
+    add("--resume", action="store_true", help="go on from an unfinished search in DIR")
+    add("--overwrite", action="store_true", help="replace a result in DIR")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Identify, write, and say what was found."""
+    _check_output(arguments)
+    from stoop.cli.progress import Watch
+
+    vehicle, flights, options = _read(arguments)
+    with Watch() as watch:
+        checkpoint = _checkpoint(arguments, vehicle, flights, options, watch.warn)
+        job, stopped = _identify(arguments, vehicle, flights, options, checkpoint, watch)
+    tell(job, arguments.output)
+    return _INTERRUPTED if stopped else 0
+
+
+def _check_output(arguments: argparse.Namespace) -> None:
+    from stoop.flight.make import named
     from stoop.job.outputs import check_folder
 
-    check_folder(arguments.output, arguments.overwrite or arguments.resume)
+    names = [named(path) for path in arguments.flight]
+    inputs = [Path(arguments.vehicle), *arguments.flight, *_others(arguments)]
+    check_folder(arguments.output, names, arguments.overwrite or arguments.resume, inputs)
+
+
+def _others(arguments: argparse.Namespace) -> list[Path]:
+    """Return what is read beside vehicle and flights."""
+    return [path for path in (arguments.mapping, arguments.noise) if path is not None]
+
+
+def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options]:
     from stoop.flight import load
-    from stoop.job import identify
-    from stoop.job.checkpoint import Checkpoint
     from stoop.vehicle.builtin import resolve_vehicle
 
     vehicle = freed(resolve_vehicle(arguments.vehicle), arguments.free, arguments.fix)
-    flights = [load(path, arguments.mapping) for path in arguments.flight]
     options = _options(arguments, vehicle)
-    checkpoint = Checkpoint(arguments.output, _identity(arguments, vehicle))
-    state = checkpoint.load() if arguments.resume else None
-    from stoop.cli.progress import Watch
-
-    with Watch(checkpoint.keep) as watch:
-        job = identify(
-            vehicle, flights, arguments.maneuver, arguments.validate, options,
-            watch.see, state, shlex.join(["stoop", *sys.argv[1:]]),
-        )  # fmt: skip
-    folder = job.save(arguments.output, overwrite=True)
-    if job.fit.outcome.status != "interrupted":
-        checkpoint.forget()
-    tell(job, folder)
-    return 130 if job.fit.outcome.status == "interrupted" else 0
+    return vehicle, [load(path, arguments.mapping) for path in arguments.flight], options
 
 
-def _identity(arguments: argparse.Namespace, vehicle: Vehicle) -> str:
-    """Return what an interrupted search must share with the one that resumes it."""
-    parts = [
-        vehicle.structure,
-        repr(vehicle.parameters),
-        *map(str, arguments.flight),
-        *arguments.maneuver,
-        *arguments.validate,
-    ]
-    return "\n".join([*parts, arguments.optimizer, str(arguments.seed)])
-
-
-def freed(vehicle: Vehicle, free: Sequence[str], fix: Sequence[str]) -> Vehicle:
-    """Return the vehicle with numbers freed and fixed as the command line says."""
-    both = set(free) & set(fix)
-    if both:
-        raise IdentificationError(f"--free and --fix both name '{min(both)}'; keep one of them")
-    changes: dict[str, dict[str, Any]] = {name: {"free": True} for name in free} | {
-        name: {"free": False} for name in fix
-    }
-    changed = vehicle.with_numbers(changes) if changes else vehicle
-    for p in changed.parameters:
-        if p.name in free and not p.lower < p.upper:
-            raise IdentificationError(
-                f"--free {p.name}: it has no bounds and its value is {p.value:g}; write bounds = [low, high] in {vehicle.where}"
-            )
-    return changed
-
-
-def _options(arguments: argparse.Namespace, vehicle: Vehicle) -> Any:
+def _options(arguments: argparse.Namespace, vehicle: Vehicle) -> Options:
     from stoop.identify.fit import Options
     from stoop.identify.given import read_covariance
     from stoop.optimize import create
@@ -184,7 +132,56 @@ def _options(arguments: argparse.Namespace, vehicle: Vehicle) -> Any:
     )
 
 
-def tell(job: Job, folder: Path, flights: Sequence[Flight] = ()) -> None:
+def _checkpoint(
+    arguments: argparse.Namespace,
+    vehicle: Vehicle,
+    flights: Sequence[Flight],
+    options: Options,
+    warn: Callable[[str], None],
+) -> Checkpoint:
+    from stoop.job.checkpoint import Checkpoint, identity
+    from stoop.job.provenance import file_hashes, flight_files
+
+    mapping = [arguments.mapping] if arguments.mapping is not None else []
+    files = file_hashes([*flight_files(flights), *mapping])
+    problem = identity(vehicle, files, arguments.maneuver, arguments.validate, options)
+    return Checkpoint(arguments.output, problem, warn)
+
+
+def _identify(
+    arguments: argparse.Namespace,
+    vehicle: Vehicle,
+    flights: Sequence[Flight],
+    options: Options,
+    checkpoint: Checkpoint,
+    watch: Watch,
+) -> tuple[Job, bool]:
+    """Return the job, its results written, and whether Ctrl-C came."""
+    from stoop.job.interrupt import deferred_interrupt
+    from stoop.job.outputs import place_outputs
+    from stoop.job.run import finish, search
+
+    state = checkpoint.load() if arguments.resume else None
+    watch.count_from(0.0 if state is None else state.books.trajectories)
+
+    def see(progress: Progress) -> None:
+        checkpoint.keep(progress.state)
+        watch.see(progress)
+
+    done = search(
+        vehicle, flights, arguments.maneuver, arguments.validate, options,
+        see, state, shlex.join(["stoop", *sys.argv[1:]]), _others(arguments),
+    )  # fmt: skip
+    with deferred_interrupt() as ctrl_c:
+        checkpoint.keep_last(done.fit.outcome)
+        watch.turn_to("error bars, predictions and report")
+        job = finish(done)
+        place_outputs(job, arguments.output, arguments.overwrite or arguments.resume)
+        checkpoint.forget(done.fit.outcome)
+    return job, ctrl_c.came or done.fit.outcome.status == "interrupted"
+
+
+def tell(job: Job, folder: Path) -> None:
     """Print what was found and where it lies."""
     from stoop.job.summary import estimates_table, figures_table
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
+
+from stoop.cli.printable import printable
 
 if TYPE_CHECKING:
     from types import TracebackType
@@ -16,16 +17,10 @@ QUIET = 5.0  #: s between lines of a plain log
 
 
 class Watch:
-    """Shows generation, cost and speed; passes every state on to be kept.
+    """Shows generation, cost and speed."""
 
-    Parameters
-    ----------
-    keep : callable
-        Takes the optimizer's state after each generation.
-    """
-
-    def __init__(self, keep: Callable[[Any], None] | None = None) -> None:
-        self._keep = keep
+    def __init__(self) -> None:
+        self._before = 0.0
         self._began = time.perf_counter()
         self._said = 0.0
         self._status: Any = None
@@ -46,10 +41,12 @@ class Watch:
         if self._status is not None:
             self._status.stop()
 
+    def count_from(self, trajectories: float) -> None:
+        """Leave out of the speed what an earlier run has spent."""
+        self._before = trajectories
+
     def see(self, progress: Progress) -> None:
         """Show one generation."""
-        if self._keep is not None:
-            self._keep(progress.state)
         now = time.perf_counter()
         text = self._text(progress, now - self._began)
         if self._status is not None:
@@ -58,8 +55,22 @@ class Watch:
             self._said = now
             print(text, file=sys.stderr)
 
+    def turn_to(self, work: str) -> None:
+        """Show what is done after the search."""
+        if self._status is not None:
+            self._status.update(work)
+
+    def warn(self, text: str) -> None:
+        """Print a line that stays."""
+        if self._status is not None:
+            self._status.console.print(
+                f"stoop: {printable(text)}", markup=False, highlight=False, soft_wrap=True
+            )
+        else:
+            print(f"stoop: {printable(text)}", file=sys.stderr)
+
     def _text(self, progress: Progress, seconds: float) -> str:
-        speed = progress.trajectories / max(seconds, 1e-9)
+        speed = (progress.trajectories - self._before) / max(seconds, 1e-9)
         return (
             f"generation {progress.state.generation}  {progress.event.kind}  cost {progress.cost:.6g}  "
             f"{progress.trajectories:.0f} trajectories  {speed:.0f}/s"

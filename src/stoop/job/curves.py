@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.cost import Piece
+from stoop.flight.variables import WRAPPED
 from stoop.identify.prepare import Prepared
 from stoop.identify.result import ChannelTrace, ManeuverResult, ManeuverTrace, Role
 from stoop.validation.baseline import BaselineManeuver, BaselineSegment, baseline_curves
@@ -17,7 +18,6 @@ from stoop.validation.runs import join
 from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
-_ANGLES = ("phi", "psi")
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ def _trace(vehicle: Vehicle, group: Flown, index: int, lag: dict[str, FloatArray
     pieces = group.of(index)
     channels = {}
     for i, name in enumerate(vehicle.outputs):
-        pairs = [_unwrapped(p, y, i, name in _ANGLES) for p, y in pieces]
+        pairs = [_unwrapped(p, y, i, name in WRAPPED) for p, y in pieces]
         channels[name] = ChannelTrace(join([z for z, _ in pairs]), join([y for _, y in pairs]))
     inputs = {name: join([p.inputs[:, i] for p, _ in pieces]) for i, name in enumerate(vehicle.inputs)}
     inputs.pop("none", None)
@@ -88,7 +88,7 @@ def _baseline(vehicle: Vehicle, group: Flown, index: int) -> BaselineManeuver:
     segments = []
     for piece, simulated in group.of(index):
         measured = {
-            name: _unwrapped(piece, simulated, i, name in _ANGLES)[0]
+            name: _unwrapped(piece, simulated, i, name in WRAPPED)[0]
             for i, name in enumerate(vehicle.outputs)
         }
         segments.append(BaselineSegment({name: piece.inputs[:, i] for name, i in columns}, measured))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import shutil
 import tempfile
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,21 +15,45 @@ from stoop.flight import save
 if TYPE_CHECKING:
     from stoop.job.run import Job
 
-FILES = ("result.json", "vehicle.toml", "report.html")
+RESULT = "result.json"  #: moved into place last: where it is, the others are
 
 
-def check_folder(folder: Path, overwrite: bool) -> None:
-    """Refuse a folder that cannot take the outputs, before any work is done.
+def output_names(flights: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of all files that are written for flights of these names, in the order of moving."""
+    return ("vehicle.toml", *(flight_file(name, len(flights)) for name in flights), "report.html", RESULT)
+
+
+def flight_file(name: str, count: int) -> str:
+    """Return the name of a flight's file, one of so many."""
+    return "flight.nc" if count == 1 else f"flight-{name}.nc"
+
+
+def check_folder(
+    folder: Path, flights: Sequence[str], overwrite: bool = False, inputs: Sequence[Path] = ()
+) -> None:
+    """Refuse a folder that cannot take the outputs, before any work is done; make it if it is not there.
+
+    Parameters
+    ----------
+    folder : Path
+    flights : sequence of str
+        Names of the flights.
+    overwrite : bool
+        Whether earlier outputs may be replaced.
+    inputs : sequence of Path
+        What was read: never written over.
 
     Raises
     ------
     OutputError
-        It holds a result already, is no folder, or cannot be made.
+        It holds an input or an earlier output of the same name, is no folder, or cannot be made.
     """
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder}: is a file; name a folder with -o")
-    if (folder / "result.json").exists() and not overwrite:
-        raise OutputError(f"{folder}: holds a result already; add --overwrite or name another folder")
+    targets = [folder / name for name in output_names(flights)]
+    _check_inputs(targets, inputs)
+    if not overwrite:
+        _check_free(targets)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".stoop-", dir=folder):
@@ -38,26 +64,86 @@ def check_folder(folder: Path, overwrite: bool) -> None:
         ) from None
 
 
-def write_outputs(job: Job, folder: Path, overwrite: bool = False) -> Path:
-    """Write result, identified vehicle, flights and report; all are made first, then moved into place."""
-    from stoop.job.toml import identified_text
-    from stoop.report import write_report
+def _check_inputs(targets: Sequence[Path], inputs: Sequence[Path]) -> None:
+    for target in targets:
+        for path in inputs:
+            if target.exists() and path.exists() and target.samefile(path):
+                raise OutputError(
+                    f"{target}: is read by this run and would be replaced; name another folder with -o"
+                )
 
-    check_folder(folder, overwrite)
-    working = Path(tempfile.mkdtemp(prefix=".stoop-", dir=folder))
+
+def _check_free(targets: Sequence[Path]) -> None:
+    there = next((target for target in reversed(targets) if target.exists()), None)
+    if there is not None:
+        what = "a result" if there.name == RESULT else there.name
+        raise OutputError(f"{there.parent}: holds {what} already; add --overwrite or name another folder")
+
+
+def write_outputs(job: Job, folder: Path, overwrite: bool = False) -> Path:
+    """Check the folder, then write result, identified vehicle, flights and report.
+
+    Raises
+    ------
+    OutputError
+        See :func:`check_folder` and :func:`place_outputs`.
+    """
+    check_folder(folder, [flight.name for flight in job.flights], overwrite, job.files)
+    return place_outputs(job, folder, overwrite)
+
+
+def place_outputs(job: Job, folder: Path, overwrite: bool = False) -> Path:
+    """Write into a folder that was checked, maybe hours ago; all is made first, then moved into place.
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be written; or another run has written there since, and this one's lies beside it.
+    """
+    names = output_names([flight.name for flight in job.flights])
+    working = folder
     try:
-        job.identification.result.save(working / "result.json")
-        (working / "vehicle.toml").write_text(identified_text(job), encoding="utf-8")
-        for flight in job.flights:
-            name = "flight.nc" if len(job.flights) == 1 else f"flight-{flight.name}.nc"
-            save(flight, working / name)
-        write_report(job.identification, working / "report.html")
-        for made in sorted(working.iterdir()):
-            made.replace(folder / made.name)
+        folder.mkdir(parents=True, exist_ok=True)
+        working = Path(tempfile.mkdtemp(prefix=".stoop-", dir=folder))
+        _make(job, working)
+        if not overwrite:
+            _step_aside(working, [folder / name for name in names])
+        _move(working, folder, names)
     except OSError as error:
         raise OutputError(
             f"{folder}: cannot be written ({error.strerror}); free some space or name another folder"
         ) from None
     finally:
-        shutil.rmtree(working, ignore_errors=True)
+        if working != folder:
+            shutil.rmtree(working, ignore_errors=True)
     return folder
+
+
+def _make(job: Job, working: Path) -> None:
+    from stoop.job.toml import identified_text
+    from stoop.report import write_report
+
+    (working / "vehicle.toml").write_text(identified_text(job), encoding="utf-8")
+    for flight in job.flights:
+        save(flight, working / flight_file(flight.name, len(job.flights)))
+    write_report(job.identification, working / "report.html")
+    job.identification.result.save(working / RESULT)
+
+
+def _step_aside(working: Path, targets: Sequence[Path]) -> None:
+    """Leave what another run has written meanwhile, and put this run's beside it: hours may lie in either."""
+    try:
+        _check_free(targets)
+    except OutputError:
+        aside = working.with_name(working.name.removeprefix("."))
+        working.replace(aside)
+        raise OutputError(
+            f"{aside.parent}: another run has written there meanwhile; this one's result is in {aside}"
+        ) from None
+
+
+def _move(working: Path, folder: Path, names: Sequence[str]) -> None:
+    with suppress(FileNotFoundError):
+        (folder / RESULT).unlink()  # an old mark must not stand beside new files
+    for name in names:
+        (working / name).replace(folder / name)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from stoop import optimize
@@ -12,9 +12,11 @@ from stoop.errors import FlightError
 from stoop.flight import Flight, load, without
 from stoop.identify.fit import Fit, Options, fit
 from stoop.identify.predict import identified_vehicle
+from stoop.identify.prepare import prepare
 from stoop.identify.result import Identification
 from stoop.identify.windows import Window, parse_window
 from stoop.job.assemble import assemble
+from stoop.job.provenance import flight_files, input_hashes
 from stoop.vehicle import Vehicle, load_vehicle
 
 DEFAULTS = Options()
@@ -33,12 +35,15 @@ class Job:
     flights : tuple of Flight
         As they were used, air data reconstructed.
     fit : Fit
+    files : tuple of Path
+        What was read; :meth:`save` never writes over it.
     """
 
     identification: Identification
     vehicle: Vehicle
     flights: tuple[Flight, ...]
     fit: Fit
+    files: tuple[Path, ...] = ()
 
     def save(self, folder: str | Path, overwrite: bool = False) -> Path:
         """Write ``result.json``, ``vehicle.toml``, ``flight.nc`` and ``report.html`` into a folder."""
@@ -53,6 +58,20 @@ class Job:
         return estimates_table(self.identification.result)
 
 
+@dataclass(frozen=True, eq=False)
+class Search:
+    """A finished search; error bars, predictions and words are still to come, see :func:`finish`."""
+
+    fit: Fit
+    flights: Mapping[str, Flight]
+    predicted: tuple[Window, ...]
+    options: Options
+    inputs: Mapping[str, str]
+    files: tuple[Path, ...]
+    began: float
+    command: str
+
+
 def identify(
     vehicle: Vehicle | str | Path,
     flights: Flight | str | Path | Sequence[Flight | str | Path],
@@ -62,6 +81,7 @@ def identify(
     callback: Callable[[optimize.Progress], None] | None = None,
     state: optimize.State | None = None,
     command: str = "",
+    files: Sequence[Path] = (),
 ) -> Job:
     """Identify a vehicle from maneuvers of one or more flights, and predict others.
 
@@ -81,25 +101,76 @@ def identify(
         Of an interrupted search, to go on from.
     command : str
         For the report: how this was called.
+    files : sequence of Path
+        What else was read (mapping, noise covariance), for the result's ``inputs``.
 
     Raises
     ------
     StoopError
         One line that says what is wrong and what to do.
     """
+    return finish(search(vehicle, flights, maneuvers, validate, options, callback, state, command, files))
+
+
+def search(
+    vehicle: Vehicle | str | Path,
+    flights: Flight | str | Path | Sequence[Flight | str | Path],
+    maneuvers: Sequence[str],
+    validate: Sequence[str] = (),
+    options: Options = DEFAULTS,
+    callback: Callable[[optimize.Progress], None] | None = None,
+    state: optimize.State | None = None,
+    command: str = "",
+    files: Sequence[Path] = (),
+) -> Search:
+    """Do the long part of :func:`identify`: all that can be wrong with the input is said before it."""
     began = time.perf_counter()
     vehicle = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     known = _by_name(_each(flights))
+    fitted, predicted = _windows(maneuvers, validate, known)
+    inputs = input_hashes(vehicle, known, files)
+    known = {name: without(flight, _spans(name, predicted)) for name, flight in known.items()}
+    prepare(vehicle, known, predicted)  # so that its errors come before the search
+    found = fit(vehicle, known, fitted, options, callback, state)
+    read = (Path(vehicle.where), *flight_files(known.values()), *files)
+    return Search(found, known, predicted, options, inputs, read, began, command)
+
+
+def finish(done: Search) -> Job:
+    """Add error bars, predictions, figures of merit and words to a finished search."""
+    identification = assemble(done.fit, done.flights, done.predicted, done.options, done.began, done.command)
+    # the hashes of what was read, not of what lies there now
+    result = replace(identification.result, inputs=done.inputs)
+    return Job(
+        replace(identification, result=result),
+        identified_vehicle(done.fit),
+        tuple(done.flights.values()),
+        done.fit,
+        done.files,
+    )
+
+
+def _windows(
+    maneuvers: Sequence[str], validate: Sequence[str], flights: Mapping[str, Flight]
+) -> tuple[tuple[Window, ...], tuple[Window, ...]]:
+    """Return windows to fit and windows to predict."""
     if not maneuvers:
         raise FlightError(
             "identify: no maneuver is given; name at least one window START:STOP, see stoop info"
         )
-    fitted = [parse_window(text, known) for text in maneuvers]
-    predicted = [parse_window(text, known) for text in validate]
-    known = {name: without(flight, _spans(name, predicted)) for name, flight in known.items()}
-    found = fit(vehicle, known, fitted, options, callback, state)
-    identification = assemble(found, known, predicted, options, began, command)
-    return Job(identification, identified_vehicle(found), tuple(known.values()), found)
+    fitted = tuple(parse_window(text, flights) for text in maneuvers)
+    predicted = tuple(parse_window(text, flights) for text in validate)
+    for i, window in enumerate(fitted):
+        _check_apart(window, fitted[:i], "the same samples would count twice; give windows that lie apart")
+    for window in predicted:
+        _check_apart(window, fitted, "nothing may be fitted in a window that is predicted; move one of them")
+    return fitted, predicted
+
+
+def _check_apart(window: Window, others: Sequence[Window], why: str) -> None:
+    for other in others:
+        if window.flight == other.flight and window.start < other.stop and other.start < window.stop:
+            raise FlightError(f"maneuver {window}: overlaps the fitted {other}; {why}")
 
 
 def _each(flights: Flight | str | Path | Sequence[Flight | str | Path]) -> list[Flight]:

@@ -4,17 +4,28 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
+from stoop.cli.freed import freed
 from stoop.cli.main import main
+from stoop.cli.progress import Watch
+from stoop.errors import IdentificationError
 from stoop.flight import Flight, save
-from stoop.vehicle import Vehicle
+from stoop.identify.result import Identification
+from stoop.job.assemble import assemble
+from stoop.job.checkpoint import Checkpoint
+from stoop.optimize import State
+from stoop.vehicle import Vehicle, parse_vehicle
 
 VEHICLE = Path(__file__).parents[3] / "src" / "stoop" / "data" / "twin_boom.toml"
 
@@ -67,7 +78,17 @@ def test_free_and_fix(place: Path) -> None:
         (["--maneuver", "0:20", "--free", "CLalfa"], "did you mean CLalpha"),
         (["--maneuver", "0:20", "--free", "CLq", "--fix", "CLq"], "keep one"),
         (["--maneuver", "0:20", "--optimizer", "magic"], "ps-gde-lm"),
-        (["--maneuver", "0:20", "--noise", "/nonexistent"], "variances"),
+        (["--maneuver", "0:20", "--noise", "/nonexistent"], "/nonexistent: no such file; check the name"),
+        (["--maneuver", "0:20", "10:25"], "overlaps the fitted sim@0:20"),
+        (
+            ["--maneuver", "0:20", "--validate", "19:28"],
+            "nothing may be fitted in a window that is predicted",
+        ),
+        (["--maneuver", "0:20", "--free", "Clp"], "--free Clp: the equations of"),
+        (["--maneuver", "0:20", "--fix", "sensors.p.bias"], "--fix sensors.p.bias: the equations of"),
+        (["--maneuver", "0:20", "--target-cost", "nan"], "--target-cost: 'nan' is not a number"),
+        (["--maneuver", "0:20", "--target-cost", "inf"], "--target-cost: 'inf' is not a number"),
+        (["--maneuver", "0:20", "--generations", "0"], "--generations: '0' is not a whole number, one or"),
         (["--maneuver", "0:20", "--budget", "-1"], "positive"),
         (["--maneuver", "0:20", "--seed", "x"], "whole number"),
         (["--maneuver", "0:20", "--resume"], "no interrupted search"),
@@ -124,6 +145,144 @@ def test_a_result_is_not_overwritten_unasked(place: Path, capsys: pytest.Capture
     assert (place / "old" / "result.json").read_text() == "mine"
 
 
+@pytest.mark.parametrize("name", ["vehicle.toml", "flight.nc"])
+@pytest.mark.parametrize("extra", [[], ["--overwrite"], ["--resume"]])
+def test_an_input_is_never_written_over(
+    name: str,
+    extra: list[str],
+    place: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    flight, vehicle = ("flight.nc", "v.toml") if name == "flight.nc" else ("sim.nc", "vehicle.toml")
+    Path(flight).write_bytes((place / "sim.nc").read_bytes())
+    Path(vehicle).write_bytes((place / "v.toml").read_bytes())
+    before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
+    assert main(["identify", flight, "--vehicle", vehicle, "--maneuver", "0:20", "-o", ".", *extra]) == 2
+    error = capsys.readouterr().err
+    assert f"{name}: is read by this run" in error
+    assert error.count("\n") == 1
+    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
+
+
+def test_a_tied_number_is_named_by_its_target(
+    place: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    controls = """
+[controls.aileron]
+lag = 0.05
+[controls.elevator]
+lag = "=controls.aileron.lag"
+[controls.rudder]
+"""
+    (tmp_path / "v.toml").write_text(VEHICLE.read_text() + controls)
+    words = identify(place, "--maneuver", "0:20", "--fix", "controls.elevator.lag")
+    words[words.index("--vehicle") + 1] = str(tmp_path / "v.toml")
+    assert main(words) == 2
+    assert (
+        "--fix controls.elevator.lag: tied to controls.aileron.lag; name that one" in capsys.readouterr().err
+    )
+
+
+def test_a_control_that_the_equations_drop_is_not_freed(aircraft: Vehicle) -> None:
+    controls = "[controls.aileron]\nlag = 0.05\n[controls.elevator]\nlag = 0.05\n[controls.rudder]\n"
+    whole = parse_vehicle(VEHICLE.read_text() + controls, "v.toml")
+    assert freed(whole, ["controls.aileron.lag"], [])
+    with pytest.raises(IdentificationError, match=r"--free controls\.aileron\.lag: the equations of v\.toml"):
+        freed(whole.reduced("longitudinal"), ["controls.aileron.lag"], [])
+    with pytest.raises(IdentificationError, match="leave it out"):
+        freed(aircraft, ["Clp"], [])
+
+
+def test_the_result_names_every_file_that_was_read(place: Path) -> None:
+    (place / "q.csv").write_text("0.04,1e-4,1e-5,1e-4,0.01,0.04\n")
+    words = ["--maneuver", "0:20", "--noise", str(place / "q.csv"), "--budget", "200"]
+    assert main(identify(place, *words, out="read")) == 0
+    inputs = json.loads((place / "read" / "result.json").read_text())["inputs"]
+    assert inputs.keys() == {"sim.nc", "v.toml", "q.csv"}
+
+
+SHORT = ["--maneuver", "0:20", "--optimizer", "de-rand-1-bin"]
+
+
+def test_a_search_that_ran_out_can_go_on_and_only_the_same(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (place / "one.csv").write_text("0.04,1e-4,1e-5,1e-4,0.01,0.04\n")
+    (place / "two.csv").write_text("0.08,1e-4,1e-5,1e-4,0.01,0.04\n")
+    first = [*SHORT, "--noise", str(place / "one.csv"), "--generations", "3"]
+    assert main(identify(place, *first, out="ran-out")) == 0
+    assert (place / "ran-out" / "search.npz").exists()
+    before = json.loads((place / "ran-out" / "result.json").read_text())
+    assert before["status"] == "generations"
+    other = [*SHORT, "--noise", str(place / "two.csv"), "--resume"]
+    assert main(identify(place, *other, out="ran-out")) == 2
+    assert "the interrupted search is another one" in capsys.readouterr().err
+    assert main(identify(place, *first[:-1], "5", "--resume", out="ran-out")) == 0
+    after = json.loads((place / "ran-out" / "result.json").read_text())
+    assert after["trajectories"] > before["trajectories"]
+
+
+def test_a_folder_that_goes_away_ends_no_search(
+    place: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keep = Checkpoint.keep
+
+    def removed(self: Checkpoint, state: State) -> None:
+        shutil.rmtree(place / "gone", ignore_errors=True)
+        keep(self, state)
+
+    monkeypatch.setattr("stoop.job.checkpoint.INTERVAL", 0.0)
+    monkeypatch.setattr(Checkpoint, "keep", removed)
+    assert main(identify(place, *SHORT, "--generations", "4", out="gone")) == 0
+    assert capsys.readouterr().err.count("the search goes on") == 1
+    assert (place / "gone" / "result.json").exists()
+    assert (place / "gone" / "search.npz").exists()
+
+
+def pressing(times: int) -> Callable[..., Identification]:
+    """Return a step after the search during which Ctrl-C is pressed so many times."""
+
+    def assembled(*arguments: Any) -> Identification:
+        for _ in range(times):
+            signal.raise_signal(signal.SIGINT)
+        return assemble(*arguments)
+
+    return assembled
+
+
+def test_ctrl_c_after_the_search_waits_for_the_result(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stoop.job.run.assemble", pressing(1))
+    assert main(identify(place, "--maneuver", "0:20", out="late")) == 130
+    assert json.loads((place / "late" / "result.json").read_text())["status"] == "converged"
+    assert not (place / "late" / "search.npz").exists()
+
+
+def test_ctrl_c_twice_stops_and_the_search_is_still_there(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patched:
+        patched.setattr("stoop.job.run.assemble", pressing(2))
+        assert main(identify(place, "--maneuver", "0:20", out="twice")) == 130
+    assert [p.name for p in (place / "twice").iterdir()] == ["search.npz"]
+    assert main(identify(place, "--maneuver", "0:20", "--resume", out="twice")) == 0
+    assert not (place / "twice" / "search.npz").exists()
+
+
+def test_speed_is_of_this_run_alone(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = iter([100.0, 110.0])
+    monkeypatch.setattr(time, "perf_counter", lambda: next(now))
+    watch = Watch()
+    watch.count_from(5000.0)
+    state = SimpleNamespace(generation=7)
+    watch.see(SimpleNamespace(state=state, trajectories=5200.0, cost=1.0, event=SimpleNamespace(kind="dive")))  # type: ignore[arg-type]
+    assert "5200 trajectories  20/s" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 def test_ctrl_c_keeps_the_best_and_resume_goes_on(place: Path) -> None:
     """A long search by a slow optimizer, interrupted as a user would, then resumed to its end."""
@@ -154,3 +313,19 @@ def test_demo_prints_truth_beside_estimate(tmp_path: Path, capsys: pytest.Captur
     page = (tmp_path / "demo" / "report.html").read_text()
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert "3-2-1-1" in said
+
+
+def test_demo_replaces_an_earlier_demo_and_nothing_else(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "vehicle.toml").write_text("mine")
+    assert main(["demo", "-o", str(tmp_path)]) == 2
+    assert "holds vehicle.toml already; add --overwrite" in capsys.readouterr().err
+    assert (tmp_path / "vehicle.toml").read_text() == "mine"
+    assert main(["demo", "-o", str(tmp_path), "--overwrite"]) == 0
+    assert main(["demo", "-o", str(tmp_path)]) == 0
+
+
+def test_demo_seed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["demo", "--seed", "-1"]) == 2
+    assert "--seed: '-1' is not a whole number" in capsys.readouterr().err

@@ -2,26 +2,24 @@ from __future__ import annotations
 
 import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import stoop
-from stoop.errors import FlightError, OutputError
+from stoop.cost import Piece
+from stoop.errors import FlightError, StoopError
 from stoop.flight import Flight
+from stoop.flight.variables import WRAPPED
 from stoop.identify.result import read_result
 from stoop.job import Job, identify
-from stoop.job.checkpoint import Checkpoint
-from stoop.job.outputs import check_folder
+from stoop.job.curves import _unwrapped
+from stoop.job.run import _windows
 from stoop.job.summary import estimates_table, figures_table
 from stoop.job.toml import replaced
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
-
-
-@pytest.fixture(scope="module")
-def job(wrong: Vehicle, flight: Flight) -> Job:
-    return identify(wrong, flight, ["0:20"], ["20:28"], command="stoop identify <here>")
 
 
 def test_writes_everything_and_reads_it_back(job: Job, tmp_path: Path) -> None:
@@ -84,35 +82,6 @@ def test_covariance_agrees_with_the_standard_errors(job: Job) -> None:
     assert sigma == pytest.approx([p.std_error for p in result.parameters.values()])
 
 
-def test_an_existing_result_is_not_overwritten(job: Job, tmp_path: Path) -> None:
-    job.save(tmp_path)
-    before = (tmp_path / "result.json").read_bytes()
-    with pytest.raises(OutputError, match="--overwrite"):
-        job.save(tmp_path)
-    assert (tmp_path / "result.json").read_bytes() == before
-    job.save(tmp_path, overwrite=True)
-
-
-def test_a_failing_report_leaves_nothing_behind(
-    job: Job, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(*_: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("stoop.report.write_report", full)
-    with pytest.raises(OutputError, match="No space left"):
-        job.save(tmp_path)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_folder_is_checked_before_the_work(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="is a file"):
-        check_folder(tmp_path / "file", overwrite=False)
-    with pytest.raises(OutputError, match="cannot be written"):
-        check_folder(Path("/proc/nowhere"), overwrite=False)
-
-
 def test_no_maneuver_and_twice_the_same_flight_are_errors(wrong: Vehicle, flight: Flight) -> None:
     with pytest.raises(FlightError, match="no maneuver"):
         identify(wrong, flight, [])
@@ -167,21 +136,39 @@ CLalpha = 5.0
     assert tomllib.loads(new)["reference"]["span"] == 2.0
 
 
-def test_checkpoint_belongs_to_one_search(tmp_path: Path, wrong: Vehicle, flight: Flight) -> None:
-    kept: list[object] = []
-    checkpoint = Checkpoint(tmp_path, "this")
+def test_overlapping_windows_of_a_flight_are_refused(wrong: Vehicle, flight: Flight) -> None:
+    with pytest.raises(FlightError, match=r"sim@10:20: overlaps the fitted sim@0:15; the same samples"):
+        identify(wrong, flight, ["0:15", "10:20"])
+    with pytest.raises(FlightError, match="overlaps"):
+        identify(wrong, flight, ["0:15", "0:15"])
+    with pytest.raises(FlightError, match="nothing may be fitted in a window that is predicted"):
+        identify(wrong, flight, ["0:15"], ["14:20"])
 
-    def see(progress: stoop.optimize.Progress) -> None:
-        checkpoint.keep(progress.state)
-        kept.append(progress.state)
 
-    identify(wrong, flight, ["0:20"], callback=see)
-    assert Checkpoint(tmp_path, "this").load() is not None
-    with pytest.raises(OutputError, match="another one"):
-        Checkpoint(tmp_path, "that").load()
-    (tmp_path / "search.npz").write_bytes(b"damaged")
-    with pytest.raises(OutputError, match="--resume"):
-        Checkpoint(tmp_path, "this").load()
-    checkpoint.forget()
-    with pytest.raises(OutputError, match="no interrupted search"):
-        checkpoint.load()
+def test_windows_that_touch_or_are_of_two_flights_do_not_overlap(wrong: Vehicle, flight: Flight) -> None:
+    flights = {name: replace(flight, name=name) for name in ("a", "b")}
+    fitted, predicted = _windows(["a@0:10", "a@10:15", "b@0:10"], ["a@15:20", "b@10:20"], flights)
+    assert [str(w) for w in (*fitted, *predicted)] == ["a@0:10", "a@10:15", "b@0:10", "a@15:20", "b@10:20"]
+
+
+def test_what_is_predicted_is_judged_before_the_search(
+    wrong: Vehicle, flight: Flight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def never(*_: object) -> None:
+        raise AssertionError("the search began")
+
+    monkeypatch.setattr("stoop.job.run.fit", never)
+    with pytest.raises(FlightError, match="outside the record"):
+        identify(wrong, flight, ["0:20"], ["500:510"])
+    with pytest.raises(StoopError, match="no loading is called 'heavy'"):
+        identify(wrong, flight, ["0:20"], ["20:28#heavy"])
+
+
+def test_angles_on_a_circle_are_shown_without_jumps() -> None:
+    time = np.arange(200) / 50.0
+    heading = 3.0 + 0.5 * time
+    wrapped = (heading + np.pi) % (2.0 * np.pi) - np.pi
+    piece = Piece(0, time, np.zeros((200, 1)), wrapped[:, None], {}, {})
+    measured, simulated = _unwrapped(piece, wrapped[:, None] - 0.01, 0, "psi" in WRAPPED)
+    assert measured == pytest.approx(heading)
+    assert simulated == pytest.approx(heading - 0.01)
