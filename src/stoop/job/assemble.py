@@ -30,7 +30,7 @@ from stoop.identify.result import (
 from stoop.identify.windows import Window
 from stoop.job.curves import Flown, maneuver_curves
 from stoop.job.errorbars import ErrorBars, error_bars
-from stoop.job.provenance import input_hashes, versions
+from stoop.job.provenance import versions
 from stoop.job.words import statements, warnings
 from stoop.uncertainty.covariance import intervals_95
 from stoop.vehicle.latex import equations, symbols
@@ -44,6 +44,7 @@ def assemble(
     flights: Mapping[str, Flight],
     predicted: Sequence[Window],
     options: Options,
+    inputs: Mapping[str, str],
     began: float,
     command: str,
 ) -> Identification:
@@ -54,7 +55,7 @@ def assemble(
         bars = error_bars(fit, color)
     groups = _flown(fit, flights, predicted)
     maneuvers, traces = maneuver_curves(vehicle, groups)
-    result = _result(fit, bars, maneuvers, flights, options)
+    result = _result(fit, bars, maneuvers, flights, inputs, options)
     return Identification(
         result=replace(result, seconds=time.perf_counter() - began),
         traces=traces,
@@ -85,6 +86,7 @@ def _result(
     bars: ErrorBars,
     maneuvers: tuple[ManeuverResult, ...],
     flights: Mapping[str, Flight],
+    inputs: Mapping[str, str],
     options: Options,
 ) -> Result:
     vehicle, parameters = fit.problem.layout.vehicle, _parameters(fit, bars)
@@ -106,7 +108,7 @@ def _result(
         advice=fit.outcome.advice,
         warnings=warnings(parameters, bars, maneuvers, fit),
         versions=versions(),
-        inputs=input_hashes(vehicle, flights),
+        inputs=inputs,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from stoop import optimize
@@ -138,11 +138,8 @@ def search(
 
 def finish(done: Search) -> Job:
     """Add error bars, predictions, figures of merit and words to a finished search."""
-    identification = assemble(done.fit, done.flights, done.predicted, done.options, done.began, done.command)
-    # the hashes of what was read, not of what lies there now
-    result = replace(identification.result, inputs=done.inputs)
     return Job(
-        replace(identification, result=result),
+        assemble(done.fit, done.flights, done.predicted, done.options, done.inputs, done.began, done.command),
         identified_vehicle(done.fit),
         tuple(done.flights.values()),
         done.fit,
