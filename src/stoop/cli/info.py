@@ -145,7 +145,9 @@ def _percent(share: float) -> str:
 def _print_maneuvers(out: Page, summary: FlightSummary, source: Sequence[str]) -> None:
     found = summary.maneuvers
     if not found:
-        out.bullets(["none found: no control was moved to and fro, or none was recorded"])
+        out.bullets(
+            ["none found: no control stands out from how it is usually moved here, or none was recorded"]
+        )
         return
     out.table(
         [

@@ -33,6 +33,12 @@ from stoop.units import FACTORS
 TIME_UNITS: Final = ("s", "ms", "us", "ns")
 MAX_BYTES: Final = 2**20
 _KEYS: Final = frozenset({"column", "unit", "scale", "offset", "file"})
+PULSES: Final = {
+    "pwm": 1.0,
+    "us": 1.0,
+    "ms": 1e3,
+    "s": 1e6,
+}  #: unit of a pulse -> microseconds, as it is kept
 
 
 @dataclass(frozen=True)
@@ -137,11 +143,12 @@ def _column(path: Path, name: str, entry: object) -> Column:
     if not isinstance(entry, dict):
         raise LogError(f'{path}: {where} is not a table; write {name} = {{column = "...", unit = "..."}}')
     _only(path, where, entry, _KEYS)
+    factors = PULSES if name.startswith("pwm_") else FACTORS
     unit = _text(path, where, entry, "unit")
-    if unit not in FACTORS:
-        near = difflib.get_close_matches(unit, FACTORS, n=3, cutoff=0.3) or list(FACTORS)
+    if unit not in factors:
+        near = difflib.get_close_matches(unit, factors, n=3, cutoff=0.3) or list(factors)
         raise LogError(f"{path}: {where}.unit = '{unit}' is unknown; did you mean {' or '.join(near)}?")
     scale = _number(path, where, entry, "scale", 1.0)
     offset = _number(path, where, entry, "offset", 0.0)
     file = _text(path, where, entry, "file") if "file" in entry else ""
-    return Column(name, _text(path, where, entry, "column"), FACTORS[unit] * scale, offset, file)
+    return Column(name, _text(path, where, entry, "column"), factors[unit] * scale, offset, file)

@@ -40,14 +40,18 @@ class Scale:
         return float(self(value))
 
 
+CONSTANT = 1e-6  #: of a curve's size; what varies less is drawn flat
+
+
 def spanning(curves: Sequence[npt.ArrayLike], margin: float = 0.06) -> tuple[float, float]:
-    """Return the least and greatest finite value with a margin; never an empty interval."""
+    """Return the least and greatest finite value with a margin; what varies by rounding alone counts as constant."""
     values = np.concatenate(
         [np.ravel(np.asarray(curve, dtype=np.float64)) for curve in curves] or [np.zeros(1)]
     )
     values = values[np.isfinite(values)]
     low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 1.0)
-    room = margin * (high - low) or max(abs(high) * margin, 1e-6)
+    size = max(abs(low), abs(high))
+    room = margin * (high - low) if high - low > CONSTANT * size else max(margin * size, 1e-6)
     return low - room, high + room
 
 

@@ -44,6 +44,18 @@ def test_units_scale_and_offset(tmp_path: Path) -> None:
     np.testing.assert_allclose(stream.columns["temperature"], [293.15, 294.15])
 
 
+@pytest.mark.parametrize(("unit", "factor"), [("pwm", 1.0), ("us", 1.0), ("ms", 1e3), ("s", 1e6)])
+def test_pulses_are_kept_in_microseconds(tmp_path: Path, unit: str, factor: float) -> None:
+    mapping = GOOD + f'pwm_1 = {{column = "acc", unit = "{unit}"}}\n'
+    stream = read(*write(tmp_path, mapping)).streams["f.csv"]
+    np.testing.assert_allclose(stream.columns["pwm_1"], [factor, 2.0 * factor])
+
+
+def test_a_pulse_needs_a_unit_of_time(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="is unknown; did you mean"):
+        read(*write(tmp_path, GOOD + 'pwm_1 = {column = "acc", unit = "deg"}\n'))
+
+
 def test_the_mapping_may_lie_beside_the_log(tmp_path: Path) -> None:
     log, mapping = write(tmp_path)
     mapping.rename(tmp_path / "f.csv.toml")

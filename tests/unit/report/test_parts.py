@@ -232,3 +232,8 @@ def test_nothing_held_back(examples: ModuleType) -> None:
     found = verdict(dataclasses.replace(whole, maneuvers=whole.maneuvers[:1]))
     assert found.level == "caution"
     assert "Nothing was held back" in found.sentences[-1]
+
+
+def test_a_curve_that_varies_by_rounding_is_drawn_flat() -> None:
+    low, high = spanning([0.93 + 1e-12 * np.arange(50)])
+    assert high - low > 0.05
