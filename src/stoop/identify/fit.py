@@ -27,6 +27,7 @@ MAX_ROUNDS = 30
 SEARCH = 0.8  #: of the budget; the rest is for the refinement, without which no nuisance is estimated
 SETTLING = 3  #: dives at most before the weights are frozen
 SETTLED = 0.05  #: change of log det R per channel below which they need no further dive
+UNSEARCHED = "stopped by the user before the search: the estimates are those of a first dive; run it again"
 STOPPED = "stopped by the user while the estimates were refined"
 UNRESTED = (
     "The noise estimate did not come to rest: weights and error bars are approximate. Allow a larger budget."
@@ -44,7 +45,8 @@ class Options:
         Name, see :func:`stoop.optimize.names`.
     seed : int
     generations, budget, target_cost
-        When to give up, see :class:`stoop.optimize.Stop`; a fifth of the budget is kept for the refinement.
+        When to give up, see :class:`stoop.optimize.Stop`; a fifth of the budget is kept for the refinement;
+        the few dives that settle the weights count, but are never cut short.
     covariance : (n_y,) or (n_y, n_y) array, optional
         A given noise covariance, the inverse of eq. (3)'s Q; estimated when absent.
     """
@@ -146,8 +148,11 @@ def fit(
     problem, prepared = pose(vehicle, flights, windows, options)
     guesses, spent = starts(problem), 0.0
     if options.covariance is None:
-        problem, first, spent = settle(problem, guesses, options.budget)
-        guesses = np.concatenate([first[None, :], guesses])
+        settled = settle(problem, guesses)
+        if settled.interrupted:
+            return _unsearched(settled, prepared, options)
+        problem, spent = settled.problem, settled.spent
+        guesses = np.concatenate([settled.z[None, : problem.dimension], guesses])
     stop = replace(options.stop, budget=max(SEARCH * (options.budget - spent), float(len(guesses))))
     outcome = optimize.minimize(
         optimize.create(options.optimizer), problem, seed=options.seed, starts=guesses,
@@ -184,23 +189,48 @@ def _blanked(measured: FloatArray, columns: Sequence[int]) -> FloatArray:
     return out
 
 
-def settle(problem: Misfit, guesses: FloatArray, budget: float = np.inf) -> tuple[Misfit, FloatArray, float]:
-    """Settle the weights by a few dives from the best start; return problem, that place, trajectories.
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """A problem with its weights settled, the place where they were, and what that took."""
 
-    Ctrl-C or an empty purse ends it early, with what there is.
+    problem: Misfit
+    z: FloatArray
+    spent: float
+    interrupted: bool
+
+
+def settle(problem: Misfit, guesses: FloatArray) -> Settled:
+    """Settle the weights by a few short dives from the best start.
+
+    No budget cuts this short: the weights decide what a cost means, so a search that is resumed with more
+    budget must find the same ones.
     """
     problem = problem.weighted(Weights.of(first_variance(problem)))
     costs = problem.costs(guesses, len(problem.prices) - 1)
     z = np.concatenate([guesses[int(np.argmin(costs))], np.zeros(problem.extra)])
     spent = float(len(guesses))
     for _ in range(SETTLING):
-        end = _dive(problem, z, SHORT, budget - spent)
-        spent += end.spent
-        z, before = end.z, problem.weights.logdet
+        end = _dive(problem, z, SHORT)
+        z, spent, before = end.z, spent + end.spent, problem.weights.logdet
         problem = problem.weighted(Weights.of(effective_variance(problem, z)))
-        if end.cut_short or abs(problem.weights.logdet - before) < SETTLED * len(problem.weights.covariance):
+        if end.cut_short:
+            return Settled(problem, z, spent, interrupted=True)
+        if abs(problem.weights.logdet - before) < SETTLED * len(problem.weights.covariance):
             break
-    return problem, z[: problem.dimension], spent
+    return Settled(problem, z, spent, interrupted=False)
+
+
+def _unsearched(settled: Settled, prepared: Prepared, options: Options) -> Fit:
+    """Return what there is when Ctrl-C came before the search."""
+    books = replace(blank(settled.problem), best=settled.z, cost=_cost(settled.problem, settled.z))
+    outcome = optimize.Outcome(
+        books.best, books.cost, 0.0, 0, "interrupted", UNSEARCHED, books.history, None, options.optimizer
+    )
+    return replace(refine(settled.problem, prepared, outcome), trajectories=settled.spent)
+
+
+def _cost(problem: Misfit, z: FloatArray) -> float:
+    return float(np.sum(problem.residuals(z[None, :], len(problem.prices) - 1) ** 2))
 
 
 def refine(
@@ -228,10 +258,9 @@ def refine(
         before = now
         problem = problem.weighted(Weights.of(effective_variance(problem, z)))
     notes = () if rested or outcome.status == "interrupted" else (UNRESTED,)
-    cost = float(np.sum(problem.residuals(z[None, :], len(problem.prices) - 1) ** 2))
-    return Fit(
-        problem, prepared, z, outcome, cost, outcome.trajectories + spent, (*prepared.warnings, *notes)
-    )
+    spent += outcome.trajectories
+    warnings = (*prepared.warnings, *notes)
+    return Fit(problem, prepared, z, outcome, _cost(problem, z), spent, warnings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,7 +273,7 @@ class _End:
     cut_short: str = ""
 
 
-def _dive(problem: Misfit, z: FloatArray, settings: optimize.Settings, budget: float) -> _End:
+def _dive(problem: Misfit, z: FloatArray, settings: optimize.Settings, budget: float = np.inf) -> _End:
     """Dive on the full record; Ctrl-C or an empty purse keeps the best so far."""
     ledger = optimize.Ledger(problem, blank(problem), budget)
     try:

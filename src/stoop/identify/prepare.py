@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from stoop.cost import Nuisance, Piece
 from stoop.errors import FlightError, VehicleError
 from stoop.flight import Flight, Segment, segments
+from stoop.flight.segments import SHORTEST
 from stoop.identify.start import first_complete, guess_start, state_channels
 from stoop.identify.windows import Window
 from stoop.vehicle import Vehicle
@@ -76,21 +77,29 @@ def _pieces(vehicle: Vehicle, flight: Flight, window: Window, index: int) -> tup
     out = []
     for segment in found:
         piece, said = _piece(vehicle, window, segment, index, changes)
-        out.append(piece)
+        out += [piece] if piece is not None else []
         notes += said
+    if not out:
+        raise FlightError(
+            f"{window}: nowhere {SHORTEST:g} s in which its whole state was measured; choose another window"
+        )
     return out, notes
 
 
 def _piece(
     vehicle: Vehicle, window: Window, segment: Segment, index: int, changes: dict[str, float]
-) -> tuple[Piece, list[str]]:
-    """Make a piece that begins where the state can be read off the measurements."""
+) -> tuple[Piece | None, list[str]]:
+    """Make a piece that begins where the state can be read off the measurements; None where little is left."""
     blank = np.full(len(segment.t), np.nan)
     columns = dict(zip(vehicle.outputs, segment.z.T, strict=True)) | dict(segment.extras)
     readings = {c: columns.get(c, blank) for c in state_channels(vehicle)}
     first = first_complete(readings)
     notes = [f"{window}: begins at {segment.t[first]:.2f} s, where its state was measured"] if first else []
     t = segment.t[first:]
+    if t[-1] - t[0] < 0.9 * SHORTEST:
+        return None, [
+            f"{window}: {segment.t[0]:.2f}:{segment.t[-1]:.2f} was dropped: its state was measured too late"
+        ]
     start, missing = guess_start(vehicle, t, {c: v[first:] for c, v in readings.items()}, str(window))
     if missing:
         notes.append(f"{window}: {', '.join(missing)} not recorded at the start; a default is used there")

@@ -33,7 +33,8 @@ class Stop:
     Attributes
     ----------
     generations : steps
-    budget : trajectories of the full record; never exceeded
+    budget : trajectories of the full record; exceeded only by columns of a Jacobian that are taken again
+        because they diverged
     target_cost : a cost on the full record that is good enough
     """
 

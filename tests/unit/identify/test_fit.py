@@ -7,10 +7,11 @@ import pytest
 
 from stoop import optimize
 from stoop.cli.demo import MANEUVER, TABLE_1
+from stoop.cost import Misfit
 from stoop.errors import FlightError, IdentificationError, VehicleError
 from stoop.flight import Flight
 from stoop.identify.equation_error import equation_error
-from stoop.identify.fit import Options, fit, pose, refine, starts
+from stoop.identify.fit import Options, fit, pose, refine, settle, starts
 from stoop.identify.noise import noise_variance
 from stoop.identify.predict import mean_biases, predict
 from stoop.identify.start import first_complete, guess_start
@@ -108,11 +109,48 @@ def test_a_stuck_channel_counts_as_not_measured(aircraft: Vehicle, wrong: Vehicl
     assert found.estimates["Cmalpha"] == pytest.approx(aircraft.value("Cmalpha"), rel=0.1)
 
 
-def test_budget_holds_for_settling_and_refinement_too(wrong: Vehicle, flight: Flight) -> None:
-    for budget in (20.0, 60.0, 100.0):
+def test_budget_holds_for_the_refinement_too(wrong: Vehicle, flight: Flight) -> None:
+    """Settling the weights (some 100 trajectories here) is counted, but not cut: a resumed search needs them."""
+    problem, _ = pose(wrong, {"sim": flight}, WINDOW, Options())
+    settling = settle(problem, starts(problem)).spent
+    for budget in (settling + 20.0, settling + 60.0):
         found = fit(wrong, {"sim": flight}, WINDOW, Options(budget=budget))
-        assert found.trajectories <= budget + 20.0
+        assert found.trajectories <= budget + 4.0
         assert found.warnings or found.outcome.status != "converged"
+
+
+def test_weights_do_not_depend_on_the_budget(wrong: Vehicle, flight: Flight) -> None:
+    states: list[optimize.State] = []
+    fit(wrong, {"sim": flight}, WINDOW, Options(budget=150.0), lambda p: states.append(p.state))
+    few, many = states[0], fit(wrong, {"sim": flight}, WINDOW, Options(), state=states[0])
+    assert many.outcome.cost <= few.books.cost
+    assert np.array_equal(many.z, fit(wrong, {"sim": flight}, WINDOW, Options()).z)
+
+
+def test_ctrl_c_before_the_search_keeps_the_first_dive(
+    wrong: Vehicle, flight: Flight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls = []
+    residuals = Misfit.residuals
+
+    def interrupt(self: Misfit, Z: np.ndarray, rung: int) -> np.ndarray:
+        calls.append(len(Z))
+        if len(calls) == 6:
+            raise KeyboardInterrupt
+        return residuals(self, Z, rung)
+
+    monkeypatch.setattr(Misfit, "residuals", interrupt)
+    found = fit(wrong, {"sim": flight}, WINDOW, Options())
+    assert found.outcome.status == "interrupted"
+    assert found.outcome.state is None
+    assert np.isfinite(found.cost)
+
+
+def test_a_piece_whose_state_comes_too_late_is_refused(wrong: Vehicle, flight: Flight) -> None:
+    data = flight.data.copy(deep=True)
+    data["V"][:-1] = np.nan
+    with pytest.raises(FlightError, match="whole state"):
+        fit(wrong, {"sim": replace(flight, data=data)}, WINDOW, Options())
 
 
 def test_biases_for_a_prediction_come_from_the_same_flight(aircraft: Vehicle, wrong: Vehicle) -> None:
