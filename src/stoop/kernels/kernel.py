@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from importlib import metadata
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import CodeType, ModuleType
@@ -221,25 +222,30 @@ def _interleave(inputs: FloatArray, lanes: int) -> FloatArray:
 
 
 _CODE_SETTINGS = (
-    "NUMBA_CPU_NAME",
-    "NUMBA_CPU_FEATURES",
-    "NUMBA_OPT",
-    "NUMBA_ENABLE_AVX",
-    "NUMBA_LOOP_VECTORIZE",
-)
+    "OPT", "CPU_NAME", "CPU_FEATURES", "ENABLE_AVX", "LOOP_VECTORIZE", "SLP_VECTORIZE", "USING_SVML",
+    "BOUNDSCHECK", "DEBUGINFO_DEFAULT", "EXTEND_VARIABLE_LIFETIMES", "ENABLE_PROFILING", "DEBUG_NRT", "NRT_STATS",
+    "LLVM_REFPRUNE_PASS", "LLVM_REFPRUNE_FLAGS",
+)  # fmt: skip
+
+
+def _code_settings() -> list[str]:
+    """Return the settings that change compiled code, be they from the environment or from Numba's own file."""
+    from numba import config
+
+    return [f"{name}={getattr(config, name, None)!r}" for name in _CODE_SETTINGS]
 
 
 @functools.cache
 def _environment() -> str:
-    """Return what compiled code depends on beside the model: processor, versions, our own sources."""
+    """Return what compiled code depends on beside the model: processor, versions, settings, our own sources."""
     import llvmlite
     import llvmlite.binding as llvm
     import numba
 
     sources = b"".join(p.read_bytes() for p in sorted(_HERE.glob("*.py")))
     facts = (
-        sys.version, numba.__version__, llvmlite.__version__, llvm.get_host_cpu_name(),
-        llvm.get_host_cpu_features().flatten(), *(os.environ.get(name, "") for name in _CODE_SETTINGS),
+        sys.version, numba.__version__, llvmlite.__version__, metadata.version("sympy"),
+        llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten(), *_code_settings(),
         hashlib.sha256(sources).hexdigest(),
     )  # fmt: skip
     return "\n".join(facts)

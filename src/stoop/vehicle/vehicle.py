@@ -42,7 +42,9 @@ _UNITS = {
     "density": "kg/m3", "thrust": "N", "diameter": "m", "lag": "s", "delay": "s", "offset": "rad",
     "x": "m", "y": "m", "z": "m", "pitch": "rad", "speed_gain": "rev/s per unit",
 }  # fmt: skip
-_EQUATION_SOURCES = ("vehicle.py", "terms.py", "atmosphere.py")  #: beside all of symbolic/
+_EQUATION_SOURCES = (  #: beside all of symbolic/
+    "vehicle.py", "terms.py", "atmosphere.py", "schema.py", "defaults.py", "quantity.py",
+)  # fmt: skip
 _CHANNEL_UNITS = {
     "V": "m/s",
     "p": "rad/s",

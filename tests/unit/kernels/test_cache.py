@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import subprocess
@@ -264,6 +265,40 @@ def test_the_key_holds_structure_versions_and_processor(monkeypatch: pytest.Monk
         load_kernel(structure, oscillator.equations)
     assert keys[0] == keys[1]
     assert len(set(keys)) == 3
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("BOUNDSCHECK", 1), ("DEBUGINFO_DEFAULT", 1), ("SLP_VECTORIZE", 1), ("LOOP_VECTORIZE", 0), ("CPU_NAME", "generic")],
+)  # fmt: skip
+def test_the_key_holds_what_changes_the_code(
+    monkeypatch: pytest.MonkeyPatch, name: str, value: object
+) -> None:
+    from numba import config
+
+    before = kernel._environment.__wrapped__()
+    monkeypatch.setattr(config, name, value)
+    assert kernel._environment.__wrapped__() != before
+
+
+def test_the_key_holds_the_version_of_sympy() -> None:
+    import sympy
+
+    assert sympy.__version__ in kernel._environment().split("\n")
+
+
+def test_every_module_behind_the_equations_enters_the_key() -> None:
+    from stoop import vehicle as room
+    from stoop.vehicle.vehicle import _EQUATION_SOURCES
+
+    here = Path(room.__file__).parent
+    sources = [*(here / "symbolic").glob("*.py"), *(here / name for name in _EQUATION_SOURCES)]
+    lines = [line for p in sources for line in ast.walk(ast.parse(p.read_text()))]
+    modules = [n.module or "" for n in lines if isinstance(n, ast.ImportFrom)]
+    modules += [f"stoop.vehicle.{a.name}" for n in lines if isinstance(n, ast.ImportFrom)
+                for a in n.names if n.module == "stoop.vehicle"]  # fmt: skip
+    named = {m.removeprefix("stoop.vehicle.") for m in modules if m.startswith("stoop.vehicle.")}
+    assert {f"{m}.py" for m in named if "symbolic" not in m} == set(_EQUATION_SOURCES)
 
 
 def test_where_the_cache_lies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
