@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from stoop.report.svg import FloatArray, Scale, element, path, tick_text, ticks
+from stoop.report.svg import FloatArray, Scale, element, path, plain_text, tick_text, ticks
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Axes:
             x = box.left + self.x.at(place)
             parts.append(element("line", x1=x, x2=x, y1=box.top, y2=box.top + box.height, class_="grid"))
             if labels:
-                label = tick_text(place, _step(places))
+                label = plain_text(place, _step(places))
                 parts.append(element("text", label, x=x, y=box.top + box.height + 13, class_="tick mid"))
         return parts
 

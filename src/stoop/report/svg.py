@@ -64,12 +64,26 @@ def ticks(low: float, high: float, most: int) -> list[float]:
     return [step * n for n in range(first, math.floor(high / step + 1e-9) + 1)]
 
 
-def tick_text(value: float, step: float) -> str:
-    """Return a tick's label with the decimals that the step needs."""
-    if value and not 1e-4 < abs(value) < 1e5:
-        return f"{value:.0e}".replace("e-0", "e-").replace("e+0", "e").replace("-", "−")
-    decimals = max(0, -math.floor(math.log10(step) + 1e-9)) if step > 0 else 0
+def plain_text(value: float, step: float) -> str:
+    """Return a tick's label as plain digits, with the decimals that the step needs."""
+    decimals = max(0, -_decade(step)) if step > 0 else 0
     return f"{value + 0.0:.{decimals}f}".replace("-", "−") if abs(value) > step * 1e-6 else "0"
+
+
+def tick_text(value: float, step: float) -> str:
+    """Return a tick's label with the digits that the step needs; a power of ten where that is clearly shorter."""
+    plain = plain_text(value, step)
+    if not value or not step > 0 or 1e-4 < abs(value) < 1e5:
+        return plain
+    digits = max(0, _decade(abs(value)) - _decade(step))
+    raised = (
+        f"{value:.{digits}e}".replace("e-0", "e-").replace("e+0", "e").replace("e+", "e").replace("-", "−")
+    )
+    return raised if plain == "0" or len(raised) + 1 < len(plain) else plain
+
+
+def _decade(value: float) -> int:
+    return math.floor(math.log10(value) + 1e-9)
 
 
 def path(x: FloatArray, y: FloatArray, kind: str) -> Markup:

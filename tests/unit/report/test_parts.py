@@ -25,7 +25,7 @@ from stoop.report.numbers import (
     rounded_to_error,
     window,
 )
-from stoop.report.svg import COLUMNS, Scale, path, spanning, tick_text, ticks
+from stoop.report.svg import COLUMNS, Scale, path, plain_text, spanning, tick_text, ticks
 from stoop.report.words import verdict
 from stoop.validation.runs import join
 
@@ -134,6 +134,35 @@ def test_ticks_are_round_few_and_inside(low: float, width: float, most: int) -> 
 )  # fmt: skip
 def test_tick_text(value: float, step: float, text: str) -> None:
     assert tick_text(value, step) == text
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "labels"),
+    [
+        (1.7e9, 1.7e9 + 10, [str(1700000000 + n) for n in range(0, 11, 2)]),
+        (101000.0, 101900.0, ["101000", "101200", "101400", "101600", "101800"]),
+        (1.2e7, 1.7e7, ["1.2e7", "1.3e7", "1.4e7", "1.5e7", "1.6e7", "1.7e7"]),
+        (9e-5, 9.9e-5, ["9.0e−5", "9.2e−5", "9.4e−5", "9.6e−5", "9.8e−5"]),
+        (-2e12, 2e12, ["−2e12", "−1e12", "0", "1e12", "2e12"]),
+    ],
+)
+def test_ticks_of_large_and_small_values_differ(low: float, high: float, labels: list[str]) -> None:
+    found = ticks(low, high, 5)
+    assert [tick_text(level, found[1] - found[0]) for level in found] == labels
+
+
+@given(st.floats(-1e12, 1e12), st.floats(1e-6, 1e12))
+def test_labels_say_where_the_tick_is(low: float, width: float) -> None:
+    if width < 1e-9 * abs(low):
+        return
+    found = ticks(low, low + width, 5)
+    step = found[1] - found[0]
+    said = [float(tick_text(level, step).replace("−", "-")) for level in found]
+    assert said == pytest.approx(found, rel=1e-12, abs=1e-6 * step + 1e-14 * abs(low))
+
+
+def test_the_time_of_a_maneuver_is_plain_digits() -> None:
+    assert [plain_text(t, 1e5) for t in (0.0, 1e5, 2e5)] == ["0", "100000", "200000"]
 
 
 @given(st.lists(st.floats(), max_size=5))
