@@ -19,14 +19,17 @@ from stoop.flight.plausible import check_radians
 from stoop.flight.px4 import px4_channels
 from stoop.flight.store import restore
 from stoop.flight.variables import QUATERNION, VARIABLES, nearest
-from stoop.logs import Recording
+from stoop.logs import FloatArray, Recording
 from stoop.logs.table import beside
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
+    from stoop.flight.reconstruction import AirData
+
 DEFAULT_RATE: Final = 100.0  #: Hz
 SLOW_RATES: Final = 25.0  #: Hz; body rates below this do not show the fast modes
+RECONSTRUCTED: Final = "reconstructed"  #: source of what no sensor measured
 _INERTIAL: Final = frozenset({"vn", "ve", "vd", *QUATERNION})
 
 
@@ -116,16 +119,14 @@ def _gap_notes(sources: Mapping[str, SourceRate]) -> list[str]:
 
 
 def with_air(flight: Flight) -> Flight:
-    """Reconstruct air data where there is no vane but velocity over ground and attitude."""
+    """Reconstruct what air data were not measured, where there is no vane but ground velocity and attitude."""
     there = {str(name) for name in flight.data.data_vars}
     if there & {"alpha", "beta"} or not there >= _INERTIAL or _empty(flight, _INERTIAL):
         return flight
-    from stoop.flight.reconstruction import reconstruct  # heavy, and only here
-
+    columns, air = _reconstructed(flight)
     velocity = flight.sources["vn"]
-    data, air = reconstruct(flight.data, velocity.rate)
-    columns = {name: data[name].to_numpy() for name in VARIABLES if name in data}
-    sources = {name: replace(velocity, source="reconstructed") for name in columns if name not in there}
+    new = columns.keys() - (there if _measured_speed(flight) is not None else there - {"V"})
+    sources = {name: replace(velocity, source=RECONSTRUCTED) for name in new}
     told = {
         fault.message for fault in flight.faults if fault.variable == "airspeed_pitot"
     }  # air tells more of it
@@ -138,6 +139,33 @@ def with_air(flight: Flight) -> Flight:
     )
 
 
+def _reconstructed(
+    flight: Flight, exclude: Sequence[tuple[float, float]] = ()
+) -> tuple[dict[str, FloatArray], AirData]:
+    """Return all columns with reconstructed air data; a measured V stays, and is a pitot where there is none."""
+    from stoop.flight.reconstruction import reconstruct  # heavy, and only here
+
+    measured = _measured_speed(flight)
+    lent = measured is not None and "airspeed_pitot" not in flight.data
+    given = flight.data.assign(airspeed_pitot=("time", measured)) if lent else flight.data
+    data, air = reconstruct(given, flight.sources["vn"].rate, exclude)
+    columns = {name: data[name].to_numpy() for name in VARIABLES if name in data}
+    if lent:
+        del columns["airspeed_pitot"]
+    if measured is None or air.method == "none":
+        return columns, air
+    role = "; it also served as the pitot that tells the wind" if lent else ""
+    note = f"V is as measured, only alpha and beta are reconstructed{role}"
+    return {**columns, "V": measured}, replace(air, notes=(*air.notes, note))
+
+
+def _measured_speed(flight: Flight) -> FloatArray | None:
+    source = flight.sources.get("V")
+    if source is None or source.source == RECONSTRUCTED or _empty(flight, ["V"]):
+        return None
+    return flight.column("V")
+
+
 def without(flight: Flight, windows: Sequence[tuple[float, float]]) -> Flight:
     """Reconstruct the air data anew, learning nothing about wind and pitot inside some windows [s].
 
@@ -145,9 +173,7 @@ def without(flight: Flight, windows: Sequence[tuple[float, float]]) -> Flight:
     """
     if not windows or flight.air is None or flight.air.method == "none":
         return flight
-    from stoop.flight.reconstruction import reconstruct
-
-    data, air = reconstruct(flight.data, flight.sources["vn"].rate, windows)
+    columns, air = _reconstructed(flight, windows)
     if air.method == "none":
         note = (
             f"{flight.name}: too little flight remains outside the predicted windows: the wind, and so the measured V, "
@@ -155,7 +181,6 @@ def without(flight: Flight, windows: Sequence[tuple[float, float]]) -> Flight:
         )
         return replace(flight, notes=(*flight.notes, note))
     kept = tuple(note for note in flight.notes if note not in flight.air.notes)
-    columns = {name: data[name].to_numpy() for name in VARIABLES if name in data}
     return replace(flight, data=dataset(flight.time, columns), air=air, notes=(*kept, *air.notes))
 
 
