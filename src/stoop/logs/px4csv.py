@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -17,7 +16,7 @@ _TOPICS: Final = (
     "actuator_armed actuator_controls_0 actuator_controls_1 actuator_controls_2 "
     "actuator_controls_3 actuator_motors actuator_outputs actuator_servos airspeed "
     "airspeed_validated airspeed_wind battery_status cpuload differential_pressure "
-    "distance_sensor ekf2_innovations ekf2_timestamps esc_status estimator_attitude "
+    "distance_sensor ekf2_innovations ekf2_timestamps esc_status estimator_aid_src_airspeed estimator_attitude "
     "estimator_innovations estimator_local_position estimator_sensor_bias estimator_states "
     "estimator_status estimator_wind home_position input_rc manual_control_setpoint "
     "rate_ctrl_status rpm sensor_accel sensor_baro sensor_combined sensor_gps sensor_gyro "
@@ -79,10 +78,11 @@ def topic_files(folder: Path) -> list[TopicFile]:
             f"{folder}: no PX4 topic among its files; "
             "expected names such as log_vehicle_attitude_0.csv, or give a mapping for CSV files of your own"
         )
-    prefix = _only_prefix(folder, known)
-    taken = {file.path for file in known}
-    others = [_split_unknown(p, prefix) for p in paths if p not in taken and p.name.startswith(prefix)]
-    return sorted([*known, *others], key=lambda file: (file.topic, file.instance))
+    prefix = _common_prefix(known)
+    mine = [_split_after(p, prefix) for p in paths if p.name.startswith(prefix)]
+    strays = [file for file in known if not file.path.name.startswith(prefix)]
+    _refuse_two_logs(folder, prefix, known, strays)
+    return sorted([*mine, *strays], key=lambda file: (file.topic, file.instance))
 
 
 def _split_known(path: Path) -> TopicFile | None:
@@ -95,7 +95,7 @@ def _split_known(path: Path) -> TopicFile | None:
     return None
 
 
-def _split_unknown(path: Path, prefix: str) -> TopicFile:
+def _split_after(path: Path, prefix: str) -> TopicFile:
     stem, instance = _stem(path)
     return TopicFile(path, prefix, stem[len(prefix) :], instance)
 
@@ -108,16 +108,29 @@ def _stem(path: Path) -> tuple[str, int]:
     return stem[: found.start()], int(found[1])
 
 
-def _only_prefix(folder: Path, files: list[TopicFile]) -> str:
-    """Return the prefix of the one log; a topic seen twice under two prefixes means two logs."""
-    counts = Counter(file.prefix for file in files)
-    seen = Counter((file.topic, file.instance) for file in files)
-    if len(counts) > 1 and max(seen.values()) > 1:
-        names = ", ".join(sorted(counts)[:3])
+def _common_prefix(files: list[TopicFile]) -> str:
+    """Return the prefix that most topics have; of equals the shortest, as some topics end in another's name."""
+    topics = _topics_by_prefix(files)
+    return min(topics, key=lambda prefix: (-len(topics[prefix]), len(prefix), prefix))
+
+
+def _topics_by_prefix(files: list[TopicFile]) -> dict[str, set[tuple[str, int]]]:
+    topics: dict[str, set[tuple[str, int]]] = {}
+    for file in files:
+        topics.setdefault(file.prefix, set()).add((file.topic, file.instance))
+    return topics
+
+
+def _refuse_two_logs(folder: Path, prefix: str, known: list[TopicFile], strays: list[TopicFile]) -> None:
+    """Two logs: another prefix holds several topics, or one that does not extend the first repeats a topic."""
+    topics = _topics_by_prefix(known)
+    several = {p for p, found in topics.items() if p != prefix and len({topic for topic, _ in found}) > 1}
+    repeated = {file.prefix for file in strays if (file.topic, file.instance) in topics[prefix]}
+    if several | repeated:
+        names = ", ".join(sorted({prefix} | several | repeated)[:3])
         raise LogError(
             f"{folder}: more than one log ({names}); put the files of each log in a folder of its own"
         )
-    return counts.most_common(1)[0][0]
 
 
 def _read_topic(file: TopicFile) -> tuple[Stream | None, tuple[Defect, ...]]:

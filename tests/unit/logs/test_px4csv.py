@@ -60,6 +60,24 @@ def test_two_logs_in_one_folder_are_refused(tmp_path: Path) -> None:
         read(tmp_path)
 
 
+@pytest.mark.parametrize("prefix", ["log_", "", "wind_"])
+def test_topics_that_end_in_the_name_of_another(tmp_path: Path, prefix: str) -> None:
+    topics = {"airspeed", "vehicle_attitude", "estimator_aid_src_airspeed", "my_airspeed"}
+    write(tmp_path, *(f"{prefix}{topic}_0.csv" for topic in topics))
+    assert {(file.prefix, file.topic) for file in topic_files(tmp_path)} == {(prefix, t) for t in topics}
+
+
+def test_a_few_topics_are_enough_to_tell_the_prefix(tmp_path: Path) -> None:
+    write(tmp_path, "log_airspeed_0.csv", "log_new_airspeed_0.csv")
+    assert set(read(tmp_path).streams) == {"airspeed", "new_airspeed"}
+
+
+def test_two_logs_are_seen_when_one_name_extends_the_other(tmp_path: Path) -> None:
+    write(tmp_path, *(f"{p}{topic}_0.csv" for p in ("log_", "log_2_") for topic in ("airspeed", "wind")))
+    with pytest.raises(LogError, match=r"more than one log \(log_, log_2_\)"):
+        read(tmp_path)
+
+
 def test_one_bad_file_does_not_lose_the_others(tmp_path: Path) -> None:
     write(tmp_path, "log_airspeed_0.csv")
     write(tmp_path, "log_sensor_combined_0.csv", body="")
