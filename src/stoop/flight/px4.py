@@ -1,7 +1,8 @@
 """PX4 topics -> registry variables.
 
 Each group of variables names its sources in order of trust; the first that is there wins, unless a later
-one was logged more than twice as fast. Layouts follow the message definitions of PX4 v1.9 to v1.15.
+one was logged more than twice as fast. A source that never held a valid value gives way to the others.
+Layouts follow the message definitions of PX4 v1.9 to v1.15.
 """
 
 from __future__ import annotations
@@ -10,10 +11,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from stoop.flight.channels import Channels
 from stoop.logs import FloatArray, Recording, Stream
 from stoop.units import MICROSECOND, ZERO_CELSIUS
+
+BoolArray = npt.NDArray[np.bool_]
 
 MAX_TRANSPORT: Final = 0.2  #: s; a sample stamp further from its publication is not believed
 
@@ -27,14 +31,14 @@ class Source:
     topic : stream of the recording
     columns : one per variable of the group
     offset : added to each value, to reach SI
-    valid : column that must be positive for a sample to count
+    valid : columns that must be positive for a sample to count, one for all or one per column
     sampled : the stamp of the sample rather than of its publication is the time of the measurement
     """
 
     topic: str
     columns: tuple[str, ...]
     offset: float = 0.0
-    valid: str = ""
+    valid: tuple[str, ...] = ()
     sampled: bool = True
 
 
@@ -70,17 +74,17 @@ GROUPS: Final[tuple[tuple[tuple[str, ...], tuple[Source, ...]], ...]] = (
         Source("vehicle_thrust_setpoint", ("xyz[0]",), sampled=False),
     )),
     (("vn", "ve", "vd"), (
-        Source("vehicle_local_position", ("vx", "vy", "vz"), valid="v_xy_valid"),
-        Source("vehicle_gps_position", ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s"), valid="vel_ned_valid"),
-        Source("sensor_gps", ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s"), valid="vel_ned_valid"),
+        Source("vehicle_local_position", ("vx", "vy", "vz"), valid=("v_xy_valid", "v_xy_valid", "v_z_valid")),
+        Source("vehicle_gps_position", ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s"), valid=("vel_ned_valid",)),
+        Source("sensor_gps", ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s"), valid=("vel_ned_valid",)),
     )),
-    (("pn", "pe", "pd"), (Source("vehicle_local_position", ("x", "y", "z"), valid="xy_valid"),)),
+    (("pn", "pe", "pd"), (Source("vehicle_local_position", ("x", "y", "z"), valid=("xy_valid", "xy_valid", "z_valid")),)),
     (("airspeed_pitot",), (
         Source("airspeed", ("true_airspeed_m_s",)),
         Source("airspeed_validated", ("true_airspeed_m_s",)),
     )),
     (("wind_n", "wind_e"), tuple(
-        Source(topic, ("windspeed_north", "windspeed_east"), valid="variance_north", sampled=False)
+        Source(topic, ("windspeed_north", "windspeed_east"), valid=("variance_north",), sampled=False)
         for topic in ("wind_estimate", "wind", "estimator_wind", "airspeed_wind")
     )),
     (("density",), (Source("vehicle_air_data", ("rho",)),)),
@@ -101,29 +105,42 @@ def px4_channels(recording: Recording) -> list[Channels]:
 
 
 def _best(recording: Recording, names: tuple[str, ...], sources: tuple[Source, ...]) -> Channels | None:
+    found = [channels for source in sources if (channels := _supply(recording, names, source)) is not None]
+    whole = [channels for channels in found if _finite(channels).all(axis=0).any()]
+    some = [channels for channels in found if _finite(channels).any()]
+    return _fastest(whole or some)
+
+
+def _finite(channels: Channels) -> BoolArray:
+    """Return (k, n): where each of the variables holds a value."""
+    return np.array([np.isfinite(x) for x in channels.values.values()])
+
+
+def _fastest(found: list[Channels]) -> Channels | None:
     best: Channels | None = None
-    for source in sources:
-        stream = recording.streams.get(source.topic)
-        if stream is None or not set(source.columns) <= set(stream.columns):
-            continue
-        found = _supply(names, source, stream)
-        if best is None or found.rate > 2.0 * best.rate:
-            best = found
+    for channels in found:
+        if best is None or channels.rate > 2.0 * best.rate:
+            best = channels
     return best
 
 
-def _supply(names: tuple[str, ...], source: Source, stream: Stream) -> Channels:
-    void = _void(source, stream)
+def _supply(recording: Recording, names: tuple[str, ...], source: Source) -> Channels | None:
+    stream = recording.streams.get(source.topic)
+    if stream is None or not set(source.columns) <= set(stream.columns):
+        return None
+    flags = source.valid if len(source.valid) == len(names) else (source.valid or ("",)) * len(names)
     values = {
-        name: np.where(void, np.nan, stream.columns[column] + source.offset)
-        for name, column in zip(names, source.columns, strict=True)
+        name: _valid(stream, column, flag) + source.offset
+        for name, column, flag in zip(names, source.columns, flags, strict=True)
     }
     return Channels(source.topic, sample_time(stream) if source.sampled else stream.time, values)
 
 
-def _void(source: Source, stream: Stream) -> FloatArray | np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    flag = stream.columns.get(source.valid)
-    return np.zeros(stream.time.size, dtype=bool) if flag is None else ~(flag > 0.0)
+def _valid(stream: Stream, column: str, flag: str) -> FloatArray:
+    """Return a column with NaN where its flag says so; a log without the flag is believed."""
+    good = stream.columns.get(flag)
+    values = stream.columns[column]
+    return values if good is None else np.where(good > 0.0, values, np.nan)
 
 
 def sample_time(stream: Stream) -> FloatArray:
@@ -141,11 +158,9 @@ def _altitude(recording: Recording) -> Channels | None:
     """Height above sea level: from the estimator, else from the barometer."""
     local = recording.streams.get("vehicle_local_position")
     if local is not None and {"z", "ref_alt"} <= set(local.columns):
-        return Channels(
-            "vehicle_local_position",
-            sample_time(local),
-            {"altitude": local.columns["ref_alt"] - local.columns["z"]},
-        )
+        height = local.columns["ref_alt"] - local.columns["z"]
+        if np.isfinite(height).any():
+            return Channels("vehicle_local_position", sample_time(local), {"altitude": height})
     return _best(recording, ("altitude",), (Source("vehicle_air_data", ("baro_alt_meter",)),))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from stoop.flight.px4 import px4_channels, sample_time
 from stoop.logs import FloatArray, Recording, Stream
@@ -48,8 +49,39 @@ def test_invalid_samples_are_missing() -> None:
 
 
 def test_a_wind_without_variance_was_not_estimated() -> None:
-    found = named(wind_estimate=stream(1, "windspeed_north", "windspeed_east", variance_north=np.zeros(4)))
-    assert np.isnan(found["wind_n"][1]).all()
+    variance = np.array([0.0, 0.0, 0.1, 0.1])
+    wind = stream(1, "windspeed_north", "windspeed_east", variance_north=variance)
+    assert np.isnan(named(wind_estimate=wind)["wind_n"][1]).tolist() == [True, True, False, False]
+
+
+GPS = ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
+
+
+@pytest.mark.parametrize("void", ["v_xy_valid", "v_z_valid"])
+def test_a_source_that_is_never_valid_gives_way(void: str) -> None:
+    flags = {"v_xy_valid": np.ones(40), "v_z_valid": np.ones(40), void: np.zeros(40)}
+    local = stream(10, "vx", "vy", "vz", **flags)
+    found = named(vehicle_local_position=local, vehicle_gps_position=stream(5, *GPS))
+    assert {found[name][0] for name in ("vn", "ve", "vd")} == {"vehicle_gps_position"}
+    alone = named(vehicle_local_position=local)
+    assert np.isnan(alone["vd"][1] if void == "v_z_valid" else alone["vn"][1]).all()
+    assert np.isfinite(alone["vn"][1] if void == "v_z_valid" else alone["vd"][1]).all()
+
+
+def test_a_source_without_a_value_supplies_nothing() -> None:
+    nothing = np.full(40, np.nan)
+    assert named(airspeed=stream(10, true_airspeed_m_s=nothing)) == {}
+    slow = stream(1, true_airspeed_m_s=np.ones(4))
+    found = named(airspeed=stream(10, true_airspeed_m_s=nothing), airspeed_validated=slow)
+    assert found["airspeed_pitot"][0] == "airspeed_validated"
+
+
+def test_the_vertical_has_a_flag_of_its_own() -> None:
+    flag = np.arange(40) % 2.0
+    local = stream(10, "vx", "vy", "vz", v_xy_valid=np.ones(40), v_z_valid=flag)
+    found = named(vehicle_local_position=local)
+    assert np.isfinite(found["vn"][1]).all()
+    assert np.array_equal(np.isnan(found["vd"][1]), flag == 0.0)
 
 
 def test_altitude_counts_from_the_sea() -> None:
@@ -58,6 +90,8 @@ def test_altitude_counts_from_the_sea() -> None:
     assert np.array_equal(named(vehicle_local_position=position)["altitude"][1], np.full(size, 106.0))
     barometer = stream(20, baro_alt_meter=np.full(80, 33.0))
     assert named(vehicle_air_data=barometer)["altitude"][1][0] == 33.0
+    lost = stream(10, z=np.full(size, -20.0), ref_alt=np.full(size, np.nan))
+    assert named(vehicle_local_position=lost, vehicle_air_data=barometer)["altitude"][1][0] == 33.0
 
 
 def test_pulses_of_driven_outputs_only() -> None:
