@@ -7,6 +7,7 @@
     ├── FlightError            a flight that lacks what is asked of it (channel, window, time, units)
     ├── VehicleError           a vehicle file that says something impossible or unknown
     │   └── TermError          an aerodynamic term that cannot be parsed
+    ├── KernelError             equations that cannot be compiled here (compiler switched off, no disk space)
     ├── ManeuverError          a maneuver file that cannot be flown
     ├── SimulationError        a start point from which the model cannot be simulated or trimmed
     ├── IdentificationError    a fit that cannot begin (nothing free, no data, unknown optimizer)
@@ -38,6 +39,10 @@ class VehicleError(StoopError):
 
 class TermError(VehicleError):
     """An aerodynamic term cannot be parsed."""
+
+
+class KernelError(StoopError):
+    """Equations cannot be compiled here."""
 
 
 class ManeuverError(StoopError):

@@ -39,7 +39,7 @@ def cache_folder() -> Path:
 
 @functools.cache
 def _for_this_process() -> Path:
-    folder = Path(tempfile.mkdtemp(prefix="stoop-kernels-"))
+    folder = private()
     atexit.register(discard, folder)
     return folder
 
@@ -79,13 +79,18 @@ def writable(folder: Path) -> bool:
     return all(os.access(p, os.W_OK) for p in (folder, folder / "__pycache__"))
 
 
+def private() -> Path:
+    """Make a folder outside the cache, which nobody else can enter; the caller discards it."""
+    return Path(tempfile.mkdtemp(prefix="stoop-kernels-"))
+
+
 def copy(folder: Path) -> Path:
     """Copy a folder that cannot be written to a private one that can."""
-    private = Path(tempfile.mkdtemp(prefix="stoop-kernels-"))
-    shutil.copytree(folder, private, dirs_exist_ok=True)
-    for inner in (private, *private.rglob("*/")):
+    target = private()
+    shutil.copytree(folder, target, dirs_exist_ok=True)
+    for inner in (target, *target.rglob("*/")):
         inner.chmod(stat.S_IRWXU)
-    return private
+    return target
 
 
 def start_build(root: Path) -> Path:
@@ -97,7 +102,7 @@ def start_build(root: Path) -> Path:
                 discard(old)
         return Path(tempfile.mkdtemp(prefix=BUILDING, dir=root))
     except OSError:
-        return Path(tempfile.mkdtemp(prefix="stoop-kernels-"))
+        return private()
 
 
 def seal(building: Path, final: Path) -> Path:

@@ -20,6 +20,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.errors import KernelError
 from stoop.kernels import cache
 from stoop.kernels.symbolic import SymbolicModel
 
@@ -45,6 +46,12 @@ def _pool(threads: int) -> ThreadPoolExecutor:
     pool = ThreadPoolExecutor(threads, thread_name_prefix="stoop-lanes")
     atexit.register(pool.shutdown)
     return pool
+
+
+if hasattr(
+    os, "register_at_fork"
+):  # the child of a fork has the pool, but not its threads, and would wait for ever
+    os.register_at_fork(after_in_child=_pool.cache_clear)
 
 
 def _matrix(a: FloatArray) -> FloatArray:
@@ -312,14 +319,41 @@ def _write_sources(folder: Path, model: SymbolicModel) -> None:
 
 
 def _build(final: Path, key: str, name: str, write: Callable[[Path], None]) -> Path:
-    """Make the sealed folder of one module unless it is there; return where it lies."""
+    """Make the sealed folder of one module unless it is there; return where it lies.
+
+    A cache whose disk is full is left alone: the module is built once more, for this process only.
+    """
+    try:
+        return _build_in_cache(final, key, name, write)
+    except OSError:
+        return _build_aside(key, name, write)
+
+
+def _build_in_cache(final: Path, key: str, name: str, write: Callable[[Path], None]) -> Path:
     if cache.intact(final):
         return final if cache.writable(final) else _for_this_process(cache.copy(final))
     building = cache.start_build(final.parent)
-    write(building)
-    _open(building, key, name)
-    sealed = cache.seal(building, final)
+    try:
+        write(building)
+        _open(building, key, name)
+        sealed = cache.seal(building, final)
+    except OSError:
+        cache.discard(building)
+        raise
     return _for_this_process(building) if sealed is building else sealed
+
+
+def _build_aside(key: str, name: str, write: Callable[[Path], None]) -> Path:
+    try:
+        building = _for_this_process(cache.private())
+        write(building)
+        _open(building, key, name)
+    except OSError as error:
+        raise KernelError(
+            f"kernel cache: no room to keep compiled equations ({error.strerror or error}); "
+            "free disk space, or set STOOP_CACHE_DIR or TMPDIR to a folder on another disk"
+        ) from error
+    return building
 
 
 def _for_this_process(folder: Path) -> Path:
@@ -336,9 +370,25 @@ def load_kernel(structure: str, model: Callable[[], SymbolicModel]) -> Kernel:
         Everything that decides the equations, and no parameter value: the same text, the same kernel.
     model : callable
         Builds the equations; called only when the cache has no sound copy.
+
+    Raises
+    ------
+    KernelError
+        Numba is told not to compile, or no disk has room for what it compiles.
     """
+    _check_compiler()
     key = hashlib.sha256(f"{structure}\n{_environment()}".encode()).hexdigest()[:32]
     return _load(key, model)
+
+
+def _check_compiler() -> None:
+    from numba import config
+
+    if config.DISABLE_JIT:
+        raise KernelError(
+            "NUMBA_DISABLE_JIT: set, so the equations cannot be compiled, and uncompiled they do not run; "
+            "unset it (or take disable_jit out of .numba_config.yaml)"
+        )
 
 
 _loaded: dict[str, Kernel] = {}

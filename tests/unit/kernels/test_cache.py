@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import errno
 import json
 import os
 import subprocess
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 from naive import oscillator
 
+from stoop.errors import KernelError
 from stoop.kernels import Kernel, SymbolicModel, cache, cache_folder, kernel, load_kernel
 
 TESTS = Path(__file__).parents[2]
@@ -249,6 +251,45 @@ def test_a_damaged_folder_that_cannot_be_removed(
     k = load_kernel("pendulum", oscillator.equations)
     assert value(k) == expected
     assert k.folder != folder
+
+
+def full_disk(monkeypatch: pytest.MonkeyPatch, full: Callable[[Path], bool]) -> None:
+    """Let Numba fail to write its files where ``full`` says so."""
+    from numba.core.caching import IndexDataCacheFile
+
+    real = IndexDataCacheFile._save_data
+
+    def save(self: IndexDataCacheFile, name: str, data: object) -> None:
+        if full(Path(self._cache_path)):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        real(self, name, data)
+
+    monkeypatch.setattr(IndexDataCacheFile, "_save_data", save)
+
+
+def test_a_full_disk_below_the_cache_costs_time_only(
+    forget: Path, expected: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    full_disk(monkeypatch, lambda p: forget in p.parents)
+    k = load_kernel("pendulum", oscillator.equations)
+    assert value(k) == expected
+    assert forget not in k.folder.parents
+    assert k.folder.stat().st_mode & 0o777 == 0o700
+    assert not list(forget.iterdir()), "nothing half-made is left"
+
+
+def test_no_room_anywhere_is_said_in_one_line(forget: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    full_disk(monkeypatch, lambda _: True)
+    with pytest.raises(KernelError, match=r"No space left on device.*STOOP_CACHE_DIR"):
+        load_kernel("pendulum", oscillator.equations)
+
+
+def test_numba_told_not_to_compile(forget: Path) -> None:
+    process = child(forget, NUMBA_DISABLE_JIT="1")
+    _, err = process.communicate(timeout=120)
+    assert process.returncode == 1
+    assert err.splitlines()[-1].startswith("stoop.errors.KernelError: NUMBA_DISABLE_JIT: ")
+    assert not forget.exists()
 
 
 def test_one_kernel_per_process(filled: Path) -> None:

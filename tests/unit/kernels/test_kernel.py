@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import os
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -129,6 +132,26 @@ def test_threads_do_not_change_a_bit(pendulum: Kernel, threads: int) -> None:
     assert np.array_equal(pendulum.cost(p, x, inputs(), z, w, DT, threads=threads), one)
     y = pendulum.trajectories(p, x, inputs(), DT, threads=1)
     assert np.array_equal(pendulum.trajectories(p, x, inputs(), DT, threads=threads), y)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
+@pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")
+def test_the_child_of_a_fork_has_threads_of_its_own(pendulum: Kernel) -> None:
+    p, x = candidates(67)
+    z, w = record()
+    expected = pendulum.cost(p, x, inputs(), z, w, DT, threads=2)
+
+    def again() -> None:
+        os._exit(0 if np.array_equal(pendulum.cost(p, x, inputs(), z, w, DT, threads=2), expected) else 1)
+
+    forked = multiprocessing.get_context("fork").Process(target=again)
+    forked.start()
+    forked.join(20)
+    waited = forked.is_alive()
+    forked.kill()
+    forked.join()
+    assert not waited, "the child waits for threads that only its parent has"
+    assert forked.exitcode == 0
 
 
 @pytest.mark.parametrize("count", [1, 2, 7, 8, 9, 16, 31])
