@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stoop.errors import FlightError
-from stoop.flight.attitude import continuous, euler_angles, normalized, quaternions_of
+from stoop.flight.attitude import continuous, euler_angles, normalized, quaternions_of, wrap
 from stoop.flight.channels import SourceRate, source_rate
 from stoop.flight.flight import Flight
-from stoop.flight.variables import EULER, QUATERNION, VARIABLES, variable
+from stoop.flight.variables import EULER, QUATERNION, VARIABLES, WRAPPED, variable
 from stoop.logs import FloatArray
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def from_columns(
     name : as in FLIGHT@START:STOP
     time : (n,) s, uniform
     columns : registry variable -> (n,) SI, NaN where there is no data; from Euler angles the quaternion
-        is added, and the other way around
+        is added, and the other way around; phi and psi of any number of turns are brought into (-pi, pi]
     notes : plain words for the user
     source : where the channels come from
 
@@ -51,9 +51,14 @@ def from_columns(
             raise FlightError(
                 f"{name}: '{key}' has {values.size} samples, the time {time.size}; give as many"
             )
-    data = with_attitude(data)
+    data = with_attitude(on_circle(data))
     ordered = {key: data[key] for key in VARIABLES if key in data}
     return Flight(name, None, dataset(time, ordered), rate, sources_of(source, time, ordered), notes)
+
+
+def on_circle(data: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Bring phi and psi into (-pi, pi]: differences between them are taken within one turn."""
+    return {key: wrap(values) if key in WRAPPED else values for key, values in data.items()}
 
 
 def _uniform_rate(name: str, time: FloatArray) -> float:

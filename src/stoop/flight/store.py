@@ -16,7 +16,7 @@ from stoop.files import write_bytes_atomic
 from stoop.flight.channels import WILD, SourceRate
 from stoop.flight.faults import Fault
 from stoop.flight.flight import Flight
-from stoop.flight.make import dataset
+from stoop.flight.make import dataset, on_circle
 from stoop.flight.variables import VARIABLES
 from stoop.logs import FloatArray, Recording, Stream
 from stoop.logs.netcdf import AIR, FORMAT, STREAM
@@ -81,7 +81,8 @@ def restore(recording: Recording, name: str) -> Flight:
         raise LogError(f"{recording.path}: {_BAD}") from None
     if not (_uniform(stream.time, rate) and _all_numbers(data) and set(data) <= set(sources)):
         raise LogError(f"{recording.path}: {_BAD}")
-    return Flight(name, recording.path, dataset(stream.time, data), rate, sources, notes, air, faults)
+    columns = on_circle(data)
+    return Flight(name, recording.path, dataset(stream.time, columns), rate, sources, notes, air, faults)
 
 
 def _uniform(time: FloatArray, rate: float) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -119,3 +120,10 @@ def test_the_file_opens_in_xarray_with_its_units(tmp_path: Path) -> None:
     with xr.open_dataset(tmp_path / "g.nc", engine="scipy", decode_timedelta=False) as data:
         assert data["p"].attrs["units"] == "rad/s"
         assert data.sizes["time"] == 3
+
+
+def test_a_heading_of_several_turns_comes_back_on_the_circle(tmp_path: Path) -> None:
+    time, psi = np.arange(4) / 100.0, np.array([0.5, -3.0, np.nan, np.pi])
+    there = from_columns("f", time, {"psi": psi})
+    save(replace(there, data=there.data.assign(psi=there.data["psi"] + 4.0 * np.pi)), tmp_path / "f.nc")
+    np.testing.assert_allclose(load(tmp_path / "f.nc").column("psi"), psi, atol=1e-12)
