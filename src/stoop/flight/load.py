@@ -14,11 +14,12 @@ from stoop.flight.build import build
 from stoop.flight.channels import Channels, SourceRate, tame
 from stoop.flight.faults import recorded_faults, rest_faults
 from stoop.flight.flight import Flight
-from stoop.flight.make import dataset, named
+from stoop.flight.grid import Grid
+from stoop.flight.make import dataset, named, with_attitude
 from stoop.flight.plausible import check_radians
 from stoop.flight.px4 import px4_channels
 from stoop.flight.store import restore
-from stoop.flight.variables import QUATERNION, VARIABLES, nearest
+from stoop.flight.variables import EULER, QUATERNION, VARIABLES, nearest
 from stoop.logs import FloatArray, Recording
 from stoop.logs.table import beside
 
@@ -88,7 +89,7 @@ def channels_of(recording: Recording, mapping: Path | None = None) -> list[Chann
 
 
 def _gridded(path: Path, recording: Recording, channels: list[Channels], rate: float) -> Flight:
-    grid, data, sources = build(channels, rate, str(path))
+    grid, data, sources = _with_attitude(*build(channels, rate, str(path)))
     faults = (*recorded_faults(channels), *rest_faults(grid.time, data, rate))
     notes = [
         *_defect_notes(recording, sources),
@@ -96,6 +97,17 @@ def _gridded(path: Path, recording: Recording, channels: list[Channels], rate: f
         *(fault.message for fault in faults),
     ]
     return Flight(named(path), path, dataset(grid.time, data), rate, sources, tuple(notes), None, faults)
+
+
+def _with_attitude(
+    grid: Grid, data: dict[str, FloatArray], sources: dict[str, SourceRate]
+) -> tuple[Grid, dict[str, FloatArray], dict[str, SourceRate]]:
+    """Complete an attitude whose parts came from several files; its rate is that of the slowest."""
+    whole = with_attitude(data)
+    added = whole.keys() - data.keys()
+    parts = [sources[name] for name in (*EULER, *QUATERNION) if name in sources]
+    slowest = {name: min(parts, key=lambda source: source.rate) for name in added}
+    return grid, {name: whole[name] for name in VARIABLES if name in whole}, {**sources, **slowest}
 
 
 def _defect_notes(recording: Recording, sources: Mapping[str, SourceRate]) -> list[str]:

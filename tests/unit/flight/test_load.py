@@ -231,3 +231,38 @@ def test_an_airspeed_that_was_not_measured_is_reconstructed_anew() -> None:
     again = without(flight, [(0.0, 30.0)])
     assert not np.array_equal(again.column("V"), flight.column("V"))
     assert not any("as measured" in note for note in again.notes)
+
+
+def test_an_attitude_in_two_files_is_whole(tmp_path: Path) -> None:
+    whole = turning(speed=False)
+    split = {"a": (1, ("phi", "theta")), "b": (2, ("psi", "vn", "ve", "vd"))}
+    mapping = '[time]\ncolumn = "t"\nunit = "s"\n[variables]\n'
+    for file, (step, names) in split.items():
+        table = np.column_stack([whole.time, *(whole.column(name) for name in names)])[::step]
+        head = ",".join(("t", *names))
+        np.savetxt(tmp_path / f"{file}.csv", table, "%.17g", ",", header=head, comments="")
+        for name in names:
+            unit = VARIABLES[name].unit
+            mapping += f'{name} = {{column = "{name}", unit = "{unit}", file = "{file}.csv"}}\n'
+    (tmp_path / "mapping.toml").write_text(mapping)
+    flight = load(tmp_path)
+    assert {name: round(flight.sources[name].rate) for name in ("phi", "psi", "q0", "q3")} == {
+        "phi": 100, "psi": 50, "q0": 50, "q3": 50
+    }  # fmt: skip
+    parts = np.array([flight.column(f"q{i}") for i in range(4)])
+    truth = np.array([whole.column(f"q{i}") for i in range(4)])
+    np.testing.assert_allclose(np.abs(np.sum(parts * truth, axis=0))[:-1], 1.0, atol=1e-9)
+    assert flight.air is not None
+    assert not any("no air data" in note for note in flight.notes)
+    assert set(flight.sources) == {str(name) for name in flight.data.data_vars}
+
+
+def test_angles_of_several_turns_are_brought_onto_the_circle() -> None:
+    one = turning(speed=False)
+    t, psi = one.time, one.column("psi")
+    several = from_columns(
+        "f", t, {"phi": one.column("phi") - 2 * np.pi, "theta": 0.0 * t, "psi": psi + 6 * np.pi}
+    )
+    np.testing.assert_allclose(several.column("psi"), psi, atol=1e-12)
+    np.testing.assert_allclose(several.column("phi"), one.column("phi"), atol=1e-12)
+    assert np.array_equal(from_columns("f", t, {"psi": psi}).column("psi"), psi)
