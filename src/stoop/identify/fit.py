@@ -245,18 +245,22 @@ def refine(
     An interrupted search is not refined; Ctrl-C during the refinement keeps what there is.
     """
     z, before, spent = outcome.z, np.inf, 0.0
-    rested = outcome.status == "interrupted"
-    for _ in range(0 if rested else MAX_ROUNDS):
+    rested = interrupted = outcome.status == "interrupted"
+    for _ in range(0 if interrupted else MAX_ROUNDS):
         end = _dive(problem, z, FULL, budget - spent)
         z, spent = end.z, spent + end.spent
         now = problem.weights.logdet
         rested = not estimate_noise or abs(before - now) < RESTS * len(problem.weights.covariance)
-        if end.cut_short == "interrupted":
-            outcome = replace(outcome, status="interrupted", advice=STOPPED)
+        interrupted = end.cut_short == "interrupted"
         if rested or end.cut_short:
             break
-        before = now
-        problem = problem.weighted(Weights.of(effective_variance(problem, z)))
+        try:
+            before, problem = now, problem.weighted(Weights.of(effective_variance(problem, z)))
+        except KeyboardInterrupt:
+            interrupted = True
+            break
+    if interrupted and outcome.status != "interrupted":
+        outcome = replace(outcome, status="interrupted", advice=STOPPED)
     notes = () if rested or outcome.status == "interrupted" else (UNRESTED,)
     spent += outcome.trajectories
     warnings = (*prepared.warnings, *notes)
