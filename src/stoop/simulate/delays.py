@@ -104,11 +104,20 @@ def late_inputs(vehicle: Vehicle, inputs: FloatArray, rows: FloatArray, dt: floa
 
 
 def late_outputs(vehicle: Vehicle, outputs: FloatArray, rows: FloatArray, dt: float) -> FloatArray:
-    """Return readings (B, n, n_y) as late as the instruments deliver them; the array is changed in place."""
+    """Return readings (B, n, n_y) as late as the instruments deliver them; the array is changed in place.
+
+    A reading that diverged stays as it is: there is nothing to interpolate, and its candidate has lost.
+    """
     for channel, row in output_delays(vehicle):
         turns = vehicle.outputs[channel] in WRAPPED
         for lane, delay in enumerate(rows[row] / dt):
-            # An angle that jumps from pi to -pi has no value between them.
-            signal = np.unwrap(outputs[lane, :, channel]) if turns else outputs[lane, :, channel]
-            outputs[lane, :, channel] = delayed(signal, float(delay))
+            reading = outputs[lane, :, channel]
+            if np.isfinite(reading).all() and np.isfinite(delay):
+                outputs[lane, :, channel] = _late(reading, float(delay), turns)
     return outputs
+
+
+def _late(reading: FloatArray, samples: float, turns: bool) -> FloatArray:
+    with np.errstate(over="ignore", invalid="ignore"):  # about to diverge: the largest numbers overflow
+        # An angle that jumps from pi to -pi has no value between them.
+        return delayed(np.unwrap(reading) if turns else reading, samples)

@@ -109,6 +109,18 @@ def test_readings_are_late_and_headings_do_not_jump(late: Vehicle) -> None:
     assert np.angle(np.exp(1j * off)) == pytest.approx(np.zeros(len(off)), abs=1e-9)
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_diverged_candidate_stays_as_it_is_and_warns_of_nothing(late: Vehicle) -> None:
+    rows = parameter_rows(late, {"sensors.q.delay": np.array([0.013, 0.013, 0.013])}, 3)
+    y = np.random.default_rng(4).standard_normal((3, 50, 12))
+    alone = late_outputs(late, y[:1].copy(), rows[:, :1], 0.01)
+    y[1, 20:], y[1, 25:] = np.inf, np.nan
+    y[2, ::2], y[2, 1::2] = 1.7e308, -1.7e308
+    out = late_outputs(late, y.copy(), rows, 0.01)
+    assert np.array_equal(out[:1], alone)
+    assert np.array_equal(out[1], y[1], equal_nan=True)
+
+
 def test_nothing_to_do_costs_nothing(late: Vehicle) -> None:
     punctual = parse_vehicle(LATE.replace("delay = 0.02", "").replace("delay = 0.035", ""), "x")
     u = np.zeros((9, 3))

@@ -115,20 +115,20 @@ def _propeller(s: Surroundings, command: Any) -> Any:
 
 
 def propulsion(s: Surroundings) -> Load:
-    """Return thrust along its line; small inclinations turn by the exact half-angle form."""
+    """Return thrust along its line; its inclination turns it by Taylor polynomials, for angles below 0.5 rad."""
     n = s.numbers
     magnitude = thrust(s)
     if magnitude == 0:
         return Load(ZERO, ZERO)
     force: Vector = (magnitude, sp.Integer(0), sp.Integer(0))
     if "propulsion.pitch" in n:
-        cosine, sine = _half_angle(n["propulsion.pitch"])
+        cosine, sine = _cosine_sine(n["propulsion.pitch"])
         force = (magnitude * cosine, sp.Integer(0), -magnitude * sine)
     return Load(force, cross(n.arm("propulsion.position"), force))
 
 
-def _half_angle(angle: Any) -> tuple[Any, Any]:
-    """Return cosine and sine as polynomials good to 1e-12 below 0.5 rad (outside the time loop)."""
+def _cosine_sine(angle: Any) -> tuple[Any, Any]:
+    """Return cosine and sine as Taylor polynomials, within 1e-12 below 0.5 rad (outside the time loop)."""
     x = angle
     cosine = sum(((-1) ** k * x ** (2 * k) / sp.factorial(2 * k) for k in range(7)), sp.Integer(0))
     sine = sum(((-1) ** k * x ** (2 * k + 1) / sp.factorial(2 * k + 1) for k in range(7)), sp.Integer(0))
