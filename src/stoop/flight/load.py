@@ -17,7 +17,7 @@ from stoop.flight.flight import Flight
 from stoop.flight.grid import Grid
 from stoop.flight.make import dataset, named, with_attitude
 from stoop.flight.plausible import check_radians
-from stoop.flight.px4 import px4_channels
+from stoop.flight.px4 import px4_channels, px4_notes
 from stoop.flight.store import restore
 from stoop.flight.variables import EULER, QUATERNION, VARIABLES, nearest
 from stoop.logs import FloatArray, Recording
@@ -93,6 +93,7 @@ def _gridded(path: Path, recording: Recording, channels: list[Channels], rate: f
     faults = (*recorded_faults(channels), *rest_faults(grid.time, data, rate))
     notes = [
         *_defect_notes(recording, sources),
+        *([] if recording.format == "table" else px4_notes(recording)),
         *_gap_notes(sources),
         *(fault.message for fault in faults),
     ]
@@ -112,7 +113,7 @@ def _with_attitude(
 
 def _defect_notes(recording: Recording, sources: Mapping[str, SourceRate]) -> list[str]:
     """Defects of topics that supply nothing do not matter to the user."""
-    used = {source.source for source in sources.values()}
+    used = {name for s in sources.values() for name in (s.source, s.source.replace("/", "_"))}  # topic, file
     return [
         str(defect)
         for defect in recording.defects

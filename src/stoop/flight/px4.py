@@ -13,7 +13,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from stoop.flight.channels import Channels
+from stoop.flight.channels import WILD, Channels
+from stoop.flight.variables import MOTORS, OUTPUT_PINS, SERVOS
 from stoop.logs import FloatArray, Recording, Stream
 from stoop.units import MICROSECOND, ZERO_CELSIUS
 
@@ -100,7 +101,7 @@ GROUPS: Final[tuple[tuple[tuple[str, ...], tuple[Source, ...]], ...]] = (
 def px4_channels(recording: Recording) -> list[Channels]:
     """Pick the registry variables out of a recording of PX4 topics."""
     picked = [_best(recording, names, sources) for names, sources in GROUPS]
-    picked += [_altitude(recording), _pulses(recording)]
+    picked += [_altitude(recording), _pulses(recording), *_actuators(recording)]
     return [channels for channels in picked if channels is not None and channels.values]
 
 
@@ -164,12 +165,47 @@ def _altitude(recording: Recording) -> Channels | None:
     return _best(recording, ("altitude",), (Source("vehicle_air_data", ("baro_alt_meter",)),))
 
 
+def px4_notes(recording: Recording) -> list[str]:
+    """Say which outputs were left out, because the variables hold those of one instance only."""
+    taken, *others = _driven(recording) or [""]
+    return [
+        f"pwm_1 to pwm_16 are the pulses of {taken}, whose outputs move most; those of {other} were left out"
+        for other in others
+    ]
+
+
 def _pulses(recording: Recording) -> Channels | None:
     """Pulses of the outputs in use; those that are never driven stay at zero and are left out."""
-    stream = recording.streams.get("actuator_outputs")
-    if stream is None:
+    driven = _driven(recording)
+    if not driven:
         return None
-    columns = {f"pwm_{n + 1}": stream.columns.get(f"output[{n}]") for n in range(16)}
-    return Channels(
-        "actuator_outputs", stream.time, {k: v for k, v in columns.items() if v is not None and v.any()}
-    )
+    stream = recording.streams[driven[0]]
+    return Channels(driven[0], stream.time, _outputs(stream))
+
+
+def _driven(recording: Recording) -> list[str]:
+    """Return the instances that drive any output, the most moved first."""
+    movement = {
+        name: sum(float(np.std(x[np.abs(x) < WILD])) for x in _outputs(stream).values())
+        for name, stream in recording.streams.items()
+        if name.split("/")[0] == "actuator_outputs" and _outputs(stream)
+    }
+    return sorted(movement, key=lambda name: (-movement[name], name))
+
+
+def _outputs(stream: Stream) -> dict[str, FloatArray]:
+    columns = {f"pwm_{n + 1}": stream.columns.get(f"output[{n}]") for n in range(OUTPUT_PINS)}
+    return {name: x for name, x in columns.items() if x is not None and (x[np.abs(x) < WILD] != 0.0).any()}
+
+
+def _actuators(recording: Recording) -> list[Channels]:
+    """Take the normalized commands of PX4 from v1.14 on; those of actuators that are not there are NaN."""
+    found = []
+    for kind, size in (("servo", SERVOS), ("motor", MOTORS)):
+        topic = f"actuator_{kind}s"
+        stream = recording.streams.get(topic)
+        if stream is not None:
+            columns = {f"{kind}_{n + 1}": stream.columns.get(f"control[{n}]") for n in range(size)}
+            used = {name: x for name, x in columns.items() if x is not None and np.isfinite(x).any()}
+            found.append(Channels(topic, stream.time, used))
+    return found

@@ -13,6 +13,10 @@ from typing import Final, Literal
 
 from stoop.errors import FlightError
 
+SERVOS: Final = 8  #: of PX4's actuator_servos
+MOTORS: Final = 12  #: of PX4's actuator_motors
+OUTPUT_PINS: Final = 16  #: of PX4's actuator_outputs
+
 Kind = Literal["measurement", "command"]
 
 
@@ -88,7 +92,23 @@ def _table() -> dict[str, Variable]:
         ("control_throttle", "1", "", "more power; 0 to 1", "normalized throttle command", "command"),
     ]
     rows += [
-        (f"pwm_{n}", "us", "", "longer pulse", f"pulse sent to output {n}", "command") for n in range(1, 17)
+        (
+            f"servo_{n}",
+            "1",
+            "",
+            "as the autopilot is set up; -1 to 1",
+            f"normalized command to servo {n}",
+            "command",
+        )
+        for n in range(1, SERVOS + 1)
+    ]
+    rows += [
+        (f"motor_{n}", "1", "", "more thrust; -1 to 1", f"normalized command to motor {n}", "command")
+        for n in range(1, MOTORS + 1)
+    ]
+    rows += [
+        (f"pwm_{n}", "us", "", "longer pulse", f"pulse sent to output {n}", "command")
+        for n in range(1, OUTPUT_PINS + 1)
     ]
     return {row[0]: Variable(*row) for row in rows}  # type: ignore[arg-type]
 

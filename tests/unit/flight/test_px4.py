@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.flight.px4 import px4_channels, sample_time
+from stoop.flight.px4 import px4_channels, px4_notes, sample_time
 from stoop.logs import FloatArray, Recording, Stream
 
 
@@ -102,6 +102,31 @@ def test_pulses_of_driven_outputs_only() -> None:
         "output[4]": np.full(size, 1000.0),
     }
     assert set(named(actuator_outputs=stream(10, **outputs))) == {"pwm_1", "pwm_5"}
+
+
+def test_pulses_of_the_instance_that_moves_most() -> None:
+    t = stream(10).time
+    still = Stream(t, {f"output[{i}]": np.full(t.size, 1500.0) for i in range(8)})
+    moved = Stream(t, {"output[0]": 1500.0 + 200.0 * np.sin(t), "output[1]": np.full(t.size, np.nan)})
+    idle = Stream(t, {"output[0]": np.zeros(t.size)})
+    streams = {"actuator_outputs": still, "actuator_outputs/1": moved, "actuator_outputs/2": idle}
+    found = named(**streams)
+    assert set(found) == {"pwm_1"}
+    assert found["pwm_1"][0] == "actuator_outputs/1"
+    (note,) = px4_notes(Recording(Path("log"), "ulog", streams))
+    assert "those of actuator_outputs were left out" in note
+    assert named(**{"actuator_outputs/1": moved}).keys() == {"pwm_1"}
+    assert px4_notes(Recording(Path("log"), "ulog", {"actuator_outputs/1": moved})) == []
+    assert px4_notes(Recording(Path("log"), "ulog", {"actuator_outputs": idle})) == []
+
+
+def test_actuators_without_pulses() -> None:
+    nothing = np.full(40, np.nan)
+    columns = {"control[0]": np.full(40, 0.1), "control[1]": np.full(40, -0.2), "control[2]": nothing}
+    found = named(actuator_servos=stream(10, **columns), actuator_motors=stream(10, **columns))
+    assert set(found) == {"servo_1", "servo_2", "motor_1", "motor_2"}
+    assert found["servo_2"][1][0] == -0.2
+    assert found["motor_1"][0] == "actuator_motors"
 
 
 def test_commands_of_either_generation() -> None:
