@@ -5,6 +5,11 @@ rows are ``LANES`` apart (a compile-time constant), so that LLVM sees the distan
 lanes into vector instructions. Blocks are always full: a remainder loop would round differently.
 
 Axes: b = candidate, k = sample, i = state, input or output, j = lane.
+
+What would move to another machine, such as a GPU: ``prepare``, ``derive`` and ``observe`` are straight-line
+scalar code on tuples, without arrays, loops, branches or state; all they call is ``sqrt``, ``fabs`` and ``atan2``
+of the runtime header. What follows here would not: blocks, scratch on the stack and the loop over lanes are made
+for the vector registers of a CPU. A GPU would have one thread per candidate and its own loop over time.
 """
 
 from __future__ import annotations

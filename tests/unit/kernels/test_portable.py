@@ -1,0 +1,96 @@
+"""The model's functions are straight-line scalar code, which any compiler of kernels takes (CUDA has the same few)."""
+
+from __future__ import annotations
+
+import ast
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+from naive import oscillator
+
+from stoop.kernels import SymbolicModel, runtime
+from stoop.kernels.emit import emit
+from stoop.vehicle import parse_vehicle
+from stoop.vehicle.symbolic import build_model
+
+CALLS = {"sqrt", "fabs", "select", "atan2", "wrap"}
+ARITHMETIC = (
+    ast.BinOp, ast.UnaryOp, ast.Add, ast.Sub, ast.Mult, ast.Div, ast.USub, ast.UAdd, ast.Compare, ast.Gt, ast.Lt,
+    ast.Constant, ast.Name, ast.Load, ast.Store, ast.Call,
+)  # fmt: skip
+
+
+def functions(source: str) -> dict[str, ast.FunctionDef]:
+    return {node.name: node for node in ast.parse(source).body if isinstance(node, ast.FunctionDef)}
+
+
+def arithmetic(node: ast.AST) -> bool:
+    """Return whether an expression is made of scalars, arithmetic and the few calls."""
+    nodes = list(ast.walk(node))
+    calls = [n for n in nodes if isinstance(n, ast.Call)]
+    return all(isinstance(n, ARITHMETIC) for n in nodes) and all(
+        isinstance(n.func, ast.Name) and n.func.id in CALLS and not n.keywords for n in calls
+    )
+
+
+def entry_of(value: ast.AST, arguments: set[str]) -> bool:
+    """Return whether an expression is an argument's entry at a fixed place, as ``x[3]``."""
+    return (
+        isinstance(value, ast.Subscript)
+        and isinstance(value.value, ast.Name)
+        and value.value.id in arguments
+        and isinstance(value.slice, ast.Constant)
+    )
+
+
+def straight(function: ast.FunctionDef) -> bool:
+    arguments = {a.arg for a in function.args.args}
+    *steps, last = function.body
+    assigned = [
+        s.targets[0].id for s in steps if isinstance(s, ast.Assign) and isinstance(s.targets[0], ast.Name)
+    ]
+    return (
+        len(assigned) == len(set(assigned)) == len(steps)
+        and all(
+            entry_of(s.value, arguments) or arithmetic(s.value) for s in steps if isinstance(s, ast.Assign)
+        )
+        and isinstance(last, ast.Return)
+        and isinstance(last.value, ast.Tuple)
+        and all(map(arithmetic, last.value.elts))
+    )
+
+
+def twin_boom() -> SymbolicModel:
+    text = (files("stoop") / "data" / "twin_boom.toml").read_text()
+    return build_model(parse_vehicle(text, "twin_boom.toml"))
+
+
+@pytest.mark.parametrize("model", [oscillator.equations, twin_boom])
+def test_the_models_functions_are_straight_line_scalar_code(model: object) -> None:
+    made = functions(emit(model()).source)  # type: ignore[operator]
+    assert list(made) == ["prepare", "derive", "observe"]
+    assert all(straight(f) for f in made.values())
+
+
+@pytest.mark.parametrize("name", ["wrap", "atan2"])
+def test_what_they_call_is_straight_line_too(name: str) -> None:
+    *steps, last = functions(Path(runtime.__file__).read_text())[name].body[1:]
+    assert all(isinstance(s, ast.Assign) and arithmetic(s.value) for s in steps)
+    assert isinstance(last, ast.Return)
+    assert last.value is not None
+    assert arithmetic(last.value)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "    return (x[0] + len(x), )",
+        "    a = u[0]\n    a = u[1]\n    return (a, )",
+        "    if u[0] > 0.0:\n        return (1.0, )\n    return (2.0, )",
+        "    a = u[k]\n    return (a, )",
+        "    a = exp(1.0)\n    return (a, )",
+    ],
+)
+def test_the_check_sees_what_is_not(body: str) -> None:
+    assert not straight(functions(f"def f(x, u):\n{body}\n")["f"])
