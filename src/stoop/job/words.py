@@ -16,7 +16,7 @@ COLORED = 2.0  #: correlation time in samples from which residuals count as colo
 def statements(vehicle: Vehicle, flights: Mapping[str, Flight], color: float) -> tuple[str, ...]:
     """Return what the figures rest on."""
     rebuilt = [
-        f"{flight.name}: V, alpha and beta are reconstructed from inertial velocity, attitude and a steady wind "
+        f"{flight.name}: {_rebuilt(flight)} are reconstructed from inertial velocity, attitude and a steady wind "
         f"({flight.air.method}), not measured by a vane; agreement with them is agreement with that reconstruction."
         for flight in flights.values()
         if flight.air is not None and flight.air.method != "none"
@@ -27,6 +27,11 @@ def statements(vehicle: Vehicle, flights: Mapping[str, Flight], color: float) ->
         "1997). Plain Cramer-Rao errors, shown beside, are several times too small."
     )
     return (*vehicle.file.notes, *rebuilt, *([colored] if color > COLORED else []))
+
+
+def _rebuilt(flight: Flight) -> str:
+    source = flight.sources.get("V")
+    return "V, alpha and beta" if source is None or source.source == "reconstructed" else "alpha and beta"
 
 
 def warnings(
