@@ -85,5 +85,6 @@ def _tell(flight: Flight, target: Path, vehicle: str, noise: str) -> None:
     size = f"{stop - start:g} s at {flight.rate:g} Hz, {len(flight.data.data_vars)} channels"
     out = page()
     out.line(f"wrote {target}: {size}, {noise}")
+    out.bullets(note for note in flight.notes if note != "simulated flight")
     command = ["stoop", "identify", str(target), "--vehicle", vehicle, "--maneuver", f"{start:g}:{stop:g}"]
     out.command("next: ", [*command, "-o", f"{target.stem}-result"])

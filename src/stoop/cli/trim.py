@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from stoop.vehicle import Vehicle
 
 FORMAT = "stoop-trim/1"
-_ANGLES = ("alpha", "theta", "phi")
+_ANGLES = ("alpha", "beta", "theta", "phi")
 _CONSTANT = "propulsion.thrust"
 NOISE = 1e-12  #: what the solver leaves where zero belongs
 

@@ -32,14 +32,14 @@ class Fault:
 
     Attributes
     ----------
-    kind : "stuck", "clipped" or "offset at rest"
+    kind : "stuck", "clipped", "offset at rest" or "wrong sign"
     variable : registry name
     value : SI; where it is stuck or clipped, or what it reads at rest
     start, stop : s, where it was seen first and last
     message : plain words
     """
 
-    kind: Literal["stuck", "clipped", "offset at rest"]
+    kind: Literal["stuck", "clipped", "offset at rest", "wrong sign"]
     variable: str
     value: float
     start: float
@@ -101,6 +101,20 @@ def _clipped(name: str, t: FloatArray, x: FloatArray) -> Iterator[Fault]:
             f"{name} stops {count} times at exactly {value:.4g} {VARIABLES[name].unit}: clipped, or a default"
         )
         yield Fault("clipped", name, value, float(at[0]), float(at[-1]), words)
+
+
+def sign_faults(time: FloatArray, data: Mapping[str, FloatArray]) -> list[Fault]:
+    """Look for a vertical specific force that points up most of the time: a sign lost in a mapping."""
+    az = data.get("az", np.empty(0))
+    seen = np.isfinite(az)
+    value = float(np.median(az[seen])) if seen.any() else 0.0
+    if value < 0.5 * STANDARD_GRAVITY:
+        return []
+    words = (
+        f"az reads {value:.1f} m/s2 most of the time; z points down, so level flight reads about -9.8: "
+        "check its sign (scale = -1 in a mapping)"
+    )
+    return [Fault("wrong sign", "az", value, float(time[seen][0]), float(time[seen][-1]), words)]
 
 
 def at_rest(data: Mapping[str, FloatArray], rate: float) -> npt.NDArray[np.bool_]:

@@ -12,7 +12,7 @@ from stoop import logs
 from stoop.errors import FlightError
 from stoop.flight.build import build
 from stoop.flight.channels import Channels, SourceRate, tame
-from stoop.flight.faults import recorded_faults, rest_faults
+from stoop.flight.faults import recorded_faults, rest_faults, sign_faults
 from stoop.flight.flight import Flight
 from stoop.flight.grid import Grid
 from stoop.flight.make import dataset, named, with_attitude
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from stoop.flight.reconstruction import AirData
 
 DEFAULT_RATE: Final = 100.0  #: Hz
+WRONG_CLOCK: Final = 5.0  #: Hz; body rates are hardly ever logged more slowly
 SLOW_RATES: Final = 25.0  #: Hz; body rates below this do not show the fast modes
 RECONSTRUCTED: Final = "reconstructed"  #: source of what no sensor measured
 _INERTIAL: Final = frozenset({"vn", "ve", "vd", *QUATERNION})
@@ -90,7 +91,7 @@ def channels_of(recording: Recording, mapping: Path | None = None) -> list[Chann
 
 def _gridded(path: Path, recording: Recording, channels: list[Channels], rate: float) -> Flight:
     grid, data, sources = _with_attitude(*build(channels, rate, str(path)))
-    faults = (*recorded_faults(channels), *rest_faults(grid.time, data, rate))
+    faults = (*recorded_faults(channels), *rest_faults(grid.time, data, rate), *sign_faults(grid.time, data))
     notes = [
         *_defect_notes(recording, sources),
         *([] if recording.format == "table" else px4_notes(recording)),
@@ -207,8 +208,9 @@ def _warnings(flight: Flight) -> list[str]:
     }
     if slow:
         notes.append(
-            f"{', '.join(slow)} were logged at only {min(slow.values()):.0f} Hz: "
+            f"{', '.join(slow)} were logged at only {min(slow.values()):.3g} Hz: "
             "too slow for the roll mode and the short period of most aircraft"
+            + ("; is the unit of the log's time right?" if min(slow.values()) < WRONG_CLOCK else "")
         )
     if not {"V", "alpha", "beta"} & {str(name) for name in flight.data.data_vars}:
         notes.append(

@@ -25,6 +25,7 @@ FloatArray = NDArray[np.float64]
 RESTS = 1e-3  #: change of log det R per channel below which the noise estimate has come to rest
 MAX_ROUNDS = 30
 SEARCH = 0.8  #: of the budget; the rest is for the refinement, without which no nuisance is estimated
+MOST_BYTES = 2e9  #: of the sensitivities of all samples
 SETTLING = 3  #: dives at most before the weights are frozen
 SETTLED = 0.05  #: change of log det R per channel below which they need no further dive
 UNSEARCHED = "stopped by the user before the search: the estimates are those of a first dive; run it again"
@@ -118,10 +119,23 @@ def pose(
             raise IdentificationError(
                 f"{vehicle.where}: {p.name}: free, but its bounds are [{p.lower:g}, {p.upper:g}]; write bounds = [low, high]"
             )
+    _check_size(vehicle, prepared, layout)
     sigma = np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs])
     covariance = sigma**2 if options.covariance is None else options.covariance
     problem = Misfit(layout, prepared.pieces, Weights.of(covariance), horizon_ladder(prepared.pieces))
     return problem, prepared
+
+
+def _check_size(vehicle: Vehicle, prepared: Prepared, layout: Layout) -> None:
+    """Refuse windows whose sensitivities would fill the memory: most often a wrong unit of time."""
+    samples = sum(len(p.time) for p in prepared.pieces)
+    needed = 8.0 * samples * len(vehicle.outputs) * (layout.dimension + layout.extra)
+    if needed > MOST_BYTES:
+        seconds = sum(float(p.time[-1] - p.time[0]) for p in prepared.pieces)
+        raise IdentificationError(
+            f"{vehicle.where}: the windows hold {seconds:.0f} s, {samples} samples, which would need {needed / 1e9:.0f} GB; "
+            "fit shorter windows, and check the unit of the log's time"
+        )
 
 
 def starts(problem: Misfit) -> FloatArray:

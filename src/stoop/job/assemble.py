@@ -106,7 +106,7 @@ def _result(
         optimizer=options.optimizer,
         status=fit.outcome.status,
         advice=fit.outcome.advice,
-        warnings=warnings(parameters, bars, maneuvers, fit),
+        warnings=warnings(parameters, bars, maneuvers, fit, flights),
         versions=versions(),
         inputs=inputs,
     )

@@ -39,11 +39,18 @@ def warnings(
     bars: ErrorBars,
     maneuvers: Sequence[ManeuverResult],
     fit: Fit,
+    flights: Mapping[str, Flight],
 ) -> tuple[str, ...]:
     """Return what is doubtful about a result, most serious first."""
     out = []
     if fit.outcome.status not in ("converged", "target"):
         out.append(f"The search ended without a confirmed optimum: {fit.outcome.advice}.")
+    out += [
+        f"{f.name}: {fault.message}."
+        for f in flights.values()
+        for fault in f.faults
+        if fault.kind == "wrong sign"
+    ]
     held = [name for name, p in parameters.items() if p.at_bound]
     if held:
         out.append(

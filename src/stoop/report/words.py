@@ -11,6 +11,8 @@ from stoop.report.numbers import count, listed, number, window
 
 Level = Literal["good", "caution", "bad"]
 
+UNTOLD: Final = 0.5  #: of the parameters; more that the data cannot tell, and the numbers are no model
+LOST: Final = 0.6  #: of the fitted channels; a model that a lag matches in more has shown nothing
 FINISHED: Final = frozenset({"converged", "target"})
 ENDINGS: Final = {
     "converged": "The search converged",
@@ -46,7 +48,8 @@ def _level(result: Result) -> Level:
     unknown = [one for one in result.parameters.values() if not one.identifiable]
     if result.status not in FINISHED or not math.isfinite(result.cost):
         return "bad"
-    if result.parameters and len(unknown) == len(result.parameters):
+    untold = len(unknown) > UNTOLD * len(result.parameters)
+    if (result.parameters and untold) or _share_lost(result) > LOST:
         return "bad"
     doubts = [
         bool(unknown),
@@ -56,6 +59,12 @@ def _level(result: Result) -> Level:
         bool(_lost(result, "fit") or _lost(result, "validation")),
     ]
     return "caution" if any(doubts) else "good"
+
+
+def _share_lost(result: Result) -> float:
+    """Return in which share of the fitted channels a first-order lag does as well."""
+    compared = [one for m in result.maneuvers if m.role == "fit" for one in _compared(m)]
+    return len(_lost(result, "fit")) / len(compared) if compared else 0.0
 
 
 def _ending(result: Result) -> str:

@@ -83,13 +83,16 @@ def _channel_step(vehicle: Vehicle, weight: float) -> float:
     return 0.1 * weight
 
 
-def _layout(vehicle: Vehicle) -> _Layout:
+def _layouts(vehicle: Vehicle) -> list[_Layout]:
+    """Return what to solve for: first without sideslip, then with it, for who cannot hold it at zero."""
     propulsion = vehicle.file.propulsion
     thrust = None
     if propulsion is not None:
         thrust = "propulsion.thrust" if propulsion.kind == "constant" else propulsion.channel
-    angles = ("alpha", "theta") if vehicle.reduce == "longitudinal" else ("alpha", "theta", "phi")
-    return _Layout(vehicle, angles, vehicle.controls, thrust)
+    if vehicle.reduce == "longitudinal":
+        return [_Layout(vehicle, ("alpha", "theta"), vehicle.controls, thrust)]
+    angles = (("alpha", "theta", "phi"), ("alpha", "theta", "phi", "beta"))
+    return [_Layout(vehicle, names, vehicle.controls, thrust) for names in angles]
 
 
 def mixed_inputs(vehicle: Vehicle, deflections: Mapping[str, float], base: FloatArray) -> FloatArray:
@@ -173,6 +176,18 @@ def _starts(layout: _Layout) -> list[FloatArray]:
     return [first] if layout.thrust is None else [np.append(first[:-1], power) for power in _POWERS]
 
 
+def _solved(condition: _Condition) -> tuple[FloatArray, float]:
+    """Return the scaled solution and the largest acceleration left, from the first start that leads to one."""
+    from scipy.optimize import least_squares
+
+    for first in _starts(condition.layout):
+        x = least_squares(condition.residuals, first, xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=500).x
+        residual = float(np.max(np.abs(condition.residuals(x))))
+        if residual < _TOLERANCE:
+            break
+    return x, residual
+
+
 def trim(
     vehicle: Vehicle,
     airspeed: float | None = None,
@@ -180,7 +195,7 @@ def trim(
     climb_angle: float = 0.0,
     density: float | None = None,
 ) -> Trim:
-    """Find steady straight flight without sideslip.
+    """Find steady straight flight: without sideslip, or with it where no control can hold it at zero.
 
     A lateral model holds speed and incidence, so its steady flight is that of the full equations.
 
@@ -199,16 +214,13 @@ def trim(
     SimulationError
         No steady flight at this speed with these controls.
     """
-    from scipy.optimize import least_squares
-
     if vehicle.reduce == "lateral":
         return trim(vehicle.reduced("full"), airspeed, altitude, climb_angle, density)
-    layout = _layout(vehicle)
     V = vehicle.value("reference.airspeed") if airspeed is None else airspeed
-    condition = _Condition(layout, V, altitude, climb_angle, neutral_inputs(vehicle, density))
-    for first in _starts(layout):
-        x = least_squares(condition.residuals, first, xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=500).x
-        residual = float(np.max(np.abs(condition.residuals(x))))
+    quiet = neutral_inputs(vehicle, density)
+    for layout in _layouts(vehicle):
+        condition = _Condition(layout, V, altitude, climb_angle, quiet)
+        x, residual = _solved(condition)
         if residual < _TOLERANCE:
             break
     angles, controls, _ = condition.split(x)
@@ -223,6 +235,6 @@ def trim(
         )
         raise SimulationError(
             f"{vehicle.where}: no steady flight found at {V:g} m/s ({why}); "
-            "try another airspeed or check thrust, CL and Cm"
+            "try another airspeed, check thrust, CL and Cm, or trim the longitudinal model"
         )
     return replace(condition.point(x), residual=residual)

@@ -290,3 +290,11 @@ def test_starts_include_the_files_own_values(wrong: Vehicle, flight: Flight) -> 
     assert problem.layout.physical(own[None])[0] == pytest.approx(
         [p.value for p in problem.layout.parameters]
     )
+
+
+def test_windows_that_would_fill_the_memory_are_refused(
+    wrong: Vehicle, flight: Flight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("stoop.identify.fit.MOST_BYTES", 1e5)
+    with pytest.raises(IdentificationError, match="unit of the log's time"):
+        fit(wrong, {"sim": flight}, WINDOW, Options())
