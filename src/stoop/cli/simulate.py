@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stoop.cli.numbers import count
 from stoop.cli.outputs import add_overwrite, check_target
 from stoop.cli.page import busy, page
 from stoop.cli.point import COMPILING, VEHICLE_HELP
@@ -25,14 +26,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--maneuver", metavar="M.toml", type=Path, required=True, help="what the pilot does (TOML)")
     add("-o", "--output", metavar="FLIGHT.nc", type=Path, required=True, help="the flight file to write")
     add("--no-noise", action="store_true", help="perfect sensors")
-    add("--seed", metavar="N", type=_seed, default=0, help="of the sensor noise (default: 0)")
+    add("--seed", metavar="N", type=count, default=0, help="of the sensor noise (default: 0)")
     add_overwrite(parser)
-
-
-def _seed(text: str) -> int:
-    if not text.isascii() or not text.isdigit():
-        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number, zero or above")
-    return int(text)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -97,12 +97,10 @@ class Misfit:
                 total = np.sum(self.residuals(Z, rung) ** 2, axis=1)
             return np.where(np.isfinite(total), total, np.inf)
         total = np.sum(self.layout.prior_residuals(Z) ** 2, axis=1)
-        quality = np.diag(self.weights.root) ** 2
         for i, (piece, count) in enumerate(zip(self.pieces, self.ladder[rung], strict=True)):
-            weights = np.where(np.isfinite(piece.measured), quality, 0.0)
             rows, start = self._candidates(Z, i)
             inputs = late_inputs(self.layout.vehicle, piece.inputs, rows, piece.dt)
-            total += self._kernel.cost(rows, start, inputs, piece.measured, weights, piece.dt, count)
+            total += self._kernel.cost(rows, start, inputs, piece.measured, self._quality[i], piece.dt, count)
         return np.asarray(total)
 
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
@@ -142,6 +140,12 @@ class Misfit:
         return len(self.layout.vehicle.outputs)
 
     @cached_property
+    def _quality(self) -> list[FloatArray]:
+        """Weight (n, n_y) of every sample of each piece, for a diagonal Q."""
+        quality = np.diag(self.weights.root) ** 2
+        return [np.where(np.isfinite(p.measured), quality, 0.0) for p in self.pieces]
+
+    @cached_property
     def _kernel(self):  # type: ignore[no-untyped-def]
         return self.layout.vehicle.kernel()
 
@@ -153,15 +157,9 @@ class Misfit:
         """Return whitened simulated minus measured, zero where there is no measurement."""
         seen = np.isfinite(measured)
         with np.errstate(invalid="ignore"):
-            error = (simulated - np.where(seen, measured, 0.0)) * seen
-            for i in self._wrapped:
-                error[..., i] -= 2.0 * np.pi * np.round(error[..., i] / (2.0 * np.pi))
+            error = on_circle((simulated - np.where(seen, measured, 0.0)) * seen, self.layout.vehicle.outputs)
             whitened: FloatArray = self.weights.whiten(error, seen)
         return whitened
-
-    @cached_property
-    def _wrapped(self) -> tuple[int, ...]:
-        return tuple(i for i, c in enumerate(self.layout.vehicle.outputs) if c in WRAPPED)
 
     @cached_property
     def _steps(self) -> list[list[int]]:
@@ -218,6 +216,14 @@ class Misfit:
         inputs = late_inputs(layout.vehicle, piece.inputs, rows, piece.dt)
         out = self._kernel.trajectories(rows, start, inputs, piece.dt, count)
         return late_outputs(layout.vehicle, out, rows, piece.dt)
+
+
+def on_circle(errors: FloatArray, outputs: Sequence[str]) -> FloatArray:
+    """Take the differences of angles that wrap, among channels (..., n_y), to the nearest turn, in place."""
+    for i, channel in enumerate(outputs):
+        if channel in WRAPPED:
+            errors[..., i] -= 2.0 * np.pi * np.round(errors[..., i] / (2.0 * np.pi))
+    return errors
 
 
 def horizon_ladder(pieces: Sequence[Piece]) -> tuple[tuple[int, ...], ...]:

@@ -236,9 +236,9 @@ def settle(problem: Misfit, guesses: FloatArray) -> Settled:
 
 def _unsearched(settled: Settled, prepared: Prepared, options: Options) -> Fit:
     """Return what there is when Ctrl-C came before the search."""
-    books = replace(blank(settled.problem), best=settled.z, cost=_cost(settled.problem, settled.z))
+    cost, history = _cost(settled.problem, settled.z), np.empty((0, 2))
     outcome = optimize.Outcome(
-        books.best, books.cost, 0.0, 0, "interrupted", UNSEARCHED, books.history, None, options.optimizer
+        settled.z, cost, 0.0, 0, "interrupted", UNSEARCHED, history, None, options.optimizer
     )
     return replace(refine(settled.problem, prepared, outcome), trajectories=settled.spent)
 
@@ -286,7 +286,6 @@ class _End:
     """Where a dive ended, what it took, and what cut it short, if anything did."""
 
     z: FloatArray
-    cost: float
     spent: float
     cut_short: str = ""
 
@@ -299,5 +298,5 @@ def _dive(problem: Misfit, z: FloatArray, settings: optimize.Settings, budget: f
     except (KeyboardInterrupt, Halt) as reason:
         books = ledger.books
         best = books.best if np.isfinite(books.cost) else z
-        return _End(best, books.cost, books.trajectories, getattr(reason, "status", "interrupted"))
-    return _End(end.z if np.isfinite(end.cost) else z, end.cost, ledger.spent)
+        return _End(best, books.trajectories, getattr(reason, "status", "interrupted"))
+    return _End(end.z if np.isfinite(end.cost) else z, ledger.spent)

@@ -12,8 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from stoop.cost import Misfit
-from stoop.flight.variables import WRAPPED
+from stoop.cost import Misfit, on_circle
 from stoop.identify.autocorrelation import lagged_products
 
 FloatArray = NDArray[np.float64]
@@ -25,19 +24,19 @@ LONGEST = 2.0  #: s; residuals further apart are taken as independent
 
 def channel_residuals(problem: Misfit, z: FloatArray) -> list[FloatArray]:
     """Return measured minus simulated (n, n_y) of every piece, NaN where nothing was measured."""
-    out = []
-    for i, piece in enumerate(problem.pieces):
-        error = piece.measured - problem.outputs(z, i)
-        for j, channel in enumerate(problem.layout.vehicle.outputs):
-            if channel in WRAPPED:
-                error[:, j] -= 2.0 * np.pi * np.round(error[:, j] / (2.0 * np.pi))
-        out.append(error)
-    return out
+    outputs = problem.layout.vehicle.outputs
+    return [
+        on_circle(piece.measured - problem.outputs(z, i), outputs) for i, piece in enumerate(problem.pieces)
+    ]
 
 
 def noise_variance(problem: Misfit, z: FloatArray) -> FloatArray:
     """Return the maximum-likelihood variance (n_y,) of each channel, kept above a floor."""
-    errors = np.concatenate(channel_residuals(problem, z))
+    return _variance(problem, channel_residuals(problem, z))
+
+
+def _variance(problem: Misfit, residuals: list[FloatArray]) -> FloatArray:
+    errors = np.concatenate(residuals)
     measured = np.concatenate([p.measured for p in problem.pieces])
     sensors, outputs = problem.layout.vehicle.file.sensors, problem.layout.vehicle.outputs
     out = np.ones(errors.shape[1])
@@ -97,4 +96,4 @@ def effective_variance(problem: Misfit, z: FloatArray) -> FloatArray:
     errors = channel_residuals(problem, z)
     seen = [i for i in range(errors[0].shape[1]) if any(np.isfinite(e[:, i]).any() for e in errors)]
     common = float(np.median(correlation_times(errors, problem.pieces[0].dt)[seen]))
-    return noise_variance(problem, z) * common
+    return _variance(problem, errors) * common

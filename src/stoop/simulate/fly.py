@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from stoop.errors import ManeuverError, SimulationError
 from stoop.flight import VARIABLES, Flight, from_columns
 from stoop.simulate.delays import late_inputs, late_outputs
-from stoop.simulate.initial import commanded, initial_states, parameter_rows
+from stoop.simulate.initial import commanded, initial_states, parameter_rows, rigid_states
 from stoop.simulate.maneuver import Maneuver
 from stoop.simulate.trim import Trim, mixed_inputs, trim
 from stoop.vehicle import Vehicle
@@ -140,14 +140,8 @@ def _altitude(vehicle: Vehicle, maneuver: Maneuver, flown: Flown) -> FloatArray:
     y = dict.fromkeys(CHANNELS, np.zeros(len(flown.time))) | dict(
         zip(vehicle.outputs, flown.outputs.T, strict=True)
     )
-    u, v, w = _body_velocity(y["V"], y["alpha"], y["beta"])
+    rigid = rigid_states({c: y[c] for c in ("V", "alpha", "beta")})
+    u, v, w = rigid["u"], rigid["v"], rigid["w"]
     climb = u * np.sin(y["theta"]) - np.cos(y["theta"]) * (v * np.sin(y["phi"]) + w * np.cos(y["phi"]))
     steps = 0.5 * (climb[1:] + climb[:-1]) / maneuver.rate
     return maneuver.altitude + np.concatenate([[0.0], np.cumsum(steps)])
-
-
-def _body_velocity(
-    V: FloatArray, alpha: FloatArray, beta: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    plane = V * np.cos(beta)
-    return plane * np.cos(alpha), V * np.sin(beta), plane * np.sin(alpha)
