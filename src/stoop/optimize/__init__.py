@@ -9,9 +9,9 @@ it until an optimum is confirmed, a target is reached, or generations or budget 
         callback=lambda progress: optimize.save_state(path, progress.state),
     )
 
-"ps-gde-lm" is the default (`prey.PsGdeLm`): the user's own values first, then scouts on the shortest record,
+"ps-gde-lm" is the default (`methods.ps_gde_lm.PsGdeLm`): the user's own values first, then scouts on the shortest record,
 the best of them followed up the ladder by Levenberg-Marquardt dives, then ordered SHADE. "ps-gde",
-"de-rand-1-bin" and "de-best-2-bin" are compositions of `evolution.DifferentialEvolution`.
+"de-rand-1-bin" and "de-best-2-bin" are compositions of `pieces.evolution.DifferentialEvolution`.
 
 A run is decided by its seed to the last bit, whatever the number of BLAS threads, and may be saved after any
 step and resumed as if nothing had been. `dive` is the local search alone.

@@ -15,11 +15,11 @@ from typing import Final
 
 import numpy as np
 
-from stoop.optimize.adaptation import Memory, fresh_memory
 from stoop.optimize.arrays import BoolArray, FloatArray, IntArray
-from stoop.optimize.bounds import midpoint
-from stoop.optimize.crossover import binomial
-from stoop.optimize.selection import greedy
+from stoop.optimize.pieces.adaptation import Memory, fresh_memory
+from stoop.optimize.pieces.bounds import midpoint
+from stoop.optimize.pieces.crossover import binomial
+from stoop.optimize.pieces.selection import greedy
 
 ELITE: Final = 0.11  #: share of the herd that counts as best
 PERIOD: Final = 10  #: generations between prey

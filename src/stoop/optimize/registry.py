@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from stoop.errors import IdentificationError
-from stoop.optimize.evolution import de_best_2_bin, de_rand_1_bin, ps_gde
-from stoop.optimize.prey import PsGdeLm
+from stoop.optimize.methods.ps_gde_lm import PsGdeLm
+from stoop.optimize.pieces.evolution import de_best_2_bin, de_rand_1_bin, ps_gde
 from stoop.optimize.state import Optimizer
 
 DEFAULT: Final = "ps-gde-lm"

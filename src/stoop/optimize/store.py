@@ -20,12 +20,12 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.errors import IdentificationError, OutputError
-from stoop.optimize.adaptation import Memory
 from stoop.optimize.confirmation import Ends
-from stoop.optimize.evolution import PopulationState
 from stoop.optimize.herd import Herd
 from stoop.optimize.ledger import Books
-from stoop.optimize.prey import PreyState
+from stoop.optimize.methods.ps_gde_lm import PreyState
+from stoop.optimize.pieces.adaptation import Memory
+from stoop.optimize.pieces.evolution import PopulationState
 from stoop.optimize.state import State
 from stoop.optimize.stream import Stream
 

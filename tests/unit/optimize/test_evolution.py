@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from stoop import optimize
-from stoop.optimize.bounds import clip
-from stoop.optimize.crossover import binomial
-from stoop.optimize.evolution import de_best_2_bin, de_rand_1_bin, ps_gde
-from stoop.optimize.initialization import chaos
-from stoop.optimize.mutation import distinct
+from stoop.optimize.pieces.bounds import clip
+from stoop.optimize.pieces.crossover import binomial
+from stoop.optimize.pieces.evolution import de_best_2_bin, de_rand_1_bin, ps_gde
+from stoop.optimize.pieces.initialization import chaos
+from stoop.optimize.pieces.mutation import distinct
 
 MAKERS = [ps_gde, de_rand_1_bin, de_best_2_bin]
 

@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stoop.optimize.adaptation import fresh_memory
-from stoop.optimize.bounds import clip, midpoint
-from stoop.optimize.crossover import binomial
-from stoop.optimize.initialization import EXCLUDED, chaos, chaotic_start, latin_hypercube
-from stoop.optimize.mutation import Best2, Ordered, Rand1, distinct, ranked
-from stoop.optimize.selection import greedy
+from stoop.optimize.pieces.adaptation import fresh_memory
+from stoop.optimize.pieces.bounds import clip, midpoint
+from stoop.optimize.pieces.crossover import binomial
+from stoop.optimize.pieces.initialization import EXCLUDED, chaos, chaotic_start, latin_hypercube
+from stoop.optimize.pieces.mutation import Best2, Ordered, Rand1, distinct, ranked
+from stoop.optimize.pieces.selection import greedy
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -15,10 +15,10 @@ from stoop.optimize import herd as herds
 from stoop.optimize.arrays import FloatArray
 from stoop.optimize.confirmation import Ends, no_ends
 from stoop.optimize.herd import Herd
-from stoop.optimize.initialization import latin_hypercube
 from stoop.optimize.ladder import Descent, descend, explains, finish
 from stoop.optimize.ledger import Ledger, blank, opened
 from stoop.optimize.levenberg import AGREE
+from stoop.optimize.pieces.initialization import latin_hypercube
 from stoop.optimize.problem import Problem
 from stoop.optimize.state import Event, State
 from stoop.optimize.stream import from_generator

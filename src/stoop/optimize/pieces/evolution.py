@@ -12,14 +12,14 @@ from typing import Protocol
 import numpy as np
 
 from stoop.optimize.arrays import FloatArray
-from stoop.optimize.bounds import clip
-from stoop.optimize.crossover import binomial
-from stoop.optimize.golden import SteepestDive
-from stoop.optimize.initialization import chaos, uniform
 from stoop.optimize.ledger import Ledger, blank, opened
-from stoop.optimize.mutation import Best2, Mutation, Ordered, Rand1
+from stoop.optimize.pieces.bounds import clip
+from stoop.optimize.pieces.crossover import binomial
+from stoop.optimize.pieces.golden import SteepestDive
+from stoop.optimize.pieces.initialization import chaos, uniform
+from stoop.optimize.pieces.mutation import Best2, Mutation, Ordered, Rand1
+from stoop.optimize.pieces.selection import greedy
 from stoop.optimize.problem import Problem
-from stoop.optimize.selection import greedy
 from stoop.optimize.state import Event, State
 from stoop.optimize.stream import from_generator, from_seed
 

@@ -1,0 +1,1 @@
+"""Whole optimizers, one a file, each composed from :mod:`stoop.optimize.pieces`."""

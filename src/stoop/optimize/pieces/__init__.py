@@ -1,0 +1,1 @@
+"""What optimizers are composed of: initialization, mutation, crossover, bounds, selection, adaptation, local dives."""
