@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from stoop.cli.numbers import count
 from stoop.cli.page import page
+from stoop.study.problems.experiment import MANEUVER, TABLE_1
 
 if TYPE_CHECKING:
     from stoop.job import Job
@@ -16,23 +17,6 @@ if TYPE_CHECKING:
 
 HERE = Path("stoop-demo")
 NAME = "demo"  #: of the flight
-TABLE_1 = ("CD0", "CDalpha", "CL0", "CLalpha", "CLq", "CLelevator", "Cm0", "Cmalpha", "Cmq", "Cmelevator")
-MANEUVER = """
-duration = 30.0
-rate = 50.0
-[[input]]
-control = "elevator"
-shape = "3-2-1-1"
-start = 1.0
-step = 0.3
-amplitude = 0.2
-[[input]]
-control = "elevator"
-shape = "pulse"
-start = 7.0
-duration = 3.0
-amplitude = -0.1
-"""  #: the paper's Fig. 3: 3-2-1-1 of 0.3 s and 11.46 deg, a pulse of 3 s, then about half a phugoid
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -1,0 +1,37 @@
+"""The paper's experiment in plain numbers; imports nothing, so that a command line may read it for free."""
+
+from __future__ import annotations
+
+from typing import Final
+
+TABLE_1: Final = (
+    "CD0", "CDalpha", "CL0", "CLalpha", "CLq", "CLelevator", "Cm0", "Cmalpha", "Cmq", "Cmelevator",
+)  # fmt: skip
+"""The coefficients that the paper identifies, in its order; their truths stand in the vehicle file."""
+
+MANEUVER: Final = """
+duration = 30.0
+rate = 50.0
+[[input]]
+control = "elevator"
+shape = "3-2-1-1"
+start = 1.0
+step = 0.3
+amplitude = 0.2
+[[input]]
+control = "elevator"
+shape = "pulse"
+start = 7.0
+duration = 3.0
+amplitude = -0.1
+"""
+"""The paper's Fig. 3: 3-2-1-1 of 0.3 s and 11.46 deg, a pulse of 3 s, then about half a phugoid."""
+
+SAMPLES: Final = 1500
+"""Of the record that is fitted: 30 s at 50 Hz."""
+
+NOISE: Final = {
+    "V": 0.3, "alpha": 0.005, "beta": 0.005, "p": 0.005, "q": 0.005, "r": 0.005,
+    "phi": 0.005, "theta": 0.005, "psi": 0.005, "ax": 0.05, "ay": 0.05, "az": 0.10,
+}  # fmt: skip
+"""Standard deviation of each channel, m/s, rad, rad/s, m/s2; Q is its inverse square (not printed)."""
