@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from stoop.files import write_text_atomic
 from stoop.identify.result import Identification
@@ -15,7 +13,7 @@ from stoop.report import estimates, matches
 from stoop.report.air import air_panels
 from stoop.report.charts import convergence_panel, correlation_map
 from stoop.report.formula import mathml
-from stoop.report.numbers import number
+from stoop.report.templating import environment
 from stoop.report.words import verdict
 
 
@@ -39,20 +37,7 @@ def write_report(identification: Identification, path: Path) -> None:
 
 def render(identification: Identification) -> str:
     """Return the report as HTML."""
-    return _environment().get_template("report.html").render(**_context(identification))
-
-
-@cache
-def _environment() -> Environment:
-    environment = Environment(
-        loader=PackageLoader("stoop.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["number"] = number
-    return environment
+    return environment().get_template("report.html").render(**_context(identification))
 
 
 def _context(identification: Identification) -> dict[str, Any]:

@@ -40,6 +40,27 @@ class Scale:
         return float(self(value))
 
 
+@dataclass(frozen=True)
+class LogScale:
+    """Map from data `low`..`high` to pixels `start`..`stop` by their logarithms; nothing for what is not positive."""
+
+    low: float
+    high: float
+    start: float
+    stop: float
+
+    def __call__(self, values: npt.ArrayLike) -> FloatArray:
+        """Return pixels (n,) of data (n,); NaN where there is no logarithm."""
+        given = np.asarray(values, dtype=np.float64)
+        levels = np.log10(np.where(given > 0.0, given, np.nan))
+        straight = Scale(math.log10(self.low), math.log10(self.high), self.start, self.stop)
+        return straight(levels)
+
+    def at(self, value: float) -> float:
+        """Return the pixel of one value."""
+        return float(self(value))
+
+
 CONSTANT = 1e-6  #: of a curve's size; what varies less is drawn flat
 
 
@@ -62,6 +83,17 @@ def ticks(low: float, high: float, most: int) -> list[float]:
     step = power * next((n for n in (1.0, 2.0, 5.0) if n * power >= rough * (1 - 1e-9)), 10.0)
     first = math.ceil(low / step - 1e-9)
     return [step * n for n in range(first, math.floor(high / step + 1e-9) + 1)]
+
+
+def decade_ticks(low: float, high: float, most: int) -> list[float]:
+    """Return about `most` ticks of a logarithmic axis: whole decades, with 2 and 5 between few of them."""
+    first, last = math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9)
+    step = max(1, math.ceil((last - first) / max(most, 1)))
+    factors = (1.0, 2.0, 5.0) if last - first < 2 else (1.0, 3.0) if 2 * (last - first) <= most else (1.0,)
+    exponents = range(first - 1, last + 1) if step == 1 else range(first, last + 1, step)
+    found = [factor * 10.0**exponent for exponent in exponents for factor in factors]
+    inside = [value for value in found if low * (1 - 1e-9) <= value <= high * (1 + 1e-9)]
+    return inside if len(inside) > 1 else ticks(low, high, most)
 
 
 def plain_text(value: float, step: float) -> str:
