@@ -25,7 +25,7 @@ from stoop.optimize.ledger import Books, Ledger
 from stoop.optimize.levenberg import Dive, Settings, dive
 from stoop.optimize.minimize import Outcome, Progress, Stop, minimize
 from stoop.optimize.problem import Problem, forward_jacobian
-from stoop.optimize.registry import create, names
+from stoop.optimize.registry import create, names, needs_residuals
 from stoop.optimize.state import Event, Optimizer, State
 from stoop.optimize.store import load_state, load_tagged, save_state
 
@@ -48,5 +48,6 @@ __all__ = [
     "load_tagged",
     "minimize",
     "names",
+    "needs_residuals",
     "save_state",
 ]

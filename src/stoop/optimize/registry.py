@@ -3,38 +3,87 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Final
 
 from stoop.errors import IdentificationError
+from stoop.optimize.methods.de_best_2_bin import de_best_2_bin
+from stoop.optimize.methods.de_rand_1_bin import de_rand_1_bin
+from stoop.optimize.methods.ps_gde import ps_gde
 from stoop.optimize.methods.ps_gde_lm import PsGdeLm
-from stoop.optimize.pieces.evolution import de_best_2_bin, de_rand_1_bin, ps_gde
 from stoop.optimize.state import Optimizer
 
 DEFAULT: Final = "ps-gde-lm"
 
-_MAKERS: Final[dict[str, Callable[[], Optimizer[Any]]]] = {
-    "ps-gde-lm": PsGdeLm,
-    "ps-gde": ps_gde,
-    "de-rand-1-bin": de_rand_1_bin,
-    "de-best-2-bin": de_best_2_bin,
+
+@dataclass(frozen=True)
+class Entry:
+    """One optimizer.
+
+    Attributes
+    ----------
+    make : from the evaluations planned (None: not said) to the optimizer
+    residuals : whether it asks for residuals, not only for costs
+    """
+
+    make: Callable[[float | None], Optimizer[Any]]
+    residuals: bool = False
+
+
+def _plain(make: Callable[[], Optimizer[Any]]) -> Callable[[float | None], Optimizer[Any]]:
+    """Return a maker that does not plan ahead."""
+    return lambda budget: make()
+
+
+_ENTRIES: Final[dict[str, Entry]] = {
+    "ps-gde-lm": Entry(_plain(PsGdeLm), residuals=True),
+    "ps-gde": Entry(_plain(ps_gde)),
+    "de-rand-1-bin": Entry(_plain(de_rand_1_bin)),
+    "de-best-2-bin": Entry(_plain(de_best_2_bin)),
 }
 
 
 def names() -> tuple[str, ...]:
-    """Return the names of all optimizers, the default first."""
-    return tuple(_MAKERS)
+    """Return the names of all optimizers, the default first.
+
+    Those of the extra "compare" are among them, whether its packages are installed or not.
+    """
+    return tuple(_ENTRIES)
 
 
-def create(name: str = DEFAULT) -> Optimizer[Any]:
+def create(name: str = DEFAULT, budget: float | None = None) -> Optimizer[Any]:
     """Return the optimizer of a name.
+
+    Parameters
+    ----------
+    name : str
+    budget : float, optional
+        Evaluations planned, in trajectories of the full record; for those that plan ahead (they shrink their
+        population towards its end), ignored by all others.
+
+    Raises
+    ------
+    IdentificationError
+        If there is none of that name, or its package is not installed.
+    """
+    return _entry(name).make(budget)
+
+
+def needs_residuals(name: str) -> bool:
+    """Whether an optimizer asks for residuals; such a one cannot be run on a problem that has only costs.
 
     Raises
     ------
     IdentificationError
         If there is none of that name.
     """
-    if name not in _MAKERS:
+    return _entry(name).residuals
+
+
+def _entry(name: str) -> Entry:
+    """Return what is registered under a name."""
+    if name not in _ENTRIES:
         raise IdentificationError(
-            f"optimizer {name}: there is none of that name; use one of {', '.join(_MAKERS)}"
+            f"optimizer {name}: there is none of that name; use one of {', '.join(_ENTRIES)}"
         )
-    return _MAKERS[name]()
+    return _ENTRIES[name]

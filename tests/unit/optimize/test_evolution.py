@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from stoop import optimize
+from stoop.optimize.methods.de_best_2_bin import de_best_2_bin
+from stoop.optimize.methods.de_rand_1_bin import de_rand_1_bin
+from stoop.optimize.methods.ps_gde import ps_gde
 from stoop.optimize.pieces.bounds import clip
 from stoop.optimize.pieces.crossover import binomial
-from stoop.optimize.pieces.evolution import de_best_2_bin, de_rand_1_bin, ps_gde
 from stoop.optimize.pieces.initialization import chaos
 from stoop.optimize.pieces.mutation import distinct
 

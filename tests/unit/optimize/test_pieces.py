@@ -105,11 +105,11 @@ def _ordered(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int, j: int) ->
 
 
 @pytest.mark.parametrize(
-    ("operator", "twin", "k"), [(Rand1(0.7), _rand1, 3), (Best2(0.7), _best2, 4), (Ordered(0.7), _ordered, 3)]
+    ("operator", "twin", "k"), [(Rand1(), _rand1, 3), (Best2(), _best2, 4), (Ordered(), _ordered, 3)]
 )
 def test_mutation_equals_its_naive_twin(operator: object, twin: object, k: int) -> None:
     X, F = _population(5)
-    mutants = operator(X, F, np.random.default_rng(8))
+    mutants = operator(X, F, 0.7, np.random.default_rng(8))
     picks = distinct(len(X), k, np.random.default_rng(8))
     naive = np.array([[twin(X, F, picks, i, j) for j in range(X.shape[1])] for i in range(len(X))])
     assert mutants == pytest.approx(naive, rel=1e-14)

@@ -1,24 +1,28 @@
-"""Differential evolution, composed of initialization, mutation, bounds, crossover, selection and prey.
+"""The loop of differential evolution; everything that can differ is a piece of its own.
 
-"de-rand-1-bin", "de-best-2-bin" and the paper's "ps-gde" are three compositions of it.
+A generation is: scale and rate (control), mutants (mutation, within a structure), bounds (mend), trials (crossover),
+survivors (selection), sequels; or, where a schedule says so, dives from the best in its place.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Protocol
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
 
 import numpy as np
 
-from stoop.optimize.arrays import FloatArray
+from stoop.optimize.arrays import BoolArray, FloatArray
 from stoop.optimize.ledger import Ledger, blank, opened
 from stoop.optimize.pieces.bounds import clip
+from stoop.optimize.pieces.control import Control, Factor, Fixed
 from stoop.optimize.pieces.crossover import binomial
-from stoop.optimize.pieces.golden import SteepestDive
-from stoop.optimize.pieces.initialization import chaos, uniform
-from stoop.optimize.pieces.mutation import Best2, Mutation, Ordered, Rand1
+from stoop.optimize.pieces.initialization import MEMBERS, uniform
+from stoop.optimize.pieces.islands import Structure, Whole
+from stoop.optimize.pieces.mutation import Mutation
+from stoop.optimize.pieces.prey import PreySchedule
 from stoop.optimize.pieces.selection import greedy
+from stoop.optimize.pieces.sequel import Sequel, Turn
 from stoop.optimize.problem import Problem
 from stoop.optimize.state import Event, State
 from stoop.optimize.stream import from_generator, from_seed
@@ -31,34 +35,32 @@ class PopulationState(State):
     Attributes
     ----------
     X, F : (n, D) and (n,), members and their costs
+    memory : of the control; None where it has none
     """
 
     X: FloatArray
     F: FloatArray
+    memory: Any = None
 
 
-class LocalDive(Protocol):
-    """From a member and its cost to where a local search ends, and the cost there."""
+class Crossover(Protocol):
+    """From parents and mutants, both (n, D), to trials, (n, D)."""
 
-    def __call__(self, ledger: Ledger, x: FloatArray, cost: float) -> tuple[FloatArray, float]:
-        """Return the end of the dive; never worse than its start."""
+    def __call__(
+        self, parents: FloatArray, mutants: FloatArray, rate: Factor, generator: np.random.Generator
+    ) -> FloatArray:
+        """Return trials; each takes at least one variable from its mutant."""
         ...
 
 
-@dataclass(frozen=True)
-class PreySchedule:
-    """When the best members are dived from, in place of a generation.
+class Selection(Protocol):
+    """From parents and trials to survivors."""
 
-    Attributes
-    ----------
-    dive : the local search
-    period : generations from one local search to the next (the paper's NC)
-    share : of the members that are dived from (the paper's pr)
-    """
-
-    dive: LocalDive
-    period: int = 20
-    share: float = 0.05
+    def __call__(
+        self, parents: FloatArray, costs: FloatArray, trials: FloatArray, trial_costs: FloatArray
+    ) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Return survivors (n, D), their costs (n,), and where a trial replaced its parent (n,)."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -71,19 +73,27 @@ class DifferentialEvolution:
     ----------
     name : registered name
     mutation : from a population to mutants
+    control : scale and rate of each generation
     initialization : first population
+    crossover : from parents and mutants to trials
     mend : what becomes of mutants outside the box
+    selection : who survives
+    structure : who may breed with whom
+    sequels : done one after the other between selection and the next generation
     members : of the population
-    rate : of crossover
     prey : schedule of local search, or None
     """
 
     name: str
     mutation: Mutation
+    control: Control = field(default_factory=Fixed)
     initialization: Callable[[int, int, np.random.Generator], FloatArray] = uniform
+    crossover: Crossover = binomial
     mend: Callable[[FloatArray, FloatArray], FloatArray] = clip
-    members: int = 50
-    rate: float = 0.9
+    selection: Selection = greedy
+    structure: Structure = field(default_factory=Whole)
+    sequels: tuple[Sequel, ...] = ()
+    members: int = MEMBERS
     prey: PreySchedule | None = None
 
     def init(self, problem: Problem, seed: int, starts: FloatArray) -> PopulationState:
@@ -93,58 +103,53 @@ class DifferentialEvolution:
         X = self.initialization(self.members, problem.dimension, generator)
         X[: len(starts)] = np.clip(starts, 0.0, 1.0)[: len(X)]
         F = ledger.costs(X, ledger.full)
-        stream, books = from_generator(generator), ledger.books
-        return PopulationState(optimizer=self.name, generation=0, stream=stream, books=books, X=X, F=F)
+        return PopulationState(
+            optimizer=self.name,
+            generation=0,
+            stream=from_generator(generator),
+            books=ledger.books,
+            X=X,
+            F=F,
+            memory=self.control.begin(len(X)),
+        )
 
     def step(self, state: PopulationState, problem: Problem) -> tuple[PopulationState, Event]:
         """Do one generation."""
         ledger = opened(problem, state.books)
-        if self.prey is not None and (state.generation + 1) % self.prey.period == 0:
+        if self.prey is not None and self.prey.due(state.generation + 1):
             return _hunt(self.prey, state, ledger)
-        trials, state = self.ask(state)
-        state = self.tell(state, trials, ledger.costs(trials, ledger.full))
-        return replace(state, books=ledger.books), Event("evolution", float(state.F.min()), ledger.full)
+        return self._evolve(state, ledger)
 
-    def ask(self, state: PopulationState) -> tuple[FloatArray, PopulationState]:
-        """Return one trial per member, and the state with its random numbers moved on."""
+    def _evolve(self, state: PopulationState, ledger: Ledger) -> tuple[PopulationState, Event]:
+        """Breed, select, and let the sequels follow."""
         generator = state.stream.generator()
-        mutants = self.mend(self.mutation(state.X, state.F, generator), state.X)
-        trials = binomial(state.X, mutants, self.rate, generator)
-        return trials, replace(state, stream=from_generator(generator))
+        scale, rate = self.control.sample(state.memory, state.F, generator)
+        trials = self._trials(state.X, state.F, scale, rate, generator)
+        costs = ledger.costs(trials, ledger.full)
+        X, F, _ = self.selection(state.X, state.F, trials, costs)
+        for sequel in self.sequels:
+            X, F = sequel(Turn(X, F, state.F, state.generation + 1), ledger, generator)
+        after = PopulationState(
+            optimizer=state.optimizer,
+            generation=state.generation + 1,
+            stream=from_generator(generator),
+            books=ledger.books,
+            X=X,
+            F=F,
+            memory=self.control.learn(state.memory, scale, rate, state.F, costs),
+        )
+        return after, Event("evolution", float(F.min()), ledger.full)
 
-    def tell(self, state: PopulationState, trials: FloatArray, costs: FloatArray) -> PopulationState:
-        """Return the state after selection."""
-        X, F, _ = greedy(state.X, state.F, trials, costs)
-        return replace(state, X=X, F=F, generation=state.generation + 1)
+    def _trials(
+        self, X: FloatArray, F: FloatArray, scale: Factor, rate: Factor, generator: np.random.Generator
+    ) -> FloatArray:
+        """Return one trial per member."""
+        mutants = self.structure.breed(self.mutation, X, F, scale, generator)
+        return self.crossover(X, self.mend(mutants, X), rate, generator)
 
 
 def _hunt(prey: PreySchedule, state: PopulationState, ledger: Ledger) -> tuple[PopulationState, Event]:
     """Dive from the best members."""
-    X, F = state.X.copy(), state.F.copy()
-    number = max(1, int(np.floor(prey.share * len(X) + 0.5)))
-    for i in np.argsort(F, kind="stable")[:number]:
-        X[i], F[i] = prey.dive(ledger, X[i].copy(), float(F[i]))
-    event = Event("dive", float(F.min()), ledger.full, f"{number} prey")
+    X, F = prey.hunt(ledger, state.X, state.F)
+    event = Event("dive", float(F.min()), ledger.full, f"{prey.number(len(X))} prey")
     return replace(state, X=X, F=F, generation=state.generation + 1, books=ledger.books), event
-
-
-def de_rand_1_bin() -> DifferentialEvolution:
-    """Return DE/rand/1/bin (Storn and Price 1997, J. Global Optim. 11, 341-359; the paper's eq. 6)."""
-    return DifferentialEvolution("de-rand-1-bin", Rand1(0.5))
-
-
-def de_best_2_bin() -> DifferentialEvolution:
-    """Return DE/best/2/bin (the paper's eq. 6, second line)."""
-    return DifferentialEvolution("de-best-2-bin", Best2(0.5))
-
-
-def ps_gde() -> DifferentialEvolution:
-    """Return the paper's PS-GDE: chaotic start, ordered mutation (eq. 12), gradient prey.
-
-    What the paper leaves open or prints wrongly is read as follows: local search when NC divides the
-    generation, in place of evolution; the gradient by forward differences, which are counted; golden section
-    on [0, 0.1] of the unit negative gradient; greedy replacement; F = 0.6, CR = 0.9; clipping at the bounds;
-    0.05 x 50 prey rounded to 3.
-    """
-    prey = PreySchedule(SteepestDive())
-    return DifferentialEvolution("ps-gde", Ordered(0.6), initialization=chaos, prey=prey)

@@ -8,6 +8,7 @@ import numpy as np
 
 from stoop.optimize.arrays import FloatArray
 
+MEMBERS: Final = 50  #: of a population, for every method that has one
 EXCLUDED: Final = (0.0, 0.25, 0.5, 0.75, 1.0)  #: starts from which the logistic map is not chaotic
 ABSORBING: Final = 1e-12  #: nearer to 0 or 1 than this, the map has been caught
 

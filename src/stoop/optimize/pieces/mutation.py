@@ -1,15 +1,13 @@
 """Mutation: from a population to one mutant per parent.
 
-An operator is any callable of (X, F, generator) that returns mutants of the shape of X; bounds are mended
-afterwards. Adding one takes a class of a few lines::
+An operator is any callable of (X, F, scale, generator) that returns mutants of the shape of X; bounds are mended
+afterwards, and where the scale comes from is not its business (`pieces.control`). Adding one takes a few lines::
 
     @dataclass(frozen=True)
     class Rand1:
-        scale: float
-
-        def __call__(self, X, F, generator):
+        def __call__(self, X, F, scale, generator):
             a, b, c = distinct(len(X), 3, generator)
-            return X[c] + self.scale * (X[a] - X[b])
+            return X[c] + scale * (X[a] - X[b])
 """
 
 from __future__ import annotations
@@ -20,12 +18,15 @@ from typing import Protocol
 import numpy as np
 
 from stoop.optimize.arrays import FloatArray, IntArray
+from stoop.optimize.pieces.control import Factor
 
 
 class Mutation(Protocol):
-    """From a population X, (n, D), of costs F, (n,), to mutants, (n, D)."""
+    """From a population X, (n, D), of costs F, (n,), and a scale, one or (n, 1), to mutants, (n, D)."""
 
-    def __call__(self, X: FloatArray, F: FloatArray, generator: np.random.Generator) -> FloatArray:
+    def __call__(
+        self, X: FloatArray, F: FloatArray, scale: Factor, generator: np.random.Generator
+    ) -> FloatArray:
         """Return mutants; bounds are mended by the caller."""
         ...
 
@@ -34,12 +35,12 @@ class Mutation(Protocol):
 class Rand1:
     """DE/rand/1: c + scale (a - b), the paper's eq. (6), first line."""
 
-    scale: float
-
-    def __call__(self, X: FloatArray, F: FloatArray, generator: np.random.Generator) -> FloatArray:
-        """Return mutants."""
+    def __call__(
+        self, X: FloatArray, F: FloatArray, scale: Factor, generator: np.random.Generator
+    ) -> FloatArray:
+        """Return mutants, (n, D)."""
         a, b, c = distinct(len(X), 3, generator)
-        mutants: FloatArray = X[c] + self.scale * (X[a] - X[b])
+        mutants: FloatArray = X[c] + scale * (X[a] - X[b])
         return mutants
 
 
@@ -47,12 +48,12 @@ class Rand1:
 class Best2:
     """DE/best/2: best + scale (a - b + c - d), the paper's eq. (6), second line."""
 
-    scale: float
-
-    def __call__(self, X: FloatArray, F: FloatArray, generator: np.random.Generator) -> FloatArray:
-        """Return mutants."""
+    def __call__(
+        self, X: FloatArray, F: FloatArray, scale: Factor, generator: np.random.Generator
+    ) -> FloatArray:
+        """Return mutants, (n, D)."""
         a, b, c, d = distinct(len(X), 4, generator)
-        mutants: FloatArray = X[F.argmin()] + self.scale * (X[a] - X[b] + X[c] - X[d])
+        mutants: FloatArray = X[F.argmin()] + scale * (X[a] - X[b] + X[c] - X[d])
         return mutants
 
 
@@ -60,12 +61,25 @@ class Best2:
 class Ordered:
     """The paper's eq. (12): x + scale (a - x + b - c), with a, b, c the best, middle and worst of three."""
 
-    scale: float
-
-    def __call__(self, X: FloatArray, F: FloatArray, generator: np.random.Generator) -> FloatArray:
-        """Return mutants."""
+    def __call__(
+        self, X: FloatArray, F: FloatArray, scale: Factor, generator: np.random.Generator
+    ) -> FloatArray:
+        """Return mutants, (n, D)."""
         a, b, c = ranked(distinct(len(X), 3, generator), F)
-        mutants: FloatArray = X + self.scale * (X[a] - X + X[b] - X[c])
+        mutants: FloatArray = X + scale * (X[a] - X + X[b] - X[c])
+        return mutants
+
+
+@dataclass(frozen=True)
+class Unordered:
+    """Eq. (12) with its three picks as drawn: what the sorting is worth."""
+
+    def __call__(
+        self, X: FloatArray, F: FloatArray, scale: Factor, generator: np.random.Generator
+    ) -> FloatArray:
+        """Return mutants, (n, D)."""
+        a, b, c = distinct(len(X), 3, generator)
+        mutants: FloatArray = X + scale * (X[a] - X + X[b] - X[c])
         return mutants
 
 
@@ -91,6 +105,6 @@ def distinct(number: int, picks: int, generator: np.random.Generator) -> IntArra
 
 
 def ranked(indices: IntArray, F: FloatArray) -> IntArray:
-    """Order each parent's indices by cost, best first; ties stay as drawn."""
+    """Order each parent's indices, (picks, n), by cost, best first; ties stay as drawn."""
     order = np.argsort(F[indices], axis=0, kind="stable")
-    return np.take_along_axis(indices, order, axis=0)
+    return indices[order, np.arange(indices.shape[1])]
