@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from stoop import optimize
 from stoop.study.problems import Posed, pose
-from stoop.study.variants import build
+from stoop.study.variants import Variant, build
 
 Json = None | bool | int | float | str | list[Any] | dict[str, Any]
 FloatArray = NDArray[np.float64]
@@ -47,7 +47,7 @@ def search(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> list[J
     budget, seed = arguments.get("budget"), int(_number(arguments["seed"]))
     own = {k: v for k, v in arguments.items() if k not in _OWN}
     posed = pose(str(arguments["problem"]), seed, **own)
-    optimizer = build(arguments["optimizer"], None if budget is None else _number(budget))
+    optimizer = build(_variant(arguments["optimizer"]), None if budget is None else _number(budget))
     limits = optimize.Stop(
         budget=np.inf if budget is None else _number(budget),
         target_cost=posed.target if arguments.get("to_target") else -np.inf,
@@ -127,3 +127,7 @@ def _number(value: Json) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise TypeError(f"{value!r} is no number")
     return value
+
+
+def _variant(value: Json) -> Variant:
+    return value if isinstance(value, dict) else str(value)
