@@ -15,10 +15,12 @@ from typing import Final
 
 import numpy as np
 
-from stoop.optimize.arrays import BoolArray, FloatArray, IntArray
+from stoop.optimize.arrays import BoolArray, FloatArray
 from stoop.optimize.pieces.adaptation import Memory, fresh_memory
+from stoop.optimize.pieces.archive import remember
 from stoop.optimize.pieces.bounds import midpoint
 from stoop.optimize.pieces.crossover import binomial
+from stoop.optimize.pieces.directed import OrderedToPBest
 from stoop.optimize.pieces.selection import greedy
 
 ELITE: Final = 0.11  #: share of the herd that counts as best
@@ -72,8 +74,7 @@ def gather(X: FloatArray, F: FloatArray) -> Herd:
 def ask(herd: Herd, generator: np.random.Generator) -> Trials:
     """Return one trial per member."""
     scales, rates = herd.memory.sample(len(herd.X), generator)
-    towards, better, worse = _parents(herd, generator)
-    mutants = herd.X + scales[:, None] * (towards - herd.X + better - worse)
+    mutants = OrderedToPBest(herd.archive, ELITE)(herd.X, herd.F, scales[:, None], generator)
     X = binomial(herd.X, midpoint(mutants, herd.X), rates[:, None], generator)
     return Trials(X, scales, rates)
 
@@ -83,15 +84,12 @@ def tell(herd: Herd, trials: Trials, costs: FloatArray, generator: np.random.Gen
     X, F, won = greedy(herd.X, herd.F, trials.X, costs)
     with np.errstate(invalid="ignore"):
         gains = herd.F - costs
-    archive = np.concatenate([herd.archive, herd.X[won]])
-    if len(archive) > len(X):
-        archive = archive[generator.permutation(len(archive))[: len(X)]]
     return replace(
         herd,
         X=X,
         F=F,
         dived=herd.dived & ~won,
-        archive=archive,
+        archive=remember(herd.archive, herd.X[won], len(X), generator),
         memory=herd.memory.learn(trials.scales, trials.rates, gains, won),
         age=herd.age + 1,
         idle=0 if _improved(herd.F, F) else herd.idle + 1,
@@ -133,27 +131,3 @@ def _improved(before: FloatArray, after: FloatArray) -> bool:
     """Whether the best moved by more than rounding."""
     old, new = float(before.min()), float(after.min())
     return new < old - 1e-9 * abs(old) if np.isfinite(old) else new < old
-
-
-def _parents(herd: Herd, generator: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return one of the elite, and two others, the better first; the archive counts as worse."""
-    n = len(herd.X)
-    elite = max(2, round(ELITE * n))
-    towards = np.argsort(herd.F, kind="stable")[(generator.random(n) * elite).astype(np.intp)]
-    pool = np.concatenate([herd.X, herd.archive])
-    cost = np.concatenate([herd.F, np.full(len(herd.archive), np.inf)])
-    a, b = _two(n, len(pool), generator)
-    swap = cost[b] < cost[a]
-    return herd.X[towards], pool[np.where(swap, b, a)], pool[np.where(swap, a, b)]
-
-
-def _two(members: int, pool: int, generator: np.random.Generator) -> tuple[IntArray, IntArray]:
-    """Draw for each member another member, and one of the pool that is neither."""
-    own = np.arange(members)
-    a = (generator.random(members) * (members - 1)).astype(np.intp)
-    a += a >= own
-    b = (generator.random(members) * (pool - 2)).astype(np.intp)
-    low, high = np.minimum(own, a), np.maximum(own, a)
-    b += b >= low
-    b += b >= high
-    return a, b

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from stoop.optimize import herd as herds
 from stoop.optimize.herd import Herd, Trials
+from stoop.optimize.pieces.directed import OrderedToPBest
 
 
 def sphere(X: np.ndarray) -> np.ndarray:
@@ -35,11 +36,16 @@ def test_trials_lie_in_the_box_and_the_herd_never_worsens(seed: int) -> None:
     assert herd.age == 12
 
 
+def parents(herd: Herd, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    mutation = OrderedToPBest(herd.archive, herds.ELITE)
+    return mutation.parents(herd.X, herd.F, np.random.default_rng(seed))
+
+
 def test_differences_point_from_worse_to_better() -> None:
     """With scale 1, rate 1 and the first term taken away, better minus worse is left: it must descend."""
     herd = young(n=40, d=2)
     for seed in range(20):
-        towards, better, worse = herds._parents(herd, np.random.default_rng(seed))
+        towards, better, worse = parents(herd, seed)
         assert (sphere(better) <= sphere(worse)).all()
         elite = np.sort(herd.F)[round(herds.ELITE * 40) - 1]
         assert (sphere(towards) <= elite).all()
@@ -48,7 +54,7 @@ def test_differences_point_from_worse_to_better() -> None:
 def test_members_of_the_archive_count_as_worse() -> None:
     herd = replace(young(), archive=np.full((20, 3), 0.3))  # the very optimum, but a loser
     for seed in range(20):
-        _, better, _ = herds._parents(herd, np.random.default_rng(seed))
+        _, better, _ = parents(herd, seed)
         assert not (better == 0.3).all(axis=1).any()
 
 
