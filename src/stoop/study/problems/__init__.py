@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
@@ -80,7 +81,7 @@ def pose(name: str, seed: int, **arguments: Any) -> Posed:
     IdentificationError
         There is none of that name, or it lacks an argument.
     """
-    module = _FAMILIES.get(name.split("-")[0])
+    module = _FAMILIES.get(re.split("[-+]", name)[0])
     if module is None or name not in _module(module).names():
         raise IdentificationError(f"problem {name}: there is none of that name; use one of {_listed()}")
     posed: Posed = _module(module).pose(name, seed, **arguments)
