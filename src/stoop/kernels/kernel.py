@@ -8,13 +8,13 @@ import functools
 import hashlib
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib import metadata
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
-from types import CodeType, ModuleType
+from types import CodeType, MappingProxyType, ModuleType
 from typing import Any, Protocol
 
 import numpy as np
@@ -243,19 +243,28 @@ def _code_settings() -> list[str]:
 
 
 @functools.cache
-def _environment() -> str:
-    """Return what compiled code depends on beside the model: processor, versions, settings, our own sources."""
+def environment() -> Mapping[str, str]:
+    """Return what numbers depend on beside the model: processor, versions, settings, our own sources.
+
+    Where two processes agree on all of it, compiled equations give the same bytes.
+    """
     import llvmlite
     import llvmlite.binding as llvm
     import numba
 
     sources = b"".join(p.read_bytes() for p in sorted(_HERE.glob("*.py")))
-    facts = (
-        sys.version, numba.__version__, llvmlite.__version__, metadata.version("sympy"),
-        llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten(), *_code_settings(),
-        hashlib.sha256(sources).hexdigest(),
-    )  # fmt: skip
-    return "\n".join(facts)
+    return MappingProxyType(
+        {
+            "Python": sys.version,
+            "numba": numba.__version__,
+            "llvmlite": llvmlite.__version__,
+            "sympy": metadata.version("sympy"),
+            "processor": llvm.get_host_cpu_name(),
+            "processor's features": llvm.get_host_cpu_features().flatten(),
+            "settings of the compiler": " ".join(_code_settings()),
+            "sources of stoop.kernels": hashlib.sha256(sources).hexdigest(),
+        }
+    )
 
 
 class _SourceLoader(SourceFileLoader):
@@ -377,7 +386,7 @@ def load_kernel(structure: str, model: Callable[[], SymbolicModel]) -> Kernel:
         Numba is told not to compile, or no disk has room for what it compiles.
     """
     _check_compiler()
-    key = hashlib.sha256(f"{structure}\n{_environment()}".encode()).hexdigest()[:32]
+    key = hashlib.sha256("\n".join([structure, *environment().values()]).encode()).hexdigest()[:32]
     return _load(key, model)
 
 

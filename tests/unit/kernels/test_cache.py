@@ -302,7 +302,7 @@ def test_the_key_holds_structure_versions_and_processor(monkeypatch: pytest.Monk
     keys = []
     monkeypatch.setattr(kernel, "_load", lambda key, _: keys.append(key))
     for structure, facts in (("a", "1"), ("a", "1"), ("b", "1"), ("a", "2")):
-        monkeypatch.setattr(kernel, "_environment", lambda facts=facts: facts)
+        monkeypatch.setattr(kernel, "environment", lambda facts=facts: {"facts": facts})
         load_kernel(structure, oscillator.equations)
     assert keys[0] == keys[1]
     assert len(set(keys)) == 3
@@ -317,15 +317,15 @@ def test_the_key_holds_what_changes_the_code(
 ) -> None:
     from numba import config
 
-    before = kernel._environment.__wrapped__()
+    before = kernel.environment.__wrapped__()
     monkeypatch.setattr(config, name, value)
-    assert kernel._environment.__wrapped__() != before
+    assert kernel.environment.__wrapped__() != before
 
 
 def test_the_key_holds_the_version_of_sympy() -> None:
     import sympy
 
-    assert sympy.__version__ in kernel._environment().split("\n")
+    assert sympy.__version__ in kernel.environment().values()
 
 
 def test_every_module_behind_the_equations_enters_the_key() -> None:
