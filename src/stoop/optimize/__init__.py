@@ -10,14 +10,14 @@ it until an optimum is confirmed, a target is reached, or generations or budget 
     )
 
 "ps-gde-lm" is the default (`methods.ps_gde_lm.PsGdeLm`): the user's own values first, then scouts on the shortest record,
-the best of them followed up the ladder by Levenberg-Marquardt dives, then ordered SHADE. "ps-gde",
-"de-rand-1-bin" and "de-best-2-bin" are compositions of `pieces.evolution.DifferentialEvolution`.
+the best of them followed up the ladder by Levenberg-Marquardt dives, then ordered SHADE. The others are composed of
+`pieces`, one a file in `methods`, or hand the problem to another library (`adapters`).
 
 A run is decided by its seed to the last bit, whatever the number of BLAS threads, and may be saved after any
 step and resumed as if nothing had been. `dive` is the local search alone.
 
 >>> from stoop import optimize
->>> optimize.names()
+>>> optimize.names()[:4]
 ('ps-gde-lm', 'ps-gde', 'de-rand-1-bin', 'de-best-2-bin')
 """
 

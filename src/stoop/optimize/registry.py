@@ -7,10 +7,17 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from stoop.errors import IdentificationError
+from stoop.optimize.methods.asmde import asmde
 from stoop.optimize.methods.de_best_2_bin import de_best_2_bin
 from stoop.optimize.methods.de_rand_1_bin import de_rand_1_bin
+from stoop.optimize.methods.derl import derl
+from stoop.optimize.methods.hybrid import hybrid
+from stoop.optimize.methods.multi_population import multi_population
 from stoop.optimize.methods.ps_gde import ps_gde
 from stoop.optimize.methods.ps_gde_lm import PsGdeLm
+from stoop.optimize.methods.sacpmde import sacpmde
+from stoop.optimize.methods.trigonometric import trigonometric
+from stoop.optimize.methods.weighted_centroid import weighted_centroid
 from stoop.optimize.state import Optimizer
 
 DEFAULT: Final = "ps-gde-lm"
@@ -40,6 +47,13 @@ _ENTRIES: Final[dict[str, Entry]] = {
     "ps-gde": Entry(_plain(ps_gde)),
     "de-rand-1-bin": Entry(_plain(de_rand_1_bin)),
     "de-best-2-bin": Entry(_plain(de_best_2_bin)),
+    "weighted-centroid": Entry(_plain(weighted_centroid)),
+    "multi-population": Entry(_plain(multi_population)),
+    "hybrid": Entry(_plain(hybrid)),
+    "trigonometric": Entry(_plain(trigonometric)),
+    "sacpmde": Entry(_plain(sacpmde)),
+    "asmde": Entry(_plain(asmde)),
+    "derl": Entry(_plain(derl)),
 }
 
 

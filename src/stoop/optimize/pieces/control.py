@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Final, Protocol, TypeAlias
 
 import numpy as np
 
 from stoop.optimize.arrays import FloatArray
 
 Factor: TypeAlias = float | FloatArray  #: one for all parents, or one for each, (n, 1)
+
+TINY: Final = 1e-300  #: keeps a range of costs from being zero
 
 
 class Control(Protocol):
@@ -46,6 +48,69 @@ class Fixed:
     def sample(self, memory: None, F: FloatArray, generator: np.random.Generator) -> tuple[float, float]:
         """Return scale and rate."""
         return self.scale, self.rate
+
+    def learn(self, memory: None, scale: Factor, rate: Factor, before: FloatArray, costs: FloatArray) -> None:
+        """Learn nothing."""
+        return
+
+
+@dataclass(frozen=True)
+class Signed:
+    """A new scale for every mutant, uniform in [low, high] and of either sign; a fixed rate.
+
+    References
+    ----------
+    Kaelo and Ali (2006), Eur. J. Oper. Res. 169, 1176-1184: F in [-1, -0.4] or [0.4, 1] for each mutated point.
+    """
+
+    low: float = 0.4
+    high: float = 1.0
+    rate: float = 0.5
+
+    def begin(self, members: int) -> None:
+        """Return nothing: there is nothing to remember."""
+        return
+
+    def sample(self, memory: None, F: FloatArray, generator: np.random.Generator) -> tuple[FloatArray, float]:
+        """Return scales (n, 1) and the rate."""
+        draws = 2.0 * generator.random((len(F), 1)) - 1.0
+        scales: FloatArray = draws * (self.high - self.low)
+        return scales + np.copysign(self.low, draws), self.rate
+
+    def learn(self, memory: None, scale: Factor, rate: Factor, before: FloatArray, costs: FloatArray) -> None:
+        """Learn nothing."""
+        return
+
+
+@dataclass(frozen=True)
+class ByCost:
+    """A rate that grows with a parent's cost: good parents change little. Those better than the mean take `low`.
+
+    The scale is fixed; a mutation may take it for the largest that it uses (`weighing.Graded`).
+
+    References
+    ----------
+    Wu, Wang and Zhou (2007), Self-adapting control parameters modified differential evolution for trajectory
+    planning of manipulators, J. Control Theory Appl. 5, 365-373.
+    """
+
+    scale: float = 0.9
+    low: float = 0.1
+    high: float = 0.6
+
+    def begin(self, members: int) -> None:
+        """Return nothing: there is nothing to remember."""
+        return
+
+    def sample(self, memory: None, F: FloatArray, generator: np.random.Generator) -> tuple[float, FloatArray]:
+        """Return the scale and rates (n, 1); a parent of infinite cost takes `high`."""
+        finite = np.isfinite(F)
+        if not finite.any():
+            return self.scale, np.full((len(F), 1), self.high)
+        best, worst, mean = F[finite].min(), F[finite].max(), F[finite].mean()
+        place = np.where(finite, (F - best) / max(worst - best, TINY), 1.0)
+        rates = np.where(mean < F, self.low + (self.high - self.low) * place, self.low)
+        return self.scale, rates[:, None]
 
     def learn(self, memory: None, scale: Factor, rate: Factor, before: FloatArray, costs: FloatArray) -> None:
         """Learn nothing."""

@@ -83,6 +83,27 @@ class Unordered:
         return mutants
 
 
+@dataclass(frozen=True)
+class Localized:
+    """Random localization: best + scale (a - b), the best of three random members its base, a and b the rest.
+
+    References
+    ----------
+    Kaelo and Ali (2006), A numerical study of some modified differential evolution algorithms, Eur. J. Oper.
+    Res. 169, 1176-1184 (DERL).
+    """
+
+    def __call__(
+        self, X: FloatArray, F: FloatArray, scale: Factor, generator: np.random.Generator
+    ) -> FloatArray:
+        """Return mutants, (n, D)."""
+        picks = distinct(len(X), 3, generator)
+        members, best = np.arange(len(X)), F[picks].argmin(axis=0)
+        base, a, b = (picks[(best + k) % 3, members] for k in range(3))
+        mutants: FloatArray = X[base] + scale * (X[a] - X[b])
+        return mutants
+
+
 def distinct(number: int, picks: int, generator: np.random.Generator) -> IntArray:
     """Draw `picks` indices for each of `number` parents, all different and none the parent's own.
 
