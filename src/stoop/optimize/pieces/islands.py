@@ -100,5 +100,6 @@ class RingMigration:
 
 def _seat(place: slice, keep: int, generator: np.random.Generator) -> int:
     """Return a random member of an island other than the one to keep."""
-    seat = place.start + int(generator.random() * (place.stop - place.start - 1))
-    return seat + 1 if seat >= keep else seat
+    others: int = place.stop - place.start - 1
+    seat = int(place.start) + int(generator.random() * others)
+    return seat + (seat >= keep)

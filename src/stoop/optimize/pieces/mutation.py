@@ -6,8 +6,8 @@ afterwards, and where the scale comes from is not its business (`pieces.control`
     @dataclass(frozen=True)
     class Rand1:
         def __call__(self, X, F, scale, generator):
-            a, b, c = distinct(len(X), 3, generator)
-            return X[c] + scale * (X[a] - X[b])
+            a, b, c = X[distinct(len(X), 3, generator)]
+            return c + scale * (a - b)
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ class Rand1:
         self, X: FloatArray, F: FloatArray, scale: Factor, generator: np.random.Generator
     ) -> FloatArray:
         """Return mutants, (n, D)."""
-        a, b, c = distinct(len(X), 3, generator)
-        mutants: FloatArray = X[c] + scale * (X[a] - X[b])
+        a, b, c = X[distinct(len(X), 3, generator)]
+        mutants: FloatArray = c + scale * (a - b)
         return mutants
 
 
@@ -52,8 +52,8 @@ class Best2:
         self, X: FloatArray, F: FloatArray, scale: Factor, generator: np.random.Generator
     ) -> FloatArray:
         """Return mutants, (n, D)."""
-        a, b, c, d = distinct(len(X), 4, generator)
-        mutants: FloatArray = X[F.argmin()] + scale * (X[a] - X[b] + X[c] - X[d])
+        a, b, c, d = X[distinct(len(X), 4, generator)]
+        mutants: FloatArray = X[F.argmin()] + scale * (a - b + c - d)
         return mutants
 
 
@@ -65,8 +65,8 @@ class Ordered:
         self, X: FloatArray, F: FloatArray, scale: Factor, generator: np.random.Generator
     ) -> FloatArray:
         """Return mutants, (n, D)."""
-        a, b, c = ranked(distinct(len(X), 3, generator), F)
-        mutants: FloatArray = X + scale * (X[a] - X + X[b] - X[c])
+        a, b, c = X[ranked(distinct(len(X), 3, generator), F)]
+        mutants: FloatArray = X + scale * (a - X + b - c)
         return mutants
 
 
@@ -78,8 +78,8 @@ class Unordered:
         self, X: FloatArray, F: FloatArray, scale: Factor, generator: np.random.Generator
     ) -> FloatArray:
         """Return mutants, (n, D)."""
-        a, b, c = distinct(len(X), 3, generator)
-        mutants: FloatArray = X + scale * (X[a] - X + X[b] - X[c])
+        a, b, c = X[distinct(len(X), 3, generator)]
+        mutants: FloatArray = X + scale * (a - X + b - c)
         return mutants
 
 
@@ -114,15 +114,23 @@ def distinct(number: int, picks: int, generator: np.random.Generator) -> IntArra
     -------
     indices : (picks, number)
     """
-    taken = np.arange(number)[None, :]
     left = np.arange(number - 1, number - 1 - picks, -1)[:, None]
     draws = (generator.random((picks, number)) * left).astype(np.intp)
-    for k in range(picks):
+    taken = [np.arange(number)]
+    for draw in draws:
         for low in taken:
-            draws[k] += draws[k] >= low
-        if k + 1 < picks:
-            taken = np.sort(np.concatenate([taken, draws[k : k + 1]]), axis=0)
+            draw += draw >= low
+        if len(taken) < picks:
+            _insert(taken, draw)
     return draws
+
+
+def _insert(rows: list[IntArray], new: IntArray) -> None:
+    """Add a row to rows that ascend in each column, so that they still do."""
+    for k, row in enumerate(rows):
+        rows[k] = np.minimum(row, new)
+        new = np.maximum(row, new)
+    rows.append(new)
 
 
 def ranked(indices: IntArray, F: FloatArray) -> IntArray:
