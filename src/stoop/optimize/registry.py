@@ -11,10 +11,15 @@ from stoop.optimize.methods.asmde import asmde
 from stoop.optimize.methods.de_best_2_bin import de_best_2_bin
 from stoop.optimize.methods.de_rand_1_bin import de_rand_1_bin
 from stoop.optimize.methods.derl import derl
+from stoop.optimize.methods.ga import GeneticAlgorithm
 from stoop.optimize.methods.hybrid import hybrid
+from stoop.optimize.methods.jso import jso
+from stoop.optimize.methods.l_shade import l_shade
 from stoop.optimize.methods.multi_population import multi_population
+from stoop.optimize.methods.ordered_shade import OrderedShade
 from stoop.optimize.methods.ps_gde import ps_gde
 from stoop.optimize.methods.ps_gde_lm import PsGdeLm
+from stoop.optimize.methods.pso import ParticleSwarm
 from stoop.optimize.methods.sacpmde import sacpmde
 from stoop.optimize.methods.trigonometric import trigonometric
 from stoop.optimize.methods.weighted_centroid import weighted_centroid
@@ -54,6 +59,11 @@ _ENTRIES: Final[dict[str, Entry]] = {
     "sacpmde": Entry(_plain(sacpmde)),
     "asmde": Entry(_plain(asmde)),
     "derl": Entry(_plain(derl)),
+    "ga": Entry(_plain(GeneticAlgorithm)),
+    "pso": Entry(_plain(ParticleSwarm)),
+    "ordered-shade": Entry(_plain(OrderedShade)),
+    "l-shade": Entry(l_shade),
+    "jso": Entry(jso),
 }
 
 

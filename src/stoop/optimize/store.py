@@ -23,7 +23,10 @@ from stoop.errors import IdentificationError, OutputError
 from stoop.optimize.confirmation import Ends
 from stoop.optimize.herd import Herd
 from stoop.optimize.ledger import Books
+from stoop.optimize.methods.l_shade import ShadeState
+from stoop.optimize.methods.ordered_shade import HerdState
 from stoop.optimize.methods.ps_gde_lm import PreyState
+from stoop.optimize.methods.pso import SwarmState
 from stoop.optimize.pieces.adaptation import Memory
 from stoop.optimize.pieces.evolution import PopulationState
 from stoop.optimize.state import State
@@ -45,7 +48,19 @@ BROKEN: Final = (
     zipfile.BadZipFile,
 )  #: what a damaged file may raise
 CLASSES: Final[dict[str, type]] = {
-    c.__name__: c for c in (PopulationState, PreyState, Books, Stream, Ends, Herd, Memory)
+    c.__name__: c
+    for c in (
+        PopulationState,
+        PreyState,
+        SwarmState,
+        ShadeState,
+        HerdState,
+        Books,
+        Stream,
+        Ends,
+        Herd,
+        Memory,
+    )
 }
 
 

@@ -1,0 +1,108 @@
+"""Canonical particle swarm: constriction, and one best place that all know.
+
+References
+----------
+Kennedy and Eberhart (1995), Particle swarm optimization, IEEE ICNN, 1942-1948.
+Clerc and Kennedy (2002), The particle swarm: explosion, stability, and convergence in a multidimensional
+complex space, IEEE TEC 6, 58-73: chi = 0.7298 from phi = 2.05 + 2.05.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import sqrt
+from typing import Final
+
+import numpy as np
+
+from stoop.optimize.arrays import FloatArray
+from stoop.optimize.ledger import blank, opened
+from stoop.optimize.pieces.initialization import MEMBERS, uniform
+from stoop.optimize.problem import Problem
+from stoop.optimize.state import Event, State
+from stoop.optimize.stream import from_generator, from_seed
+
+PHI: Final = 2.05  #: weight of a particle's own best, and of the swarm's
+CHI: Final = 2.0 / abs(2.0 - 2 * PHI - sqrt((2 * PHI) ** 2 - 8 * PHI))  #: constriction, 0.7298
+FIRST: Final = 0.2  #: largest first velocity, in boxes per generation
+FASTEST: Final = 0.5  #: largest velocity, in boxes per generation
+BOUNCE: Final = -0.5  #: times the velocity of a particle that ran into a bound
+
+
+@dataclass(frozen=True, kw_only=True)
+class SwarmState(State):
+    """Where a swarm stands.
+
+    Attributes
+    ----------
+    X, V : (n, D) each, places and velocities
+    B, F : (n, D) and (n,), the best place of each particle so far, and its cost
+    """
+
+    X: FloatArray
+    V: FloatArray
+    B: FloatArray
+    F: FloatArray
+
+
+@dataclass(frozen=True)
+class ParticleSwarm:
+    """The constricted swarm with global best; it never claims convergence.
+
+    The publication leaves bounds open. Here a particle that would leave the box stops on the bound and its
+    velocity there is turned and halved; velocities are held below half the box.
+
+    Attributes
+    ----------
+    name : registered name
+    members : of the swarm
+    """
+
+    name: str = "pso"
+    members: int = MEMBERS
+
+    def init(self, problem: Problem, seed: int, starts: FloatArray) -> SwarmState:
+        """Evaluate the first places; the user's own values take the first of them."""
+        ledger = opened(problem, blank(problem))
+        generator = from_seed(seed).generator()
+        X = uniform(self.members, problem.dimension, generator)
+        V = FIRST * (2.0 * generator.random(X.shape) - 1.0)
+        X[: len(starts)] = np.clip(starts, 0.0, 1.0)[: len(X)]
+        F = ledger.costs(X, ledger.full)
+        stream, books = from_generator(generator), ledger.books
+        return SwarmState(optimizer=self.name, generation=0, stream=stream, books=books, X=X, V=V, B=X, F=F)
+
+    def step(self, state: SwarmState, problem: Problem) -> tuple[SwarmState, Event]:
+        """Move every particle once."""
+        ledger = opened(problem, state.books)
+        generator = state.stream.generator()
+        X, V = moved(state.X, accelerated(state, generator))
+        costs = ledger.costs(X, ledger.full)
+        better = costs < state.F
+        after = replace(
+            state,
+            X=X,
+            V=V,
+            B=np.where(better[:, None], X, state.B),
+            F=np.where(better, costs, state.F),
+            generation=state.generation + 1,
+            stream=from_generator(generator),
+            books=ledger.books,
+        )
+        return after, Event("evolution", float(costs.min()), ledger.full)
+
+
+def accelerated(state: SwarmState, generator: np.random.Generator) -> FloatArray:
+    """Return the velocities, (n, D), drawn to each particle's best and to the swarm's."""
+    own, all_ = generator.random((2, *state.X.shape))
+    leader = state.B[state.F.argmin()]
+    V = CHI * (state.V + PHI * own * (state.B - state.X) + PHI * all_ * (leader - state.X))
+    slow: FloatArray = np.minimum(np.maximum(V, -FASTEST), FASTEST)
+    return slow
+
+
+def moved(X: FloatArray, V: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the next places and the velocities there, (n, D) each."""
+    ahead = X + V
+    inside = np.minimum(np.maximum(ahead, 0.0), 1.0)
+    return inside, np.where(ahead == inside, V, BOUNCE * V)
