@@ -9,7 +9,7 @@ purpose in its middle. No starting values, priors or equation-error estimate.
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from stoop import optimize
 from stoop.cost import Layout, Misfit, Piece, Weights
+from stoop.cost.layout import Nuisance
 from stoop.cost.misfit import horizon_ladder
 from stoop.errors import IdentificationError
 from stoop.optimize.ledger import blank
@@ -71,14 +72,14 @@ class Paper:
         """The free numbers, (D,), SI."""
         return np.array([self.vehicle.value(n) for n in self.names])
 
-    def bounded(self, low: FloatArray, high: FloatArray) -> Layout:
+    def bounded(self, low: FloatArray, high: FloatArray, nuisances: Sequence[Nuisance] = ()) -> Layout:
         """Return the search vector with these bounds, (D,) each, SI; the names in the vehicle's order."""
         bounds = {
             n: {"free": True, "bounds": (a, b), "value": (a + b) / 2.0}
             for n, a, b in zip(self.names, low.tolist(), high.tolist(), strict=True)
         }
         others = {p.name: {"free": False} for p in self.vehicle.parameters if p.name not in self.names}
-        return Layout.of(self.vehicle.with_numbers(others | bounds), ())
+        return Layout.of(self.vehicle.with_numbers(others | bounds), nuisances)
 
     def problem(self, kind: str, seed: int, noise: bool, channels: Iterable[str] | None = None) -> Misfit:
         """Pose the least-squares problem of one box.
@@ -93,12 +94,24 @@ class Paper:
         channels : iterable of str, optional
             Those that are measured; all when absent.
         """
-        measured = self.measured(seed, noise, channels)
+        layout = self.bounded(*box(kind, seed, self.truth))
+        return self.misfit(layout, self.measured(seed, noise, channels))
+
+    def misfit(self, layout: Layout, measured: FloatArray) -> Misfit:
+        """Return the cost of a search vector against readings (n, n_y)."""
         trim, n = self.flown.trim, len(measured)
         piece = Piece(0, self.flown.time[:n], self.flown.inputs[:n], measured, trim.start, trim.changes)
-        layout = self.bounded(*box(kind, seed, self.truth))
         weights = Weights.of(sigma_of(self.vehicle.outputs) ** 2)
         return Misfit(layout, (piece,), weights, horizon_ladder([piece]))
+
+    def cost(self, values: FloatArray) -> FloatArray:
+        """Return each channel's part (n_y,) of J, without noise, of values (D,), SI, in the order of `names`."""
+        reach = np.abs(values) + np.abs(self.truth)
+        problem = self.misfit(self.bounded(-reach, reach), self.measured(0, noise=False))
+        ordered = dict(zip(self.names, values.tolist(), strict=True))
+        z = problem.layout.unit(np.array([ordered[p.name] for p in problem.layout.parameters]))
+        residuals = problem.residuals(z[None], len(problem.prices) - 1)
+        return np.asarray((residuals.reshape(-1, len(self.vehicle.outputs)) ** 2).sum(axis=0))
 
     def measured(self, seed: int, noise: bool, channels: Iterable[str] | None = None) -> FloatArray:
         """Return readings (n, n_y), NaN in channels that are not measured."""

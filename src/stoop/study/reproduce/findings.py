@@ -1,0 +1,154 @@
+"""What an experiment found: claims held against numbers, tables, a page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.campaign import Plan
+from stoop.report.sheet import Code, Prose, Section, Sheet, Table
+from stoop.study.reproduce.reconstructions import RECONSTRUCTIONS
+from stoop.study.tables import Cell, csv_text
+
+FloatArray = NDArray[np.float64]
+Results = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What the user may choose.
+
+    Attributes
+    ----------
+    runs : int
+        Seeds per case.
+    seed : int
+        The first of them.
+    box : str
+        N, S or W; which bounds of the paper's problem.
+    """
+
+    runs: int
+    seed: int = 0
+    box: str = "N"
+
+    @property
+    def seeds(self) -> range:
+        """All seeds."""
+        return range(self.seed, self.seed + self.runs)
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement, whether the numbers bear it out, and the numbers.
+
+    Attributes
+    ----------
+    statement : str
+    verdict : str
+        "reproduces", "does not reproduce", "holds", "does not hold".
+    figures : str
+        What was measured.
+    """
+
+    statement: str
+    verdict: str
+    figures: str
+
+    @property
+    def line(self) -> str:
+        """All of it in one line."""
+        return f"{self.verdict}: {self.statement} ({self.figures})"
+
+
+def reproduces(statement: str, so: bool, figures: str) -> Claim:
+    """Return the verdict on what the paper says or prints."""
+    return Claim(statement, "reproduces" if so else "does not reproduce", figures)
+
+
+def holds(statement: str, so: bool, figures: str) -> Claim:
+    """Return the verdict on anything else."""
+    return Claim(statement, "holds" if so else "does not hold", figures)
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What one experiment found.
+
+    Attributes
+    ----------
+    title, lead : str
+    claims : tuple of Claim
+    sections : tuple of Section
+        Beside the claims and the reconstructions, which every page has.
+    head, rows : the table that is written as CSV
+    """
+
+    title: str
+    lead: str
+    claims: tuple[Claim, ...]
+    sections: tuple[Section, ...]
+    head: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+
+    @property
+    def csv(self) -> str:
+        """The numbers as text."""
+        return csv_text(self.head, self.rows)
+
+    def sheet(self, command: str) -> Sheet:
+        """Return the page; the command that makes it stands at its end."""
+        verdicts = Section("What holds and what does not", (_claims_table(self.claims),))
+        return Sheet(
+            self.title,
+            self.lead,
+            (
+                verdicts,
+                *self.sections,
+                Section("What the paper leaves open, and how it is read here", (Prose(RECONSTRUCTIONS),)),
+                Section("Made by", (Code(command),)),
+            ),
+        )
+
+
+class Experiment(Protocol):
+    """An experiment: what is run, and what it shows."""
+
+    @property
+    def name(self) -> str:
+        """As on the command line."""
+
+    @property
+    def runs(self) -> int:
+        """Seeds per case when none are asked for."""
+
+    def plan(self, setting: Setting) -> Plan | None:
+        """Return all runs; None where there is nothing that takes long."""
+
+    def findings(self, setting: Setting, results: Results) -> Findings:
+        """Return what the runs, by key, show."""
+
+
+def _claims_table(claims: Sequence[Claim]) -> Table:
+    rows = tuple((c.statement, c.verdict, c.figures) for c in claims)
+    return Table("Each statement held against the numbers below", ("statement", "verdict", "measured"), rows)
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Return a number as a page shows it; a dash for what there is not."""
+    if value is None or not np.isfinite(value):
+        return "–"
+    text = f"{value:.{digits}g}"
+    if "e" not in text:
+        return text.replace("-", "−")
+    mantissa, exponent = text.split("e")
+    return f"{mantissa}e{int(exponent)}".replace("-", "−")
+
+
+def counted(many: int, whole: int) -> str:
+    """Return ``many of whole``."""
+    return f"{many} of {whole}"
