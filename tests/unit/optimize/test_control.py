@@ -1,0 +1,48 @@
+"""Scale and rate: what controls give, against their definitions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stoop.optimize.pieces.control import ByCost, Fixed, Signed
+
+
+def test_fixed_is_fixed_and_draws_nothing() -> None:
+    generator = np.random.default_rng(0)
+    before = generator.bit_generator.state
+    assert Fixed(0.6, 0.9).sample(None, np.ones(4), generator) == (0.6, 0.9)
+    assert generator.bit_generator.state == before
+
+
+def test_signed_scales_are_uniform_in_size_and_of_either_sign() -> None:
+    scales, rate = Signed(0.4, 1.0, rate=0.5).sample(None, np.ones(20_000), np.random.default_rng(1))
+    assert rate == 0.5
+    assert scales.shape == (20_000, 1)
+    assert ((np.abs(scales) >= 0.4) & (np.abs(scales) <= 1.0)).all()
+    assert (scales > 0.0).mean() == pytest.approx(0.5, abs=0.02)
+    shares = np.histogram(np.abs(scales), bins=6, range=(0.4, 1.0))[0] / 20_000
+    assert shares == pytest.approx(np.full(6, 1 / 6), abs=0.015)
+
+
+def test_rates_by_cost_equal_their_naive_twin() -> None:
+    F = np.array([3.0, 1.0, 9.0, 5.0, np.inf])
+    scale, rates = ByCost(0.9, 0.1, 0.6).sample(None, F, np.random.default_rng(0))
+    finite, expected = [3.0, 1.0, 9.0, 5.0], []
+    for f in F:
+        place = 1.0 if f == np.inf else (f - min(finite)) / (max(finite) - min(finite))
+        expected.append(0.1 + 0.5 * place if f > sum(finite) / 4 else 0.1)
+    assert scale == 0.9
+    assert rates[:, 0].tolist() == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("F", [np.full(5, np.inf), np.full(5, 3.0), np.zeros(5)])
+def test_rates_by_cost_of_costs_that_say_nothing(F: np.ndarray) -> None:
+    _, rates = ByCost(0.9, 0.1, 0.6).sample(None, F, np.random.default_rng(0))
+    assert ((rates >= 0.1) & (rates <= 0.6)).all()
+
+
+@pytest.mark.parametrize("control", [Fixed(), Signed(), ByCost()])
+def test_these_controls_remember_nothing(control: Fixed | Signed | ByCost) -> None:
+    assert control.begin(7) is None
+    assert control.learn(None, 0.5, 0.9, np.ones(7), np.zeros(7)) is None

@@ -1,0 +1,142 @@
+"""Mutations beyond eq. (6) and (12): against naive twins, and the properties that every operator must have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stoop.optimize.pieces.bounds import clip, midpoint
+from stoop.optimize.pieces.crossover import binomial
+from stoop.optimize.pieces.islands import Islands
+from stoop.optimize.pieces.mutation import Best2, Localized, Ordered, Rand1, Unordered, distinct
+from stoop.optimize.pieces.weighing import Graded, Trigonometric, WeightedCentroid
+
+SEEDS = st.integers(0, 2**32 - 1)
+OPERATORS = [
+    Rand1(), Best2(), Ordered(), Unordered(), Localized(), Trigonometric(), Trigonometric(1.0), Graded(),
+    WeightedCentroid(),
+]  # fmt: skip
+Twin = Callable[[np.ndarray, np.ndarray, np.ndarray, int], np.ndarray]
+
+
+def _population(seed: int, n: int = 12, d: int = 4) -> tuple[np.ndarray, np.ndarray]:
+    generator = np.random.default_rng(seed)
+    return generator.random((n, d)), 5.0 * generator.random(n)
+
+
+def _unordered(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int) -> np.ndarray:
+    a, b, c = picks[:, i]
+    return X[i] + 0.7 * (X[a] - X[i] + X[b] - X[c])
+
+
+def _localized(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int) -> np.ndarray:
+    three = picks[:, i].tolist()
+    base = min(three, key=lambda m: F[m])
+    k = three.index(base)
+    return X[base] + 0.7 * (X[three[(k + 1) % 3]] - X[three[(k + 2) % 3]])
+
+
+def _graded(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int) -> np.ndarray:
+    b, m, w = sorted(picks[:, i], key=lambda m: F[m])
+    return X[b] + (0.1 + 0.6 * (F[m] - F[b]) / (F[w] - F[b])) * (X[m] - X[w])
+
+
+def _weighted_centroid(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int) -> np.ndarray:
+    a, b, c, d, e = picks[:, i]
+    factor = 1.0 - np.mean([max(column) - min(column) for column in X.T])
+    weights = [max(F) - F[m] for m in (a, b, c)]
+    centroid = sum(w * X[m] for w, m in zip(weights, (a, b, c), strict=True)) / sum(weights)
+    return X[c] + factor * (centroid - X[c]) + 0.7 * (X[d] - X[e])
+
+
+@pytest.mark.parametrize(
+    ("operator", "twin", "k"),
+    [
+        (Unordered(), _unordered, 3),
+        (Localized(), _localized, 3),
+        (Graded(0.1), _graded, 3),
+        (WeightedCentroid(), _weighted_centroid, 5),
+    ],
+)
+def test_mutation_equals_its_naive_twin(operator: Twin, twin: Twin, k: int) -> None:
+    X, F = _population(5)
+    mutants = operator(X, F, 0.7, np.random.default_rng(8))
+    picks = distinct(len(X), k, np.random.default_rng(8))
+    assert mutants == pytest.approx(np.array([twin(X, F, picks, i) for i in range(len(X))]), rel=1e-12)
+
+
+def test_trigonometric_mutation_is_the_published_formula() -> None:
+    X, F = _population(6)
+    generator = np.random.default_rng(3)
+    mutants = Trigonometric(0.5)(X, F, 0.7, np.random.default_rng(3))
+    chosen, picks = generator.random(len(X)) < 0.5, distinct(len(X), 3, generator)
+    assert 0 < chosen.sum() < len(X)
+    for i, (a, b, c) in enumerate(picks.T):
+        p1, p2, p3 = (F[m] / (F[a] + F[b] + F[c]) for m in (a, b, c))
+        step = (p2 - p1) * (X[a] - X[b]) + (p3 - p2) * (X[b] - X[c]) + (p1 - p3) * (X[c] - X[a])
+        expected = (X[a] + X[b] + X[c]) / 3 + step if chosen[i] else X[c] + 0.7 * (X[a] - X[b])
+        assert mutants[i] == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_trigonometric_mutant_leans_towards_the_cheapest_pick() -> None:
+    X, F = np.eye(4)[:4], np.array([9.0, 9.0, 9.0, 0.1])
+    mutants = Trigonometric(1.0)(X, F, 0.7, np.random.default_rng(0))
+    assert (mutants[:3].argmax(axis=1) == 3).all()
+
+
+@settings(deadline=None)
+@given(
+    st.sampled_from(OPERATORS),
+    SEEDS,
+    st.integers(6, 50),
+    st.integers(1, 12),
+    st.sampled_from([0.0, 0.3, 1.0]),
+    st.booleans(),
+)
+def test_every_mutation_keeps_shape_and_stays_finite(
+    operator: Twin, seed: int, n: int, d: int, diverged: float, collapsed: bool
+) -> None:
+    """Whatever the costs: some or all infinite, or all the same."""
+    X, F = _population(seed, n, d)
+    F = np.full(n, 2.0) if collapsed else F
+    F[np.random.default_rng(seed).random(n) < diverged] = np.inf
+    before = X.copy(), F.copy()
+    mutants = operator(X, F, 0.7, np.random.default_rng(seed))
+    again = operator(X, F, np.full((n, 1), 0.7), np.random.default_rng(seed))
+    assert mutants.shape == (n, d)
+    assert np.isfinite(mutants).all()
+    assert (mutants == again).all()
+    assert (before[0] == X).all()
+    assert (before[1] == F).all()
+    for mend in (clip, midpoint):
+        inside = mend(mutants, X)
+        assert ((inside >= 0.0) & (inside <= 1.0)).all()
+
+
+@settings(deadline=None)
+@given(SEEDS, st.integers(6, 50), st.integers(1, 12), st.floats(0.0, 1.0))
+def test_crossover_takes_at_least_one_and_nothing_foreign(seed: int, n: int, d: int, rate: float) -> None:
+    X, _ = _population(seed, n, d)
+    rates = np.full((n, 1), rate)
+    T = binomial(X, X + 2.0, rates, np.random.default_rng(seed))
+    assert (binomial(X, X + 2.0, rate, np.random.default_rng(seed)) == T).all()
+    assert ((T == X) | (T == X + 2.0)).all()
+    assert ((T == X + 2.0).sum(axis=1) >= 1).all()
+
+
+@settings(deadline=None)
+@given(st.sampled_from(OPERATORS), SEEDS, st.integers(6, 40), st.integers(1, 6))
+def test_on_islands_a_mutation_sees_its_island_only(operator: Twin, seed: int, n: int, number: int) -> None:
+    X, F = _population(seed, n)
+    islands, scale = Islands(number), np.linspace(0.3, 0.9, n)[:, None]
+    mutants = islands.breed(operator, X, F, scale, np.random.default_rng(seed))
+    generator = np.random.default_rng(seed)
+    places = islands.places(n)
+    assert [m for place in places for m in range(n)[place]] == list(range(n))
+    assert all(place.stop - place.start >= 6 for place in places)
+    for place in places:
+        assert (mutants[place] == operator(X[place], F[place], scale[place], generator)).all()
