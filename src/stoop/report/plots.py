@@ -6,7 +6,7 @@ drawing, where no two can overlap.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -85,6 +85,7 @@ def plot(
     log_y: bool = False,
     x_range: Span | None = None,
     y_range: Span | None = None,
+    looks: Mapping[str, int] | None = None,
 ) -> Markup:
     """Return series over one pair of axes, the legend below.
 
@@ -95,8 +96,10 @@ def plot(
     description : str, the drawing in words, for who cannot see it
     log_x, log_y : bool, logarithmic axes; what is not positive is left out
     x_range, y_range : (low, high), data units; by default what the series span
+    looks : mapping of name to number, optional
+        Gives a series the same color and dash in several drawings; by default in order of appearance.
     """
-    looks = _looks([one.name for one in series])
+    looks = looks or _looks([one.name for one in series])
     x = _axis([one.x for one in series], log_x, x_range, 0.0, WIDTH - LEFT - RIGHT)
     y = _axis([one.y for one in series], log_y, y_range, HEIGHT, 0.0)
     box = Box(LEFT, TOP, WIDTH - LEFT - RIGHT, HEIGHT)

@@ -1,0 +1,81 @@
+"""Optimizers on the same problems, counted the same way: success, running time, and who is ahead where.
+
+`compare` runs a `Field` of optimizers, problems and seeds as a campaign and writes ``compare.csv`` (a row per
+optimizer and problem), ``runs.csv`` (a row per run) and ``compare.html`` into a folder, beside the campaign's
+store ``compare.sqlite``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from stoop.campaign import Pool, Tally, execute
+from stoop.files import write_text_atomic
+from stoop.report.sheet import write_sheet
+from stoop.study.compare.field import Field
+from stoop.study.compare.measures import Score, score
+from stoop.study.compare.page import page
+from stoop.study.compare.race import Race
+from stoop.study.compare.tables import races_text, scores_text
+
+__all__ = ["PAGE", "RUNS", "SCORES", "STORE", "Field", "Score", "compare", "conclude", "scored"]
+
+STORE: Final = "compare.sqlite"
+SCORES: Final = "compare.csv"
+RUNS: Final = "runs.csv"
+PAGE: Final = "compare.html"
+
+
+def compare(
+    field: Field, folder: Path, pool: Pool, command: str, watch: Callable[[Tally], None] | None = None
+) -> list[Score]:
+    """Run a comparison, or what is left of it, and write its tables and its page.
+
+    Parameters
+    ----------
+    field : Field
+    folder : Path
+        Made if it is not there.
+    pool : Pool
+    command : str
+        For the page: how this was called.
+    watch : callable, optional
+        Told how far it is.
+
+    Returns
+    -------
+    list of Score, by problem, the fastest first
+
+    Raises
+    ------
+    StoopError
+        The store belongs to another comparison, a run fails, or the folder cannot be written.
+    """
+    return conclude(field, execute(field.plan(), folder / STORE, pool, watch), folder, command)
+
+
+def conclude(field: Field, results: Mapping[str, Any], folder: Path, command: str) -> list[Score]:
+    """Write tables and page of a campaign's results; return the scores by problem, the fastest first.
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be written.
+    """
+    races = field.races(results)
+    scores = scored(field, races)
+    write_text_atomic(folder / SCORES, scores_text(scores))
+    write_text_atomic(folder / RUNS, races_text(race for found in races.values() for race in found))
+    write_sheet(page(field, races, scores, command), folder / PAGE)
+    return scores
+
+
+def scored(field: Field, races: Mapping[tuple[str, str], Sequence[Race]]) -> list[Score]:
+    """Return the scores of all pairs, by problem in the field's order, the fastest first."""
+    found = [score(races[p, o], races[p, field.baseline(p)]) for p, o in field.pairs]
+    return sorted(
+        found,
+        key=lambda s: (field.problems.index(s.problem), s.ert.value, -s.successes, s.optimizer),
+    )
