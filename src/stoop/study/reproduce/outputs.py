@@ -1,0 +1,131 @@
+"""What an experiment leaves in its folder: NAME.html, NAME.csv, and NAME.sqlite where it has many runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+from markupsafe import Markup
+
+from stoop.campaign import Plan
+from stoop.errors import OutputError
+from stoop.files import write_text_atomic
+from stoop.report.sheet import Code, Prose, Section, Sheet, Table, write_sheet
+from stoop.study.reproduce.findings import Experiment, Findings, Results, Setting
+
+INDEX: Final = "index.html"
+INDEX_TITLE: Final = "The PS-GDE paper, run again"
+Execute = Callable[[Plan, Path], Results]
+
+
+def reproduce(
+    experiment: Experiment, setting: Setting, folder: Path, execute: Execute, overwrite: bool = False
+) -> Findings:
+    """Run what is left of an experiment, and write its page and table.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    setting : Setting
+    folder : Path
+        Made if it is not there.
+    execute : callable
+        From a plan and the path of its store to results by key.
+    overwrite : bool
+        Begin anew, and replace files that are of no such experiment.
+
+    Raises
+    ------
+    StoopError
+        The folder cannot be used, or a run failed; nothing is lost.
+    """
+    prepare(folder, experiment.name, overwrite)
+    plan = experiment.plan(setting)
+    results = {} if plan is None else execute(plan, _store(folder, experiment.name))
+    findings = experiment.findings(setting, results)
+    # the page first: a table without a page would not be known as ours when the command is given again
+    write_sheet(findings.sheet(command(experiment.name, setting)), page_path(folder, experiment.name))
+    write_text_atomic(folder / f"{experiment.name}.csv", findings.csv)
+    return findings
+
+
+def command(name: str, setting: Setting) -> str:
+    """Return the command that makes a page; where it runs and into what folder do not change it."""
+    return f"stoop reproduce {name} --runs {setting.runs} --seed {setting.seed} --box {setting.box}"
+
+
+def page_path(folder: Path, name: str) -> Path:
+    """Return where the page lies."""
+    return folder / f"{name}.html"
+
+
+def _store(folder: Path, name: str) -> Path:
+    return folder / f"{name}.sqlite"
+
+
+def prepare(folder: Path, name: str, overwrite: bool) -> None:
+    """Make the folder; refuse what is not ours, or with ``overwrite`` begin anew.
+
+    Raises
+    ------
+    OutputError
+        The folder is a file, cannot be made, or holds files of something else.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise OutputError(f"{folder}: is a file; name a folder") from None
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be made ({error.strerror}); choose another") from None
+    if overwrite:
+        for path in sorted(folder.glob(f"{name}.sqlite*")):
+            path.unlink()
+    elif not _ours(folder, name):
+        raise OutputError(
+            f"{page_path(folder, name)}: is of something else than stoop reproduce {name}; "
+            "add --overwrite, or choose another folder"
+        )
+
+
+def _ours(folder: Path, name: str) -> bool:
+    """Whether page and table are missing, or of an earlier run of the experiment."""
+    page, table = page_path(folder, name), folder / f"{name}.csv"
+    if page.exists():
+        return _says(page, f"stoop reproduce {name}")
+    return not table.exists() or _store(folder, name).exists()
+
+
+def _says(page: Path, words: str) -> bool:
+    return page.is_file() and words in page.read_text(encoding="utf-8", errors="replace")
+
+
+def check_index(folder: Path, overwrite: bool) -> None:
+    """Refuse an index that is not ours.
+
+    Raises
+    ------
+    OutputError
+        With what to do instead.
+    """
+    path = folder / INDEX
+    if path.exists() and not overwrite and not _says(path, INDEX_TITLE):
+        raise OutputError(f"{path}: is of something else; add --overwrite, or choose another folder")
+
+
+def write_index(found: Mapping[str, Findings], settings: Sequence[Setting], folder: Path) -> None:
+    """Write the page that leads to all others."""
+    sections = [_entry(name, f) for name, f in found.items()]
+    commands = "\n".join(command(n, s) for n, s in zip(found, settings, strict=True))
+    lead = (
+        "Every table and figure of the paper, what it claims in passing, and what its experiment leaves out."
+    )
+    write_sheet(Sheet(INDEX_TITLE, lead, (*sections, Section("Made by", (Code(commands),)))), folder / INDEX)
+
+
+def _entry(name: str, findings: Findings) -> Section:
+    rows = tuple((c.statement, c.verdict, c.figures) for c in findings.claims)
+    # markup of our own: the name of an experiment, and nothing that was read from anywhere
+    link = Markup('<a href="{0}.html">{0}.html</a>').format(name)
+    table = Table(link, ("statement", "verdict", "measured"), rows)
+    return Section(findings.title, (Prose(findings.lead), table))
