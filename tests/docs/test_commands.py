@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from docs.pages import DOCS, PAGES, ROOT, blocks, commands, links, table, tables
-from stoop import optimize
 from stoop.cli.main import VERBS, main, parser_for
 from stoop.identify.result import read_result
 from stoop.vehicle.builtin import resolve_vehicle
@@ -79,10 +78,6 @@ def test_defaults_of_options(verb: str) -> None:
 
 def test_verbs() -> None:
     assert [row[0].partition("`")[2].partition("`")[0] for row in tables(PAGE)[0].rows] == list(VERBS)
-
-
-def test_optimizers() -> None:
-    assert table(DOCS / "method.md", "The search", "name").column("name") == list(optimize.names())
 
 
 @pytest.mark.parametrize(
