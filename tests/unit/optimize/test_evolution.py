@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,12 @@ from stoop.optimize.methods.de_best_2_bin import de_best_2_bin
 from stoop.optimize.methods.de_rand_1_bin import de_rand_1_bin
 from stoop.optimize.methods.ps_gde import ps_gde
 from stoop.optimize.pieces.bounds import clip
+from stoop.optimize.pieces.control import SuccessHistory
 from stoop.optimize.pieces.crossover import binomial
 from stoop.optimize.pieces.initialization import chaos
-from stoop.optimize.pieces.mutation import distinct
+from stoop.optimize.pieces.islands import Islands, Whole
+from stoop.optimize.pieces.mutation import Ordered, Rand1, distinct
+from stoop.optimize.pieces.weighing import Graded, WeightedCentroid
 
 MAKERS = [ps_gde, de_rand_1_bin, de_best_2_bin]
 
@@ -88,3 +92,20 @@ def test_evolution_never_claims_convergence(make: Callable[[], Any], oscillation
     outcome = optimize.minimize(make(), oscillation(), seed=0, stop=optimize.Stop(generations=50))
     assert outcome.status == "generations"
     assert "before an optimum was confirmed" in outcome.advice
+
+
+@pytest.mark.parametrize("mutation", [Ordered(), Rand1(), WeightedCentroid(), Graded()])
+@pytest.mark.parametrize("structure", [Whole(), Islands(3)])
+def test_what_a_control_has_learnt_is_kept_with_any_mutation_and_structure(
+    mutation: Any, structure: Any, oscillation: Callable[..., Any], tmp_path: Path
+) -> None:
+    """Pieces that no registered method puts together: stored and resumed halfway, the end is the same."""
+    made = replace(ps_gde(mutation), control=SuccessHistory(), structure=structure)
+    whole = optimize.minimize(made, oscillation(), seed=2, stop=optimize.Stop(generations=50))
+    half = optimize.minimize(made, oscillation(), seed=2, stop=optimize.Stop(generations=23))
+    optimize.save_state(tmp_path / "state.npz", half.state)
+    state = optimize.load_state(tmp_path / "state.npz")
+    rest = optimize.minimize(made, oscillation(), seed=2, stop=optimize.Stop(generations=50), state=state)
+    assert rest.state.X.tobytes() == whole.state.X.tobytes()
+    assert rest.state.memory.scales.tobytes() == whole.state.memory.scales.tobytes()
+    assert not (whole.state.memory.scales == 0.5).all()

@@ -8,6 +8,7 @@ from typing import Any, Final, Protocol, TypeAlias
 import numpy as np
 
 from stoop.optimize.arrays import FloatArray
+from stoop.optimize.pieces.adaptation import Memory, fresh_memory
 
 Factor: TypeAlias = float | FloatArray  #: one for all parents, or one for each, (n, 1)
 
@@ -115,3 +116,34 @@ class ByCost:
     def learn(self, memory: None, scale: Factor, rate: Factor, before: FloatArray, costs: FloatArray) -> None:
         """Learn nothing."""
         return
+
+
+@dataclass(frozen=True)
+class SuccessHistory:
+    """Scales and rates near those that won lately, one of each for every parent.
+
+    References
+    ----------
+    Tanabe and Fukunaga (2013), IEEE CEC, 71-78 (SHADE).
+    """
+
+    entries: int = 6
+
+    def begin(self, members: int) -> Memory:
+        """Return a memory that has seen nothing yet."""
+        return fresh_memory(self.entries)
+
+    def sample(
+        self, memory: Memory, F: FloatArray, generator: np.random.Generator
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return scales and rates, (n, 1) each."""
+        scales, rates = memory.sample(len(F), generator)
+        return scales[:, None], rates[:, None]
+
+    def learn(
+        self, memory: Memory, scale: FloatArray, rate: FloatArray, before: FloatArray, costs: FloatArray
+    ) -> Memory:
+        """Return the memory after a generation: means of what won, weighted by what it gained."""
+        with np.errstate(invalid="ignore"):
+            gains = before - costs
+        return memory.learn(scale[:, 0], rate[:, 0], gains, costs < before)
