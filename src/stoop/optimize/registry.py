@@ -7,6 +7,11 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from stoop.errors import IdentificationError
+from stoop.optimize.adapters.cma_bipop import cma
+from stoop.optimize.adapters.pygmo_sade import pygmo_sade
+from stoop.optimize.adapters.pymoo_loop import pymoo_ga, pymoo_pso
+from stoop.optimize.adapters.scipy_de import scipy_de
+from stoop.optimize.adapters.scipy_least_squares import scipy_least_squares
 from stoop.optimize.methods.asmde import asmde
 from stoop.optimize.methods.de_best_2_bin import de_best_2_bin
 from stoop.optimize.methods.de_rand_1_bin import de_rand_1_bin
@@ -64,6 +69,12 @@ _ENTRIES: Final[dict[str, Entry]] = {
     "ordered-shade": Entry(_plain(OrderedShade)),
     "l-shade": Entry(l_shade),
     "jso": Entry(jso),
+    "scipy-de": Entry(_plain(scipy_de)),
+    "scipy-least-squares": Entry(_plain(scipy_least_squares), residuals=True),
+    "pymoo-ga": Entry(_plain(pymoo_ga)),
+    "pymoo-pso": Entry(_plain(pymoo_pso)),
+    "cma": Entry(_plain(cma)),
+    "pygmo-sade": Entry(_plain(pygmo_sade)),
 }
 
 

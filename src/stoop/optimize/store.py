@@ -20,6 +20,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.errors import IdentificationError, OutputError
+from stoop.optimize.adapters.library import LibraryState
 from stoop.optimize.confirmation import Ends
 from stoop.optimize.herd import Herd
 from stoop.optimize.ledger import Books
@@ -55,6 +56,7 @@ CLASSES: Final[dict[str, type]] = {
         SwarmState,
         ShadeState,
         HerdState,
+        LibraryState,
         Books,
         Stream,
         Ends,

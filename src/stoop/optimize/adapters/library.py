@@ -1,0 +1,151 @@
+"""What all adapters share: a run of somebody else's search, booked, repeatable, and leaving no traces."""
+
+from __future__ import annotations
+
+import importlib
+import threading
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
+from dataclasses import dataclass, replace
+from io import StringIO
+from types import ModuleType
+from typing import Final
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from stoop.errors import IdentificationError
+from stoop.optimize.arrays import FloatArray
+from stoop.optimize.ledger import Halt, Ledger, blank, opened
+from stoop.optimize.problem import Problem
+from stoop.optimize.state import Event, State
+from stoop.optimize.stream import from_generator, from_seed
+
+LARGE: Final = 1e100  #: instead of an infinite cost, with which other libraries cannot reckon
+SEEDS: Final = 2**31 - 1
+_ONE: Final = threading.RLock()  #: what a library keeps in global places serves one run at a time
+
+
+@dataclass(frozen=True, kw_only=True)
+class LibraryState(State):
+    """Between two runs of a library.
+
+    Attributes
+    ----------
+    starts : (k, D), the user's own values that no run has begun from yet
+    """
+
+    starts: FloatArray
+
+
+Search = Callable[[Ledger, FloatArray, np.random.Generator], None]
+
+
+@dataclass(frozen=True)
+class Library:
+    """A search of another library; it never claims convergence.
+
+    Attributes
+    ----------
+    name : registered name
+    search : one run: from ledger, first point (D,) and random numbers to the library's own end
+    """
+
+    name: str
+    search: Search
+
+    def init(self, problem: Problem, seed: int, starts: FloatArray) -> LibraryState:
+        """Keep the user's own values for the first runs; nothing is evaluated yet."""
+        return LibraryState(
+            optimizer=self.name,
+            generation=0,
+            stream=from_seed(seed),
+            books=blank(problem),
+            starts=np.clip(starts, 0.0, 1.0),
+        )
+
+    def step(self, state: LibraryState, problem: Problem) -> tuple[LibraryState, Event]:
+        """Run the library once, from the next of the user's own values or from anywhere."""
+        ledger = opened(problem, state.books)
+        generator = state.stream.generator()
+        anywhere = generator.random(problem.dimension)
+        start = state.starts[0] if len(state.starts) else anywhere
+        with _contained():
+            self.search(ledger, start.copy(), generator)
+        after = replace(
+            state,
+            generation=state.generation + 1,
+            stream=from_generator(generator),
+            books=ledger.books,
+            starts=state.starts[1:],
+        )
+        return after, Event("evolution", ledger.cost, ledger.full, f"run {after.generation}")
+
+
+class Escape:
+    """Carries an exception past a library that would swallow it.
+
+    A cost function that raises may leave foreign code in any state. So the exception is kept, the rest of the run
+    sees `LARGE`, and `check` raises what was kept once the library has handed back.
+    """
+
+    def __init__(self, ledger: Ledger) -> None:
+        self.ledger = ledger
+        self.kept: BaseException | None = None
+
+    def costs(self, X: FloatArray) -> FloatArray:
+        """Return costs, (n,), of points, (n, D), that the library may reckon with."""
+        if self.kept is None:
+            try:
+                return finite_costs(self.ledger, X)
+            except (Halt, KeyboardInterrupt) as exception:
+                self.kept = exception
+        return np.full(len(X), LARGE)
+
+    def check(self) -> None:
+        """Raise what was kept."""
+        if self.kept is not None:
+            raise self.kept
+
+
+def finite_costs(ledger: Ledger, X: FloatArray) -> FloatArray:
+    """Return costs, (n,), of points, (n, D), with a large number for infinity."""
+    inside = np.clip(np.asarray(X, dtype=np.float64), 0.0, 1.0)
+    costs: FloatArray = np.minimum(ledger.costs(inside, ledger.full), LARGE)
+    return costs
+
+
+def draw_seed(generator: np.random.Generator) -> int:
+    """Return a seed for a library that keeps its own random numbers; never 0, which some take for none."""
+    return 1 + int(generator.random() * (SEEDS - 1))
+
+
+def require(module: str) -> ModuleType:
+    """Return a module of a package of the extra "compare".
+
+    Raises
+    ------
+    IdentificationError
+        The package is not installed, or does not load.
+    """
+    package = module.partition(".")[0]
+    try:
+        with redirect_stdout(StringIO()):
+            return importlib.import_module(module)
+    except ImportError:
+        raise IdentificationError(
+            f"optimizer: needs the package {package}; install it with: pip install 'stoop[compare]'"
+        ) from None
+
+
+@contextmanager
+def _contained() -> Iterator[None]:
+    """Keep what a library warns of and seeds to itself; one BLAS thread, so that it rounds alike."""
+    with _ONE, warnings.catch_warnings(), threadpool_limits(1, user_api="blas"):
+        warnings.simplefilter("ignore")
+        before = np.random.get_state()  # noqa: NPY002 - theirs, and put back as it was
+        try:
+            yield
+        finally:
+            np.random.set_state(before)  # noqa: NPY002
