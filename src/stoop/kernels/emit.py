@@ -14,6 +14,7 @@ from typing import Any
 import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
 
+from stoop.kernels.balance import groups
 from stoop.kernels.symbolic import SymbolicModel
 
 
@@ -129,6 +130,7 @@ class Emitted:
     constants: int
     outputs: int
     wrapped: tuple[bool, ...]
+    groups: int  #: of lanes, whose steps are taken in turn
 
 
 _KNOWN = (sp.Symbol, sp.Float, sp.Rational, sp.Add, sp.Mul, sp.Pow, sp.atan2, sp.atan, sp.Abs)
@@ -172,4 +174,6 @@ def emit(model: SymbolicModel) -> Emitted:
             function_source("observe", arguments, hoisted.expressions),
         ]
     )
-    return Emitted(source, nx, len(u), len(p), len(names), len(model.outputs), model.wrapped)
+    return Emitted(
+        source, nx, len(u), len(p), len(names), len(model.outputs), model.wrapped, groups(source, "derive")
+    )

@@ -316,14 +316,13 @@ def _open(folder: Path, key: str, name: str) -> ModuleType:
 
 def _write_sources(folder: Path, model: SymbolicModel) -> None:
     from stoop.kernels.emit import emit
-    from stoop.kernels.lanes import LANES, loop_source
+    from stoop.kernels.lanes import header, lanes, loop_source
 
     emitted = emit(model)
-    header = (_HERE / "runtime.py").read_text()
     for name in ("shared", "per_lane"):
         body = loop_source(emitted, name == "per_lane")
-        (folder / f"{name}.py").write_text(header + "\n\n" + emitted.source + "\n\n" + body)
-    sizes = (emitted.states, emitted.inputs, emitted.parameters, emitted.outputs, LANES)
+        (folder / f"{name}.py").write_text(header(emitted) + "\n\n" + emitted.source + "\n\n" + body)
+    sizes = (emitted.states, emitted.inputs, emitted.parameters, emitted.outputs, lanes(emitted))
     (folder / "sizes.txt").write_text(" ".join(map(str, sizes)))
 
 

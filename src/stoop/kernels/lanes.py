@@ -1,10 +1,13 @@
 """The time loop around the model's functions: time outside, lanes inside.
 
-A block is ``LANES`` candidates side by side. All that a block needs lies in one flat scratch array whose
-rows are ``LANES`` apart (a compile-time constant), so that LLVM sees the distances and turns the loop over
-lanes into vector instructions. Blocks are always full: a remainder loop would round differently.
+A block is ``LANES`` candidates side by side, in one or two groups of ``WIDTH``. All that a block needs lies in
+one flat scratch array whose rows are ``LANES`` apart (a compile-time constant), so that LLVM sees the distances
+and turns the loop over the lanes of a group into vector instructions. Where one group would wait for its own
+results (:mod:`stoop.kernels.balance`), two take each stage of a step in turn. Blocks are always full, in both
+groups: other code for a remainder would round differently. For the same reason LLVM may not reorder the sums of
+two groups: it chooses an order for each group by itself, and a candidate's cost would depend on its place.
 
-Axes: b = candidate, k = sample, i = state, input or output, j = lane.
+Axes: b = candidate, k = sample, i = state, input or output, j = lane, g = group.
 
 What would move to another machine, such as a GPU: ``prepare``, ``derive`` and ``observe`` are straight-line
 scalar code on tuples, without arrays, loops, branches or state; all they call is ``sqrt``, ``fabs`` and ``atan2``
@@ -14,12 +17,25 @@ for the vector registers of a CPU. A GPU would have one thread per candidate and
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # a warm start needs the signatures below, but no SymPy
     from stoop.kernels.emit import Emitted
 
-LANES = 8  #: one AVX-512 register of doubles
+WIDTH = 8  #: of a group: one AVX-512 register of doubles
+_REORDER = ', "reassoc"'  #: among the flags in the runtime header
+
+
+def lanes(e: Emitted) -> int:
+    """Return how many candidates a block of this model holds."""
+    return WIDTH * e.groups
+
+
+def header(e: Emitted) -> str:
+    """Return the head of the generated module: the runtime header, whose sums stay in order for two groups."""
+    text = Path(__file__).with_name("runtime.py").read_text()
+    return text.replace(_REORDER, "") if e.groups > 1 else text
 
 
 def _tuple(pattern: str, count: int) -> str:
@@ -27,8 +43,8 @@ def _tuple(pattern: str, count: int) -> str:
     return "(" + "".join(pattern.format(i=i) + ", " for i in range(count)) + ")"
 
 
-def _rows(first: int, count: int) -> str:
-    return "(" + "".join(f"S[{(first + i) * LANES} + j], " for i in range(count)) + ")"
+def _rows(e: Emitted, first: int, count: int) -> str:
+    return "(" + "".join(f"S[{(first + i) * lanes(e)} + j], " for i in range(count)) + ")"
 
 
 def _axpy(count: int, k: str) -> str:
@@ -40,25 +56,36 @@ def _residual(i: int, wrapped: bool, nx: int) -> str:
     return f"wrap({difference})" if wrapped else difference
 
 
-def _helpers(e: Emitted) -> str:
-    """Write the steps: Runge-Kutta of order four, the cost of one sample, loads and stores."""
-    nx, combined = e.states, "x[{i}] + h6 * (k1[{i}] + 2.0 * (k2[{i}] + k3[{i}]) + k4[{i}])"
-    terms = " + ".join(f"w[{i}] * (e{i} * e{i})" for i in range(e.outputs))
-    errors = "\n".join(f"    e{i} = {_residual(i, w, nx)}" for i, w in enumerate(e.wrapped))
+def _steps(e: Emitted) -> str:
+    """Write a step of Runge-Kutta of order four; each stage is taken by all groups before the next begins."""
+    combined = "x[{i}] + h6 * (k1[{i}] + 2.0 * (k2[{i}] + k3[{i}]) + k4[{i}])"
+    stage = "derive(axpy(x[{{i}}], {h}, {k}[{{i}}]), {u}[{{i}}], c[{{i}}])"
     return f"""
 @inline
 def axpy(x, a, k):
-    return {_axpy(nx, "k")}
+    return {_axpy(e.states, "k")}
+
+
+@inline
+def combine(x, k1, k2, k3, k4, h6):
+    return {_tuple(combined, e.states)}
 
 
 @inline
 def advance(x, k1, c, um, ub, hh, h, h6):
-    k2 = derive(axpy(x, hh, k1), um, c)
-    k3 = derive(axpy(x, hh, k2), um, c)
-    k4 = derive(axpy(x, h, k3), ub, c)
-    return {_tuple(combined, nx)}
+    k2 = {_tuple(stage.format(h="hh", k="k1", u="um"), e.groups)}
+    k3 = {_tuple(stage.format(h="hh", k="k2", u="um"), e.groups)}
+    k4 = {_tuple(stage.format(h="h", k="k3", u="ub"), e.groups)}
+    return {_tuple("combine(x[{i}], k1[{i}], k2[{i}], k3[{i}], k4[{i}], h6)", e.groups)}
+"""
 
 
+def _helpers(e: Emitted) -> str:
+    """Write the cost of one sample, loads and stores of one group."""
+    nx, apart = e.states, lanes(e)
+    terms = " + ".join(f"w[{i}] * (e{i} * e{i})" for i in range(e.outputs))
+    errors = "\n".join(f"    e{i} = {_residual(i, w, nx)}" for i, w in enumerate(e.wrapped))
+    return f"""
 @inline
 def penalty(y, z, w):
 {errors}
@@ -67,17 +94,17 @@ def penalty(y, z, w):
 
 @inline
 def load_state(S, j):
-    return {_rows(0, nx)}
+    return {_rows(e, 0, nx)}
 
 
 @inline
 def load_constants(S, j):
-    return {_rows(nx, e.constants)}
+    return {_rows(e, nx, e.constants)}
 
 
 @inline
 def store_state(S, j, x):
-{chr(10).join(f"    S[{i * LANES} + j] = x[{i}]" for i in range(nx))}
+{chr(10).join(f"    S[{i * apart} + j] = x[{i}]" for i in range(nx))}
 
 
 @inline
@@ -95,8 +122,8 @@ def fill(S, P, X0, b0):
     for j in range(LANES):
         b = min(b0 + j, P.shape[1] - 1)
         c = prepare(load_parameters(P, b))
-{chr(10).join(f"        S[{i * LANES} + j] = X0[{i}, b]" for i in range(nx))}
-{chr(10).join(f"        S[{(nx + i) * LANES} + j] = c[{i}]" for i in range(e.constants))}
+{chr(10).join(f"        S[{i * apart} + j] = X0[{i}, b]" for i in range(nx))}
+{chr(10).join(f"        S[{(nx + i) * apart} + j] = c[{i}]" for i in range(e.constants))}
 """
 
 
@@ -112,29 +139,52 @@ def _scratch(e: Emitted) -> tuple[int, int, int]:
 
 
 def _inputs(e: Emitted, per_lane: bool) -> tuple[str, str]:
-    """Return the source that reads a sample's inputs: before the lane loop and inside it."""
+    """Return the source that reads a sample's inputs: before the lane loop and inside it.
+
+    There ``ua``, ``um`` and ``ub`` have one entry per group: at the sample, in the middle, at the next.
+    """
     if not per_lane:
         lines = [
             "k1 = min(k + 1, rows - 1)",
-            f"ua = {_tuple('U[k, {i}]', e.inputs)}",
-            f"ub = {_tuple('U[k1, {i}]', e.inputs)}",
-            "um = middle(ua, ub)",
+            f"a = {_tuple('U[k, {i}]', e.inputs)}",
+            f"b = {_tuple('U[k1, {i}]', e.inputs)}",
+            "m = middle(a, b)",
+            *(f"u{name} = {_tuple(name, e.groups)}" for name in "amb"),
         ]
         return _indent(lines, 12), ""
-    width, first = e.inputs * LANES, _scratch(e)[1]
+    width, first = e.inputs * lanes(e), _scratch(e)[1]
     before = [
         f"ia = ((b0 // LANES) * rows + k) * {width}",
         f"ib = ((b0 // LANES) * rows + min(k + 1, rows - 1)) * {width}",
         f"for i in range({width}):",
-        f"    S[{first * LANES} + i] = U[ia + i]",
-        f"    S[{first * LANES + width} + i] = U[ib + i]",
+        f"    S[{first * lanes(e)} + i] = U[ia + i]",
+        f"    S[{first * lanes(e) + width} + i] = U[ib + i]",
     ]
     inside = [
-        f"ua = {_rows(first, e.inputs)}",
-        f"ub = {_rows(first + e.inputs, e.inputs)}",
-        "um = middle(ua, ub)",
+        f"ua = {_groups(e, 'load_inputs(S, {j})')}",
+        f"ub = {_groups(e, 'load_next_inputs(S, {j})')}",
+        f"um = {_tuple('middle(ua[{i}], ub[{i}])', e.groups)}",
     ]
     return _indent(before, 12), _indent(inside, 16)
+
+
+def _input_loads(e: Emitted) -> str:
+    first = _scratch(e)[1]
+    return f"""
+@inline
+def load_inputs(S, j):
+    return {_rows(e, first, e.inputs)}
+
+
+@inline
+def load_next_inputs(S, j):
+    return {_rows(e, first + e.inputs, e.inputs)}
+"""
+
+
+def _groups(e: Emitted, pattern: str) -> str:
+    """Write a tuple with an entry per group; ``{j}`` is the lane."""
+    return "(" + "".join(pattern.format(j=f"j + {WIDTH * g}") + ", " for g in range(e.groups)) + ")"
 
 
 def _indent(lines: list[str], depth: int) -> str:
@@ -142,23 +192,29 @@ def _indent(lines: list[str], depth: int) -> str:
 
 
 def _loops(e: Emitted, per_lane: bool) -> str:
-    nx, (results, _, size) = e.states, _scratch(e)
+    (results, _, size), apart = _scratch(e), lanes(e)
     before, inside = _inputs(e, per_lane)
-    total = f"S[{results * LANES} + j]"
+    total = f"S[{results * apart} + j]"
     step = inside + _indent(
         [
-            "x = load_state(S, j)",
-            "c = load_constants(S, j)",
-            "y = observe(x, ua, c)",
-            "store_state(S, j, advance(x, y, c, um, ub, hh, dt, h6))",
+            f"x = {_groups(e, 'load_state(S, {j})')}",
+            f"c = {_groups(e, 'load_constants(S, {j})')}",
+            f"y = {_tuple('observe(x[{i}], ua[{i}], c[{i}])', e.groups)}",
+            "after = advance(x, y, c, um, ub, hh, dt, h6)",
+            *(f"store_state(S, j + {WIDTH * g}, after[{g}])" for g in range(e.groups)),
         ],
         16,
     )
-    keep = _indent([f"S[{(results + i) * LANES} + j] = y[{nx + i}]" for i in range(e.outputs)], 16)
+    add = [f"S[{results * apart + WIDTH * g} + j] += penalty(y[{g}], z, w)" for g in range(e.groups)]
+    keep = [
+        f"S[{(results + i) * apart + WIDTH * g} + j] = y[{g}][{e.states + i}]"
+        for g in range(e.groups)
+        for i in range(e.outputs)
+    ]
     return f"""
 @compiled
 def run_cost(P, X0, U, rows, Z, W, dt, samples, J, first, last):
-    S = nb.carray(scratch({size * LANES}), {size * LANES})
+    S = nb.carray(scratch({size * apart}), {size * apart})
     hh = 0.5 * dt
     h6 = dt / 6.0
     for b0 in range(first, last, LANES):
@@ -168,22 +224,21 @@ def run_cost(P, X0, U, rows, Z, W, dt, samples, J, first, last):
         for k in range(samples):
 {before}            z = {_tuple("Z[k, {i}]", e.outputs)}
             w = {_tuple("W[k, {i}]", e.outputs)}
-            for j in range(LANES):
-{step}                {total} += penalty(y, z, w)
-        for j in range(min(LANES, last - b0)):
+            for j in range({WIDTH}):
+{step}{_indent(add, 16)}        for j in range(min(LANES, last - b0)):
             J[b0 + j] = {total}
 
 
 @compiled
 def run_outputs(P, X0, U, rows, dt, samples, Y, first, last):
-    S = nb.carray(scratch({size * LANES}), {size * LANES})
+    S = nb.carray(scratch({size * apart}), {size * apart})
     hh = 0.5 * dt
     h6 = dt / 6.0
     for b0 in range(first, last, LANES):
         fill(S, P, X0, b0)
         for k in range(samples):
-{before}            for j in range(LANES):
-{step}{keep}            for j in range(min(LANES, last - b0)):
+{before}            for j in range({WIDTH}):
+{step}{_indent(keep, 16)}            for j in range(min(LANES, last - b0)):
                 for i in range({e.outputs}):
                     Y[b0 + j, k, i] = S[({results} + i) * LANES + j]
 """
@@ -210,7 +265,8 @@ SIGNATURES = {
 
 def loop_source(e: Emitted, per_lane: bool) -> str:
     """Write all that follows the model's functions in the generated module."""
-    return f"LANES = {LANES}\n" + _helpers(e) + _loops(e, per_lane) + _evaluate(e)
+    parts = [_steps(e), _helpers(e), _input_loads(e) if per_lane else "", _loops(e, per_lane), _evaluate(e)]
+    return f"LANES = {lanes(e)}\n" + "".join(parts)
 
 
 def signatures(per_lane: bool) -> dict[str, str]:

@@ -68,7 +68,9 @@ def atan2(y: float, x: float) -> float:
     """Arc tangent of y / x over the whole circle, within 4e-16 relative.
 
     Reduction to [0, tan(pi/8)] and a minimax polynomial of the odd series, in Estrin's order: a time step
-    waits for four of these one after the other, and Horner's chain is twice as long.
+    waits for four of these one after the other, and Horner's chain is twice as long. Where the arc begins and
+    which way it goes is known long before the polynomial is, so nothing is left to do after it but one
+    multiply-add.
     """
     ax = fabs(x)
     ay = fabs(y)
@@ -77,6 +79,13 @@ def atan2(y: float, x: float) -> float:
     small = select(swap, ax, ay)
     upper = small > 0.41421356237309503 * large
     t = select(upper, small - large, small) / (select(upper, small + large, large) + 1e-300)
+    left = x < 0.0
+    below = y < 0.0
+    begin = select(upper, 0.7853981633974483, 0.0)
+    begin = select(swap, 1.5707963267948966 - begin, begin)
+    begin = select(left, 3.141592653589793 - begin, begin)
+    begin = select(below, -begin, begin)
+    v = select((swap != left) != below, -t, t)
     z = t * t
     z2 = z * z
     z4 = z2 * z2
@@ -86,7 +95,4 @@ def atan2(y: float, x: float) -> float:
     d = -0.06640233842869744 + z * 0.056883487686028446
     e = -0.04348050891958043 + z * 0.02113535694575133
     s = (a + z2 * b) + z4 * ((c + z2 * d) + z4 * e)
-    r = select(upper, 0.7853981633974483, 0.0) + (t + (t * z) * s)
-    r = select(swap, 1.5707963267948966 - r, r)
-    r = select(x < 0.0, 3.141592653589793 - r, r)
-    return select(y < 0.0, -r, r)
+    return (begin + v) + (v * z) * s

@@ -16,7 +16,7 @@ from stoop.vehicle.symbolic import build_model
 
 CALLS = {"sqrt", "fabs", "select", "atan2", "wrap"}
 ARITHMETIC = (
-    ast.BinOp, ast.UnaryOp, ast.Add, ast.Sub, ast.Mult, ast.Div, ast.USub, ast.UAdd, ast.Compare, ast.Gt, ast.Lt,
+    ast.BinOp, ast.UnaryOp, ast.Add, ast.Sub, ast.Mult, ast.Div, ast.USub, ast.UAdd, ast.Compare, ast.Gt, ast.Lt, ast.NotEq,
     ast.Constant, ast.Name, ast.Load, ast.Store, ast.Call,
 )  # fmt: skip
 
