@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -83,6 +85,31 @@ def test_a_stored_state_goes_on_as_if_nothing_had_been(name: str) -> None:
     assert rest.state.X.tobytes() == whole.state.X.tobytes()
     assert rest.history.tobytes() == whole.history.tobytes()
     assert rest.state.stream == whole.state.stream
+
+
+class Egg(Costs):
+    """Many optima above a floor: what escapes from them is worth something."""
+
+    dimension = 4
+
+    def costs(self, X: np.ndarray, rung: int) -> np.ndarray:
+        self.asked += len(X)
+        Y = X - 0.37
+        return 5.0 + (40.0 * Y**2 + 1.0 - np.cos(40.0 * Y)).sum(axis=1)
+
+
+def _found(name: str) -> int:
+    """Return how many of twenty small populations find the least of the optima."""
+    stop = Stop(generations=10**6, budget=15_000.0, target_cost=5.001)
+    small = replace(optimize.create(name), members=12)
+    return sum(optimize.minimize(small, Egg(), seed=s, stop=stop).status == "target" for s in range(20))
+
+
+def test_second_mutation_and_migration_lead_out_of_wrong_optima() -> None:
+    """What ASMDE and the hybrid add to DE/rand/1/bin is what they were made for."""
+    plain = _found("de-rand-1-bin")
+    assert plain < 16
+    assert _found("asmde") == _found("hybrid") == 20
 
 
 @pytest.mark.parametrize("name", optimize.names())

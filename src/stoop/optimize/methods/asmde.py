@@ -1,8 +1,8 @@
 """ASMDE, differential evolution with an adaptive second mutation: the paper's related work [6].
 
 What is known is the title, and what the paper says: a second mutation that follows the variance of the
-population's fitness. The publication was not at hand, so all numbers and the form are a reconstruction: where the
-costs have drawn together to a relative variance of 1e-4, which without an optimum at zero is what premature
+population's fitness. The publication was not at hand, so the form and all numbers are a reconstruction: where the
+costs have drawn together to a relative variance of 1e-8, which without an optimum at zero is what premature
 convergence looks like, members are moved by Gaussian steps, the more of them the smaller the variance. DE/rand/1/bin
 with F = 0.5 and CR = 0.9 does the rest. Near an optimum of zero cost the relative variance does not fall, and the
 second mutation never wakes.

@@ -68,7 +68,7 @@ class SecondMutation:
     spread : standard deviation of the step, in the unit box
     """
 
-    threshold: float = 1e-4
+    threshold: float = 1e-8
     probability: float = 0.3
     spread: float = 0.25
 
