@@ -71,10 +71,10 @@ def gather(X: FloatArray, F: FloatArray) -> Herd:
     return Herd(X, F, np.zeros(len(X), dtype=np.bool_), np.empty((0, X.shape[1])), fresh_memory())
 
 
-def ask(herd: Herd, generator: np.random.Generator) -> Trials:
-    """Return one trial per member."""
+def ask(herd: Herd, generator: np.random.Generator, elite: float = ELITE) -> Trials:
+    """Return one trial per member; a share of `elite` of the herd counts as best."""
     scales, rates = herd.memory.sample(len(herd.X), generator)
-    mutants = OrderedToPBest(herd.archive, ELITE)(herd.X, herd.F, scales[:, None], generator)
+    mutants = OrderedToPBest(herd.archive, elite)(herd.X, herd.F, scales[:, None], generator)
     X = binomial(herd.X, midpoint(mutants, herd.X), rates[:, None], generator)
     return Trials(X, scales, rates)
 
@@ -96,13 +96,13 @@ def tell(herd: Herd, trials: Trials, costs: FloatArray, generator: np.random.Gen
     )
 
 
-def prey(herd: Herd, ends: FloatArray) -> tuple[int | None, Herd]:
+def prey(herd: Herd, ends: FloatArray, separation: float = SEPARATION) -> tuple[int | None, Herd]:
     """Return the best member not dived at yet, or None if it lies beside an earlier dive's end, (m, D)."""
     open_costs = np.where(herd.dived, np.inf, herd.F)
     i = int(open_costs.argmin())
     marked = herd.dived.copy()
     marked[i] = True
-    near = len(ends) > 0 and np.abs(ends - herd.X[i]).max(axis=1).min() <= SEPARATION
+    near = len(ends) > 0 and np.abs(ends - herd.X[i]).max(axis=1).min() <= separation
     herd = replace(herd, dived=marked, due=herd.age + herd.period)
     return (None if near or not np.isfinite(open_costs[i]) else i), herd
 

@@ -1,7 +1,9 @@
 """Ordered SHADE: success-history differential evolution with the paper's ordered difference, prey and restarts.
 
 The herd of the default on its own: no scouts, no shortened records. Where the problem has residuals its prey
-dives by Levenberg-Marquardt, else by L-BFGS-B on forward differences. It plans over no budget.
+dives by Levenberg-Marquardt, else by L-BFGS-B on differences of the cost. It plans over no budget.
+
+Elite and separation are larger than the default's, chosen on BBOB instances 6 to 15; the rest is the default's.
 
 References
 ----------
@@ -31,6 +33,8 @@ from stoop.optimize.stream import from_generator, from_seed
 MEMBERS: Final = 50
 GROWTH: Final = 1.5
 LARGEST: Final = 500
+ELITE: Final = 0.2  #: share of the herd that counts as best
+SEPARATION: Final = 0.1  #: of the unit box: nearer to an earlier dive's end is no new prey
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +65,8 @@ class OrderedShade:
     members : of the first herd
     growth : of the herd at each restart
     largest : herd
+    elite : share of the herd that counts as best
+    separation : of the unit box, nearer than which to an earlier dive's end is no new prey
     quasi_newton : prey where only the cost is known
     """
 
@@ -68,6 +74,8 @@ class OrderedShade:
     members: int = MEMBERS
     growth: float = GROWTH
     largest: int = LARGEST
+    elite: float = ELITE
+    separation: float = SEPARATION
     quasi_newton: QuasiNewtonDive = field(default_factory=QuasiNewtonDive)
 
     def init(self, problem: Problem, seed: int, starts: FloatArray) -> HerdState:
@@ -97,10 +105,10 @@ class OrderedShade:
         if herds.spent(state.herd):
             return self._gather(state, ledger)
         if state.herd.age < state.herd.due:
-            return _evolve(state, ledger)
-        member, herd = herds.prey(state.herd, state.ends)
+            return self._evolve(state, ledger)
+        member, herd = herds.prey(state.herd, state.ends, self.separation)
         state = replace(state, herd=herd)
-        return _evolve(state, ledger) if member is None else self._dive(state, member, ledger)
+        return self._evolve(state, ledger) if member is None else self._dive(state, member, ledger)
 
     def _next(self, size: int) -> int:
         return min(int(size * self.growth), self.largest)
@@ -137,11 +145,10 @@ class OrderedShade:
         lower = float(ledger.costs(y[None, :], ledger.full)[0]) if ledger.extra else end.cost
         return (y, lower) if lower < cost else (x, cost)
 
-
-def _evolve(state: HerdState, ledger: Ledger) -> tuple[HerdState, Event]:
-    """Move the herd by one generation."""
-    generator = state.stream.generator()
-    trials = herds.ask(state.herd, generator)
-    herd = herds.tell(state.herd, trials, ledger.costs(trials.X, ledger.full), generator)
-    event = Event("evolution", float(herd.F.min()), ledger.full)
-    return replace(state, herd=herd, stream=from_generator(generator)), event
+    def _evolve(self, state: HerdState, ledger: Ledger) -> tuple[HerdState, Event]:
+        """Move the herd by one generation."""
+        generator = state.stream.generator()
+        trials = herds.ask(state.herd, generator, self.elite)
+        herd = herds.tell(state.herd, trials, ledger.costs(trials.X, ledger.full), generator)
+        event = Event("evolution", float(herd.F.min()), ledger.full)
+        return replace(state, herd=herd, stream=from_generator(generator)), event
