@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Future
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,14 +14,11 @@ from typing import Any, Final, final
 from stoop.campaign.errors import CampaignError
 from stoop.campaign.plan import Task
 from stoop.campaign.pool import Hands
-from stoop.campaign.task import Report, perform
+from stoop.campaign.task import Report
 from stoop.errors import StoopError
 
 _LOOK = 2.0  #: s between questions to the scheduler
-_MISSING: Final = (
-    ImportError,
-    AttributeError,
-)  #: what a worker without the package, or with another one, says
+_SAFE: Final = "what is done is safe"
 
 
 @final
@@ -48,27 +46,47 @@ class Dask:
         CampaignError
             The scheduler cannot be reached, or the extra is not installed.
         """
-        client = self._connect()
-        hands = _Cluster(client, self.address, self.timeout)
-        try:
-            yield hands
-        finally:
-            hands.drop()
+        make = _client_class()
+        with _no_tracebacks():
+            hands = _Cluster(self._connect(make), self.address, self.timeout)
+            try:
+                yield hands
+            finally:
+                hands.drop()
 
-    def _connect(self) -> Any:
+    def _connect(self, make: Callable[..., Any]) -> Any:
         try:
-            from distributed import Client
-        except ImportError:
-            raise CampaignError(
-                "a Dask scheduler needs the package distributed; pip install 'stoop[distributed]'"
-            ) from None
-        try:
-            return Client(self.address, timeout=self.timeout, set_as_default=False)
+            return make(self.address, timeout=self.timeout, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
             raise CampaignError(
-                f"scheduler {self.address}: cannot be reached ({_first_line(error)}); is the address right, and dask scheduler "
-                "running there?"
+                f"scheduler {self.address}: cannot be reached ({_first_line(error)}); check the address, and that "
+                "dask scheduler runs there"
             ) from error
+
+
+def _client_class() -> Callable[..., Any]:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise CampaignError(
+            "a Dask scheduler needs the package distributed; pip install 'stoop[distributed]'"
+        ) from None
+    made: Callable[..., Any] = Client
+    return made
+
+
+@contextmanager
+def _no_tracebacks() -> Iterator[None]:
+    """Keep what Dask's client logs about a lost scheduler to itself: the campaign says it in one line."""
+    loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
 
 
 @final
@@ -76,6 +94,7 @@ class _Cluster:
     def __init__(self, client: Any, address: str, timeout: float) -> None:
         self._client, self._address, self._timeout = client, address, timeout
         self._executor = client.get_executor(pure=False)
+        self._perform = _messenger()
         self._looked, self._threads, self._silent = -_LOOK, 0, False
 
     def width(self) -> int:
@@ -84,7 +103,7 @@ class _Cluster:
 
     def submit(self, task: Task) -> Future[Report]:
         self._check()
-        future: Future[Report] = self._executor.submit(perform, task.work, task.text, task.stops)
+        future: Future[Report] = self._executor.submit(self._perform, task.work, task.text, task.stops)
         return future
 
     def judge(self, error: BaseException) -> StoopError | None:
@@ -94,13 +113,7 @@ class _Cluster:
             return None
         if isinstance(error, CancelledError):
             return self._gone()
-        if isinstance(error, _MISSING):
-            return CampaignError(
-                f"a worker of {self._address}: has no stoop, or another version ({_first_line(error)}); install the same there"
-            )
-        return CampaignError(
-            f"cluster {self._address}: {_first_line(error)}; what is done is safe: start again"
-        )
+        return CampaignError(f"cluster {self._address}: {_first_line(error)}; {_SAFE}, start again")
 
     def note(self) -> str:
         self._check()
@@ -134,8 +147,25 @@ class _Cluster:
 
     def _gone(self) -> CampaignError:
         return CampaignError(
-            f"scheduler {self._address}: lost; what is done is safe: start the same command again when it is back"
+            f"scheduler {self._address}: lost; {_SAFE}: start the same command again when it is back"
         )
+
+
+def _messenger() -> Callable[[str, str, list[int | None]], Report]:
+    """Return a function that travels whole, as an inner one does, not as the name of something to import.
+
+    A worker without the package cannot even unpickle such a name: it dies, and its successor, too.
+    """
+
+    def call(work: str, text: str, stops: list[int | None]) -> Report:
+        try:
+            from stoop.campaign.task import perform
+        except (ImportError, AttributeError) as error:
+            what = f"its worker has no stoop, or another version ({error}); install the same as here"
+            return {"worker": "", "environment": {}, "results": [], "failure": what, "trace": ""}
+        return perform(work, text, stops)
+
+    return call
 
 
 def _first_line(error: BaseException) -> str:

@@ -91,8 +91,9 @@ class Display:
         """Keep the live line open meanwhile, where there is a terminal."""
         if sys.stderr.isatty():
             from rich.console import Console
+            from rich.text import Text
 
-            self._status = Console(stderr=True, markup=False).status(printable(self._name))
+            self._status = Console(stderr=True).status(Text(printable(self._name)))
             self._status.start()
         try:
             yield
@@ -131,9 +132,11 @@ def _words(tally: Tally) -> str:
     parts = [f"{tally.done} of {tally.total} runs"]
     if tally.restored:
         parts.append(f"{tally.restored} from before")
-    if tally.seconds_left is not None and tally.done < tally.total:
+    if tally.note:
+        parts.append(tally.note)
+    elif tally.seconds_left is not None and tally.done < tally.total:
         parts.append(f"{clock(tally.seconds_left)} left")
-    return ", ".join([*parts, tally.note] if tally.note else parts)
+    return ", ".join(parts)
 
 
 def clock(seconds: float) -> str:
