@@ -92,7 +92,7 @@ class Layout:
         return np.concatenate([self.width, [n.scale for n in self.nuisances]])
 
     def physical(self, Z: FloatArray) -> FloatArray:
-        """Return free parameters (B, D) in SI."""
+        """Return free parameters (B, D) in SI for vectors (B, D + E) or their first D entries."""
         return np.asarray(self.lower + Z[:, : self.dimension] * self.width)
 
     def unit(self, values: FloatArray) -> FloatArray:
@@ -112,6 +112,13 @@ class Layout:
         """Return the residuals of priors (B, n): parameters that have one, then every nuisance."""
         index, mean, sigma = self.priors
         return np.concatenate([(Z[:, index] - mean) / sigma, Z[:, self.dimension :]], axis=1)
+
+    def prior_costs(self, X: FloatArray) -> FloatArray:
+        """Return the cost of priors (B,) for parameters (B, D), nuisances at their start."""
+        index, mean, sigma = self.priors
+        if not index.size:
+            return np.zeros(len(X))
+        return np.asarray(np.sum(((X[:, index] - mean) / sigma) ** 2, axis=1))
 
     def prior_jacobian(self) -> FloatArray:
         """Return the derivative of :meth:`prior_residuals`, (n, D + E)."""

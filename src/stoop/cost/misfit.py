@@ -10,13 +10,14 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from stoop.cost.layout import Layout
+from stoop.cost.layout import Layout, Nuisance
 from stoop.cost.weights import Weights
 from stoop.flight.variables import WRAPPED
-from stoop.simulate import initial_states, parameter_rows
-from stoop.simulate.delays import late_inputs, late_outputs, output_delays
+from stoop.simulate import parameter_rows
+from stoop.simulate.delays import input_delays, late_inputs, late_outputs, output_delays
+from stoop.simulate.initial import kernel_states, rigid_states
 
 FloatArray = NDArray[np.float64]
 STEP = 1e-7
@@ -91,17 +92,20 @@ class Misfit:
 
     def costs(self, X: FloatArray, rung: int) -> FloatArray:
         """Return J (B,) of parameters (B, D) in the unit box, nuisances at their start."""
-        Z = np.concatenate([X, np.zeros((len(X), self.extra))], axis=1)
-        if not self.weights.diagonal or output_delays(self.layout.vehicle):
-            with np.errstate(invalid="ignore", over="ignore"):
-                total = np.sum(self.residuals(Z, rung) ** 2, axis=1)
-            return np.where(np.isfinite(total), total, np.inf)
-        total = np.sum(self.layout.prior_residuals(Z) ** 2, axis=1)
+        if not self._summed_in_kernel:
+            return self._squares(X, rung)
+        total = self.layout.prior_costs(X)
         for i, (piece, count) in enumerate(zip(self.pieces, self.ladder[rung], strict=True)):
-            rows, start = self._candidates(Z, i)
-            inputs = late_inputs(self.layout.vehicle, piece.inputs, rows, piece.dt)
+            rows, start = self._candidates(X, i)
+            inputs = self._inputs(piece, rows)
             total += self._kernel.cost(rows, start, inputs, piece.measured, self._quality[i], piece.dt, count)
-        return np.asarray(total)
+        return total
+
+    def _squares(self, X: FloatArray, rung: int) -> FloatArray:
+        Z = np.concatenate([X, np.zeros((len(X), self.extra))], axis=1)
+        with np.errstate(invalid="ignore", over="ignore"):
+            total = np.sum(self.residuals(Z, rung) ** 2, axis=1)
+        return np.where(np.isfinite(total), total, np.inf)
 
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
         """Return weighted residuals (B, n_r) of vectors (B, D + E), priors last."""
@@ -138,6 +142,11 @@ class Misfit:
     @property
     def _channels(self) -> int:
         return len(self.layout.vehicle.outputs)
+
+    @cached_property
+    def _summed_in_kernel(self) -> bool:
+        """Whether the compiled time loop can sum the cost: nothing is left to do with the outputs."""
+        return self.weights.diagonal and not output_delays(self.layout.vehicle)
 
     @cached_property
     def _quality(self) -> list[FloatArray]:
@@ -196,26 +205,60 @@ class Misfit:
                 unit = nuisance.scale * seen * shared
                 out[:, self.dimension + j] = self.weights.whiten(unit, seen).ravel()
 
+    @cached_property
+    def _own(self) -> list[list[tuple[int, Nuisance]]]:
+        """Nuisances of each piece, with their place in the vector."""
+        numbered = list(enumerate(self.layout.nuisances, self.dimension))
+        return [
+            [(j, n) for j, n in numbered if n.piece == i or (n.is_bias and n.maneuver == p.maneuver)]
+            for i, p in enumerate(self.pieces)
+        ]
+
+    @cached_property
+    def _begin(self) -> list[tuple[FloatArray, dict[str, ArrayLike], dict[str, FloatArray]]]:
+        """Kernel parameters (n_p, 1), start and rigid-body states of each piece, nuisances at their start."""
+        out = []
+        for piece, own in zip(self.pieces, self._own, strict=True):
+            centers = {n.name: n.center for _, n in own if not n.is_bias}
+            start: dict[str, ArrayLike] = {**piece.start, **centers}
+            out.append((parameter_rows(self.layout.vehicle, piece.changes), start, rigid_states(start)))
+        return out
+
     def _candidates(self, Z: FloatArray, index: int) -> tuple[FloatArray, FloatArray]:
-        """Return kernel parameters and initial states of one piece for vectors (B, D + E)."""
-        piece, layout = self.pieces[index], self.layout
-        rows = parameter_rows(layout.vehicle, piece.changes, len(Z))
-        rows[layout.rows] = layout.physical(Z).T
-        start = {k: np.full(len(Z), v) for k, v in piece.start.items()}
-        for j, n in enumerate(layout.nuisances):
-            value = n.center + n.scale * Z[:, layout.dimension + j]
-            if n.is_bias and n.maneuver == piece.maneuver:
-                rows[layout.vehicle.rows[n.name]] = value
-            elif n.piece == index:
-                start[n.name] = value
-        return rows, initial_states(layout.vehicle, start, rows, piece.inputs[0])
+        """Return kernel parameters and initial states of one piece.
+
+        Parameters
+        ----------
+        Z : (B, D + E), or (B, D) with all nuisances at their start
+        index : int
+        """
+        vehicle, moved = self.layout.vehicle, Z.shape[1] > self.dimension
+        fixed, start, rigid = self._begin[index]
+        rows = np.repeat(fixed, len(Z), axis=1)
+        rows[self.layout.rows] = self.layout.physical(Z).T
+        for j, n in self._own[index]:
+            value = n.center + n.scale * Z[:, j] if moved else n.center
+            if n.is_bias:
+                rows[vehicle.rows[n.name]] = value
+            elif moved:
+                start = {**start, n.name: value}
+        if moved:
+            rigid = rigid_states(start)
+        return rows, kernel_states(vehicle, rigid, start, rows, self.pieces[index].inputs[0])
+
+    def _inputs(self, piece: Piece, rows: FloatArray) -> FloatArray:
+        """Return the inputs of a piece as the surfaces receive them."""
+        return late_inputs(self.layout.vehicle, piece.inputs, rows, piece.dt) if self._late else piece.inputs
+
+    @cached_property
+    def _late(self) -> bool:
+        return bool(input_delays(self.layout.vehicle))
 
     def _trajectories(self, Z: FloatArray, index: int, count: int) -> FloatArray:
-        piece, layout = self.pieces[index], self.layout
+        piece, vehicle = self.pieces[index], self.layout.vehicle
         rows, start = self._candidates(Z, index)
-        inputs = late_inputs(layout.vehicle, piece.inputs, rows, piece.dt)
-        out = self._kernel.trajectories(rows, start, inputs, piece.dt, count)
-        return late_outputs(layout.vehicle, out, rows, piece.dt)
+        out = self._kernel.trajectories(rows, start, self._inputs(piece, rows), piece.dt, count)
+        return late_outputs(vehicle, out, rows, piece.dt)
 
 
 def on_circle(errors: FloatArray, outputs: Sequence[str]) -> FloatArray:

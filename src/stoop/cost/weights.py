@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +33,7 @@ class Weights:
         matrix = np.diag(covariance) if covariance.ndim == 1 else covariance
         return cls(matrix, np.linalg.cholesky(np.linalg.inv(matrix)).T)
 
-    @property
+    @cached_property
     def diagonal(self) -> bool:
         """Whether channels are weighted one by one."""
         return not np.any(self.root - np.diag(np.diag(self.root)))

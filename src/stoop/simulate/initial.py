@@ -29,7 +29,8 @@ def quaternion(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> FloatArray:
 
 def rigid_states(start: Mapping[str, ArrayLike]) -> dict[str, FloatArray]:
     """Return the rigid-body states (each of shape (B,)) of a start; what is absent is zero."""
-    zero = np.zeros(np.broadcast_shapes(*(np.shape(v) for v in start.values())) or (1,))
+    shapes = (np.shape(v) for k, v in start.items() if k in START_NAMES)
+    zero = np.zeros(np.broadcast_shapes(*shapes) or (1,))
     g = {name: zero + np.asarray(start.get(name, 0.0), dtype=float) for name in START_NAMES}
     e = quaternion(g["phi"], g["theta"], g["psi"])
     plane = g["V"] * np.cos(g["beta"])
@@ -81,9 +82,21 @@ def initial_states(
     inputs : (n_u,) array
         Recorded channels at the start: a lagged surface starts where it is commanded.
     """
-    count = rows.shape[1]
-    rigid = rigid_states({k: v for k, v in start.items() if k in START_NAMES})
-    out = np.empty((len(vehicle.states), count))
+    return kernel_states(vehicle, rigid_states(start), start, rows, inputs)
+
+
+def kernel_states(
+    vehicle: Vehicle,
+    rigid: Mapping[str, FloatArray],
+    start: Mapping[str, ArrayLike],
+    rows: FloatArray,
+    inputs: FloatArray,
+) -> FloatArray:
+    """Return kernel states (n_x, B) where the rigid-body states (:func:`rigid_states`) of a start are known.
+
+    Other parameters as in :func:`initial_states`.
+    """
+    out = np.empty((len(vehicle.states), rows.shape[1]))
     for i, name in enumerate(vehicle.states):
         if name.endswith(".lag"):
             out[i] = commanded(vehicle, name.removesuffix(".lag"), rows, inputs) + np.asarray(

@@ -73,6 +73,14 @@ def test_cost_is_the_sum_of_squared_residuals(problem: Misfit) -> None:
         np.testing.assert_allclose(problem.costs(X, rung), squares, rtol=1e-12)
 
 
+def test_nuisances_left_out_are_nuisances_at_their_start(problem: Misfit) -> None:
+    X = points(problem, 11)
+    Z = np.concatenate([X, np.zeros((11, problem.extra))], axis=1)
+    for i in range(len(problem.pieces)):
+        for short, long in zip(problem._candidates(X, i), problem._candidates(Z, i), strict=True):
+            np.testing.assert_array_equal(short, long)
+
+
 def test_cost_by_hand(problem: Misfit, vehicle: Vehicle) -> None:
     """The twin flies each piece; squares over sigma squared; one prior and every nuisance add theirs."""
     from naive.aircraft import Aircraft
