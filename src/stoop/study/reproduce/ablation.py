@@ -119,16 +119,16 @@ def _slower(one: Race, other: Race) -> bool:
 def _against(found: Mapping[str, Race], sure: Mapping[str, float], name: str) -> str:
     return (
         f"median {_count(found[name].median)} evaluations {name}, {_count(found[WHOLE].median)} for {WHOLE}; "
-        f"p = {_p(sure[name])}"
+        f"p {'' if sure[name] < 1e-4 else '= '}{_p(sure[name])}"
     )
 
 
 def _count(evaluations: float) -> str:
-    return f"{evaluations:.0f}" if np.isfinite(evaluations) else f"over {BUDGET:.0f}"
+    return f"{evaluations:.0f}" if np.isfinite(evaluations) else f"> {BUDGET:.0f}"
 
 
 def _p(value: float) -> str:
-    return "below 0.0001" if value < 1e-4 else f"{value:.4f}"
+    return "< 0.0001" if value < 1e-4 else f"{value:.4f}"
 
 
 def _table(found: Mapping[str, Race], sure: Mapping[str, float]) -> Table:

@@ -132,7 +132,7 @@ def _orbit_figure(orbit: FloatArray) -> Figure:
     first = orbit[:300]
     drawing = plot(
         [Series("iterates", np.arange(1.0, len(first) + 1.0), first, "points")],
-        "iterate", "c", "300 iterates of the logistic map", y_range=(0.0, 1.0),
+        "iterate", "c", "300 iterates of the logistic map", y_range=(-0.03, 1.03),
     )  # fmt: skip
     return Figure("The paper's picture: iterates of one orbit", drawing)
 

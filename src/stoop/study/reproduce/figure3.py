@@ -112,7 +112,10 @@ def _claims(flown: Flown, curves: dict[str, FloatArray], modes: dict[str, Mode])
 
 
 def _drawn(time: FloatArray, curves: dict[str, FloatArray]) -> Figure:
-    strips = [Strip(name, (Series(name, time, curve),)) for name, curve in curves.items()]
+    strips = [
+        Strip(name, (Series("input" if name.startswith("elevator") else "response", time, curve),))
+        for name, curve in curves.items()
+    ]
     return Figure(
         "Elevator, airspeed, angle of attack, pitch rate, pitch angle",
         stacked_plots(strips, "time, s", "Response curves"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from stoop.report.sheet import Code, Prose, Section, Sheet, Table
 from stoop.study.reproduce.reconstructions import RECONSTRUCTIONS
 from stoop.study.tables import Cell, csv_text
 
+CLAIMS_HEAD: Final = ("verdict", "statement", "measured")
 FloatArray = NDArray[np.float64]
 Results = Mapping[str, Any]
 
@@ -134,8 +135,12 @@ class Experiment(Protocol):
 
 
 def _claims_table(claims: Sequence[Claim]) -> Table:
-    rows = tuple((c.statement, c.verdict, c.figures) for c in claims)
-    return Table("Each statement held against the numbers below", ("statement", "verdict", "measured"), rows)
+    return Table("Each statement held against the numbers below", CLAIMS_HEAD, claim_rows(claims))
+
+
+def claim_rows(claims: Sequence[Claim]) -> tuple[tuple[str, ...], ...]:
+    """Return the cells under `CLAIMS_HEAD`."""
+    return tuple((c.verdict, c.statement, c.figures) for c in claims)
 
 
 def number(value: float | None, digits: int = 3) -> str:

@@ -12,7 +12,7 @@ from stoop.campaign import Plan
 from stoop.errors import OutputError
 from stoop.files import write_text_atomic
 from stoop.report.sheet import Code, Prose, Section, Sheet, Table, write_sheet
-from stoop.study.reproduce.findings import Experiment, Findings, Results, Setting
+from stoop.study.reproduce.findings import CLAIMS_HEAD, Experiment, Findings, Results, Setting, claim_rows
 
 INDEX: Final = "index.html"
 INDEX_TITLE: Final = "The PS-GDE paper, run again"
@@ -124,8 +124,7 @@ def write_index(found: Mapping[str, Findings], settings: Sequence[Setting], fold
 
 
 def _entry(name: str, findings: Findings) -> Section:
-    rows = tuple((c.statement, c.verdict, c.figures) for c in findings.claims)
     # markup of our own: the name of an experiment, and nothing that was read from anywhere
     link = Markup('<a href="{0}.html">{0}.html</a>').format(name)
-    table = Table(link, ("statement", "verdict", "measured"), rows)
+    table = Table(link, CLAIMS_HEAD, claim_rows(findings.claims))
     return Section(findings.title, (Prose(findings.lead), table))

@@ -126,7 +126,7 @@ def _section(knob: Knob, found: Mapping[str, Race]) -> Section:
         (
             f"{v:g}{' (chosen)' if v == knob.chosen else ''}",
             counted(r.solved, len(r.hits)),
-            _count(r.median) if np.isfinite(r.median) else f"over {BUDGET:.0f}",
+            _count(r.median) if np.isfinite(r.median) else f"> {BUDGET:.0f}",
             _count(r.expected) if r.solved else "–",
         )
         for v, r in zip(knob.values, races_of, strict=True)
