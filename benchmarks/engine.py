@@ -5,23 +5,33 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from benchmarks import flops, peak, plain, prototype
-from benchmarks.case import Case, full
+from benchmarks.case import MANEUVER, Case, full
 from benchmarks.clock import FloatArray, interleave, ratio
 from benchmarks.table import Row
+from stoop.kernels.lanes import WIDTH
+from stoop.simulate import Maneuver
+from stoop.simulate.fly import fly
 
 PART = "engine"
 COUNTS = (64, 512)
+SMALL = 48  #: candidates of the longitudinal model, as many as a population of the paper's searches
 ROUNDS = 15
 
 
 def run() -> list[Row]:
     """Measure all of it."""
     case = full()
-    return [*_against_prototype_and_peak(case), *_against_scipy(case), *_threads(case)]
+    return [
+        *_against_prototype_and_peak(case),
+        *_longitudinal(case),
+        *_against_scipy(case),
+        *_threads(case),
+    ]
 
 
 def _nanoseconds(times: FloatArray, count: int, steps: int) -> FloatArray:
@@ -69,12 +79,46 @@ def _beside(times: dict[str, FloatArray], ours: FloatArray, count: int) -> Row:
     return Row(PART, figure, ratio(ours, theirs), at_most=1.10, note=f"it takes {np.median(theirs):.1f} ns")
 
 
+def _longitudinal(case: Case) -> Iterator[Row]:
+    """Time the longitudinal model, the multiply-add loop and all six degrees of freedom in turn."""
+    small, ceiling = _elevator_only(case), peak.compiled()
+    calls = {"small": small.cost(SMALL), "full": case.cost(COUNTS[0])}
+    if ceiling is not None:
+        calls["peak"] = ceiling[0]
+    times, steps = interleave(calls, ROUNDS), len(case.flown.time)
+    ours = _nanoseconds(times["small"], SMALL, steps)
+    name, note = "longitudinal model:", "6 states, 1 input, 6 channels, one thread"
+    yield Row(PART, f"{name} step, {SMALL} candidates", float(np.median(ours)), "ns", at_most=8.0, note=note)
+    share = _share(small, ours, times.get("peak"), ceiling[1] if ceiling else 0.0)
+    yield replace(share, figure=f"{name} {share.figure}", at_least=None)
+    beside = ratio(ours, _nanoseconds(times["full"], COUNTS[0], steps))
+    yield Row(PART, f"{name} over six degrees of freedom", beside, note="step beside step")
+
+
+def _elevator_only(case: Case) -> Case:
+    """Return the longitudinal model, flown with the elevator's part of the maneuver."""
+    vehicle = case.vehicle.reduced("longitudinal")
+    steps = [s for s in MANEUVER.model_dump()["input"] if s["control"] in vehicle.controls]
+    return Case(vehicle, fly(vehicle, Maneuver.model_validate({**MANEUVER.model_dump(), "input": steps})))
+
+
+def _operations(case: Case) -> int:
+    """Return the operations of a step of one candidate; ``advance`` takes a step of every group of a block."""
+    source = (case.kernel.folder / "shared.py").read_text()
+    groups = case.kernel.lanes // WIDTH
+    return (
+        flops.operations(source, ("observe", "penalty"))
+        + flops.operations(source, ("advance",)) // groups
+        + 1
+    )
+
+
 def _share(case: Case, ours: FloatArray, loop: FloatArray | None, in_loop: float) -> Row:
     """Return which share of the core's multiply-add peak the kernel reaches."""
     figure = "share of the core's FMA peak"
     if loop is None:
         return Row(PART, figure, None, "%", at_least=45.0, note="no fused multiply-add here")
-    count = flops.operations((case.kernel.folder / "shared.py").read_text()) + 1
+    count = _operations(case)
     share = 100.0 * ratio(count / ours, in_loop / loop * 1e-9)
     note = f"{count} operations a step; peak {np.median(in_loop / loop) * 1e-9:.0f} Gflop/s"
     return Row(PART, figure, share, "%", at_least=45.0, note=note)

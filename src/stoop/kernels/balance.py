@@ -3,9 +3,9 @@
 A core of today has two multiply-add units that take four cycles each: eight operations are on their way when it
 is busy. Equations whose work over longest chain is less than half of that leave it idle more than half of the
 time; then two groups of lanes, stage by stage in turn, cost little more than one. Measured on the built-in
-aircraft, ``benchmarks/engine.py``: longitudinal (3.7 operations at a time) 0.63 of the time, lateral (5.1) 0.86,
-six degrees of freedom (6.9) 0.96. What a second group costs where it stays empty, in calls of up to eight
-candidates: 1.3, 1.7 and 1.9 of the time.
+aircraft: longitudinal (3.7 operations at a time) 0.67 of the time, lateral (5.1) 0.99, six degrees of freedom
+(6.9) 1.06. What a second group costs where it stays empty, in calls of up to eight candidates: 1.3, 2.0 and 2.1 of
+the time.
 """
 
 from __future__ import annotations
