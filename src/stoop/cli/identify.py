@@ -63,7 +63,7 @@ def _add_model(parser: argparse.ArgumentParser) -> None:
 
 def _add_search(parser: argparse.ArgumentParser) -> None:
     add, many = parser.add_argument, "give up after so many (default: {})"
-    names = "ps-gde-lm (default), ps-gde, de-rand-1-bin, de-best-2-bin"
+    names = "who searches: ps-gde-lm (default), ps-gde, scipy-least-squares or another of docs/optimizers.md"
     add("--optimizer", metavar="NAME", default="ps-gde-lm", help=names)
     add("--seed", metavar="N", type=count, default=0, help="of the search (default: 0)")
     add("--generations", metavar="N", type=at_least_one, default=2000, help=many.format(2000))

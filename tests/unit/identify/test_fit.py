@@ -202,9 +202,9 @@ def test_same_seed_same_bits_whatever_the_threads(
     assert np.array_equal(first, run("3"))
 
 
-def test_every_optimizer_reaches_the_same_place(wrong: Vehicle, flight: Flight) -> None:
+def test_optimizers_of_every_kind_reach_the_same_place(wrong: Vehicle, flight: Flight) -> None:
     best = fit(wrong, {"sim": flight}, WINDOW, Options()).estimates
-    for name in optimize.names():
+    for name in ("ps-gde", "pso", "ordered-shade", "scipy-least-squares"):  # one of each kind
         found = fit(wrong, {"sim": flight}, WINDOW, Options(optimizer=name, budget=3000.0)).estimates
         for key, value in best.items():
             assert found[key] == pytest.approx(value, rel=2e-3, abs=1e-4), (name, key)
