@@ -11,7 +11,7 @@ from pathlib import Path
 from benchmarks.clock import machine
 from benchmarks.table import Row, markdown
 
-PARTS = ("engine", "accuracy", "startup", "paper")
+PARTS = ("engine", "accuracy", "startup", "paper", "bbob")
 
 
 def main() -> int:
