@@ -37,7 +37,8 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
     flight = simulate_flight(vehicle.reduced("longitudinal"), parse_maneuver(MANEUVER, "m"), 3, name="flown")
     save(flight, folder / "flown.nc")
     (folder / "v.toml").write_text(
-        'model.reduce = "longitudinal"\n' + re.sub(r"^(C\w+) = (\S+)$", _freed, vehicle.text, flags=re.MULTILINE),
+        'model.reduce = "longitudinal"\n'
+        + re.sub(r"^(C\w+) = (\S+)$", _freed, vehicle.text, flags=re.MULTILINE),
         encoding="utf-8",
     )
     return {
