@@ -157,8 +157,8 @@ class _Drive:
         self.losses[key] += 1
         if self.losses[key] >= LOSSES:
             raise CampaignError(
-                f"run {key}: its worker died {LOSSES} times ({error}), and no other task ended meanwhile; is there memory "
-                "enough, and does your script call execute under if __name__ == '__main__'?"
+                f"run {key}: its worker died {LOSSES} times ({error}), and no other task ended meanwhile; see whether the memory "
+                "is enough, and whether the run works by itself; what is done is safe"
             ) from error
 
     def _keep_what_ended(self, hands: Hands) -> None:

@@ -30,6 +30,7 @@ from stoop.errors import StoopError
 ONE_THREAD: Final = (
     "STOOP_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS",
 )  # fmt: skip
+_GRACE = 1.0  #: s that a worker whose pipe has ended has to end itself
 _FAREWELL = 5.0  #: s that an idle worker has to tidy up
 _Call: TypeAlias = tuple["Future[Report]", Task]
 
@@ -77,6 +78,8 @@ class _Crew:
     def judge(self, error: BaseException) -> StoopError | None:
         if isinstance(error, WorkerLostError):
             return None
+        if isinstance(error, StoopError):
+            return error
         return CampaignError(f"the workers cannot be reached ({type(error).__name__}: {error}); start again")
 
     def note(self) -> str:
@@ -122,7 +125,7 @@ class _Seat(threading.Thread):
         try:
             report = self._take().ask(task)
         except (EOFError, OSError) as error:
-            future.set_exception(WorkerLostError(self._bury(error)))
+            future.set_exception(self._bury(error))
         except Exception as error:
             future.set_exception(error)
         else:
@@ -140,11 +143,11 @@ class _Seat(threading.Thread):
                 self._worker = _Worker()
             return self._worker
 
-    def _bury(self, error: Exception) -> str:
-        """Forget a dead worker; return how it died."""
+    def _bury(self, error: Exception) -> Exception:
+        """Forget a dead worker; return what to make of its death."""
         with self._lock:
             worker, self._worker = self._worker, None
-        return str(error) if worker is None else worker.kill()
+        return WorkerLostError(str(error)) if worker is None else worker.verdict()
 
 
 class _Worker:
@@ -154,6 +157,7 @@ class _Worker:
         context = multiprocessing.get_context("spawn")
         self._pipe, other = context.Pipe()
         self._process: SpawnProcess = context.Process(target=attend, args=(other,), daemon=True)
+        self._ready = False
         try:
             self._process.start()
         finally:
@@ -161,6 +165,8 @@ class _Worker:
 
     def ask(self, task: Task) -> Report:
         """Have a task done; EOFError or OSError when the worker dies over it."""
+        if not self._ready:
+            self._ready = bool(self._pipe.recv())
         self._pipe.send((task.work, task.text, task.stops))
         report: Report = self._pipe.recv()
         return report
@@ -170,13 +176,25 @@ class _Worker:
         self._pipe.close()
         self._process.join(_FAREWELL)
         self.kill()
+        self._process.join()
 
-    def kill(self) -> str:
-        """End the process; return how it ended."""
+    def kill(self) -> None:
+        """End the process in whatever it is doing."""
         with suppress(OSError):
             self._process.kill()
+
+    def verdict(self) -> Exception:
+        """Return what to make of a worker whose pipe has ended: one that was killed is replaced, an unfit one is not."""
+        self._process.join(_GRACE)
+        self.kill()
         self._process.join()
-        return f"exit code {self._process.exitcode}"
+        code = self._process.exitcode
+        if not self._ready and code is not None and code > 0:
+            return CampaignError(
+                f"worker processes do not start (exit code {code}); "
+                "a script must call execute under if __name__ == '__main__'"
+            )
+        return WorkerLostError(f"exit code {code}")
 
 
 def _start_tracker() -> None:
@@ -191,6 +209,7 @@ def attend(pipe: Connection) -> None:
     """Work as a worker: tasks come and reports go through the pipe, until it is closed."""
     threading.Thread(target=_end_with_driver, daemon=True).start()
     _take_one_thread()
+    pipe.send(True)
     while True:
         try:
             words = pipe.recv()

@@ -21,6 +21,7 @@ from stoop.errors import OutputError
 
 SCHEMA: Final = "stoop-campaign/1"
 APPLICATION: Final = 0x73746F6F  #: "stoo", where SQLite keeps the name of a file's owner
+_LEAST = 512  #: bytes of the shortest SQLite file that holds anything
 _PATIENCE = 2.0  #: s to wait for a lock: that of a driver just killed is about to go
 _TABLES: Final = (
     "CREATE TABLE meta (name TEXT PRIMARY KEY, value TEXT NOT NULL, checksum TEXT NOT NULL) WITHOUT ROWID",
@@ -144,10 +145,24 @@ def _connect(path: Path) -> sqlite3.Connection:
         raise OutputError(
             f"{path}: its folder cannot be made ({error.strerror or error}); choose another"
         ) from None
+    if _too_short(path):
+        raise OutputError(f"{path}: {_NOT_OURS}")
     connection = sqlite3.connect(path.resolve(), timeout=_PATIENCE, isolation_level=None)
     connection.execute("PRAGMA synchronous = FULL")
     connection.execute("PRAGMA locking_mode = EXCLUSIVE")  # the lock stays from one transaction to the next
     return connection
+
+
+def _too_short(path: Path) -> bool:
+    """Tell whether SQLite would take a file for an empty one and write over it.
+
+    The file is not opened for this: closing it would drop the locks that this process may hold on it.
+    """
+    try:
+        size = path.stat().st_size
+    except OSError:
+        return False
+    return 0 < size < _LEAST and not path.with_name(f"{path.name}-journal").exists()
 
 
 @contextmanager
