@@ -1,6 +1,6 @@
-"""Quasi-Newton prey for problems of which only the cost is known: L-BFGS-B on forward differences.
+"""Quasi-Newton prey for problems of which only the cost is known: L-BFGS-B on differences of the cost.
 
-Every difference is booked: a gradient is D evaluations beside the point itself.
+Every difference is booked: a gradient is D evaluations beside the point itself, or 2 D where it must be exact.
 
 References
 ----------
@@ -30,6 +30,9 @@ class _LetGo(Exception):  # noqa: N818 - not an error: the prey is not worth fol
 @dataclass(frozen=True)
 class QuasiNewtonDive:
     """L-BFGS-B from a member, let go where it stays above the incumbent and no longer comes down.
+
+    Forward differences first. Where they lead below the incumbent, central ones go on from there: in a narrow
+    valley a forward difference no longer knows where the floor is.
 
     Attributes
     ----------
@@ -76,9 +79,7 @@ class _Path:
         search: Any = minimize  # the stubs know no callback that takes the place alone
         box = [(0.0, 1.0)] * len(self.x)
         options = {"maxiter": self.dive.iterations, "maxcor": len(self.x), "ftol": 1e-15, "gtol": 1e-14}
-        search(
-            gradient, self.x, jac=True, method="L-BFGS-B", bounds=box, callback=self.look, options=options
-        )
+        search(gradient, self.x, jac=True, method="L-BFGS-B", bounds=box, callback=self.look, options=options)
 
     def forward(self, x: FloatArray) -> tuple[float, FloatArray]:
         """Return cost and gradient, (D,), by forward differences, backward at an upper bound."""
