@@ -12,7 +12,7 @@ from stoop.cli.campaign import add_campaign_arguments, run_campaign
 from stoop.cli.numbers import at_least_one, count, positive
 from stoop.cli.outputs import add_overwrite
 from stoop.cli.page import page
-from stoop.errors import IdentificationError, OutputError
+from stoop.errors import IdentificationError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -54,11 +54,11 @@ def _names(text: str) -> tuple[str, ...]:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run what is left of the comparison, write it, and say who is ahead."""
-    from stoop.study.compare import STORE, conclude
+    from stoop.study.compare import STORE, conclude, prepare
 
     field = _field(arguments)
     plan = field.plan()
-    _prepare(arguments.output, arguments.overwrite)
+    prepare(arguments.output, arguments.overwrite)
     results = run_campaign(arguments, plan, arguments.output / STORE)
     _tell(conclude(field, results, arguments.output, _command()), arguments.output)
     return 0
@@ -106,17 +106,6 @@ def _digests(arguments: argparse.Namespace) -> dict[str, str]:
         if not path.exists():
             raise FlightError(f"{path}: no such file or folder; check the name")
     return file_hashes([path for path in paths if path.exists()])
-
-
-def _prepare(folder: Path, overwrite: bool) -> None:
-    """Make room: a store of an earlier comparison is continued, or with ``--overwrite`` begun anew."""
-    from stoop.study.compare import STORE
-
-    if folder.exists() and not folder.is_dir():
-        raise OutputError(f"{folder}: is a file; name a folder")
-    if overwrite:
-        for path in sorted(folder.glob(f"{STORE}*")):
-            path.unlink()
 
 
 def _command() -> str:

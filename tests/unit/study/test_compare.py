@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import re
+import sqlite3
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +14,9 @@ import pytest
 
 from stoop import optimize
 from stoop.campaign import Given
-from stoop.errors import IdentificationError, StoopError
+from stoop.errors import IdentificationError, OutputError, StoopError
 from stoop.report.sheet import render_sheet
-from stoop.study.compare import Field, compare, scored
+from stoop.study.compare import Field, compare, prepare, scored
 from stoop.study.compare.field import check_optimizers, check_problems, installed
 from stoop.study.compare.page import page
 from stoop.study.compare.race import Race, race
@@ -183,3 +185,37 @@ def test_a_package_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> 
     only = Race("paper-N", "ps-gde-lm", 5, 7.0, (7.0,), 7.0, 0.1, "target", 1.0, 9.0)
     races = {("paper-N", "ps-gde-lm"): [only]}
     assert "pip install" in render_sheet(page(it, races, scored(it, races), COMMAND))
+
+
+def test_overwriting_forgets_a_store_and_nothing_else(tmp_path: Path) -> None:
+    run(field(optimizers=("ps-gde-lm",), problems=("paper-N",), seeds=range(5, 6)), tmp_path)
+    mine = tmp_path / "compare.sqlite.copy"
+    mine.write_text("mine", encoding="utf-8")
+    prepare(tmp_path, overwrite=False)
+    assert (tmp_path / "compare.sqlite").exists()
+    prepare(tmp_path, overwrite=True)
+    assert not (tmp_path / "compare.sqlite").exists()
+    assert mine.exists()
+
+
+def test_a_store_in_use_is_left_alone(tmp_path: Path) -> None:
+    with closing(sqlite3.connect(tmp_path / "compare.sqlite")) as connection:
+        connection.execute("CREATE TABLE t (x)")
+        connection.execute("BEGIN EXCLUSIVE")
+        with pytest.raises(OutputError, match="cannot be removed"):
+            prepare(tmp_path, overwrite=True)
+    assert (tmp_path / "compare.sqlite").exists()
+
+
+def test_what_is_no_store_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "compare.sqlite").write_text("my thesis", encoding="utf-8")
+    with pytest.raises(OutputError, match="no store"):
+        prepare(tmp_path, overwrite=True)
+    assert (tmp_path / "compare.sqlite").read_text(encoding="utf-8") == "my thesis"
+
+
+def test_tables_of_something_else_are_not_replaced(tmp_path: Path) -> None:
+    (tmp_path / "runs.csv").write_text("mine", encoding="utf-8")
+    with pytest.raises(OutputError, match=r"runs\.csv"):
+        prepare(tmp_path, overwrite=False)
+    prepare(tmp_path, overwrite=True)

@@ -9,23 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from stoop.campaign import Pool, Tally, execute
 from stoop.files import write_text_atomic
 from stoop.report.sheet import write_sheet
 from stoop.study.compare.field import Field
+from stoop.study.compare.folder import PAGE, RUNS, SCORES, STORE, prepare
 from stoop.study.compare.measures import Score, score
 from stoop.study.compare.page import page
 from stoop.study.compare.race import Race
 from stoop.study.compare.tables import races_text, scores_text
 
-__all__ = ["PAGE", "RUNS", "SCORES", "STORE", "Field", "Score", "compare", "conclude", "scored"]
-
-STORE: Final = "compare.sqlite"
-SCORES: Final = "compare.csv"
-RUNS: Final = "runs.csv"
-PAGE: Final = "compare.html"
+__all__ = ["PAGE", "RUNS", "SCORES", "STORE", "Field", "Score", "compare", "conclude", "prepare", "scored"]
 
 
 def compare(
