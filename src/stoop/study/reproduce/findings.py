@@ -14,7 +14,7 @@ from stoop.report.sheet import Code, Prose, Section, Sheet, Table
 from stoop.study.reproduce.reconstructions import RECONSTRUCTIONS
 from stoop.study.tables import Cell, csv_text
 
-CLAIMS_HEAD: Final = ("verdict", "statement", "measured")
+CLAIMS_HEAD: Final = ("verdict", "statement: what was measured")
 FloatArray = NDArray[np.float64]
 Results = Mapping[str, Any]
 
@@ -140,7 +140,7 @@ def _claims_table(claims: Sequence[Claim]) -> Table:
 
 def claim_rows(claims: Sequence[Claim]) -> tuple[tuple[str, ...], ...]:
     """Return the cells under `CLAIMS_HEAD`."""
-    return tuple((c.verdict, c.statement, c.figures) for c in claims)
+    return tuple((c.verdict, f"{c.statement}: {c.figures}") for c in claims)
 
 
 def number(value: float | None, digits: int = 3) -> str:

@@ -115,11 +115,12 @@ def _claims(groups: Sequence[Group], printed: Printed) -> list[Claim]:
 def _order(groups: Sequence[Group]) -> Claim:
     rows = [[_of(groups, m)[i].mean_error for m in ("GA", "PSO", "PS-GDE")] for i in range(len(ITERATIONS))]
     so = [a > b > c for a, b, c in rows]
-    shown = "; ".join(
-        f"{n}: {' > '.join(_percent(e) for e in row)}" for n, row in zip(ITERATIONS, rows, strict=True)
+    shown = [f"{' > '.join(_percent(e) for e in rows[i])} at {ITERATIONS[i]}" for i in (0, -1)]
+    return reproduces(
+        "The mean error falls from GA over PSO to PS-GDE",
+        all(so),
+        f"at {sum(so)} of {len(so)} iteration counts; {', '.join(shown)}",
     )
-    where = f"at {sum(so)} of {len(so)} iteration counts"
-    return reproduces("The mean error falls from GA over PSO to PS-GDE", all(so), f"{where}; {shown}")
 
 
 def _accuracy(groups: Sequence[Group]) -> Claim:
