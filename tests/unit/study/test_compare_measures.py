@@ -100,6 +100,9 @@ def test_a_wrong_optimum_is_claimed_and_clearly_above() -> None:
     assert not ended("converged", 1.0005).wrong
     assert not ended("budget", 1.5).wrong
     assert not ended("converged", 0.9, hit=5.0).wrong
+    several = [ended("converged", 1.5), ended("converged", 1.0005), ended("budget", 1.0005)]
+    found = score(several, several)
+    assert (found.wrong, found.short) == (1, 1)
 
 
 @pytest.mark.parametrize(("a", "b"), [(0, 0), (5, 0), (3, 4), (12, 2), (40, 60)])

@@ -42,8 +42,9 @@ class Score:
     Attributes
     ----------
     problem, optimizer : str
-    runs, successes, wrong : int
-        Runs; those that reached the target; those that claimed another optimum.
+    runs, successes, wrong, short : int
+        Runs; those that reached the target; those that claimed another optimum; those that claimed the right
+        one, but a little above the target.
     ert : Span, evaluations
     median : float
         Evaluations of the successful runs; nan without any.
@@ -60,6 +61,7 @@ class Score:
     runs: int
     successes: int
     wrong: int
+    short: int
     ert: Span
     median: float
     evaluations: float
@@ -94,6 +96,7 @@ def score(races: Sequence[Race], baseline: Sequence[Race]) -> Score:
         runs=len(races),
         successes=len(hits),
         wrong=sum(race.wrong for race in races),
+        short=sum(r.status == "converged" and r.hit is None and not r.wrong for r in races),
         ert=_span(running_time(races), times),
         median=float(np.median(hits)) if hits else float("nan"),
         evaluations=float(own[0].sum()),

@@ -12,7 +12,7 @@ from stoop.study.tables import csv_text
 
 SCORES: Final = (
     "problem", "optimizer", "runs", "successes", "ert", "ert_low", "ert_high", "median_of_successes",
-    "baseline", "ratio", "ratio_low", "ratio_high", "wrong_optima", "evaluations",
+    "baseline", "ratio", "ratio_low", "ratio_high", "wrong_optima", "ended_short", "evaluations",
 )  # fmt: skip
 RACES: Final = ("problem", "optimizer", "seed", "hit", "evaluations", "cost", "status", "target", "reference")
 
@@ -35,7 +35,7 @@ def _score(s: Score) -> list[str | int | float | None]:
     spans = [_known(x) for span in (s.ert, s.ratio) for x in (span.value, span.low, span.high)]
     return [
         s.problem, s.optimizer, s.runs, s.successes, *spans[:3], _known(s.median),
-        s.baseline, *spans[3:], s.wrong, s.evaluations,
+        s.baseline, *spans[3:], s.wrong, s.short, s.evaluations,
     ]  # fmt: skip
 
 

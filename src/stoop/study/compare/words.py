@@ -47,8 +47,8 @@ def lead(scores: Sequence[Score], runs: int) -> str:
         f"Compared with {baseline}: no rival is faster on {len(won)} of {len(best)} problems."
     )
     rivals = [sentence for group in best.values() if (sentence := rivals_text(group))]
-    wrong = wrong_text(scores)
-    return "\n\n".join([said, "\n".join(f"- {line}" for line in [*rivals, wrong])])
+    ends = [wrong_text(scores), short_text(scores)]
+    return "\n\n".join([said, "\n".join(f"- {line}" for line in [*rivals, *filter(None, ends)])])
 
 
 def rivals_text(scores: Sequence[Score]) -> str:
@@ -71,6 +71,12 @@ def wrong_text(scores: Sequence[Score]) -> str:
         return "No optimizer claimed a wrong optimum in any run."
     told = [f"{s.optimizer} on {s.problem} ({s.wrong} of {s.runs} runs)" for s in found]
     return f"Wrong optima claimed: {', '.join(told)}."
+
+
+def short_text(scores: Sequence[Score]) -> str:
+    """Return who stopped at the right optimum before the target was reached; empty if nobody did."""
+    found = [f"{s.optimizer} on {s.problem} ({s.short} of {s.runs} runs)" for s in scores if s.short]
+    return f"At the right optimum, but ended short of the target: {', '.join(found)}." if found else ""
 
 
 def rate_text(score: Score) -> str:
