@@ -226,8 +226,10 @@ class Cluster:
             "start the same command again when it is back"
         )
         assert "Traceback" not in self.scene.errors()
-        _, alive = psutil.wait_procs(self.workers, PATIENCE)
-        assert not alive
+        _, starting = psutil.wait_procs(self.workers, 3.0)
+        for worker in starting:  # these never knew it, and would wait for it
+            worker.kill()
+            worker.wait(PATIENCE)
         self.scene.note_end()
 
     def _dask(self, part: str, *words: str) -> psutil.Popen:

@@ -1,8 +1,13 @@
-"""An existing Dask cluster (extra `distributed`)."""
+"""An existing Dask cluster (extra `distributed`).
+
+Futures are passed on by hand: those of `Client.get_executor` stay undone for ever when the connection breaks while a result
+is being fetched, and the bare ones are not for `concurrent.futures.wait`.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import functools
 import logging
 import time
 from collections.abc import Callable, Iterator
@@ -93,7 +98,9 @@ def _no_tracebacks() -> Iterator[None]:
 class _Cluster:
     def __init__(self, client: Any, address: str, timeout: float) -> None:
         self._client, self._address, self._timeout = client, address, timeout
-        self._executor = client.get_executor(pure=False)
+        self._link = (
+            client.scheduler_comm
+        )  # another one after a reconnection, and then our tasks are forgotten
         self._perform = _messenger()
         self._looked, self._threads, self._silent = -_LOOK, 0, False
 
@@ -103,7 +110,9 @@ class _Cluster:
 
     def submit(self, task: Task) -> Future[Report]:
         self._check()
-        future: Future[Report] = self._executor.submit(self._perform, task.work, task.text, task.stops)
+        asked = self._client.submit(self._perform, task.work, task.text, task.stops, pure=False)
+        future: Future[Report] = Future()
+        asked.add_done_callback(functools.partial(_pass_on, future))
         return future
 
     def judge(self, error: BaseException) -> StoopError | None:
@@ -111,8 +120,10 @@ class _Cluster:
 
         if isinstance(error, KilledWorker):
             return None
-        if isinstance(error, CancelledError):
+        if isinstance(error, CancelledError) or self._is_gone():
             return self._gone()
+        if isinstance(error, OSError):  # the connection broke while the result was fetched
+            return None
         return CampaignError(f"cluster {self._address}: {_first_line(error)}; {_SAFE}, start again")
 
     def note(self) -> str:
@@ -127,8 +138,11 @@ class _Cluster:
         with contextlib.suppress(Exception):  # whatever state it is in, the campaign's own error counts
             self._client.close(timeout=self._timeout)
 
+    def _is_gone(self) -> bool:
+        return self._client.status != "running" or self._client.scheduler_comm is not self._link
+
     def _check(self) -> None:
-        if self._client.status != "running":
+        if self._is_gone():
             raise self._gone()
 
     def _look(self) -> None:
@@ -149,6 +163,16 @@ class _Cluster:
         return CampaignError(
             f"scheduler {self._address}: lost; {_SAFE}: start the same command again when it is back"
         )
+
+
+def _pass_on(future: Future[Report], asked: Any) -> None:
+    """Settle a future as Dask's one was settled, whatever fetching its result brings."""
+    try:
+        future.set_result(asked.result())
+    except Exception as error:
+        future.set_exception(error)
+    except BaseException:  # asyncio's cancellation is none of the driver's exceptions
+        future.set_exception(CancelledError())
 
 
 def _messenger() -> Callable[[str, str, list[int | None]], Report]:
