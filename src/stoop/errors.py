@@ -7,10 +7,11 @@
     ├── FlightError            a flight that lacks what is asked of it (channel, window, time, units)
     ├── VehicleError           a vehicle file that says something impossible or unknown
     │   └── TermError          an aerodynamic term that cannot be parsed
-    ├── KernelError             equations that cannot be compiled here (compiler switched off, no disk space)
+    ├── KernelError            equations that cannot be compiled here (compiler switched off, no disk space)
     ├── ManeuverError          a maneuver file that cannot be flown
     ├── SimulationError        a start point from which the model cannot be simulated or trimmed
     ├── IdentificationError    a fit that cannot begin (nothing free, no data, unknown optimizer)
+    ├── CampaignError          a campaign that cannot go on (a run fails, workers die, a cluster is out of reach)
     └── OutputError            an output folder or file that cannot be written
 """
 
@@ -55,6 +56,10 @@ class SimulationError(StoopError):
 
 class IdentificationError(StoopError):
     """A fit cannot begin."""
+
+
+class CampaignError(StoopError):
+    """A campaign cannot go on: a run fails, workers die, a cluster is out of reach; what is done is safe."""
 
 
 class OutputError(StoopError):

@@ -11,11 +11,11 @@ This room knows nothing of aircraft or optimizers.
 from stoop.campaign.canonical import Json
 from stoop.campaign.cluster import Dask
 from stoop.campaign.environment import environment, source_digest
-from stoop.campaign.errors import CampaignError
 from stoop.campaign.loop import Tally, execute
 from stoop.campaign.plan import Plan, Run
 from stoop.campaign.pool import Given, Hands, Pool
 from stoop.campaign.processes import LocalProcesses
+from stoop.errors import CampaignError
 
 __all__ = [
     "CampaignError",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any, TypeAlias
 
-from stoop.campaign.errors import CampaignError
+from stoop.errors import CampaignError
 
 Json: TypeAlias = "bool | int | float | str | list[Json] | dict[str, Json] | None"
 _PLAIN = (bool, int, float, str)

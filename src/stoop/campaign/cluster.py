@@ -16,11 +16,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Final, final
 
-from stoop.campaign.errors import CampaignError
 from stoop.campaign.plan import Task
 from stoop.campaign.pool import Hands
 from stoop.campaign.task import Report
-from stoop.errors import StoopError
+from stoop.errors import CampaignError, StoopError
 
 _LOOK = 2.0  #: s between questions to the scheduler
 _SAFE: Final = "what is done is safe"

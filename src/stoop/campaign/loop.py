@@ -13,12 +13,11 @@ from typing import Final
 
 from stoop.campaign.canonical import Json, from_text
 from stoop.campaign.environment import differences, environment
-from stoop.campaign.errors import CampaignError
 from stoop.campaign.plan import Plan, Task, tasks
 from stoop.campaign.pool import Hands, Pool
 from stoop.campaign.store import Store, open_store
 from stoop.campaign.task import Report
-from stoop.errors import StoopError
+from stoop.errors import CampaignError, StoopError
 
 LOSSES: Final = 5  #: times that one task may take its worker along while no other task ends
 _POLL = 0.5  #: s between looks at the workers while nothing comes back

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from stoop.campaign.canonical import Json, to_text
-from stoop.campaign.errors import CampaignError
+from stoop.errors import CampaignError
 
 
 @dataclass(frozen=True)

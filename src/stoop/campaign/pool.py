@@ -9,10 +9,13 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import Protocol, final
 
-from stoop.campaign.errors import CampaignError
 from stoop.campaign.plan import Task
 from stoop.campaign.task import Report, perform
-from stoop.errors import StoopError
+from stoop.errors import CampaignError, StoopError
+
+
+class WorkerLostError(Exception):
+    """A worker ended in the middle of a task, which may well succeed on another one."""
 
 
 class Hands(Protocol):

@@ -21,11 +21,10 @@ from multiprocessing.context import SpawnProcess
 from queue import SimpleQueue
 from typing import Final, TypeAlias, final
 
-from stoop.campaign.errors import CampaignError, WorkerLostError
 from stoop.campaign.plan import Task
-from stoop.campaign.pool import Hands, processors
+from stoop.campaign.pool import Hands, WorkerLostError, processors
 from stoop.campaign.task import Report, perform
-from stoop.errors import StoopError
+from stoop.errors import CampaignError, StoopError
 
 ONE_THREAD: Final = (
     "STOOP_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS",

@@ -11,8 +11,7 @@ from typing import Any, TypedDict
 
 from stoop.campaign.canonical import from_text, to_text
 from stoop.campaign.environment import environment
-from stoop.campaign.errors import CampaignError
-from stoop.errors import StoopError
+from stoop.errors import CampaignError, StoopError
 
 
 class Report(TypedDict):

@@ -1,7 +1,8 @@
 """Symbolic vehicle -> one flat generated module -> SIMD lanes; the only room that imports Numba."""
 
 from stoop.kernels.cache import cache_folder
-from stoop.kernels.kernel import Kernel, environment, load_kernel
+from stoop.kernels.fingerprint import environment
+from stoop.kernels.kernel import Kernel, load_kernel
 from stoop.kernels.symbolic import SymbolicModel
 
 __all__ = ["Kernel", "SymbolicModel", "cache_folder", "environment", "load_kernel"]

@@ -8,13 +8,12 @@ import functools
 import hashlib
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from importlib import metadata
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
-from types import CodeType, MappingProxyType, ModuleType
+from types import CodeType, ModuleType
 from typing import Any, Protocol
 
 import numpy as np
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 
 from stoop.errors import KernelError
 from stoop.kernels import cache
+from stoop.kernels.fingerprint import environment
 from stoop.kernels.symbolic import SymbolicModel
 
 FloatArray = NDArray[np.float64]
@@ -228,45 +228,6 @@ def _interleave(inputs: FloatArray, lanes: int) -> FloatArray:
     blocks = -(-count // lanes)
     padded = np.concatenate([inputs, np.repeat(inputs[..., -1:], blocks * lanes - count, axis=2)], axis=2)
     return np.ascontiguousarray(padded.reshape(n, m, blocks, lanes).transpose(2, 0, 1, 3)).ravel()
-
-
-_CODE_SETTINGS = (
-    "OPT", "CPU_NAME", "CPU_FEATURES", "ENABLE_AVX", "LOOP_VECTORIZE", "SLP_VECTORIZE", "USING_SVML",
-    "BOUNDSCHECK", "DEBUGINFO_DEFAULT", "EXTEND_VARIABLE_LIFETIMES", "ENABLE_PROFILING", "DEBUG_NRT", "NRT_STATS",
-    "LLVM_REFPRUNE_PASS", "LLVM_REFPRUNE_FLAGS",
-)  # fmt: skip
-
-
-def _code_settings() -> list[str]:
-    """Return the settings that change compiled code, be they from the environment or from Numba's own file."""
-    from numba import config
-
-    return [f"{name}={getattr(config, name, None)!r}" for name in _CODE_SETTINGS]
-
-
-@functools.cache
-def environment() -> Mapping[str, str]:
-    """Return what numbers depend on beside the model: processor, versions, settings, our own sources.
-
-    Where two processes agree on all of it, compiled equations give the same bytes.
-    """
-    import llvmlite
-    import llvmlite.binding as llvm
-    import numba
-
-    sources = b"".join(p.read_bytes() for p in sorted(_HERE.glob("*.py")))
-    return MappingProxyType(
-        {
-            "Python": sys.version,
-            "numba": numba.__version__,
-            "llvmlite": llvmlite.__version__,
-            "sympy": metadata.version("sympy"),
-            "processor": llvm.get_host_cpu_name(),
-            "processor's features": llvm.get_host_cpu_features().flatten(),
-            "settings of the compiler": " ".join(_code_settings()),
-            "sources of stoop.kernels": hashlib.sha256(sources).hexdigest(),
-        }
-    )
 
 
 class _SourceLoader(SourceFileLoader):

@@ -16,7 +16,7 @@ import pytest
 from naive import oscillator
 
 from stoop.errors import KernelError
-from stoop.kernels import Kernel, SymbolicModel, cache, cache_folder, kernel, load_kernel
+from stoop.kernels import Kernel, SymbolicModel, cache, cache_folder, environment, kernel, load_kernel
 
 TESTS = Path(__file__).parents[2]
 CHILD = """
@@ -317,15 +317,15 @@ def test_the_key_holds_what_changes_the_code(
 ) -> None:
     from numba import config
 
-    before = kernel.environment.__wrapped__()
+    before = environment.__wrapped__()
     monkeypatch.setattr(config, name, value)
-    assert kernel.environment.__wrapped__() != before
+    assert environment.__wrapped__() != before
 
 
 def test_the_key_holds_the_version_of_sympy() -> None:
     import sympy
 
-    assert sympy.__version__ in kernel.environment().values()
+    assert sympy.__version__ in environment().values()
 
 
 def test_every_module_behind_the_equations_enters_the_key() -> None:
