@@ -101,6 +101,30 @@ def test_a_store_of_another_box_or_version_is_refused(refused: Complaint, tmp_pa
     assert not (tmp_path / "noise.html").exists()
 
 
+@pytest.mark.parametrize("content", [b"mine", b"SQLite format 3\x00 but not really", None])
+def test_overwrite_removes_nothing_but_stores_of_its_own(
+    refused: Complaint, tmp_path: Path, content: bytes | None
+) -> None:
+    path = tmp_path / "noise.sqlite"
+    if content is None:
+        with sqlite3.connect(path) as other:
+            other.execute("CREATE TABLE mine (a)")
+    else:
+        path.write_bytes(content)
+    before = path.read_bytes()
+    assert "noise.sqlite: " in refused("noise", "-o", str(tmp_path), "--overwrite")
+    assert path.read_bytes() == before
+
+
+def test_overwrite_waits_for_nobody(refused: Complaint, tmp_path: Path) -> None:
+    path = tmp_path / "noise.sqlite"
+    store(path)
+    with sqlite3.connect(path) as user:
+        user.execute("BEGIN EXCLUSIVE")
+        assert "cannot be removed" in refused("noise", "-o", str(tmp_path), "--overwrite")
+    assert path.exists()
+
+
 def store(path: Path) -> None:
     """Make a store with nothing in it but what it is for."""
     from stoop.campaign import environment
