@@ -132,4 +132,6 @@ def _tell(scores: Sequence[Score], folder: Path) -> None:
         out.line(words.rivals_text(found) or f"No rival beats {found[0].baseline} here.")
     out.line()
     out.line(words.wrong_text(scores))
+    if words.short_text(scores):
+        out.line(words.short_text(scores))
     out.line(f"Tables and page: {folder / PAGE}")

@@ -28,7 +28,7 @@ evenly spaced in their logarithm from the trivial model's down to the target its
 BLIND = """Nobody is given starting values: every optimizer knows the box and no more."""
 
 JOINED = """On the flight, initial states and sensor biases are searched in the unit box with the parameters, 5 prior \
-standard deviations to either side, so that every optimizer searches the same numbers. `stoop identify` keeps them \
+standard deviations to either side, so that every optimizer searches the same numbers. stoop identify keeps them \
 apart, which is easier for it. Target: the least cost that long searches from the vehicle file's own values found, and \
 a thousandth more."""
 
