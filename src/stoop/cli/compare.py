@@ -129,7 +129,7 @@ def _tell(scores: Sequence[Score], folder: Path) -> None:
                 tables.words("95 %", [words.span_text(s.ratio) for s in found]),
             ]
         )
-        out.line(words.rivals_text(found) or f"No rival beats {found[0].baseline} here.")
+        out.line(words.beaten_text(found))
     out.line()
     out.line(words.wrong_text(scores))
     if words.short_text(scores):

@@ -155,6 +155,20 @@ def test_where_a_rival_is_ahead_the_page_says_by_how_much() -> None:
     assert races_text(r for found in races.values() for r in found).count("\r\n") == 13
 
 
+def test_whoever_cannot_be_told_apart_is_named() -> None:
+    it = field(optimizers=("ps-gde-lm", "ps-gde"), problems=("paper-N",), seeds=range(1, 5))
+    own, rival = (10.0, 30.0, 10.0, 10.0), (20.0, 10.0, 30.0, 20.0)
+    races = {
+        ("paper-N", name): [
+            Race("paper-N", name, seed, hit, (hit,), hit, 0.1, "target", 1.0, 9.0)
+            for seed, hit in zip(it.seeds, hits, strict=True)
+        ]
+        for name, hits in (("ps-gde-lm", own), ("ps-gde", rival))
+    }
+    text = render_sheet(page(it, races, scored(it, races), COMMAND))
+    assert "No rival beats ps-gde-lm here. These seeds do not tell it apart from ps-gde (" in text
+
+
 def test_names_are_checked_before_anything_runs() -> None:
     with pytest.raises(IdentificationError, match="nearest are ps-gde"):
         check_optimizers(("ps-gd",))

@@ -58,7 +58,6 @@ def _cell(score: Score) -> str:
 
 
 def _problem(problem: str, scores: Sequence[Score], field: Field, races: Races) -> Section:
-    beaten = words.rivals_text(scores) or f"No rival beats {scores[0].baseline} here."
     rows = tuple(
         (
             s.optimizer, words.rate_text(s), words.ert_text(s), words.span_text(s.ert), words.ratio_text(s),
@@ -70,7 +69,7 @@ def _problem(problem: str, scores: Sequence[Score], field: Field, races: Races) 
     groups = {o: races[problem, o] for p, o in field.pairs if p == problem}
     drawn = distributions(groups, problem, field.optimizers)
     figure = Figure("Share of targets reached against evaluations", drawn)
-    return Section(problem, (Prose(beaten), Table(caption, HEAD, rows), figure))
+    return Section(problem, (Prose(words.beaten_text(scores)), Table(caption, HEAD, rows), figure))
 
 
 def _together(field: Field, races: Races) -> Section:

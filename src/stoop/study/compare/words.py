@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from itertools import groupby
 from math import inf, isnan
 
-from stoop.report.numbers import number
+from stoop.report.numbers import count, number
 from stoop.study.compare.measures import Duel, Score, Span
 
 HOW = """Everything is counted in evaluations: one flight of the whole record by one candidate. A third of the \
@@ -43,8 +43,8 @@ def lead(scores: Sequence[Score], runs: int) -> str:
     baseline = _listed(dict.fromkeys(s.baseline for s in scores))
     optimizers = len({s.optimizer for s in scores})
     said = (
-        f"{optimizers} optimizers on {len(best)} problems, {runs} runs, all counted alike. "
-        f"Compared with {baseline}: no rival is faster on {len(won)} of {len(best)} problems."
+        f"{count(optimizers, 'optimizer')} on {count(len(best), 'problem')}, {runs} runs, all counted alike. "
+        f"Compared with {baseline}: no rival is faster on {len(won)} of {count(len(best), 'problem')}."
     )
     rivals = [sentence for group in best.values() if (sentence := rivals_text(group))]
     ends = [wrong_text(scores), short_text(scores)]
@@ -62,6 +62,17 @@ def rivals_text(scores: Sequence[Score]) -> str:
         for s in ahead
     ]
     return f"{scores[0].problem}: {ahead[0].baseline} is beaten: {'; '.join(parts)}."
+
+
+def beaten_text(scores: Sequence[Score]) -> str:
+    """Return who beats the baseline on a problem; where nobody does, who cannot be told apart from it."""
+    ahead = rivals_text(scores)
+    if ahead:
+        return ahead
+    close = [s for s in scores if s.optimizer != s.baseline and s.ratio.value < inf and not s.clear]
+    told = [f"{s.optimizer} ({span_text(s.ratio)} times its evaluations)" for s in close]
+    doubt = f" These seeds do not tell it apart from {_listed(told)}." if told else ""
+    return f"No rival beats {scores[0].baseline} here.{doubt}"
 
 
 def wrong_text(scores: Sequence[Score]) -> str:
