@@ -146,5 +146,5 @@ def write_index(found: Mapping[str, Findings], settings: Sequence[Setting], fold
 def _entry(name: str, findings: Findings) -> Section:
     # markup of our own: the name of an experiment, and nothing that was read from anywhere
     link = Markup('<a href="{0}.html">{0}.html</a>').format(name)
-    table = Table(link, CLAIMS_HEAD, claim_rows(findings.claims))
+    table = Table("What it shows", CLAIMS_HEAD, (*claim_rows(findings.claims), ("page", link)))
     return Section(findings.title, (Prose(findings.lead), table))

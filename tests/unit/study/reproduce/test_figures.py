@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from stoop.study.reproduce.figure1 import Figure1, histogram, measured
 from stoop.study.reproduce.figure2 import PAIR, Figure2, Recorder, both, searched
 from stoop.study.reproduce.figure3 import Figure3
 from stoop.study.reproduce.findings import Findings, Setting
+from stoop.study.reproduce.outputs import write_index
 
 
 def verdicts(found: Findings) -> list[str]:
@@ -87,3 +89,11 @@ def test_figure_3_flies_the_printed_trim_and_excites_both_modes() -> None:
     rows = found.csv.splitlines()
     assert rows[0] == "time_s,elevator_deg,V_m_per_s,alpha_deg,q_deg_per_s,theta_deg"
     assert len(rows) == 1501
+
+
+def test_the_index_leads_to_every_page(tmp_path: Path) -> None:
+    found = {"figure2": Figure2().findings(Setting(runs=3), {})}
+    write_index(found, [Setting(runs=3)], tmp_path)
+    page = (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert page.count('<a href="figure2.html">figure2.html</a>') == page.count("figure2.html</a>") == 1
+    assert "stoop reproduce figure2 --runs 3 --seed 0 --box N" in page
