@@ -11,7 +11,8 @@ from pathlib import Path
 from benchmarks.clock import machine
 from benchmarks.table import Row, markdown
 
-PARTS = ("engine", "accuracy", "startup", "paper", "bbob")
+QUICK = ("engine", "accuracy", "startup", "overhead", "paper")
+PARTS = (*QUICK, "bbob")  #: the last takes many minutes
 
 
 def main() -> int:
@@ -19,7 +20,7 @@ def main() -> int:
     arguments = _arguments()
     facts, begun = machine(), time.perf_counter()
     rows: list[Row] = []
-    for part in arguments.parts or PARTS:
+    for part in arguments.parts or QUICK:
         print(f"measuring: {part} ...", flush=True)
         rows += importlib.import_module(f"benchmarks.{part}").run()
     facts["took"] = f"{time.perf_counter() - begun:.0f} s"
@@ -32,7 +33,9 @@ def main() -> int:
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("parts", metavar="PART", nargs="*", help=f"of {', '.join(PARTS)} (default: all)")
+    parser.add_argument(
+        "parts", metavar="PART", nargs="*", help=f"of {', '.join(PARTS)} (default: all but bbob)"
+    )
     parser.add_argument("--json", metavar="FILE", type=Path, help="write the figures there too")
     arguments = parser.parse_args()
     unknown = set(arguments.parts) - set(PARTS)
