@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -15,6 +15,7 @@ from stoop.campaign.canonical import Json, from_text
 from stoop.campaign.environment import differences, environment
 from stoop.campaign.plan import Plan, Task, tasks
 from stoop.campaign.pool import Hands, Pool
+from stoop.campaign.sources import work_sources
 from stoop.campaign.store import Store, open_store
 from stoop.campaign.task import Report
 from stoop.errors import CampaignError, StoopError
@@ -76,9 +77,10 @@ def execute(
     CampaignError
         A run failed, workers die over and over, or cannot be reached.
     """
-    with open_store(path, plan, environment()) as store:
+    here = {**environment(), **work_sources(run.work for run in plan.runs)}
+    with open_store(path, plan, here) as store:
         left = tasks(store.missing(plan.runs))
-        drive = _Drive(store, deque(left), len(plan.runs), watch or _ignore)
+        drive = _Drive(store, deque(left), len(plan.runs), watch or _ignore, here)
         drive.tell("")
         if left:
             with pool.open() as hands:
@@ -98,6 +100,7 @@ class _Drive:
     queue: deque[Task]
     total: int
     watch: Callable[[Tally], None]
+    environment: Mapping[str, str]
     flying: dict[Future[Report], Task] = field(default_factory=dict)
     losses: Counter[str] = field(default_factory=Counter)
     began: float = field(default_factory=time.monotonic)
@@ -141,7 +144,7 @@ class _Drive:
             del self.flying[future]
             self._again(task, error, hands.judge(error))
             return
-        _check(report, task)
+        _check(report, task, self.environment)
         self.store.add(task.runs, report["results"])
         del self.flying[future]
         self.left -= len(task.runs)
@@ -167,12 +170,13 @@ class _Drive:
                 self._take(future, hands)
 
 
-def _check(report: Report, task: Task) -> None:
+def _check(report: Report, task: Task, here: Mapping[str, str]) -> None:
     """Refuse a failure, and results of a worker that computes otherwise."""
-    unlike = differences(environment(), report["environment"])
+    unlike = differences(here, report["environment"])
     if unlike:
         raise CampaignError(
-            f"worker {report['worker']}: not the environment of this process ({unlike}); install the same on all machines"
+            f"worker {report['worker']}: not the environment of this process ({unlike}); install the same on all machines, "
+            "edit nothing meanwhile, and start again; what is done is safe"
         )
     if report["failure"]:
         error = CampaignError(

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
 import os
 import socket
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypedDict
 
 from stoop.campaign.canonical import from_text, to_text
 from stoop.campaign.environment import environment
+from stoop.campaign.sources import work_sources
 from stoop.errors import CampaignError, StoopError
 
 
@@ -36,7 +38,9 @@ def perform(work: str, text: str, stops: Sequence[int | None]) -> Report:
     stops : sequence of int or None
     """
     me = f"process {os.getpid()} on {socket.gethostname()}"
-    report = Report(worker=me, environment=dict(environment()), results=[], failure="", trace="")
+    report = Report(
+        worker=me, environment={**environment(), **_sources(work)}, results=[], failure="", trace=""
+    )
     try:
         report["results"] = _results(work, text, stops)
     except StoopError as error:
@@ -45,6 +49,12 @@ def perform(work: str, text: str, stops: Sequence[int | None]) -> Report:
         report["failure"] = f"{type(error).__name__}: {_first_line(error)}"
         report["trace"] = traceback.format_exc()
     return report
+
+
+@functools.cache
+def _sources(work: str) -> Mapping[str, str]:
+    """Hash the sources of a function once, before its module is imported: those are the ones that this process runs."""
+    return work_sources([work])
 
 
 def _results(work: str, text: str, stops: Sequence[int | None]) -> list[str]:
