@@ -2,6 +2,11 @@
 
 Differences are booked as everybody's: a Jacobian costs one trajectory per variable.
 
+Two things are ours. A start is given up after 15 trial steps (SciPy: 100 per variable), because most starts that
+have not arrived by then never do: on seeds 0 to 59 of the paper's problem, 15 arrive earlier than 40 and 1000 on N
+and W, with noise and without (on W 1092 evaluations to 1614 and more).
+And tolerances are as small as rounding allows, since it is the target that ends a run.
+
 References
 ----------
 Branch, Coleman and Li (1999), A subspace, interior, and conjugate gradient method for large-scale
@@ -20,7 +25,7 @@ from stoop.optimize.adapters.library import Library
 from stoop.optimize.arrays import FloatArray
 from stoop.optimize.ledger import HUGE, Ledger
 
-STEPS: Final = 40  #: trial steps from one start
+STEPS: Final = 15  #: trial steps from one start: the best for SciPy of those tried
 INSIDE: Final = 1e-10  #: SciPy begins strictly inside the box
 
 
