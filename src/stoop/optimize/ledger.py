@@ -35,7 +35,7 @@ class Books:
     trajectories : float, in trajectories of the full record
     best : (D + E,), best point on the full record; the center of the box before there is one
     cost : float, its cost; inf before there is one
-    history : (k, 2), trajectories spent and best cost, one row per improvement
+    history : (k, 2), trajectories spent and best cost, one row per improvement, in the order of a batch's candidates
     """
 
     trajectories: float
@@ -111,7 +111,7 @@ class Ledger:
         for z, r in zip(Z, R, strict=True):
             self.spent += self.prices[rung]
             if rung == self.full:
-                self._offer(z, sum_of_squares(r))
+                self._offer(z, sum_of_squares(r), self.spent)
         return R
 
     def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
@@ -135,25 +135,24 @@ class Ledger:
         return int(min(left, 2.0**62))
 
     def _book_population(self, X: FloatArray, F: FloatArray, rung: int) -> None:
-        """Book a batch, candidate by candidate where it matters: up to the one that reaches the target."""
+        """Book a batch; what improves on the best, at the candidate's own place in it."""
         before, price = self.spent, self.prices[rung]
         self.spent = before + len(F) * price
-        if rung != self.full or not len(F):
+        if rung != self.full:
             return
-        i = int(F.argmin())
-        if F[i] >= self.cost:
-            return
-        if F[i] <= self.target:
-            i = int(np.flatnonzero(self.target >= F)[0])
-            self.spent = before + (i + 1) * price
-        self._offer(np.concatenate([X[i], np.zeros(self.extra)]), float(F[i]))
+        least = np.minimum.accumulate(np.concatenate([[self.cost], F]))
+        for i in np.flatnonzero(least[1:] < least[:-1]).tolist():
+            place = before + (i + 1) * price
+            if F[i] <= self.target:
+                self.spent = place  # the run ends here: the rest of the batch was not needed
+            self._offer(np.concatenate([X[i], np.zeros(self.extra)]), float(F[i]), place)
 
-    def _offer(self, z: FloatArray, cost: float) -> None:
-        """Keep z if it is the best so far."""
+    def _offer(self, z: FloatArray, cost: float, place: float) -> None:
+        """Keep z, whose evaluation was paid for at a place, if it is the best so far."""
         if not cost < self.cost:
             return
         self.best, self.cost = z.copy(), cost
-        self._news.append((self.spent, cost))
+        self._news.append((place, cost))
         if cost <= self.target:
             raise Halt("target")
 

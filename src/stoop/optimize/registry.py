@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any, Final
 
 from stoop.errors import IdentificationError
@@ -94,14 +95,14 @@ def create(name: str = DEFAULT, budget: float | None = None) -> Optimizer[Any]:
     name : str
     budget : float, optional
         Evaluations planned, in trajectories of the full record; for those that plan ahead (they shrink their
-        population towards its end), ignored by all others.
+        population towards its end), ignored by all others. Infinity is as good as not said.
 
     Raises
     ------
     IdentificationError
         If there is none of that name, or its package is not installed.
     """
-    return _entry(name).make(budget)
+    return _entry(name).make(None if budget is None or not isfinite(budget) else budget)
 
 
 def needs_residuals(name: str) -> bool:

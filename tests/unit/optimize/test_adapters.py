@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import builtins
+import threading
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -11,11 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 from naive.landscapes import Only, sphere
+from threadpoolctl import threadpool_info
 
 from stoop import optimize
 from stoop.errors import IdentificationError
 from stoop.optimize.adapters import cma_bipop
 from stoop.optimize.adapters.library import LARGE, Escape, Library, draw_seed, finite_costs, require
+from stoop.optimize.alone import one_blas_thread
 
 SCALAR = ("scipy-de", "pymoo-ga", "pymoo-pso", "cma", "pygmo-sade")
 FOREIGN = (*SCALAR, "scipy-least-squares")
@@ -161,6 +164,48 @@ def test_a_missing_package_is_named(name: str, monkeypatch: pytest.MonkeyPatch) 
     with pytest.raises(IdentificationError, match=rf"{package}; .*pip install 'stoop\[compare\]'") as error:
         optimize.create(name)
     assert "\n" not in str(error.value)
+
+
+def test_scipys_evolution_converges_on_a_floor_and_begins_anew() -> None:
+    """As under noise: costs differ by less than a hundredth, which is where SciPy ends and polishes."""
+    outcome = search("scipy-de", Only(lambda X: 50.0 + sphere(X), 3), 2000.0)
+    assert outcome.generation >= 3
+    assert outcome.cost == pytest.approx(50.0, abs=1e-9), "polished"
+
+
+def test_scipys_least_squares_gives_a_start_up_after_fifteen_steps(
+    oscillation: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[int] = []
+    monkeypatch.setattr("scipy.optimize.least_squares", lambda *_, max_nfev, **__: asked.append(max_nfev))
+    search("scipy-least-squares", oscillation(), generations=2)
+    assert asked == [15, 15]
+
+
+def test_limits_of_the_whole_process_are_taken_one_at_a_time() -> None:
+    inside, leave = threading.Event(), threading.Event()
+    order: list[str] = []
+
+    def first() -> None:
+        with one_blas_thread():
+            inside.set()
+            leave.wait(5.0)
+            order.append("first")
+
+    def second() -> None:
+        inside.wait(5.0)
+        leave.set()
+        with one_blas_thread():
+            order.append("second")
+
+    before = [(one["filepath"], one["num_threads"]) for one in threadpool_info()]
+    threads = [threading.Thread(target=work) for work in (first, second)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert order == ["first", "second"]
+    assert [(one["filepath"], one["num_threads"]) for one in threadpool_info()] == before
 
 
 def test_what_needs_residuals_says_so() -> None:

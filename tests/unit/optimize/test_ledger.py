@@ -52,7 +52,7 @@ def test_only_the_full_record_counts_for_the_best(ledger: Callable[..., Ledger])
     pen.costs(column(3.0, 2.0, 2.5), 1)
     pen.residuals(np.array([[1.0, 5.0], [9.0, 6.0]]), 1)
     assert pen.books.best.tolist() == [1.0, 5.0]
-    assert pen.books.history == pytest.approx(np.array([[3.25, 2.0], [4.25, 1.0]]))
+    assert pen.books.history == pytest.approx(np.array([[1.25, 3.0], [2.25, 2.0], [4.25, 1.0]]))
 
 
 def test_whatever_is_not_finite_costs_infinity(ledger: Callable[..., Ledger]) -> None:
@@ -70,6 +70,16 @@ def test_the_target_is_booked_at_the_candidate_that_reaches_it(ledger: Callable[
         pen.costs(column(5.0, 0.9, 0.1, 3.0), 1)
     assert halt.value.status == "target"
     assert (pen.books.trajectories, pen.books.cost) == (2.0, 0.9)
+
+
+def test_improvements_are_booked_at_their_own_place_and_the_batch_is_paid_for(
+    ledger: Callable[..., Ledger],
+) -> None:
+    pen = ledger()
+    pen.costs(column(5.0, 6.0, 4.0, 4.0, np.inf), 1)
+    pen.costs(column(9.0, 3.0, 8.0), 1)
+    assert pen.books.history.tolist() == [[1.0, 5.0], [3.0, 4.0], [7.0, 3.0]]
+    assert (pen.books.trajectories, pen.books.cost, pen.books.best.tolist()) == (8.0, 3.0, [3.0, 0.0])
 
 
 def test_the_budget_is_used_up_and_never_exceeded(ledger: Callable[..., Ledger]) -> None:

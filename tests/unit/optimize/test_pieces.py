@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from stoop.optimize.pieces.adaptation import fresh_memory
 from stoop.optimize.pieces.bounds import clip, midpoint
 from stoop.optimize.pieces.crossover import binomial
-from stoop.optimize.pieces.initialization import EXCLUDED, chaos, chaotic_start, latin_hypercube
+from stoop.optimize.pieces.initialization import EXCLUDED, chaos, chaotic_start, latin_hypercube, placed
 from stoop.optimize.pieces.mutation import Best2, Ordered, Rand1, distinct, ranked
 from stoop.optimize.pieces.selection import greedy
 
@@ -180,3 +180,10 @@ def test_memory_learns_weighted_lehmer_means_in_turn() -> None:
 def test_memory_survives_infinite_parents() -> None:
     memory = fresh_memory().learn(np.array([0.4]), np.array([0.6]), np.array([np.inf]), np.array([True]))
     assert (memory.scales[0], memory.rates[0]) == (pytest.approx(0.4), pytest.approx(0.6))
+
+
+def test_own_values_take_the_first_places_inside_the_box() -> None:
+    X = np.full((3, 2), 0.5)
+    assert placed(X, np.array([[2.0, -1.0]])).tolist() == [[1.0, 0.0], [0.5, 0.5], [0.5, 0.5]]
+    assert placed(X, np.zeros((5, 2))).tolist() == [[0.0, 0.0]] * 3
+    assert placed(X, np.empty((0, 2))).tolist() == X.tolist() == [[0.5, 0.5]] * 3

@@ -175,6 +175,11 @@ def test_the_population_shrinks_to_four_over_the_planned_budget(make: Callable[.
     assert problem.asked <= 1.1 * budget
 
 
+def test_a_budget_without_end_is_no_plan() -> None:
+    assert optimize.create("l-shade", np.inf).budget is optimize.create("jso").budget is None
+    assert optimize.create("jso", 500.0).budget == 500.0
+
+
 def test_first_populations_are_the_published_sizes() -> None:
     for dimension, linear, jso_members in ((10, 180, 182), (30, 540, 466)):
         assert l_shade().members(dimension) == linear

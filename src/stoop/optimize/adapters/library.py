@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import threading
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
@@ -16,6 +15,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from stoop.errors import IdentificationError
+from stoop.optimize.alone import ALONE
 from stoop.optimize.arrays import FloatArray
 from stoop.optimize.ledger import Halt, Ledger, blank, opened
 from stoop.optimize.problem import Problem
@@ -24,7 +24,6 @@ from stoop.optimize.stream import from_generator, from_seed
 
 LARGE: Final = 1e100  #: instead of an infinite cost, with which other libraries cannot reckon
 SEEDS: Final = 2**31 - 1
-_ONE: Final = threading.RLock()  #: what a library keeps in global places serves one run at a time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,8 +140,11 @@ def require(module: str) -> ModuleType:
 
 @contextmanager
 def _contained() -> Iterator[None]:
-    """Keep what a library warns of and seeds to itself; one BLAS thread, so that it rounds alike."""
-    with _ONE, warnings.catch_warnings(), threadpool_limits(1, user_api="blas"):
+    """Keep what a library warns of and seeds to itself; one BLAS thread, so that it rounds alike.
+
+    One run at a time: global places serve no more.
+    """
+    with ALONE, warnings.catch_warnings(), threadpool_limits(1, user_api="blas"):
         warnings.simplefilter("ignore")
         before = np.random.get_state()  # noqa: NPY002 - theirs, and put back as it was
         try:

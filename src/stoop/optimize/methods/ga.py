@@ -21,7 +21,7 @@ from stoop.optimize.arrays import FloatArray
 from stoop.optimize.ledger import blank, opened
 from stoop.optimize.pieces.evolution import PopulationState
 from stoop.optimize.pieces.genetic import Polynomial, SimulatedBinary, repeated, tournament
-from stoop.optimize.pieces.initialization import MEMBERS, uniform
+from stoop.optimize.pieces.initialization import MEMBERS, placed, uniform
 from stoop.optimize.problem import Problem
 from stoop.optimize.state import Event
 from stoop.optimize.stream import from_generator, from_seed
@@ -50,8 +50,7 @@ class GeneticAlgorithm:
         """Evaluate the first population; the user's own values take the first places."""
         ledger = opened(problem, blank(problem))
         generator = from_seed(seed).generator()
-        X = uniform(self.members, problem.dimension, generator)
-        X[: len(starts)] = np.clip(starts, 0.0, 1.0)[: len(X)]
+        X = placed(uniform(self.members, problem.dimension, generator), starts)
         F = ledger.costs(X, ledger.full)
         stream, books = from_generator(generator), ledger.books
         return PopulationState(optimizer=self.name, generation=0, stream=stream, books=books, X=X, F=F)

@@ -23,7 +23,7 @@ from stoop.optimize.pieces.archive import remember
 from stoop.optimize.pieces.bounds import midpoint
 from stoop.optimize.pieces.crossover import binomial
 from stoop.optimize.pieces.directed import Choice, CurrentToPBest, elite
-from stoop.optimize.pieces.initialization import uniform
+from stoop.optimize.pieces.initialization import placed, uniform
 from stoop.optimize.pieces.structure import keep_best, linear_size
 from stoop.optimize.problem import Problem
 from stoop.optimize.state import Event, State
@@ -93,8 +93,7 @@ class LinearShade:
         """Evaluate the first population; the user's own values take the first places."""
         ledger = opened(problem, blank(problem))
         generator = from_seed(seed).generator()
-        X = uniform(self.members(problem.dimension), problem.dimension, generator)
-        X[: len(starts)] = np.clip(starts, 0.0, 1.0)[: len(X)]
+        X = placed(uniform(self.members(problem.dimension), problem.dimension, generator), starts)
         F = ledger.costs(X, ledger.full)
         return ShadeState(
             optimizer=self.name,

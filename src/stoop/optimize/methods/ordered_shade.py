@@ -23,7 +23,7 @@ from stoop.optimize.arrays import FloatArray
 from stoop.optimize.herd import Herd
 from stoop.optimize.ledger import Ledger, blank, opened
 from stoop.optimize.levenberg import dive
-from stoop.optimize.pieces.initialization import latin_hypercube
+from stoop.optimize.pieces.initialization import latin_hypercube, placed
 from stoop.optimize.pieces.quasi_newton import QuasiNewtonDive
 from stoop.optimize.problem import Problem
 from stoop.optimize.scalar import has_residuals
@@ -82,8 +82,7 @@ class OrderedShade:
         """Evaluate the first herd; the user's own values take the first places."""
         ledger = opened(problem, blank(problem))
         generator = from_seed(seed).generator()
-        X = latin_hypercube(self.members, problem.dimension, generator)
-        X[: len(starts)] = np.clip(starts, 0.0, 1.0)[: len(X)]
+        X = placed(latin_hypercube(self.members, problem.dimension, generator), starts)
         herd = herds.gather(X, ledger.costs(X, ledger.full))
         return HerdState(
             optimizer=self.name,

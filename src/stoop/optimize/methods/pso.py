@@ -17,7 +17,7 @@ import numpy as np
 
 from stoop.optimize.arrays import FloatArray
 from stoop.optimize.ledger import blank, opened
-from stoop.optimize.pieces.initialization import MEMBERS, uniform
+from stoop.optimize.pieces.initialization import MEMBERS, placed, uniform
 from stoop.optimize.problem import Problem
 from stoop.optimize.state import Event, State
 from stoop.optimize.stream import from_generator, from_seed
@@ -65,9 +65,8 @@ class ParticleSwarm:
         """Evaluate the first places; the user's own values take the first of them."""
         ledger = opened(problem, blank(problem))
         generator = from_seed(seed).generator()
-        X = uniform(self.members, problem.dimension, generator)
+        X = placed(uniform(self.members, problem.dimension, generator), starts)
         V = FIRST * (2.0 * generator.random(X.shape) - 1.0)
-        X[: len(starts)] = np.clip(starts, 0.0, 1.0)[: len(X)]
         F = ledger.costs(X, ledger.full)
         stream, books = from_generator(generator), ledger.books
         return SwarmState(optimizer=self.name, generation=0, stream=stream, books=books, X=X, V=V, B=X, F=F)

@@ -1,13 +1,15 @@
 """Success-history adaptation of the mutation scale and the crossover rate.
 
 A memory holds scales and rates that worked lately; each parent draws its own near one of them. SHADE, L-SHADE
-and jSO differ in how an entry is renewed only.
+and jSO differ in how an entry is renewed only. Ours is between them: Lehmer means of scales and rates as in
+L-SHADE (SHADE averages the rates arithmetically), but no terminal rate; and rates begin at 0.8 (SHADE and L-SHADE:
+0.5), which is our choice, as parameters that act together want to be crossed over together.
 
 References
 ----------
 Tanabe and Fukunaga (2013), Success-history based parameter adaptation for differential evolution, IEEE CEC,
 71-78 (SHADE).
-Tanabe and Fukunaga (2014), IEEE CEC, 1658-1665 (L-SHADE: the terminal rate).
+Tanabe and Fukunaga (2014), IEEE CEC, 1658-1665 (L-SHADE: the terminal rate, and the Lehmer mean of the rates).
 Brest, Maucec and Boskovic (2017), Single objective real-parameter optimization: algorithm jSO, IEEE CEC,
 1311-1318.
 """
@@ -51,7 +53,7 @@ class Memory:
         return np.minimum(scales, 1.0), rates
 
     def learn(self, scales: FloatArray, rates: FloatArray, gains: FloatArray, won: BoolArray) -> Memory:
-        """Return the memory after a generation: Lehmer means of what won, weighted by the gain (SHADE)."""
+        """Return the memory after a generation: Lehmer means of what won, weighted by the gain."""
         if not won.any():
             return self
         return self.renewed(*successful(scales, rates, gains, won))
@@ -64,7 +66,7 @@ class Memory:
 
 
 def fresh_memory(entries: int = 6, scale: float = 0.5, rate: float = 0.8) -> Memory:
-    """Return a memory that has seen nothing yet."""
+    """Return a memory that has seen nothing yet; beginning at a rate of 0.8 is ours."""
     return Memory(np.full(entries, scale), np.full(entries, rate), 0)
 
 

@@ -17,7 +17,7 @@ from stoop.optimize.ledger import Ledger, blank, opened
 from stoop.optimize.pieces.bounds import clip
 from stoop.optimize.pieces.control import Control, Factor, Fixed
 from stoop.optimize.pieces.crossover import binomial
-from stoop.optimize.pieces.initialization import MEMBERS, uniform
+from stoop.optimize.pieces.initialization import MEMBERS, placed, uniform
 from stoop.optimize.pieces.islands import Structure, Whole
 from stoop.optimize.pieces.mutation import Mutation
 from stoop.optimize.pieces.prey import PreySchedule
@@ -100,8 +100,7 @@ class DifferentialEvolution:
         """Evaluate the first population; the user's own values take the first places."""
         ledger = opened(problem, blank(problem))
         generator = from_seed(seed).generator()
-        X = self.initialization(self.members, problem.dimension, generator)
-        X[: len(starts)] = np.clip(starts, 0.0, 1.0)[: len(X)]
+        X = placed(self.initialization(self.members, problem.dimension, generator), starts)
         F = ledger.costs(X, ledger.full)
         return PopulationState(
             optimizer=self.name,

@@ -18,6 +18,12 @@ def uniform(number: int, dimension: int, generator: np.random.Generator) -> Floa
     return generator.random((number, dimension))
 
 
+def placed(X: FloatArray, starts: FloatArray) -> FloatArray:
+    """Return members X, (n, D), of which the user's own values, (k, D), have taken the first places."""
+    first = np.clip(starts, 0.0, 1.0)[: len(X)]
+    return np.concatenate([first, X[len(first) :]])
+
+
 def latin_hypercube(number: int, dimension: int, generator: np.random.Generator) -> FloatArray:
     """Return points of which each variable falls once in each of `number` equal slices."""
     slices = np.argsort(generator.random((number, dimension)), axis=0)

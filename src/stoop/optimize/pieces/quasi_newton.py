@@ -13,12 +13,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
-from threadpoolctl import ThreadpoolController
 
+from stoop.optimize.alone import one_blas_thread
 from stoop.optimize.arrays import FloatArray
 from stoop.optimize.ledger import Ledger
 
@@ -54,8 +53,7 @@ class QuasiNewtonDive:
     ) -> tuple[FloatArray, float]:
         """Return the best point met from x, (D,), and its cost; never worse than the start."""
         path = _Path(self, ledger, x, cost, incumbent)
-        # its matrices are tiny: more threads would only wait for each other, and round differently
-        with _threads().limit(limits=1, user_api="blas"), suppress(_LetGo):
+        with one_blas_thread(), suppress(_LetGo):
             path.descend(path.forward)
             if path.cost < incumbent:
                 path.descend(path.central)
@@ -111,9 +109,3 @@ class _Path:
             return
         if self.costs[back] - self.cost < self.dive.fall * (self.cost - self.incumbent):
             raise _LetGo
-
-
-@cache
-def _threads() -> ThreadpoolController:
-    """Return the handle of the BLAS libraries; finding them takes a millisecond."""
-    return ThreadpoolController()
