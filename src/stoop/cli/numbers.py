@@ -21,9 +21,9 @@ def at_least_one(text: str) -> int:
 
 
 def positive(text: str) -> float:
-    """Read a number above zero."""
+    """Read a finite number above zero."""
     value = _number(text)
-    if not value > 0.0:
+    if not 0.0 < value < math.inf:
         raise argparse.ArgumentTypeError(f"'{text}' is not a positive number")
     return value
 

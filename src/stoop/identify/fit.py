@@ -169,7 +169,7 @@ def fit(
         guesses = np.concatenate([settled.z[None, : problem.dimension], guesses])
     stop = replace(options.stop, budget=max(SEARCH * (options.budget - spent), float(len(guesses))))
     outcome = optimize.minimize(
-        optimize.create(options.optimizer), problem, seed=options.seed, starts=guesses,
+        optimize.create(options.optimizer, stop.budget), problem, seed=options.seed, starts=guesses,
         stop=stop, callback=callback, state=state,
     )  # fmt: skip
     if not np.isfinite(outcome.cost):

@@ -90,6 +90,7 @@ def test_free_and_fix(place: Path) -> None:
         (["--maneuver", "0:20", "--target-cost", "inf"], "--target-cost: 'inf' is not a number"),
         (["--maneuver", "0:20", "--generations", "0"], "--generations: '0' is not a whole number, one or"),
         (["--maneuver", "0:20", "--budget", "-1"], "positive"),
+        (["--maneuver", "0:20", "--budget", "inf"], "--budget: 'inf' is not a positive number"),
         (["--maneuver", "0:20", "--seed", "x"], "whole number"),
         (["--maneuver", "0:20", "--resume"], "no interrupted search"),
         ([], "--maneuver"),

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -117,6 +118,23 @@ def test_budget_holds_for_the_refinement_too(wrong: Vehicle, flight: Flight) -> 
         found = fit(wrong, {"sim": flight}, WINDOW, Options(budget=budget))
         assert found.trajectories <= budget + 4.0
         assert found.warnings or found.outcome.status != "converged"
+
+
+def test_optimizers_that_plan_ahead_are_told_the_budget(
+    wrong: Vehicle, flight: Flight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    create, told = optimize.create, []
+
+    def watched(name: str, budget: float | None = None) -> optimize.Optimizer[Any]:
+        made = create(name, budget)
+        told.append(made.budget)
+        return made
+
+    monkeypatch.setattr(optimize, "create", watched)
+    found = fit(wrong, {"sim": flight}, WINDOW, Options(optimizer="l-shade", budget=400.0))
+    (planned,) = told
+    assert planned < 400.0
+    assert planned == pytest.approx(found.outcome.trajectories, abs=1.0)
 
 
 def test_weights_do_not_depend_on_the_budget(wrong: Vehicle, flight: Flight) -> None:
