@@ -81,7 +81,8 @@ def test_each_page_holds_its_command_and_its_table(name: str) -> None:
     assert len(written) == 1
     said = re.search(r"<pre[^>]*>(.*?)</pre>", html, re.DOTALL)
     assert said is not None
-    assert said[1].replace("&#39;", "'") == written[0]
+    # the folder does not change the page
+    assert said[1].replace("&#39;", "'") == written[0].replace(f" -o {name}", "")
     plain = re.sub(r"<[^>]*>", " ", html)
     for (_, optimizer), row in rows(name).items():
         assert optimizer in plain

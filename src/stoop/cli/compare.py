@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import shlex
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -60,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
     plan = field.plan()
     prepare(arguments.output, arguments.overwrite)
     results = run_campaign(arguments, plan, arguments.output / STORE)
-    _tell(conclude(field, results, arguments.output, _command()), arguments.output)
+    _tell(conclude(field, results, arguments.output, _command(arguments)), arguments.output)
     return 0
 
 
@@ -108,8 +107,20 @@ def _digests(arguments: argparse.Namespace) -> dict[str, str]:
     return file_hashes([path for path in paths if path.exists()])
 
 
-def _command() -> str:
-    return shlex.join(["stoop", *sys.argv[1:]])
+def _command(arguments: argparse.Namespace) -> str:
+    """Return the command that makes the page; where it runs and into what folder do not change it."""
+    given = {
+        "--optimizers": [",".join(arguments.optimizers or ())],
+        "--problems": [",".join(arguments.problems or ())],
+        "--flight": arguments.flight or [],
+        "--vehicle": [arguments.vehicle or ""],
+        "--maneuver": arguments.maneuver,
+        "--seeds": [str(arguments.seeds)],
+        "--first-seed": [str(arguments.first_seed)],
+        "--budget": [repr(arguments.budget).removesuffix(".0")],
+    }
+    options = [word for name, values in given.items() if any(values) for word in (name, *values)]
+    return shlex.join(["stoop", "compare", *options])
 
 
 def _tell(scores: Sequence[Score], folder: Path) -> None:

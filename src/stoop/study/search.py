@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop import optimize
+from stoop.campaign import Json
 from stoop.study.problems import Posed, pose
 from stoop.study.variants import Variant, build
 
-Json = None | bool | int | float | str | list[Any] | dict[str, Any]
 FloatArray = NDArray[np.float64]
 
 HISTORY_ROWS: Final = 200
@@ -44,9 +44,20 @@ def search(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> list[J
     IdentificationError
         There is no such optimizer or problem.
     """
-    budget, seed = arguments.get("budget"), int(_number(arguments["seed"]))
+    return [dict(told) for told in searched(posed_by(arguments), arguments, stops)]
+
+
+def posed_by(arguments: Mapping[str, Json]) -> Posed:
+    """Return the problem that arguments name, as of `search`."""
     own = {k: v for k, v in arguments.items() if k not in _OWN}
-    posed = pose(str(arguments["problem"]), seed, **own)
+    return pose(str(arguments["problem"]), _seed(arguments), **own)
+
+
+def searched(
+    posed: Posed, arguments: Mapping[str, Json], stops: Sequence[int | None]
+) -> list[dict[str, Json]]:
+    """Do what `search` does, on a problem that is posed already."""
+    budget = arguments.get("budget")
     optimizer = build(_variant(arguments["optimizer"]), None if budget is None else _number(budget))
     limits = optimize.Stop(
         budget=np.inf if budget is None else _number(budget),
@@ -54,7 +65,7 @@ def search(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> list[J
     )
     rows = int(_number(arguments.get("history", HISTORY_ROWS)))
     generations = [FOREVER if s is None else s for s in stops]
-    found = _run(optimizer, posed.problem, seed, limits, sorted(set(generations)))
+    found = _run(optimizer, posed.problem, _seed(arguments), limits, sorted(set(generations)))
     return [_told(found[g], posed, rows) for g in generations]
 
 
@@ -114,6 +125,10 @@ def _improving(costs: FloatArray, share: float) -> list[int]:
         if cost <= share * costs[kept[-1]]:
             kept.append(i)
     return kept if kept[-1] == len(costs) - 1 else [*kept, len(costs) - 1]
+
+
+def _seed(arguments: Mapping[str, Json]) -> int:
+    return int(_number(arguments["seed"]))
 
 
 def _number(value: Json) -> float:

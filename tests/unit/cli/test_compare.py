@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from stoop.cli.main import main
+from stoop.cli import compare
+from stoop.cli.main import main, parser_for
 from stoop.errors import IdentificationError
 
 SMALL = ["--optimizers", "ps-gde-lm,ps-gde", "--problems", "paper-N", "--seeds", "2", "--budget", "300"]
@@ -41,6 +42,25 @@ def test_writes_tables_and_page_and_says_who_is_ahead(
     assert main(["compare", "-o", str(folder), *SMALL[:-1], "200", "--overwrite", "--workers", "1"]) == 0
 
 
+def test_the_page_is_the_same_wherever_it_is_made(tmp_path: Path) -> None:
+    few = ["--seeds", "1", "--budget", "50", "--optimizers", "ps-gde-lm", "--problems", "paper-N"]
+    for folder, more in (("a", ["--workers", "1"]), ("b", ["--overwrite"])):
+        assert main(["compare", "-o", str(tmp_path / folder), *few, *more]) == 0
+    a, b = ((tmp_path / folder / "compare.html").read_text(encoding="utf-8") for folder in "ab")
+    assert a == b
+    line = "stoop compare --optimizers ps-gde-lm --problems paper-N --seeds 1 --first-seed 1 --budget 50<"
+    assert line in a
+
+
+def test_a_flight_is_part_of_the_command() -> None:
+    words = ["compare", "-o", "out", "--flight", "my logs", "--vehicle", "v.toml", "--maneuver", "1:2", "3:4"]
+    told = compare._command(parser_for([*words]).parse_args([*words, "--budget", "2.5", "--workers", "3"]))
+    assert told == (
+        "stoop compare --flight 'my logs' --vehicle v.toml --maneuver 1:2 3:4"
+        " --seeds 20 --first-seed 1 --budget 2.5"
+    )
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [
@@ -54,6 +74,7 @@ def test_writes_tables_and_page_and_says_who_is_ahead(
         (["--flight", "no.ulg", "--vehicle", "v.toml", "--maneuver", "1:2"], "no.ulg"),
         (["--seeds", "0"], "--seeds"),
         (["--budget", "-1"], "--budget"),
+        (["--budget", "inf"], "'inf' is not a positive number"),
         (["--optimizers", ","], "--optimizers"),
     ],
 )

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from stoop import optimize
-from stoop.campaign import Given
+from stoop.campaign import Given, execute
 from stoop.errors import IdentificationError, OutputError, StoopError
 from stoop.report.sheet import render_sheet
-from stoop.study.compare import Field, compare, prepare, scored
+from stoop.study.compare import STORE, Field, conclude, prepare, scored
 from stoop.study.compare.field import check_optimizers, check_problems, installed
 from stoop.study.compare.page import page
 from stoop.study.compare.race import Race, race
@@ -38,7 +38,8 @@ def field(**changes: object) -> Field:
 
 def run(it: Field, folder: Path) -> list[dict[str, str]]:
     with ThreadPoolExecutor(1) as threads:
-        compare(it, folder, Given(threads), COMMAND)
+        results = execute(it.plan(), folder / STORE, Given(threads))
+    conclude(it, results, folder, COMMAND)
     with (folder / "compare.csv").open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
@@ -167,6 +168,34 @@ def test_whoever_cannot_be_told_apart_is_named() -> None:
     }
     text = render_sheet(page(it, races, scored(it, races), COMMAND))
     assert "No rival beats ps-gde-lm here. These seeds do not tell it apart from ps-gde (" in text
+
+
+def test_where_nobody_arrives_nobody_is_said_to_be_ahead() -> None:
+    it = field(optimizers=("ps-gde-lm", "ps-gde"), problems=("paper-N", "paper-W"), seeds=range(1, 4))
+    races = {
+        (problem, name): [
+            Race(problem, name, seed, hit, (hit,), 400.0, 0.1, "target" if hit else "budget", 0.01, 9.0)
+            for seed in it.seeds
+        ]
+        for problem, name in it.pairs
+        for hit in [20.0 if (problem, name) == ("paper-N", "ps-gde-lm") else None]
+    }
+    text = render_sheet(page(it, races, scored(it, races), COMMAND))
+    assert text.count("No rival beats ps-gde-lm here.") == 1
+    assert "Nobody reached the target here." in text
+    assert "no rival is faster on 1 of 2 problems. Nobody reached the target on paper-W." in text
+
+
+def test_a_problem_is_posed_once_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def counted(name: str, seed: int, **arguments: object) -> object:
+        asked.append(name)
+        return pose(name, seed, **arguments)
+
+    monkeypatch.setattr("stoop.study.search.pose", counted)
+    race({"optimizer": "ps-gde-lm", "problem": "paper-N", "seed": 5, "budget": 40.0}, [None])
+    assert asked == ["paper-N"]
 
 
 def test_names_are_checked_before_anything_runs() -> None:

@@ -1,17 +1,16 @@
 """Optimizers on the same problems, counted the same way: success, running time, and who is ahead where.
 
-`compare` runs a `Field` of optimizers, problems and seeds as a campaign and writes ``compare.csv`` (a row per
-optimizer and problem), ``runs.csv`` (a row per run) and ``compare.html`` into a folder, beside the campaign's
-store ``compare.sqlite``.
+A `Field` of optimizers, problems and seeds says what a campaign runs; `conclude` writes of its results
+``compare.csv`` (a row per optimizer and problem), ``runs.csv`` (a row per run) and ``compare.html`` into a folder,
+beside the campaign's store ``compare.sqlite``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from stoop.campaign import Pool, Tally, execute
 from stoop.files import write_text_atomic
 from stoop.report.sheet import write_sheet
 from stoop.study.compare.field import Field
@@ -21,35 +20,7 @@ from stoop.study.compare.page import page
 from stoop.study.compare.race import Race
 from stoop.study.compare.tables import races_text, scores_text
 
-__all__ = ["PAGE", "RUNS", "SCORES", "STORE", "Field", "Score", "compare", "conclude", "prepare", "scored"]
-
-
-def compare(
-    field: Field, folder: Path, pool: Pool, command: str, watch: Callable[[Tally], None] | None = None
-) -> list[Score]:
-    """Run a comparison, or what is left of it, and write its tables and its page.
-
-    Parameters
-    ----------
-    field : Field
-    folder : Path
-        Made if it is not there.
-    pool : Pool
-    command : str
-        For the page: how this was called.
-    watch : callable, optional
-        Told how far it is.
-
-    Returns
-    -------
-    list of Score, by problem, the fastest first
-
-    Raises
-    ------
-    StoopError
-        The store belongs to another comparison, a run fails, or the folder cannot be written.
-    """
-    return conclude(field, execute(field.plan(), folder / STORE, pool, watch), folder, command)
+__all__ = ["PAGE", "RUNS", "SCORES", "STORE", "Field", "Score", "conclude", "prepare", "scored"]
 
 
 def conclude(field: Field, results: Mapping[str, Any], folder: Path, command: str) -> list[Score]:

@@ -9,15 +9,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from stoop.study.problems import Posed, pose
-from stoop.study.search import search
+from stoop.campaign import Json
+from stoop.study.problems import Posed
+from stoop.study.search import posed_by, searched
 
-Json = None | bool | int | float | str | list[Any] | dict[str, Any]
 FloatArray = NDArray[np.float64]
 
 LEVELS: Final = 10  #: costs on the way to the target at which runs are timed, the target among them
 ROWS: Final = 10_000  #: of a history from which times are read
-OWN: Final = ("optimizer", "problem", "seed", "budget", "to_target", "history")
 
 
 @dataclass(frozen=True)
@@ -82,10 +81,9 @@ def race(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> list[Jso
     list of dict, one per stop
         The fields of `Race` that the run decides.
     """
-    own = {k: v for k, v in arguments.items() if k not in OWN}
-    posed = pose(str(arguments["problem"]), _whole(arguments["seed"]), **own)
-    found = search({**arguments, "to_target": True, "history": ROWS}, stops)
-    return [_kept(result, posed) for result in found if isinstance(result, dict)]
+    posed = posed_by(arguments)
+    found = searched(posed, {**arguments, "to_target": True, "history": ROWS}, stops)
+    return [_kept(result, posed) for result in found]
 
 
 def _kept(result: Mapping[str, Any], posed: Posed) -> dict[str, Json]:
@@ -131,9 +129,3 @@ def read_race(problem: str, optimizer: str, seed: int, result: Mapping[str, Any]
 
 def _told(value: float) -> float | None:
     return value if np.isfinite(value) else None
-
-
-def _whole(value: Json) -> int:
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise TypeError(f"{value!r} is no seed")
-    return value

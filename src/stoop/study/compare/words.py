@@ -20,6 +20,8 @@ successes: what it takes on average when a failure is followed by a fresh start.
 the table shows what was spent.
 - Optimizers of other packages are restarted by their adapter when they end by themselves, until the target or the end \
 of the budget. That is inside the run, and counted.
+- L-SHADE and jSO plan ahead: they are told the budget, shrink their population towards its end, and so arrive late \
+in it by design. A smaller budget would make them faster, or fail.
 - Intervals hold 95 % of 2000 resamples of the seeds. For a ratio the same seeds are drawn for both.
 - A wrong optimum is a convergence claimed at a cost more than 0.1 % above the target.
 - The curves show which share of all targets has been reached after so many evaluations: ten costs for each seed, \
@@ -39,16 +41,23 @@ one millionth of the cost at the optimum with it. The seed draws the box about t
 def lead(scores: Sequence[Score], runs: int) -> str:
     """Return the result in a few sentences."""
     best = {problem: list(group) for problem, group in groupby(scores, lambda s: s.problem)}
+    nobody = [problem for problem, group in best.items() if unsolved(group)]
     won = [problem for problem, group in best.items() if not any(s.ahead for s in group)]
     baseline = _listed(dict.fromkeys(s.baseline for s in scores))
     optimizers = len({s.optimizer for s in scores})
     said = (
         f"{count(optimizers, 'optimizer')} on {count(len(best), 'problem')}, {runs} runs, all counted alike. "
-        f"Compared with {baseline}: no rival is faster on {len(won)} of {count(len(best), 'problem')}."
+        f"Compared with {baseline}: no rival is faster on {len(won) - len(nobody)} of {count(len(best), 'problem')}."
     )
+    said += f" Nobody reached the target on {_listed(nobody)}." if nobody else ""
     rivals = [sentence for group in best.values() if (sentence := rivals_text(group))]
     ends = [wrong_text(scores), short_text(scores)]
     return "\n\n".join([said, "\n".join(f"- {line}" for line in [*rivals, *filter(None, ends)])])
+
+
+def unsolved(scores: Sequence[Score]) -> bool:
+    """Whether nobody reached the target of a problem."""
+    return not any(s.successes for s in scores)
 
 
 def rivals_text(scores: Sequence[Score]) -> str:
@@ -66,8 +75,9 @@ def rivals_text(scores: Sequence[Score]) -> str:
 
 def beaten_text(scores: Sequence[Score]) -> str:
     """Return who beats the baseline on a problem; where nobody does, who cannot be told apart from it."""
-    ahead = rivals_text(scores)
-    if ahead:
+    if unsolved(scores):
+        return "Nobody reached the target here."
+    if ahead := rivals_text(scores):
         return ahead
     close = [s for s in scores if s.optimizer != s.baseline and s.ratio.value < inf and not s.clear]
     told = [f"{s.optimizer} ({span_text(s.ratio)} times its evaluations)" for s in close]
