@@ -12,7 +12,6 @@ from __future__ import annotations
 import os
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from itertools import product
 from math import comb
 from multiprocessing import get_context
 
@@ -122,9 +121,14 @@ def mcnemar(gained: int, lost: int) -> float:
 
 def sign_flips(differences: NDArray[np.integer]) -> float:
     """Return the chance of a sum no larger than that of the differences if each sign were a toss."""
-    sizes = np.abs(differences[differences != 0])
-    sums = np.array(list(product((-1, 1), repeat=len(sizes)))).reshape(2 ** len(sizes), len(sizes)) @ sizes
-    return float((sums <= differences.sum()).mean())
+    sizes = np.abs(differences)
+    chances = np.ones(1)  # of every sum from -sum(sizes) to sum(sizes), in steps of one
+    for size in sizes.tolist():
+        toss = np.zeros(2 * size + 1)
+        toss[0] += 0.5
+        toss[-1] += 0.5
+        chances = np.convolve(chances, toss)
+    return float(chances[: int(differences.sum() + sizes.sum()) + 1].sum())
 
 
 def _ahead(own: Runs, rival: Runs, name: str) -> Row:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import itertools
 import sys
 from pathlib import Path
 from typing import Any
@@ -99,6 +100,17 @@ def test_sign_flips_count_every_way_of_turning_signs(measures: Any) -> None:
     assert measures.sign_flips(np.array([0, 0])) == 1.0
     assert measures.sign_flips(np.array([-2, 0, -1])) == 0.25
     assert measures.sign_flips(np.array([3, 1, -1])) == pytest.approx(7 / 8)
+
+
+def test_sign_flips_of_many_functions_are_a_convolution(measures: Any) -> None:
+    """Ones are a binomial; 24 unlike ones are as many as there are functions."""
+    from scipy.stats import binom
+
+    assert measures.sign_flips(np.array([1] * 17 + [-1] * 23)) == pytest.approx(binom.cdf(17, 40, 0.5))
+    sizes = np.random.default_rng(2).integers(-5, 6, size=12)
+    signs = np.array(list(itertools.product((-1, 1), repeat=12)))
+    expected = (signs @ np.abs(sizes) <= sizes.sum()).mean()
+    assert measures.sign_flips(sizes) == pytest.approx(expected, rel=1e-12)
 
 
 def test_expected_running_time_is_all_evaluations_over_successes(measures: Any) -> None:
