@@ -14,7 +14,7 @@ from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
-from stoop.campaign.canonical import from_text, to_text
+from stoop.campaign.canonical import Json, from_text, to_text
 from stoop.campaign.environment import differences
 from stoop.campaign.plan import Plan, Run
 from stoop.errors import OutputError
@@ -29,9 +29,11 @@ _TABLES: Final = (
     "WITHOUT ROWID",
     f"PRAGMA application_id = {APPLICATION}",
 )
+_NAMES: Final = ("schema", "plan", "settings", "environment")  #: of meta
 _SAFE = "what is done is safe"
 _DAMAGED = "damaged; restore a copy, or name another file to start anew"
 _NOT_OURS = "is no store of a campaign, or a damaged one; it is left as it is: name another file"
+_KEPT = "is no store of a campaign, and is not removed; move it away, or choose another folder"
 _WORDS: Final = {
     "SQLITE_BUSY": "in use by another process (the same command, started twice?); wait until it ends, or stop it",
     "SQLITE_LOCKED": "in use by another process (the same command, started twice?); wait until it ends, or stop it",
@@ -40,6 +42,7 @@ _WORDS: Final = {
     "command again",
     "SQLITE_NOTADB": _NOT_OURS,
     "SQLITE_CORRUPT": _DAMAGED,
+    "SQLITE_ERROR": _DAMAGED,  # our statements are sound: a table or a column is not there
     "SQLITE_READONLY": "cannot be written; make it writable, or choose another folder",
     "SQLITE_CANTOPEN": "cannot be opened for writing; make its folder writable, or choose another",
 }  #: beginning of SQLite's name of an error -> what to say
@@ -100,7 +103,7 @@ class Store:
         rows = self._connection.execute("SELECT key, identity, result, checksum FROM runs")
         known = {}
         for key, identity, result, checksum in rows:
-            self._sound(key, identity, result, checksum)
+            _read(self._sound(key, identity, result, checksum), self._path)
             known[key] = identity
         return known
 
@@ -108,6 +111,14 @@ class Store:
         if _seal(key, identity, result) != checksum:
             raise OutputError(f"{self._path}: run {key} does not fit its checksum: {_DAMAGED}")
         return result
+
+
+def _read(text: str, path: Path) -> Json:
+    """Return the value of a text in a store: a checksum that fits does not make it JSON."""
+    try:
+        return from_text(text)
+    except (ValueError, TypeError, RecursionError):
+        raise OutputError(f"{path}: holds something else than JSON: {_DAMAGED}") from None
 
 
 def _seal(*parts: str) -> str:
@@ -138,6 +149,50 @@ def open_store(path: Path, plan: Plan, environment: Mapping[str, str]) -> Iterat
         yield store
 
 
+def forget(path: Path) -> None:
+    """Remove a store of a campaign that nobody uses; nothing where there is none.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    OutputError
+        It is another program's file, in use, damaged, or cannot be removed; it is left as it is.
+    """
+    file = path.resolve()
+    if not file.exists():
+        return
+    if not file.is_file() or _too_short(file):
+        raise OutputError(f"{path}: {_KEPT}")
+    with (
+        _explained(path, "cannot be removed: "),
+        closing(sqlite3.connect(file, timeout=0.0, isolation_level=None)) as connection,
+    ):
+        connection.execute("BEGIN EXCLUSIVE")
+        if _is_foreign(connection):
+            raise OutputError(f"{path}: {_KEPT}")
+        _unlink(file, path)  # while nobody else can begin to write; there is nothing to commit
+
+
+def _unlink(file: Path, path: Path) -> None:
+    try:
+        file.unlink()
+        file.with_name(f"{file.name}-journal").unlink(missing_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"{path}: cannot be removed ({error.strerror or error}); choose another folder"
+        ) from None
+
+
+def _is_foreign(connection: sqlite3.Connection) -> bool:
+    """Tell whether a file is another program's; one without tables and owner is a store that was never begun."""
+    (owner,) = connection.execute("PRAGMA application_id").fetchone()
+    (count,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+    return bool(owner != APPLICATION and (owner or count))
+
+
 def _connect(path: Path) -> sqlite3.Connection:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -166,14 +221,14 @@ def _too_short(path: Path) -> bool:
 
 
 @contextmanager
-def _explained(path: Path) -> Iterator[None]:
-    """Turn SQLite's errors into one line."""
+def _explained(path: Path, failed: str = "") -> Iterator[None]:
+    """Turn SQLite's errors into one line; `failed` begins it."""
     try:
         yield
     except sqlite3.Error as error:
         name = getattr(error, "sqlite_errorname", "")
         words = next((w for start, w in _WORDS.items() if name.startswith(start)), f"{error}; {_SAFE}")
-        raise OutputError(f"{path}: {words}") from error
+        raise OutputError(f"{path}: {failed}{words}") from error
 
 
 @contextmanager
@@ -191,15 +246,14 @@ def _transaction(connection: sqlite3.Connection, kind: str) -> Iterator[None]:
 def _make_or_check(
     connection: sqlite3.Connection, path: Path, plan: Plan, environment: Mapping[str, str]
 ) -> None:
-    (owner,) = connection.execute("PRAGMA application_id").fetchone()
+    if _is_foreign(connection):
+        raise OutputError(f"{path}: {_NOT_OURS}")
     (count,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
-    if not count and not owner:
+    if not count:
         for statement in _TABLES:
             connection.execute(statement)
         _write_meta(connection, _meta(plan, environment))
         return
-    if owner != APPLICATION:
-        raise OutputError(f"{path}: {_NOT_OURS}")
     if connection.execute("PRAGMA integrity_check").fetchall() != [("ok",)]:
         raise OutputError(f"{path}: {_DAMAGED}")
     _check_meta(connection, path, plan, environment)
@@ -223,23 +277,34 @@ def _check_meta(
     connection: sqlite3.Connection, path: Path, plan: Plan, environment: Mapping[str, str]
 ) -> None:
     """Refuse a store that is another one's; note libraries that have been installed since."""
-    rows = connection.execute("SELECT name, value, checksum FROM meta").fetchall()
-    there, here = {name: value for name, value, _ in rows}, _meta(plan, environment)
-    if any(_seal(name, value) != checksum for name, value, checksum in rows) or set(there) != set(here):
-        raise OutputError(f"{path}: {_DAMAGED}")
-    if there["schema"] != SCHEMA:
-        raise OutputError(
-            f"{path}: a store of another version ({there['schema']}, not {SCHEMA}); name another file"
-        )
+    there, here = _sealed_meta(connection, path), _meta(plan, environment)
+    if connection.execute("SELECT 1 FROM runs LIMIT 1").fetchone() is None:
+        _write_meta(connection, here)  # nothing was done with what was asked for then
+        return
     if there["plan"] != plan.name:
         raise OutputError(f"{path}: holds the runs of {there['plan']}, not of {plan.name}; name another file")
     _check_settings(path, here["settings"], there["settings"])
     _check_environment(connection, path, environment, there["environment"])
 
 
+def _sealed_meta(connection: sqlite3.Connection, path: Path) -> dict[str, str]:
+    """Return what a store is for, once its schema is known to be this one: another may keep other things."""
+    rows = connection.execute("SELECT name, value, checksum FROM meta").fetchall()
+    there = {name: value for name, value, _ in rows}
+    if any(_seal(name, value) != checksum for name, value, checksum in rows) or "schema" not in there:
+        raise OutputError(f"{path}: {_DAMAGED}")
+    if there["schema"] != SCHEMA:
+        raise OutputError(
+            f"{path}: a store of another version ({_cut(there['schema'])}, not {SCHEMA}); name another file"
+        )
+    if set(there) != set(_NAMES):
+        raise OutputError(f"{path}: {_DAMAGED}")
+    return there
+
+
 def _check_settings(path: Path, here: str, there: str) -> None:
     if here != there:
-        ours, theirs = _texts(here), _texts(there)
+        ours, theirs = _texts(here, path), _texts(there, path)
         name = min(n for n in {*ours, *theirs} if ours.get(n) != theirs.get(n))
         raise OutputError(
             f"{path}: made with other settings ({name}: {_cut(theirs.get(name))}, now {_cut(ours.get(name))}); "
@@ -250,7 +315,7 @@ def _check_settings(path: Path, here: str, there: str) -> None:
 def _check_environment(
     connection: sqlite3.Connection, path: Path, environment: Mapping[str, str], there: str
 ) -> None:
-    kept = _texts(there, plain=True)
+    kept = _texts(there, path, plain=True)
     unlike = differences(environment, kept)
     if unlike:
         raise OutputError(
@@ -260,9 +325,9 @@ def _check_environment(
     _write_meta(connection, {"environment": to_text({**kept, **environment}, "environment")})
 
 
-def _texts(text: str, plain: bool = False) -> dict[str, str]:
+def _texts(text: str, path: Path, plain: bool = False) -> dict[str, str]:
     """Return the entries of a JSON object, each as text."""
-    value = from_text(text)
+    value = _read(text, path)
     items = value.items() if isinstance(value, dict) else ()
     return {name: str(item) if plain else to_text(item, name) for name, item in items}
 

@@ -14,7 +14,7 @@ import pytest
 
 from stoop.campaign import CampaignError, Plan, Run
 from stoop.campaign import store as room
-from stoop.campaign.store import Store, open_store
+from stoop.campaign.store import Store, forget, open_store
 from stoop.errors import OutputError, StoopError
 
 HERE = {"numpy": "2.1", "processor": "zen"}
@@ -30,6 +30,12 @@ def fill(path: Path, count: int = 50) -> bytes:
 def look(path: Path, plan: Plan = PLAN, environment: dict[str, str] | None = None) -> dict[str, str]:
     with open_store(path, plan, environment or HERE) as store:
         return store.results(plan.runs)
+
+
+def change(path: Path, *statements: str, values: tuple[str, ...] = ()) -> None:
+    with closing(sqlite3.connect(path)) as other, other:
+        for statement in statements:
+            other.execute(statement, values)
 
 
 def refused(path: Path, what: str, plan: Plan = PLAN, environment: dict[str, str] | None = None) -> None:
@@ -114,6 +120,14 @@ def test_another_version_of_the_schema(path: Path, monkeypatch: pytest.MonkeyPat
     refused(path, "another version")
 
 
+def test_a_later_schema_may_keep_other_things(path: Path) -> None:
+    fill(path)
+    later = "stoop-campaign/2"
+    change(path, "DELETE FROM meta WHERE name <> 'schema'", "DROP TABLE runs")
+    change(path, "UPDATE meta SET value = ?, checksum = ?", values=(later, room._seal("schema", later)))
+    refused(path, f"a store of another version \\({later}, not {room.SCHEMA}\\); name another file")
+
+
 def test_a_second_driver(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(room, "_PATIENCE", 0.01)
     fill(path)
@@ -175,6 +189,82 @@ def test_a_header_that_was_changed(path: Path, change: str) -> None:
     with closing(sqlite3.connect(path)) as other, other:
         other.execute(change)
     refused(path, "")
+
+
+@pytest.mark.parametrize("words", ["DROP TABLE runs", "ALTER TABLE runs RENAME COLUMN result TO found"])
+def test_a_table_that_is_not_there(path: Path, words: str) -> None:
+    fill(path)
+    change(path, words)
+    refused(path, "damaged; restore a copy")
+
+
+@pytest.mark.parametrize("text", ["{", "", "[" * 100_000])
+def test_a_result_or_setting_with_a_checksum_that_is_no_json(path: Path, text: str) -> None:
+    fill(path, 3)
+    seal = room._seal("001", PLAN.runs[1].identity, text)
+    change(path, "UPDATE runs SET result = ?, checksum = ? WHERE key = '001'", values=(text, seal))
+    refused(path, "holds something else than JSON: damaged")
+    path.unlink()
+    fill(path, 3)
+    seal = room._seal("settings", text)
+    change(path, "UPDATE meta SET value = ?, checksum = ? WHERE name = 'settings'", values=(text, seal))
+    refused(path, "holds something else than JSON: damaged")
+
+
+def test_a_store_with_no_runs_pins_nothing(path: Path) -> None:
+    fill(path, 0)
+    other = Plan("q", {"seed": 2}, PLAN.runs)
+    assert look(path, other, {"numpy": "2.2"}) == {}
+    with open_store(path, other, {"numpy": "2.2"}) as store:
+        store.add(other.runs[:1], ["1"])
+    refused(path, "holds the runs of q, not of p")
+    refused(path, "numpy 2.1 here, 2.2 there", other)
+
+
+def test_forgetting_a_store(path: Path) -> None:
+    forget(path)
+    fill(path)
+    journal, link = path.with_name(f"{path.name}-journal"), path.with_name("link.sqlite")
+    link.symlink_to(path)
+    forget(link)
+    assert not path.exists()
+    assert not journal.exists()
+    path.touch()
+    forget(path)
+    assert not path.exists()
+
+
+@pytest.mark.parametrize(
+    "what", ["tables", "owner", "x", "SQLite format 3\0", "SQLite format 3\0" * 99, "folder"]
+)
+def test_forgetting_nothing_of_other_programs(path: Path, what: str) -> None:
+    path.parent.mkdir()
+    if what == "folder":
+        path.mkdir()
+        with pytest.raises(OutputError, match="is no store"):
+            forget(path)
+        return
+    if what == "tables":
+        change(path, "CREATE TABLE thesis (chapter TEXT)", "INSERT INTO thesis VALUES ('one')")
+    elif what == "owner":
+        change(path, "PRAGMA application_id = 252006675", "CREATE TABLE maps (tile BLOB)")
+    else:
+        path.write_text(what)
+    before = path.read_bytes()
+    with pytest.raises(OutputError, match=f"^{re.escape(str(path))}: .*is no store of a campaign"):
+        forget(path)
+    assert path.read_bytes() == before
+
+
+def test_forgetting_no_store_in_use(path: Path) -> None:
+    fill(path)
+    with (
+        open_store(path, PLAN, HERE) as store,
+        pytest.raises(OutputError, match="cannot be removed: in use by another process"),
+    ):
+        forget(path)
+    assert store
+    assert len(look(path)) == 50
 
 
 @pytest.mark.parametrize("where", ["file/runs.sqlite", "folder", "/proc/runs.sqlite"])

@@ -126,9 +126,11 @@ def test_overwrite_waits_for_nobody(refused: Complaint, tmp_path: Path) -> None:
 
 
 def store(path: Path) -> None:
-    """Make a store with nothing in it but what it is for."""
+    """Make a store with one run in it: without any it would hold on to nothing."""
     from stoop.campaign import environment
     from stoop.campaign.store import open_store
 
-    with open_store(path, EXPERIMENTS["noise"].plan(Setting(1)), environment()):  # type: ignore[arg-type]
-        pass
+    plan = EXPERIMENTS["noise"].plan(Setting(1))
+    assert plan is not None
+    with open_store(path, plan, environment()) as made:
+        made.add(plan.runs[:1], ["null"])

@@ -257,6 +257,16 @@ def test_what_is_no_store_is_left_alone(tmp_path: Path) -> None:
     assert (tmp_path / "compare.sqlite").read_text(encoding="utf-8") == "my thesis"
 
 
+def test_another_programs_database_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "compare.sqlite"
+    with closing(sqlite3.connect(path)) as other, other:
+        other.execute("CREATE TABLE thesis (chapter TEXT)")
+    before = path.read_bytes()
+    with pytest.raises(OutputError, match=r"compare\.sqlite: is no store of a campaign, and is not removed"):
+        prepare(tmp_path, overwrite=True)
+    assert path.read_bytes() == before
+
+
 def test_tables_of_something_else_are_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "runs.csv").write_text("mine", encoding="utf-8")
     with pytest.raises(OutputError, match=r"runs\.csv"):

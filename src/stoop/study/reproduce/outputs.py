@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
 from pathlib import Path
 from typing import Final
 
 from markupsafe import Markup
 
 from stoop.campaign import Plan
-from stoop.campaign.store import APPLICATION
+from stoop.campaign.store import forget
 from stoop.errors import OutputError
 from stoop.files import write_text_atomic
 from stoop.report.sheet import Code, Prose, Section, Sheet, Table, write_sheet
@@ -82,30 +80,12 @@ def prepare(folder: Path, name: str, overwrite: bool) -> None:
     except OSError as error:
         raise OutputError(f"{folder}: cannot be made ({error.strerror}); choose another") from None
     if overwrite:
-        _forget(_store(folder, name))
+        forget(_store(folder, name))
     elif not _ours(folder, name):
         raise OutputError(
             f"{page_path(folder, name)}: is of something else than stoop reproduce {name}; "
             "add --overwrite, or choose another folder"
         )
-
-
-def _forget(store: Path) -> None:
-    """Remove a store, if it is one and nobody uses it."""
-    if not store.exists():
-        return
-    try:
-        with closing(sqlite3.connect(store, timeout=0.0)) as connection:
-            connection.execute("BEGIN EXCLUSIVE")
-            (owner,) = connection.execute("PRAGMA application_id").fetchone()
-            if owner != APPLICATION:
-                raise OutputError(f"{store}: is no store of stoop; move it away, or choose another folder")
-        store.unlink()
-        store.with_name(f"{store.name}-journal").unlink(missing_ok=True)
-    except (sqlite3.Error, OSError) as error:
-        raise OutputError(
-            f"{store}: cannot be removed ({error}); end what uses it, or choose another folder"
-        ) from None
 
 
 def _ours(folder: Path, name: str) -> bool:
