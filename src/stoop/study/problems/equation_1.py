@@ -8,8 +8,8 @@ the paper does not print are ours.
 from __future__ import annotations
 
 import functools
-from typing import Any
 
+from stoop.errors import IdentificationError
 from stoop.simulate import parse_maneuver
 from stoop.simulate.fly import fly
 from stoop.study.problems import Posed
@@ -45,7 +45,7 @@ def names() -> tuple[str, ...]:
     return NAMES
 
 
-def pose(name: str, seed: int, box: str = "N", **arguments: Any) -> Posed:
+def pose(name: str, seed: int, box: str = "N", **arguments: object) -> Posed:
     """Pose one of these problems; the seed draws box and noise.
 
     Parameters
@@ -54,7 +54,14 @@ def pose(name: str, seed: int, box: str = "N", **arguments: Any) -> Posed:
     seed : int
     box : str
         N, S or W.
+
+    Raises
+    ------
+    IdentificationError
+        Another argument than ``box``, or another box.
     """
+    if arguments:
+        raise IdentificationError(f"problem {name}: knows no {', '.join(sorted(arguments))}; leave it out")
     kind, *more = name.split("+")
     case = lateral() if kind == "lateral" else longitudinal()
     noise = "noise" in more

@@ -147,7 +147,15 @@ class Paper:
 
 
 def box(kind: str, seed: int, truth: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return bounds: N is as wide as each value, W eight times, S begins or ends at zero (sign known)."""
+    """Return bounds: N is as wide as each value, W eight times, S begins or ends at zero (sign known).
+
+    Raises
+    ------
+    IdentificationError
+        There is none of that kind.
+    """
+    if kind not in BOXES:
+        raise IdentificationError(f"box {kind}: there is none of that name; use N, S or W")
     rng, size = np.random.default_rng(10_000 + seed), np.abs(truth)
     if kind == "S":
         far = rng.uniform(2.0, 8.0, len(truth)) * truth

@@ -55,3 +55,11 @@ def test_every_name_can_be_posed() -> None:
 def test_unknown_arguments_are_refused() -> None:
     with pytest.raises(IdentificationError, match="paper-N: knows no flight; leave it out"):
         pose("paper-N", 0, flight="x")
+    with pytest.raises(IdentificationError, match="lateral: knows no flight, wind; leave it out"):
+        pose("lateral", 0, wind="x", flight="y")
+
+
+@pytest.mark.parametrize("name", ["lateral", "longitudinal-full+noise"])
+def test_unknown_boxes_are_refused(name: str) -> None:
+    with pytest.raises(IdentificationError, match=r"^box Q: there is none of that name; use N, S or W$"):
+        pose(name, 0, box="Q")
