@@ -46,16 +46,19 @@ def test_more_seeds_extend_a_store_to_the_same_bytes(tmp_path: Path) -> None:
 
 def test_noise_scatters_as_the_bound_says(tmp_path: Path) -> None:
     rows = [r for r in reproduce(tmp_path, "noise", 24) if r["method"] == "ps-gde-lm"]
-    squares = [float(r["scatter_over_bound"]) ** 2 for r in rows]
+    squares = [float(r["scatter_over_bound"]) ** 2 for r in rows if r["parameter"] != "pooled"]
+    assert "--box W" in (tmp_path / "noise.html").read_text(encoding="utf-8")
+    assert {r["wrong_optima"] for r in rows} == {"0"}
     assert len(squares) == 10
     assert sum(squares) / 10.0 == pytest.approx(1.0, abs=0.3), "240 estimates, correlated among the ten"
 
 
 @pytest.mark.parametrize(
-    ("name", "holds"),
+    ("name", "part", "holds"),
     [
         (
             "lateral",
+            "biases",
             [
                 "holds: default: all 18 values without noise",
                 "does not reproduce: The asymmetry terms absorb most",
@@ -64,6 +67,7 @@ def test_noise_scatters_as_the_bound_says(tmp_path: Path) -> None:
         ),
         (
             "longitudinal-full",
+            "propulsion",
             [
                 "holds: default: all 14 values without noise",
                 "reproduces: The V terms catch the propulsion",
@@ -74,11 +78,14 @@ def test_noise_scatters_as_the_bound_says(tmp_path: Path) -> None:
     ],
 )
 def test_the_claims_of_the_text(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, holds: list[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, part: str, holds: list[str]
 ) -> None:
     reproduce(tmp_path, name, 2)
     said = capsys.readouterr().out
     assert [words for words in holds if f"- {words}" not in said] == []
+    with (tmp_path / f"{name}-{part}.csv").open(newline="", encoding="utf-8") as file:
+        models = [row["model"] for row in csv.DictReader(file)]
+    assert len(models) == {"biases": (6 + 2) * 3, "propulsion": 1 + (1 + 2) * 3}[part]
 
 
 def test_ablation_and_sweep(tmp_path: Path) -> None:

@@ -42,8 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("-o", "--output", metavar="DIR", type=Path, default=HERE, help=folder)
     add("--runs", metavar="N", type=at_least_one, help="seeds of each case (default: as the list below says)")
     add("--seed", metavar="N", type=count, default=0, help="the first of them (default: 0)")
-    bounds = "bounds: N as wide as each value, W eight times, S from zero (default: N)"
-    add("--box", choices=("N", "S", "W"), default="N", help=bounds)
+    bounds = "bounds: N as wide as each value, W eight times, S from zero (default: N; noise: W)"
+    add("--box", choices=("N", "S", "W"), help=bounds)
     add_campaign_arguments(parser)
     again = "begin anew: forget the runs in DIR, and replace files of something else"
     add("--overwrite", action="store_true", help=again)
@@ -69,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _setting(arguments: argparse.Namespace, experiment: Experiment) -> Setting:
     from stoop.study.reproduce.findings import Setting
 
-    return Setting(arguments.runs or experiment.runs, arguments.seed, arguments.box)
+    return Setting(arguments.runs or experiment.runs, arguments.seed, arguments.box or experiment.box)
 
 
 def _one(arguments: argparse.Namespace, experiment: Experiment, setting: Setting) -> Findings:

@@ -84,6 +84,14 @@ def test_files_of_others_stay(refused: Complaint, tmp_path: Path, name: str) -> 
     assert (tmp_path / name).read_text() != "mine"
 
 
+def test_a_further_table_of_others_stays(refused: Complaint, tmp_path: Path) -> None:
+    path = tmp_path / "lateral-biases.csv"
+    path.write_text("mine")
+    assert "is of something else than stoop reproduce lateral" in refused("lateral", "-o", str(tmp_path))
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+    assert path.read_text() == "mine"
+
+
 def test_an_index_of_others_stays(refused: Complaint, tmp_path: Path) -> None:
     (tmp_path / "index.html").write_text("mine")
     assert "index.html: is of something else" in refused("all", "-o", str(tmp_path))
@@ -93,7 +101,7 @@ def test_a_store_of_another_box_or_version_is_refused(refused: Complaint, tmp_pa
     command = ["noise", "-o", str(tmp_path), "--runs", "1", "--workers", "1"]
     store(tmp_path / "noise.sqlite")
     before = (tmp_path / "noise.sqlite").read_bytes()
-    assert "noise.sqlite" in refused(*command, "--box", "W")
+    assert "noise.sqlite" in refused(*command, "--box", "N")
     assert (tmp_path / "noise.sqlite").read_bytes() == before
     with sqlite3.connect(tmp_path / "noise.sqlite") as changed:
         changed.execute("UPDATE meta SET value = replace(value, 'numpy', 'mumpy')")
@@ -130,7 +138,7 @@ def store(path: Path) -> None:
     from stoop.campaign import environment
     from stoop.campaign.store import open_store
 
-    plan = EXPERIMENTS["noise"].plan(Setting(1))
+    plan = EXPERIMENTS["noise"].plan(Setting(1, box="W"))
     assert plan is not None
     with open_store(path, plan, environment()) as made:
         made.add(plan.runs[:1], ["null"])

@@ -59,6 +59,8 @@ class Ablation:
 
     name: str = "ablation"
     runs: int = 50
+    box: str = "N"
+    parts: tuple[str, ...] = ()
 
     def plan(self, setting: Setting) -> Plan:
         """Return all runs."""

@@ -87,9 +87,14 @@ def nuisances(model: str) -> list[Nuisance]:
 
 
 def bounds(names: Sequence[str], seed: int) -> tuple[FloatArray, FloatArray]:
-    """Return box N of the coefficients, and boxes about zero for the asymmetry terms."""
+    """Return boxes twice as wide as box W about the coefficients, and boxes about zero for the asymmetry terms.
+
+    A model that lacks something puts coefficients far off; bounds that it meets would hide how far.
+    """
     case = truth()
-    low, high = box("N", seed, np.array([case.vehicle.value(n) for n in OTHERS]))
+    low, high = box("W", seed, np.array([case.vehicle.value(n) for n in OTHERS]))
+    margin = 0.5 * (high - low)
+    low, high = low - margin, high + margin
     table = dict(zip(OTHERS, zip(low.tolist(), high.tolist(), strict=True), strict=True))
     middles = np.random.default_rng(30_000 + seed).uniform(-0.5 * REACH, 0.5 * REACH, len(TERMS))
     table |= {n: (float(m) - REACH, float(m) + REACH) for n, m in zip(TERMS, middles, strict=True)}

@@ -56,6 +56,8 @@ class Figure1:
 
     name: str = "figure1"
     runs: int = 200
+    box: str = "N"
+    parts: tuple[str, ...] = ()
 
     def plan(self, setting: Setting) -> None:
         """Return nothing: it takes no time."""

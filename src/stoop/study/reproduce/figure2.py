@@ -123,6 +123,8 @@ class Figure2:
 
     name: str = "figure2"
     runs: int = 100
+    box: str = "N"
+    parts: tuple[str, ...] = ()
 
     def plan(self, setting: Setting) -> None:
         """Return nothing: it takes no time."""

@@ -39,6 +39,8 @@ class Figure3:
 
     name: str = "figure3"
     runs: int = 1
+    box: str = "N"
+    parts: tuple[str, ...] = ()
 
     def plan(self, setting: Setting) -> None:
         """Return nothing: it takes no time."""

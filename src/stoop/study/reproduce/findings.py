@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -17,6 +17,9 @@ from stoop.study.tables import Cell, csv_text
 CLAIMS_HEAD: Final = ("verdict", "statement: what was measured")
 FloatArray = NDArray[np.float64]
 Results = Mapping[str, Any]
+Numbers = tuple[
+    tuple[str, ...], tuple[tuple[Cell, ...], ...]
+]  #: names of the columns, and the rows under them
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,8 @@ class Findings:
     sections : tuple of Section
         Beside the claims and the reconstructions, which every page has.
     head, rows : the table that is written as CSV
+    parts : mapping
+        Further tables, by what is added to the name of the first.
     """
 
     title: str
@@ -95,11 +100,16 @@ class Findings:
     sections: tuple[Section, ...]
     head: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
+    parts: Mapping[str, Numbers] = field(default_factory=dict)
 
     @property
     def csv(self) -> str:
         """The numbers as text."""
         return csv_text(self.head, self.rows)
+
+    def part(self, name: str) -> str:
+        """Return the numbers of a further table as text."""
+        return csv_text(*self.parts[name])
 
     def sheet(self, command: str) -> Sheet:
         """Return the page; the command that makes it stands at its end."""
@@ -126,6 +136,14 @@ class Experiment(Protocol):
     @property
     def runs(self) -> int:
         """Seeds per case when none are asked for."""
+
+    @property
+    def box(self) -> str:
+        """Which bounds when none are asked for."""
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of the further tables that it writes."""
 
     def plan(self, setting: Setting) -> Plan | None:
         """Return all runs; None where there is nothing that takes long."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -10,12 +10,17 @@ import numpy as np
 
 from stoop.campaign import Plan
 from stoop.report.sheet import Prose, Section, Table
+from stoop.study.problems.experiment import LATERAL
 from stoop.study.reproduce import asymmetry, recovery
 from stoop.study.reproduce.asymmetry import BIASES, MODELS, OTHERS, TERMS, Fits
 from stoop.study.reproduce.findings import Claim, Findings, Results, Setting, holds, number, reproduces
 from stoop.study.reproduce.plans import planned
+from stoop.study.tables import Cell
 
 PROBLEM: Final = "lateral"
+FITS_HEAD: Final = (
+    "biased", "model", "noise", "seed", "cost", "error_rms", "error_worst", *LATERAL, *(f"{c}_bias" for c in BIASES),
+)  # fmt: skip
 LEAD: Final = """\
 The paper's model has 18 lateral and directional terms that its experiment leaves out. Here they are found from a \
 maneuver with rudder and aileron, on all six degrees of freedom and from all twelve channels, with truths of our own. \
@@ -25,7 +30,8 @@ WORDS: Final = """\
 The truth is symmetric: the three terms are zero. Its sensors are biased by twice their noise, one at a time and all \
 five together. Three models are fitted: with the terms at zero, with the terms free, and with the terms at zero but \
 the five biases free. Errors are those of the other 15 coefficients, in standard deviations that noise alone would \
-cause (Cramer-Rao), so that 1 is what a perfect fit of noisy data has."""
+cause (Cramer-Rao), so that 1 is what a perfect fit of noisy data has. Bounds are twice as wide as those of box W, \
+so that none is met."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +40,8 @@ class Lateral:
 
     name: str = PROBLEM
     runs: int = 20
+    box: str = "N"
+    parts: tuple[str, ...] = ("biases",)
 
     def plan(self, setting: Setting) -> Plan:
         """Return all runs of both parts."""
@@ -54,6 +62,7 @@ class Lateral:
             ),
             recovery.HEAD,
             tuple(recovery.rows(found, setting.seeds)),
+            {"biases": (FITS_HEAD, tuple(_fit_rows(fits, noisy, setting)))},
         )
 
 
@@ -157,3 +166,16 @@ def _each(fits: Mapping[str, Fits]) -> Table:
         ("parameter", *MODELS),
         rows,
     )
+
+
+def _fit_rows(
+    fits: Mapping[str, Fits], noisy: Sequence[Fits], setting: Setting
+) -> Iterator[tuple[Cell, ...]]:
+    """Give one row per fit; errors are those of the other 15 in standard deviations, nothing stands for not free."""
+    every = [(case, False, setting.seed, fit) for case, fit in fits.items()]
+    every += [("all", True, seed, fit) for seed, fit in zip(setting.seeds, noisy, strict=True)]
+    columns = (*LATERAL, *(f"sensors.{c}.bias" for c in BIASES))
+    for case, noise, seed, fit in every:
+        for m in MODELS:
+            told = (fit.costs[m], fit.rms(m), fit.worst(m), *(fit.values[m].get(n) for n in columns))
+            yield (case, m, noise, seed, *told)

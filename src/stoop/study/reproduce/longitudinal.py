@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -11,12 +11,15 @@ import numpy as np
 from stoop.campaign import Plan
 from stoop.report.sheet import Prose, Section, Table
 from stoop.study.problems.experiment import SAMPLES, TABLE_1
+from stoop.study.problems.paper import paper
 from stoop.study.reproduce import propulsion, recovery
 from stoop.study.reproduce.findings import Claim, Findings, Results, Setting, number, reproduces
 from stoop.study.reproduce.plans import planned
 from stoop.study.reproduce.propulsion import MODELS, TERMS, Fits, expected, thrust
+from stoop.study.tables import Cell
 
 PROBLEM: Final = "longitudinal-full"
+FITS_HEAD: Final = ("model", "noise", "seed", "cost", "largest_error", *TABLE_1, *TERMS)
 LEAD: Final = """\
 The paper's model has 14 longitudinal terms, its experiment identifies ten. Here all 14 are found from the same \
 maneuver, the four others at values of our own that are not zero. Then the paper's reason for the V terms is tried: \
@@ -25,7 +28,8 @@ WORDS: Final = """\
 The truth flies with a propeller whose thrust falls with airspeed, as at constant power; all its V terms are zero. \
 Three models are fitted to that flight: one with constant thrust and no V terms, one with constant thrust and free \
 V terms, and one that knows the propeller. To first order a thrust slope T' looks like CDV = -T' V* cos(alpha) / \
-(qbar S) and CLV = T' V* sin(alpha) / (qbar S); what is left after that is of second order."""
+(qbar S) and CLV = T' V* sin(alpha) / (qbar S); what is left after that is of second order. The ten coefficients are sought in \
+box W: in box N the wrong model meets a bound."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,8 @@ class LongitudinalFull:
 
     name: str = PROBLEM
     runs: int = 20
+    box: str = "N"
+    parts: tuple[str, ...] = ("propulsion",)
 
     def plan(self, setting: Setting) -> Plan:
         """Return all runs of both parts."""
@@ -54,6 +60,7 @@ class LongitudinalFull:
             ),
             recovery.HEAD,
             tuple(recovery.rows(found, setting.seeds)),
+            {"propulsion": (FITS_HEAD, tuple(_fit_rows(fits, setting)))},
         )
 
 
@@ -131,3 +138,20 @@ def _errors(fits: Mapping[str, Fits]) -> Table:
 
 def _percent(share: float, sign: bool = True) -> str:
     return f"{100.0 * share:{'+' if sign else ''}.2f} %".replace("-", "−")
+
+
+def _fit_rows(fits: Mapping[str, Fits], setting: Setting) -> Iterator[tuple[Cell, ...]]:
+    """Give what is expected to first order, then one row per fit; nothing stands for what is not free."""
+    wanted = expected()
+    yield ("first order", None, None, None, None, *(None for _ in TABLE_1), *(wanted[n] for n in TERMS))
+    for model, fit in fits.items():
+        yield (model, False, setting.seed, fit.cost, *_told(fit.clean))
+        for i, (seed, cost) in enumerate(zip(setting.seeds, fit.costs, strict=True)):
+            yield (model, True, seed, float(cost), *_told({n: v[i] for n, v in fit.noisy.items()}))
+
+
+def _told(values: Mapping[str, float]) -> tuple[Cell, ...]:
+    """Return the largest relative error of the ten, and all estimates."""
+    estimates = [None if n not in values else float(values[n]) for n in (*TABLE_1, *TERMS)]
+    off = np.array([values[n] for n in TABLE_1]) / paper().truth - 1.0
+    return (float(np.abs(off).max()), *estimates)

@@ -1,4 +1,4 @@
-"""What an experiment leaves in its folder: NAME.html, NAME.csv, and NAME.sqlite where it has many runs."""
+"""What an experiment leaves in its folder: NAME.html, NAME.csv, NAME-PART.csv, and NAME.sqlite where runs are many."""
 
 from __future__ import annotations
 
@@ -41,13 +41,15 @@ def reproduce(
     StoopError
         The folder cannot be used, or a run failed; nothing is lost.
     """
-    prepare(folder, experiment.name, overwrite)
+    prepare(folder, experiment, overwrite)
     plan = experiment.plan(setting)
     results = {} if plan is None else execute(plan, _store(folder, experiment.name))
     findings = experiment.findings(setting, results)
     # the page first: a table without a page would not be known as ours when the command is given again
     write_sheet(findings.sheet(command(experiment.name, setting)), page_path(folder, experiment.name))
     write_text_atomic(folder / f"{experiment.name}.csv", findings.csv)
+    for part in experiment.parts:
+        write_text_atomic(folder / f"{experiment.name}-{part}.csv", findings.part(part))
     return findings
 
 
@@ -65,7 +67,7 @@ def _store(folder: Path, name: str) -> Path:
     return folder / f"{name}.sqlite"
 
 
-def prepare(folder: Path, name: str, overwrite: bool) -> None:
+def prepare(folder: Path, experiment: Experiment, overwrite: bool) -> None:
     """Make the folder; refuse what is not ours, or with ``overwrite`` begin anew.
 
     Raises
@@ -73,6 +75,7 @@ def prepare(folder: Path, name: str, overwrite: bool) -> None:
     OutputError
         The folder is a file, cannot be made, or holds files of something else.
     """
+    name = experiment.name
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
@@ -81,19 +84,21 @@ def prepare(folder: Path, name: str, overwrite: bool) -> None:
         raise OutputError(f"{folder}: cannot be made ({error.strerror}); choose another") from None
     if overwrite:
         forget(_store(folder, name))
-    elif not _ours(folder, name):
+    elif not _ours(folder, experiment):
         raise OutputError(
             f"{page_path(folder, name)}: is of something else than stoop reproduce {name}; "
             "add --overwrite, or choose another folder"
         )
 
 
-def _ours(folder: Path, name: str) -> bool:
-    """Whether page and table are missing, or of an earlier run of the experiment."""
-    page, table = page_path(folder, name), folder / f"{name}.csv"
+def _ours(folder: Path, experiment: Experiment) -> bool:
+    """Whether page and tables are missing, or of an earlier run of the experiment."""
+    name = experiment.name
+    page = page_path(folder, name)
     if page.exists():
         return _says(page, f"stoop reproduce {name}")
-    return not table.exists() or _store(folder, name).exists()
+    tables = (f"{name}.csv", *(f"{name}-{part}.csv" for part in experiment.parts))
+    return not any((folder / t).exists() for t in tables) or _store(folder, name).exists()
 
 
 def _says(page: Path, words: str) -> bool:

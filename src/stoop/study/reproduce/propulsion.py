@@ -117,8 +117,11 @@ def work(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Any]
 
 
 def bounds(names: Sequence[str], seed: int) -> tuple[FloatArray, FloatArray]:
-    """Return box N of the ten coefficients, and boxes of width one about zero for the V terms."""
-    low, high = box("N", seed, paper().truth)
+    """Return box W of the ten coefficients, and boxes of width one about zero for the V terms.
+
+    A model that lacks something puts coefficients far off; bounds that it meets would hide how far.
+    """
+    low, high = box("W", seed, paper().truth)
     middles = np.random.default_rng(20_000 + seed).uniform(-0.3, 0.3, len(TERMS))
     extra = len(names) - len(TABLE_1)
     return np.append(low, (middles - 0.5)[:extra]), np.append(high, (middles + 0.5)[:extra])

@@ -61,6 +61,8 @@ class Sweep:
 
     name: str = "sweep"
     runs: int = 20
+    box: str = "N"
+    parts: tuple[str, ...] = ()
 
     def plan(self, setting: Setting) -> Plan:
         """Return all runs."""

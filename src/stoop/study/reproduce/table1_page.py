@@ -70,6 +70,8 @@ class Table1:
 
     name: str = "table1"
     runs: int = 50
+    box: str = "N"
+    parts: tuple[str, ...] = ()
 
     def plan(self, setting: Setting) -> Plan:
         """Return all runs."""

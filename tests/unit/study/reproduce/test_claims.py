@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from stoop.study.problems import pose
 from stoop.study.problems.experiment import TABLE_1
 from stoop.study.problems.paper import paper
+from stoop.study.reproduce.bound import deviations
 from stoop.study.reproduce.findings import Setting, number
 from stoop.study.reproduce.noise import Noise, scatter
 from stoop.study.reproduce.races import Race, holm, mann_whitney
@@ -91,6 +93,25 @@ def test_noise_asks_for_the_optimum_of_every_seed() -> None:
     assert [run.key for run in plan.runs] == [
         f"{who}/{seed:06d}" for who in ("ps-gde-lm", "ps-gde", "truth") for seed in (7, 8)
     ]
+
+
+def test_noise_tells_wrong_optima_and_how_far_the_methods_are_apart() -> None:
+    truth = np.array(pose("paper-W", 0).truth)
+    sigma = deviations(pose("paper-W", 0))
+    z = {"ps-gde-lm": (1.0, -1.0), "ps-gde": (1.25, -1.0)}
+    results: dict[str, Any] = {f"truth/{s:06d}": {"cost": 9000.0} for s in (0, 1)}
+    for method, scores in z.items():
+        for s, score in enumerate(scores):
+            cost = 9000.0 if (method, s) != ("ps-gde", 1) else 9010.0
+            told = {"values": (truth + score * sigma).tolist(), "cost": cost, "evaluations": 30.0}
+            results[f"{method}/{s:06d}"] = told
+    found = Noise().findings(Setting(runs=2, box=Noise().box), results)
+    rows = [dict(zip(found.head, row, strict=True)) for row in found.rows]
+    pooled = {r["method"]: r for r in rows if r["parameter"] == "pooled"}
+    assert len(rows) == 22
+    assert [r["wrong_optima"] for r in pooled.values()] == [0, 1]
+    assert pooled["ps-gde"]["largest_difference_over_bound"] == pytest.approx(0.25)
+    assert pooled["ps-gde-lm"]["scatter_over_bound"] == pytest.approx(1.0)
 
 
 def test_a_sweep_runs_the_papers_own_variant_once() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from stoop.study.problems import pose
+from stoop.study.problems.experiment import TABLE_1
 from stoop.study.problems.paper import paper
 from stoop.study.reproduce import asymmetry, propulsion
 from stoop.study.reproduce.bound import deviations
@@ -37,6 +38,22 @@ def test_models_of_the_propulsion(name: str, least: float) -> None:
         assert told["values"]["CDV"] == pytest.approx(wanted["CDV"], rel=0.1)
     else:
         assert told["values"]["CLalpha"] == pytest.approx(4.78, rel=1e-6)
+
+
+@pytest.mark.parametrize("model", asymmetry.MODELS)
+def test_no_bound_hides_how_far_a_wrong_model_is_off(model: str) -> None:
+    (told,) = asymmetry.work({"case": "all", "model": model, "noise": False, "seed": 0}, [None])
+    names = [n for n in told["values"] if n in asymmetry.LATERAL]
+    _inside(np.array([told["values"][n] for n in names]), *asymmetry.bounds(names, 0))
+
+
+def test_nor_without_the_v_terms() -> None:
+    (told,) = propulsion.work({"model": "V terms zero", "noise": False, "seed": 0}, [None])
+    _inside(np.array([told["values"][n] for n in TABLE_1]), *propulsion.bounds(TABLE_1, 0))
+
+
+def _inside(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
+    assert (np.minimum(values - low, high - values) > 1e-3 * (high - low)).all()
 
 
 def test_biases_are_added_to_their_channels_only() -> None:
