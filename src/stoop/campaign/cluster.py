@@ -9,6 +9,8 @@ from __future__ import annotations
 import contextlib
 import functools
 import logging
+import re
+import socket
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Future
@@ -21,6 +23,9 @@ from stoop.campaign.pool import Hands
 from stoop.campaign.task import Report
 from stoop.errors import CampaignError, StoopError
 
+_ADDRESS: Final = re.compile(r"(tcp|tls|ws|wss)://(?:\[([^\s/\[\]]+)\]|([^\s/:\[\]]+)):(\d{1,5})")
+_PORTS: Final = range(1, 1 << 16)
+_AGAIN = 0.2  #: s between knocks at the door of a scheduler
 _LOOK = 2.0  #: s between questions to the scheduler
 _SAFE: Final = "what is done is safe"
 
@@ -36,10 +41,22 @@ class Dask:
         "tcp://host:port"
     timeout : float, s
         How long to wait for the scheduler.
+
+    Raises
+    ------
+    CampaignError
+        It is no such address.
     """
 
     address: str
     timeout: float = 10.0
+
+    def __post_init__(self) -> None:
+        found = _ADDRESS.fullmatch(self.address)
+        if found is None or int(found[4]) not in _PORTS:
+            raise CampaignError(
+                f"scheduler {self.address!r}: is no address; give tcp://HOST:PORT as dask scheduler prints it"
+            )
 
     @contextmanager
     def open(self) -> Iterator[Hands]:
@@ -58,24 +75,59 @@ class Dask:
             finally:
                 hands.drop()
 
-    def _connect(self, make: Callable[..., Any]) -> Any:
+    def _connect(self, make: type[Any]) -> Any:
         try:
-            return make(self.address, timeout=self.timeout, set_as_default=False)
-        except (OSError, ValueError, TypeError) as error:
+            self._await_scheduler()
+            return _made(make, self.address, self.timeout)
+        except Exception as error:  # a stranger's answer may be anything, a lack of memory included
             raise CampaignError(
                 f"scheduler {self.address}: cannot be reached ({_first_line(error)}); check the address, and that "
                 "dask scheduler runs there"
             ) from error
 
+    def _await_scheduler(self) -> None:
+        """Wait until the scheduler answers.
 
-def _client_class() -> Callable[..., Any]:
+        Dask's client is not made before: one that fails leaves threads behind, which complain later, and it waits for
+        ever where something else than a scheduler listens.
+        """
+        end = time.monotonic() + self.timeout
+        while True:
+            try:
+                return self._knock(max(end - time.monotonic(), _AGAIN))
+            except OSError:
+                if time.monotonic() + _AGAIN > end:
+                    raise
+            time.sleep(_AGAIN)
+
+    def _knock(self, patience: float) -> None:
+        """Connect once; over plain TCP a scheduler speaks first."""
+        found = _ADDRESS.fullmatch(self.address)
+        assert found is not None  # noqa: S101 - see above
+        with socket.create_connection((found[2] or found[3], int(found[4])), patience) as door:
+            if found[1] == "tcp" and not door.recv(1):
+                raise ConnectionResetError("what listens there hangs up")
+
+
+def _made(make: type[Any], address: str, timeout: float) -> Any:
+    """Return a client; one that fails would try to close itself when it is forgotten, in vain and aloud."""
+    client: Any = object.__new__(make)
+    try:
+        client.__init__(address, timeout=timeout, set_as_default=False)
+    except BaseException:
+        client.status = "closed"
+        raise
+    return client
+
+
+def _client_class() -> type[Any]:
     try:
         from distributed import Client
     except ImportError:
         raise CampaignError(
             "a Dask scheduler needs the package distributed; pip install 'stoop[distributed]'"
         ) from None
-    made: Callable[..., Any] = Client
+    made: type[Any] = Client
     return made
 
 

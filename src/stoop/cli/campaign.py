@@ -66,9 +66,16 @@ def _leaving_politely(display: Display, store: Path) -> Iterator[None]:
         yield
     except KeyboardInterrupt:
         display.close()
-        done = f"{display.done} runs are safe in {store}" if display.done else "no run was done yet"
-        print(printable(f"stoop: interrupted; {done}, the same command goes on from there"), file=sys.stderr)
+        print(printable(f"stoop: {_farewell(display.done, store)}"), file=sys.stderr)
         raise SystemExit(_INTERRUPTED) from None
+
+
+def _farewell(done: int, store: Path) -> str:
+    """Say what an interruption left, and what to do."""
+    if not done:
+        return "interrupted before any run was done; give the same command to begin again"
+    runs = "1 run is" if done == 1 else f"{done} runs are"
+    return f"interrupted; {runs} safe in {store}: give the same command to do the others"
 
 
 class Display:

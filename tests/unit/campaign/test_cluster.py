@@ -7,10 +7,11 @@ import re
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
-from dataclasses import dataclass, field
+from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
@@ -76,12 +77,86 @@ def cluster(folder: Path) -> Iterator[Cluster]:
 
 
 @pytest.mark.parametrize(
-    "address", ["tcp://127.0.0.1:1", "nonsense://x:1", "tcp://no.such.host.invalid:8786", ""]
-)
-def test_a_scheduler_out_of_reach(tmp_path: Path, address: str) -> None:
+    "address",
+    ["nonsense", "nonsense://x:1", "127.0.0.1:8786", "tcp://127.0.0.1", "tcp://:1", "tcp://a:0", "tcp://a:99999", "tcp://a b:1",
+     "tcp://[::1:1", "tcp://a:1/", ""],
+)  # fmt: skip
+def test_what_is_no_address(address: str) -> None:
+    with pytest.raises(
+        CampaignError, match=rf"^scheduler {re.escape(repr(address))}: is no address; give tcp://"
+    ):
+        Dask(address)
+
+
+@pytest.mark.parametrize("address", ["tcp://[::1]:8786", "tls://10.0.0.1:1", "tcp://node-3.cluster:65535"])
+def test_what_is_an_address(address: str) -> None:
+    assert Dask(address).address == address
+
+
+@contextmanager
+def stranger(says: bytes, hangs_up: bool = False) -> Iterator[str]:
+    """Listen as something that is no scheduler; return the address."""
+
+    def listen() -> None:
+        with suppress(OSError):
+            while True:
+                caller, _ = door.accept()
+                caller.sendall(says)
+                callers.append(caller)
+                if hangs_up:
+                    caller.close()
+
+    callers: list[socket.socket] = []
+    with closing(socket.create_server(("127.0.0.1", 0))) as door:
+        listener = threading.Thread(target=listen, daemon=True)
+        listener.start()
+        yield f"tcp://127.0.0.1:{door.getsockname()[1]}"
+        door.shutdown(socket.SHUT_RDWR)
+        listener.join()
+    for caller in callers:
+        caller.close()
+
+
+def out_of_reach(folder: Path, address: str) -> None:
     with pytest.raises(CampaignError, match=f"^scheduler {re.escape(address)}: cannot be reached") as caught:
-        execute(walks(tmp_path / "log", 1), tmp_path / "s", Dask(address, timeout=0.2))
+        execute(walks(folder / "log", 1), folder / "s", Dask(address, timeout=0.3))
     assert "\n" not in caught.value.args[0]
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "tls://[::1]:1", "tcp://no.such.host.invalid:8786"])
+def test_a_scheduler_out_of_reach(tmp_path: Path, address: str) -> None:
+    out_of_reach(tmp_path, address)
+
+
+def test_something_else_that_hangs_up_or_says_nothing(tmp_path: Path) -> None:
+    with stranger(b"", hangs_up=True) as address:
+        out_of_reach(tmp_path, address)
+    with stranger(b"") as address:
+        out_of_reach(tmp_path, address)
+
+
+def test_there_is_one_line_and_nothing_after_it(tmp_path: Path) -> None:
+    """A process of its own: Dask's client complains when it is collected, and at the end."""
+    code = (
+        "import sys; from pathlib import Path; from unit.campaign.works import walks\n"
+        "from stoop.campaign import CampaignError, Dask, execute\n"
+        "try: execute(walks(Path('log'), 1), Path('s'), Dask(sys.argv[1], 0.3))\n"
+        "except CampaignError as error: print(error.args[0], file=sys.stderr)\n"
+    )
+    with stranger(b"SSH-2.0-OpenSSH\r\n") as banner:
+        for address in ("nonsense", "tcp://127.0.0.1", "tcp://127.0.0.1:1", banner):
+            done = subprocess.run(
+                [sys.executable, "-c", code, address],
+                cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(TESTS)}, capture_output=True, text=True, check=True,
+            )  # fmt: skip
+            assert done.stderr.startswith("scheduler "), done.stderr
+            assert len(done.stderr.splitlines()) == 1, done.stderr
+
+
+def test_after_a_wrong_address_the_right_command_is_taken(tmp_path: Path) -> None:
+    out_of_reach(tmp_path, "tcp://127.0.0.1:1")
+    other = replace(walks(tmp_path / "log", 1), settings={"map": "tent"})
+    assert list(execute(other, tmp_path / "s", LocalProcesses(1))) == ["000/None"]
 
 
 def test_without_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

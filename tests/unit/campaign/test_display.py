@@ -85,17 +85,28 @@ def test_a_campaign_from_the_command_line(tmp_path: Path, capsys: pytest.Capture
     assert capsys.readouterr().err.startswith("walks: 0 of 3 runs\n")
 
 
-def test_ctrl_c(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    ("done", "words"),
+    [
+        (7, "interrupted; 7 runs are safe in {}: give the same command to do the others"),
+        (1, "interrupted; 1 run is safe in {}: give the same command to do the others"),
+        (0, "interrupted before any run was done; give the same command to begin again"),
+    ],
+)
+def test_ctrl_c(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    done: int,
+    words: str,
+) -> None:
     def press(self: Display, tally: Tally) -> None:
-        self.done = 7
+        self.done = done
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Display, "see", press)
-    with pytest.raises(SystemExit) as leaving:
-        run_campaign(parsed("--workers", "1"), walks(tmp_path / "log", 3), tmp_path / "runs.sqlite")
-    assert leaving.value.code == 130
     store = tmp_path / "runs.sqlite"
-    assert (
-        capsys.readouterr().err
-        == f"stoop: interrupted; 7 runs are safe in {store}, the same command goes on from there\n"
-    )
+    with pytest.raises(SystemExit) as leaving:
+        run_campaign(parsed("--workers", "1"), walks(tmp_path / "log", 3), store)
+    assert leaving.value.code == 130
+    assert capsys.readouterr().err == f"stoop: {words.format(store)}\n"
