@@ -308,7 +308,7 @@ def _check_settings(path: Path, here: str, there: str) -> None:
         name = min(n for n in {*ours, *theirs} if ours.get(n) != theirs.get(n))
         raise OutputError(
             f"{path}: made with other settings ({name}: {_cut(theirs.get(name))}, now {_cut(ours.get(name))}); "
-            "give the same again, or name another file"
+            "give the same again, or begin a new store in another folder"
         )
 
 

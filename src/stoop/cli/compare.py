@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from stoop.cli.campaign import add_campaign_arguments, run_campaign
 from stoop.cli.numbers import at_least_one, count, positive
-from stoop.cli.outputs import add_overwrite
 from stoop.cli.page import page
 from stoop.errors import IdentificationError
 
@@ -34,7 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--budget", metavar="N", type=positive, default=20_000.0, help=budget)
     _add_flight(parser)
     add_campaign_arguments(parser)
-    add_overwrite(parser)
+    again = "begin anew: forget the runs in DIR, and replace files of something else"
+    add("--overwrite", action="store_true", help=again)
 
 
 def _add_flight(parser: argparse.ArgumentParser) -> None:

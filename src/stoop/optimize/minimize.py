@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -84,8 +84,8 @@ class Outcome:
     generation: int
     status: Status
     advice: str
-    history: FloatArray
-    state: State | None
+    history: FloatArray = field(repr=False)
+    state: State | None = field(repr=False)
     optimizer: str
 
 

@@ -166,5 +166,7 @@ def check_problems(names: Sequence[str], flown: bool, first_seed: int = 1) -> No
 def _check(name: str, kind: str, known: Sequence[str]) -> None:
     if name in known:
         return
-    near = difflib.get_close_matches(name, known, n=3, cutoff=0.4) or sorted(known)[:8]
+    by_letters = {one.lower(): one for one in known}
+    matches = difflib.get_close_matches(name.lower(), by_letters, n=3, cutoff=0.4)
+    near = [by_letters[match] for match in matches] or sorted(known)[:8]
     raise IdentificationError(f"{kind} {name}: there is none of that name; the nearest are {', '.join(near)}")
