@@ -173,13 +173,13 @@ def test_scipys_evolution_converges_on_a_floor_and_begins_anew() -> None:
     assert outcome.cost == pytest.approx(50.0, abs=1e-9), "polished"
 
 
-def test_scipys_least_squares_gives_a_start_up_after_fifteen_steps(
+def test_scipys_least_squares_gives_a_start_up_after_twenty_steps(
     oscillation: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[int] = []
     monkeypatch.setattr("scipy.optimize.least_squares", lambda *_, max_nfev, **__: asked.append(max_nfev))
     search("scipy-least-squares", oscillation(), generations=2)
-    assert asked == [15, 15]
+    assert asked == [20, 20]
 
 
 def test_limits_of_the_whole_process_are_taken_one_at_a_time() -> None:
