@@ -1,14 +1,16 @@
-"""The page on the paper's experiments says what the committed table says."""
+"""The page on the paper's experiments says what the committed tables and pages say."""
 
 from __future__ import annotations
 
 import csv
+import re
 
 import numpy as np
 import pytest
 
 from docs.pages import DOCS, table
 from stoop.cli.reproduce import NAMES
+from stoop.study.reproduce import asymmetry, propulsion
 from stoop.study.reproduce.registry import EXPERIMENTS
 from stoop.study.reproduce.table1 import METHODS
 
@@ -42,6 +44,9 @@ def test_what_is_said_of_it() -> None:
             rows["ps-gde", iterations]["within_1e-6"] == rows["ps-gde-lm", iterations]["within_1e-6"] == "50"
         )
     assert rows["pso", 1500]["successful"] == "50"
+    early = 100.0 * float(rows["ps-gde", 500]["mean_error"])
+    assert f"the mean error of PS-GDE is {early:.2g} % at 500 iterations" in text()
+    assert float(rows["ps-gde", 1000]["mean_error"]) < 1e-14, "rounding"
     hits = float(rows["ps-gde", 500]["median_evaluations_to_target"])
     assert hits == pytest.approx(5752.0, rel=0.1), "the prototype's"
 
@@ -78,7 +83,8 @@ def test_sweep_says_what_was_written() -> None:
 
 
 def test_noise_is_the_one_that_was_written() -> None:
-    written = [r for r in records("noise") if r["method"] == "ps-gde-lm"]
+    own = [r for r in records("noise") if r["method"] == "ps-gde-lm"]
+    written = [r for r in own if r["parameter"] != "pooled"]
     shown = table(PAGE, "What noise does", "method").rows
     assert [row[1:] for row in shown] == [
         (
@@ -90,9 +96,89 @@ def test_noise_is_the_one_that_was_written() -> None:
         for r in written
     ]
     ratios = np.array([float(r["scatter_over_bound"]) for r in written])
-    assert f"{np.sqrt(np.mean(ratios**2)):.3f}" == "1.009"
+    (pooled,) = (float(r["scatter_over_bound"]) for r in own if r["parameter"] == "pooled")
+    assert np.sqrt(np.mean(ratios**2)) == pytest.approx(pooled)
+    assert f"Pooled the default's scatter is {pooled:.3f} of the bound." in text()
     assert ratios.min() > 0.85
     assert ratios.max() < 1.15
+    assert 2.0 * float(written[2]["bound"]) / float(written[2]["truth"]) > 0.1, "box N begins at 0.1 of CLq"
+
+
+def test_what_is_said_of_noise() -> None:
+    pooled = {r["method"]: r for r in records("noise") if r["parameter"] == "pooled"}
+    assert [r["runs"] for r in pooled.values()] == ["200", "200"]
+    assert pooled["ps-gde-lm"]["wrong_optima"] == "0"
+    assert "No run of the 200 ended in a wrong optimum" in text()
+    wrong, scatter = pooled["ps-gde"]["wrong_optima"], float(pooled["ps-gde"]["scatter_over_bound"])
+    assert f"Of PS-GDE's runs {wrong} are anywhere else after 500 iterations" in text()
+    assert f"which makes its scatter {scatter:.0f} times the bound" in text()
+
+
+@pytest.mark.parametrize(
+    ("name", "terms", "default", "published"), [("lateral", 18, 20, 13), ("longitudinal-full", 14, 20, 20)]
+)
+def test_what_the_rest_of_equation_1_takes(name: str, terms: int, default: int, published: int) -> None:
+    page = (DOCS / "reproduce" / f"{name}.html").read_text(encoding="utf-8")
+    for method, found in (("default", default), ("PS-GDE", published)):
+        told = rf"{method}: all {terms} values without noise, [^:]*: {found} of 20"
+        assert re.search(told, page)
+    assert "lateral and directional terms from one maneuver in 20 of 20 runs without noise" in text()
+    assert (
+        "PS-GDE with 2000 iterations in 13, and all 14 longitudinal terms are found by both in every run"
+        in text()
+    )
+
+
+def test_what_v_terms_catch() -> None:
+    fits = {r["model"]: r for r in records("longitudinal-full-propulsion") if r["noise"] != "yes"}
+    zero, free = fits["V terms zero"], fits["V terms free"]
+    share = 1.0 - float(free["cost"]) / float(zero["cost"])
+    assert f"falls by {propulsion.thrust(34.5) - propulsion.thrust(35.5):.1f} N for each m/s" in text()
+    assert (
+        f"free V terms take up {100.0 * share:.0f} % of the misfit, CDV comes out at {float(free['CDV']):.3f} "
+        f"where the thrust slope looks like {float(fits['first order']['CDV']):.3f} to first order"
+    ) in text()
+    errors = [100.0 * float(r["largest_error"]) for r in (zero, free)]
+    assert (
+        f"largest error of the other ten coefficients falls from {errors[0]:.0f} to {errors[1]:.1f} %"
+        in text()
+    )
+
+
+def test_what_asymmetry_terms_absorb() -> None:
+    fits = {(r["biased"], r["model"]): r for r in records("lateral-biases") if r["noise"] == "no"}
+    share = {
+        case: 100.0
+        * (1.0 - float(fits[case, "terms free"]["cost"]) / float(fits[case, "terms zero"]["cost"]))
+        for case, _ in fits
+    }
+    assert (
+        f"take up {share['beta']:.0f} % of the misfit for beta, {share['ay']:.0f} % for ay, {share['phi']:.0f} % for "
+        f"phi and nothing for p and r; of all five together {share['all']:.0f} %."
+    ) in text()
+    assert max(share["p"], share["r"]) < 0.5
+    free, zero, biases = (
+        float(fits["all", m]["error_rms"]) for m in asymmetry.MODELS[1::-1] + asymmetry.MODELS[2:]
+    )
+    assert f"stay {free:.1f} standard deviations wrong, against {zero:.1f} without the terms" in text()
+    assert biases < 1e-3, "altogether"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_pages_are_those_of_the_commands_and_tell_nothing_of_the_machine(name: str) -> None:
+    page = (DOCS / "reproduce" / f"{name}.html").read_text(encoding="utf-8")
+    experiment = EXPERIMENTS[name]
+    command = f"stoop reproduce {name} --runs {experiment.runs} --seed 0 --box {experiment.box}"
+    assert command in page
+    assert f"[page](reproduce/{name}.html)" in PAGE.read_text(encoding="utf-8")
+    assert command in (DOCS / "reproduce" / "index.html").read_text(encoding="utf-8")
+    assert not re.search(r"/(home|tmp|work|root|Users)/", page)
+    assert len(page) < 300_000
+
+
+def text() -> str:
+    """Return the page with single spaces."""
+    return " ".join(PAGE.read_text(encoding="utf-8").split())
 
 
 def records(name: str) -> list[dict[str, str]]:
