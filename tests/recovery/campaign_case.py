@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 LOG = "STOOP_TEST_LOG"
-TASKS, STOPS = 300, (20, 60)
+TASKS, STOPS = 400, (20, 60)
 
 
 class Decay:
