@@ -47,6 +47,8 @@ def _digest(module: str) -> str:
 
 def _roots(top: str) -> list[Path]:
     """Return the file of a top-level module, or the folders of a package."""
+    if top == "__main__":  # another one in each process
+        return []
     try:
         spec = importlib.util.find_spec(top)
     except (ImportError, ValueError):
