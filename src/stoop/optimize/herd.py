@@ -27,6 +27,8 @@ ELITE: Final = 0.11  #: share of the herd that counts as best
 PERIOD: Final = 10  #: generations between prey
 SEPARATION: Final = 0.02  #: of the unit box: nearer to an earlier dive's end is no new prey
 COLLAPSED: Final = 1e-9  #: spread in the unit box
+GROWTH: Final = 1.5  #: of the herd at each restart
+LARGEST: Final = 500  #: herd
 FLAT: Final = 1e-13  #: relative spread of costs
 
 
@@ -117,6 +119,11 @@ def settle(herd: Herd, member: int, x: FloatArray, cost: float, improved: bool) 
         X[member], F[member] = x, cost
     period = max(PERIOD // 2, 1) if improved else min(2 * herd.period, 20 * PERIOD)
     return replace(herd, X=X, F=F, period=period, due=herd.age + period)
+
+
+def grown(size: int, growth: float = GROWTH, largest: int = LARGEST) -> int:
+    """Return how many members the next herd has."""
+    return min(int(size * growth), largest)
 
 
 def spent(herd: Herd) -> bool:

@@ -23,16 +23,13 @@ from stoop.optimize.arrays import FloatArray
 from stoop.optimize.herd import Herd
 from stoop.optimize.ledger import Ledger, blank, opened
 from stoop.optimize.levenberg import dive
-from stoop.optimize.pieces.initialization import latin_hypercube, placed
+from stoop.optimize.pieces.initialization import MEMBERS, latin_hypercube, placed
 from stoop.optimize.pieces.quasi_newton import QuasiNewtonDive
 from stoop.optimize.problem import Problem
 from stoop.optimize.scalar import has_residuals
 from stoop.optimize.state import Event, State
 from stoop.optimize.stream import from_generator, from_seed
 
-MEMBERS: Final = 50
-GROWTH: Final = 1.5
-LARGEST: Final = 500
 ELITE: Final = 0.2  #: share of the herd that counts as best
 SEPARATION: Final = 0.1  #: of the unit box: nearer to an earlier dive's end is no new prey
 
@@ -72,8 +69,8 @@ class OrderedShade:
 
     name: str = "ordered-shade"
     members: int = MEMBERS
-    growth: float = GROWTH
-    largest: int = LARGEST
+    growth: float = herds.GROWTH
+    largest: int = herds.LARGEST
     elite: float = ELITE
     separation: float = SEPARATION
     quasi_newton: QuasiNewtonDive = field(default_factory=QuasiNewtonDive)
@@ -110,7 +107,7 @@ class OrderedShade:
         return self._evolve(state, ledger) if member is None else self._dive(state, member, ledger)
 
     def _next(self, size: int) -> int:
-        return min(int(size * self.growth), self.largest)
+        return herds.grown(size, self.growth, self.largest)
 
     def _gather(self, state: HerdState, ledger: Ledger) -> tuple[HerdState, Event]:
         """Gather a new herd that knows nothing of what was found before."""

@@ -18,14 +18,11 @@ from stoop.optimize.herd import Herd
 from stoop.optimize.ladder import Descent, descend, explains, finish
 from stoop.optimize.ledger import Ledger, blank, opened
 from stoop.optimize.levenberg import AGREE
-from stoop.optimize.pieces.initialization import latin_hypercube
+from stoop.optimize.pieces.initialization import MEMBERS, latin_hypercube
 from stoop.optimize.problem import Problem
 from stoop.optimize.state import Event, State
 from stoop.optimize.stream import from_generator
 
-HERD: Final = 50  #: members of the first herd
-GROWTH: Final = 1.5  #: of the herd at each restart
-LARGEST_HERD: Final = 500
 FROM_START: Final = 0  #: lineage of a dive from the user's own values
 
 
@@ -114,7 +111,7 @@ class PsGdeLm:
             lineages=1,
             trusted=False,
             herd=None,
-            herd_size=HERD,
+            herd_size=MEMBERS,
         )
 
     def step(self, state: PreyState, problem: Problem) -> tuple[PreyState, Event]:
@@ -255,7 +252,7 @@ def _gather(state: PreyState, ledger: Ledger) -> tuple[PreyState, Event]:
     generator = state.stream.generator()
     X = latin_hypercube(state.herd_size, ledger.dimension, generator)
     herd = herds.gather(X, ledger.costs(X, ledger.full))
-    size = min(int(state.herd_size * GROWTH), LARGEST_HERD)
+    size = herds.grown(state.herd_size)
     event = Event("evolution", float(herd.F.min()), ledger.full, f"new herd of {len(X)}")
     stream = from_generator(generator)
     return replace(state, herd=herd, herd_size=size, lineages=state.lineages + 1, stream=stream), event

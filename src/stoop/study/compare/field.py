@@ -6,11 +6,10 @@ import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Any, Final
 
 from stoop import optimize
-from stoop.campaign import Json, Plan, Run, source_digest
+from stoop.campaign import Json, Plan, Run
 from stoop.errors import IdentificationError
 from stoop.optimize.scalar import has_residuals
 from stoop.study import problems
@@ -23,8 +22,6 @@ BASELINES: Final = (
     "ordered-shade",
 )  #: the first of them that runs on a problem, else the first that does
 FLIGHT: Final = "flight"
-_STUDY = Path(__file__).parents[1]
-_SOURCES = (_STUDY / "problems", _STUDY / "search.py", _STUDY / "variants.py", _STUDY / "compare" / "race.py")
 
 
 @dataclass(frozen=True)
@@ -85,7 +82,6 @@ class Field:
             )
         settings: dict[str, Json] = {
             "budget": self.budget,
-            "sources": source_digest(*_SOURCES),
             "flight": dict(self.flight),
             "files": dict(self.files),
         }
