@@ -1,0 +1,1 @@
+"""What to fly next: inputs that make the error bars small."""

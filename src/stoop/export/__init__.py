@@ -1,0 +1,1 @@
+"""A fitted vehicle for other programs: JSBSim aircraft, linear models."""
