@@ -25,6 +25,7 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
     "trim": ("stoop.cli.trim", "find the controls of a steady straight flight"),
     "linearize": ("stoop.cli.linearize", "linear model and modes about a steady flight"),
     "reproduce": ("stoop.cli.reproduce", "run the PS-GDE paper's experiments and say what holds"),
+    "verify": ("stoop.cli.verify", "measure what stoop claims of its own accuracy, and say what holds"),
     "compare": ("stoop.cli.compare", "optimizers on the same problems, counted the same way: who is ahead"),
 }  #: verb -> its module, one line of help
 

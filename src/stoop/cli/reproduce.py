@@ -6,12 +6,12 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stoop.cli.campaign import add_campaign_arguments
-from stoop.cli.numbers import at_least_one, count
+from stoop.cli.experiments import EVERYTHING, add_experiment_arguments, run_experiment
 from stoop.cli.page import page
 
 if TYPE_CHECKING:
-    from stoop.study.reproduce.findings import Experiment, Findings, Setting
+    from stoop.study.findings import Setting
+    from stoop.study.reproduce.suite import PaperExperiment
 
 HERE = Path("stoop-reproduce")
 NAMES = (
@@ -32,60 +32,32 @@ WHAT = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.epilog = (
-        f"experiments:\n{WHAT}\n\nThe same command again goes on from where the last one was stopped."
-    )
-    add = parser.add_argument
-    add("experiment", metavar="EXPERIMENT", choices=(*NAMES, "all"), help="one of those below")
-    folder = f"folder for page, table and store (default: {HERE})"
-    add("-o", "--output", metavar="DIR", type=Path, default=HERE, help=folder)
-    add("--runs", metavar="N", type=at_least_one, help="seeds of each case (default: as the list below says)")
-    add("--seed", metavar="N", type=count, default=0, help="the first of them (default: 0)")
+    add_experiment_arguments(parser, NAMES, WHAT, HERE)
     bounds = "bounds: N as wide as each value, W eight times, S from zero (default: N; noise: W)"
-    add("--box", choices=("N", "S", "W"), help=bounds)
-    add_campaign_arguments(parser)
-    again = "begin anew: forget the runs in DIR, and replace files of something else"
-    add("--overwrite", action="store_true", help=again)
+    parser.add_argument("--box", choices=("N", "S", "W"), help=bounds)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the experiments one after the other, and say what each one showed."""
-    from stoop.study.reproduce.outputs import check_index, write_index
+    from stoop.study.outputs import INDEX, check_index, write_index
     from stoop.study.reproduce.registry import EXPERIMENTS
+    from stoop.study.reproduce.suite import SUITE
 
-    everything = arguments.experiment == "all"
+    everything = arguments.experiment == EVERYTHING
     names = NAMES if everything else (arguments.experiment,)
     if everything:
-        check_index(arguments.output, arguments.overwrite)
+        check_index(SUITE, arguments.output, arguments.overwrite)
     settings = [_setting(arguments, EXPERIMENTS[name]) for name in names]
-    found = {n: _one(arguments, EXPERIMENTS[n], s) for n, s in zip(names, settings, strict=True)}
+    found = {
+        n: run_experiment(arguments, SUITE, EXPERIMENTS[n], s) for n, s in zip(names, settings, strict=True)
+    }
     if everything:
-        write_index(found, settings, arguments.output)
-        page().line(f"all pages: {arguments.output / 'index.html'}")
+        write_index(SUITE, found, settings, arguments.output)
+        page().line(f"all pages: {arguments.output / INDEX}")
     return 0
 
 
-def _setting(arguments: argparse.Namespace, experiment: Experiment) -> Setting:
-    from stoop.study.reproduce.findings import Setting
+def _setting(arguments: argparse.Namespace, experiment: PaperExperiment) -> Setting:
+    from stoop.study.findings import Setting
 
     return Setting(arguments.runs or experiment.runs, arguments.seed, arguments.box or experiment.box)
-
-
-def _one(arguments: argparse.Namespace, experiment: Experiment, setting: Setting) -> Findings:
-    """Run one experiment and tell its claims."""
-    from stoop.cli.campaign import run_campaign
-    from stoop.study.reproduce.outputs import page_path, reproduce
-
-    findings = reproduce(
-        experiment,
-        setting,
-        arguments.output,
-        lambda plan, store: run_campaign(arguments, plan, store),
-        arguments.overwrite,
-    )
-    out = page()
-    out.heading(findings.title)
-    out.bullets(claim.line for claim in findings.claims)
-    out.line(f"page: {page_path(arguments.output, experiment.name)}")
-    return findings

@@ -10,7 +10,7 @@ import pytest
 
 from stoop.cli.main import main
 from stoop.cli.reproduce import NAMES
-from stoop.study.reproduce.findings import Setting
+from stoop.study.findings import Setting
 from stoop.study.reproduce.registry import EXPERIMENTS
 
 Complaint = Callable[..., str]

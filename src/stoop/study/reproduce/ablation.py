@@ -11,7 +11,7 @@ import numpy as np
 from stoop.campaign import Plan
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section, Table
-from stoop.study.reproduce.findings import (
+from stoop.study.findings import (
     Claim,
     Findings,
     Results,

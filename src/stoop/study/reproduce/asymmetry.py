@@ -14,11 +14,11 @@ from stoop.campaign import Json, Run
 from stoop.cost.layout import Nuisance
 from stoop.simulate import parse_maneuver
 from stoop.simulate.fly import fly
+from stoop.study.findings import FloatArray, Results, Setting
 from stoop.study.problems.equation_1 import aircraft
 from stoop.study.problems.experiment import LATERAL, LATERAL_MANEUVER
 from stoop.study.problems.paper import Paper, box
 from stoop.study.reproduce import bound
-from stoop.study.reproduce.findings import FloatArray, Results, Setting
 
 WORK: Final = "stoop.study.reproduce.asymmetry:work"
 TERMS: Final = ("CQ0", "Cl0", "Cn0")

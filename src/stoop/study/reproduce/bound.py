@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from stoop import optimize
+from stoop.study.findings import FloatArray
 from stoop.study.problems import Posed
-from stoop.study.reproduce.findings import FloatArray
 from stoop.uncertainty.covariance import invert, standard_errors
 
 

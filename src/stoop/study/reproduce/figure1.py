@@ -11,7 +11,7 @@ import numpy as np
 from stoop.optimize.pieces.initialization import chaos, latin_hypercube, uniform
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section, Table
-from stoop.study.reproduce.findings import Claim, Findings, FloatArray, Results, Setting, number, reproduces
+from stoop.study.findings import Claim, Findings, FloatArray, Results, Setting, number, reproduces
 
 MEMBERS: Final = 50
 DIMENSION: Final = 10

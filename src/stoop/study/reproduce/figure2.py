@@ -13,8 +13,8 @@ from stoop.optimize.ledger import blank
 from stoop.optimize.pieces.golden import BETA, SteepestDive, forward_gradient
 from stoop.report.plots import Mark, Series, contour_plot, plot
 from stoop.report.sheet import Code, Figure, Prose, Section, Table
+from stoop.study.findings import Claim, Findings, FloatArray, Results, Setting, holds, number
 from stoop.study.problems.paper import Paper, paper
-from stoop.study.reproduce.findings import Claim, Findings, FloatArray, Results, Setting, holds, number
 from stoop.study.tables import Cell
 
 PAIR: Final = ("CLalpha", "Cmalpha")

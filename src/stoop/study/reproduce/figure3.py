@@ -11,9 +11,7 @@ from stoop.report.plots import Series, Strip, stacked_plots
 from stoop.report.sheet import Figure, Section, Table
 from stoop.simulate import Mode, linearize
 from stoop.simulate.fly import Flown
-from stoop.study.problems.experiment import SAMPLES
-from stoop.study.problems.paper import paper
-from stoop.study.reproduce.findings import (
+from stoop.study.findings import (
     Claim,
     Findings,
     FloatArray,
@@ -23,6 +21,8 @@ from stoop.study.reproduce.findings import (
     number,
     reproduces,
 )
+from stoop.study.problems.experiment import SAMPLES
+from stoop.study.problems.paper import paper
 
 STEP: Final = 0.3  #: s, of the 3-2-1-1
 REST: Final = 10.0  #: s, where the pulse ends

@@ -10,10 +10,10 @@ import numpy as np
 
 from stoop.campaign import Plan
 from stoop.report.sheet import Prose, Section, Table
+from stoop.study.findings import Claim, Findings, Results, Setting, holds, number, reproduces
 from stoop.study.problems.experiment import LATERAL
 from stoop.study.reproduce import asymmetry, recovery
 from stoop.study.reproduce.asymmetry import BIASES, MODELS, OTHERS, TERMS, Fits
-from stoop.study.reproduce.findings import Claim, Findings, Results, Setting, holds, number, reproduces
 from stoop.study.reproduce.plans import planned
 from stoop.study.tables import Cell
 

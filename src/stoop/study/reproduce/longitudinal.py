@@ -10,10 +10,10 @@ import numpy as np
 
 from stoop.campaign import Plan
 from stoop.report.sheet import Prose, Section, Table
+from stoop.study.findings import Claim, Findings, Results, Setting, number, reproduces
 from stoop.study.problems.experiment import SAMPLES, TABLE_1
 from stoop.study.problems.paper import paper
 from stoop.study.reproduce import propulsion, recovery
-from stoop.study.reproduce.findings import Claim, Findings, Results, Setting, number, reproduces
 from stoop.study.reproduce.plans import planned
 from stoop.study.reproduce.propulsion import MODELS, TERMS, Fits, expected, thrust
 from stoop.study.tables import Cell

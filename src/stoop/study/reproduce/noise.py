@@ -11,10 +11,7 @@ import numpy as np
 from stoop.campaign import Plan, Run
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section, Table
-from stoop.study.problems import pose
-from stoop.study.problems.paper import NEAR
-from stoop.study.reproduce.bound import deviations
-from stoop.study.reproduce.findings import (
+from stoop.study.findings import (
     Claim,
     Findings,
     FloatArray,
@@ -24,6 +21,9 @@ from stoop.study.reproduce.findings import (
     holds,
     number,
 )
+from stoop.study.problems import pose
+from stoop.study.problems.paper import NEAR
+from stoop.study.reproduce.bound import deviations
 from stoop.study.reproduce.plans import planned, searched
 from stoop.study.tables import Cell
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any, Final
 
 from stoop.campaign import Plan, Run
-from stoop.study.reproduce.findings import Setting
+from stoop.study.findings import Setting
 
 SEARCH: Final = "stoop.study.search:search"
 

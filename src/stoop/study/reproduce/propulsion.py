@@ -13,9 +13,9 @@ from stoop import optimize
 from stoop.campaign import Run
 from stoop.simulate import parse_maneuver
 from stoop.simulate.fly import fly
+from stoop.study.findings import FloatArray, Results, Setting
 from stoop.study.problems.experiment import MANEUVER, TABLE_1
 from stoop.study.problems.paper import Paper, box, paper
-from stoop.study.reproduce.findings import FloatArray, Results, Setting
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.schema import ConstantThrust, Propeller

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.campaign import Run
-from stoop.study.reproduce.findings import FloatArray, Results, Setting
+from stoop.study.findings import FloatArray, Results, Setting
 from stoop.study.reproduce.plans import searched
 
 BUDGET: Final = 60_000.0  #: evaluations after which a run counts as lost

@@ -10,9 +10,9 @@ import numpy as np
 
 from stoop.campaign import Run
 from stoop.report.sheet import Table
+from stoop.study.findings import Claim, FloatArray, Results, Setting, counted, holds, number
 from stoop.study.problems import pose
 from stoop.study.reproduce.bound import deviations
-from stoop.study.reproduce.findings import Claim, FloatArray, Results, Setting, counted, holds, number
 from stoop.study.reproduce.plans import searched
 from stoop.study.tables import Cell
 

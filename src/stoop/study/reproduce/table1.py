@@ -9,9 +9,9 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.campaign import Plan
+from stoop.study.findings import FloatArray, Results, Setting
 from stoop.study.problems.experiment import TABLE_1
 from stoop.study.problems.paper import paper
-from stoop.study.reproduce.findings import FloatArray, Results, Setting
 from stoop.study.reproduce.plans import planned, searched
 from stoop.study.reproduce.printed import MISPRINT, PRINTED
 

@@ -11,8 +11,7 @@ import numpy as np
 from stoop.campaign import Plan
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section, Table
-from stoop.study.problems.experiment import TABLE_1
-from stoop.study.reproduce.findings import (
+from stoop.study.findings import (
     Claim,
     Findings,
     FloatArray,
@@ -23,6 +22,7 @@ from stoop.study.reproduce.findings import (
     number,
     reproduces,
 )
+from stoop.study.problems.experiment import TABLE_1
 from stoop.study.reproduce.printed import PRINTED, PRINTED_FITNESS
 from stoop.study.reproduce.table1 import (
     EXACT,

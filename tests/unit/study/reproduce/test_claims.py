@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from stoop.study.findings import Setting, number
 from stoop.study.problems import pose
 from stoop.study.problems.experiment import TABLE_1
 from stoop.study.problems.paper import paper
 from stoop.study.reproduce.bound import deviations
-from stoop.study.reproduce.findings import Setting, number
 from stoop.study.reproduce.noise import Noise, scatter
 from stoop.study.reproduce.races import Race, holm, mann_whitney
 from stoop.study.reproduce.reconstructions import RECONSTRUCTIONS

@@ -11,12 +11,13 @@ import pytest
 
 from stoop.optimize.pieces.golden import golden_section
 from stoop.optimize.pieces.initialization import chaos
+from stoop.study.findings import Findings, Setting
+from stoop.study.outputs import write_index
 from stoop.study.problems.paper import paper
 from stoop.study.reproduce.figure1 import Figure1, histogram, measured
 from stoop.study.reproduce.figure2 import PAIR, Figure2, Recorder, both, searched
 from stoop.study.reproduce.figure3 import Figure3
-from stoop.study.reproduce.findings import Findings, Setting
-from stoop.study.reproduce.outputs import write_index
+from stoop.study.reproduce.suite import SUITE
 
 
 def verdicts(found: Findings) -> list[str]:
@@ -93,7 +94,7 @@ def test_figure_3_flies_the_printed_trim_and_excites_both_modes() -> None:
 
 def test_the_index_leads_to_every_page(tmp_path: Path) -> None:
     found = {"figure2": Figure2().findings(Setting(runs=3), {})}
-    write_index(found, [Setting(runs=3)], tmp_path)
+    write_index(SUITE, found, [Setting(runs=3)], tmp_path)
     page = (tmp_path / "index.html").read_text(encoding="utf-8")
     assert page.count('<a href="figure2.html">figure2.html</a>') == page.count("figure2.html</a>") == 1
     assert "stoop reproduce figure2 --runs 3 --seed 0 --box N" in page

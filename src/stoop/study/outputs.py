@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -13,20 +14,56 @@ from stoop.campaign.store import forget
 from stoop.errors import OutputError
 from stoop.files import write_text_atomic
 from stoop.report.sheet import Code, Prose, Section, Sheet, Table, write_sheet
-from stoop.study.reproduce.findings import CLAIMS_HEAD, Experiment, Findings, Results, Setting, claim_rows
+from stoop.study.findings import CLAIMS_HEAD, Experiment, Findings, Results, Setting, claim_rows
 
 INDEX: Final = "index.html"
-INDEX_TITLE: Final = "The PS-GDE paper, run again"
 Execute = Callable[[Plan, Path], Results]
 
 
-def reproduce(
-    experiment: Experiment, setting: Setting, folder: Path, execute: Execute, overwrite: bool = False
+@dataclass(frozen=True)
+class Suite:
+    """What the experiments of one verb share.
+
+    Attributes
+    ----------
+    verb : str
+        As on the command line.
+    title, lead : str
+        Of the page that leads to all others.
+    options : callable
+        From a setting to the words of a command after its ``--seed``.
+    notes : tuple of Section
+        Stand on every page.
+    """
+
+    verb: str
+    title: str
+    lead: str
+    options: Callable[[Setting], str]
+    notes: tuple[Section, ...] = ()
+
+    def command(self, name: str, setting: Setting) -> str:
+        """Return the command that makes a page; where it runs and into what folder do not change it."""
+        return f"{self.call(name)} --runs {setting.runs} --seed {setting.seed}{self.options(setting)}"
+
+    def call(self, name: str) -> str:
+        """Return verb and experiment."""
+        return f"stoop {self.verb} {name}"
+
+
+def carry_out(
+    suite: Suite,
+    experiment: Experiment,
+    setting: Setting,
+    folder: Path,
+    execute: Execute,
+    overwrite: bool = False,
 ) -> Findings:
     """Run what is left of an experiment, and write its page and table.
 
     Parameters
     ----------
+    suite : Suite
     experiment : Experiment
     setting : Setting
     folder : Path
@@ -41,21 +78,17 @@ def reproduce(
     StoopError
         The folder cannot be used, or a run failed; nothing is lost.
     """
-    prepare(folder, experiment, overwrite)
+    prepare(suite, folder, experiment, overwrite)
     plan = experiment.plan(setting)
     results = {} if plan is None else execute(plan, _store(folder, experiment.name))
     findings = experiment.findings(setting, results)
+    sheet = findings.sheet(suite.command(experiment.name, setting), suite.notes)
     # the page first: a table without a page would not be known as ours when the command is given again
-    write_sheet(findings.sheet(command(experiment.name, setting)), page_path(folder, experiment.name))
+    write_sheet(sheet, page_path(folder, experiment.name))
     write_text_atomic(folder / f"{experiment.name}.csv", findings.csv)
     for part in experiment.parts:
         write_text_atomic(folder / f"{experiment.name}-{part}.csv", findings.part(part))
     return findings
-
-
-def command(name: str, setting: Setting) -> str:
-    """Return the command that makes a page; where it runs and into what folder do not change it."""
-    return f"stoop reproduce {name} --runs {setting.runs} --seed {setting.seed} --box {setting.box}"
 
 
 def page_path(folder: Path, name: str) -> Path:
@@ -67,7 +100,7 @@ def _store(folder: Path, name: str) -> Path:
     return folder / f"{name}.sqlite"
 
 
-def prepare(folder: Path, experiment: Experiment, overwrite: bool) -> None:
+def prepare(suite: Suite, folder: Path, experiment: Experiment, overwrite: bool) -> None:
     """Make the folder; refuse what is not ours, or with ``overwrite`` begin anew.
 
     Raises
@@ -84,19 +117,19 @@ def prepare(folder: Path, experiment: Experiment, overwrite: bool) -> None:
         raise OutputError(f"{folder}: cannot be made ({error.strerror}); choose another") from None
     if overwrite:
         forget(_store(folder, name))
-    elif not _ours(folder, experiment):
+    elif not _ours(suite, folder, experiment):
         raise OutputError(
-            f"{page_path(folder, name)}: is of something else than stoop reproduce {name}; "
+            f"{page_path(folder, name)}: is of something else than {suite.call(name)}; "
             "add --overwrite, or choose another folder"
         )
 
 
-def _ours(folder: Path, experiment: Experiment) -> bool:
+def _ours(suite: Suite, folder: Path, experiment: Experiment) -> bool:
     """Whether page and tables are missing, or of an earlier run of the experiment."""
     name = experiment.name
     page = page_path(folder, name)
     if page.exists():
-        return _says(page, f"stoop reproduce {name}")
+        return _says(page, suite.call(name))
     tables = (f"{name}.csv", *(f"{name}-{part}.csv" for part in experiment.parts))
     return not any((folder / t).exists() for t in tables) or _store(folder, name).exists()
 
@@ -105,7 +138,7 @@ def _says(page: Path, words: str) -> bool:
     return page.is_file() and words in page.read_text(encoding="utf-8", errors="replace")
 
 
-def check_index(folder: Path, overwrite: bool) -> None:
+def check_index(suite: Suite, folder: Path, overwrite: bool) -> None:
     """Refuse an index that is not ours.
 
     Raises
@@ -114,18 +147,18 @@ def check_index(folder: Path, overwrite: bool) -> None:
         With what to do instead.
     """
     path = folder / INDEX
-    if path.exists() and not overwrite and not _says(path, INDEX_TITLE):
+    if path.exists() and not overwrite and not _says(path, suite.title):
         raise OutputError(f"{path}: is of something else; add --overwrite, or choose another folder")
 
 
-def write_index(found: Mapping[str, Findings], settings: Sequence[Setting], folder: Path) -> None:
+def write_index(
+    suite: Suite, found: Mapping[str, Findings], settings: Sequence[Setting], folder: Path
+) -> None:
     """Write the page that leads to all others."""
     sections = [_entry(name, f) for name, f in found.items()]
-    commands = "\n".join(command(n, s) for n, s in zip(found, settings, strict=True))
-    lead = (
-        "Every table and figure of the paper, what it claims in passing, and what its experiment leaves out."
-    )
-    write_sheet(Sheet(INDEX_TITLE, lead, (*sections, Section("Made by", (Code(commands),)))), folder / INDEX)
+    commands = "\n".join(suite.command(n, s) for n, s in zip(found, settings, strict=True))
+    made = Section("Made by", (Code(commands),))
+    write_sheet(Sheet(suite.title, suite.lead, (*sections, made)), folder / INDEX)
 
 
 def _entry(name: str, findings: Findings) -> Section:

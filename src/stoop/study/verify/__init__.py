@@ -1,0 +1,1 @@
+"""stoop's own claims, measured: one file or room per experiment, by name in `registry`."""
