@@ -18,6 +18,7 @@ from stoop.simulate import maneuver, parse_maneuver, simulate_flight
 from stoop.units import FACTORS
 from stoop.vehicle.builtin import resolve_vehicle
 
+INPUTS = [maneuver.Steps, maneuver.Pulse, maneuver.Multisine, maneuver.Harmonics]
 FLIGHTS, MANEUVERS = DOCS / "flight-files.md", DOCS / "maneuver-file.md"
 
 
@@ -65,7 +66,7 @@ def test_python_of_the_page(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("heading", "models"),
-    [("Top level", [maneuver.Maneuver]), ("[[input]]", [maneuver.Steps, maneuver.Pulse, maneuver.Multisine])],
+    [("Top level", [maneuver.Maneuver]), ("[[input]]", INPUTS)],
 )
 def test_keys_of_maneuver_files(heading: str, models: list[type[BaseModel]]) -> None:
     page = table(MANEUVERS, heading, "key")
@@ -81,9 +82,7 @@ def test_keys_of_maneuver_files(heading: str, models: list[type[BaseModel]]) -> 
 
 def test_shapes_of_maneuver_files() -> None:
     rows = table(MANEUVERS, "[[input]]", "key").rows
-    known = {
-        shape for model in (maneuver.Steps, maneuver.Pulse, maneuver.Multisine) for shape in shapes(model)
-    }
+    known = {shape for model in INPUTS for shape in shapes(model)}
     written = next(row[2] for row in rows if row[0] == "shape")
     assert all(f'`"{shape}"`' in written for shape in known)
 

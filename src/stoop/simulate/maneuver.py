@@ -57,13 +57,26 @@ Harmonic = Annotated[int, Field(strict=True, ge=1, le=MAX_HARMONICS)]
 
 
 class Steps(_Table):
-    """A row of steps of alternating sign, each a whole number of ``step`` long."""
+    """A row of steps of alternating sign, each a whole number of ``step`` long.
+
+    With a ``slew`` (rad/s) the surface takes its time from one level to the next.
+    """
 
     control: str
     shape: Literal["3-2-1-1", "doublet", "1-1", "2-1-1"]
     start: Instant
     step: Seconds
     amplitude: Deflection
+    slew: Annotated[Number, Field(gt=0.0)] | None = None
+
+    @model_validator(mode="after")
+    def _reaches_its_levels(self) -> Steps:
+        if self.slew is not None and 2.0 * abs(self.amplitude) > self.slew * self.step:
+            raise ValueError(
+                f"a slew of {self.slew:g} rad/s does not get from one side to the other within a step of {self.step:g} s; "
+                "lengthen the step, or lower the amplitude"
+            )
+        return self
 
 
 class Pulse(_Table):
@@ -103,7 +116,32 @@ class Multisine(_Table):
         return self
 
 
-Input = Annotated[Steps | Pulse | Multisine, Field(discriminator="shape")]
+class Harmonics(_Table):
+    """Harmonics of 1/duration, each with its own amplitude and phase: the sum of a sin(2 pi k t/duration + phase)."""
+
+    control: str
+    shape: Literal["harmonics"]
+    start: Instant
+    duration: Seconds
+    harmonics: Annotated[tuple[Harmonic, ...], Field(min_length=1, max_length=MAX_HARMONICS)]
+    amplitudes: tuple[Deflection, ...]  #: rad, one per harmonic
+    phases: tuple[Number, ...]  #: rad, one per harmonic
+
+    @model_validator(mode="after")
+    def _as_many_of_each(self) -> Harmonics:
+        if not len(self.harmonics) == len(self.amplitudes) == len(self.phases):
+            raise ValueError(
+                "harmonics, amplitudes and phases differ in length; give one of each per harmonic"
+            )
+        return self
+
+    @property
+    def band(self) -> float:
+        """Highest frequency, Hz."""
+        return max(self.harmonics) / self.duration
+
+
+Input = Annotated[Steps | Pulse | Multisine | Harmonics, Field(discriminator="shape")]
 
 
 class Maneuver(_Table):
@@ -123,7 +161,7 @@ class Maneuver(_Table):
             raise ValueError(f"duration times rate exceeds {MAX_SAMPLES} samples; lower one of them")
         if self.duration * self.rate < 1.0:
             raise ValueError("duration is shorter than one sample; raise duration or rate")
-        bands = [spec.band for spec in self.input if isinstance(spec, Multisine)]
+        bands = [spec.band for spec in self.input if isinstance(spec, Multisine | Harmonics)]
         if max(bands, default=0.0) > self.rate / 2.0:
             raise ValueError(f"band {max(bands):g} Hz is above half the rate; lower band or raise rate")
         return self
@@ -147,12 +185,24 @@ _EDGE = 1e-9  #: s, so that a step falls on the sample it names
 
 
 def _steps(spec: Any, t: FloatArray) -> FloatArray:
+    if spec.slew is not None:
+        return _ramps(spec, t)
     out, begin, sign = np.zeros_like(t), spec.start, 1.0
     for units in _PATTERNS[spec.shape]:
         end = begin + units * spec.step
         out[(t >= begin - _EDGE) & (t < end - _EDGE)] = sign * spec.amplitude
         begin, sign = end, -sign
     return out
+
+
+def _ramps(spec: Any, t: FloatArray) -> FloatArray:
+    """Return the steps of a surface that takes its time from one level to the next."""
+    signs = [(-1.0) ** i for i in range(len(_PATTERNS[spec.shape]))]
+    levels = np.array([0.0, *(sign * spec.amplitude for sign in signs), 0.0])
+    begins = spec.start + spec.step * np.concatenate([[0.0], np.cumsum(_PATTERNS[spec.shape])])
+    ends = begins + np.abs(np.diff(levels)) / spec.slew
+    corners = np.column_stack([begins, ends]).ravel()
+    return np.asarray(np.interp(t, corners, np.column_stack([levels[:-1], levels[1:]]).ravel()))
 
 
 def _pulse(spec: Any, t: FloatArray) -> FloatArray:
@@ -173,10 +223,20 @@ def _multisine(spec: Any, t: FloatArray) -> FloatArray:
     )
 
 
+def _harmonics(spec: Any, t: FloatArray) -> FloatArray:
+    tau = t - spec.start
+    waves = np.zeros_like(t)
+    for k, amplitude, phase in zip(spec.harmonics, spec.amplitudes, spec.phases, strict=True):
+        waves += amplitude * np.sin(2.0 * np.pi * k * tau / spec.duration + phase)
+    inside = (tau >= -_EDGE) & (tau < spec.duration - _EDGE)
+    return np.asarray(np.where(inside, waves, 0.0))
+
+
 _SHAPES: dict[str, Callable[[Any, FloatArray], FloatArray]] = {
     **dict.fromkeys(_PATTERNS, _steps),
     "pulse": _pulse,
     "multisine": _multisine,
+    "harmonics": _harmonics,
 }
 
 

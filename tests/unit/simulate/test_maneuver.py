@@ -63,6 +63,30 @@ def test_multisines_of_one_stride_are_orthogonal() -> None:
     assert abs(a @ b) < 1e-12 * (a @ a)
 
 
+def test_harmonics_have_the_amplitudes_and_phases_they_are_given() -> None:
+    text = shape(
+        shape="harmonics",
+        start=0.0,
+        duration=10.0,
+        harmonics=[2, 7],
+        amplitudes=[0.1, -0.03],
+        phases=[0.4, 1.0],
+    )
+    spectrum = np.fft.rfft(flown(text)[:1000]) / 500.0
+    assert np.allclose(spectrum[[2, 7]], [-0.1j * np.exp(0.4j), 0.03j * np.exp(1.0j)])
+    spectrum[[2, 7]] = 0.0
+    assert np.abs(spectrum).max() < 1e-14
+
+
+def test_slew_bounds_the_rate_and_keeps_the_levels() -> None:
+    text = shape(shape="3-2-1-1", start=1.0, step=0.5, amplitude=0.1, slew=1.0)
+    y = flown(text)
+    assert np.abs(np.diff(y)).max() <= 0.01 * (1.0 + 1e-9)
+    assert y[[100, 110, 250, 350, 400, 450, 470]] == pytest.approx(
+        [0.0, 0.1, 0.1, -0.1, 0.1, -0.1, 0.0], abs=1e-12
+    )
+
+
 def test_inputs_on_one_control_add() -> None:
     one = shape(shape="pulse", start=1.0, duration=1.0, amplitude=0.1)
     twice = f"{one}\n[[input]]\n" + one.split("[[input]]\n")[1]
@@ -107,6 +131,10 @@ SINE = {"shape": "multisine", "start": 0.0, "duration": 5.0, "amplitude": 0.1, "
         (shape(**SINE | {"duration": 1e6, "band": 40.0}), "more than 2000 harmonics"),
         (shape(**SINE | {"first": 0}), "input.0.first: it must be greater than or equal to 1"),
         (shape(**SINE | {"first": 10**400}), "input.0.first: "),
+        (shape(shape="doublet", start=1.0, step=0.1, amplitude=0.1, slew=1.0), "a slew of 1 rad/s does not get"),
+        (shape(shape="harmonics", start=0.0, duration=5.0, harmonics=[1, 2], amplitudes=[0.1], phases=[0.0]), "differ in length"),
+        (shape(shape="harmonics", start=0.0, duration=5.0, harmonics=[400], amplitudes=[0], phases=[0]), "above half the rate"),
+        (shape(shape="harmonics", start=0.0, duration=5.0, harmonics=[], amplitudes=[], phases=[]), "input.0.harmonics: "),
         ("duration", "not valid TOML"),
         ("[" * 9000, "not valid TOML"),
     ],
