@@ -12,7 +12,7 @@ from __future__ import annotations
 import ast
 import math
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from stoop.errors import TermError
@@ -147,6 +147,34 @@ def convert(node: ast.expr, symbols: Mapping[str, Any]) -> Any:
         case ast.Call(args=[argument]):
             return abs(convert(argument, symbols))
     raise AssertionError(f"unchecked node {node!r}")
+
+
+def values(
+    number: Callable[[str], Any], actual: bool, V: Any, alpha: Any, beta: Any, omega: Sequence[Any]
+) -> dict[str, Any]:
+    """Return what terms are made of, eq. (1), less the controls; symbols or (n,) arrays, as they are given.
+
+    Parameters
+    ----------
+    number : callable
+        From the name of a number of the vehicle file to its value or symbol.
+    actual : bool
+        Rates are made dimensionless with the actual airspeed, not with the reference one.
+    V, alpha, beta : m/s, rad
+    omega : p, q, r, rad/s
+    """
+    reference = number("reference.airspeed")
+    speed = V if actual else reference
+    span, chord = number("reference.span") / 2, number("reference.chord") / 2
+    p, q, r = omega
+    return {
+        "alpha": alpha - number("reference.alpha"),
+        "beta": beta,
+        "p": (span / speed) * p,
+        "q": (chord / speed) * q,
+        "r": (span / speed) * r,
+        "V": V / reference - 1,
+    }
 
 
 def unit(text: str, controls: Iterable[str]) -> str:

@@ -46,21 +46,9 @@ class Load:
 
 def term_variables(s: Surroundings) -> dict[str, Any]:
     """Return what aerodynamic terms are made of, eq. (1): Delta alpha, beta, rates, speed, controls."""
-    n = s.numbers
-    reference = n["reference.airspeed"]
-    actual = n.vehicle.file.reference.rate_normalization == "actual"
-    speed = s.air.V if actual else reference
-    p, q, r = s.omega
-    span, chord = n["reference.span"] / 2, n["reference.chord"] / 2
-    return {
-        "alpha": s.air.alpha - n["reference.alpha"],
-        "beta": s.air.beta,
-        "p": (span / speed) * p,
-        "q": (chord / speed) * q,
-        "r": (span / speed) * r,
-        "V": s.air.V / reference - 1,
-        **s.deflections,
-    }
+    actual = s.numbers.vehicle.file.reference.rate_normalization == "actual"
+    flow = terms.values(s.numbers.__getitem__, actual, s.air.V, s.air.alpha, s.air.beta, s.omega)
+    return {**flow, **s.deflections}
 
 
 def coefficients(s: Surroundings) -> dict[str, Any]:
