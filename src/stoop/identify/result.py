@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import Field, dataclass, field, fields, is_dataclass
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias, cast, get_args, get_origin, get_type_hints
 
@@ -19,6 +19,25 @@ import numpy.typing as npt
 
 from stoop.errors import StoopError
 from stoop.files import write_text_atomic
+from stoop.identify.evidence import Identifiable, MethodSpread
+from stoop.identify.figures import BaselineFigures, ChannelFigures, TheilShares, Whiteness
+from stoop.identify.findings import (
+    ConditionModes,
+    Estimate,
+    MeasuredMode,
+    ModeEstimate,
+    ParameterRepeatability,
+    Repeatability,
+    SingleEstimate,
+)
+
+__all__ = [
+    "AirDataTrace", "BaselineFigures", "ChannelFigures", "ChannelTrace", "ConditionModes", "Covariance", "Estimate",
+    "Identification", "InitialState", "ManeuverResult", "ManeuverTrace", "MeasuredMode", "ModeEstimate",
+    "NoiseCovariance", "ParameterEstimate", "ParameterRepeatability", "Quantity", "Repeatability", "Result", "Role",
+    "SensorBiases", "SingleEstimate", "TheilShares", "Whiteness", "WindEstimate",
+    "from_json", "read_result", "to_json",
+]  # fmt: skip
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 Role: TypeAlias = Literal["fit", "validation"]
@@ -122,28 +141,6 @@ class WindEstimate:
 
 
 @dataclass(frozen=True)
-class ChannelFigures:
-    """How well one channel of one maneuver is matched.
-
-    Attributes
-    ----------
-    rmse : float, the channel's unit
-        Root mean square of measured minus simulated.
-    theil : float
-        Theil's inequality coefficient, 0 perfect, 1 worst; channels low-passed at 10 Hz, zero phase.
-    r2 : float
-        Coefficient of determination; at most 1, negative when the mean of the data does better.
-    baseline_theil : float
-        The same coefficient of a first-order lag, NaN where no lag applies.
-    """
-
-    rmse: float
-    theil: float
-    r2: float
-    baseline_theil: float = NAN
-
-
-@dataclass(frozen=True)
 class ManeuverResult:
     """One fitted or predicted maneuver; times in seconds of the log's own clock."""
 
@@ -153,6 +150,7 @@ class ManeuverResult:
     role: Role
     segments: tuple[tuple[float, float], ...]
     channels: Mapping[str, ChannelFigures]
+    loading: str = ""  #: of the vehicle file, as it was flown; empty where none was named
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,6 +171,10 @@ class Result:
         Package name to version.
     inputs : mapping of str to str
         File name to the SHA-256 of its content.
+    modes : tuple of ConditionModes
+        Natural modes at the fitted flight conditions.
+    repeatability : Repeatability
+        Empty unless it was asked for.
     """
 
     parameters: Mapping[str, ParameterEstimate]
@@ -192,6 +194,8 @@ class Result:
     warnings: tuple[str, ...] = ()
     versions: Mapping[str, str] = field(default_factory=dict)
     inputs: Mapping[str, str] = field(default_factory=dict)
+    modes: tuple[ConditionModes, ...] = ()
+    repeatability: Repeatability = field(default_factory=Repeatability)
 
     def to_json(self) -> str:
         """Return the result as JSON text; NaN and infinities become ``null``."""
@@ -364,9 +368,14 @@ def _document(text: str, where: str) -> dict[str, Any]:
 
 
 def _build(kind: type[Any], value: Mapping[str, Any]) -> Any:
-    """Return the dataclass `kind` from a JSON object; the annotations are the schema."""
+    """Return the dataclass `kind` from a JSON object; what an older file lacks takes its default, where it has one."""
     hints = get_type_hints(kind)
-    return kind(**{item.name: _decode(hints[item.name], value[item.name], item) for item in fields(kind)})
+    there = [item for item in fields(kind) if item.name in value or not _optional(item)]
+    return kind(**{item.name: _decode(hints[item.name], value[item.name], item) for item in there})
+
+
+def _optional(item: Field[Any]) -> bool:
+    return item.default is not MISSING or item.default_factory is not MISSING
 
 
 def _decode(kind: Any, value: Any, item: Field[Any] | None = None) -> Any:
