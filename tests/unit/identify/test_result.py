@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,14 +18,21 @@ from stoop.files import write_bytes_atomic, write_text_atomic
 from stoop.identify.result import (
     SCHEMA,
     ChannelFigures,
+    ConditionModes,
     Covariance,
+    Estimate,
     InitialState,
     ManeuverResult,
+    MeasuredMode,
+    ModeEstimate,
     NoiseCovariance,
     ParameterEstimate,
+    ParameterRepeatability,
     Quantity,
+    Repeatability,
     Result,
     SensorBiases,
+    SingleEstimate,
     WindEstimate,
     from_json,
     read_result,
@@ -143,6 +151,34 @@ def test_null_bounds_are_unbounded() -> None:
     again = from_json(to_json(minimal())).parameters["CLalpha"]
     assert (again.bound_lower, again.bound_upper) == (-math.inf, math.inf)
     assert math.isnan(again.prior_std)
+
+
+def test_a_file_of_an_older_version_is_read() -> None:
+    channel = ChannelFigures(0.1, 0.2, 0.9, 0.3)
+    one = ManeuverResult("a", 0.0, 1.0, "fit", ((0.0, 1.0),), {"q": channel})
+    document = json.loads(to_json(minimal(maneuvers=(one,))))
+    for key in ("modes", "repeatability"):
+        del document[key]
+    for key in ("press", "theil_shares", "whiteness", "baseline"):
+        del document["maneuvers"][0]["channels"]["q"][key]
+    again = from_json(json.dumps(document))
+    assert repr(again.maneuvers[0].channels["q"]) == repr(channel)
+    assert again.modes == ()
+    assert not again.repeatability.parameters
+
+
+def test_modes_and_repeatability_survive() -> None:
+    some = Estimate(2.0, 0.1, 1.8, 2.2)
+    mode = ModeEstimate("Dutch roll", some, some, some, some, Estimate(), "sampled", 0.2, "may part")
+    seen = MeasuredMode(0, 1.0, 3.0, ("r", "beta"), some, some, "as it should")
+    modes = (ConditionModes((0, 2), "trim", 20.0, 100.0, 0.05, (replace(mode, measured=(seen,)),)),)
+    single = SingleEstimate(1.0, 0.1, True)
+    repeated = Repeatability(
+        (0, 1), {"Clp": ParameterRepeatability((single, single), 1.0, 0.07, 0.0, 1, 1.0, "agree")}
+    )
+    again = from_json(to_json(minimal(modes=modes, repeatability=repeated)))
+    assert repr(again.modes) == repr(modes)
+    assert again.repeatability == repeated
 
 
 def test_numpy_scalars_become_plain_numbers() -> None:
