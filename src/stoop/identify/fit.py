@@ -50,6 +50,8 @@ class Options:
         the few dives that settle the weights count, but are never cut short.
     covariance : (n_y,) or (n_y, n_y) array, optional
         A given noise covariance, the inverse of eq. (3)'s Q; estimated when absent.
+    method : str
+        Name, see :func:`stoop.identify.methods.names`.
     """
 
     optimizer: str = "ps-gde-lm"
@@ -58,11 +60,31 @@ class Options:
     budget: float = 100_000.0
     target_cost: float = -np.inf
     covariance: FloatArray | None = None
+    method: str = "output-error"
 
     @property
     def stop(self) -> optimize.Stop:
         """The optimizer's stopping rule."""
         return optimize.Stop(self.generations, self.budget, self.target_cost)
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What the estimates of a method rest on; k = parameters, nuisances, then whatever else it estimates.
+
+    Attributes
+    ----------
+    residuals : tuple of (n, n_y)
+        Of each piece, whitened; NaN where nothing was measured.
+    jacobians : tuple of (n, n_y, k)
+        Derivatives of what was subtracted from the measurements, likewise whitened, per SI unit.
+    information : (k, k)
+        What is known beside these residuals: priors, and what the size of the residuals tells.
+    """
+
+    residuals: tuple[FloatArray, ...]
+    jacobians: tuple[FloatArray, ...]
+    information: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +105,15 @@ class Fit:
     trajectories : float
         Whole-trajectory equivalents, refinement included.
     warnings : tuple of str
+    statements : tuple of str
+        How to read what this method found.
+    noise : (n_y, n_y), optional
+        Covariance of the measurement noise, where the method estimates it; else it is that of the simulation's
+        residuals.
+    covariance : (D + E, D + E), optional
+        Of parameters and nuisances in SI, where the method gives it with the estimates.
+    evidence : Evidence, optional
+        Residuals and sensitivities, where they are not those of the simulation.
     """
 
     problem: Misfit
@@ -92,6 +123,10 @@ class Fit:
     cost: float
     trajectories: float
     warnings: tuple[str, ...] = field(default=())
+    statements: tuple[str, ...] = field(default=())
+    noise: FloatArray | None = None
+    covariance: FloatArray | None = None
+    evidence: Evidence | None = None
 
     @property
     def estimates(self) -> dict[str, float]:

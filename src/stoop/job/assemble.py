@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from stoop.flight import VARIABLES, Flight
+from stoop.identify import methods
 from stoop.identify.fit import Fit, Options
 from stoop.identify.noise import noise_variance
 from stoop.identify.predict import predict
@@ -29,7 +30,7 @@ from stoop.identify.result import (
 )
 from stoop.identify.windows import Window
 from stoop.job.curves import Flown, maneuver_curves
-from stoop.job.errorbars import ErrorBars, error_bars
+from stoop.job.errorbars import ErrorBars
 from stoop.job.provenance import versions
 from stoop.job.words import statements, warnings
 from stoop.uncertainty.covariance import intervals_95
@@ -52,7 +53,7 @@ def assemble(
     vehicle = fit.problem.layout.vehicle
     color = _color(fit, options)
     with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
-        bars = error_bars(fit, color)
+        bars = methods.find(options.method).judge()(fit, color)
     groups = _flown(fit, flights, predicted)
     maneuvers, traces = maneuver_curves(vehicle, groups)
     result = _result(fit, bars, maneuvers, flights, inputs, options)
@@ -65,7 +66,7 @@ def assemble(
         units=_units(vehicle.outputs, vehicle.inputs, vehicle.controls),
         symbols=symbols(vehicle),
         standard_errors=_both(tuple(result.parameters), bars),
-        statements=statements(vehicle, flights, color),
+        statements=(*fit.statements, *statements(vehicle, flights, color)),
         air_data=_air_data(flights),
         notes=_notes(flights, groups),
         command=command,
@@ -103,12 +104,13 @@ def _result(
         trajectories=fit.trajectories,
         seconds=0.0,
         seed=options.seed,
-        optimizer=options.optimizer,
+        optimizer=fit.outcome.optimizer,
         status=fit.outcome.status,
         advice=fit.outcome.advice,
         warnings=warnings(parameters, bars, maneuvers, fit, flights),
         versions=versions(),
         inputs=inputs,
+        method=options.method,
     )
 
 
@@ -119,13 +121,15 @@ def _notes(flights: Mapping[str, Flight], groups: Sequence[Flown]) -> tuple[str,
 
 def _color(fit: Fit, options: Options) -> float:
     """Return by how much the weights were reduced for the correlation of the residuals."""
-    if options.covariance is not None:
+    if options.covariance is not None or fit.noise is not None:
         return 1.0
     return float(np.median(np.diag(fit.problem.weights.covariance) / noise_variance(fit.problem, fit.z)))
 
 
 def _noise(fit: Fit, options: Options) -> FloatArray:
     """Return the noise covariance; NaN for a channel that was never measured."""
+    if fit.noise is not None:
+        return fit.noise
     if options.covariance is not None:
         return fit.problem.weights.covariance
     seen = np.any([np.isfinite(p.measured).any(axis=0) for p in fit.problem.pieces], axis=0)

@@ -47,6 +47,7 @@ def identity(
         noise,
         options.optimizer,
         options.seed,
+        options.method,
     ]
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
@@ -106,7 +107,7 @@ class Checkpoint:
         if problem != self._problem:
             raise OutputError(
                 f"{self._path.parent}: the interrupted search is another one (vehicle, free numbers, flights, mapping, "
-                "noise, windows, optimizer or seed differ); leave --resume out"
+                "noise, windows, method, optimizer or seed differ); leave --resume out"
             )
         return state
 

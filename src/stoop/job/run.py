@@ -10,7 +10,8 @@ from pathlib import Path
 from stoop import optimize
 from stoop.errors import FlightError
 from stoop.flight import Flight, load, without
-from stoop.identify.fit import Fit, Options, fit
+from stoop.identify import methods
+from stoop.identify.fit import Fit, Options
 from stoop.identify.predict import identified_vehicle
 from stoop.identify.prepare import prepare
 from stoop.identify.result import Identification
@@ -125,13 +126,14 @@ def search(
 ) -> Search:
     """Do the long part of :func:`identify`: all that can be wrong with the input is said before it."""
     began = time.perf_counter()
+    method = methods.find(options.method)
     vehicle = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     known = _by_name(_each(flights))
     fitted, predicted = _windows(maneuvers, validate, known)
     inputs = input_hashes(vehicle, known, files)
     known = {name: without(flight, _spans(name, predicted)) for name, flight in known.items()}
     prepare(vehicle, known, predicted)  # so that its errors come before the search
-    found = fit(vehicle, known, fitted, options, callback, state)
+    found = method.fitter()(vehicle, known, fitted, options, callback, state)
     read = (Path(vehicle.where), *flight_files(known.values()), *files)
     return Search(found, known, predicted, options, inputs, read, began, command)
 

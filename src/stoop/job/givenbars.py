@@ -1,0 +1,40 @@
+"""Error bars of methods that give a covariance with their estimates."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stoop.identify.fit import Fit
+from stoop.job.errorbars import ErrorBars
+from stoop.uncertainty.covariance import invert, standard_errors
+from stoop.uncertainty.identifiability import Identifiability, Yardstick, identifiability
+
+UNTOUCHED = "the method does not estimate it"
+
+
+def error_bars(fit: Fit, _color: float) -> ErrorBars:
+    """Return the error bars of a fit that has a covariance of its own.
+
+    A regression looks at no box: nothing is held by a bound. What it did not estimate has zero variance.
+    """
+    layout, covariance = fit.problem.layout, fit.covariance
+    if covariance is None:
+        raise ValueError("the method gave no covariance")
+    d = layout.dimension
+    own = covariance[:d, :d]
+    known = np.flatnonzero(np.diag(own) > 0.0)
+    names = [p.name for p in layout.parameters]
+    start = np.array([p.value for p in layout.parameters])
+    estimate = np.array([fit.estimates[n] for n in names])
+    nothing = np.full(d, np.inf)
+    yardstick = Yardstick(nothing[known], layout.width[known], np.maximum(abs(start), abs(estimate))[known])
+    block = own[np.ix_(known, known)]
+    found = identifiability([names[i] for i in known], invert(block).matrix, block, yardstick)
+    judged = {name: Identifiability(name, False, UNTOUCHED, np.inf, np.inf, 0.0) for name in names}
+    return ErrorBars(
+        covariance=covariance,
+        white=standard_errors(covariance),
+        held=np.zeros(len(fit.z), dtype=np.bool_),
+        judged=judged | {j.name: j for j in found},
+        leaning=(),
+    )
