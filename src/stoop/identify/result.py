@@ -175,6 +175,12 @@ class Result:
         Natural modes at the fitted flight conditions.
     repeatability : Repeatability
         Empty unless it was asked for.
+    uncertainty : mapping of str to MethodSpread
+        By method: ``corrected``, ``cramer_rao``, and what was asked for of ``bootstrap``, ``posterior``, ``profile``.
+    trust : tuple of str
+        Which of them to trust and why, in plain words.
+    identifiability : Identifiable
+        What the data can tell, and what would make them tell more.
     """
 
     parameters: Mapping[str, ParameterEstimate]
@@ -197,6 +203,9 @@ class Result:
     method: str = "output-error"  #: of identification, see :func:`stoop.identify.methods.names`
     modes: tuple[ConditionModes, ...] = ()
     repeatability: Repeatability = field(default_factory=Repeatability)
+    uncertainty: Mapping[str, MethodSpread] = field(default_factory=dict)
+    trust: tuple[str, ...] = ()
+    identifiability: Identifiable = field(default_factory=Identifiable)
 
     def to_json(self) -> str:
         """Return the result as JSON text; NaN and infinities become ``null``."""
