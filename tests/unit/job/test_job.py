@@ -157,7 +157,7 @@ def test_what_is_predicted_is_judged_before_the_search(
     def never(*_: object) -> None:
         raise AssertionError("the search began")
 
-    monkeypatch.setattr("stoop.job.run.fit", never)
+    monkeypatch.setattr("stoop.identify.fit.fit", never)
     with pytest.raises(FlightError, match="outside the record"):
         identify(wrong, flight, ["0:20"], ["500:510"])
     with pytest.raises(StoopError, match="no loading is called 'heavy'"):
