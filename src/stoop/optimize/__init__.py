@@ -14,13 +14,14 @@ the best of them followed up the ladder by Levenberg-Marquardt dives, then order
 `pieces`, one a file in `methods`, or hand the problem to another library (`adapters`).
 
 A run is decided by its seed to the last bit, whatever the number of BLAS threads, and may be saved after any
-step and resumed as if nothing had been. `dive` is the local search alone.
+step and resumed as if nothing had been. `dive` is the local search alone; `descend` goes on from one start to the last digit.
 
 >>> from stoop import optimize
 >>> optimize.names()[:4]
 ('ps-gde-lm', 'ps-gde', 'de-rand-1-bin', 'de-best-2-bin')
 """
 
+from stoop.optimize.geodesic import descend
 from stoop.optimize.ledger import Books, Ledger
 from stoop.optimize.levenberg import Dive, Settings, dive
 from stoop.optimize.minimize import Outcome, Progress, Stop, minimize
@@ -42,6 +43,7 @@ __all__ = [
     "State",
     "Stop",
     "create",
+    "descend",
     "dive",
     "forward_jacobian",
     "load_state",

@@ -22,4 +22,9 @@ class Entry:
     words: str
 
 
-EXPERIMENTS: Final[Mapping[str, Entry]] = {}
+EXPERIMENTS: Final[Mapping[str, Entry]] = {
+    "nist": Entry(
+        "stoop.study.verify.nist.experiment:Nist",
+        "certified regressions of NIST, from both starts; reads --data DIR",
+    ),
+}

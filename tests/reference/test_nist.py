@@ -1,0 +1,70 @@
+"""All certified regressions of NIST StRD, from both starts: 9 digits of each parameter, 6 of each deviation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.errors import StoopError
+from stoop.study.findings import Setting
+from stoop.study.verify.nist.experiment import Nist, digits, fit_certified
+from stoop.study.verify.nist.files import problem_files, read_certified
+from stoop.study.verify.nist.models import MODELS
+from stoop.study.verify.nist.problem import Regression
+
+
+@pytest.mark.parametrize("start", [1, 2])
+@pytest.mark.parametrize("name", MODELS)
+def test_certified_digits(shared_data: Path, name: str, start: int) -> None:
+    found = fit_certified(read_certified(shared_data / "nist-strd" / f"{name}.dat"), start)
+    assert found.descent.converged
+    assert found.parameters >= 9.0
+    assert found.deviations >= 6.0
+    assert found.least >= 9.0
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_models_are_those_of_the_files(shared_data: Path, name: str) -> None:
+    """The certified values cost the certified sum of squares, and derivatives are those of differences."""
+    known = read_certified(shared_data / "nist-strd" / f"{name}.dat")
+    problem = Regression(known, np.abs(known.values))
+    z = known.values / problem.scale
+    r = problem.residuals(z[None], 0)[0]
+    assert digits(float(r @ r), known.least) >= 4.0 if name == "Lanczos2" else 9.0
+    h = 1e-5
+    steps = h * np.eye(len(z))
+    difference = (problem.residuals(z + steps, 0) - problem.residuals(z - steps, 0)).T / (2 * h)
+    J, _ = problem.jacobian(z, 0, r)
+    assert difference == pytest.approx(J, abs=1e-5 * np.abs(J).max())
+
+
+def test_every_file_is_run(shared_data: Path) -> None:
+    folder = shared_data / "nist-strd"
+    assert {p.stem for p in folder.glob("*.dat")} == set(MODELS)
+    for place in (folder, shared_data):
+        assert len(problem_files(place, tuple(MODELS))) == len(MODELS)
+
+
+def test_without_data_it_says_where_to_get_them(tmp_path: Path) -> None:
+    with pytest.raises(StoopError, match=r"no folder is named; give --data DIR with the files of https"):
+        Nist().findings(Setting(1), {})
+    with pytest.raises(StoopError, match="holds none of its files"):
+        Nist().findings(Setting(1, data=tmp_path), {})
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"\xff", b"  b1 = 1 2 3 4\nResidual Sum of Squares: 1\n Lower Level of Difficulty\n"]
+)
+def test_a_file_of_something_else(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "Misra1a.dat"
+    path.write_bytes(content)
+    with pytest.raises(StoopError, match=r"Misra1a\.dat: .*fetch it again"):
+        read_certified(path)
+
+
+def test_digits_turn_round() -> None:
+    assert digits(np.array([1.0, 2.002]), np.array([1.0, 2.0])) == pytest.approx(3.0)
+    assert digits(1.0, 1.0) == 11.0
+    assert digits(np.nan, 1.0) == digits(-5.0, 1.0) == 0.0
