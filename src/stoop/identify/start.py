@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from stoop.simulate import START_NAMES
 from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
+Number = TypeVar("Number", float, FloatArray)
 FIRST = 0.2  #: s
 NEEDED = {"lateral": ("V", "alpha", "theta")}  #: states that a reduced model holds where they were measured
 
@@ -58,7 +60,7 @@ def guess_start(
     for channel in state_channels(vehicle):
         value = _line_at_start(t, readings[channel], channel in WRAPPED)
         if value is not None:
-            start[channel] = _true_value(vehicle, channel, value)
+            start[channel] = true_value(vehicle, channel, value)
         elif channel in NEEDED.get(vehicle.reduce, ()):
             raise FlightError(
                 f"{where}: '{channel}' was not recorded, and the {vehicle.reduce} model holds it as measured; "
@@ -66,7 +68,7 @@ def guess_start(
             )
         else:
             missing.append(channel)
-    return _at_center_of_gravity(vehicle, start), missing
+    return at_center_of_gravity(vehicle, start), missing
 
 
 def _line_at_start(t: FloatArray, y: FloatArray, angle: bool) -> float | None:
@@ -79,19 +81,23 @@ def _line_at_start(t: FloatArray, y: FloatArray, angle: bool) -> float | None:
     return float(np.polyfit(early, values, 1)[1])
 
 
-def _true_value(vehicle: Vehicle, channel: str, reading: float) -> float:
-    """Undo reading = scale * truth + bias."""
+def true_value(vehicle: Vehicle, channel: str, reading: Number) -> Number:
+    """Undo reading = scale * truth + bias, of one reading or of (n,)."""
     scale = f"sensors.{channel}.scale"
     factor = vehicle.value(scale) if scale in vehicle.rows else 1.0
     return (reading - vehicle.value(f"sensors.{channel}.bias")) / (factor or 1.0)
 
 
-def _at_center_of_gravity(vehicle: Vehicle, start: dict[str, float]) -> dict[str, float]:
-    """Take the flow angles from the vanes to the center of gravity (first order in rate times arm over V)."""
+def at_center_of_gravity(vehicle: Vehicle, start: dict[str, Number]) -> dict[str, Number]:
+    """Take the flow angles from the vanes to the center of gravity (first order in rate times arm over V).
+
+    Each entry is a number or (n,): one instant, or many.
+    """
     if "sensors.vane_position.x" not in vehicle.rows:
         return start
     x, y, z = (_arm(vehicle, axis) for axis in "xyz")
-    p, q, r, V = start["p"], start["q"], start["r"], max(start["V"], 1.0)
+    p, q, r = start["p"], start["q"], start["r"]
+    V: Any = np.maximum(start["V"], 1.0)
     moved = {"alpha": start["alpha"] - (p * y - q * x) / V, "beta": start["beta"] - (r * x - p * z) / V}
     return {**start, **moved}
 

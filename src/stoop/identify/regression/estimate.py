@@ -1,0 +1,110 @@
+"""The free aerodynamic terms of a vehicle by regression, in whichever domain."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.cost import Layout, Piece
+from stoop.identify.regression.domain import Domain
+from stoop.identify.regression.history import ESTIMATED, History, histories
+from stoop.identify.regression.least_squares import Block, Priors, Solved, solve
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Regressed:
+    """Estimates of the terms of a vehicle.
+
+    Attributes
+    ----------
+    places : tuple of int
+        Where the k parameters stand in the layout.
+    solved : Solved
+    histories : tuple of History
+    """
+
+    places: tuple[int, ...]
+    solved: Solved
+    histories: tuple[History, ...]
+
+
+def regressed(layout: Layout, pieces: Sequence[Piece], domain: Domain) -> Regressed | None:
+    """Estimate the free aerodynamic terms; None where no term is free or the motion was not measured.
+
+    Numbers that are no terms stay as the file has them. A constant that the domain does not see is found
+    afterwards, from the means.
+    """
+    vehicle = layout.vehicle
+    places = tuple(i for i, p in enumerate(layout.parameters) if "." not in p.name)
+    found = tuple(h for piece in pieces for h in histories(vehicle, piece)) if places else ()
+    if not found:
+        return None
+    blocks = [b for h in found for b in _blocks(layout, places, h)]
+    parameters = [layout.parameters[i] for i in places]
+    bounds = np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
+    value = np.array([p.value for p in parameters])
+    priors = Priors(value, np.array([np.inf if p.prior is None else p.prior for p in parameters]))
+    turned = [t for b in blocks if (t := _turned(b, domain)).y.size]
+    if not turned:
+        return None
+    solved = solve(turned, bounds, priors, domain)
+    if not domain.holds_constants:
+        solved = _with_constants(solved, blocks, _constant(layout, places), bounds)
+    return Regressed(places, solved, found)
+
+
+def _turned(block: Block, domain: Domain) -> Block:
+    both = domain.rows(np.column_stack([block.y, block.X]), block.dt)
+    return Block(block.coefficient, both[:, 0], both[:, 1:], block.dt)
+
+
+def _blocks(layout: Layout, places: Sequence[int], history: History) -> list[Block]:
+    """Return the samples of each coefficient, less what terms that are not free contribute."""
+    vehicle = layout.vehicle
+    column = {vehicle.rows[layout.parameters[i].name]: k for k, i in enumerate(places)}
+    out = []
+    for coefficient in ESTIMATED[vehicle.reduce]:
+        y = history.coefficients[coefficient].copy()
+        X = np.zeros((len(y), len(places)))
+        for name, text in vehicle.terms[coefficient].items():
+            row, values = vehicle.rows[name], history.regressor(text)
+            if row in column:
+                X[:, column[row]] += values
+            else:
+                y -= vehicle.values[row] * values
+        out.append(Block(coefficient, y, X, history.dt))
+    return out
+
+
+def _constant(layout: Layout, places: Sequence[int]) -> dict[str, int]:
+    """Return which parameter is the constant of which coefficient."""
+    names = {layout.parameters[i].name: k for k, i in enumerate(places)}
+    return {
+        c: names[n]
+        for c, group in layout.vehicle.terms.items()
+        for n, text in group.items()
+        if n in names and text.strip() == "1"
+    }
+
+
+def _with_constants(
+    solved: Solved, blocks: Sequence[Block], constants: dict[str, int], bounds: tuple[FloatArray, FloatArray]
+) -> Solved:
+    """Find constants from what the other terms leave of the means; their errors come from those of the others."""
+    values, covariance = solved.values.copy(), np.nan_to_num(solved.covariance)
+    for coefficient, place in constants.items():
+        own = [b for b in blocks if b.coefficient == coefficient]
+        y, X = np.concatenate([b.y for b in own]), np.concatenate([b.X for b in own])
+        X[:, place] = 0.0
+        values[place] = np.clip(np.mean(y - X @ values), bounds[0][place], bounds[1][place])
+        # noise of the mean itself is white noise's: the slow part of it is in the residual of the band
+        mean, noise = X.mean(axis=0), float(np.var(y - X @ values) / len(y))
+        along = -(covariance @ mean)
+        covariance[place, :], covariance[:, place] = along, along
+        covariance[place, place] = mean @ covariance @ mean + noise
+    return Solved(values, covariance, solved.white, solved.sigma, solved.r2)
