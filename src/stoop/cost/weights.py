@@ -62,6 +62,17 @@ class Weights:
             out[..., rows, :] = residuals[..., rows, :] @ self._root_of(pattern).T
         return out
 
+    def colored(self, whitened: FloatArray, seen: BoolArray) -> FloatArray:
+        """Return residuals (n, n_y) in the channels' units from whitened ones: the inverse of :meth:`whiten`."""
+        if self.diagonal:
+            return np.asarray(whitened / np.diag(self.root))
+        out = np.zeros_like(whitened)
+        patterns, which = np.unique(seen, axis=0, return_inverse=True)
+        for i, pattern in enumerate(patterns):
+            rows = which.ravel() == i
+            out[rows] = whitened[rows] @ np.linalg.pinv(self._root_of(pattern)).T
+        return out
+
     def _root_of(self, pattern: BoolArray) -> FloatArray:
         """Return the root of the inverse covariance of some channels, zero in the others."""
         index = np.flatnonzero(pattern)

@@ -31,6 +31,7 @@ from stoop.identify.result import (
 from stoop.identify.windows import Window
 from stoop.job.curves import Flown, maneuver_curves
 from stoop.job.errorbars import ErrorBars
+from stoop.job.press import left_out_residuals
 from stoop.job.provenance import versions
 from stoop.job.words import statements, warnings
 from stoop.uncertainty.covariance import intervals_95
@@ -76,7 +77,7 @@ def assemble(
 def _flown(fit: Fit, flights: Mapping[str, Flight], predicted: Sequence[Window]) -> list[Flown]:
     """Simulate the fitted maneuvers, and predict the others."""
     fitted = [fit.problem.outputs(fit.z, i) for i in range(len(fit.problem.pieces))]
-    groups = [Flown("fit", fit.prepared, fitted)]
+    groups = [Flown("fit", fit.prepared, fitted, left_out_residuals(fit))]
     if predicted:
         groups.append(Flown("validation", *predict(fit, flights, predicted)))
     return groups

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from stoop.cost import Piece
 from stoop.flight.variables import WRAPPED
 from stoop.identify.prepare import Prepared
-from stoop.identify.result import ChannelTrace, ManeuverResult, ManeuverTrace, Role
-from stoop.validation.baseline import BaselineManeuver, BaselineSegment, baseline_curves
-from stoop.validation.figures import channel_figures
+from stoop.identify.result import ChannelFigures, ChannelTrace, ManeuverResult, ManeuverTrace, Role
+from stoop.validation.baseline import BaselineManeuver, BaselineSegment, baseline_matches
+from stoop.validation.figures import Match, channel_figures
 from stoop.validation.runs import join
 from stoop.vehicle import Vehicle
 
@@ -22,11 +22,15 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Flown:
-    """Maneuvers of one role with what was simulated for each piece."""
+    """Maneuvers of one role with what was simulated for each piece.
+
+    `left_out` are the residuals (n, n_y) of each piece with each second left out of the fit, where that is known.
+    """
 
     role: Role
     prepared: Prepared
     simulated: Sequence[FloatArray]
+    left_out: Sequence[FloatArray] | None = None
 
     def of(self, maneuver: int) -> list[tuple[Piece, FloatArray]]:
         """Return pieces and simulated readings of a maneuver."""
@@ -39,10 +43,13 @@ def maneuver_curves(
     """Return figures and curves of all maneuvers, each beside the trivial lag."""
     flown = [(group, index) for group in groups for index in range(len(group.prepared.windows))]
     rate = 1.0 / flown[0][0].prepared.pieces[0].dt
-    lags = baseline_curves([_baseline(vehicle, g, i) for g, i in flown], vehicle.outputs, rate)
+    lags = baseline_matches([_baseline(vehicle, g, i) for g, i in flown], vehicle.outputs, rate)
     traces = [_trace(vehicle, g, i, lag) for (g, i), lag in zip(flown, lags, strict=True)]
-    results = [_result(g, i, trace, rate) for (g, i), trace in zip(flown, traces, strict=True)]
-    return tuple(results), tuple(traces)
+    figures = [
+        _figures(trace, _left_out(vehicle, g, i), lag, rate)
+        for (g, i), trace, lag in zip(flown, traces, lags, strict=True)
+    ]
+    return tuple(_result(g, i, found) for (g, i), found in zip(flown, figures, strict=True)), tuple(traces)
 
 
 def _unwrapped(
@@ -60,26 +67,41 @@ def _unwrapped(
     return z, y
 
 
-def _trace(vehicle: Vehicle, group: Flown, index: int, lag: dict[str, FloatArray]) -> ManeuverTrace:
+def _trace(vehicle: Vehicle, group: Flown, index: int, lag: Mapping[str, Match]) -> ManeuverTrace:
     pieces = group.of(index)
     channels = {}
     for i, name in enumerate(vehicle.outputs):
         pairs = [_unwrapped(p, y, i, name in WRAPPED) for p, y in pieces]
         channels[name] = ChannelTrace(join([z for z, _ in pairs]), join([y for _, y in pairs]))
-    inputs = {name: join([p.inputs[:, i] for p, _ in pieces]) for i, name in enumerate(vehicle.inputs)}
-    inputs.pop("none", None)
-    return ManeuverTrace(join([p.time for p, _ in pieces]), channels, inputs, lag)
+    inputs = {name: join([p.inputs[:, i] for p, _ in pieces]) for i, name in enumerate(vehicle.recorded)}
+    return ManeuverTrace(
+        join([p.time for p, _ in pieces]), channels, inputs, {c: m.simulated for c, m in lag.items()}
+    )
 
 
-def _result(group: Flown, index: int, trace: ManeuverTrace, rate: float) -> ManeuverResult:
-    window = group.prepared.windows[index]
-    spans = tuple((float(p.time[0]), float(p.time[-1])) for p, _ in group.of(index))
-    figures = {
-        name: channel_figures(curve.measured, curve.simulated, rate, trace.baseline.get(name))
+def _left_out(vehicle: Vehicle, group: Flown, index: int) -> dict[str, FloatArray]:
+    """Return the left-out residuals of a maneuver by channel, segments joined as its curves are."""
+    if group.left_out is None:
+        return {}
+    pieces = [group.left_out[i] for i in group.prepared.of_maneuver(index)]
+    return {name: join([piece[:, i] for piece in pieces]) for i, name in enumerate(vehicle.outputs)}
+
+
+def _figures(
+    trace: ManeuverTrace, left_out: Mapping[str, FloatArray], lag: Mapping[str, Match], rate: float
+) -> dict[str, ChannelFigures]:
+    return {
+        name: channel_figures(curve.measured, Match(curve.simulated, left_out.get(name)), rate, lag.get(name))
         for name, curve in trace.channels.items()
         if np.isfinite(curve.measured).any()
     }
-    return ManeuverResult(window.flight, window.start, window.stop, group.role, spans, figures)
+
+
+def _result(group: Flown, index: int, figures: Mapping[str, ChannelFigures]) -> ManeuverResult:
+    window = group.prepared.windows[index]
+    spans = tuple((float(p.time[0]), float(p.time[-1])) for p, _ in group.of(index))
+    loading = window.loading or ""
+    return ManeuverResult(window.flight, window.start, window.stop, group.role, spans, figures, loading)
 
 
 def _baseline(vehicle: Vehicle, group: Flown, index: int) -> BaselineManeuver:

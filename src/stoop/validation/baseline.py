@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from stoop.identify.result import Role
+from stoop.validation.figures import Match
 from stoop.validation.lag import Lag, LagRecord, fit_lag
 from stoop.validation.runs import FloatArray, join
 
@@ -52,10 +53,10 @@ class BaselineManeuver:
     segments: tuple[BaselineSegment, ...]
 
 
-def baseline_curves(
+def baseline_matches(
     maneuvers: Sequence[BaselineManeuver], channels: Sequence[str], rate: float
-) -> tuple[dict[str, FloatArray], ...]:
-    """Return the lag's curve of every channel of every maneuver.
+) -> tuple[dict[str, Match], ...]:
+    """Return what the lag makes of every channel of every maneuver.
 
     Parameters
     ----------
@@ -68,18 +69,18 @@ def baseline_curves(
 
     Returns
     -------
-    tuple of dict of str to (n,)
+    tuple of dict of str to Match
         For each maneuver its curves, segments joined by one NaN as in `stoop.validation.runs.join`. Without
         any fit maneuver the validation maneuvers have none.
     """
-    curves: tuple[dict[str, FloatArray], ...] = tuple({} for _ in maneuvers)
+    found: tuple[dict[str, Match], ...] = tuple({} for _ in maneuvers)
     for channel in channels:
         joint = _joint(maneuvers, channel, rate)
-        for maneuver, found in zip(maneuvers, curves, strict=True):
-            pieces = _curve(maneuver, channel, rate, joint)
-            if pieces is not None:
-                found[channel] = join(pieces)
-    return curves
+        for maneuver, matches in zip(maneuvers, found, strict=True):
+            match = _match(maneuver, channel, rate, joint)
+            if match is not None:
+                matches[channel] = match
+    return found
 
 
 def _joint(maneuvers: Sequence[BaselineManeuver], channel: str, rate: float) -> Lag | None:
@@ -91,14 +92,13 @@ def _joint(maneuvers: Sequence[BaselineManeuver], channel: str, rate: float) -> 
     return fit_lag(records, rate) if records else None
 
 
-def _curve(
-    maneuver: BaselineManeuver, channel: str, rate: float, joint: Lag | None
-) -> tuple[FloatArray, ...] | None:
+def _match(maneuver: BaselineManeuver, channel: str, rate: float, joint: Lag | None) -> Match | None:
     if maneuver.role == "validation":
-        return joint.predicted(_records(maneuver, channel, _all(maneuver))) if joint else None
+        predicted = joint.predicted(_records(maneuver, channel, _all(maneuver))) if joint else None
+        return Match(join(predicted)) if predicted is not None else None
     records = _records(maneuver, channel, _own(maneuver, channel))
     lag = fit_lag(records, rate) if records else None
-    return lag.matched(records) if lag else None
+    return Match(join(lag.matched(records)), join(lag.left_out(records))) if lag else None
 
 
 def _records(

@@ -14,8 +14,9 @@ from typing import Final
 
 import numpy as np
 
-from stoop.identify.result import ChannelFigures
+from stoop.identify.figures import BaselineFigures, ChannelFigures, TheilShares
 from stoop.validation.runs import FloatArray, low_pass
+from stoop.validation.whiteness import whiteness
 
 NAN: Final = float("nan")
 
@@ -83,33 +84,76 @@ def r2(measured: FloatArray, simulated: FloatArray) -> float:
     return 1.0 - left * left
 
 
+@dataclass(frozen=True, eq=False)
+class Match:
+    """What one model makes of one channel of one maneuver.
+
+    Attributes
+    ----------
+    simulated : (n,), the channel's unit
+        Uniform samples; NaN between segments.
+    left_out : (n,), the channel's unit, optional
+        Residuals had their part of the record been left out, see `stoop.validation.press`; None where nothing was
+        fitted.
+    """
+
+    simulated: FloatArray
+    left_out: FloatArray | None = None
+
+
 def channel_figures(
-    measured: FloatArray, simulated: FloatArray, rate: float, baseline: FloatArray | None = None
+    measured: FloatArray, model: Match, rate: float, baseline: Match | None = None
 ) -> ChannelFigures:
     """Return the figures of one channel of one maneuver.
 
     Parameters
     ----------
-    measured, simulated : (n,), the channel's unit
-        Uniform samples; NaN where there is none and between segments. An angle that wraps must be unwrapped
-        alike in both.
+    measured : (n,), the channel's unit
+        Uniform samples; NaN where there is none and between segments. An angle that wraps must be unwrapped as in
+        the simulated curve.
+    model : Match
     rate : float, Hz
         Sample rate.
-    baseline : (n,), optional
-        The trivial model's curve.
+    baseline : Match, optional
+        The trivial model's.
 
     Returns
     -------
     ChannelFigures
-        Theil's coefficients of the curves low-passed at 10 Hz with zero phase, stretch by stretch; `rmse` and
-        `r2` of the curves as they are.
+        Theil's coefficients of the curves low-passed at 10 Hz with zero phase, stretch by stretch; all else of the
+        curves as they are.
     """
     return ChannelFigures(
-        rmse=rmse(measured, simulated),
-        theil=filtered_theil(measured, simulated, rate),
-        r2=r2(measured, simulated),
-        baseline_theil=NAN if baseline is None else filtered_theil(measured, baseline, rate),
+        rmse=rmse(measured, model.simulated),
+        theil=filtered_theil(measured, model.simulated, rate),
+        r2=r2(measured, model.simulated),
+        baseline_theil=NAN if baseline is None else filtered_theil(measured, baseline.simulated, rate),
+        press=_press(model),
+        theil_shares=_shares(measured, model),
+        whiteness=whiteness(measured - model.simulated),
+        baseline=BaselineFigures() if baseline is None else _baseline_figures(measured, baseline),
     )
+
+
+def _baseline_figures(measured: FloatArray, baseline: Match) -> BaselineFigures:
+    return BaselineFigures(
+        rmse=rmse(measured, baseline.simulated),
+        r2=r2(measured, baseline.simulated),
+        press=_press(baseline),
+        theil_shares=_shares(measured, baseline),
+        whiteness=whiteness(measured - baseline.simulated),
+    )
+
+
+def _shares(measured: FloatArray, match: Match) -> TheilShares:
+    parts = theil_parts(measured, match.simulated)
+    return TheilShares(parts.bias, parts.variance, parts.covariance)
+
+
+def _press(match: Match) -> float:
+    """Return the root mean square of the left-out residuals; NaN where nothing was fitted."""
+    there = np.isfinite(match.left_out) if match.left_out is not None else np.zeros(0, dtype=bool)
+    return _rms(match.left_out[there]) if match.left_out is not None and there.any() else NAN
 
 
 def filtered_theil(measured: FloatArray, simulated: FloatArray, rate: float) -> float:

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
+from stoop.validation.press import BLOCK, left_out
 from stoop.validation.runs import FloatArray
 
 SHORTEST: Final = 0.005  #: s; a shorter lag is a plain gain at any usual sample rate
@@ -95,6 +96,23 @@ class Lag:
         """Return the curves (n_i,) of records not fitted, with the mean of the fitted biases."""
         return self._from_start(records, float(np.mean(list(self.biases.values()))))
 
+    def left_out(self, records: Sequence[LagRecord]) -> tuple[FloatArray, ...]:
+        """Return the residuals (n_i,) of the very records that the lag was fitted to, each second left out in turn.
+
+        About the optimum; gains, biases, time constant and dead time count as unknowns, see `stoop.validation.press`.
+        """
+        search = _Search(tuple(records), self.rate)
+        sizes = np.cumsum([len(record.measured) for record in records])[:-1]
+        residuals = [r.measured - y for r, y in zip(records, self.matched(records), strict=True)]
+        sensitivities = np.split(search.sensitivities(self), sizes)
+        seen = [s[np.isfinite(e)] for s, e in zip(sensitivities, residuals, strict=True)]
+        information = np.sum([s.T @ s for s in seen], axis=0)
+        block = round(BLOCK * self.rate)
+        return tuple(
+            left_out(e[:, None], s[:, None, :], information, block)[:, 0]
+            for e, s in zip(residuals, sensitivities, strict=True)
+        )
+
     @property
     def _delay(self) -> int:
         return round(self.dead_time * self.rate)
@@ -150,8 +168,26 @@ class _Search:
 
     def enough(self) -> bool:
         measured = sum(int(np.isfinite(record.measured).sum()) for record in self.records)
-        unknowns = int(self.records[0].commands.shape[1]) + len(self.maneuvers) + len(self.records) + 2
-        return measured > unknowns
+        return measured > self.width
+
+    @property
+    def width(self) -> int:
+        """How many unknowns there are: gains, biases, initial values, tau and the delay."""
+        return int(self.records[0].commands.shape[1]) + len(self.maneuvers) + len(self.records) + 2
+
+    def sensitivities(self, lag: Lag) -> FloatArray:
+        """Return the derivative (N, width - records) of the curves by all unknowns but initial values.
+
+        Those by tau and the delay are differences.
+        """
+        tau, delay = lag.time_constant, round(lag.dead_time * self.rate)
+        solution = np.array([*lag.gains, *lag.biases.values(), *lag.initial])
+        later, sooner = self.design(tau, delay + 1), self.design(tau, max(delay - 1, 0))
+        by_delay = (later - sooner) @ solution / (delay + 1 - max(delay - 1, 0))
+        by_tau = (
+            (self.design(tau * 1.001, delay) - self.design(tau / 1.001, delay)) @ solution / np.log(1.001**2)
+        )
+        return np.column_stack([self.design(tau, delay)[:, : -len(self.records)], by_tau, by_delay])
 
     def design(self, tau: float, delay: int) -> FloatArray:
         """Return (N, m + maneuvers + records): gains, biases, initial values."""

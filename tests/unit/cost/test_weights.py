@@ -32,3 +32,12 @@ def test_diagonal_weights_divide_by_sigma() -> None:
     weights = Weights.of(np.array([4.0, 9.0]))
     assert weights.diagonal
     assert weights.whiten(np.array([[2.0, 3.0]]), np.ones((1, 2), bool)) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("covariance", [np.array([4.0, 9.0, 1.0]), np.eye(3) + 0.5])
+def test_coloring_undoes_whitening(covariance: np.ndarray) -> None:
+    rng = np.random.default_rng(1)
+    seen = rng.random((30, 3)) < 0.7
+    error = rng.standard_normal((30, 3)) * seen
+    weights = Weights.of(covariance)
+    np.testing.assert_allclose(weights.colored(weights.whiten(error, seen), seen), error, atol=1e-12)

@@ -21,7 +21,7 @@ from stoop.identify.result import (
     WindEstimate,
 )
 from stoop.uncertainty.covariance import NORMAL_95
-from stoop.validation.figures import channel_figures
+from stoop.validation.figures import Match, channel_figures
 from stoop.validation.runs import join
 
 HOSTILE = '<script>alert("x")</script>'
@@ -75,7 +75,9 @@ def maneuver(
         channels[name] = ChannelTrace(measured, simulated)
         if name in ("p", "q", "r"):
             baselines[name] = join([0.7 * y + 0.02 for y in clean])
-        figures[name] = channel_figures(measured, simulated, 100.0, baselines.get(name))
+        figures[name] = channel_figures(
+            measured, Match(simulated), 100.0, Match(baselines[name]) if name in baselines else None
+        )
     inputs = {
         name: join([np.round(0.2 * wave(t, seed + number), 1) for t in times])
         for number, name in enumerate(INPUTS)

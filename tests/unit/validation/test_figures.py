@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.testing import assert_allclose
 
-from stoop.validation.figures import channel_figures, filtered_theil, r2, rmse, theil, theil_parts
+from stoop.validation.figures import Match, channel_figures, filtered_theil, r2, rmse, theil, theil_parts
 from stoop.validation.runs import join
 
 curve = hnp.arrays(np.float64, st.integers(2, 30), elements=st.integers(-999, 999).map(float))
@@ -86,12 +86,12 @@ def test_vibration_does_not_count() -> None:
 def test_figures_of_a_channel() -> None:
     z, y = pair()
     z2, y2 = join([z[:200], z[200:]]), join([y[:200], y[200:]])
-    figures = channel_figures(z2, y2, 100.0, baseline=z2)
+    figures = channel_figures(z2, Match(y2), 100.0, baseline=Match(z2))
     assert figures.baseline_theil == 0.0
     assert figures.rmse == pytest.approx(rmse(z, y))
     assert figures.r2 == pytest.approx(r2(z, y))
     assert figures.theil == pytest.approx(theil(z, y), abs=2e-3)
-    assert np.isnan(channel_figures(z2, y2, 100.0).baseline_theil)
+    assert np.isnan(channel_figures(z2, Match(y2), 100.0).baseline_theil)
 
 
 def test_a_diverged_simulation_is_worst_not_an_overflow() -> None:
@@ -101,3 +101,16 @@ def test_a_diverged_simulation_is_worst_not_an_overflow() -> None:
     assert theil_parts(z, far).coefficient == pytest.approx(1.0)
     assert rmse(z, far) > 1e299
     assert r2(z, far) == -np.inf
+
+
+def test_everything_stands_beside_the_baseline() -> None:
+    z, y = pair()
+    figures = channel_figures(z, Match(y, 2.0 * (z - y)), 100.0, baseline=Match(0.5 * y, z))
+    parts = theil_parts(z, y)
+    assert (figures.theil_shares.bias, figures.theil_shares.variance) == (parts.bias, parts.variance)
+    assert figures.press == pytest.approx(2.0 * figures.rmse)
+    assert figures.whiteness.verdict == figures.baseline.whiteness.verdict == "colored"
+    assert figures.baseline.rmse == rmse(z, 0.5 * y)
+    assert figures.baseline.r2 == r2(z, 0.5 * y)
+    assert figures.baseline.press == pytest.approx(np.sqrt(np.mean(z**2)))
+    assert np.isnan(channel_figures(z, Match(y), 100.0).press)

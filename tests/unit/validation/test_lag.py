@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
-from stoop.validation.baseline import BaselineManeuver, BaselineSegment, baseline_curves
+from stoop.validation.baseline import BaselineManeuver, BaselineSegment, baseline_matches
 from stoop.validation.figures import theil
 from stoop.validation.lag import Lag, LagRecord, fit_lag
 
@@ -136,20 +136,20 @@ def test_every_maneuver_gets_its_curves() -> None:
     lags = {"p": truth(gains=(3.0, 0.0, 0.0)), "beta": truth(gains=(0.5, 0.0, -2.0))}
     fit = BaselineManeuver("fit", (segment(lags, 400, 1, 0), segment(lags, 300, 2, 0)))
     other = BaselineManeuver("validation", (segment(lags, 350, 3, 1),))
-    first, second = baseline_curves([fit, other], ["p", "beta", "V"], RATE)
+    first, second = baseline_matches([fit, other], ["p", "beta", "V"], RATE)
     assert set(first) == {"p", "beta"}
-    assert first["p"].shape == (701,)
-    assert np.isnan(first["p"][400])
-    assert theil(fit.segments[0].measured["p"], first["p"][:400]) < 1e-3
-    assert theil(other.segments[0].measured["beta"], second["beta"]) < 0.05
+    assert first["p"].simulated.shape == (701,)
+    assert np.isnan(first["p"].simulated[400])
+    assert theil(fit.segments[0].measured["p"], first["p"].simulated[:400]) < 1e-3
+    assert theil(other.segments[0].measured["beta"], second["beta"].simulated) < 0.05
 
 
 def test_own_axis_only_in_a_fit() -> None:
     # p that answers to the yaw command alone cannot be matched by the roll command
     lags = {"p": truth(gains=(0.0, 0.0, 3.0))}
     fit = BaselineManeuver("fit", (segment(lags, 600, 1, 0),))
-    (curves,) = baseline_curves([fit], ["p"], RATE)
-    assert theil(fit.segments[0].measured["p"], curves["p"]) > 0.3
+    (curves,) = baseline_matches([fit], ["p"], RATE)
+    assert theil(fit.segments[0].measured["p"], curves["p"].simulated) > 0.3
 
 
 def test_every_channel_has_its_axis() -> None:
@@ -159,14 +159,14 @@ def test_every_channel_has_its_axis() -> None:
         "beta": truth(gains=(0.0, 0.0, 3.0)),
     }
     fit = BaselineManeuver("fit", (segment(lags, 600, 1, 0),))
-    (curves,) = baseline_curves([fit], list(lags), RATE)
+    (curves,) = baseline_matches([fit], list(lags), RATE)
     for name in lags:
-        assert theil(fit.segments[0].measured[name], curves[name]) < 1e-3
+        assert theil(fit.segments[0].measured[name], curves[name].simulated) < 1e-3
 
 
 def test_nothing_to_learn_from() -> None:
     lags = {"p": truth(gains=(3.0, 0.0, 0.0))}
     alone = BaselineManeuver("validation", (segment(lags, 300, 1, 0),))
-    assert baseline_curves([alone], ["p"], RATE) == ({},)
+    assert baseline_matches([alone], ["p"], RATE) == ({},)
     empty = BaselineManeuver("fit", (BaselineSegment({}, {"p": np.zeros(50)}),))
-    assert baseline_curves([empty], ["p"], RATE) == ({},)
+    assert baseline_matches([empty], ["p"], RATE) == ({},)
