@@ -20,6 +20,7 @@ from stoop.errors import StoopError
 VERBS: Final[dict[str, tuple[str, str]]] = {
     "demo": ("stoop.cli.demo", "simulate a flight, identify it, print truth beside estimate; needs no file"),
     "info": ("stoop.cli.info", "show what a flight log holds: channels, gaps, faults, maneuvers"),
+    "compatibility": ("stoop.cli.compatibility", "biases, scales, delays of all sensors: do they agree with each other?"),
     "identify": ("stoop.cli.identify", "estimate a vehicle's coefficients from flight logs, with error bars"),
     "simulate": ("stoop.cli.simulate", "fly a maneuver and write a flight file"),
     "trim": ("stoop.cli.trim", "find the controls of a steady straight flight"),
@@ -149,7 +150,7 @@ def _complete(parser: argparse.ArgumentParser, module: str) -> None:
 
 
 def _verb_list() -> str:
-    return "\n".join(f"{name:<10} {purpose}" for name, (_, purpose) in VERBS.items())
+    return "\n".join(f"{name:<13} {purpose}" for name, (_, purpose) in VERBS.items())
 
 
 def _prepare_process(words: Sequence[str]) -> None:
