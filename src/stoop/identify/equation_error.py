@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from stoop.cost import Layout, Piece
 from stoop.identify.regression.domain import Time
-from stoop.identify.regression.estimate import regressed
+from stoop.identify.regression.estimate import boxed, regressed
 from stoop.identify.regression.measured import complete
 
 FloatArray = NDArray[np.float64]
@@ -27,7 +27,7 @@ def equation_error(layout: Layout, pieces: Sequence[Piece]) -> FloatArray | None
     """
     if not all(complete(layout.vehicle, p).mean() > MEASURED for p in pieces):
         return None
-    found = regressed(layout, pieces, Time())
+    found = regressed(layout, pieces, Time(), boxed)
     if found is None:
         return None
     values = np.array([p.value for p in layout.parameters])

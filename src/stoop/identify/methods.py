@@ -64,6 +64,16 @@ class Method:
 
 _METHODS: Final[dict[str, Method]] = {
     DEFAULT: Method("stoop.identify.fit:fit", _SENSITIVITIES, "flights in calm air"),
+    "equation-error": Method(
+        "stoop.identify.regression.methods:equation_error",
+        _GIVEN,
+        "a first look without a simulation: smoothed samples",
+    ),
+    "frequency-domain": Method(
+        "stoop.identify.regression.methods:frequency_domain",
+        _GIVEN,
+        "likewise, on the Fourier coefficients of a band",
+    ),
 }
 
 

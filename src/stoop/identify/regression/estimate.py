@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,8 +12,10 @@ from stoop.cost import Layout, Piece
 from stoop.identify.regression.domain import Domain
 from stoop.identify.regression.history import ESTIMATED, History, histories
 from stoop.identify.regression.least_squares import Block, Priors, Solved, solve
+from stoop.vehicle import Parameter
 
 FloatArray = NDArray[np.float64]
+Bounds = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +35,22 @@ class Regressed:
     histories: tuple[History, ...]
 
 
-def regressed(layout: Layout, pieces: Sequence[Piece], domain: Domain) -> Regressed | None:
+def boxed(parameters: Sequence[Parameter]) -> Bounds:
+    """Return the bounds of the file."""
+    return np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
+
+
+def unbounded(parameters: Sequence[Parameter]) -> Bounds:
+    """Return no bounds."""
+    return np.full(len(parameters), -np.inf), np.full(len(parameters), np.inf)
+
+
+def regressed(
+    layout: Layout,
+    pieces: Sequence[Piece],
+    domain: Domain,
+    within: Callable[[Sequence[Parameter]], Bounds] = unbounded,
+) -> Regressed | None:
     """Estimate the free aerodynamic terms; None where no term is free or the motion was not measured.
 
     Numbers that are no terms stay as the file has them. A constant that the domain does not see is found
@@ -46,7 +63,7 @@ def regressed(layout: Layout, pieces: Sequence[Piece], domain: Domain) -> Regres
         return None
     blocks = [b for h in found for b in _blocks(layout, places, h)]
     parameters = [layout.parameters[i] for i in places]
-    bounds = np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
+    bounds = within(parameters)
     value = np.array([p.value for p in parameters])
     priors = Priors(value, np.array([np.inf if p.prior is None else p.prior for p in parameters]))
     turned = [t for b in blocks if (t := _turned(b, domain)).y.size]
@@ -93,7 +110,7 @@ def _constant(layout: Layout, places: Sequence[int]) -> dict[str, int]:
 
 
 def _with_constants(
-    solved: Solved, blocks: Sequence[Block], constants: dict[str, int], bounds: tuple[FloatArray, FloatArray]
+    solved: Solved, blocks: Sequence[Block], constants: dict[str, int], bounds: Bounds
 ) -> Solved:
     """Find constants from what the other terms leave of the means; their errors come from those of the others."""
     values, covariance = solved.values.copy(), np.nan_to_num(solved.covariance)

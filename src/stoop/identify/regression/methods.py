@@ -1,0 +1,99 @@
+"""Regression as a method of its own: estimates and error bars without a simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.cost import Layout
+from stoop.errors import IdentificationError
+from stoop.flight import Flight
+from stoop.identify.fit import Fit, Options, pose
+from stoop.identify.regressed import regressed_fit
+from stoop.identify.regression.domain import Band, Domain, Time
+from stoop.identify.regression.estimate import Regressed, regressed
+from stoop.identify.windows import Window
+from stoop.vehicle import Vehicle
+
+FloatArray = NDArray[np.float64]
+HOW: Final = (
+    "The coefficients were measured sample by sample from accelerations and rates, and the terms fitted to them by "
+    "least squares {where}. Noise of the angles and rates in the terms draws estimates towards zero, and the "
+    "error bars do not know of it; output error does not have this bias."
+)
+EXPLAINED: Final = "Share of each coefficient's motion that its terms explain: {shares}."
+LITTLE: Final = "{coefficient}: its terms explain {share:.0%} of its motion; its estimates are doubtful"
+FAIR: Final = 0.5  #: of the motion explained
+
+
+def equation_error(
+    vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window], options: Options, *_: Any
+) -> Fit:
+    """Fit the free terms to smoothed samples; a method of `stoop.identify.methods`."""
+    return _fitted(vehicle, flights, windows, options, Time(), "on smoothed samples")
+
+
+def frequency_domain(
+    vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window], options: Options, *_: Any
+) -> Fit:
+    """Fit the free terms to Fourier coefficients of a band; a method of `stoop.identify.methods`."""
+    band = Band()
+    where = f"on Fourier coefficients from {band.low:g} to {band.high:g} Hz"
+    return _fitted(vehicle, flights, windows, options, band, where)
+
+
+def _fitted(
+    vehicle: Vehicle,
+    flights: Mapping[str, Flight],
+    windows: Sequence[Window],
+    options: Options,
+    domain: Domain,
+    where: str,
+) -> Fit:
+    others = _other_numbers(vehicle)
+    problem, prepared = pose(vehicle.with_numbers(others), flights, windows, options)
+    found = regressed(problem.layout, problem.pieces, domain)
+    if found is None:
+        raise IdentificationError(
+            f"{vehicle.where}: no regression is possible: a term must be free, and airspeed, flow angles, rates, attitude and "
+            "accelerations measured together for some seconds; use --method output-error"
+        )
+    layout, solved = problem.layout, found.solved
+    values = {layout.parameters[i].name: float(v) for i, v in zip(found.places, solved.values, strict=True)}
+    warnings = (*_untouched(others), *_poorly_explained(found))
+    statements = (HOW.format(where=where), EXPLAINED.format(shares=_shares(found)))
+    return regressed_fit(
+        problem, prepared, values, _covariance(layout, found), options.method, warnings, statements
+    )
+
+
+def _covariance(layout: Layout, found: Regressed) -> FloatArray:
+    """Return the covariance of all free parameters; zero rows for what was not estimated."""
+    out = np.zeros((layout.dimension, layout.dimension))
+    out[np.ix_(found.places, found.places)] = np.nan_to_num(found.solved.covariance)
+    return out
+
+
+def _other_numbers(vehicle: Vehicle) -> dict[str, dict[str, Any]]:
+    """Return what holds the free numbers that are neither terms nor biases: a regression says nothing of them."""
+    free = [p.name for p in vehicle.parameters if p.free and "." in p.name]
+    return {name: {"free": False} for name in free if not name.endswith(".bias")}
+
+
+def _untouched(others: Iterable[str]) -> Iterator[str]:
+    names = ", ".join(others)
+    if names:
+        yield f"{names}: no aerodynamic terms, so held at the file's values"
+
+
+def _poorly_explained(found: Regressed) -> Iterator[str]:
+    for coefficient, share in found.solved.r2.items():
+        if share < FAIR:
+            yield LITTLE.format(coefficient=coefficient, share=max(share, 0.0))
+
+
+def _shares(found: Regressed) -> str:
+    return ", ".join(f"{c} {100.0 * share:.1f} %" for c, share in found.solved.r2.items())
