@@ -58,6 +58,8 @@ def _in_equations(vehicle: Vehicle, name: str) -> bool:
     part = rest.partition(".")[0]
     if room == "controls":
         return part in vehicle.controls
+    if room == "turbulence":
+        return part in vehicle.gusts
     if room == "sensors" and part in CHANNELS:
         return part in vehicle.outputs
     return not any(

@@ -69,8 +69,8 @@ def _check_channels(vehicle: Vehicle) -> None:
     """Refuse an input that a flight file has no place for: it would be lost on reading."""
     from stoop.flight.variables import VARIABLES, nearest
 
-    for channel in vehicle.inputs:
-        if channel not in VARIABLES and channel != "none":
+    for channel in vehicle.recorded:
+        if channel not in VARIABLES:
             advice = nearest(channel, VARIABLES)
             raise VehicleError(f"{vehicle.where}: the input '{channel}' is no variable of stoop; {advice}")
 

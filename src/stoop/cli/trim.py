@@ -63,8 +63,7 @@ def angles(point: Trim) -> dict[str, float]:
 
 def channels(vehicle: Vehicle, point: Trim) -> dict[str, float]:
     """Return the recorded channels that hold the flight, SI."""
-    pairs = zip(vehicle.inputs, point.inputs, strict=True)
-    return {name: float(value) for name, value in pairs if name != "none"}
+    return {name: float(value) for name, value in zip(vehicle.recorded, point.inputs, strict=False)}
 
 
 def _unit(vehicle: Vehicle, name: str) -> str:

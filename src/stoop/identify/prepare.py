@@ -66,7 +66,7 @@ def prepare(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[W
 
 
 def _pieces(vehicle: Vehicle, flight: Flight, window: Window, index: int) -> tuple[list[Piece], list[str]]:
-    inputs = [name for name in vehicle.inputs if name != "none"]
+    inputs = list(vehicle.recorded)
     extras = _extras(vehicle, flight)
     found, notes = segments(flight, window.start, window.stop, inputs, vehicle.outputs, extras)
     if not any(np.isfinite(s.z).any() for s in found):
@@ -104,7 +104,8 @@ def _piece(
     if missing:
         notes.append(f"{window}: {', '.join(missing)} not recorded at the start; a default is used there")
     start["h"] = _altitude(vehicle, window, segment.extras, first)
-    u = segment.u[first:] if segment.u.shape[1] else np.zeros((len(t), 1))
+    u = np.zeros((len(t), len(vehicle.inputs)))  # zeros: what is no channel, and the noise behind gusts
+    u[:, : segment.u.shape[1]] = segment.u[first:]
     return Piece(index, t, np.ascontiguousarray(u), segment.z[first:], start, changes), notes
 
 

@@ -14,10 +14,12 @@ from stoop.simulate.delays import late_inputs, late_outputs
 from stoop.simulate.initial import commanded, initial_states, parameter_rows, rigid_states
 from stoop.simulate.maneuver import Maneuver
 from stoop.simulate.trim import Trim, mixed_inputs, trim
+from stoop.simulate.turbulence import gust_start, outputs_in_turbulence
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import CHANNELS
 
 FloatArray = NDArray[np.float64]
+_GUSTS = 1  #: which stream of the seed
 
 
 @dataclass(frozen=True)
@@ -39,8 +41,15 @@ class Flown:
     outputs: FloatArray
 
 
-def fly(vehicle: Vehicle, maneuver: Maneuver) -> Flown:
-    """Fly a maneuver from trim, without noise.
+def fly(vehicle: Vehicle, maneuver: Maneuver, seed: int = 0) -> Flown:
+    """Fly a maneuver from trim, without sensor noise; through gusts where the vehicle has some.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    maneuver : Maneuver
+    seed : int
+        Of the gusts.
 
     Raises
     ------
@@ -49,20 +58,15 @@ def fly(vehicle: Vehicle, maneuver: Maneuver) -> Flown:
     SimulationError
         No trim, or the flight diverges.
     """
-    deflections = maneuver.deflections()
-    for control in deflections:
-        if control not in vehicle.controls:
-            known = ", ".join(vehicle.controls) or "none"
-            raise ManeuverError(
-                f"{vehicle.where}: the maneuver moves '{control}', but the controls are {known}; correct the maneuver file"
-            )
+    _check_controls(vehicle, maneuver)
     point = trim(vehicle, maneuver.airspeed, maneuver.altitude)
-    inputs = _inputs(vehicle, maneuver, point, deflections)
+    inputs = flown_inputs(vehicle, maneuver, point)
     rows = parameter_rows(vehicle, point.changes)
-    start = initial_states(vehicle, point.start, rows, inputs[0])
+    gusts = np.random.default_rng([seed, _GUSTS])
+    start = initial_states(vehicle, {**point.start, **gust_start(vehicle, gusts)}, rows, inputs[0])
     dt = 1.0 / maneuver.rate
-    received = late_inputs(vehicle, inputs, rows, dt)
-    outputs = late_outputs(vehicle, vehicle.kernel().trajectories(rows, start, received, dt), rows, dt)[0]
+    truth = _moving_air(vehicle, rows, start, inputs, dt, gusts)
+    outputs = late_outputs(vehicle, truth, rows, dt)[0]
     if not np.isfinite(outputs).all():
         last = maneuver.time[int(np.argmin(np.isfinite(outputs).all(axis=1)))]
         raise SimulationError(
@@ -71,10 +75,36 @@ def fly(vehicle: Vehicle, maneuver: Maneuver) -> Flown:
     return Flown(point, maneuver.time, inputs, outputs)
 
 
-def _inputs(vehicle: Vehicle, maneuver: Maneuver, point: Trim, moves: dict[str, FloatArray]) -> FloatArray:
-    """Mix deflections into recorded channels; mixing is affine, so one column per control is enough."""
+def _moving_air(
+    vehicle: Vehicle,
+    rows: FloatArray,
+    start: FloatArray,
+    inputs: FloatArray,
+    dt: float,
+    gusts: np.random.Generator,
+) -> FloatArray:
+    """Return the readings (1, n, n_y) before any delay of a sensor."""
+    if vehicle.gusts:
+        return outputs_in_turbulence(vehicle, rows, start, inputs, dt, gusts)
+    return vehicle.kernel().trajectories(rows, start, late_inputs(vehicle, inputs, rows, dt), dt)
+
+
+def _check_controls(vehicle: Vehicle, maneuver: Maneuver) -> None:
+    for spec in maneuver.input:
+        if spec.control not in vehicle.controls:
+            known = ", ".join(vehicle.controls) or "none"
+            raise ManeuverError(
+                f"{vehicle.where}: the maneuver moves '{spec.control}', but the controls are {known}; correct the maneuver file"
+            )
+
+
+def flown_inputs(vehicle: Vehicle, maneuver: Maneuver, point: Trim) -> FloatArray:
+    """Return the recorded channels (n, n_u) of a maneuver flown from a trim.
+
+    Mixing is affine, so one column per control is enough.
+    """
     out = np.repeat(point.inputs[None, :], len(maneuver.time), axis=0)
-    for control, move in moves.items():
+    for control, move in maneuver.deflections().items():
         unit = mixed_inputs(
             vehicle, {**point.deflections, control: point.deflections[control] + 1.0}, point.inputs
         )
@@ -103,16 +133,17 @@ def simulate_flight(
     vehicle : Vehicle
     maneuver : Maneuver
     seed : int
-        Of the measurement noise.
+        Of the measurement noise and of the gusts.
     noise : bool
+        Of the sensors; gusts blow without it too.
     name : str
         As in ``FLIGHT@START:STOP``.
     """
-    flown = fly(vehicle, maneuver)
+    flown = fly(vehicle, maneuver, seed)
     sigma = noise_sigma(vehicle, maneuver) * float(noise)
     measured = flown.outputs + sigma * np.random.default_rng(seed).standard_normal(flown.outputs.shape)
     columns = dict(zip(vehicle.outputs, measured.T, strict=True))
-    columns |= {c: flown.inputs[:, i] for i, c in enumerate(vehicle.inputs) if c != "none"}
+    columns |= {c: flown.inputs[:, i] for i, c in enumerate(vehicle.recorded)}
     rows = parameter_rows(vehicle, flown.trim.changes)
     columns |= {
         c: np.array(commanded(vehicle, c, np.repeat(rows, len(flown.inputs), axis=1), flown.inputs.T))

@@ -76,7 +76,8 @@ def initial_states(
     Parameters
     ----------
     start : mapping
-        :data:`START_NAMES` -> scalar or (B,); ``NAME.lag`` may add to a lagged deflection, rad.
+        :data:`START_NAMES` -> scalar or (B,); ``NAME.lag`` may add to a lagged deflection, rad; gust states, m/s,
+        are zero where they are not named.
     rows : (n_p, B) array
         Kernel parameters of each candidate.
     inputs : (n_u,) array
@@ -103,7 +104,7 @@ def kernel_states(
                 start.get(name, 0.0)
             )
         else:
-            out[i] = rigid[name]
+            out[i] = rigid[name] if name in rigid else np.asarray(start.get(name, 0.0))
     return out
 
 

@@ -173,6 +173,21 @@ class Sensors(Table):
     vane_position: Point | None = None  #: m
 
 
+class Gust(Table):
+    """A Dryden gust along one body axis (MIL-F-8785C)."""
+
+    intensity: Quantity  #: sigma, root mean square, m/s
+    length: Quantity  #: scale length L, m
+
+
+class Turbulence(Table):
+    """Gusts along the body axes; an axis that is left out is calm."""
+
+    u: Gust | None = None
+    v: Gust | None = None
+    w: Gust | None = None
+
+
 class Model(Table):
     """Which equations are kept."""
 
@@ -193,4 +208,5 @@ class VehicleFile(Table):
     propulsion: Propulsion | None = None
     controls: dict[Name, Control] = Field(default_factory=dict)
     sensors: Sensors = Sensors()
+    turbulence: Turbulence | None = None
     loadings: dict[Name, dict[str, Number]] = Field(default_factory=dict)  #: what differs per maneuver

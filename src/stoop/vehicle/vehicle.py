@@ -35,12 +35,19 @@ _REDUCED_OUTPUTS = {
 }
 _ESTIMATED = {"full": COEFFICIENTS, "longitudinal": ("CL", "CD", "Cm"), "lateral": ("CQ", "Cl", "Cn")}
 _KEPT_COEFFICIENTS = {"full": COEFFICIENTS, "longitudinal": ("CL", "CD", "Cm"), "lateral": COEFFICIENTS}
+GUST_STATES = {
+    "u": ("gust.u",),
+    "v": ("gust.v.fast", "gust.v.slow"),
+    "w": ("gust.w.fast", "gust.w.slow"),
+}  #: of the Dryden filters, m/s
+_KEPT_GUSTS = {"full": ("u", "v", "w"), "longitudinal": ("u", "w"), "lateral": ("v",)}
 BIASED_BY_DEFAULT = ("p", "q", "r", "ax", "ay", "az")
 _UNITS = {
     "mass": "kg", "xx": "kg m2", "yy": "kg m2", "zz": "kg m2", "xz": "kg m2", "xy": "kg m2", "yz": "kg m2",
     "area": "m2", "chord": "m", "span": "m", "airspeed": "m/s", "alpha": "rad", "gravity": "m/s2",
     "density": "kg/m3", "thrust": "N", "diameter": "m", "lag": "s", "delay": "s", "offset": "rad",
-    "x": "m", "y": "m", "z": "m", "pitch": "rad", "speed_gain": "rev/s per unit",
+    "x": "m", "y": "m", "z": "m", "pitch": "rad", "speed_gain": "rev/s per unit", "intensity": "m/s",
+    "length": "m",
 }  # fmt: skip
 _EQUATION_SOURCES = (  #: beside all of symbolic/
     "vehicle.py", "terms.py", "atmosphere.py", "schema.py", "defaults.py", "quantity.py",
@@ -54,6 +61,11 @@ _CHANNEL_UNITS = {
     "ay": "m/s2",
     "az": "m/s2",
 }
+
+
+def noise_input(axis: str) -> str:
+    """Return the name of the white noise (unit intensity) that drives the gust along a body axis."""
+    return f"gust.{axis}.noise"
 
 
 def _join(prefix: str, name: str) -> str:
@@ -83,7 +95,11 @@ def _structure(node: Any, path: str = "") -> Any:
         return f"={node.tie}" if node.tie else "number"
     if isinstance(node, BaseModel):
         skipped = ("name", "notes", "loadings", "sigma", "estimate_biases")  # these make no kernel row
-        return {n: _structure(getattr(node, n)) for n in type(node).model_fields if n not in skipped}
+        kept = [n for n in type(node).model_fields if n not in skipped]
+        calm = (
+            ("turbulence",) if getattr(node, "turbulence", 1) is None else ()
+        )  # as files before there was any
+        return {n: _structure(getattr(node, n)) for n in kept if n not in calm}
     if isinstance(node, Mapping):
         return {n: _structure(v) for n, v in node.items()}
     return [_structure(v) for v in node] if isinstance(node, tuple) else node
@@ -154,6 +170,7 @@ class Vehicle:
         controls = tuple(self.file.controls)
         own = {n for c in _ESTIMATED[self.reduce] for n in getattr(self.file.aerodynamics, c)}
         dropped = {n for c in COEFFICIENTS for n in getattr(self.file.aerodynamics, c) if c not in self.terms}
+        dropped |= self._calm
         out = []
         for name, q in leaves(self.file):
             if q.tie is not None:
@@ -210,21 +227,52 @@ class Vehicle:
         return tuple(mix) if mix is not None else (control,)
 
     @functools.cached_property
+    def gusts(self) -> tuple[str, ...]:
+        """Body axes along which the air moves, of those that the kept equations have."""
+        table = self.file.turbulence
+        return tuple(
+            a for a in _KEPT_GUSTS[self.reduce] if table is not None and getattr(table, a) is not None
+        )
+
+    @property
+    def _calm(self) -> set[str]:
+        """Numbers of gusts that the kept equations do not have, also not through a tie."""
+        numbers = {
+            axis: leaves(getattr(self.file.turbulence, axis, None), f"turbulence.{axis}") for axis in "uvw"
+        }
+        named = {axis: dict(found) for axis, found in numbers.items()}
+        used = {name for axis in self.gusts for name, q in named[axis].items() if q.tie is None}
+        used |= {q.tie for axis in self.gusts for q in named[axis].values() if q.tie is not None}
+        return {name for found in named.values() for name in found} - used
+
+    @functools.cached_property
     def inputs(self) -> tuple[str, ...]:
-        """Recorded channels that drive the equations, in the order of the kernel's inputs."""
+        """All that drives the equations, in the order of the kernel's inputs: recorded channels, then noise.
+
+        Noise that drives gusts is zero except in simulated turbulence. Without any recorded channel ``none``
+        stands for them.
+        """
+        return (*(self.recorded or ("none",)), *(noise_input(axis) for axis in self.gusts))
+
+    @functools.cached_property
+    def recorded(self) -> tuple[str, ...]:
+        """Recorded channels that drive the equations."""
         channels = [channel for c in self.controls for channel in self.channels_of(c)]
         propulsion = self.file.propulsion
         if propulsion is not None and propulsion.kind != "constant":
             channels.append(propulsion.channel)
         if self.file.environment.density == "log":
             channels.append("density")
-        return tuple(dict.fromkeys(channels)) or ("none",)
+        return tuple(dict.fromkeys(channels))
 
     @functools.cached_property
     def states(self) -> tuple[str, ...]:
-        """States of the kernel: air-relative body velocity, rates, quaternion, altitude, surface lags."""
+        """States of the kernel: body velocity, rates, quaternion, altitude, surface lags, gusts.
+
+        The velocity is relative to the steady wind.
+        """
         lags = (f"{c}.lag" for c in self.controls if self.file.controls[c].lag is not None)
-        return (*_REDUCED_STATES[self.reduce], *lags)
+        return (*_REDUCED_STATES[self.reduce], *lags, *(s for axis in self.gusts for s in GUST_STATES[axis]))
 
     @property
     def outputs(self) -> tuple[str, ...]:

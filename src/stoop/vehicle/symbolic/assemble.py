@@ -8,7 +8,7 @@ from typing import Any
 import sympy as sp
 
 from stoop.kernels import SymbolicModel
-from stoop.vehicle.symbolic import forces, instruments, rigid_body
+from stoop.vehicle.symbolic import forces, instruments, rigid_body, turbulence
 from stoop.vehicle.symbolic.atmosphere import symbolic_density
 from stoop.vehicle.symbolic.frames import air, attitude, quaternion_rate
 from stoop.vehicle.symbolic.symbols import Numbers, Vector, scale
@@ -56,13 +56,14 @@ def full_model(
 ) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any], dict[str, Any], Numbers]:
     """Return symbols of states and channels, rates of states, readings of instruments, numbers."""
     n = Numbers.of(vehicle)
-    lag_names = [s for s in vehicle.states if s.endswith(".lag")]
-    x = {s: sp.Symbol(f"state {s}", real=True) for s in (*RIGID_STATES, *lag_names)}
+    further = [s for s in vehicle.states if s not in RIGID_STATES]
+    x = {s: sp.Symbol(f"state {s}", real=True) for s in (*RIGID_STATES, *further)}
     u = {c: sp.Symbol(f"input {c}", real=True) for c in vehicle.inputs}
     velocity: Vector = (x["u"], x["v"], x["w"])
     omega: Vector = (x["p"], x["q"], x["r"])
     e = (x["e0"], x["e1"], x["e2"], x["e3"])
-    turned, wind = attitude(e), air(velocity)
+    through_air = turbulence.relative(n, velocity, x)
+    turned, wind = attitude(e), air(through_air)
     deflections, lag_rates = _lags(n, x, _commands(n, u))
     s = forces.Surroundings(n, wind, _density(n, x["h"], u), omega, deflections, u)
     load = forces.total(s)
@@ -72,8 +73,15 @@ def full_model(
     climb = -sum(d * v for d, v in zip(turned.down, velocity, strict=True))
     rates = [*velocity_rate, *omega_rate, *quaternion_rate(e, omega), climb]
     felt = instruments.accelerometer(n, specific, omega, omega_rate)
-    truth = instruments.truth(wind.V, instruments.vane(n, velocity, omega), omega, turned, felt)
-    return x, u, dict(zip(RIGID_STATES, rates, strict=True)) | lag_rates, instruments.readings(n, truth), n
+    truth = instruments.truth(wind.V, instruments.vane(n, through_air, omega), omega, turned, felt)
+    further_rates = lag_rates | turbulence.rates(n, x, u)
+    return (
+        x,
+        u,
+        dict(zip(RIGID_STATES, rates, strict=True)) | further_rates,
+        instruments.readings(n, truth),
+        n,
+    )
 
 
 _REDUCTIONS: dict[str, tuple[str, ...]] = {

@@ -1,0 +1,101 @@
+"""The table of turbulence: what it adds to the equations, and that nothing changes without it."""
+
+import hashlib
+import json
+
+import numpy as np
+import pytest
+
+from stoop.errors import VehicleError
+from stoop.simulate import initial_states, parameter_rows
+from stoop.vehicle import parse_vehicle
+
+TABLE = """
+[turbulence]
+u = { intensity = 1.5, length = 200.0 }
+v = { intensity = { value = 1.0, free = true, bounds = [0.1, 3.0] }, length = 100.0 }
+w = { intensity = "=turbulence.v.intensity", length = "=turbulence.v.length" }
+"""
+
+
+def test_without_the_table_the_structure_is_what_it_was(twin_boom: str) -> None:
+    structure = json.loads(parse_vehicle(twin_boom, "twin_boom.toml").structure)[0]
+    digest = hashlib.sha256(json.dumps(structure).encode()).hexdigest()
+    assert digest.startswith(
+        "7a800a5330f008e7"
+    )  # of the vehicle files' first version: the kernels are the same
+
+
+def test_states_and_noise_are_added_at_the_end(twin_boom: str) -> None:
+    calm, gusty = parse_vehicle(twin_boom, "calm"), parse_vehicle(twin_boom + TABLE, "gusty")
+    assert gusty.states[: len(calm.states)] == calm.states
+    assert gusty.states[len(calm.states) :] == (
+        "gust.u", "gust.v.fast", "gust.v.slow", "gust.w.fast", "gust.w.slow",
+    )  # fmt: skip
+    assert gusty.inputs == (*calm.inputs, "gust.u.noise", "gust.v.noise", "gust.w.noise")
+    assert gusty.recorded == calm.recorded == calm.inputs
+    assert gusty.reduced("longitudinal").gusts == ("u", "w")
+    assert gusty.reduced("lateral").gusts == ("v",)
+
+
+def test_in_still_air_the_equations_agree(twin_boom: str) -> None:
+    calm, gusty = parse_vehicle(twin_boom, "calm"), parse_vehicle(twin_boom + TABLE, "gusty")
+    start = {"V": 33.0, "alpha": 0.05, "beta": 0.02, "p": 0.1, "q": 0.2, "theta": 0.1, "h": 200.0}
+    u = np.array([[0.1], [0.02], [0.03]])
+    found = []
+    for vehicle, inputs in ((calm, u), (gusty, np.vstack([u, np.zeros((3, 1))]))):
+        rows = parameter_rows(vehicle)
+        x = initial_states(vehicle, start, rows, inputs[:, 0])
+        rates, readings = vehicle.kernel().evaluate(rows, x, inputs)
+        found.append((rates[: len(calm.states)], readings))
+    assert np.allclose(found[0][0], found[1][0], rtol=1e-13, atol=1e-13)
+    assert np.allclose(found[0][1], found[1][1], rtol=1e-13, atol=1e-13)
+
+
+def test_a_gust_is_felt_as_the_opposite_motion(twin_boom: str) -> None:
+    """What air and vanes feel of a gust is what they feel of a body that moves the other way."""
+    gusty = parse_vehicle(twin_boom + TABLE, "gusty")
+    rows = parameter_rows(gusty)
+    at = dict(zip(gusty.states, range(len(gusty.states)), strict=True))
+    x = initial_states(gusty, {"V": 35.0, "alpha": 0.06, "h": 200.0}, rows, np.zeros(6))
+    x = np.repeat(x, 2, axis=1)
+    x[at["w"], 0] -= 0.7  # the body down less quickly: the same as air that moves down
+    x[at["gust.w.fast"], 1] = 0.7 / np.sqrt(3.0)
+    _, readings = gusty.kernel().evaluate(np.repeat(rows, 2, axis=1), x, np.zeros((6, 2)))
+    assert np.allclose(readings[:, 0], readings[:, 1], rtol=1e-12, atol=1e-12)
+
+
+def test_an_intensity_can_be_estimated_and_tied(twin_boom: str) -> None:
+    gusty = parse_vehicle(twin_boom + TABLE, "gusty")
+    free = [p for p in gusty.parameters if p.free and p.name.startswith("turbulence")]
+    assert [p.name for p in free] == ["turbulence.v.intensity"]
+    assert free[0].unit == "m/s"
+    assert gusty.rows["turbulence.w.intensity"] == gusty.rows["turbulence.v.intensity"]
+    assert not [
+        p for p in gusty.reduced("longitudinal").parameters if p.free and p.name == "turbulence.u.length"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("table", "says"),
+    [
+        ("w = { intensity = 0.0, length = 10.0 }", "turbulence.w.intensity"),
+        ("w = { intensity = 1.0 }", "length"),
+        ("q = { intensity = 1.0, length = 10.0 }", "turbulence.q"),
+    ],
+)
+def test_nonsense_is_refused_in_one_line(twin_boom: str, table: str, says: str) -> None:
+    with pytest.raises(VehicleError, match=says) as error:
+        parse_vehicle(f"{twin_boom}\n[turbulence]\n{table}\n", "gusty.toml")
+    assert "\n" not in str(error.value)
+
+
+def test_a_reduced_model_frees_what_its_gusts_are_tied_to(twin_boom: str) -> None:
+    gusty = parse_vehicle(twin_boom + TABLE, "gusty").reduced("longitudinal")
+    assert [p.name for p in gusty.parameters if p.free and p.name.startswith("turbulence")] == [
+        "turbulence.v.intensity"
+    ]
+    alone = parse_vehicle(twin_boom + TABLE.splitlines()[1] + "\n" + TABLE.splitlines()[3], "gusty")
+    assert not [
+        p for p in alone.reduced("longitudinal").parameters if p.free and p.name.startswith("turbulence")
+    ]
