@@ -7,6 +7,7 @@ from typing import Final
 
 DEGREE: Final = math.pi / 180.0  #: rad
 FOOT: Final = 0.3048  #: m (international foot, exact)
+INCH: Final = 0.0254  #: m (exact)
 KNOT: Final = 1852.0 / 3600.0  #: m/s (exact)
 POUND_FORCE: Final = 4.4482216152605  #: N (exact)
 SLUG: Final = POUND_FORCE / FOOT  #: kg

@@ -1,0 +1,162 @@
+"""Fly an exported aircraft in JSBSim: given inputs, open loop, on a planet so large that it is flat.
+
+A frame of JSBSim moves the state from t to t + dt with the accelerations found at t, then finds those at t + dt
+from the inputs that stand there: inputs for t + dt are set before the frame. What it reports of accelerations at
+the pilot is a frame old, so forces and angular accelerations are read instead.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.errors import SimulationError, StoopError
+from stoop.units import FOOT, POUND_FORCE, SLUG
+
+FloatArray = NDArray[np.float64]
+FRAME_RATE: Final = 1000.0  #: Hz at least
+INTEGRATORS: Final = {
+    "simulation/integrator/rate/rotational": 5.0,
+    "simulation/integrator/rate/translational": 5.0,
+    "simulation/integrator/position/rotational": 5.0,
+    "simulation/integrator/position/translational": 5.0,
+}  #: Adams-Bashforth of order four
+_FORCE: Final = POUND_FORCE / SLUG
+READ: Final[dict[str, tuple[str, float]]] = {
+    "u": ("velocities/u-aero-fps", FOOT), "v": ("velocities/v-aero-fps", FOOT), "w": ("velocities/w-aero-fps", FOOT),
+    "p": ("velocities/p-rad_sec", 1.0), "q": ("velocities/q-rad_sec", 1.0), "r": ("velocities/r-rad_sec", 1.0),
+    "phi": ("attitude/phi-rad", 1.0), "theta": ("attitude/theta-rad", 1.0), "psi": ("attitude/psi-rad", 1.0),
+    "h": ("position/h-sl-ft", FOOT),
+    "X": ("forces/fbx-total-lbs", POUND_FORCE), "Y": ("forces/fby-total-lbs", POUND_FORCE),
+    "Z": ("forces/fbz-total-lbs", POUND_FORCE),
+    "mass": ("inertia/mass-slugs", SLUG),
+    "pdot": ("accelerations/pdot-rad_sec2", 1.0), "qdot": ("accelerations/qdot-rad_sec2", 1.0),
+    "rdot": ("accelerations/rdot-rad_sec2", 1.0),
+}  #: name -> property and its unit in SI  # fmt: skip
+START: Final[dict[str, tuple[str, float]]] = {
+    "u": ("ic/u-fps", FOOT), "v": ("ic/v-fps", FOOT), "w": ("ic/w-fps", FOOT),
+    "p": ("ic/p-rad_sec", 1.0), "q": ("ic/q-rad_sec", 1.0), "r": ("ic/r-rad_sec", 1.0),
+    "phi": ("ic/phi-rad", 1.0), "theta": ("ic/theta-rad", 1.0), "psi": ("ic/psi-true-rad", 1.0),
+    "h": ("ic/h-sl-ft", FOOT),
+}  #: name -> property of the initial conditions and its unit in SI  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Sortie:
+    """What is flown.
+
+    Attributes
+    ----------
+    aircraft : str
+        Name of a folder in ``root/aircraft``.
+    start : mapping
+        Of :data:`START`, SI and rad; body axes, relative to still air.
+    time : (n,), s, uniform
+    inputs : mapping of property to (n,)
+        Linear between samples.
+    held : mapping of property to value
+        Set for the whole flight.
+    planet : Path, optional
+        A planet file; JSBSim's Earth when absent.
+    """
+
+    aircraft: str
+    start: Mapping[str, float]
+    time: FloatArray
+    inputs: Mapping[str, FloatArray]
+    held: Mapping[str, float]
+    planet: Path | None
+
+
+def simulator(root: Path) -> Any:
+    """Return a silent JSBSim that looks for aircraft in ``root/aircraft``.
+
+    Raises
+    ------
+    StoopError
+        The package is not installed.
+    """
+    try:
+        import jsbsim as imported
+    except ModuleNotFoundError:
+        raise StoopError("JSBSim: the package is not installed; pip install 'stoop[jsbsim]'") from None
+    jsbsim: Any = imported
+    jsbsim.FGJSBBase().debug_lvl = 0
+    out = jsbsim.FGFDMExec(str(root))
+    out.set_debug_level(0)
+    return out
+
+
+def frames_per_sample(dt: float) -> int:
+    """Return how many frames of JSBSim fit in a sample at :data:`FRAME_RATE` or a little more."""
+    return max(1, math.ceil(dt * FRAME_RATE - 1e-9))
+
+
+def fly(root: Path, sortie: Sortie) -> dict[str, FloatArray]:
+    """Return what :data:`READ` names at each sample, SI and rad.
+
+    Raises
+    ------
+    SimulationError
+        JSBSim does not load the aircraft, or the flight diverges.
+    """
+    dt = float(sortie.time[1] - sortie.time[0])
+    many = frames_per_sample(dt)
+    fdm = _ready(simulator(root), sortie, dt / many)
+    nodes = [fdm.get_property_manager().get_node(name) for name in sortie.inputs]
+    columns = np.stack(list(sortie.inputs.values()), axis=1) if nodes else np.zeros((len(sortie.time), 0))
+    out = np.full((len(sortie.time), len(READ)), np.nan)
+    watched = [(fdm.get_property_manager().get_node(name), unit) for name, unit in READ.values()]
+    out[0] = [n.get_double_value() * unit for n, unit in watched]
+    for k in range(1, len(sortie.time)):
+        for j in range(1, many + 1):
+            here = columns[k - 1] + (columns[k] - columns[k - 1]) * (j / many)
+            for n, x in zip(nodes, here.tolist(), strict=True):
+                n.set_double_value(x)
+            fdm.run()
+        out[k] = [n.get_double_value() * unit for n, unit in watched]
+        if not np.isfinite(out[k]).all():
+            raise SimulationError(f"{sortie.aircraft}: diverges in JSBSim at {sortie.time[k]:.2f} s")
+    return dict(zip(READ, out.T, strict=True))
+
+
+def _ready(fdm: Any, sortie: Sortie, dt: float) -> Any:
+    """Load, and stand at the start."""
+    fdm.set_dt(dt)
+    if sortie.planet is not None:
+        _insist(fdm.load_planet(str(sortie.planet), False), sortie, "its planet")
+    _insist(fdm.load_model(sortie.aircraft), sortie, "its aircraft file")
+    if sortie.planet is not None:
+        fdm["simulation/gravity-model"] = 0.0
+    first = {name: float(column[0]) for name, column in sortie.inputs.items()}
+    _set(fdm, {**INTEGRATORS, **sortie.held, **first})
+    _set(fdm, {"ic/lat-geod-rad": 0.0, "ic/long-gc-rad": 0.0})
+    _set(fdm, {place: float(sortie.start.get(n, 0.0)) / unit for n, (place, unit) in START.items()})
+    _insist(fdm.run_ic(), sortie, "its initial conditions")
+    return fdm
+
+
+def _set(fdm: Any, values: Mapping[str, float]) -> None:
+    for name, x in values.items():
+        fdm[name] = x
+
+
+def _insist(done: bool, sortie: Sortie, what: str) -> None:
+    if not done:
+        raise SimulationError(f"{sortie.aircraft}: JSBSim does not take {what}; export it again")
+
+
+def specific_force(flown: Mapping[str, FloatArray]) -> FloatArray:
+    """Return (3, n) force other than weight over mass, body axes, m/s2."""
+    return np.stack([flown[a] / flown["mass"] for a in "XYZ"])
+
+
+def named(names: Sequence[str], flown: Mapping[str, FloatArray]) -> FloatArray:
+    """Return (k, n) of the named columns."""
+    return np.stack([flown[n] for n in names])

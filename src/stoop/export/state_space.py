@@ -1,0 +1,182 @@
+"""Linear models as files: JSON of format ``stoop-state-space/1`` and a MATLAB 5 ``.mat`` with the same numbers."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.simulate import LinearModel, Trim, initial_states, linearize, parameter_rows
+from stoop.simulate.initial import commanded
+from stoop.vehicle import Vehicle
+
+FloatArray = NDArray[np.float64]
+FORMAT: Final = "stoop-state-space/1"
+MATRICES: Final = ("A", "B", "C", "D")
+STEP: Final = 1e-3  #: of a parameter's standard error: how far it is moved for a derivative
+_UNITS: Final = {
+    "V": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s", "h": "m", "ax": "m/s2", "ay": "m/s2", "az": "m/s2",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """What an identification knows of a vehicle's numbers: names, and their covariance (k, k)."""
+
+    names: tuple[str, ...]
+    covariance: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpace:
+    """A linear model with its steady flight.
+
+    Attributes
+    ----------
+    vehicle : Vehicle
+    point : Trim
+    model : LinearModel
+    x, u, y : (n_x,), (n_u,), (n_y,)
+        The steady flight that the model's deviations are from, SI and rad.
+    standard_errors : mapping of str to array
+        Of the entries of A, B, C, D, first order in the parameters' covariance, the steady flight held; empty
+        where no covariance is known.
+    """
+
+    vehicle: Vehicle
+    point: Trim
+    model: LinearModel
+    x: FloatArray
+    u: FloatArray
+    y: FloatArray
+    standard_errors: Mapping[str, FloatArray] = field(default_factory=dict)
+
+
+def state_space(vehicle: Vehicle, point: Trim, known: Known | None = None) -> StateSpace:
+    """Linearize a vehicle about a steady flight."""
+    model = linearize(vehicle, point)
+    errors = {} if known is None else standard_errors(vehicle, point, known)
+    return StateSpace(vehicle, point, model, *_steady(vehicle, point, model), errors)
+
+
+def _steady(vehicle: Vehicle, point: Trim, model: LinearModel) -> tuple[FloatArray, FloatArray, FloatArray]:
+    rows = parameter_rows(vehicle, point.changes)
+    states = initial_states(vehicle, point.start, rows, point.inputs)
+    _, readings = vehicle.kernel().evaluate(rows, states, point.inputs[:, None])
+    surfaces = {c: float(commanded(vehicle, c, rows, point.inputs)[0]) for c in vehicle.controls}
+    lags = {f"{c}.lag": angle for c, angle in surfaces.items()}
+    channels = dict(zip(vehicle.inputs, point.inputs.tolist(), strict=True))
+    x = np.array([lags[n] if n in lags else point.start.get(n, 0.0) for n in model.states])
+    u = np.array([surfaces[n] if n in surfaces else channels[n] for n in model.inputs])
+    return x, u, readings[:, 0]
+
+
+def standard_errors(vehicle: Vehicle, point: Trim, known: Known) -> dict[str, FloatArray]:
+    """Return the standard error of every entry: the square root of diag(J S J') with J by central differences."""
+    deviations = np.sqrt(np.diag(known.covariance))
+    moved = [i for i, s in enumerate(deviations) if np.isfinite(s) and s > 0.0]
+    slopes = [_slope(vehicle, point, known.names[i], STEP * float(deviations[i])) for i in moved]
+    covariance = known.covariance[np.ix_(moved, moved)]
+    out = {}
+    for k, name in enumerate(MATRICES):
+        J = np.stack([s[k] for s in slopes], axis=-1) if slopes else np.zeros((0,))
+        variance = np.einsum("...i,ij,...j->...", J, covariance, J) if slopes else np.zeros(())
+        out[name] = np.sqrt(np.maximum(variance, 0.0))
+    return out if slopes else {}
+
+
+def _slope(vehicle: Vehicle, point: Trim, name: str, step: float) -> list[FloatArray]:
+    center = vehicle.value(name)
+    up, down = (linearize(vehicle.with_numbers({name: {"value": center + s}}), point) for s in (step, -step))
+    return [(getattr(up, m) - getattr(down, m)) / (2.0 * step) for m in MATRICES]
+
+
+def unit(name: str) -> str:
+    """Return the unit of a state, input or output; what is none of the flight's is an angle."""
+    from stoop.flight import VARIABLES
+
+    if name in _UNITS:
+        return _UNITS[name]
+    return VARIABLES[name].unit if name in VARIABLES else "rad"
+
+
+def document(found: StateSpace) -> dict[str, Any]:
+    """Return the model for JSON, SI and rad; numbers carry all their digits."""
+    model, vehicle = found.model, found.vehicle
+    return {
+        "format": FORMAT,
+        "vehicle": vehicle.name,
+        "reduce": vehicle.reduce,
+        "equations": "x' = A (x - x0) + B (u - u0), y - y0 = C (x - x0) + D (u - u0)",
+        "states": _signals(model.states, found.x),
+        "inputs": _signals(model.inputs, found.u),
+        "outputs": _signals(model.outputs, found.y),
+        **{m: getattr(model, m).tolist() for m in MATRICES},
+        "standard_errors": {m: e.tolist() for m, e in found.standard_errors.items()},
+        "trim": {"altitude": found.point.start.get("h", 0.0), "residual": found.point.residual},
+        "parameters": numbers(vehicle, found.point),
+    }
+
+
+def _signals(names: tuple[str, ...], values: FloatArray) -> list[dict[str, Any]]:
+    return [{"name": n, "unit": unit(n), "trim": v} for n, v in zip(names, values.tolist(), strict=True)]
+
+
+def numbers(vehicle: Vehicle, point: Trim | None) -> dict[str, float]:
+    """Return every number of the vehicle as it is flown, by name."""
+    own = dict(zip((p.name for p in vehicle.parameters), vehicle.values.tolist(), strict=True))
+    return own | ({} if point is None else {n: float(v) for n, v in point.changes.items()})
+
+
+def json_text(found: StateSpace) -> str:
+    """Return the model as JSON; what does not exist is null."""
+    return json.dumps(_plain(document(found)), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _plain(node: Any) -> Any:
+    if isinstance(node, Mapping):
+        return {k: _plain(v) for k, v in node.items()}
+    if isinstance(node, list):
+        return [_plain(v) for v in node]
+    return None if isinstance(node, float) and not math.isfinite(node) else node
+
+
+def variables(found: StateSpace) -> dict[str, Any]:
+    """Return what the ``.mat`` file holds: matrices, steady flight, and names as cells of text."""
+    model = found.model
+    parameters = numbers(found.vehicle, found.point)
+    return {
+        **{m: getattr(model, m) for m in MATRICES},
+        **{f"{m}_std": e for m, e in found.standard_errors.items()},
+        "x0": found.x[:, None],
+        "u0": found.u[:, None],
+        "y0": found.y[:, None],
+        "states": cells(model.states),
+        "inputs": cells(model.inputs),
+        "outputs": cells(model.outputs),
+        "parameter_names": cells(parameters),
+        "parameters": np.array(list(parameters.values()))[:, None],
+    }
+
+
+def cells(words: Any) -> NDArray[np.object_]:
+    """Return a column of text cells."""
+    out = np.empty((len(words), 1), dtype=object)
+    out[:, 0] = list(words)
+    return out
+
+
+def mat_bytes(variables: Mapping[str, Any]) -> bytes:
+    """Return a MATLAB 5 file; the same numbers give the same bytes, so no date stands in its header."""
+    from scipy.io import savemat
+
+    stream = io.BytesIO()
+    target: Any = stream  # SciPy's types know of files with a name only
+    savemat(target, dict(variables), format="5", oned_as="column")
+    return b"MATLAB 5.0 MAT-file, made by stoop export".ljust(116) + stream.getvalue()[116:]
