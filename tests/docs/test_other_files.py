@@ -18,7 +18,7 @@ from stoop.simulate import maneuver, parse_maneuver, simulate_flight
 from stoop.units import FACTORS
 from stoop.vehicle.builtin import resolve_vehicle
 
-INPUTS = [maneuver.Steps, maneuver.Pulse, maneuver.Multisine, maneuver.Harmonics]
+INPUTS = [maneuver.Steps, maneuver.Levels, maneuver.Pulse, maneuver.Multisine, maneuver.Harmonics]
 FLIGHTS, MANEUVERS = DOCS / "flight-files.md", DOCS / "maneuver-file.md"
 
 

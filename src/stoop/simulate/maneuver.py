@@ -22,7 +22,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -38,6 +38,8 @@ from stoop.vehicle.source import parse_source, read_source
 FloatArray = NDArray[np.float64]
 MAX_SAMPLES = 5_000_000
 MAX_HARMONICS = 2000
+MAX_LEVELS = 2000
+_EDGE = 1e-9  #: s, so that a step falls on the sample it names
 
 
 class _Table(BaseModel):
@@ -56,6 +58,15 @@ Deflection = Annotated[Number, AfterValidator(_radians)]
 Harmonic = Annotated[int, Field(strict=True, ge=1, le=MAX_HARMONICS)]
 
 
+def _check_slew(levels: Sequence[float], lengths: Sequence[float], slew: float | None) -> None:
+    for before, after, length in zip((0.0, *levels[:-1]), levels, lengths, strict=True):
+        if slew is not None and abs(after - before) > slew * length * (1.0 + _EDGE):
+            raise ValueError(
+                f"a slew of {slew:g} rad/s does not get from {before:g} to {after:g} rad within {length:g} s; "
+                "give it longer, or lower the amplitude"
+            )
+
+
 class Steps(_Table):
     """A row of steps of alternating sign, each a whole number of ``step`` long.
 
@@ -71,11 +82,25 @@ class Steps(_Table):
 
     @model_validator(mode="after")
     def _reaches_its_levels(self) -> Steps:
-        if self.slew is not None and 2.0 * abs(self.amplitude) > self.slew * self.step:
-            raise ValueError(
-                f"a slew of {self.slew:g} rad/s does not get from one side to the other within a step of {self.step:g} s; "
-                "lengthen the step, or lower the amplitude"
-            )
+        _check_slew((self.amplitude, -self.amplitude), (self.step, self.step), self.slew)
+        return self
+
+
+class Levels(_Table):
+    """A row of levels, each held for its own length, then back to the trim; with a ``slew`` as in `Steps`."""
+
+    control: str
+    shape: Literal["levels"]
+    start: Instant
+    levels: Annotated[tuple[Deflection, ...], Field(min_length=1, max_length=MAX_LEVELS)]  #: rad
+    lengths: tuple[Seconds, ...]  #: s, one per level
+    slew: Annotated[Number, Field(gt=0.0)] | None = None
+
+    @model_validator(mode="after")
+    def _reaches_its_levels(self) -> Levels:
+        if len(self.levels) != len(self.lengths):
+            raise ValueError("levels and lengths differ in length; give one length per level")
+        _check_slew(self.levels, self.lengths, self.slew)
         return self
 
 
@@ -141,7 +166,7 @@ class Harmonics(_Table):
         return max(self.harmonics) / self.duration
 
 
-Input = Annotated[Steps | Pulse | Multisine | Harmonics, Field(discriminator="shape")]
+Input = Annotated[Steps | Levels | Pulse | Multisine | Harmonics, Field(discriminator="shape")]
 
 
 class Maneuver(_Table):
@@ -180,29 +205,26 @@ class Maneuver(_Table):
         return out
 
 
-_PATTERNS = {"3-2-1-1": (3, 2, 1, 1), "doublet": (1, 1), "1-1": (1, 1), "2-1-1": (2, 1, 1)}
-_EDGE = 1e-9  #: s, so that a step falls on the sample it names
+PATTERNS = {"3-2-1-1": (3, 2, 1, 1), "doublet": (1, 1), "1-1": (1, 1), "2-1-1": (2, 1, 1)}
 
 
 def _steps(spec: Any, t: FloatArray) -> FloatArray:
-    if spec.slew is not None:
-        return _ramps(spec, t)
-    out, begin, sign = np.zeros_like(t), spec.start, 1.0
-    for units in _PATTERNS[spec.shape]:
-        end = begin + units * spec.step
-        out[(t >= begin - _EDGE) & (t < end - _EDGE)] = sign * spec.amplitude
-        begin, sign = end, -sign
-    return out
+    pattern = PATTERNS[spec.shape]
+    levels = [spec.amplitude * (-1.0) ** i for i in range(len(pattern))]
+    return _levels(t, spec.start + spec.step * np.concatenate([[0], np.cumsum(pattern)]), levels, spec.slew)
 
 
-def _ramps(spec: Any, t: FloatArray) -> FloatArray:
-    """Return the steps of a surface that takes its time from one level to the next."""
-    signs = [(-1.0) ** i for i in range(len(_PATTERNS[spec.shape]))]
-    levels = np.array([0.0, *(sign * spec.amplitude for sign in signs), 0.0])
-    begins = spec.start + spec.step * np.concatenate([[0.0], np.cumsum(_PATTERNS[spec.shape])])
-    ends = begins + np.abs(np.diff(levels)) / spec.slew
-    corners = np.column_stack([begins, ends]).ravel()
-    return np.asarray(np.interp(t, corners, np.column_stack([levels[:-1], levels[1:]]).ravel()))
+def _rows_of_levels(spec: Any, t: FloatArray) -> FloatArray:
+    return _levels(t, spec.start + np.concatenate([[0.0], np.cumsum(spec.lengths)]), spec.levels, spec.slew)
+
+
+def _levels(t: FloatArray, edges: FloatArray, levels: Sequence[float], slew: float | None) -> FloatArray:
+    """Return one level between each two edges, the trim before and after; with a slew from level to level in ramps."""
+    held = np.array([0.0, *levels, 0.0])
+    if slew is None:
+        return np.asarray(held[np.searchsorted(edges - _EDGE, t, side="right")])
+    corners = np.column_stack([edges, edges + np.abs(np.diff(held)) / slew])
+    return np.asarray(np.interp(t, corners.ravel(), np.column_stack([held[:-1], held[1:]]).ravel()))
 
 
 def _pulse(spec: Any, t: FloatArray) -> FloatArray:
@@ -233,7 +255,8 @@ def _harmonics(spec: Any, t: FloatArray) -> FloatArray:
 
 
 _SHAPES: dict[str, Callable[[Any, FloatArray], FloatArray]] = {
-    **dict.fromkeys(_PATTERNS, _steps),
+    **dict.fromkeys(PATTERNS, _steps),
+    "levels": _rows_of_levels,
     "pulse": _pulse,
     "multisine": _multisine,
     "harmonics": _harmonics,

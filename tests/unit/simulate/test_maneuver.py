@@ -87,6 +87,17 @@ def test_slew_bounds_the_rate_and_keeps_the_levels() -> None:
     )
 
 
+def test_levels_are_held_one_after_the_other() -> None:
+    row = {"levels": [0.1, -0.05, 0.0, 0.02], "lengths": [0.5, 0.3, 0.7, 0.5]}
+    y = flown(shape(shape="levels", start=1.0, **row))
+    assert [float(v) for v in y[[99, 100, 149, 150, 179, 180, 249, 250, 299, 300]]] == [
+        0, 0.1, 0.1, -0.05, -0.05, 0, 0, 0.02, 0.02, 0,
+    ]  # fmt: skip
+    slow = flown(shape(shape="levels", start=1.0, slew=0.6, **row))
+    assert np.abs(np.diff(slow)).max() <= 0.006 * (1.0 + 1e-9)
+    assert slow[[120, 149, 179, 200]] == pytest.approx([0.1, 0.1, -0.05, 0.0])
+
+
 def test_inputs_on_one_control_add() -> None:
     one = shape(shape="pulse", start=1.0, duration=1.0, amplitude=0.1)
     twice = f"{one}\n[[input]]\n" + one.split("[[input]]\n")[1]
@@ -132,6 +143,8 @@ SINE = {"shape": "multisine", "start": 0.0, "duration": 5.0, "amplitude": 0.1, "
         (shape(**SINE | {"first": 0}), "input.0.first: it must be greater than or equal to 1"),
         (shape(**SINE | {"first": 10**400}), "input.0.first: "),
         (shape(shape="doublet", start=1.0, step=0.1, amplitude=0.1, slew=1.0), "a slew of 1 rad/s does not get"),
+        (shape(shape="levels", start=1.0, levels=[0.1, 0.2], lengths=[1.0]), "differ in length"),
+        (shape(shape="levels", start=1.0, levels=[0.1, -0.2], lengths=[1.0, 0.2], slew=1.0), "from 0.1 to -0.2 rad within 0.2 s"),
         (shape(shape="harmonics", start=0.0, duration=5.0, harmonics=[1, 2], amplitudes=[0.1], phases=[0.0]), "differ in length"),
         (shape(shape="harmonics", start=0.0, duration=5.0, harmonics=[400], amplitudes=[0], phases=[0]), "above half the rate"),
         (shape(shape="harmonics", start=0.0, duration=5.0, harmonics=[], amplitudes=[], phases=[]), "input.0.harmonics: "),
