@@ -14,7 +14,7 @@ from stoop.compatibility.equations import OUTPUTS
 from stoop.compatibility.estimate import Estimate, estimate
 from stoop.compatibility.prepare import prepare
 from stoop.compatibility.words import air_data_agree, unexplained, warnings
-from stoop.flight import VARIABLES, Flight
+from stoop.flight import VARIABLES, Flight, without_faults
 from stoop.uncertainty.covariance import standard_errors
 
 FloatArray = NDArray[np.float64]
@@ -113,7 +113,7 @@ def check(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> tuple[
     flight : Flight
     windows : sequence of (start, stop), s on the log's own clock; the airborne part without any
     """
-    found = estimate(prepare(flight, windows))
+    found = estimate(prepare(without_faults(flight), windows))
     left = unexplained(found)
     result = Compatibility(
         flight.name,
@@ -121,9 +121,16 @@ def check(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> tuple[
         {name: Consistency(rms, moved, VARIABLES[name].unit) for name, (rms, moved) in left.items()},
         _traces(found, tuple(left)),
         tuple(dict.fromkeys((*warnings(found), *(fault.message for fault in flight.faults)))),
-        (*found.prepared.notes, *air_data_agree(found)),
+        tuple(dict.fromkeys((*_told(flight), *found.prepared.notes, *air_data_agree(found)))),
     )
     return result, found
+
+
+def _told(flight: Flight) -> list[str]:
+    """Return what was said of the log, less its faults, which are warnings here, and its air data."""
+    air = () if flight.air is None else flight.air.notes
+    faults = {fault.message for fault in flight.faults}
+    return [note for note in flight.notes if note not in faults and note not in air]
 
 
 def _findings(found: Estimate) -> dict[str, Finding]:

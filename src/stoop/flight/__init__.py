@@ -3,7 +3,7 @@
 from stoop.flight.channels import SourceRate
 from stoop.flight.faults import Fault
 from stoop.flight.flight import Flight
-from stoop.flight.load import load, without
+from stoop.flight.load import load, without, without_faults
 from stoop.flight.make import from_columns
 from stoop.flight.maneuvers import Maneuver, find_maneuvers
 from stoop.flight.segments import Segment, segments
@@ -29,4 +29,5 @@ __all__ = [
     "save",
     "segments",
     "without",
+    "without_faults",
 ]

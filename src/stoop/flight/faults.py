@@ -21,6 +21,9 @@ STUCK_TIME: Final = 1.0  #: s
 STUCK_SAMPLES: Final = 25
 CLIPPED_SAMPLES: Final = 8
 CLIPPED_CONTRAST: Final = 5  #: times as many samples at the limit as at the value next to it
+ALIKE: Final = (("p", "q", "r"), ("ax", "ay", "az"))  #: channels of one sensor, clipped at one size
+FINE: Final = 0.3  #: share of different values below which numbers are coarse, and meet by chance
+NEAR: Final = 0.005  #: of a limit: what lies nearer was clipped, and moved a little by the filter of the grid
 REST_SPEED: Final = 0.5  #: m/s over ground
 REST_RATE: Final = 0.05  #: rad/s
 REST_TIME: Final = 2.0  #: s
@@ -32,14 +35,14 @@ class Fault:
 
     Attributes
     ----------
-    kind : "stuck", "clipped", "offset at rest" or "wrong sign"
+    kind : "stuck", "clipped", "offset at rest", "wrong sign" or "inconsistent" (with the attitude)
     variable : registry name
     value : SI; where it is stuck or clipped, or what it reads at rest
     start, stop : s, where it was seen first and last
     message : plain words
     """
 
-    kind: Literal["stuck", "clipped", "offset at rest", "wrong sign"]
+    kind: Literal["stuck", "clipped", "offset at rest", "wrong sign", "inconsistent"]
     variable: str
     value: float
     start: float
@@ -51,7 +54,9 @@ def recorded_faults(channels: Sequence[Channels]) -> list[Fault]:
     """Look for stuck and clipped channels in the samples as they were recorded."""
     found: list[Fault] = []
     for group in channels:
-        for name in WATCHED & set(group.values):
+        shared = list(_shared_limits(group))
+        found += shared
+        for name in (WATCHED & set(group.values)) - {fault.variable for fault in shared}:
             good = np.isfinite(group.values[name])
             t, x = group.time[good], group.values[name][good]
             if x.size > STUCK_SAMPLES:
@@ -101,6 +106,52 @@ def _clipped(name: str, t: FloatArray, x: FloatArray) -> Iterator[Fault]:
             f"{name} stops {count} times at exactly {value:.4g} {VARIABLES[name].unit}: clipped, or a default"
         )
         yield Fault("clipped", name, value, float(at[0]), float(at[-1]), words)
+
+
+def _shared_limits(group: Channels) -> Iterator[Fault]:
+    """Yield limits at which several of three alike channels end, to the last digit: that is no chance."""
+    for names in ALIKE:
+        ends = [end for name in names if name in group.values for end in _ends(name, group)]
+        sizes = [abs(value) for _, value, _ in ends]
+        for name, value, held in ends:
+            if sizes.count(abs(value)) < 2 or value == 0.0:
+                continue
+            at = group.time[held]
+            limit = f"{value:.4g} {VARIABLES[name].unit}"
+            words = f"{name} stops {_often(at.size)} at exactly {limit}, where others stop too: clipped"
+            yield Fault("clipped", name, value, float(at[0]), float(at[-1]), words)
+
+
+def _often(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"
+
+
+def _ends(name: str, group: Channels) -> Iterator[tuple[str, float, npt.NDArray[np.bool_]]]:
+    """Yield lowest and highest value of a channel and where it has them, unless its numbers are coarse."""
+    x = group.values[name]
+    seen = x[np.isfinite(x)]
+    if seen.size > STUCK_SAMPLES and np.unique(seen).size > FINE * seen.size:
+        for value in (float(seen.min()), float(seen.max())):
+            yield name, value, x == value
+
+
+def without_faulty(time: FloatArray, x: FloatArray, faults: Sequence[Fault]) -> FloatArray:
+    """Return a channel with NaN where it was clipped or stuck: a limit is no measurement.
+
+    Parameters
+    ----------
+    time, x : (n,), gridded
+    faults : of this channel; those of other kinds take nothing away
+    """
+    out = x.copy()
+    for fault in faults:
+        if fault.kind == "stuck":
+            out[(time >= fault.start) & (time <= fault.stop)] = np.nan
+        elif fault.kind == "clipped":
+            edge, near = fault.value, NEAR * abs(fault.value)
+            beyond = x > edge - near if edge > np.nanmedian(x) else x < edge + near
+            out[beyond] = np.nan
+    return out
 
 
 def sign_faults(time: FloatArray, data: Mapping[str, FloatArray]) -> list[Fault]:

@@ -12,7 +12,8 @@ from stoop import logs
 from stoop.errors import FlightError
 from stoop.flight.build import build
 from stoop.flight.channels import Channels, SourceRate, tame
-from stoop.flight.faults import recorded_faults, rest_faults, sign_faults
+from stoop.flight.consistency import rate_faults
+from stoop.flight.faults import Fault, recorded_faults, rest_faults, sign_faults, without_faulty
 from stoop.flight.flight import Flight
 from stoop.flight.grid import Grid
 from stoop.flight.make import dataset, named, with_attitude
@@ -91,7 +92,12 @@ def channels_of(recording: Recording, mapping: Path | None = None) -> list[Chann
 
 def _gridded(path: Path, recording: Recording, channels: list[Channels], rate: float) -> Flight:
     grid, data, sources = _with_attitude(*build(channels, rate, str(path)))
-    faults = (*recorded_faults(channels), *rest_faults(grid.time, data, rate), *sign_faults(grid.time, data))
+    faults = (
+        *recorded_faults(channels),
+        *rest_faults(grid.time, data, rate),
+        *sign_faults(grid.time, data),
+        *rate_faults(grid.time, data, rate),
+    )
     notes = [
         *_defect_notes(recording, sources),
         *([] if recording.format == "table" else px4_notes(recording)),
@@ -196,6 +202,22 @@ def without(flight: Flight, windows: Sequence[tuple[float, float]]) -> Flight:
         return replace(flight, notes=(*flight.notes, note))
     kept = tuple(note for note in flight.notes if note not in flight.air.notes)
     return replace(flight, data=dataset(flight.time, columns), air=air, notes=(*kept, *air.notes))
+
+
+def without_faults(flight: Flight) -> Flight:
+    """Return the flight with the samples of clipped and stuck sensors taken as not measured."""
+    by_name: dict[str, list[Fault]] = {}
+    for fault in flight.faults:
+        if fault.kind in ("clipped", "stuck"):
+            by_name.setdefault(fault.variable, []).append(fault)
+    if not by_name:
+        return flight
+    columns = {
+        name: without_faulty(flight.time, flight.column(name), found) for name, found in by_name.items()
+    }
+    note = f"{', '.join(columns)}: samples at a limit or standing still count as not measured"
+    data = flight.data.assign({name: ("time", x, flight.data[name].attrs) for name, x in columns.items()})
+    return replace(flight, data=data, notes=(*flight.notes, note))
 
 
 def _warnings(flight: Flight) -> list[str]:

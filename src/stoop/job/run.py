@@ -9,7 +9,7 @@ from pathlib import Path
 
 from stoop import optimize
 from stoop.errors import FlightError
-from stoop.flight import Flight, load, without
+from stoop.flight import Flight, load, without, without_faults
 from stoop.identify import methods
 from stoop.identify.fit import Fit, Options
 from stoop.identify.predict import identified_vehicle
@@ -131,7 +131,7 @@ def search(
     known = _by_name(_each(flights))
     fitted, predicted = _windows(maneuvers, validate, known)
     inputs = input_hashes(vehicle, known, files)
-    known = {name: without(flight, _spans(name, predicted)) for name, flight in known.items()}
+    known = {name: without_faults(without(flight, _spans(name, predicted))) for name, flight in known.items()}
     prepare(vehicle, known, predicted)  # so that its errors come before the search
     found = method.fitter()(vehicle, known, fitted, options, callback, state)
     read = (Path(vehicle.where), *flight_files(known.values()), *files)

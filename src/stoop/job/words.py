@@ -4,12 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from stoop.flight import Flight
+from stoop.identify.excitation import excitation_warnings
 from stoop.identify.fit import Fit
 from stoop.identify.result import ManeuverResult, ParameterEstimate
 from stoop.job.errorbars import ErrorBars
 from stoop.vehicle import Vehicle
+from stoop.vehicle.plausible import inertia_doubts
 
+_WHOLE = ("wrong sign", "inconsistent")  #: faults of a sensor that hold wherever it is read
+_DROPPED = dict.fromkeys(("clipped", "stuck"), "; counted as not measured there")
 COLORED = 2.0  #: correlation time in samples from which residuals count as colored
 
 
@@ -45,12 +51,10 @@ def warnings(
     out = []
     if fit.outcome.status not in ("converged", "target"):
         out.append(f"The search ended without a confirmed optimum: {fit.outcome.advice}.")
-    out += [
-        f"{f.name}: {fault.message}."
-        for f in flights.values()
-        for fault in f.faults
-        if fault.kind == "wrong sign"
-    ]
+    out += _faults(fit, flights, maneuvers)
+    out += inertia_doubts(fit.problem.layout.vehicle, fit.estimates)
+    out += _not_measured(fit, maneuvers)
+    out += excitation_warnings(fit.problem, fit.z, _slowest(fit, flights))
     held = [name for name, p in parameters.items() if p.at_bound]
     if held:
         out.append(
@@ -74,3 +78,38 @@ def warnings(
             )
     out += list(fit.warnings)
     return tuple(out)
+
+
+def _faults(fit: Fit, flights: Mapping[str, Flight], maneuvers: Sequence[ManeuverResult]) -> list[str]:
+    """Return what is suspected of sensors that this fit reads, within its windows where it has a time."""
+    vehicle = fit.problem.layout.vehicle
+    read = {*vehicle.outputs, *vehicle.inputs}
+    spans = [(m.flight, m.start, m.stop) for m in maneuvers if m.role == "fit"]
+    return [
+        f"{flight.name}: {fault.message}{_DROPPED.get(fault.kind, '')}."
+        for flight in flights.values()
+        for fault in flight.faults
+        if fault.variable in read and (fault.kind in _WHOLE or fault.kind in _DROPPED)
+        if any(name == flight.name and a < fault.stop and fault.start < b for name, a, b in spans)
+    ]
+
+
+def _not_measured(fit: Fit, maneuvers: Sequence[ManeuverResult]) -> list[str]:
+    """Say what a missing airspeed means: every coefficient is divided by its square."""
+    vehicle = fit.problem.layout.vehicle
+    if "V" not in vehicle.outputs or any(
+        np.isfinite(p.measured[:, vehicle.outputs.index("V")]).any() for p in fit.problem.pieces
+    ):
+        return []
+    return [
+        f"No airspeed was measured: it was guessed about V* = {vehicle.value('reference.airspeed'):g} m/s, and every "
+        "coefficient is wrong by twice what the guess is off in percent; give air data, or a flight they can be "
+        "reconstructed from."
+    ]
+
+
+def _slowest(fit: Fit, flights: Mapping[str, Flight]) -> float:
+    """Return the lowest rate at which a compared channel was logged, Hz."""
+    outputs = fit.problem.layout.vehicle.outputs
+    rates = [f.sources[c].rate for f in flights.values() for c in outputs if c in f.sources]
+    return min((rate for rate in rates if rate > 0.0), default=np.inf)

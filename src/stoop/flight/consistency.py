@@ -1,0 +1,106 @@
+"""Whether attitude and body rates belong together: the rates that the attitude implies, against those measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+
+from stoop.flight.faults import Fault
+from stoop.flight.grid import complete
+from stoop.flight.variables import QUATERNION
+from stoop.logs import FloatArray
+from stoop.units import DEGREE
+
+RATES: Final = ("p", "q", "r")
+SPAN: Final = 0.2  #: s over which the attitude is differenced
+LEAST: Final = 200  #: samples that say anything
+TURNING: Final = 3.0 * DEGREE  #: rad/s rms; less turning tells nothing
+OFF: Final = 0.15  #: of the gain, that good gyros do not have
+FOLLOWS: Final = 0.8  #: share of the turning that a matching pair explains
+
+
+def rate_faults(time: FloatArray, data: Mapping[str, FloatArray], rate: float) -> list[Fault]:
+    """Look for an attitude that does not turn as the rates say: a sign, an axis, a unit, or another clock.
+
+    Parameters
+    ----------
+    time : (n,) s
+    data : variable -> (n,), gridded
+    rate : Hz
+    """
+    if not set(RATES) | set(QUATERNION) <= set(data):
+        return []
+    implied, measured, kept = _pairs(data, max(2, round(SPAN * rate)), rate)
+    if len(kept) < LEAST:
+        return []
+    span = (float(time[kept[0]]), float(time[kept[-1]]))
+    told = [_judged(i, implied, measured) for i in range(3)]
+    return [
+        Fault("inconsistent", name, float(gain), *span, words)
+        for name, (gain, words) in zip(RATES, told, strict=True)
+        if words
+    ]
+
+
+def _pairs(
+    data: Mapping[str, FloatArray], steps: int, rate: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return mean rates (n, 3) that the attitude implies over `steps`, those measured, and where each begins."""
+    e = np.column_stack([data[name] for name in QUATERNION])
+    omega = np.column_stack([data[name] for name in RATES])
+    running = np.concatenate([np.zeros((1, 3)), np.cumsum(np.nan_to_num(omega), axis=0)])
+    gone = np.concatenate([[0], np.cumsum(~(complete(omega) & complete(e)))])
+    first = np.arange(len(e) - steps)
+    first = first[gone[first + steps + 1] == gone[first]]
+    mean = (running[first + steps + 1] - running[first] - 0.5 * (omega[first] + omega[first + steps])) / steps
+    return _turned(e[first], e[first + steps]) * rate / steps, mean, first
+
+
+def _turned(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the rotation vector (n, 3) rad in body axes from attitude a to b: conj(a) * b."""
+    scalar = np.sum(a * b, axis=1)
+    vector = a[:, :1] * b[:, 1:] - b[:, :1] * a[:, 1:] - np.cross(a[:, 1:], b[:, 1:])
+    sign = np.where(scalar < 0.0, -1.0, 1.0)
+    sine = np.linalg.norm(vector, axis=1)
+    angle = 2.0 * np.arctan2(sine, np.abs(scalar))
+    return np.asarray(vector * (sign * angle / np.maximum(sine, 1e-12))[:, None])
+
+
+def _judged(i: int, implied: FloatArray, measured: FloatArray) -> tuple[float, str]:
+    """Return the gain between one rate and the attitude, and what is wrong with it, if anything."""
+    name = RATES[i]
+    y, x = implied[:, i] - implied[:, i].mean(), measured - measured.mean(axis=0)
+    size = float(np.sqrt(np.mean(y**2)))
+    if size < TURNING:
+        return 1.0, ""
+    likeness = [_correlation(y, column) for column in x.T]
+    best = int(np.argmax(np.abs(likeness)))
+    if abs(likeness[i]) ** 2 < FOLLOWS:
+        return likeness[i], _unlike(name, i, best, likeness)
+    gain = float(y @ x[:, i]) / float(x[:, i] @ x[:, i])
+    if gain < 0.0:
+        return gain, f"{name} and the attitude turn against each other: the sign of one of them is wrong"
+    if abs(gain - 1.0) > OFF:
+        return gain, (
+            f"the attitude turns {gain:.2f} times as fast as {name} says: {name} is clipped, filtered or badly scaled, "
+            "or the attitude lags"
+        )
+    return gain, ""
+
+
+def _unlike(name: str, i: int, best: int, likeness: list[float]) -> str:
+    other = RATES[best]
+    swapped = best != i and likeness[best] ** 2 > FOLLOWS
+    why = (
+        f"it follows {other} instead: axes are swapped"
+        if swapped
+        else "attitude and rates are inconsistent (clocks, clipping, axes or units)"
+    )
+    return f"the attitude does not turn as {name} says (correlation {likeness[i]:.2f}): {why}"
+
+
+def _correlation(a: FloatArray, b: FloatArray) -> float:
+    power = float(a @ a) * float(b @ b)
+    return float(a @ b) / np.sqrt(power) if power > 0.0 else 0.0
