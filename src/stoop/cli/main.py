@@ -25,6 +25,7 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
     "simulate": ("stoop.cli.simulate", "fly a maneuver and write a flight file"),
     "trim": ("stoop.cli.trim", "find the controls of a steady straight flight"),
     "linearize": ("stoop.cli.linearize", "linear model and modes about a steady flight"),
+    "export": ("stoop.cli.export", "a vehicle, as identified or as written, for JSBSim, MATLAB, Simulink or as A, B, C, D"),
     "reproduce": ("stoop.cli.reproduce", "run the PS-GDE paper's experiments and say what holds"),
     "verify": ("stoop.cli.verify", "measure what stoop claims of its own accuracy, and say what holds"),
     "compare": ("stoop.cli.compare", "optimizers on the same problems, counted the same way: who is ahead"),

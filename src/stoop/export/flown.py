@@ -14,7 +14,7 @@ from stoop.errors import SimulationError
 from stoop.export import jsbsim_flight
 from stoop.export.jsbsim_control import delays, lag_start, lagged
 from stoop.export.jsbsim_control import start as start_of
-from stoop.export.jsbsim_model import channel
+from stoop.export.jsbsim_model import channel, constant_thrust
 from stoop.flight.variables import WRAPPED
 from stoop.simulate import initial_states, parameter_rows
 from stoop.simulate.delays import late_inputs, late_outputs
@@ -113,6 +113,7 @@ def sortie(name: str, record: Record, planet: Path | None) -> jsbsim_flight.Sort
     columns = {n: record.inputs[:, i] for i, n in enumerate(vehicle.inputs) if n != "none"}
     held = {start_of(n): float(columns[n][0]) for n in delays(vehicle)}
     held |= {lag_start(c): _surface_start(record, c) for c in lagged(vehicle)}
+    held |= constant_thrust(vehicle)
     return jsbsim_flight.Sortie(
         name, start, record.time, {channel(n): c for n, c in columns.items()}, held, planet
     )

@@ -12,7 +12,7 @@ from typing import Final
 from xml.etree.ElementTree import Element, SubElement
 
 from stoop.export.jsbsim_function import leaf, node, number, prop, value
-from stoop.export.jsbsim_model import channel, deflection
+from stoop.export.jsbsim_model import channel, constant_thrust, deflection
 from stoop.simulate import parameter_rows
 from stoop.simulate.delays import input_delays
 from stoop.simulate.initial import commanded
@@ -60,6 +60,8 @@ def flight_control(vehicle: Vehicle) -> Element:
     rows = parameter_rows(vehicle)
     for control in lagged(vehicle):
         _declare(out, lag_start(control), float(commanded(vehicle, control, rows, neutral)[0]))
+    for name, x in constant_thrust(vehicle).items():
+        _declare(out, name, x)
     for name, seconds in late.items():
         out.append(_channel(name, _delay(name, seconds)))
     for control in vehicle.controls:

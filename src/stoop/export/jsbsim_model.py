@@ -144,10 +144,17 @@ def axis_elements(vehicle: Vehicle) -> Iterator[Element]:
 
 
 def thrust_functions(physics: Physics) -> Iterator[Element]:
-    """Yield the thrust in N, where there is any."""
-    thrust = forces.thrust(physics.surroundings)
-    if thrust != 0:
-        yield function(THRUST, physics.element(thrust))
+    """Yield the thrust in N, where it follows from a channel; a constant one is a property that can be set."""
+    file = physics.surroundings.numbers.vehicle.file.propulsion
+    if file is not None and file.kind != "constant":
+        yield function(THRUST, physics.element(forces.thrust(physics.surroundings)))
+
+
+def constant_thrust(vehicle: Vehicle) -> dict[str, float]:
+    """Return the property of a constant thrust and its value, N; nothing where the thrust is none or no constant."""
+    file = vehicle.file.propulsion
+    constant = file is not None and file.kind == "constant"
+    return {THRUST: vehicle.value("propulsion.thrust")} if constant else {}
 
 
 def aerodynamics(vehicle: Vehicle, physics: Physics) -> Element:

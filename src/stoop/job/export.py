@@ -1,0 +1,185 @@
+"""Export in one call: files of another tool, all made before any is written."""
+
+from __future__ import annotations
+
+import importlib.util
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.errors import OutputError, SimulationError
+from stoop.export import excitation, jsbsim_folder, simulink, state_space
+from stoop.export.flown import Record
+from stoop.export.names import file_name
+from stoop.files import write_bytes_atomic
+from stoop.job.export_page import PAGE, Comparison, compare, page_text, verdict
+from stoop.job.export_subject import Subject
+from stoop.simulate import Trim, trim
+
+NOT_FLOWN: Final = "Not flown: the package jsbsim is not installed; pip install 'stoop[jsbsim]'."
+
+
+@dataclass(frozen=True)
+class Condition:
+    """The steady flight: m/s (the vehicle's V* when absent), m (the flight's), rad."""
+
+    airspeed: float | None = None
+    altitude: float | None = None
+    climb_angle: float = 0.0
+
+
+DEFAULT: Final = Condition()
+
+
+@dataclass(frozen=True)
+class Exported:
+    """Files by their place below the output folder, the main one, and what to tell the user."""
+
+    files: Mapping[str, bytes]
+    main: str
+    notes: tuple[str, ...]
+
+
+def export(subject: Subject, target: str, condition: Condition = DEFAULT) -> Exported:
+    """Make the files of a target.
+
+    Parameters
+    ----------
+    subject : Subject
+        See :func:`stoop.job.export_subject.read_subject`.
+    target : str
+        One of :data:`TARGETS`.
+    condition : Condition
+
+    Raises
+    ------
+    StoopError
+        The vehicle cannot be exported so, or no steady flight is found.
+    """
+    return TARGETS[target](subject, condition)
+
+
+def write(exported: Exported, folder: Path, overwrite: bool = False) -> None:
+    """Write the files, each whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        A file is there already, or the folder cannot be written.
+    """
+    check(folder, exported, overwrite)
+    _place(folder, exported.files)
+
+
+def _place(folder: Path, files: Mapping[str, bytes]) -> None:
+    for place, content in files.items():
+        path = folder / place
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(
+                f"{path.parent}: cannot be made ({error.strerror}); choose another folder"
+            ) from None
+        write_bytes_atomic(path, content)
+
+
+def check(folder: Path, exported: Exported, overwrite: bool) -> None:
+    """Refuse a folder that holds one of the files already."""
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"{folder}: is a file; name a folder with -o")
+    there = next((folder / place for place in exported.files if (folder / place).exists()), None)
+    if there is not None and not overwrite:
+        raise OutputError(f"{there}: exists already; add --overwrite or name another folder")
+
+
+def _steady(subject: Subject, condition: Condition) -> Trim:
+    altitude = subject.altitude if condition.altitude is None else condition.altitude
+    return trim(subject.vehicle, condition.airspeed, altitude, condition.climb_angle, subject.density)
+
+
+def _jsbsim(subject: Subject, condition: Condition) -> Exported:
+    """Return the aircraft, and the page of how it flies; without a steady flight there is no start to give."""
+    vehicle, notes = subject.vehicle, list(subject.notes)
+    try:
+        point = _steady(subject, condition)
+    except SimulationError as error:
+        point = None
+        notes.append(f"No start and no script: {error}.")
+    steady = None if point is None else excitation.steady(vehicle, point)
+    texts = jsbsim_folder.folder(vehicle, steady)
+    name = file_name(vehicle.name)
+    aircraft = f"aircraft/{name}/{name}.xml"
+    if importlib.util.find_spec("jsbsim") is None:
+        return Exported(_encoded(texts), aircraft, (*notes, NOT_FLOWN))
+    flown, failed = _flown(subject, point, texts)
+    notes += failed
+    page = page_text(vehicle, texts[aircraft], name, flown, notes)
+    return Exported(_encoded({**texts, PAGE: page}), PAGE, (*notes, *map(verdict, flown)))
+
+
+def _flown(
+    subject: Subject, point: Trim | None, texts: Mapping[str, str]
+) -> tuple[list[Comparison], list[str]]:
+    """Fly the files from a folder of their own, before they are written where the user wants them.
+
+    A maneuver that the model cannot hold open loop is a note, and the others are flown.
+    """
+    out: list[Comparison] = []
+    failed: list[str] = []
+    with tempfile.TemporaryDirectory(prefix="stoop-export-") as folder:
+        root = Path(folder)
+        _place(root, _encoded(texts))
+        for title, record, measured in _records(subject, point):
+            try:
+                out.append(compare(root, title, record, measured))
+            except SimulationError as error:
+                failed.append(f"{title}: {error}.")
+    return out, failed
+
+
+def _records(
+    subject: Subject, point: Trim | None
+) -> Iterator[tuple[str, Record, NDArray[np.float64] | None]]:
+    record = None if point is None else excitation.excited(subject.vehicle, point)
+    if record is not None:
+        span = record.time[-1] - record.time[0]
+        yield f"{span:g} s open loop from the steady flight, every control in turn", record, None
+    for maneuver in subject.maneuvers:
+        yield maneuver.title, maneuver.record, maneuver.measured
+
+
+def _state_space(subject: Subject, condition: Condition) -> Exported:
+    """Return A, B, C, D as JSON and as ``.mat``."""
+    found = state_space.state_space(subject.vehicle, _steady(subject, condition), subject.known)
+    name = file_name(subject.vehicle.name)
+    files = {
+        f"{name}.json": state_space.json_text(found).encode("utf-8"),
+        f"{name}.mat": state_space.mat_bytes(state_space.variables(found)),
+    }
+    return Exported(files, f"{name}.json", subject.notes)
+
+
+def _simulink(subject: Subject, condition: Condition) -> Exported:
+    """Return MATLAB functions, the script that builds a Simulink model, and the numbers."""
+    point = _steady(subject, condition)
+    found = simulink.matlab(
+        subject.vehicle, point, state_space.state_space(subject.vehicle, point, subject.known)
+    )
+    files = _encoded(found.texts) | {f"{found.name}.mat": state_space.mat_bytes(found.variables)}
+    return Exported(files, f"{found.name}_simulink.m", subject.notes)
+
+
+def _encoded(texts: Mapping[str, str]) -> dict[str, bytes]:
+    return {place: text.encode("utf-8", errors="replace") for place, text in texts.items()}
+
+
+TARGETS: Final[Mapping[str, Callable[[Subject, Condition], Exported]]] = {
+    "jsbsim": _jsbsim,
+    "state-space": _state_space,
+    "simulink": _simulink,
+}
