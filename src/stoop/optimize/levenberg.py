@@ -177,7 +177,8 @@ class _Descent:
         """Take the Jacobian by differences."""
         J, _ = self.problem.jacobian(self.z, self.rung, self.r)
         self.rows = np.ascontiguousarray(J.T)
-        self.rows[~(np.abs(self.rows) < HUGE).all(axis=1)] = 0.0
+        # greatest and least instead of magnitudes: no copy of what may be tens of megabytes
+        self.rows[~((self.rows.max(axis=1) < HUGE) & (self.rows.min(axis=1) > -HUGE))] = 0.0
         self.normal = gram(self.rows)
         self.gradient = project(self.rows, self.r)
         self.stale, self.fresh = False, True
@@ -248,7 +249,10 @@ class _Descent:
         miss = (r - self.r - project(self.rows.T, step)) / float(step @ step)
         w = np.outer(step, project(self.rows, miss))
         self.normal = self.normal + w + w.T + sum_of_squares(miss) * np.outer(step, step)
-        self.rows += np.outer(step, miss)
+        for row, s in zip(
+            self.rows, step, strict=True
+        ):  # an outer product at once would be a second Jacobian
+            row += s * miss
         self.fresh = False
 
     def reject(self) -> Ending | None:

@@ -63,3 +63,18 @@ def test_singular_systems_have_a_finite_answer() -> None:
     A = np.diag([1.0, 0.0])
     assert solve_damped(A, np.array([1.0, 0.0]), 1e-3) == pytest.approx([1 / 1.001, 0.0])
     assert solve_damped(np.zeros((2, 2)), np.zeros(2), 1e-3).tolist() == [0.0, 0.0]
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.integers(2, 5), st.integers(0, 1000))
+def test_variables_without_a_part_in_a_stretch_change_nothing(pieces: int, seed: int) -> None:
+    """Initial states of several maneuvers: zeros in all but one block of the long axis."""
+    generator = np.random.default_rng(seed)
+    rows = generator.standard_normal((4 + 3 * pieces, 3000 * pieces))
+    for i in range(pieces):
+        for j in range(pieces):
+            if i != j:
+                rows[4 + 3 * i : 7 + 3 * i, 3000 * j : 3000 * (j + 1)] = 0.0
+    assert gram(rows) == pytest.approx(rows @ rows.T, rel=1e-11, abs=1e-9)
+    assert (gram(rows) == gram(rows).T).all()
+    assert gram(np.zeros((3, 5000))).tolist() == np.zeros((3, 3)).tolist()
