@@ -1,0 +1,25 @@
+"""The error bars of a fit by the method that made it, as the result has them."""
+
+from __future__ import annotations
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from stoop.identify import methods
+from stoop.identify.fit import Fit, Options
+from stoop.identify.noise import noise_variance
+from stoop.job.errorbars import ErrorBars
+
+
+def judged(fit: Fit, options: Options) -> ErrorBars:
+    """Return the error bars; on one BLAS thread, as more would round differently."""
+    with threadpool_limits(limits=1, user_api="blas"):
+        bars: ErrorBars = methods.find(options.method).judge()(fit, residual_color(fit, options))
+    return bars
+
+
+def residual_color(fit: Fit, options: Options) -> float:
+    """Return by how much the weights were reduced for the correlation of the residuals."""
+    if options.covariance is not None or fit.noise is not None:
+        return 1.0
+    return float(np.median(np.diag(fit.problem.weights.covariance) / noise_variance(fit.problem, fit.z)))
