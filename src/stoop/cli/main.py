@@ -18,14 +18,18 @@ from stoop.cli.printable import printable
 from stoop.errors import StoopError
 
 VERBS: Final[dict[str, tuple[str, str]]] = {
-    "demo": ("stoop.cli.demo", "simulate a flight, identify it, print truth beside estimate; needs no file"),
+    "demo": ("stoop.cli.demo", "simulate a flight, identify it, truth beside estimate; needs no file"),
     "info": ("stoop.cli.info", "show what a flight log holds: channels, gaps, faults, maneuvers"),
-    "compatibility": ("stoop.cli.compatibility", "biases, scales, delays of all sensors: do they agree with each other?"),
+    "compatibility": ("stoop.cli.compatibility", "biases, scales and delays of all sensors: do they agree?"),
     "identify": ("stoop.cli.identify", "estimate a vehicle's coefficients from flight logs, with error bars"),
     "simulate": ("stoop.cli.simulate", "fly a maneuver and write a flight file"),
     "trim": ("stoop.cli.trim", "find the controls of a steady straight flight"),
     "linearize": ("stoop.cli.linearize", "linear model and modes about a steady flight"),
-    "export": ("stoop.cli.export", "a vehicle, as identified or as written, for JSBSim, MATLAB, Simulink or as A, B, C, D"),
+    "export": (
+        "stoop.cli.export",
+        "a vehicle for JSBSim, MATLAB, Simulink, or as A, B, C, D",
+    ),
+    "design": ("stoop.cli.design", "what to fly next, so that the error bars become small"),
     "reproduce": ("stoop.cli.reproduce", "run the PS-GDE paper's experiments and say what holds"),
     "verify": ("stoop.cli.verify", "measure what stoop claims of its own accuracy, and say what holds"),
     "compare": ("stoop.cli.compare", "optimizers on the same problems, counted the same way: who is ahead"),
