@@ -31,6 +31,7 @@ from stoop.identify.result import (
 from stoop.identify.windows import Window
 from stoop.job.curves import Flown, maneuver_curves
 from stoop.job.errorbars import ErrorBars
+from stoop.job.modes import modes
 from stoop.job.press import left_out_residuals
 from stoop.job.provenance import versions
 from stoop.job.words import statements, warnings
@@ -58,6 +59,7 @@ def assemble(
     groups = _flown(fit, flights, predicted)
     maneuvers, traces = maneuver_curves(vehicle, groups)
     result = _result(fit, bars, maneuvers, flights, inputs, options)
+    result = replace(result, modes=modes(fit, result.covariance.names, result.covariance.matrix))
     return Identification(
         result=replace(result, seconds=time.perf_counter() - began),
         traces=traces,

@@ -68,23 +68,39 @@ def linearize(vehicle: Vehicle, point: Trim) -> LinearModel:
 
     Inputs are control deflections in rad (the mixer is undone) and, where there is one, the thrust channel.
     """
+    return _assemble(vehicle, _names(vehicle), _evaluate(vehicle, point))
+
+
+def state_matrix(vehicle: Vehicle, point: Trim) -> tuple[tuple[str, ...], FloatArray]:
+    """Return the names of the states of the linear model, and A alone."""
+    G, rates, *_ = _evaluate(vehicle, point)
+    return _names(vehicle), rates @ np.linalg.pinv(G)
+
+
+def _names(vehicle: Vehicle) -> tuple[str, ...]:
+    return (*_MINIMAL[vehicle.reduce], *(s for s in vehicle.states if s.endswith(".lag")))
+
+
+_FUNCTIONS: dict[str, Any] = {}  #: by structure: numbers do not enter, and making one takes a second
+
+
+def _function(vehicle: Vehicle) -> Any:
+    """Return the function of states, inputs and parameters that gives G, and the derivatives of G f and the readings."""
     import sympy as sp
 
     from stoop.vehicle.symbolic.assemble import build_model
 
-    model = build_model(vehicle)
-    x = list(model.states)
-    lags = [s for s in vehicle.states if s.endswith(".lag")]
-    minimal = _minimal_expressions(vehicle, model, sp) + [x[vehicle.states.index(s)] for s in lags]
-    f = sp.Matrix(model.derivatives)
-    G = sp.Matrix(minimal).jacobian(x)
-    rates = G * f
-    blocks = [G, rates.jacobian(x), rates.jacobian(model.inputs)]
-    outputs = sp.Matrix(model.outputs)
-    blocks += [outputs.jacobian(x), outputs.jacobian(model.inputs)]
-    numbers = _evaluate(vehicle, point, model, blocks, sp)
-    names = (*_MINIMAL[vehicle.reduce], *lags)
-    return _assemble(vehicle, names, numbers)
+    if vehicle.structure not in _FUNCTIONS:
+        model = build_model(vehicle)
+        x = list(model.states)
+        lags = [x[i] for i, s in enumerate(vehicle.states) if s.endswith(".lag")]
+        G = sp.Matrix([*_minimal_expressions(vehicle, model, sp), *lags]).jacobian(x)
+        rates, outputs = G * sp.Matrix(model.derivatives), sp.Matrix(model.outputs)
+        blocks = [G, *(of.jacobian(by) for of in (rates, outputs) for by in (x, model.inputs))]
+        smooth = {"DiracDelta": np.zeros_like}  # the second derivative of abs(), away from its kink
+        arguments = [*model.states, *model.inputs, *model.parameters]
+        _FUNCTIONS[vehicle.structure] = sp.lambdify(arguments, blocks, [smooth, "numpy"], cse=True)
+    return _FUNCTIONS[vehicle.structure]
 
 
 def _minimal_expressions(vehicle: Vehicle, model: Any, sp: Any) -> list[Any]:
@@ -105,13 +121,10 @@ def _minimal_expressions(vehicle: Vehicle, model: Any, sp: Any) -> list[Any]:
     return [table[name] for name in _MINIMAL[vehicle.reduce]]
 
 
-def _evaluate(vehicle: Vehicle, point: Trim, model: Any, blocks: list[Any], sp: Any) -> list[FloatArray]:
+def _evaluate(vehicle: Vehicle, point: Trim) -> list[FloatArray]:
     rows = parameter_rows(vehicle, point.changes)
     states = initial_states(vehicle, point.start, rows, point.inputs)
-    arguments = [*model.states, *model.inputs, *model.parameters]
-    smooth = {"DiracDelta": np.zeros_like}  # the second derivative of abs(), away from its kink
-    function = sp.lambdify(arguments, blocks, [smooth, "numpy"], cse=True)
-    values = function(*states[:, 0], *point.inputs, *rows[:, 0])
+    values = _function(vehicle)(*states[:, 0], *point.inputs, *rows[:, 0])
     return [np.atleast_2d(np.asarray(v, dtype=float)) for v in values]
 
 
@@ -138,11 +151,11 @@ def _assemble(vehicle: Vehicle, names: tuple[str, ...], numbers: list[FloatArray
     right = np.linalg.pinv(G)
     inputs, mixing = _mixing(vehicle)
     A = Fx @ right
-    modes = _modes(A, names)
+    modes = modes_of(A, names)
     return LinearModel(names, inputs, vehicle.outputs, A, Fu @ mixing, Hx @ right, Hu @ mixing, modes)
 
 
-def _modes(A: FloatArray, names: tuple[str, ...]) -> tuple[Mode, ...]:
+def modes_of(A: FloatArray, names: tuple[str, ...]) -> tuple[Mode, ...]:
     """Name the modes by the states that take part in them."""
     keep = [i for i, n in enumerate(names) if n not in ("psi", "h")]  # pure integrators of the rest
     values, vectors = np.linalg.eig(A[np.ix_(keep, keep)])

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,6 +143,7 @@ class _Condition:
     altitude: float
     climb_angle: float
     quiet: FloatArray  #: channels to start from
+    numbers: Mapping[str, float] = field(default_factory=dict)  #: of the vehicle, in place of its own
 
     def split(self, x: FloatArray) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
         """Return angles, deflections and thrust of a scaled vector."""
@@ -153,7 +154,7 @@ class _Condition:
         angles, controls, thrust = self.split(x)
         vehicle = self.layout.vehicle
         inputs = mixed_inputs(vehicle, controls, self.quiet)
-        changes = {k: v for k, v in thrust.items() if k == "propulsion.thrust"}
+        changes = {**self.numbers, **{k: v for k, v in thrust.items() if k == "propulsion.thrust"}}
         for channel in set(thrust) - set(changes):
             inputs[vehicle.inputs.index(channel)] = thrust[channel]
         start = {"V": self.airspeed, "h": self.altitude, **angles}
@@ -238,3 +239,46 @@ def trim(
             "try another airspeed, check thrust, CL and Cm, or trim the longitudinal model"
         )
     return replace(condition.point(x), residual=residual)
+
+
+def neighbors(
+    vehicle: Vehicle, point: Trim, climb_angle: float = 0.0, density: float | None = None
+) -> Callable[[Mapping[str, float]], Trim]:
+    """Return a function that gives the trim of the vehicle with some numbers changed a little.
+
+    It takes one Newton step from the known trim (the implicit function theorem), so its derivative by the numbers is
+    exact and its error of second order. The numbers are among the changes of the trim that it returns.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    point : Trim
+        Of this vehicle, as :func:`trim` found it.
+    climb_angle, density
+        As they were given to :func:`trim`.
+    """
+    if vehicle.reduce == "lateral":
+        return neighbors(vehicle.reduced("full"), point, climb_angle, density)
+    layout = next(n for n in _layouts(vehicle) if ("beta" in point.start) == ("beta" in n.angles))
+    quiet = neutral_inputs(vehicle, density)
+    known = _Condition(layout, point.start["V"], point.start["h"], climb_angle, quiet)
+    x = _scaled(layout, point)
+    inverse = np.linalg.pinv(_slope(known, x))
+
+    def near(numbers: Mapping[str, float]) -> Trim:
+        changed = replace(known, numbers=numbers)
+        return changed.point(x - inverse @ (changed.residuals(x) - known.residuals(x)))
+
+    return near
+
+
+def _scaled(layout: _Layout, point: Trim) -> FloatArray:
+    values = {**point.start, **point.deflections, **point.thrust}
+    names = (*layout.angles, *layout.controls, *(() if layout.thrust is None else (layout.thrust,)))
+    return np.array([values[name] for name in names]) / layout.scale
+
+
+def _slope(condition: _Condition, x: FloatArray) -> FloatArray:
+    """Return the derivative of the residuals by the scaled vector, by central differences."""
+    step = 1e-5 * np.eye(len(x))
+    return np.array([(condition.residuals(x + d) - condition.residuals(x - d)) / 2e-5 for d in step]).T
