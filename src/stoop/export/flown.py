@@ -86,7 +86,13 @@ def _between(inputs: FloatArray, steps: int) -> FloatArray:
     return np.stack([np.interp(fine, coarse, column) for column in inputs.T], axis=1)
 
 
-def jsbsim_readings(root: Path, name: str, record: Record, planet: Path | None) -> FloatArray:
+def jsbsim_readings(
+    root: Path,
+    name: str,
+    record: Record,
+    planet: Path | None,
+    rate: float = jsbsim_flight.FRAME_RATE,
+) -> FloatArray:
     """Return what JSBSim flies, read by the same instruments: (n, n_y).
 
     Parameters
@@ -98,35 +104,40 @@ def jsbsim_readings(root: Path, name: str, record: Record, planet: Path | None) 
     record : Record
     planet : Path or None
         A planet file; JSBSim's own Earth without one.
+    rate : float, Hz
+        Of JSBSim's frames, at least.
     """
-    flown = jsbsim_flight.fly(root, sortie(name, record, planet))
+    flown = jsbsim_flight.fly(root, sortie(name, record, planet, rate))
     vehicle = record.vehicle
     out = instruments(vehicle)(flown).T[None]
     return np.asarray(late_outputs(vehicle, out, parameter_rows(vehicle), record.dt)[0])
 
 
-def sortie(name: str, record: Record, planet: Path | None) -> jsbsim_flight.Sortie:
+def sortie(
+    name: str, record: Record, planet: Path | None, rate: float = jsbsim_flight.FRAME_RATE
+) -> jsbsim_flight.Sortie:
     """Return what JSBSim is to fly."""
     vehicle = record.vehicle
     rigid = {k: float(v[0]) for k, v in rigid_states(record.start).items() if k in (*"uvwpqr", "h")}
     start = rigid | {a: float(record.start.get(a, 0.0)) for a in _ANGLES}
     columns = {n: record.inputs[:, i] for i, n in enumerate(vehicle.inputs) if n != "none"}
     held = {start_of(n): float(columns[n][0]) for n in delays(vehicle)}
-    held |= {lag_start(c): _surface_start(record, c) for c in lagged(vehicle)}
+    frames = jsbsim_flight.frames_per_sample(record.dt, rate)
+    held |= {lag_start(c): _surface_start(record, c, record.dt / frames) for c in lagged(vehicle)}
     held |= constant_thrust(vehicle)
     return jsbsim_flight.Sortie(
-        name, start, record.time, {channel(n): c for n, c in columns.items()}, held, planet
+        name, start, record.time, {channel(n): c for n, c in columns.items()}, held, planet, frames
     )
 
 
-def _surface_start(record: Record, control: str) -> float:
+def _surface_start(record: Record, control: str, dt: float) -> float:
     """Return the start value that makes JSBSim's lag filter begin where the surface of the record does.
 
     The filter y1 = ca (x1 + x0) + cb y0 runs once before the flight, with zeros behind it; so the surface begins
     at S + ca (x0 - S) for a start value S and a command x0.
     """
     vehicle = record.vehicle
-    step = record.dt / jsbsim_flight.frames_per_sample(record.dt) / vehicle.value(f"controls.{control}.lag")
+    step = dt / vehicle.value(f"controls.{control}.lag")
     command = float(commanded(vehicle, control, parameter_rows(vehicle), record.inputs[0])[0])
     return command + float(record.start.get(f"{control}.lag", 0.0)) * (2.0 + step) / 2.0
 

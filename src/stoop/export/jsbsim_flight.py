@@ -21,6 +21,7 @@ from stoop.units import FOOT, POUND_FORCE, SLUG
 
 FloatArray = NDArray[np.float64]
 FRAME_RATE: Final = 1000.0  #: Hz at least
+MIDDLE_LATITUDE: Final = math.pi / 4.0  #: rad, where the Earth pulls as the standard gravity does
 INTEGRATORS: Final = {
     "simulation/integrator/rate/rotational": 5.0,
     "simulation/integrator/rate/translational": 5.0,
@@ -64,6 +65,8 @@ class Sortie:
         Set for the whole flight.
     planet : Path, optional
         A planet file; JSBSim's Earth when absent.
+    frames : int
+        Of JSBSim per sample.
     """
 
     aircraft: str
@@ -72,6 +75,7 @@ class Sortie:
     inputs: Mapping[str, FloatArray]
     held: Mapping[str, float]
     planet: Path | None
+    frames: int
 
 
 def simulator(root: Path) -> Any:
@@ -93,9 +97,9 @@ def simulator(root: Path) -> Any:
     return out
 
 
-def frames_per_sample(dt: float) -> int:
-    """Return how many frames of JSBSim fit in a sample at :data:`FRAME_RATE` or a little more."""
-    return max(1, math.ceil(dt * FRAME_RATE - 1e-9))
+def frames_per_sample(dt: float, rate: float = FRAME_RATE) -> int:
+    """Return how many frames of JSBSim a sample needs for a rate, Hz, of at least so much."""
+    return max(1, math.ceil(dt * rate - 1e-9))
 
 
 def fly(root: Path, sortie: Sortie) -> dict[str, FloatArray]:
@@ -107,7 +111,7 @@ def fly(root: Path, sortie: Sortie) -> dict[str, FloatArray]:
         JSBSim does not load the aircraft, or the flight diverges.
     """
     dt = float(sortie.time[1] - sortie.time[0])
-    many = frames_per_sample(dt)
+    many = sortie.frames
     fdm = _ready(simulator(root), sortie, dt / many)
     nodes = [fdm.get_property_manager().get_node(name) for name in sortie.inputs]
     columns = np.stack(list(sortie.inputs.values()), axis=1) if nodes else np.zeros((len(sortie.time), 0))
@@ -136,7 +140,8 @@ def _ready(fdm: Any, sortie: Sortie, dt: float) -> Any:
         fdm["simulation/gravity-model"] = 0.0
     first = {name: float(column[0]) for name, column in sortie.inputs.items()}
     _set(fdm, {**INTEGRATORS, **sortie.held, **first})
-    _set(fdm, {"ic/lat-geod-rad": 0.0, "ic/long-gc-rad": 0.0})
+    latitude = MIDDLE_LATITUDE if sortie.planet is None else 0.0
+    _set(fdm, {"ic/lat-geod-rad": latitude, "ic/long-gc-rad": 0.0})
     _set(fdm, {place: float(sortie.start.get(n, 0.0)) / unit for n, (place, unit) in START.items()})
     _insist(fdm.run_ic(), sortie, "its initial conditions")
     return fdm

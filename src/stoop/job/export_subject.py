@@ -143,6 +143,7 @@ def _maneuver(
         for channel, q in biases.values.items()
     }
     role = result.maneuvers[index].role
-    title = f"{window} ({'fitted' if role == 'fit' else 'predicted'})"
+    span = f"{piece.time[0]:.2f} to {piece.time[-1]:.2f} s"
+    title = f"{window.flight}, {span} ({'fitted' if role == 'fit' else 'predicted'})"
     record = Record(vehicle.with_numbers(changes), start, piece.time, piece.inputs)
     return Maneuver(title, record, piece.measured)
