@@ -27,4 +27,8 @@ EXPERIMENTS: Final[Mapping[str, Entry]] = {
         "stoop.study.verify.nist.experiment:Nist",
         "certified regressions of NIST, from both starts; reads --data DIR",
     ),
+    "export": Entry(
+        "stoop.study.verify.export.experiment:Export",
+        "exported aircraft flown by JSBSim beside our own simulation",
+    ),
 }

@@ -1,0 +1,1 @@
+"""Exported aircraft flown by JSBSim beside our own simulation."""
