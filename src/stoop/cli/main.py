@@ -22,6 +22,8 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
     "info": ("stoop.cli.info", "show what a flight log holds: channels, gaps, faults, maneuvers"),
     "compatibility": ("stoop.cli.compatibility", "biases, scales and delays of all sensors: do they agree?"),
     "identify": ("stoop.cli.identify", "estimate a vehicle's coefficients from flight logs, with error bars"),
+    "validate": ("stoop.cli.validate", "predict flights that were not fitted, with a fitted model"),
+    "polar": ("stoop.cli.polar", "drag polar of a flight without surface channels, with intervals"),
     "simulate": ("stoop.cli.simulate", "fly a maneuver and write a flight file"),
     "trim": ("stoop.cli.trim", "find the controls of a steady straight flight"),
     "linearize": ("stoop.cli.linearize", "linear model and modes about a steady flight"),

@@ -95,6 +95,7 @@ GROUPS: Final[tuple[tuple[tuple[str, ...], tuple[Source, ...]], ...]] = (
         Source("vehicle_air_data", ("ambient_temperature",), offset=ZERO_CELSIUS),
     )),
     (("voltage",), (Source("battery_status", ("voltage_v",), sampled=False),)),
+    (("current",), (Source("battery_status", ("current_a",), sampled=False),)),
 )  # fmt: skip
 
 

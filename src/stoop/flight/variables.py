@@ -80,6 +80,7 @@ def _table() -> dict[str, Variable]:
         ("pressure", "Pa", "", "", "static pressure of the air"),
         ("temperature", "K", "", "", "temperature of the air"),
         ("voltage", "V", "", "", "voltage of the main battery"),
+        ("current", "A", "", "out of the battery", "current of the main battery"),
         ("thrust", "N", "body", "forward", "thrust of all propellers together", "command"),
         ("throttle", "1", "", "more power; 0 to 1", "throttle", "command"),
         ("elevator", "rad", "surface", "trailing edge down, nose down", "elevator deflection", "command"),
