@@ -194,7 +194,7 @@ def tell(job: Job, folder: Path) -> None:
     out.heading("estimates")
     print(estimates_table(result))
     out.heading("fit and prediction")
-    print(figures_table(result))
+    print(figures_table(result.maneuvers))
     if result.wind:
         out.heading("wind and pitot")
         out.bullets(note for w in result.wind for note in w.notes)

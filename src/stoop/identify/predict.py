@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from stoop.cost import Layout, Misfit
+from stoop.cost import Layout, Misfit, Weights
 from stoop.cost.misfit import horizon_ladder
 from stoop.flight import Flight
 from stoop.identify.fit import Fit
@@ -51,13 +51,30 @@ def predict(
         Readings of each piece.
     """
     biases = [mean_biases(fit, window.flight) for window in windows]
-    vehicle = identified_vehicle(fit)
+    return predicted(identified_vehicle(fit), flights, windows, biases)
+
+
+def predicted(
+    vehicle: Vehicle,
+    flights: Mapping[str, Flight],
+    windows: Sequence[Window],
+    biases: Sequence[Mapping[str, float]],
+) -> tuple[Prepared, list[FloatArray]]:
+    """Simulate windows with a vehicle as it is, see :func:`predict`.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    flights : mapping of str to Flight
+    windows : sequence of Window
+    biases : sequence of mappings
+        Of the sensors in each window, by the names of the vehicle's numbers, SI.
+    """
     parts = [_of_window(vehicle, flights, w, b) for w, b in zip(windows, biases, strict=True)]
     pieces = tuple(replace(p, maneuver=i) for i, part in enumerate(parts) for p in part.pieces)
     prepared = Prepared(tuple(windows), pieces, tuple(note for part in parts for note in part.notes))
-    problem = Misfit(
-        replace(Layout.of(vehicle, ()), parameters=()), pieces, fit.problem.weights, horizon_ladder(pieces)
-    )
+    weights = Weights.of(np.ones(len(vehicle.outputs)))  # a simulation weighs nothing
+    problem = Misfit(replace(Layout.of(vehicle, ()), parameters=()), pieces, weights, horizon_ladder(pieces))
     return prepared, [problem.outputs(np.empty(0), i) for i in range(len(pieces))]
 
 

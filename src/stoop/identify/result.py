@@ -36,7 +36,7 @@ __all__ = [
     "Identification", "InitialState", "ManeuverResult", "ManeuverTrace", "MeasuredMode", "ModeEstimate",
     "NoiseCovariance", "ParameterEstimate", "ParameterRepeatability", "Quantity", "Repeatability", "Result", "Role",
     "SensorBiases", "SingleEstimate", "TheilShares", "Whiteness", "WindEstimate",
-    "from_json", "read_result", "to_json",
+    "from_json", "plain", "read_result", "to_json",
 ]  # fmt: skip
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
@@ -309,7 +309,7 @@ class Identification:
 
 def to_json(result: Result) -> str:
     """Return `result` as JSON text of schema ``stoop-result/1``; NaN and infinities become ``null``."""
-    document = {"schema": SCHEMA, **_plain(result)}
+    document = {"schema": SCHEMA, **plain(result)}
     return json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
@@ -351,16 +351,16 @@ def read_result(path: Path) -> Result:
     return from_json(text, str(path))
 
 
-def _plain(value: Any) -> Any:
-    """Return `value` as JSON's own types."""
+def plain(value: Any) -> Any:
+    """Return dataclasses, mappings, arrays and numbers as JSON's own types; what is not finite becomes None."""
     if is_dataclass(value) and not isinstance(value, type):
-        return {item.name: _plain(getattr(value, item.name)) for item in fields(value)}
+        return {item.name: plain(getattr(value, item.name)) for item in fields(value)}
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value

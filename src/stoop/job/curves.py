@@ -38,12 +38,21 @@ class Flown:
 
 
 def maneuver_curves(
-    vehicle: Vehicle, groups: Sequence[Flown]
+    vehicle: Vehicle, groups: Sequence[Flown], learned: Sequence[BaselineManeuver] = ()
 ) -> tuple[tuple[ManeuverResult, ...], tuple[ManeuverTrace, ...]]:
-    """Return figures and curves of all maneuvers, each beside the trivial lag."""
+    """Return figures and curves of all maneuvers, each beside the trivial lag.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    groups : sequence of Flown
+    learned : sequence of BaselineManeuver
+        Fitted maneuvers that are not among the groups; the lag learns from them.
+    """
     flown = [(group, index) for group in groups for index in range(len(group.prepared.windows))]
     rate = 1.0 / flown[0][0].prepared.pieces[0].dt
-    lags = baseline_matches([_baseline(vehicle, g, i) for g, i in flown], vehicle.outputs, rate)
+    shown = [baseline_maneuver(vehicle, g.role, [p for p, _ in g.of(i)]) for g, i in flown]
+    lags = baseline_matches([*learned, *shown], vehicle.outputs, rate)[len(learned) :]
     traces = [_trace(vehicle, g, i, lag) for (g, i), lag in zip(flown, lags, strict=True)]
     figures = [
         _figures(trace, _left_out(vehicle, g, i), lag, rate)
@@ -104,14 +113,15 @@ def _result(group: Flown, index: int, figures: Mapping[str, ChannelFigures]) -> 
     return ManeuverResult(window.flight, window.start, window.stop, group.role, spans, figures, loading)
 
 
-def _baseline(vehicle: Vehicle, group: Flown, index: int) -> BaselineManeuver:
+def baseline_maneuver(vehicle: Vehicle, role: Role, pieces: Sequence[Piece]) -> BaselineManeuver:
+    """Return a maneuver's pieces as the trivial model sees them."""
     controls = dict.fromkeys(c for control in vehicle.controls for c in vehicle.channels_of(control))
     columns = [(name, vehicle.inputs.index(name)) for name in controls]
     segments = []
-    for piece, simulated in group.of(index):
+    for piece in pieces:
         measured = {
-            name: _unwrapped(piece, simulated, i, name in WRAPPED)[0]
+            name: _unwrapped(piece, piece.measured, i, name in WRAPPED)[0]
             for i, name in enumerate(vehicle.outputs)
         }
         segments.append(BaselineSegment({name: piece.inputs[:, i] for name, i in columns}, measured))
-    return BaselineManeuver(group.role, tuple(segments))
+    return BaselineManeuver(role, tuple(segments))

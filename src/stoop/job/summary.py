@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from stoop.identify.result import ManeuverResult, Result
 
@@ -32,12 +32,12 @@ def estimates_table(result: Result, truth: Mapping[str, float] | None = None) ->
     return "\n".join(lines)
 
 
-def figures_table(result: Result) -> str:
+def figures_table(maneuvers: Sequence[ManeuverResult]) -> str:
     """Return Theil's coefficient of every channel and maneuver, the trivial lag's beneath."""
     lines = [
         "Theil's inequality coefficient (0 perfect, 1 worst; low-passed at 10 Hz), first-order lag beneath"
     ]
-    for m in result.maneuvers:
+    for m in maneuvers:
         channels = [c for c in _SHOWN if c in m.channels]
         lines.append(f"{m.flight} {m.start:g}:{m.stop:g} ({m.role})")
         lines.append("  " + "".join(f"{c:>7}" for c in channels))

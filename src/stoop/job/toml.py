@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import tomlkit
 from tomlkit.items import InlineTable, Table
 
-from stoop.vehicle import Vehicle
+from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.defaults import COEFFICIENTS
 
 if TYPE_CHECKING:
@@ -27,6 +27,8 @@ def replaced(vehicle: Vehicle, values: dict[str, float]) -> str:
     document = tomlkit.parse(vehicle.text)
     for name, value in values.items():
         _set(document, _place(vehicle, name), float(f"{value:.{DIGITS}g}"))
+    if parse_vehicle(vehicle.text, vehicle.where).reduce != vehicle.reduce:
+        _set(document, ["model", "reduce"], vehicle.reduce)
     return tomlkit.dumps(document)
 
 
@@ -38,7 +40,7 @@ def _place(vehicle: Vehicle, name: str) -> list[str]:
     return name.split(".")
 
 
-def _set(document: Any, keys: list[str], value: float) -> None:
+def _set(document: Any, keys: list[str], value: float | str) -> None:
     table = document
     for key in keys[:-1]:
         if key not in table:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -11,17 +11,26 @@ import numpy as np
 from markupsafe import Markup
 
 from stoop.flight.variables import VARIABLES
-from stoop.identify.result import ChannelFigures, Identification, ManeuverResult, ManeuverTrace
+from stoop.identify.result import (
+    ChannelFigures,
+    Identification,
+    ManeuverResult,
+    ManeuverTrace,
+    TheilShares,
+)
 from stoop.report.charts import Curves, autocorrelation_panel, channel_panel, plain_panel
 from stoop.report.estimates import label
-from stoop.report.numbers import factor_and_unit, number, share, window
+from stoop.report.numbers import NOTHING, factor_and_unit, number, share, window
 from stoop.report.svg import FloatArray
 from stoop.uncertainty.noise import autocorrelation
-from stoop.validation.figures import theil_parts
 from stoop.validation.runs import runs
 
 ABSURD: Final = 1e15  #: a simulation that has left for infinity is not drawn on
 EVIDENT: Final = 4.0  #: standard errors of an autocorrelation: no matter of chance in any channel
+MOSTLY, HARDLY = (
+    0.75,
+    0.4,
+)  #: of the comparisons with the lag: won by a model that predicts, by one that hardly does
 LAGS: Final = 100  #: samples over which autocorrelations are drawn
 
 
@@ -39,6 +48,20 @@ class FigureRow:
     r2: str
     shares: tuple[str, str, str]
     bars: tuple[float, float]  #: Theil's coefficient of model and lag, in parts of the table's `reach`
+
+
+@dataclass(frozen=True)
+class SkillRow:
+    """Further figures of one channel, of the model and of the lag; texts as shown."""
+
+    name: Markup
+    unit: str
+    rmse: tuple[str, str]
+    press: tuple[str, str]
+    r2: tuple[str, str]
+    shares: tuple[str, str]
+    ljung_box: tuple[str, str]
+    verdict: tuple[str, str]
 
 
 @dataclass(frozen=True)
@@ -60,6 +83,7 @@ class ManeuverView:
     role: str
     segments: str
     rows: tuple[FigureRow, ...]
+    skills: tuple[SkillRow, ...]
     reach: float  #: to which Theil's coefficient the bars of the rows run
     panels: tuple[Panel, ...]
     inputs: tuple[Panel, ...]
@@ -71,6 +95,67 @@ def maneuver_views(identification: Identification) -> list[ManeuverView]:
     return [_view(identification, maneuver, trace) for maneuver, trace in pairs]
 
 
+@dataclass(frozen=True)
+class SummaryCell:
+    """Theil's coefficient of the model and of the lag; texts as shown."""
+
+    model: str
+    lag: str
+    better: str
+
+
+@dataclass(frozen=True)
+class SummaryRow:
+    """One maneuver of the overview."""
+
+    title: str
+    cells: tuple[SummaryCell, ...]
+
+
+@dataclass(frozen=True)
+class Summary:
+    """All maneuvers and channels at a glance."""
+
+    level: str
+    headline: str
+    channels: tuple[str, ...]
+    rows: tuple[SummaryRow, ...]
+
+
+def summary(maneuvers: Sequence[ManeuverResult]) -> Summary:
+    """Return Theil's coefficients of all maneuvers in one table, and what they say together."""
+    channels = tuple(dict.fromkeys(name for m in maneuvers for name in m.channels))
+    rows = tuple(SummaryRow(maneuver_title(m), tuple(_cell(m, name) for name in channels)) for m in maneuvers)
+    told = [cell.better for row in rows for cell in row.cells if cell.better]
+    share = told.count("better") / len(told) if told else 0.0
+    level = "good" if share > MOSTLY else "caution" if share > HARDLY or not told else "bad"
+    return Summary(level, _headline(share, bool(told)), channels, rows)
+
+
+def _headline(share: float, compared: bool) -> str:
+    if not compared:
+        return "There is no trivial model to compare with."
+    if share > MOSTLY:
+        return "The model predicts what it was not fitted to, better than a first-order lag."
+    return (
+        "The model predicts some of what it was not fitted to."
+        if share > HARDLY
+        else "A first-order lag predicts as well."
+    )
+
+
+def _cell(maneuver: ManeuverResult, name: str) -> SummaryCell:
+    one = maneuver.channels.get(name)
+    if one is None:
+        return SummaryCell(NOTHING, NOTHING, "")
+    return SummaryCell(_decimals(one.theil), _decimals(one.baseline_theil), _against_lag(one))
+
+
+def _against_lag(one: ChannelFigures) -> str:
+    compared = math.isfinite(one.baseline_theil) and math.isfinite(one.theil)
+    return ("better" if one.theil < one.baseline_theil else "worse") if compared else ""
+
+
 def maneuver_title(maneuver: ManeuverResult) -> str:
     """Return e.g. ``flight2, 140–145 s``."""
     return f"{maneuver.flight}, {window(maneuver.start, maneuver.stop)}"
@@ -79,7 +164,7 @@ def maneuver_title(maneuver: ManeuverResult) -> str:
 def _view(identification: Identification, maneuver: ManeuverResult, trace: ManeuverTrace) -> ManeuverView:
     reach = _reach(maneuver)
     rows = {
-        name: _figures(identification, name, maneuver.channels[name], trace, reach)
+        name: _figures(identification, name, maneuver.channels[name], reach)
         for name in trace.channels
         if name in maneuver.channels
     }
@@ -89,6 +174,7 @@ def _view(identification: Identification, maneuver: ManeuverResult, trace: Maneu
         role=maneuver.role,
         segments=", ".join(window(*segment) for segment in maneuver.segments),
         rows=tuple(rows.values()),
+        skills=tuple(_skill(identification, name, one) for name, one in maneuver.channels.items()),
         reach=reach,
         panels=panels,
         inputs=tuple(_input(identification, name, trace) for name in trace.inputs),
@@ -101,13 +187,9 @@ def _reach(maneuver: ManeuverResult) -> float:
     return max(0.1, math.ceil(10.0 * max((v for v in found if math.isfinite(v)), default=1.0) - 1e-9) / 10.0)
 
 
-def _figures(
-    identification: Identification, name: str, one: ChannelFigures, trace: ManeuverTrace, reach: float
-) -> FigureRow:
+def _figures(identification: Identification, name: str, one: ChannelFigures, reach: float) -> FigureRow:
     factor, unit = factor_and_unit(_unit(identification, name))
-    channel = trace.channels[name]
-    parts = theil_parts(channel.measured, channel.simulated)
-    compared = math.isfinite(one.baseline_theil) and math.isfinite(one.theil)
+    parts = one.theil_shares
     return FigureRow(
         name=label(identification, name),
         meaning=_meaning(name),
@@ -115,11 +197,30 @@ def _figures(
         rmse=number(factor * one.rmse, 3),
         theil=_decimals(one.theil),
         lag=_decimals(one.baseline_theil),
-        better=("better" if one.theil < one.baseline_theil else "worse") if compared else "",
+        better=_against_lag(one),
         r2=_decimals(one.r2),
         shares=(share(parts.bias), share(parts.variance), share(parts.covariance)),
         bars=(_unit_interval(one.theil / reach), _unit_interval(one.baseline_theil / reach)),
     )
+
+
+def _skill(identification: Identification, name: str, one: ChannelFigures) -> SkillRow:
+    factor, unit = factor_and_unit(_unit(identification, name))
+    lag = one.baseline
+    return SkillRow(
+        name=label(identification, name),
+        unit=unit,
+        rmse=(number(factor * one.rmse, 3), number(factor * lag.rmse, 3)),
+        press=(number(factor * one.press, 3), number(factor * lag.press, 3)),
+        r2=(_decimals(one.r2), _decimals(lag.r2)),
+        shares=(_shares(one.theil_shares), _shares(lag.theil_shares)),
+        ljung_box=(number(one.whiteness.statistic, 3), number(lag.whiteness.statistic, 3)),
+        verdict=(one.whiteness.verdict or NOTHING, lag.whiteness.verdict or NOTHING),
+    )
+
+
+def _shares(parts: TheilShares) -> str:
+    return " / ".join(share(part) for part in (parts.bias, parts.variance, parts.covariance))
 
 
 def _panel(

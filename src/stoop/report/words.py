@@ -44,6 +44,11 @@ def verdict(result: Result) -> Verdict:
     return Verdict(level, HEADLINES[level], tuple(sentence for sentence in sentences if sentence))
 
 
+def prediction(result: Result) -> str:
+    """Return how well the maneuvers that were not fitted are predicted, in one sentence."""
+    return _match(result, "validation")
+
+
 def _level(result: Result) -> Level:
     unknown = [one for one in result.parameters.values() if not one.identifiable]
     if result.status not in FINISHED or not math.isfinite(result.cost):

@@ -93,7 +93,7 @@ def test_tables_say_estimate_and_truth(job: Job) -> None:
     table = estimates_table(job.identification.result, {"CLalpha": 4.78})
     assert "CLalpha" in table
     assert "4.78" in table
-    assert "0:20 (fit)" in figures_table(job.identification.result)
+    assert "0:20 (fit)" in figures_table(job.identification.result.maneuvers)
 
 
 def test_identified_file_keeps_comments_and_adds_what_was_left_out() -> None:
