@@ -96,7 +96,7 @@ class Misfit:
             return self._squares(X, rung)
         total = self.layout.prior_costs(X)
         for i, (piece, count) in enumerate(zip(self.pieces, self.ladder[rung], strict=True)):
-            rows, start = self._candidates(X, i)
+            rows, start = self.candidates(X, i)
             inputs = self._inputs(piece, rows)
             total += self._kernel.cost(rows, start, inputs, piece.measured, self._quality[i], piece.dt, count)
         return total
@@ -206,7 +206,7 @@ class Misfit:
                 out[:, self.dimension + j] = self.weights.whiten(unit, seen).ravel()
 
     @cached_property
-    def _own(self) -> list[list[tuple[int, Nuisance]]]:
+    def own(self) -> list[list[tuple[int, Nuisance]]]:
         """Nuisances of each piece, with their place in the vector."""
         numbered = list(enumerate(self.layout.nuisances, self.dimension))
         return [
@@ -218,13 +218,13 @@ class Misfit:
     def _begin(self) -> list[tuple[FloatArray, dict[str, ArrayLike], dict[str, FloatArray]]]:
         """Kernel parameters (n_p, 1), start and rigid-body states of each piece, nuisances at their start."""
         out = []
-        for piece, own in zip(self.pieces, self._own, strict=True):
+        for piece, own in zip(self.pieces, self.own, strict=True):
             centers = {n.name: n.center for _, n in own if not n.is_bias}
             start: dict[str, ArrayLike] = {**piece.start, **centers}
             out.append((parameter_rows(self.layout.vehicle, piece.changes), start, rigid_states(start)))
         return out
 
-    def _candidates(self, Z: FloatArray, index: int) -> tuple[FloatArray, FloatArray]:
+    def candidates(self, Z: FloatArray, index: int) -> tuple[FloatArray, FloatArray]:
         """Return kernel parameters and initial states of one piece.
 
         Parameters
@@ -236,7 +236,7 @@ class Misfit:
         fixed, start, rigid = self._begin[index]
         rows = np.repeat(fixed, len(Z), axis=1)
         rows[self.layout.rows] = self.layout.physical(Z).T
-        for j, n in self._own[index]:
+        for j, n in self.own[index]:
             value = n.center + n.scale * Z[:, j] if moved else n.center
             if n.is_bias:
                 rows[vehicle.rows[n.name]] = value
@@ -256,7 +256,7 @@ class Misfit:
 
     def _trajectories(self, Z: FloatArray, index: int, count: int) -> FloatArray:
         piece, vehicle = self.pieces[index], self.layout.vehicle
-        rows, start = self._candidates(Z, index)
+        rows, start = self.candidates(Z, index)
         out = self._kernel.trajectories(rows, start, self._inputs(piece, rows), piece.dt, count)
         return late_outputs(vehicle, out, rows, piece.dt)
 

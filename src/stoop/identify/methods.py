@@ -34,6 +34,7 @@ from stoop.flight.variables import nearest
 
 DEFAULT: Final = "output-error"
 _SENSITIVITIES = "stoop.job.errorbars:error_bars"
+_INNOVATIONS = "stoop.job.filterbars:error_bars"
 _GIVEN = "stoop.job.givenbars:error_bars"
 
 
@@ -64,6 +65,14 @@ class Method:
 
 _METHODS: Final[dict[str, Method]] = {
     DEFAULT: Method("stoop.identify.fit:fit", _SENSITIVITIES, "flights in calm air"),
+    "filter-error": Method(
+        "stoop.identify.filter_error.method:steady", _INNOVATIONS, "flights in turbulence"
+    ),
+    "filter-error-ekf": Method(
+        "stoop.identify.filter_error.method:varying",
+        _INNOVATIONS,
+        "likewise, with a gain that follows large maneuvers",
+    ),
     "equation-error": Method(
         "stoop.identify.regression.methods:equation_error",
         _GIVEN,

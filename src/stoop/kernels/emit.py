@@ -131,6 +131,8 @@ class Emitted:
     outputs: int
     wrapped: tuple[bool, ...]
     groups: int  #: of lanes, whose steps are taken in turn
+    moves: int = 0
+    correction: str = ""  #: source of the move of a state; empty for a model that no filter takes
 
 
 _KNOWN = (sp.Symbol, sp.Float, sp.Rational, sp.Add, sp.Mul, sp.Pow, sp.atan2, sp.atan, sp.Abs)
@@ -175,5 +177,18 @@ def emit(model: SymbolicModel) -> Emitted:
         ]
     )
     return Emitted(
-        source, nx, len(u), len(p), len(names), len(model.outputs), model.wrapped, groups(source, "derive")
-    )
+        source, nx, len(u), len(p), len(names), len(model.outputs), model.wrapped, groups(source, "derive"),
+        len(model.moves), _correction(model),
+    )  # fmt: skip
+
+
+def _correction(model: SymbolicModel) -> str:
+    """Write ``correct``: a state after a small move."""
+    if not model.moves:
+        return ""
+    x = [sp.Symbol(f"x{i}", real=True) for i in range(len(model.states))]
+    d = [sp.Symbol(f"d{i}", real=True) for i in range(len(model.moves))]
+    table = dict(zip((*model.states, *model.moves), (*x, *d), strict=True))
+    expressions = [sp.sympify(e).xreplace(table) for e in model.moved]
+    _check(expressions)
+    return function_source("correct", {"x": x, "d": d}, expressions)

@@ -54,7 +54,7 @@ if hasattr(
     os.register_at_fork(after_in_child=_pool.cache_clear)
 
 
-def _matrix(a: FloatArray) -> FloatArray:
+def matrix(a: FloatArray) -> FloatArray:
     """Return an array that Numba sees as writable and C-contiguous (else it would compile anew)."""
     if a.dtype == np.float64 and a.flags.carray:
         return a  # the check of np.require takes ten times as long
@@ -75,6 +75,8 @@ class Kernel:
     sizes: tuple[int, int, int, int]  #: states, inputs, parameters, outputs
     shared: ModuleType
     per_lane: Callable[[], ModuleType]
+    moves: int = 0  #: numbers of a move of the state; zero where no filter takes the model
+    filtering: Callable[[], ModuleType] | None = None
 
     def cost(
         self,
@@ -107,14 +109,14 @@ class Kernel:
         (B,) array
             Infinite where the trajectory diverged.
         """
-        p, x, u, rows, module = self._arguments(parameters, initial, inputs)
+        p, x, u, rows, module = self.arguments(parameters, initial, inputs)
         n = min(len(measured) if samples is None else samples, len(measured))
-        _fits("measured", measured, (len(measured), self.sizes[3]))
-        _fits("weights", weights, measured.shape)
-        _fits("inputs", inputs, (max(n, rows), *inputs.shape[1:]))
+        fits("measured", measured, (len(measured), self.sizes[3]))
+        fits("weights", weights, measured.shape)
+        fits("inputs", inputs, (max(n, rows), *inputs.shape[1:]))
         z, w = _shown(measured, weights)
         out = np.empty(p.shape[1])
-        self._blocks(
+        self.share(
             lambda a, b: module.run_cost(p, x, u, rows, z, w, float(dt), n, out, a, b), p.shape[1], threads
         )
         return np.where(np.isfinite(out), out, np.inf)
@@ -132,10 +134,10 @@ class Kernel:
 
         Parameters as in :meth:`cost`.
         """
-        p, x, u, rows, module = self._arguments(parameters, initial, inputs)
+        p, x, u, rows, module = self.arguments(parameters, initial, inputs)
         n = rows if samples is None else min(samples, rows)
         out = np.empty((p.shape[1], n, self.sizes[3]))
-        self._blocks(
+        self.share(
             lambda a, b: module.run_outputs(p, x, u, rows, float(dt), n, out, a, b), p.shape[1], threads
         )
         return out
@@ -153,12 +155,18 @@ class Kernel:
         """
         nx, nu, np_, ny = self.sizes
         count = parameters.shape[1]
-        _fits("parameters", parameters, (np_, count))
-        _fits("states", states, (nx, count))
-        _fits("inputs", inputs, (nu, count))
+        fits("parameters", parameters, (np_, count))
+        fits("states", states, (nx, count))
+        fits("inputs", inputs, (nu, count))
         out = np.empty((nx + ny, count))
-        self.shared.run_evaluate(_matrix(parameters), _matrix(states), _matrix(inputs), out)
+        self.shared.run_evaluate(matrix(parameters), matrix(states), matrix(inputs), out)
         return out[:nx], out[nx:]
+
+    def filter_module(self) -> ModuleType:
+        """Return the compiled loops of a filter, see :mod:`stoop.kernels.filtering`."""
+        if self.filtering is None or not self.moves:
+            raise ValueError("this model says no moves, so no filter takes it")
+        return self.filtering()
 
     def assembly(self, entry: str = "run_cost", per_lane: bool = False) -> str:
         """Return the machine code of a time loop as text, to be searched for vector instructions.
@@ -181,31 +189,35 @@ class Kernel:
         again.compile(signatures(per_lane)[entry])
         return "\n".join(again.inspect_asm().values())
 
-    def _arguments(
+    def arguments(
         self, parameters: FloatArray, initial: FloatArray, inputs: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, int, ModuleType]:
+        """Return checked parameters, states and inputs as compiled code takes them, rows of inputs, module."""
         nx, nu, np_, _ = self.sizes
         count = parameters.shape[-1]
-        _fits("parameters", parameters, (np_, count))
-        _fits("initial", initial, (nx, count))
-        _fits("inputs", inputs, (max(len(inputs), 1), nu, count)[: max(inputs.ndim, 2)])
-        p, x = _matrix(parameters), _matrix(initial)
+        fits("parameters", parameters, (np_, count))
+        fits("initial", initial, (nx, count))
+        fits("inputs", inputs, (max(len(inputs), 1), nu, count)[: max(inputs.ndim, 2)])
+        p, x = matrix(parameters), matrix(initial)
         if inputs.ndim == 2:
-            return p, x, _matrix(inputs), len(inputs), self.shared
+            return p, x, matrix(inputs), len(inputs), self.shared
         return p, x, _interleave(inputs, self.lanes), len(inputs), self.per_lane()
 
-    def _blocks(self, run: Callable[[int, int], None], count: int, threads: int | None) -> None:
+    def share(
+        self, run: Callable[[int, int], None], count: int, threads: int | None, lanes: int | None = None
+    ) -> None:
         """Share whole blocks among threads; one thread works in place."""
-        blocks = -(-count // self.lanes)
+        lanes = lanes or self.lanes
+        blocks = -(-count // lanes)
         workers = max(1, min(threads or thread_count(), blocks))
-        edges = [self.lanes * (blocks * i // workers) for i in range(workers)] + [count]
+        edges = [lanes * (blocks * i // workers) for i in range(workers)] + [count]
         if workers == 1:
             run(0, count)
             return
         list(_pool(workers).map(run, edges[:-1], edges[1:]))
 
 
-def _fits(name: str, array: FloatArray, shape: tuple[int, ...]) -> None:
+def fits(name: str, array: NDArray[Any], shape: tuple[int, ...]) -> None:
     """Refuse an array of another shape: compiled code would read beyond its end."""
     if array.shape != shape:
         raise ValueError(f"{name}: shape {array.shape} instead of {shape}")
@@ -218,8 +230,8 @@ def _shown(measured: FloatArray, weights: FloatArray) -> tuple[FloatArray, Float
     """
     seen = weights > 0.0
     if seen.all():
-        return _matrix(measured), _matrix(weights)
-    return _matrix(np.where(seen, measured, 0.0)), _matrix(np.where(seen, weights, 0.0))
+        return matrix(measured), matrix(weights)
+    return matrix(np.where(seen, measured, 0.0)), matrix(np.where(seen, weights, 0.0))
 
 
 def _interleave(inputs: FloatArray, lanes: int) -> FloatArray:
@@ -267,25 +279,34 @@ def _import(folder: Path, key: str, name: str) -> ModuleType:
 
 def _open(folder: Path, key: str, name: str) -> ModuleType:
     """Import a generated module and compile its entry points, or take them from Numba's files beside it."""
-    from stoop.kernels.lanes import signatures
-
     module = _import(folder, key, name)
-    for entry, signature in signatures(name == "per_lane").items():
+    for entry, signature in _signatures(name).items():
         dispatcher = getattr(module, entry)
         dispatcher.compile(signature)
         dispatcher.disable_compile()
     return module
 
 
+def _signatures(name: str) -> dict[str, str]:
+    from stoop.kernels.filter import SIGNATURES
+    from stoop.kernels.lanes import signatures
+
+    return SIGNATURES if name == "filtering" else signatures(name == "per_lane")
+
+
 def _write_sources(folder: Path, model: SymbolicModel) -> None:
     from stoop.kernels.emit import emit
+    from stoop.kernels.filter import filter_source
     from stoop.kernels.lanes import header, lanes, loop_source
 
     emitted = emit(model)
     for name in ("shared", "per_lane"):
         body = loop_source(emitted, name == "per_lane")
         (folder / f"{name}.py").write_text(header(emitted) + "\n\n" + emitted.source + "\n\n" + body)
-    sizes = (emitted.states, emitted.inputs, emitted.parameters, emitted.outputs, lanes(emitted))
+    (folder / "filtering.py").write_text(filter_source(emitted) if emitted.moves else "# no filter\n")
+    sizes = (
+        emitted.states, emitted.inputs, emitted.parameters, emitted.outputs, lanes(emitted), emitted.moves,
+    )  # fmt: skip
     (folder / "sizes.txt").write_text(" ".join(map(str, sizes)))
 
 
@@ -365,20 +386,24 @@ def _check_compiler() -> None:
 _loaded: dict[str, Kernel] = {}
 
 
+def _later(folder: Path, final: Path, key: str, name: str) -> Callable[[], ModuleType]:
+    """Return what compiles a module of the folder when it is needed; the folder may be gone by then."""
+    source = (folder / f"{name}.py").read_text()
+
+    def write(target: Path) -> None:
+        (target / f"{name}.py").write_text(source)
+
+    return functools.cache(lambda: _open(_build(final, key, name, write), key, name))
+
+
 def _load(key: str, model: Callable[[], SymbolicModel]) -> Kernel:
     if key not in _loaded:
         root = cache.cache_folder()
         folder = _build(root / key, key, "shared", lambda f: _write_sources(f, model()))
         numbers = [int(v) for v in (folder / "sizes.txt").read_text().split()]
-        lanes_source = (folder / "per_lane.py").read_text()  # now: the folder may be gone when it is needed
-
-        @functools.cache
-        def per_lane() -> ModuleType:
-            def write(target: Path) -> None:
-                (target / "per_lane.py").write_text(lanes_source)
-
-            return _open(_build(root / f"{key}-lanes", key, "per_lane", write), key, "per_lane")
-
-        nx, nu, np_, ny, lanes = numbers
-        _loaded[key] = Kernel(folder, lanes, (nx, nu, np_, ny), _open(folder, key, "shared"), per_lane)
+        nx, nu, np_, ny, lanes, moves = numbers
+        per_lane = _later(folder, root / f"{key}-lanes", key, "per_lane")
+        filtering = _later(folder, root / f"{key}-filter", key, "filtering")
+        shared = _open(folder, key, "shared")
+        _loaded[key] = Kernel(folder, lanes, (nx, nu, np_, ny), shared, per_lane, moves, filtering)
     return _loaded[key]

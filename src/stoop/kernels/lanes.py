@@ -38,7 +38,7 @@ def header(e: Emitted) -> str:
     return text.replace(_REORDER, "") if e.groups > 1 else text
 
 
-def _tuple(pattern: str, count: int) -> str:
+def tuple_of(pattern: str, count: int) -> str:
     """Write a tuple of ``count`` entries; ``{i}`` is the index."""
     return "(" + "".join(pattern.format(i=i) + ", " for i in range(count)) + ")"
 
@@ -56,7 +56,7 @@ def _residual(i: int, wrapped: bool, nx: int) -> str:
     return f"wrap({difference})" if wrapped else difference
 
 
-def _steps(e: Emitted) -> str:
+def _stages(e: Emitted) -> str:
     """Write a step of Runge-Kutta of order four; each stage is taken by all groups before the next begins."""
     combined = "x[{i}] + h6 * (k1[{i}] + 2.0 * (k2[{i}] + k3[{i}]) + k4[{i}])"
     stage = "derive(axpy(x[{{i}}], {h}, {k}[{{i}}]), {u}[{{i}}], c[{{i}}])"
@@ -68,15 +68,15 @@ def axpy(x, a, k):
 
 @inline
 def combine(x, k1, k2, k3, k4, h6):
-    return {_tuple(combined, e.states)}
+    return {tuple_of(combined, e.states)}
 
 
 @inline
 def advance(x, k1, c, um, ub, hh, h, h6):
-    k2 = {_tuple(stage.format(h="hh", k="k1", u="um"), e.groups)}
-    k3 = {_tuple(stage.format(h="hh", k="k2", u="um"), e.groups)}
-    k4 = {_tuple(stage.format(h="h", k="k3", u="ub"), e.groups)}
-    return {_tuple("combine(x[{i}], k1[{i}], k2[{i}], k3[{i}], k4[{i}], h6)", e.groups)}
+    k2 = {tuple_of(stage.format(h="hh", k="k1", u="um"), e.groups)}
+    k3 = {tuple_of(stage.format(h="hh", k="k2", u="um"), e.groups)}
+    k4 = {tuple_of(stage.format(h="h", k="k3", u="ub"), e.groups)}
+    return {tuple_of("combine(x[{i}], k1[{i}], k2[{i}], k3[{i}], k4[{i}], h6)", e.groups)}
 """
 
 
@@ -109,12 +109,12 @@ def store_state(S, j, x):
 
 @inline
 def middle(a, b):
-    return {_tuple("0.5 * (a[{i}] + b[{i}])", e.inputs)}
+    return {tuple_of("0.5 * (a[{i}] + b[{i}])", e.inputs)}
 
 
 @inline
 def load_parameters(P, b):
-    return {_tuple("P[{i}, b]", e.parameters)}
+    return {tuple_of("P[{i}, b]", e.parameters)}
 
 
 @inline
@@ -146,12 +146,12 @@ def _inputs(e: Emitted, per_lane: bool) -> tuple[str, str]:
     if not per_lane:
         lines = [
             "k1 = min(k + 1, rows - 1)",
-            f"a = {_tuple('U[k, {i}]', e.inputs)}",
-            f"b = {_tuple('U[k1, {i}]', e.inputs)}",
+            f"a = {tuple_of('U[k, {i}]', e.inputs)}",
+            f"b = {tuple_of('U[k1, {i}]', e.inputs)}",
             "m = middle(a, b)",
-            *(f"u{name} = {_tuple(name, e.groups)}" for name in "amb"),
+            *(f"u{name} = {tuple_of(name, e.groups)}" for name in "amb"),
         ]
-        return _indent(lines, 12), ""
+        return indent(lines, 12), ""
     width, first = e.inputs * lanes(e), _scratch(e)[1]
     before = [
         f"ia = ((b0 // LANES) * rows + k) * {width}",
@@ -163,9 +163,9 @@ def _inputs(e: Emitted, per_lane: bool) -> tuple[str, str]:
     inside = [
         f"ua = {_groups(e, 'load_inputs(S, {j})')}",
         f"ub = {_groups(e, 'load_next_inputs(S, {j})')}",
-        f"um = {_tuple('middle(ua[{i}], ub[{i}])', e.groups)}",
+        f"um = {tuple_of('middle(ua[{i}], ub[{i}])', e.groups)}",
     ]
-    return _indent(before, 12), _indent(inside, 16)
+    return indent(before, 12), indent(inside, 16)
 
 
 def _input_loads(e: Emitted) -> str:
@@ -187,7 +187,8 @@ def _groups(e: Emitted, pattern: str) -> str:
     return "(" + "".join(pattern.format(j=f"j + {WIDTH * g}") + ", " for g in range(e.groups)) + ")"
 
 
-def _indent(lines: list[str], depth: int) -> str:
+def indent(lines: list[str], depth: int) -> str:
+    """Write lines at a depth."""
     return "".join(" " * depth + line + "\n" for line in lines)
 
 
@@ -195,11 +196,11 @@ def _loops(e: Emitted, per_lane: bool) -> str:
     (results, _, size), apart = _scratch(e), lanes(e)
     before, inside = _inputs(e, per_lane)
     total = f"S[{results * apart} + j]"
-    step = inside + _indent(
+    step = inside + indent(
         [
             f"x = {_groups(e, 'load_state(S, {j})')}",
             f"c = {_groups(e, 'load_constants(S, {j})')}",
-            f"y = {_tuple('observe(x[{i}], ua[{i}], c[{i}])', e.groups)}",
+            f"y = {tuple_of('observe(x[{i}], ua[{i}], c[{i}])', e.groups)}",
             "after = advance(x, y, c, um, ub, hh, dt, h6)",
             *(f"store_state(S, j + {WIDTH * g}, after[{g}])" for g in range(e.groups)),
         ],
@@ -222,10 +223,10 @@ def run_cost(P, X0, U, rows, Z, W, dt, samples, J, first, last):
         for j in range(LANES):
             {total} = 0.0
         for k in range(samples):
-{before}            z = {_tuple("Z[k, {i}]", e.outputs)}
-            w = {_tuple("W[k, {i}]", e.outputs)}
+{before}            z = {tuple_of("Z[k, {i}]", e.outputs)}
+            w = {tuple_of("W[k, {i}]", e.outputs)}
             for j in range({WIDTH}):
-{step}{_indent(add, 16)}        for j in range(min(LANES, last - b0)):
+{step}{indent(add, 16)}        for j in range(min(LANES, last - b0)):
             J[b0 + j] = {total}
 
 
@@ -238,7 +239,7 @@ def run_outputs(P, X0, U, rows, dt, samples, Y, first, last):
         fill(S, P, X0, b0)
         for k in range(samples):
 {before}            for j in range({WIDTH}):
-{step}{_indent(keep, 16)}            for j in range(min(LANES, last - b0)):
+{step}{indent(keep, 16)}            for j in range(min(LANES, last - b0)):
                 for i in range({e.outputs}):
                     Y[b0 + j, k, i] = S[({results} + i) * LANES + j]
 """
@@ -251,7 +252,7 @@ def _evaluate(e: Emitted) -> str:
 def run_evaluate(P, X, U, D):
     for b in range(P.shape[1]):
         c = prepare(load_parameters(P, b))
-        y = observe({_tuple("X[{i}, b]", nx)}, {_tuple("U[{i}, b]", e.inputs)}, c)
+        y = observe({tuple_of("X[{i}, b]", nx)}, {tuple_of("U[{i}, b]", e.inputs)}, c)
 {chr(10).join(f"        D[{i}, b] = y[{i}]" for i in range(nx + ny))}
 """
 
@@ -263,9 +264,19 @@ SIGNATURES = {
 }
 
 
+def stepping(e: Emitted) -> str:
+    """Write a step in time, loads and stores of one group."""
+    return _stages(e) + _helpers(e)
+
+
+def input_tuples(e: Emitted) -> str:
+    """Write the lines that read a sample's inputs, shared by all candidates."""
+    return _inputs(e, per_lane=False)[0]
+
+
 def loop_source(e: Emitted, per_lane: bool) -> str:
     """Write all that follows the model's functions in the generated module."""
-    parts = [_steps(e), _helpers(e), _input_loads(e) if per_lane else "", _loops(e, per_lane), _evaluate(e)]
+    parts = [stepping(e), _input_loads(e) if per_lane else "", _loops(e, per_lane), _evaluate(e)]
     return f"LANES = {lanes(e)}\n" + "".join(parts)
 
 

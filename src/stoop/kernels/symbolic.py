@@ -22,6 +22,10 @@ class SymbolicModel:
         Registry name of each output.
     wrapped : tuple of bool
         True for an output that is an angle on the whole circle; its residual is taken to (-pi, pi].
+    moves : tuple of sympy.Symbol
+        Numbers of a small move of the state, as a filter makes it; none for a model that no filter takes.
+    moved : tuple of sympy.Expr
+        Each state after the move.
     """
 
     states: tuple[Any, ...]
@@ -31,3 +35,5 @@ class SymbolicModel:
     outputs: tuple[Any, ...]
     output_names: tuple[str, ...]
     wrapped: tuple[bool, ...]
+    moves: tuple[Any, ...] = ()
+    moved: tuple[Any, ...] = ()

@@ -41,6 +41,12 @@ GUST_STATES = {
     "w": ("gust.w.fast", "gust.w.slow"),
 }  #: of the Dryden filters, m/s
 _KEPT_GUSTS = {"full": ("u", "v", "w"), "longitudinal": ("u", "w"), "lateral": ("v",)}
+_ADDED = {
+    "full": ("u", "v", "w", "p", "q", "r"),
+    "longitudinal": ("u", "w", "q"),
+    "lateral": ("v", "p", "r"),
+}  #: states that a filter corrects by adding
+_TURNED = {"full": ("phi", "theta", "psi"), "longitudinal": ("theta",), "lateral": ("phi", "psi")}
 BIASED_BY_DEFAULT = ("p", "q", "r", "ax", "ay", "az")
 _UNITS = {
     "mass": "kg", "xx": "kg m2", "yy": "kg m2", "zz": "kg m2", "xz": "kg m2", "xy": "kg m2", "yz": "kg m2",
@@ -273,6 +279,12 @@ class Vehicle:
         """
         lags = (f"{c}.lag" for c in self.controls if self.file.controls[c].lag is not None)
         return (*_REDUCED_STATES[self.reduce], *lags, *(s for axis in self.gusts for s in GUST_STATES[axis]))
+
+    @functools.cached_property
+    def moves(self) -> tuple[str, ...]:
+        """Numbers of a small move of the state, as a filter makes it: states, body-axes rotations, lags and gusts."""
+        turned = (f"turn {angle}" for angle in _TURNED[self.reduce])
+        return (*_ADDED[self.reduce], *turned, *(s for s in self.states if s not in RIGID_STATES))
 
     @property
     def outputs(self) -> tuple[str, ...]:

@@ -77,7 +77,7 @@ def test_nuisances_left_out_are_nuisances_at_their_start(problem: Misfit) -> Non
     X = points(problem, 11)
     Z = np.concatenate([X, np.zeros((11, problem.extra))], axis=1)
     for i in range(len(problem.pieces)):
-        for short, long in zip(problem._candidates(X, i), problem._candidates(Z, i), strict=True):
+        for short, long in zip(problem.candidates(X, i), problem.candidates(Z, i), strict=True):
             np.testing.assert_array_equal(short, long)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import sympy as sp
 
 from stoop.kernels import SymbolicModel
-from stoop.vehicle.symbolic import forces, instruments, rigid_body, turbulence
+from stoop.vehicle.symbolic import forces, instruments, moves, rigid_body, turbulence
 from stoop.vehicle.symbolic.atmosphere import symbolic_density
 from stoop.vehicle.symbolic.frames import air, attitude, quaternion_rate
 from stoop.vehicle.symbolic.symbols import Numbers, Vector, scale
@@ -103,6 +103,8 @@ def build_model(vehicle: Vehicle) -> SymbolicModel:
     held = _HELD[vehicle.reduce]
     derivatives = [sp.Integer(0) if s in held else rates[s].subs(zero) for s in vehicle.states]
     outputs = [sp.sympify(readings[c]).subs(zero) for c in vehicle.outputs]
+    move = {name: sp.Symbol(f"move {name}", real=True) for name in vehicle.moves}
+    kept = {s: x[s].subs(zero) for s in vehicle.states}
     return SymbolicModel(
         states=tuple(x[s] for s in vehicle.states),
         inputs=tuple(u[c] for c in vehicle.inputs),
@@ -111,4 +113,6 @@ def build_model(vehicle: Vehicle) -> SymbolicModel:
         outputs=tuple(outputs),
         output_names=vehicle.outputs,
         wrapped=tuple(c in _WRAPPED for c in vehicle.outputs),
+        moves=tuple(move.values()),
+        moved=moves.moved(vehicle, kept, move),
     )

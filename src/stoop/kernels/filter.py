@@ -1,0 +1,141 @@
+"""The time loop of a filter: at every sample the state moves by a gain times what was not foreseen.
+
+As in :mod:`stoop.kernels.lanes`, candidates lie side by side in lanes and all that the lane loop touches lies in one
+scratch array; a candidate has its own gain. There is one group of lanes.
+
+A gain turns innovations into a small move of the state. How the state moves (a rotation turns a quaternion, anything
+else is added) is said by the model, :attr:`SymbolicModel.moved`; the numbers of a move are as many as the states can
+move by, which leaves out the length of a quaternion.
+
+Axes: b = candidate, k = sample, i = innovation, e = number of a move, g = gain, r = point of linearization.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stoop.kernels.lanes import header, indent, input_tuples, stepping, tuple_of
+
+if TYPE_CHECKING:
+    from stoop.kernels.emit import Emitted
+
+WIDTH = 8
+
+SIGNATURES = {
+    "run_filter": (
+        "void(f8[:,::1], f8[:,::1], f8[:,:,::1], i8[::1], f8[:,::1], i8, f8[:,::1], f8[:,::1], f8, i8, "
+        "f8[:,:,::1], f8[:,:,::1], i8, i8, i8)"
+    ),
+    "run_step": "void(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8[:,::1])",
+    "run_move": "void(f8[:,::1], f8[:,::1], f8[:,::1])",
+    "run_riccati": (
+        "void(f8[:,:,::1], f8[:,:,::1], f8[:,:,::1], f8[::1], f8[:,::1], i8[::1], f8[:,::1], "
+        "f8[:,:,::1], f8[:,:,::1])"
+    ),
+}
+
+
+def filter_source(emitted: Emitted) -> str:
+    """Write a whole module: header, the model's functions, the loops."""
+    e = replace(emitted, groups=1)
+    recursion = Path(__file__).with_name("recursion.py").read_text().split("# Copied from here.\n")[1]
+    head = f"{header(e)}\nimport numpy as np\n"
+    parts = [
+        head,
+        e.source,
+        e.correction,
+        f"LANES = {WIDTH}\n{stepping(e)}{_helpers(e)}{_loops(e)}",
+        recursion,
+    ]
+    return "\n\n".join(parts)
+
+
+def _rows(e: Emitted) -> tuple[int, int, int]:
+    """Return where innovations and gains begin in the scratch array, and its size, in rows."""
+    first = e.states + e.constants
+    return first, first + e.outputs, first + e.outputs + e.moves * e.outputs
+
+
+def _helpers(e: Emitted) -> str:
+    """Write innovations and moves of one lane."""
+    _, gains, _ = _rows(e)
+    ahead = [f"z[{i}] - y[{e.states + i}]" for i in range(e.outputs)]
+    innovations = [
+        f"m[{i}] * {f'wrap({a})' if w else f'({a})'}"
+        for i, (a, w) in enumerate(zip(ahead, e.wrapped, strict=True))
+    ]
+    moves = [
+        " + ".join(f"S[{(gains + m * e.outputs + i) * WIDTH} + j] * v[{i}]" for i in range(e.outputs))
+        for m in range(e.moves)
+    ]
+    return f"""
+@inline
+def innovate(y, z, m):
+    return ({"".join(f"{v}, " for v in innovations)})
+
+
+@inline
+def gained(S, j, v):
+    return ({"".join(f"{m}, " for m in moves)})
+"""
+
+
+def _loops(e: Emitted) -> str:
+    innovations, gains, size = _rows(e)
+    many = e.moves * e.outputs
+    inputs = input_tuples(e)
+    results = [f"after[{i}]" for i in range(e.states)]
+    results += [f"y[{e.states + i}]" for i in range(e.outputs)]
+    keep = indent([f"S[{(innovations + i) * WIDTH} + j] = v[{i}]" for i in range(e.outputs)], 16)
+    return f"""
+@compiled
+def run_filter(P, X0, K, G, U, rows, Z, M, dt, samples, V, X, states, first, last):
+    S = nb.carray(scratch({size * WIDTH}), {size * WIDTH})
+    hh = 0.5 * dt
+    h6 = dt / 6.0
+    for b0 in range(first, last, LANES):
+        fill(S, P, X0, b0)
+        shown = -1
+        for k in range(samples):
+            if G[k] != shown:
+                shown = G[k]
+                for i in range({many}):
+                    for j in range(LANES):
+                        S[({gains} + i) * LANES + j] = K[shown, i, min(b0 + j, P.shape[1] - 1)]
+{inputs}            z = {tuple_of("Z[k, {i}]", e.outputs)}
+            m = {tuple_of("M[k, {i}]", e.outputs)}
+            if states:
+                for j in range(min(LANES, last - b0)):
+                    for i in range({e.states}):
+                        X[b0 + j, k, i] = S[i * LANES + j]
+            for j in range({WIDTH}):
+                x = load_state(S, j)
+                c = load_constants(S, j)
+                v = innovate(observe(x, ua[0], c), z, m)
+{keep}                x = correct(x, gained(S, j, v))
+                after = advance((x,), (derive(x, ua[0], c),), (c,), um, ub, hh, dt, h6)
+                store_state(S, j, after[0])
+            for j in range(min(LANES, last - b0)):
+                for i in range({e.outputs}):
+                    V[b0 + j, k, i] = S[({innovations} + i) * LANES + j]
+
+
+@compiled
+def run_step(P, X, U, N, dt, D):
+    for b in range(P.shape[1]):
+        c = prepare(load_parameters(P, b))
+        x = {tuple_of("X[{i}, b]", e.states)}
+        a = {tuple_of("U[{i}, b]", e.inputs)}
+        n = {tuple_of("N[{i}, b]", e.inputs)}
+        y = observe(x, a, c)
+        after = advance((x,), (y,), (c,), (middle(a, n),), (n,), 0.5 * dt, dt, dt / 6.0)[0]
+{indent([f"D[{i}, b] = {v}" for i, v in enumerate(results)], 8)}
+
+@compiled
+def run_move(X, E, D):
+    for b in range(X.shape[1]):
+        after = correct({tuple_of("X[{i}, b]", e.states)}, {tuple_of("E[{i}, b]", e.moves)})
+{indent([f"D[{i}, b] = after[{i}]" for i in range(e.states)], 8)}
+"""
