@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from stoop import optimize
 from stoop.design.setup import Forecast, Setup
@@ -45,8 +46,8 @@ class Plan:
     duration: float = 20.0
     rate: float = 100.0
     band: float = 2.0
-    optimizer: str = "l-shade"
-    evaluations: int = 3000
+    optimizer: str = "ps-gde"
+    evaluations: int = 2000
     seed: int = 0
 
 
@@ -125,9 +126,10 @@ def design(
     problem = Uninformed(_narrowed(setup), SHAPES[shape](_frame(setup, plan)), plan)
     stop = optimize.Stop(budget=float(plan.evaluations))
     optimizer = optimize.create(plan.optimizer, stop.budget)
-    outcome = optimize.minimize(
-        optimizer, problem, seed=plan.seed, starts=problem.shape.starts, stop=stop, callback=callback
-    )
+    with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
+        outcome = optimize.minimize(
+            optimizer, problem, seed=plan.seed, starts=problem.shape.starts, stop=stop, callback=callback
+        )
     if not outcome.cost < OUTSIDE:
         raise SimulationError(
             f"design: no {shape} of these amplitudes stays within the envelope for {plan.duration:g} s; "

@@ -23,6 +23,10 @@ class Entry:
 
 
 EXPERIMENTS: Final[Mapping[str, Entry]] = {
+    "coverage": Entry(
+        "stoop.study.verify.coverage.experiment:Coverage",
+        "how often 95 % intervals hold the truth (400 flights each)",
+    ),
     "nist": Entry(
         "stoop.study.verify.nist.experiment:Nist",
         "certified regressions of NIST, from both starts; reads --data DIR",
@@ -30,5 +34,9 @@ EXPERIMENTS: Final[Mapping[str, Entry]] = {
     "export": Entry(
         "stoop.study.verify.export.experiment:Export",
         "exported aircraft flown by JSBSim beside our own simulation",
+    ),
+    "design": Entry(
+        "stoop.study.verify.designed.experiment:Designed",
+        "a designed input against a 3-2-1-1, predicted and achieved (100 flights each)",
     ),
 }

@@ -1,0 +1,127 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.cli.main import main
+from stoop.job.design import FILES, believed, maneuver_toml
+from stoop.simulate import load_maneuver, parse_maneuver
+
+QUICK = (
+    "--duration",
+    "6",
+    "--evaluations",
+    "30",
+    "--shape",
+    "square",
+    "3-2-1-1",
+    "--fix",
+    "CLV",
+    "CDV",
+    "CmV",
+    "CQV",
+)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("design") / "next"
+    assert main(["design", "twin-boom", *QUICK, "-o", str(out)]) == 0
+    return out
+
+
+def test_writes_what_it_says(folder: Path) -> None:
+    assert sorted(path.name for path in folder.iterdir()) == sorted(FILES)
+    found = json.loads((folder / "design.json").read_text())
+    assert found["format"] == "stoop-design/1"
+    assert set(found["designs"]) == {"square", "3-2-1-1"}
+    assert found["designs"][found["shape"]]["gain"] == max(one["gain"] for one in found["designs"].values())
+    assert set(found["standard_errors"]["CLalpha"]) == {"value", "now", "reference", "square", "3-2-1-1"}
+    assert "CLV" not in found["standard_errors"]
+
+
+def test_the_maneuver_is_what_the_table_says_and_can_be_flown(folder: Path, tmp_path: Path) -> None:
+    maneuver = load_maneuver(folder / "maneuver.toml")
+    head, *rows = (folder / "maneuver.csv").read_text().splitlines()
+    assert head == "time_s,elevator_rad,aileron_rad,rudder_rad"
+    table = np.array([[float(cell) for cell in row.split(",")] for row in rows])
+    moves = maneuver.deflections()
+    for i, control in enumerate(("elevator", "aileron", "rudder"), 1):
+        assert np.allclose(table[:, i], moves[control], atol=1e-9)
+    flown = [
+        "simulate",
+        "twin-boom",
+        "--maneuver",
+        str(folder / "maneuver.toml"),
+        "-o",
+        str(tmp_path / "f.nc"),
+    ]
+    assert main(flown) == 0
+
+
+def test_maneuver_files_read_back_as_they_were(folder: Path) -> None:
+    for name in ("maneuver.toml", "reference.toml"):
+        maneuver = load_maneuver(folder / name)
+        assert parse_maneuver(maneuver_toml(maneuver, "once -- more"), "again") == maneuver
+
+
+def test_says_what_it_will_tell(folder: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert main(["design", "twin-boom", *QUICK, "-o", str(tmp_path / "again")]) == 0
+    said = capsys.readouterr().out
+    assert "mean standard error" in said
+    assert "stoop simulate twin-boom --maneuver" in said
+    both = [(f / "maneuver.toml").read_text().splitlines()[1:] for f in (folder, tmp_path / "again")]
+    assert both[0] == both[1], "same seed, same design"
+
+
+def test_page_shows_text_as_text(folder: Path) -> None:
+    page = (folder / "design.html").read_text()
+    assert "What to fly next" in page
+    assert "<script" not in page
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["twin-boom", "--amplitude", "flap=3"], "there is no control 'flap'"),
+        (["twin-boom", "--amplitude", "three"], "'three' is not a number; write DEG or CONTROL=DEG"),
+        (["twin-boom", "--amplitude", "100"], "not between 0 and 90 degrees"),
+        (["twin-boom", "--within", "alpha=5"], "write CHANNEL=LOW:HIGH"),
+        (["twin-boom", "--within", "alpha=9:5"], "LOW below HIGH"),
+        (["twin-boom", "--within", "alpha=-9:-5"], "widen that limit or choose another airspeed"),
+        (["twin-boom", "--duration", "1"], "is too short"),
+        (["twin-boom", "--optimizer", "best"], "there is none of that name"),
+        (["twin-boom", "--optimizer", "ps-gde-lm"], "take an optimizer that needs none"),
+        (["nowhere.json"], "name the folder that stoop identify wrote"),
+        (["."], "name the folder that stoop identify wrote"),
+    ],
+)
+def test_bad_input_is_one_line(
+    words: list[str],
+    says: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["design", *words, "--evaluations", "10", "-o", "out"]) == 2
+    said = capsys.readouterr().err.strip().splitlines()[-1]
+    assert says in said
+
+
+def test_does_not_write_over_a_design_unasked(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = (folder / "design.json").read_bytes()
+    assert main(["design", "twin-boom", *QUICK, "-o", str(folder)]) == 2
+    assert "add --overwrite or name another folder" in capsys.readouterr().err
+    assert (folder / "design.json").read_bytes() == before
+
+
+def test_priors_are_what_a_vehicle_file_knows(examples: Path) -> None:
+    model = believed(examples / "vtail.toml")
+    known = dict(zip(model.knowledge.names, model.knowledge.std(model.knowledge.names), strict=True))
+    assert known["CLalpha"] == pytest.approx(1.0)
+    assert known["mass.inertia.xx"] == pytest.approx(0.2)
+    assert "Cm0" not in known
