@@ -1,0 +1,64 @@
+"""Linear models as files: re-read equal, and standard errors that a textbook formula gives too."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+from stoop.export.state_space import Known, StateSpace, json_text, mat_bytes, state_space, variables
+from stoop.simulate import Trim
+from stoop.vehicle import Vehicle
+
+SIGMA = 0.1
+
+
+@pytest.fixture(scope="module")
+def found(twin_boom: Vehicle, steady: Trim) -> StateSpace:
+    return state_space(twin_boom, steady, Known(("Cmalpha", "Cmq"), np.diag([SIGMA**2, 0.0])))
+
+
+def test_json_reads_back(found: StateSpace) -> None:
+    read = json.loads(json_text(found))
+    assert read["format"] == "stoop-state-space/1"
+    for name in "ABCD":
+        assert np.array_equal(np.array(read[name]), getattr(found.model, name))
+    assert [s["name"] for s in read["states"]] == list(found.model.states)
+    assert [s["unit"] for s in read["inputs"]] == ["rad", "rad", "rad"]
+    trim = {s["name"]: s["trim"] for s in read["states"] + read["inputs"] + read["outputs"]}
+    assert trim["V"] == 35.0
+    assert trim["elevator"] == found.point.deflections["elevator"]
+    assert trim["az"] == pytest.approx(-9.80665 * np.cos(trim["theta"]) * np.cos(trim["phi"]))
+    assert read["parameters"]["propulsion.thrust"] == found.point.changes["propulsion.thrust"]
+
+
+def test_mat_reads_back(found: StateSpace) -> None:
+    content = mat_bytes(variables(found))
+    assert content == mat_bytes(variables(found)), "no date in it"
+    read = loadmat(io.BytesIO(content))
+    for name in "ABCD":
+        assert np.array_equal(read[name], getattr(found.model, name))
+        assert np.array_equal(read[f"{name}_std"], found.standard_errors[name])
+    assert [str(c[0]) for c in read["states"][:, 0]] == list(found.model.states)
+    assert np.array_equal(read["x0"][:, 0], found.x)
+
+
+def test_standard_errors_of_pitch_stiffness(found: StateSpace) -> None:
+    """d q' / d alpha grows by qbar S c / Iyy with Cmalpha, and nothing else does; the twin-boom has no Ixy, Iyz."""
+    n = found.vehicle.value
+    pressure = 0.5 * n("environment.density") * 35.0**2
+    moment = pressure * n("reference.area") * n("reference.chord") / n("mass.inertia.yy")
+    errors = found.standard_errors["A"]
+    states = found.model.states
+    assert errors[states.index("q"), states.index("alpha")] == pytest.approx(SIGMA * moment, rel=1e-6)
+    errors = errors.copy()
+    errors[states.index("q"), states.index("alpha")] = 0.0
+    errors[:, states.index("V")] = 0.0  # the pitching moment changes with speed too
+    assert errors.max() < 1e-9
+
+
+def test_without_a_covariance_there_are_none(twin_boom: Vehicle, steady: Trim) -> None:
+    assert json.loads(json_text(state_space(twin_boom, steady)))["standard_errors"] == {}
