@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 LONGEST: Final = 2.0  #: s; residuals further apart are taken as independent
 SPAN: Final = 0.2  #: s, of the smoothing window
+ROWS_PER_WINDOW: Final = 4
 TAPER: Final = 0.1  #: share of the record that is faded in and out
 FEWEST: Final = 4  #: frequencies below which a stretch says nothing
 
@@ -50,7 +51,7 @@ class Domain(Protocol):
 
 @dataclass(frozen=True)
 class Time:
-    """Samples, smoothed by a window; residuals are colored, by that and by what the model lacks.
+    """Samples, smoothed by a window, four a window; residuals are colored, by that and by what the model lacks.
 
     Attributes
     ----------
@@ -62,7 +63,7 @@ class Time:
     holds_constants: bool = True
 
     def rows(self, signals: FloatArray, dt: float) -> FloatArray:
-        """Return the smoothed samples (n - window + 1, k)."""
+        """Return smoothed samples (m, k); in between there is nothing new."""
         from scipy.signal import oaconvolve
         from scipy.signal.windows import hann
 
@@ -70,7 +71,12 @@ class Time:
         if len(signals) < 2 * size:
             return np.empty((0, signals.shape[1]))
         window = hann(size + 2)[1:-1]
-        return np.asarray(oaconvolve(signals, (window / window.sum())[:, None], mode="valid", axes=0))
+        smooth = oaconvolve(signals, (window / window.sum())[:, None], mode="valid", axes=0)
+        return np.asarray(smooth[:: self._apart(dt)])
+
+    def _apart(self, dt: float) -> int:
+        """Return how many samples lie from one row to the next."""
+        return max(1, round(self.span / dt / ROWS_PER_WINDOW))
 
     def spread(self, X: FloatArray, v: FloatArray, dt: float) -> FloatArray:
         """Return the double sum of the rows with the residuals' autocovariance.
@@ -78,7 +84,7 @@ class Time:
         It is read off the residuals up to a lag of 2 s and tapered to zero there, which keeps the result
         positive (W. K. Newey and K. D. West, Econometrica 55(3), 1987).
         """
-        lags = min(round(LONGEST / dt), len(v) // 5)
+        lags = min(round(LONGEST / (dt * self._apart(dt))), len(v) // 5)
         size = 2 * len(v)
         sampled = np.fft.irfft(np.abs(np.fft.rfft(v, size)) ** 2)[: lags + 1] / len(v)
         tapered = sampled * (1.0 - np.arange(lags + 1) / (lags + 1.0))
