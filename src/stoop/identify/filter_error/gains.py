@@ -42,15 +42,43 @@ class Gains:
     which: IntArray
 
 
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What does not depend on a candidate.
+
+    Attributes
+    ----------
+    points : (n,) of int
+        Point of linearization of each sample, counted from zero.
+    seen : (n, n_y) bool
+        Where something was measured.
+    patterns : (G, n_y) bool
+        Which channels were measured together.
+    which : (n,) of int
+        Pattern of each sample.
+    """
+
+    points: IntArray
+    seen: NDArray[np.bool_]
+    patterns: NDArray[np.bool_]
+    which: IntArray
+
+
+def _plan(piece: Piece, points: IntArray) -> Plan:
+    seen = np.isfinite(piece.measured)
+    patterns, which = np.unique(seen, axis=0, return_inverse=True)
+    return Plan(points, seen, patterns, which.ravel().astype(np.int64))
+
+
 class Gain(Protocol):
     """How a gain is found."""
 
-    def points(self, piece: Piece) -> IntArray:
-        """Return the point of linearization of each sample (n,), counted from zero."""
+    def plan(self, piece: Piece) -> Plan:
+        """Return where a piece is linearized and what was measured."""
         ...
 
     def gains(
-        self, vehicle: Vehicle, piece: Piece, linear: Linear, process: FloatArray, variances: FloatArray
+        self, vehicle: Vehicle, plan: Plan, linear: Linear, process: FloatArray, variances: FloatArray
     ) -> Gains:
         """Return the gains of every candidate; process noise (B, r, n_e, n_e), variances (B, n_y)."""
         ...
@@ -64,26 +92,24 @@ class Steady:
     covariance a channel informs by its share of samples.
     """
 
-    def points(self, piece: Piece) -> IntArray:
+    def plan(self, piece: Piece) -> Plan:
         """Return one point."""
-        return np.zeros(len(piece.time), dtype=np.int64)
+        return _plan(piece, np.zeros(len(piece.time), dtype=np.int64))
 
     def gains(
-        self, _vehicle: Vehicle, piece: Piece, linear: Linear, process: FloatArray, variances: FloatArray
+        self, _vehicle: Vehicle, plan: Plan, linear: Linear, process: FloatArray, variances: FloatArray
     ) -> Gains:
         """Return one gain per pattern of measured channels."""
-        seen = np.isfinite(piece.measured)
         F, H = linear.transition[:, 0], linear.readings[:, 0]
-        P = steady.covariance(F, H, process[:, 0], seen.mean(axis=0) / variances)
-        patterns, which = np.unique(seen, axis=0, return_inverse=True)
+        P = steady.covariance(F, H, process[:, 0], plan.seen.mean(axis=0) / variances)
         HP = H @ P
         gain, covariance = [], []
-        for pattern in patterns:
+        for pattern in plan.patterns:
             S = innovation_covariance(HP, H, variances, pattern)
             shown = np.where(pattern[:, None], HP, 0.0)
             gain.append(np.swapaxes(_solved(S, shown), 1, 2).reshape(len(P), -1).T)
             covariance.append(S)
-        return Gains(np.array(gain), np.stack(covariance, axis=1), which.ravel().astype(np.int64))
+        return Gains(np.array(gain), np.stack(covariance, axis=1), plan.which)
 
 
 def innovation_covariance(
@@ -99,7 +125,9 @@ def innovation_covariance(
 def _solved(S: FloatArray, right: FloatArray) -> FloatArray:
     """Return S^-1 right, NaN for candidates that are lost."""
     lost: NDArray[np.bool_] = np.logical_not(np.isfinite(S).all(axis=(1, 2)))
-    out = np.linalg.solve(np.where(lost[:, None, None], np.eye(S.shape[1]), S), right)
+    out = np.asarray(
+        np.linalg.solve(np.where(lost[:, None, None], np.eye(S.shape[1]), S), right), dtype=np.float64
+    )
     out[lost] = np.nan
     return out
 
@@ -114,17 +142,17 @@ class Varying:
 
     spacing: float = SPACING
 
-    def points(self, piece: Piece) -> IntArray:
+    def plan(self, piece: Piece) -> Plan:
         """Return a point every so many samples."""
         every = max(1, round(self.spacing / piece.dt))
-        return np.arange(len(piece.time), dtype=np.int64) // every
+        return _plan(piece, np.arange(len(piece.time), dtype=np.int64) // every)
 
     def gains(
-        self, vehicle: Vehicle, piece: Piece, linear: Linear, process: FloatArray, variances: FloatArray
+        self, vehicle: Vehicle, plan: Plan, linear: Linear, process: FloatArray, variances: FloatArray
     ) -> Gains:
         """Return a gain per sample."""
-        kernel, which = vehicle.kernel(), self.points(piece)
-        seen = np.isfinite(piece.measured).astype(np.float64)
+        kernel, which = vehicle.kernel(), plan.points
+        seen = plan.seen.astype(np.float64)
         zero = np.zeros(process.shape[2:])
         known = np.where(np.isfinite(variances), variances, 1.0)
         found = [

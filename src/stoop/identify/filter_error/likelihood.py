@@ -23,10 +23,11 @@ from numpy.typing import NDArray
 
 from stoop.cost import Misfit, Piece
 from stoop.flight.variables import WRAPPED
-from stoop.identify.filter_error.gains import Gain, Gains
+from stoop.identify.filter_error.gains import Gain, Gains, Plan
 from stoop.identify.filter_error.noise import Noise
 from stoop.identify.filter_error.points import linearized
 from stoop.kernels import filtering
+from stoop.optimize.normal import gram
 from stoop.simulate import initial_states, parameter_rows
 from stoop.simulate.delays import delayed, late_inputs, output_delays
 
@@ -81,15 +82,13 @@ class Innovations:
         counts = np.bincount(self.which, minlength=len(self.spreads))
         flat = self.spreads.reshape(len(counts), -1, len(self.entries))
         rows = (flat * np.sqrt(0.5 * counts)[:, None, None]).reshape(-1, len(self.entries))
-        information: FloatArray = rows.T @ rows
-        return information
+        return gram(np.ascontiguousarray(rows.T))
 
     @property
     def information(self) -> FloatArray:
         """Fisher's information (j, j)."""
         rows = self.slopes.reshape(-1, len(self.entries))
-        information: FloatArray = rows.T @ rows + self.spread_information
-        return information
+        return gram(np.ascontiguousarray(rows.T)) + self.spread_information
 
     @property
     def gradient(self) -> FloatArray:
@@ -125,7 +124,17 @@ class Likelihood:
     def of(cls, problem: Misfit, noise: Noise, gain: Gain) -> Likelihood:
         """Return the likelihood with points of linearization as measured; readings of late sensors are moved."""
         moved = replace(problem, pieces=tuple(_earlier(problem, piece) for piece in problem.pieces))
-        return cls(moved, noise, gain, tuple(_measured_path(moved, piece, gain) for piece in moved.pieces))
+        return cls(
+            moved,
+            noise,
+            gain,
+            tuple(_measured_path(moved, piece, gain.plan(piece).points) for piece in moved.pieces),
+        )
+
+    @cached_property
+    def plans(self) -> tuple[Plan, ...]:
+        """Where each piece is linearized and what was measured."""
+        return tuple(self.gain.plan(piece) for piece in self.problem.pieces)
 
     @property
     def size(self) -> int:
@@ -167,7 +176,7 @@ class Likelihood:
             states = self._run(i, rows, start, gains, states=True)[1][0]
             if not np.isfinite(states).all():
                 return self
-            paths.append(_averaged(self.gain.points(piece), states, piece.inputs))
+            paths.append(_averaged(self.plans[i].points, states, piece.inputs))
         return replace(self, paths=tuple(paths))
 
     def _known(self, z: FloatArray) -> FloatArray:
@@ -203,7 +212,7 @@ class Likelihood:
         states = np.repeat(path.states[:, :, None], len(Z), axis=2)
         linear = linearized(vehicle, rows, states, path.inputs, piece.dt)
         process = self.noise.process(tail, linear.drive, piece.dt)
-        return self.gain.gains(vehicle, piece, linear, process, self.noise.variances(tail))
+        return self.gain.gains(vehicle, self.plans[index], linear, process, self.noise.variances(tail))
 
     def _run(
         self, index: int, rows: FloatArray, start: FloatArray, gains: Gains, states: bool = False
@@ -279,9 +288,9 @@ def _unwrapped(column: FloatArray) -> FloatArray:
     return out
 
 
-def _measured_path(problem: Misfit, piece: Piece, gain: Gain) -> Path:
+def _measured_path(problem: Misfit, piece: Piece, points: IntArray) -> Path:
     """Return mean measured states around each point; where nothing was measured, the start."""
-    vehicle, points = problem.layout.vehicle, gain.points(piece)
+    vehicle = problem.layout.vehicle
     start = {name: np.full(len(points), value) for name, value in piece.start.items()}
     for i, channel in enumerate(vehicle.outputs):
         if channel in start and np.isfinite(piece.measured[:, i]).any():

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from stoop import optimize
 from stoop.cost import Layout, Misfit, Nuisance
@@ -27,7 +28,7 @@ from stoop.vehicle.vehicle import GUST_STATES
 
 FloatArray = NDArray[np.float64]
 DEFAULTS: Final = Options()
-DISAGREED: Final = "From the file's values and from the regression the ascent ended at different likelihoods; the better one counts."
+DISAGREED: Final = "From the file's values and from the regression ascents ended at different likelihoods; the better counts."
 AGREE: Final = 0.1  #: of -ln L: two ascents that end so near each other found the same
 ROUNDS: Final = 3  #: of linearization along the states that the filter finds
 SETTLED: Final = 1.0  #: change of -ln L by another linearization that needs no further round
@@ -61,6 +62,12 @@ class FilterError:
         state: Any = None,
     ) -> Fit:
         """Maximize the likelihood of the innovations, see :mod:`stoop.identify.methods`."""
+        with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
+            return self._fit(vehicle, flights, windows, options)
+
+    def _fit(
+        self, vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window], options: Options
+    ) -> Fit:
         problem, prepared = pose(vehicle, flights, windows, options)
         _check(problem)
         problem = with_gusts(problem)
