@@ -78,8 +78,8 @@ class Sortie:
     frames: int
 
 
-def simulator(root: Path) -> Any:
-    """Return a silent JSBSim that looks for aircraft in ``root/aircraft``.
+def simulator(root: Path | None) -> Any:
+    """Return a silent JSBSim that looks for aircraft in ``root/aircraft``, or among its own where there is none.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def simulator(root: Path) -> Any:
         raise StoopError("JSBSim: the package is not installed; pip install 'stoop[jsbsim]'") from None
     jsbsim: Any = imported
     jsbsim.FGJSBBase().debug_lvl = 0
-    out = jsbsim.FGFDMExec(str(root))
+    out = jsbsim.FGFDMExec(None if root is None else str(root))
     out.set_debug_level(0)
     return out
 

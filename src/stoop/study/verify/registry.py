@@ -39,4 +39,8 @@ EXPERIMENTS: Final[Mapping[str, Entry]] = {
         "stoop.study.verify.designed.experiment:Designed",
         "a designed input against a 3-2-1-1, predicted and achieved (100 flights each)",
     ),
+    "jsbsim": Entry(
+        "stoop.study.verify.jsbsim_truth.experiment:JsbsimTruth",
+        "stock aircraft of JSBSim identified from their outputs (20 flights each)",
+    ),
 }
