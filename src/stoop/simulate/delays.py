@@ -106,18 +106,27 @@ def late_inputs(vehicle: Vehicle, inputs: FloatArray, rows: FloatArray, dt: floa
 def late_outputs(vehicle: Vehicle, outputs: FloatArray, rows: FloatArray, dt: float) -> FloatArray:
     """Return readings (B, n, n_y) as late as the instruments deliver them; the array is changed in place.
 
-    A reading that diverged stays as it is: there is nothing to interpolate, and its candidate has lost.
+    Before the record a reading goes on as it begins. One that diverged stays as it is: there is nothing to
+    interpolate, and its candidate has lost.
     """
     for channel, row in output_delays(vehicle):
         turns = vehicle.outputs[channel] in WRAPPED
-        for lane, delay in enumerate(rows[row] / dt):
-            reading = outputs[lane, :, channel]
-            if np.isfinite(reading).all() and np.isfinite(delay):
-                outputs[lane, :, channel] = _late(reading, float(delay), turns)
+        sound = np.isfinite(outputs[:, :, channel]).all(axis=1) & np.isfinite(rows[row])
+        for delay in np.unique(rows[row][sound]):
+            lanes = sound & (rows[row] == delay)
+            outputs[lanes, :, channel] = _late(outputs[lanes, :, channel].T, float(delay) / dt, turns).T
     return outputs
 
 
-def _late(reading: FloatArray, samples: float, turns: bool) -> FloatArray:
+def _late(readings: FloatArray, samples: float, turns: bool) -> FloatArray:
+    """Return readings (n, B) that much later, continued as straight lines at both ends."""
+    if samples == 0.0:
+        return readings
     with np.errstate(over="ignore", invalid="ignore"):  # about to diverge: the largest numbers overflow
         # An angle that jumps from pi to -pi has no value between them.
-        return delayed(np.unwrap(reading) if turns else reading, samples)
+        whole = np.unwrap(readings, axis=0) if turns else readings
+        pad = int(np.ceil(abs(samples))) + 2
+        steps = np.arange(1.0, pad + 1.0)[:, None]
+        before = whole[0] + steps[::-1] * (whole[0] - whole[1])
+        after = whole[-1] + steps * (whole[-1] - whole[-2])
+        return delayed(np.concatenate([before, whole, after]), samples)[pad:-pad]

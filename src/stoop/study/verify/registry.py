@@ -27,6 +27,10 @@ EXPERIMENTS: Final[Mapping[str, Entry]] = {
         "stoop.study.verify.coverage.experiment:Coverage",
         "how often 95 % intervals hold the truth (400 flights each)",
     ),
+    "delays": Entry(
+        "stoop.study.verify.delays.experiment:Delays",
+        "delays of inputs and outputs, fractions of a sample (40 flights, twice)",
+    ),
     "nist": Entry(
         "stoop.study.verify.nist.experiment:Nist",
         "certified regressions of NIST, from both starts; reads --data DIR",
