@@ -18,7 +18,7 @@ SUBJECT_HELP: Final = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
     add = parser.add_argument
-    add("subject", metavar="RESULT|VEHICLE", help=SUBJECT_HELP)
+    add("subject", metavar="MODEL", help=SUBJECT_HELP)
     add("--to", dest="target", choices=TARGETS, required=True, help="which tool")
     add("-o", "--output", metavar="DIR", type=Path, required=True, help="folder for the files")
     add(

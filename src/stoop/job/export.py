@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import importlib.util
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from stoop.errors import OutputError, SimulationError
 from stoop.export import excitation, jsbsim_folder, simulink, state_space
-from stoop.export.flown import Record
 from stoop.export.names import file_name
 from stoop.files import write_bytes_atomic
 from stoop.job.export_page import PAGE, Comparison, compare, page_text, verdict
-from stoop.job.export_subject import Subject
+from stoop.job.export_subject import Maneuver, Subject
 from stoop.simulate import Trim, trim
 
 NOT_FLOWN: Final = "Not flown: the package jsbsim is not installed; pip install 'stoop[jsbsim]'."
@@ -125,32 +121,29 @@ def _jsbsim(subject: Subject, condition: Condition) -> Exported:
 def _flown(
     subject: Subject, point: Trim | None, texts: Mapping[str, str]
 ) -> tuple[list[Comparison], list[str]]:
-    """Fly the files from a folder of their own, before they are written where the user wants them.
+    """Fly the files before they are written where the user wants them; one with another loading is exported with that.
 
     A maneuver that the model cannot hold open loop is a note, and the others are flown.
     """
     out: list[Comparison] = []
     failed: list[str] = []
-    with tempfile.TemporaryDirectory(prefix="stoop-export-") as folder:
-        root = Path(folder)
-        _place(root, _encoded(texts))
-        for title, record, measured in _records(subject, point):
+    for maneuver in (*_excited(subject, point), *subject.maneuvers):
+        loaded = jsbsim_folder.folder(maneuver.record.vehicle, None) if maneuver.loaded else texts
+        with tempfile.TemporaryDirectory(prefix="stoop-export-") as root:
+            _place(Path(root), _encoded(loaded))
             try:
-                out.append(compare(root, title, record, measured))
+                out.append(compare(Path(root), maneuver))
             except SimulationError as error:
-                failed.append(f"{title}: {error}.")
+                failed.append(f"{maneuver.title}: {error}.")
     return out, failed
 
 
-def _records(
-    subject: Subject, point: Trim | None
-) -> Iterator[tuple[str, Record, NDArray[np.float64] | None]]:
+def _excited(subject: Subject, point: Trim | None) -> list[Maneuver]:
     record = None if point is None else excitation.excited(subject.vehicle, point)
-    if record is not None:
-        span = record.time[-1] - record.time[0]
-        yield f"{span:g} s open loop from the steady flight, every control in turn", record, None
-    for maneuver in subject.maneuvers:
-        yield maneuver.title, maneuver.record, maneuver.measured
+    if record is None:
+        return []
+    span = record.time[-1] - record.time[0]
+    return [Maneuver(f"{span:g} s open loop from the steady flight, every control in turn", record)]
 
 
 def _state_space(subject: Subject, condition: Condition) -> Exported:

@@ -18,6 +18,7 @@ from stoop.export.jsbsim_reading import changed
 from stoop.export.names import file_name
 from stoop.flight import VARIABLES
 from stoop.flight.variables import WRAPPED
+from stoop.job.export_subject import Maneuver
 from stoop.report.plots import Series, Strip, stacked_plots
 from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table, render_sheet
 from stoop.units import DEGREE
@@ -52,26 +53,37 @@ while fdm.run():
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """One record flown three times.
+    """One maneuver, flown by our simulation and by JSBSim.
 
     Attributes
     ----------
-    title : str
-    record : Record
-    measured : (n, n_y) or None
+    maneuver : Maneuver
     own, fine : (n, n_y)
         Our simulation: a step per sample, and a step per frame of JSBSim.
     flat, earth : (n, n_y)
         JSBSim on the flat planet and on its Earth.
     """
 
-    title: str
-    record: Record
-    measured: FloatArray | None
+    maneuver: Maneuver
     own: FloatArray
     fine: FloatArray
     flat: FloatArray
     earth: FloatArray
+
+    @property
+    def title(self) -> str:
+        """What was flown."""
+        return self.maneuver.title
+
+    @property
+    def record(self) -> Record:
+        """What flew."""
+        return self.maneuver.record
+
+    @property
+    def measured(self) -> FloatArray | None:
+        """What the flight's instruments read, (n, n_y)."""
+        return self.maneuver.measured
 
     @property
     def relative(self) -> dict[str, float]:
@@ -79,20 +91,19 @@ class Comparison:
         return relative_differences(self.record.vehicle, self.own, self.flat)
 
 
-def compare(root: Path, title: str, record: Record, measured: FloatArray | None = None) -> Comparison:
-    """Fly a record by our equations and in JSBSim, whose root folder holds the exported aircraft.
+def compare(root: Path, maneuver: Maneuver) -> Comparison:
+    """Fly a maneuver by our equations and in JSBSim, whose root folder holds the exported aircraft.
 
     Raises
     ------
     StoopError
         The flight diverges, or JSBSim is not there.
     """
+    record = maneuver.record
     name = file_name(record.vehicle.name)
     many = frames_per_sample(record.dt)
     return Comparison(
-        title,
-        record,
-        measured,
+        maneuver,
         own_readings(record),
         own_readings(record, many),
         jsbsim_readings(root, name, record, root / PLANET),

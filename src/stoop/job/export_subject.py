@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.cost import Piece
-from stoop.errors import OutputError, StoopError
+from stoop.errors import StoopError
 from stoop.export.flown import Record
 from stoop.export.state_space import Known
 from stoop.export.still import still
-from stoop.flight import Flight, load
 from stoop.identify.prepare import prepare
-from stoop.identify.result import Result, read_result
+from stoop.identify.result import Result
 from stoop.identify.windows import Window
-from stoop.job.outputs import RESULT, flight_file
-from stoop.vehicle import Vehicle, load_vehicle
+from stoop.job.identified import Identified, read_identified
+from stoop.job.outputs import RESULT
+from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
 ALTITUDE: Final = 200.0  #: m, where no flight says another
@@ -27,11 +27,23 @@ ALTITUDE: Final = 200.0  #: m, where no flight says another
 
 @dataclass(frozen=True, eq=False)
 class Maneuver:
-    """A stretch of the flight: what flew, and what its instruments read (n, n_y), NaN where nothing."""
+    """A stretch of flight.
+
+    Attributes
+    ----------
+    title : str
+    record : Record
+        What flies.
+    measured : (n, n_y), optional
+        What the instruments read, NaN where nothing.
+    loaded : bool
+        Whether it flew with numbers of a loading in place of the vehicle file's own.
+    """
 
     title: str
     record: Record
-    measured: FloatArray
+    measured: FloatArray | None = None
+    loaded: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,62 +82,36 @@ def read_subject(text: str) -> Subject:
     from stoop.vehicle.builtin import resolve_vehicle
 
     path = Path(text)
-    folder = path.parent if path.name == RESULT else path
-    if folder.is_dir():
-        return _identified(folder)
+    if path.is_dir() or path.name == RESULT:
+        return _identified(read_identified(path))
     vehicle, notes = still(resolve_vehicle(text))
     return Subject(vehicle, notes=notes)
 
 
-def _identified(folder: Path) -> Subject:
-    if not (folder / RESULT).exists():
-        raise OutputError(
-            f"{folder}: holds no {RESULT}; name the folder that stoop identify wrote, or a vehicle file"
-        )
-    result = read_result(folder / RESULT)
-    vehicle, notes = still(load_vehicle(folder / "vehicle.toml"))
-    vehicle = vehicle.with_numbers({n: {"value": p.estimate} for n, p in result.parameters.items()})
-    known = Known(result.covariance.names, result.covariance.matrix)
-    flights, missing = _flights(folder, result)
-    subject = Subject(vehicle, known if known.names else None, notes=(*notes, *missing))
-    return subject if not flights else _with_flights(subject, result, flights)
-
-
-def _flights(folder: Path, result: Result) -> tuple[dict[str, Flight], tuple[str, ...]]:
-    """Return the flights that lie in the folder, and what to say where one does not."""
-    names = tuple(dict.fromkeys(m.flight for m in result.maneuvers))
-    found: dict[str, Flight] = {}
-    for name in names:
-        path = folder / flight_file(name, len(names))
-        try:
-            found[name] = replace(load(path), name=name)
-        except StoopError as error:
-            return {}, (f"No comparison with the flight: {error}.",)
-    return found, ()
-
-
-def _with_flights(subject: Subject, result: Result, flights: dict[str, Flight]) -> Subject:
-    windows = [Window(m.flight, m.start, m.stop) for m in result.maneuvers]
+def _identified(found: Identified) -> Subject:
+    vehicle, notes = still(found.vehicle)
+    covariance = found.result.covariance
+    known = Known(covariance.names, covariance.matrix) if covariance.names else None
+    subject = Subject(vehicle, known, notes=notes)
     try:
-        parts = [prepare(subject.vehicle, flights, [window]).pieces for window in windows]
+        return _with_flights(subject, found)
     except StoopError as error:
-        return replace(subject, notes=(*subject.notes, f"No comparison with the flight: {error}."))
+        return replace(subject, notes=(*notes, f"No comparison with the flight: {error}."))
+
+
+def _with_flights(subject: Subject, found: Identified) -> Subject:
+    flights, result, vehicle = found.flights(), found.result, subject.vehicle
+    windows = [Window(m.flight, m.start, m.stop, m.loading or None) for m in result.maneuvers]
+    parts = [prepare(vehicle, flights, [window]).pieces for window in windows]
     maneuvers = [
-        _maneuver(subject.vehicle, result, window, index, segment, piece)
+        _maneuver(vehicle, result, window, index, segment, piece)
         for index, (window, pieces) in enumerate(zip(windows, parts, strict=True))
         for segment, piece in enumerate(pieces)
     ]
     first = parts[0][0]
-    column = subject.vehicle.inputs.index("density") if "density" in subject.vehicle.inputs else None
-    density = None if column is None else float(np.mean(first.inputs[:, column]))
-    notes = subject.notes
-    if subject.vehicle.file.loadings:
-        notes += (
-            "The maneuvers are flown with the vehicle file's own loading; a result does not say which was flown.",
-        )
-    return replace(
-        subject, maneuvers=tuple(maneuvers), altitude=first.start["h"], density=density, notes=notes
-    )
+    logged = "density" in vehicle.inputs
+    density = float(np.mean(first.inputs[:, vehicle.inputs.index("density")])) if logged else None
+    return replace(subject, maneuvers=tuple(maneuvers), altitude=first.start["h"], density=density)
 
 
 def _maneuver(
@@ -136,7 +122,8 @@ def _maneuver(
     for initial in result.initial_states:
         if (initial.maneuver, initial.segment) == (index, segment):
             start |= {name: q.estimate for name, q in initial.values.items()}
-    changes = {
+    loaded = {name: {"value": value} for name, value in piece.changes.items()}
+    changes = loaded | {
         f"sensors.{channel}.bias": {"value": q.estimate}
         for biases in result.biases
         if biases.maneuver == index
@@ -146,4 +133,4 @@ def _maneuver(
     span = f"{piece.time[0]:.2f} to {piece.time[-1]:.2f} s"
     title = f"{window.flight}, {span} ({'fitted' if role == 'fit' else 'predicted'})"
     record = Record(vehicle.with_numbers(changes), start, piece.time, piece.inputs)
-    return Maneuver(title, record, piece.measured)
+    return Maneuver(title, record, piece.measured, bool(piece.changes))

@@ -63,13 +63,20 @@ class Identified:
             for m in self.result.maneuvers
             if m.role == "fit"
         ]
-        flights = self._flights()
+        flights = self.flights()
         prepared = prepare(self.vehicle, flights, windows)
         pieces = [[prepared.pieces[i] for i in prepared.of_maneuver(m)] for m in range(len(windows))]
         rate = next(iter(flights.values())).rate
         return [baseline_maneuver(self.vehicle, "fit", some) for some in pieces], rate
 
-    def _flights(self) -> dict[str, Flight]:
+    def flights(self) -> dict[str, Flight]:
+        """Return the flights that lie in the folder, by name.
+
+        Raises
+        ------
+        StoopError
+            One of them does not.
+        """
         names = flight_names(self.result)
         paths = {name: self.folder / flight_file(name, len(names)) for name in names}
         return {name: replace(load(path), name=name) for name, path in paths.items()}

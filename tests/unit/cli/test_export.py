@@ -1,0 +1,68 @@
+"""`stoop export`: what it writes and what it refuses, in one line."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from stoop.cli.export import TARGETS
+from stoop.cli.main import main
+
+
+def test_targets_are_those_of_the_job() -> None:
+    from stoop.job import export
+
+    assert tuple(export.TARGETS) == TARGETS
+
+
+def test_every_target(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for target in TARGETS:
+        assert main(["export", "twin-boom", "--to", target, "-o", str(tmp_path / target)]) == 0
+        said = capsys.readouterr().out
+        written = [p for p in (tmp_path / target).rglob("*") if p.is_file()]
+        assert said.count("wrote ") == len(written) > 0
+        for path in written:
+            assert str(path) in said
+        assert ("JSBSim within" in said) == (target == "jsbsim")
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (("nothing.toml", "--to", "jsbsim", "-o", "out"), "there is no such vehicle file"),
+        (("empty", "--to", "jsbsim", "-o", "out"), "holds no result.json"),
+        (("twin-boom", "--to", "jsbsim", "-o", "empty/file"), "is a file; name a folder"),
+        (("twin-boom", "--to", "gazebo", "-o", "out"), "invalid choice"),
+        (
+            ("twin-boom", "--to", "state-space", "--airspeed", "3", "-o", "out"),
+            "no steady flight found at 3 m/s",
+        ),
+    ],
+)
+def test_one_line(
+    words: tuple[str, ...],
+    complaint: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("empty").mkdir()
+    Path("empty/file").write_text("mine")
+    assert main(["export", *words]) == 2
+    err = capsys.readouterr().err
+    assert complaint in err
+    assert err.count("\n") == 1
+    assert sorted(p.name for p in tmp_path.rglob("*")) == ["empty", "file"]
+
+
+def test_without_the_package_the_files_are_written_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "jsbsim", None)
+    assert main(["export", "twin-boom", "--to", "jsbsim", "-o", str(tmp_path)]) == 0
+    assert "pip install 'stoop[jsbsim]'" in capsys.readouterr().out
+    assert list(tmp_path.glob("aircraft/*/*.xml"))
+    assert not (tmp_path / "export.html").exists()
