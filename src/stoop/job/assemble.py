@@ -31,6 +31,7 @@ from stoop.identify.result import (
 from stoop.identify.windows import Window
 from stoop.job.curves import Flown, maneuver_curves
 from stoop.job.errorbars import ErrorBars
+from stoop.job.evidence import with_evidence
 from stoop.job.modes import modes
 from stoop.job.press import left_out_residuals
 from stoop.job.provenance import versions
@@ -60,6 +61,7 @@ def assemble(
     maneuvers, traces = maneuver_curves(vehicle, groups)
     result = _result(fit, bars, maneuvers, flights, inputs, options)
     result = replace(result, modes=modes(fit, result.covariance.names, result.covariance.matrix))
+    result = with_evidence(result, fit, bars)
     return Identification(
         result=replace(result, seconds=time.perf_counter() - began),
         traces=traces,
@@ -144,15 +146,16 @@ def _parameters(fit: Fit, bars: ErrorBars) -> dict[str, ParameterEstimate]:
     for i, p in enumerate(fit.problem.layout.parameters):
         estimate, sigma, held = fit.estimates[p.name], float(bars.std[i]), bool(bars.held[i])
         low, high = intervals_95(np.array([estimate]), np.array([sigma]))[0]
+        told = not held and bars.judged[p.name].identifiable
         out[p.name] = ParameterEstimate(
             estimate=estimate,
             std_error=np.nan if held else sigma,
-            ci95_lower=np.nan if held else float(low),
-            ci95_upper=np.nan if held else float(high),
+            ci95_lower=float(low) if told else np.nan,
+            ci95_upper=float(high) if told else np.nan,
             bound_lower=p.lower,
             bound_upper=p.upper,
             at_bound=held,
-            identifiable=not held and bars.judged[p.name].identifiable,
+            identifiable=told,
             unit=p.unit,
             prior_mean=p.value if p.prior is not None else np.nan,
             prior_std=p.prior if p.prior is not None else np.nan,

@@ -33,6 +33,8 @@ class ErrorBars:
         Identifiability by parameter.
     leaning : tuple of str
         Parameters whose error bar would be more than twice as wide if those at a bound were free.
+    found : Uncertainty, optional
+        Of the entries that no bound holds, where the sensitivities of a simulation gave it.
     """
 
     covariance: FloatArray
@@ -40,6 +42,7 @@ class ErrorBars:
     held: NDArray[np.bool_]
     judged: dict[str, Identifiability]
     leaning: tuple[str, ...]
+    found: Uncertainty | None = None
 
     @property
     def std(self) -> FloatArray:
@@ -70,6 +73,7 @@ def error_bars(fit: Fit, color: float) -> ErrorBars:
         held=held,
         judged=_judged(fit, found, free, [p.name for p in layout.parameters]),
         leaning=_leaning(fit, every, found, free) if held.any() else (),
+        found=found,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from stoop import optimize
@@ -17,6 +17,7 @@ from stoop.identify.prepare import prepare
 from stoop.identify.result import Identification
 from stoop.identify.windows import Window, parse_window
 from stoop.job.assemble import assemble
+from stoop.job.case import Assessment
 from stoop.job.provenance import flight_files, input_hashes
 from stoop.vehicle import Vehicle, load_vehicle
 
@@ -38,6 +39,8 @@ class Job:
     fit : Fit
     files : tuple of Path
         What was read; :meth:`save` never writes over it.
+    attachments : mapping of str to bytes
+        Further files for the folder, by name.
     """
 
     identification: Identification
@@ -45,6 +48,21 @@ class Job:
     flights: tuple[Flight, ...]
     fit: Fit
     files: tuple[Path, ...] = ()
+    attachments: Mapping[str, bytes] = field(default_factory=dict)
+
+    def assess(self, *assessments: Assessment, watch: Callable[[str], None] | None = None) -> Job:
+        """Return this job with further statements of its uncertainty.
+
+        Parameters
+        ----------
+        assessments : Assessment
+            :class:`stoop.job.Bootstrap`, :class:`stoop.job.Posterior`, :class:`stoop.job.Profile`, or your own.
+        watch : callable, optional
+            Told how far each is.
+        """
+        from stoop.job.assess import assessed
+
+        return assessed(self, assessments, watch or (lambda text: None))
 
     def save(self, folder: str | Path, overwrite: bool = False) -> Path:
         """Write ``result.json``, ``vehicle.toml``, ``flight.nc`` and ``report.html`` into a folder."""
