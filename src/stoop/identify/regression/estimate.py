@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from stoop.cost import Layout, Piece
 from stoop.identify.regression.domain import Domain
-from stoop.identify.regression.history import ESTIMATED, History, histories
+from stoop.identify.regression.history import ESTIMATED, History, histories, term_values
 from stoop.identify.regression.least_squares import Block, Priors, Solved, solve
 from stoop.vehicle import Parameter
 
@@ -57,15 +57,14 @@ def regressed(
     afterwards, from the means.
     """
     vehicle = layout.vehicle
-    places = tuple(i for i, p in enumerate(layout.parameters) if "." not in p.name)
+    places = layout_places(layout)
     found = tuple(h for piece in pieces for h in histories(vehicle, piece)) if places else ()
     if not found:
         return None
     blocks = [b for h in found for b in _blocks(layout, places, h)]
     parameters = [layout.parameters[i] for i in places]
     bounds = within(parameters)
-    value = np.array([p.value for p in parameters])
-    priors = Priors(value, np.array([np.inf if p.prior is None else p.prior for p in parameters]))
+    priors = priors_of(parameters)
     turned = [t for b in blocks if (t := _turned(b, domain)).y.size]
     if not turned:
         return None
@@ -75,6 +74,17 @@ def regressed(
     return Regressed(places, solved, found)
 
 
+def layout_places(layout: Layout) -> tuple[int, ...]:
+    """Return where the aerodynamic terms stand among the free parameters."""
+    return tuple(i for i, p in enumerate(layout.parameters) if "." not in p.name)
+
+
+def priors_of(parameters: Sequence[Parameter]) -> Priors:
+    """Return what the file believes of them."""
+    value = np.array([p.value for p in parameters])
+    return Priors(value, np.array([np.inf if p.prior is None else p.prior for p in parameters]))
+
+
 def _turned(block: Block, domain: Domain) -> Block:
     both = domain.rows(np.column_stack([block.y, block.X]), block.dt)
     return Block(block.coefficient, both[:, 0], both[:, 1:], block.dt)
@@ -82,19 +92,31 @@ def _turned(block: Block, domain: Domain) -> Block:
 
 def _blocks(layout: Layout, places: Sequence[int], history: History) -> list[Block]:
     """Return the samples of each coefficient, less what terms that are not free contribute."""
+    both = contributions(layout, places, history.coefficients, history.variables)
+    names = ESTIMATED[layout.vehicle.reduce]
+    return [Block(c, y, X, history.dt) for c, (y, X) in zip(names, both, strict=True)]
+
+
+def contributions(
+    layout: Layout,
+    places: Sequence[int],
+    coefficients: Mapping[str, FloatArray],
+    variables: Mapping[str, FloatArray],
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Return for each coefficient what the free terms must explain (n,), and what each contributes (n, k)."""
     vehicle = layout.vehicle
     column = {vehicle.rows[layout.parameters[i].name]: k for k, i in enumerate(places)}
     out = []
     for coefficient in ESTIMATED[vehicle.reduce]:
-        y = history.coefficients[coefficient].copy()
+        y = coefficients[coefficient].copy()
         X = np.zeros((len(y), len(places)))
         for name, text in vehicle.terms[coefficient].items():
-            row, values = vehicle.rows[name], history.regressor(text)
+            row, values = vehicle.rows[name], term_values(text, variables, len(y))
             if row in column:
                 X[:, column[row]] += values
             else:
                 y -= vehicle.values[row] * values
-        out.append(Block(coefficient, y, X, history.dt))
+        out.append((y, X))
     return out
 
 

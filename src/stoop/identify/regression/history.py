@@ -17,8 +17,10 @@ V. Klein and E. A. Morelli, *Aircraft System Identification: Theory and Practice
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -62,8 +64,17 @@ class History:
 
     def regressor(self, text: str) -> FloatArray:
         """Return a term (n,) of these names."""
-        tree = terms.parse(text, self.variables, "term")
-        return np.full(len(self.time), terms.convert(tree, self.variables), dtype=float)
+        return term_values(text, self.variables, len(self.time))
+
+
+def term_values(text: str, made_of: Mapping[str, FloatArray], count: int) -> FloatArray:
+    """Return a term (n,) of variables (n,) each."""
+    return np.full(count, terms.convert(_tree(text, frozenset(made_of)), made_of), dtype=float)
+
+
+@lru_cache(maxsize=1000)
+def _tree(text: str, names: frozenset[str]) -> ast.expr:
+    return terms.parse(text, names, "term")
 
 
 def histories(vehicle: Vehicle, piece: Piece) -> tuple[History, ...]:
@@ -71,15 +82,15 @@ def histories(vehicle: Vehicle, piece: Piece) -> tuple[History, ...]:
     found = measured(vehicle, piece)
     if not found.kept.size:
         return ()
-    base, gains = _balance(vehicle, found)
-    variables = _variables(vehicle, found)
+    base, gains = balance(vehicle, found)
+    made_of = variables(vehicle, found)
     present = np.zeros(len(piece.time), dtype=np.bool_)
     present[found.kept] = True
     least = max(FEWEST, round(0.5 * SHORTEST / piece.dt))
     position = np.cumsum(present) - 1
     stretches = [slice(position[r.start], position[r.stop - 1] + 1) for r in runs(present)]
     return tuple(
-        _history(vehicle, piece, found, base[:, s], gains[:, :, s], variables, s)
+        _history(vehicle, piece, found, base, gains, made_of, s)
         for s in stretches
         if s.stop - s.start >= least
     )
@@ -90,20 +101,41 @@ def _history(
     variables: Mapping[str, FloatArray], s: slice,
 ) -> History:  # fmt: skip
     time = piece.time[found.kept[s]]
-    turning = [CubicSpline(time, found.motion[c][s])(time, 1) for c in RATES if c in vehicle.outputs]
-    felt = [found.readings[c][s] for c in FORCES if c in vehicle.outputs]
-    wanted = np.array([*turning, *felt]) - base
-    solved = np.linalg.solve(gains.transpose(2, 0, 1), wanted.T[:, :, None])[:, :, 0]
+    turning = np.array(
+        [CubicSpline(time, found.motion[c][s])(time, 1) for c in RATES if c in vehicle.outputs]
+    )
+    felt = {c: v[s] for c, v in found.readings.items()}
     return History(
         piece.maneuver,
         time,
         piece.dt,
-        dict(zip(ESTIMATED[vehicle.reduce], solved.T, strict=True)),
+        coefficients(vehicle, base[:, s], gains[:, :, s], turning, felt),
         {name: values[s] for name, values in variables.items()},
     )
 
 
-def _variables(vehicle: Vehicle, found: Measured) -> dict[str, FloatArray]:
+def coefficients(
+    vehicle: Vehicle, base: FloatArray, gains: FloatArray, turning: FloatArray, felt: Mapping[str, FloatArray]
+) -> dict[str, FloatArray]:
+    """Return the coefficients that explain measured accelerations.
+
+    Parameters
+    ----------
+    base, gains : (a, n), (a, c, n)
+        See :func:`balance`.
+    turning : (r, n), rad/s2
+        Angular accelerations about the axes that the vehicle observes.
+    felt : mapping
+        ``ax``, ``ay``, ``az`` -> (n,), m/s2, as read.
+    """
+    wanted = np.concatenate([turning, [felt[c] for c in FORCES if c in vehicle.outputs]]) - base
+    solved = np.linalg.solve(gains.transpose(2, 0, 1), wanted.T[:, :, None])[:, :, 0]
+    return dict(zip(ESTIMATED[vehicle.reduce], solved.T, strict=True))
+
+
+def variables(vehicle: Vehicle, found: Measured) -> dict[str, FloatArray]:
+    """Return what terms are made of -> (n,)."""
+
     def number(name: str) -> FloatArray:
         return np.asarray(found.rows[vehicle.rows[name]])
 
@@ -111,30 +143,31 @@ def _variables(vehicle: Vehicle, found: Measured) -> dict[str, FloatArray]:
     return {**terms.values(number, actual, m["V"], m["alpha"], m["beta"], found.omega), **found.deflections}
 
 
-def _balance(vehicle: Vehicle, found: Measured) -> tuple[FloatArray, FloatArray]:
+def balance(vehicle: Vehicle, found: Measured) -> tuple[FloatArray, FloatArray]:
     """Return the accelerations (a, n) without aerodynamics, and what each coefficient adds to them (a, c, n)."""
     probed = _probed(vehicle)
     constants = _constants(probed)
+    count, lanes = len(found.kept), 1 + len(constants)
     own = [n for c in ESTIMATED[vehicle.reduce] for n in getattr(probed.file.aerodynamics, c)]
-    rows = np.repeat(probed.values[:, None], len(found.kept), axis=1)
+    rows = np.repeat(probed.values[:, None], count, axis=1)
     for p in probed.parameters:
         if p.name in vehicle.rows:
             rows[probed.rows[p.name]] = found.rows[vehicle.rows[p.name]]
     rows[[probed.rows[n] for n in own]] = 0.0
-    inputs = found.inputs[[vehicle.inputs.index(c) for c in probed.inputs if c in vehicle.inputs]]
-    inputs = inputs if len(inputs) else np.zeros((1, len(found.kept)))
-    still = replace(found, rows=rows, inputs=np.ascontiguousarray(inputs))
-    base = _accelerations(probed, still)
-    gains = []
-    for name in constants.values():
-        rows[probed.rows[name]] = 1.0
-        gains.append(_accelerations(probed, still) - base)
-        rows[probed.rows[name]] = 0.0
-    return base, np.stack(gains, axis=1)
+    inputs = np.zeros((1, count))
+    if probed.inputs != ("none",):
+        inputs = np.ascontiguousarray(found.inputs[[vehicle.inputs.index(c) for c in probed.inputs]])
+    x = states(probed, replace(found, rows=rows, inputs=inputs))
+    rows = np.tile(rows, lanes)  # the first n lanes without aerodynamics, then n with each coefficient at one
+    for i, name in enumerate(constants.values(), 1):
+        rows[probed.rows[name], i * count : (i + 1) * count] = 1.0
+    felt = _accelerations(probed, rows, np.tile(x, lanes), np.tile(inputs, lanes))
+    cases = felt.reshape(len(felt), lanes, count)
+    return cases[:, 0], cases[:, 1:] - cases[:, :1]
 
 
-def _accelerations(vehicle: Vehicle, found: Measured) -> FloatArray:
-    d, y = vehicle.kernel().evaluate(found.rows, states(vehicle, found), found.inputs)
+def _accelerations(vehicle: Vehicle, rows: FloatArray, x: FloatArray, inputs: FloatArray) -> FloatArray:
+    d, y = vehicle.kernel().evaluate(rows, x, inputs)
     turning = [vehicle.states.index(c) for c in RATES if c in vehicle.outputs]
     felt = [vehicle.outputs.index(c) for c in FORCES if c in vehicle.outputs]
     return np.concatenate([d[turning], y[felt]])

@@ -70,14 +70,14 @@ def measured(vehicle: Vehicle, piece: Piece) -> Measured:
     inputs = np.ascontiguousarray(late[kept].T)
     deflections = {c: _deflection(vehicle, c, rows[:, :1], late, piece.dt)[kept] for c in vehicle.controls}
     readings = {c: piece.measured[kept, i] for i, c in enumerate(vehicle.outputs)}
-    level = _motion(vehicle, piece, readings)
+    level = motion(vehicle, piece, readings)
     found = Measured(
         kept, level, {c: v for c, v in readings.items() if c in FORCES}, inputs, deflections, rows
     )
     return Measured(**{**vars(found), "motion": {**level, "h": _altitude(vehicle, piece, found)}})
 
 
-def _motion(vehicle: Vehicle, piece: Piece, readings: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+def motion(vehicle: Vehicle, piece: Piece, readings: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """Return the motion at the center of gravity; what a reduced model does not observe stays as at the start."""
     count = len(next(iter(readings.values())))
     held = {n: np.full(count, float(piece.start.get(n, 0.0))) for n in START_NAMES}
