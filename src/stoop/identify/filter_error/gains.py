@@ -41,6 +41,10 @@ class Gains:
     covariance: FloatArray
     which: IntArray
 
+    def of(self, filters: IntArray) -> Gains:
+        """Return the gains of candidates that share filters."""
+        return Gains(np.ascontiguousarray(self.gain[:, :, filters]), self.covariance[filters], self.which)
+
 
 @dataclass(frozen=True, eq=False)
 class Plan:

@@ -208,11 +208,15 @@ class Likelihood:
 
     def _gains(self, Z: FloatArray, rows: FloatArray, index: int) -> Gains:
         vehicle, piece, path = self.problem.layout.vehicle, self.problem.pieces[index], self.paths[index]
-        tail = Z[:, self.size - self.noise.size :]
-        states = np.repeat(path.states[:, :, None], len(Z), axis=2)
-        linear = linearized(vehicle, rows, states, path.inputs, piece.dt)
+        known = self.size - self.noise.size
+        models, model = _distinct(Z[:, : self.problem.dimension])
+        states = np.repeat(path.states[:, :, None], len(models), axis=2)
+        few = linearized(vehicle, np.ascontiguousarray(rows[:, models]), states, path.inputs, piece.dt)
+        filters, own = _distinct(np.concatenate([Z[:, : self.problem.dimension], Z[:, known:]], axis=1))
+        tail, linear = Z[filters, known:], few.of(model[filters])
         process = self.noise.process(tail, linear.drive, piece.dt)
-        return self.gain.gains(vehicle, self.plans[index], linear, process, self.noise.variances(tail))
+        found = self.gain.gains(vehicle, self.plans[index], linear, process, self.noise.variances(tail))
+        return found.of(own)
 
     def _run(
         self, index: int, rows: FloatArray, start: FloatArray, gains: Gains, states: bool = False
@@ -239,6 +243,16 @@ class Likelihood:
         return first, second
 
 
+def _distinct(Z: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return the first of each kind of rows, and the kind of every row; most unknowns do not touch a gain."""
+    same = np.all(Z[0] == Z, axis=1)
+    same[0] = False
+    first = np.flatnonzero(~same)
+    kind = np.zeros(len(Z), dtype=np.int64)
+    kind[first] = np.arange(len(first))
+    return first, kind
+
+
 def _alike(inputs: FloatArray) -> list[IntArray]:
     """Return groups of candidates that have the same inputs (n, n_u, B)."""
     _, group = np.unique(inputs.reshape(-1, inputs.shape[2]), axis=1, return_inverse=True)
@@ -256,17 +270,28 @@ def _whitened(v: FloatArray, gains: Gains, entries: IntArray, taken: FloatArray)
     lower = np.linalg.cholesky(S[0])
     root = np.linalg.inv(lower)
     logs = 2.0 * np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
-    white = np.einsum("kij,bkj->kib", root[gains.which], v)
-    slopes = (white[:, :, 1:] - white[:, :, :1]) / taken
+    white = _turned(root, v, gains.which)
+    slopes = np.moveaxis((white[1:] - white[:1]) / taken[:, None, None], 0, 2)
     turned = root[None] @ (S[1:] - S[:1]) @ np.swapaxes(root, 1, 2)[None] / taken[:, None, None, None]
     return Innovations(
-        np.ascontiguousarray(white[:, :, 0]),
+        np.ascontiguousarray(white[0]),
         float(np.sum(logs[gains.which])),
         entries,
         np.nan_to_num(slopes),
         np.nan_to_num(np.moveaxis(turned, 0, 3)),
         gains.which,
     )
+
+
+def _turned(root: FloatArray, v: FloatArray, which: IntArray) -> FloatArray:
+    """Return S^-1/2 v (B, n, n_y), each sample by the root that it has."""
+    if len(root) == len(which):  # a gain for every sample
+        return np.asarray(np.matmul(root, v[..., None])[..., 0])
+    out = np.empty_like(v)
+    for g, matrix in enumerate(root):
+        own = slice(None) if len(root) == 1 else np.flatnonzero(which == g)
+        out[:, own] = v[:, own] @ matrix.T
+    return out
 
 
 def _earlier(problem: Misfit, piece: Piece) -> Piece:

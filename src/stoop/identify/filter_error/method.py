@@ -29,6 +29,12 @@ from stoop.vehicle.vehicle import GUST_STATES
 FloatArray = NDArray[np.float64]
 DEFAULTS: Final = Options()
 DISAGREED: Final = "From the file's values and from the regression ascents ended at different likelihoods; the better counts."
+SHARES: Final = {
+    "u": (1.0,),
+    "v": (0.5**0.5, 0.5),
+    "w": (0.5**0.5, 0.5),
+}  #: of the intensity in each gust state
+FIRST: Final = 1e-2  #: of -ln L that the first ascents leave; those that follow leave less
 AGREE: Final = 0.1  #: of -ln L: two ascents that end so near each other found the same
 ROUNDS: Final = 3  #: of linearization along the states that the filter finds
 SETTLED: Final = 1.0  #: change of -ln L by another linearization that needs no further round
@@ -73,7 +79,7 @@ class FilterError:
         problem = with_gusts(problem)
         noise = Noise(vehicle, first_guess(vehicle, problem.pieces), _given(options))
         likelihood = Likelihood.of(problem, noise, self.gain)
-        ascents = [ascend(likelihood, z) for z in _first(likelihood)]
+        ascents = [ascend(likelihood, z, FIRST) for z in _first(likelihood)]
         likelihood, best, agreed = _settled(likelihood, ascents)
         if not np.isfinite(best.cost):
             raise IdentificationError(
@@ -101,10 +107,10 @@ def with_gusts(problem: Misfit) -> Misfit:
     """Return the problem with the gusts at the beginning of each piece among the nuisances."""
     vehicle = problem.layout.vehicle
     more = [
-        Nuisance(name, piece.maneuver, i, 0.0, vehicle.value(f"turbulence.{axis}.intensity"))
+        Nuisance(name, piece.maneuver, i, 0.0, share * vehicle.value(f"turbulence.{axis}.intensity"))
         for i, piece in enumerate(problem.pieces)
         for axis in vehicle.gusts
-        for name in GUST_STATES[axis]
+        for name, share in zip(GUST_STATES[axis], SHARES[axis], strict=True)
     ]
     own = problem.layout.nuisances
     states, biases = [n for n in own if not n.is_bias], [n for n in own if n.is_bias]

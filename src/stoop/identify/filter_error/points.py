@@ -38,6 +38,10 @@ class Linear:
     readings: FloatArray
     drive: FloatArray
 
+    def of(self, models: NDArray[np.int64]) -> Linear:
+        """Return the linear models of candidates that share them."""
+        return Linear(self.transition[models], self.readings[models], self.drive[models])
+
 
 def linearized(
     vehicle: Vehicle, rows: FloatArray, states: FloatArray, inputs: FloatArray, dt: float

@@ -63,9 +63,9 @@ def slope(likelihood: Likelihood, z: FloatArray) -> Slope:
     return Slope(gradient, information, pieces)
 
 
-def ascend(likelihood: Likelihood, z: FloatArray) -> Ascent:
-    """Climb from z; Ctrl-C keeps the best so far."""
-    climb = _Climb(likelihood, z)
+def ascend(likelihood: Likelihood, z: FloatArray, left: float = LEFT) -> Ascent:
+    """Climb from z until so much of -ln L is left to gain; Ctrl-C keeps the best so far."""
+    climb = _Climb(likelihood, z, left)
     try:
         converged = climb.run()
     except KeyboardInterrupt:
@@ -76,8 +76,8 @@ def ascend(likelihood: Likelihood, z: FloatArray) -> Ascent:
 class _Climb:
     """The moving parts of an ascent."""
 
-    def __init__(self, likelihood: Likelihood, z: FloatArray) -> None:
-        self.likelihood = likelihood
+    def __init__(self, likelihood: Likelihood, z: FloatArray, enough: float) -> None:
+        self.likelihood, self.enough = likelihood, enough
         self.lower, self.upper = likelihood.bounds
         self.z = np.clip(z, self.lower, self.upper)
         self.cost = likelihood.cost(self.z)
@@ -94,7 +94,7 @@ class _Climb:
             if not np.isfinite(self.cost):
                 return False
             at = slope(self.likelihood, self.z)
-            if self.left(at) < LEFT:
+            if self.left(at) < self.enough:
                 return True
             if not self.advance(at):
                 return False

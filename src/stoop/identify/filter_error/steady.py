@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 DOUBLINGS: Final = 60
-RESTS: Final = 1e-15  #: relative change of the covariance
+RESTS: Final = 1e-10  #: relative change of the covariance; the next one is about its square
 
 
 def covariance(
