@@ -43,8 +43,16 @@ EXPERIMENTS: Final[Mapping[str, Entry]] = {
         "stoop.study.verify.designed.experiment:Designed",
         "a designed input against a 3-2-1-1, predicted and achieved (100 flights each)",
     ),
+    "structure": Entry(
+        "stoop.study.verify.structured.experiment:Structured",
+        "whether the true terms are found among candidates (200 aircraft)",
+    ),
+    "recursive": Entry(
+        "stoop.study.verify.realtime.experiment:Realtime",
+        "estimates in flight against those of the whole record (50 flights)",
+    ),
     "jsbsim": Entry(
         "stoop.study.verify.jsbsim_truth.experiment:JsbsimTruth",
-        "stock aircraft of JSBSim identified from their outputs (20 flights each)",
+        "stock aircraft of JSBSim identified from their outputs (10 flights each)",
     ),
 }

@@ -22,7 +22,8 @@ class Stock:
     model : str
         Folder of JSBSim's data.
     title : str
-    airspeed, altitude : m/s, m
+    airspeed, alpha, altitude : m/s, rad, m
+        Trimmed at that airspeed; the angle is where the terms count from, next to the trim's.
     throttle : 0 to 1; None with the engines off
     amplitude : rad, by control
     added : text of the terms beside those of eq. (1), as in a vehicle file
@@ -35,6 +36,7 @@ class Stock:
     model: str
     title: str
     airspeed: float
+    alpha: float
     altitude: float
     amplitude: Mapping[str, float]
     throttle: float | None = None
@@ -56,19 +58,24 @@ FLEET: Final = (
         model="c172p",
         title="Cessna 172P, engine off",
         airspeed=48.4,
+        alpha=0.0262,
         altitude=1500.0,
         amplitude={"elevator": 0.04, "aileron": 0.06, "rudder": 0.08},
         added={
             **SLIP,
-            "CD": ABSOLUTE,
+            "CD": {**ABSOLUTE, "CDbend1": "abs(alpha + 0.0087)", "CDbend2": "abs(alpha - 0.0087)"},
             "CQ": {"CQpalpha": "p*alpha", "CQralpha": "r*alpha"},
             "Cl": {"Clralpha": "r*alpha"},
         },
+        dropped={"CD": ("CDalpha2",)},
+        words="""Its drag is a table with a row per degree, so its slope has a step at each: two of them, 0.5 degree below
+and above the angle of attack that terms count from, are flown through and stand for the square.""",
     ),
     Stock(
         model="T37",
         title="Cessna T-37, engines at constant throttle",
         airspeed=78.0,
+        alpha=0.079,
         altitude=3000.0,
         throttle=0.7,
         amplitude={"elevator": 0.03, "aileron": 0.08, "rudder": 0.08},
@@ -78,6 +85,7 @@ FLEET: Final = (
         model="f16",
         title="F-16, flight control system off, engine at constant throttle",
         airspeed=165.0,
+        alpha=0.0437,
         altitude=3000.0,
         throttle=0.6,
         amplitude={"elevator": 0.01, "aileron": 0.03, "rudder": 0.06},

@@ -43,7 +43,7 @@ class Case:
 
     def flight(self, seed: int, noise: float = 1.0) -> Flight:
         """Return the flight as noisy instruments record it; ``noise`` scales `NOISE`."""
-        generator = np.random.default_rng(seed)
+        generator = np.random.default_rng([FLEET.index(self.stock), seed])  # no two aircraft share their luck
         columns = {
             channel: values + noise * NOISE.get(channel, 0.0) * generator.standard_normal(len(values))
             for channel, values in self.flown.columns.items()

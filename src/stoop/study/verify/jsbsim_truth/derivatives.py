@@ -99,7 +99,7 @@ def _place(stock: Stock, jsbsim: Machine, trim: Trim, offset: Mapping[str, float
     airspeed = jsbsim["velocities/vt-fps"] * FOOT
     variables = {
         "V": airspeed / stock.airspeed - 1.0,
-        "alpha": jsbsim["aero/alpha-rad"] - state.alpha,
+        "alpha": jsbsim["aero/alpha-rad"] - stock.alpha,
         "beta": jsbsim["aero/beta-rad"],
         **{a: jsbsim[f"velocities/{a}-aero-rad_sec"] * length[a] / (2.0 * airspeed) for a in "pqr"},
         **{c: jsbsim[stock.surfaces[c]] - value for c, value in trim.deflections.items()},

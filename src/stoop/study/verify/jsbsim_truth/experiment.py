@@ -100,7 +100,7 @@ class JsbsimTruth:
     """JSBSim's tables as truth."""
 
     name: str = "jsbsim"
-    runs: int = 20
+    runs: int = 10
     parts: tuple[str, ...] = ()
 
     def plan(self, setting: Setting) -> Plan:

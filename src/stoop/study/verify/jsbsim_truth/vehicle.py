@@ -43,7 +43,7 @@ accelerometer_position = {eye}
 def vehicle_of(stock: Stock, jsbsim: Machine, trim: Trim) -> Vehicle:
     """Return the vehicle with every aerodynamic parameter at zero.
 
-    Deflections and the angle of attack count from trim, so that the constant terms are the coefficients there.
+    Deflections count from trim, so that the constant terms are the coefficients there.
     """
     text = FILE.format(
         title=stock.title,
@@ -54,7 +54,7 @@ def vehicle_of(stock: Stock, jsbsim: Machine, trim: Trim) -> Vehicle:
         chord=jsbsim["metrics/cbarw-ft"] * FOOT,
         span=jsbsim["metrics/bw-ft"] * FOOT,
         airspeed=stock.airspeed,
-        alpha=trim.state.alpha,
+        alpha=stock.alpha,
         moment_point=_triple(point(jsbsim, "metrics/aero-rp")),
         gravity=jsbsim.apparent_gravity,
         eye=_triple(point(jsbsim, "metrics/eyepoint")),
@@ -103,15 +103,17 @@ def _propulsion(stock: Stock, jsbsim: Machine) -> str:
 
 
 def _terms(stock: Stock) -> str:
-    lines = [
-        "[aerodynamics.CD.CDalpha2]",
-        "bounds = [-20.0, 20.0]",
-    ]  # tables bend more than the default box allows
-    for coefficient in ("CD", "CL", "CQ", "Cl", "Cm", "Cn"):
-        gone = stock.dropped.get(coefficient, ())
-        lines += [f"[aerodynamics.{coefficient}]", *(f"{name} = false" for name in gone)]
-        lines += [
-            f'{name} = {{ term = "{text}", bounds = [-20.0, 20.0] }}'
-            for name, text in stock.added.get(coefficient, {}).items()
+    return "\n".join(_of_coefficient(stock, c) for c in ("CD", "CL", "CQ", "Cl", "Cm", "Cn"))
+
+
+def _of_coefficient(stock: Stock, coefficient: str) -> str:
+    """Return the table of one coefficient; boxes are wide, for tables may bend more than eq. (1) allows."""
+    gone, added = stock.dropped.get(coefficient, ()), stock.added.get(coefficient, {})
+    wide = {"CDalpha2": "alpha^2"} if coefficient == "CD" and "CDalpha2" not in gone else {}
+    return "\n".join(
+        [
+            f"[aerodynamics.{coefficient}]",
+            *(f"{name} = false" for name in gone),
+            *(f'{n} = {{ term = "{t}", bounds = [-20.0, 20.0] }}' for n, t in {**wide, **added}.items()),
         ]
-    return "\n".join(lines)
+    )

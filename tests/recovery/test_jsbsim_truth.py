@@ -1,0 +1,24 @@
+"""An independent simulator as truth: one stock aircraft of JSBSim, flown and identified from its noisy readings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stoop.study.verify.jsbsim_truth.case import case, estimates
+from stoop.study.verify.jsbsim_truth.experiment import SHARE, SIGMAS
+
+
+@pytest.mark.slow
+def test_a_trainer_is_found_from_its_outputs() -> None:
+    """Every derivative within three standard errors or 2 %; together they scatter as they say."""
+    trainer = case("T37")
+    told = estimates(trainer, trainer.flight(seed=0))
+    truth, found, sigma = (
+        np.array([told[k][n] for n in trainer.truth]) for k in ("truth", "estimate", "sigma")
+    )
+    off = np.abs(found - truth)
+    agree = off <= np.maximum(SIGMAS * sigma, SHARE * np.abs(truth))
+    names = np.array(list(trainer.truth))
+    assert agree.all(), names[~agree]
+    assert 0.4 < np.mean((off / sigma) ** 2) < 2.0, "36 normal squares are within that, were they independent"
