@@ -19,7 +19,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.optimize import Problem, Settings, dive
+from stoop.optimize import Dive, Problem, Settings, dive
 from stoop.uncertainty.covariance import NORMAL_95
 from stoop.uncertainty.optimum import Optimum
 from stoop.uncertainty.sensitivity import FloatArray
@@ -107,21 +107,29 @@ def profile(optimum: Optimum, entry: int, factor: float = 1.0) -> Profile:
     factor : float
         By which its error bar is corrected for the color of the residuals, as the weights see it.
     """
-    sides = [_Side(optimum, entry, factor, direction) for direction in (-1.0, 1.0)]
+    least = float(optimum.residual @ optimum.residual)
+    again = _refitted(optimum, entry, float(optimum.z[entry]), optimum.z)
+    better = max(0.0, least - again.cost) / factor**2
+    sides = [_Side(optimum, entry, factor, d, min(least, again.cost)) for d in (-1.0, 1.0)]
     ends = [side.end() for side in sides]
     tried = sorted([(float(optimum.z[entry]), 0.0), *(point for side in sides for point in side.points)])
-    better = max(side.better for side in sides)
+    better = max([better, *(side.better for side in sides)])
     return Profile(ends[0], ends[1], np.array(tried), better)
+
+
+def _refitted(optimum: Optimum, entry: int, value: float, start: FloatArray) -> Dive:
+    """Return the refit of all else with one parameter held."""
+    return dive(Pinned(optimum.problem, entry, value), np.delete(start, entry), optimum.rung, SETTINGS)
 
 
 class _Side:
     """The walk away from the optimum to one side."""
 
-    def __init__(self, optimum: Optimum, entry: int, factor: float, direction: float) -> None:
+    def __init__(self, optimum: Optimum, entry: int, factor: float, direction: float, least: float) -> None:
         self.optimum, self.entry, self.factor, self.direction = optimum, entry, factor, direction
         self.center = float(optimum.z[entry])
         self.bound = 1.0 if direction > 0.0 else 0.0
-        self.least = float(optimum.residual @ optimum.residual)
+        self.least = least
         self.better = 0.0
         self.points: list[tuple[float, float]] = []
         self.known = [(0.0, 0.0)]  # distance and root of the statistic
@@ -159,15 +167,14 @@ class _Side:
         """Refit at a distance; return the root of the statistic."""
         outside = distance >= abs(self.bound - self.center)
         value = self.bound if outside else self.center + self.direction * distance
-        pinned = Pinned(self.optimum.problem, self.entry, value)
-        best = dive(pinned, np.delete(self._start(value), self.entry), self.optimum.rung, SETTINGS)
+        best = _refitted(self.optimum, self.entry, value, self._start(value))
         rise = best.cost - self.least
         self.better = max(self.better, -rise / self.factor**2)
         root = np.sqrt(max(rise, 0.0)) / self.factor if np.isfinite(rise) else np.inf
         self.points.append((value, self.direction * float(root)))
         self.known = sorted([*self.known, (distance, float(root))])
         if np.isfinite(best.cost):
-            self.starts.append(pinned.whole(best.z[None, :])[0])
+            self.starts.append(np.insert(best.z, self.entry, value))
         return float(root)
 
     def _start(self, value: float) -> FloatArray:
