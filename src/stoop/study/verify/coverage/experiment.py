@@ -13,8 +13,9 @@ from stoop.report.sheet import Prose, Section, Table
 from stoop.study.findings import Claim, Findings, FloatArray, Results, Setting, holds
 from stoop.study.tables import Cell
 from stoop.study.verify.coverage.cases import CASES, Case, Range
-from stoop.study.verify.coverage.scene import BIASES, DURATION, RATE, STEPS, WRONG, aircraft, sensor_noise
+from stoop.study.verify.coverage.scene import AIRCRAFT, BIASES, DURATION, RATE, STEPS, WRONG, sensor_noise
 from stoop.study.verify.coverage.statistics import Sample, covered, mean_sigma, sample, sharpness
+from stoop.vehicle.builtin import resolve_vehicle
 
 WORK: Final = "stoop.study.verify.coverage.work:cover"
 LEAD: Final = f"""\
@@ -184,7 +185,7 @@ def _inputs() -> Table:
 
 
 def _noise() -> Table:
-    vehicle = aircraft()
+    vehicle = resolve_vehicle(AIRCRAFT)
     sigma = dict(zip(vehicle.outputs, sensor_noise(vehicle), strict=True))
     rows = tuple((c, f"{s:g}", f"{BIASES[c]:g}" if c in BIASES else "–") for c, s in sigma.items())
     return Table(

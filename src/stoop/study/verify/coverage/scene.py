@@ -16,6 +16,7 @@ from stoop.study.findings import FloatArray
 from stoop.vehicle import Parameter, Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
+AIRCRAFT: Final = "twin-boom"  #: built in
 DURATION: Final = 15.0  #: s, of each maneuver
 RATE: Final = 50.0  #: Hz
 WRONG: Final = 0.3  #: starting values are off by up to this share
@@ -66,7 +67,7 @@ def _maneuver(steps: tuple[tuple[str, str, float, float, float], ...]) -> Maneuv
 @functools.cache
 def aircraft() -> Vehicle:
     """Return the truth: the twin-boom aircraft on all six degrees of freedom, none of its 32 coefficients zero."""
-    vehicle = resolve_vehicle("twin-boom").with_numbers({n: {"value": v} for n, v in TRUTHS.items()})
+    vehicle = resolve_vehicle(AIRCRAFT).with_numbers({n: {"value": v} for n, v in TRUTHS.items()})
     thrust = float(
         trim(vehicle).thrust["propulsion.thrust"]
     )  # as it is flown: what is not free must be right
