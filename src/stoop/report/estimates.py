@@ -82,16 +82,24 @@ def _row(identification: Identification, name: str, one: ParameterEstimate) -> P
 
 
 def _interval(one: ParameterEstimate) -> Interval:
+    lower, upper = _drawn(one)
     return Interval(
         one.estimate,
-        one.ci95_lower,
-        one.ci95_upper,
+        lower,
+        upper,
         one.start,
         one.prior_mean - NORMAL_95 * one.prior_std,
         one.prior_mean + NORMAL_95 * one.prior_std,
         (one.bound_lower, one.bound_upper),
         _kind(one),
     )
+
+
+def _drawn(one: ParameterEstimate) -> tuple[float, float]:
+    """Return the ends of the bar: of a parameter that the data cannot tell, how wide its doubt is."""
+    if one.identifiable or one.at_bound:
+        return one.ci95_lower, one.ci95_upper
+    return one.estimate - NORMAL_95 * one.std_error, one.estimate + NORMAL_95 * one.std_error
 
 
 def _kind(one: ParameterEstimate) -> str:
@@ -121,19 +129,6 @@ def _bounds(lower: float, upper: float) -> str:
     if lower == -upper:
         return f"± {compact(upper)}"
     return f"{compact(lower)} … {compact(upper)}"
-
-
-def error_rows(identification: Identification) -> list[tuple[Markup, str, list[str]]]:
-    """Return the published standard error of every parameter, and beside it those of other methods."""
-    methods = identification.standard_errors.values()
-    return [
-        (
-            label(identification, name),
-            number(one.std_error, 3),
-            [number(errors.get(name, math.nan), 3) for errors in methods],
-        )
-        for name, one in identification.result.parameters.items()
-    ]
 
 
 def correlations(identification: Identification) -> tuple[list[str], FloatArray]:

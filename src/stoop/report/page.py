@@ -14,6 +14,7 @@ from stoop.report.air import air_panels
 from stoop.report.charts import convergence_panel, correlation_map
 from stoop.report.formula import mathml
 from stoop.report.templating import environment
+from stoop.report.uncertainty import uncertainty_view
 from stoop.report.words import verdict
 
 
@@ -62,8 +63,7 @@ def _estimated(identification: Identification) -> dict[str, Any]:
     names, matrix = estimates.correlations(identification)
     return {
         "parameters": estimates.parameter_rows(identification),
-        "methods": list(identification.standard_errors),
-        "errors": estimates.error_rows(identification),
+        "uncertainty": uncertainty_view(identification),
         "correlation": correlation_map(names, matrix) if len(names) > 1 else None,
         "pairs": estimates.strong_pairs(names, matrix),
         "states": estimates.state_rows(identification),
