@@ -1,0 +1,1 @@
+"""Recursive estimates in real time against those of the whole record."""

@@ -1,0 +1,1 @@
+"""Structure determination: whether the true set of terms is found."""
