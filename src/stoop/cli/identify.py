@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from stoop.identify.fit import Options
     from stoop.job import Job
     from stoop.job.checkpoint import Checkpoint
+    from stoop.job.repeat import Alone
+    from stoop.job.run import Search
     from stoop.optimize import Progress
     from stoop.vehicle import Vehicle
 
@@ -77,6 +79,7 @@ def _add_output(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     folder = "folder for result, vehicle, flight and report"
     add("-o", "--output", metavar="DIR", type=Path, required=True, help=folder)
+    add("--repeatability", action="store_true", help="fit each maneuver alone too, and compare")
     add("--resume", action="store_true", help="go on from an unfinished search in DIR")
     add("--overwrite", action="store_true", help="replace a result in DIR")
 
@@ -164,6 +167,7 @@ def _identify(
     """Return the job, its results written, and whether Ctrl-C came."""
     from stoop.job.interrupt import deferred_interrupt
     from stoop.job.outputs import place_outputs
+    from stoop.job.repeat import with_repeatability
     from stoop.job.run import finish, search
 
     state = checkpoint.load() if arguments.resume else None
@@ -177,13 +181,22 @@ def _identify(
         vehicle, flights, arguments.maneuver, arguments.validate, options,
         see, state, shlex.join(["stoop", *sys.argv[1:]]), _others(arguments),
     )  # fmt: skip
+    singles = _alone(done, checkpoint, watch) if arguments.repeatability else []
     with deferred_interrupt() as ctrl_c:
         checkpoint.keep_last(done.fit.outcome)
         watch.turn_to("error bars, predictions and report")
-        job = finish(done)
+        job = with_repeatability(finish(done), singles)
         place_outputs(job, arguments.output, arguments.overwrite or arguments.resume)
         checkpoint.forget(done.fit.outcome)
     return job, ctrl_c.came or done.fit.outcome.status == "interrupted"
+
+
+def _alone(done: Search, checkpoint: Checkpoint, watch: Watch) -> list[Alone]:
+    """Fit every maneuver alone; the search that was done is safe meanwhile."""
+    from stoop.job.repeat import fit_alone
+
+    checkpoint.keep_last(done.fit.outcome)
+    return fit_alone(done, watch.turn_to)
 
 
 def tell(job: Job, folder: Path) -> None:

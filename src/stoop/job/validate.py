@@ -9,7 +9,7 @@ from pathlib import Path
 
 from stoop.errors import FlightError, StoopError
 from stoop.files import write_text_atomic
-from stoop.flight import VARIABLES, Flight, without
+from stoop.flight import VARIABLES, Flight, without, without_faults
 from stoop.flight.maneuvers import find_maneuvers
 from stoop.identify.predict import predicted
 from stoop.identify.result import Identification, ManeuverResult, ManeuverTrace
@@ -81,7 +81,9 @@ def validate(
         windows, skipped = _candidates(identified, known, fitted_as)
         notes += skipped
     spans = {name: [(w.start, w.stop) for w in windows if w.flight == name] for name in known}
-    known = {name: without(flight, spans[name]) for name, flight in known.items() if spans[name]}
+    known = {
+        name: without_faults(without(flight, spans[name])) for name, flight in known.items() if spans[name]
+    }
     return _assembled(identified, known, fitted_as, windows, learned, notes, command)
 
 

@@ -48,9 +48,10 @@ class Axes:
         text: Callable[[float, float], str] = tick_text,
     ) -> list[Markup]:
         """Return grid lines and tick labels; `text` makes the label of a level of the y axis and its step."""
-        return [*self._levels(rows, text), *self._times(columns, bottom_labels)]
+        return [*self.levels(rows, text), *self._times(columns, bottom_labels)]
 
-    def _levels(self, rows: int, text: Callable[[float, float], str]) -> list[Markup]:
+    def levels(self, rows: int, text: Callable[[float, float], str] = tick_text) -> list[Markup]:
+        """Return the grid lines and labels of the y axis alone."""
         box = self.box
         levels = ticks(self.y.low, self.y.high, rows)
         parts: list[Markup] = []

@@ -13,6 +13,8 @@ from stoop.report import estimates, matches
 from stoop.report.air import air_panels
 from stoop.report.charts import convergence_panel, correlation_map
 from stoop.report.formula import mathml
+from stoop.report.modes import mode_views
+from stoop.report.repeatability import repeat_view
 from stoop.report.templating import environment
 from stoop.report.uncertainty import uncertainty_view
 from stoop.report.words import verdict
@@ -55,6 +57,8 @@ def _context(identification: Identification) -> dict[str, Any]:
         "autocorrelations": autocorrelations,
         "colored": colored,
         "convergence": _convergence(identification),
+        "modes": mode_views(identification),
+        "repeated": repeat_view(identification),
         **_estimated(identification),
     }
 

@@ -1,0 +1,119 @@
+"""Prediction from the folder of an identification: the figures that identify itself gives, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.cli.main import main
+from stoop.errors import FlightError, StoopError
+from stoop.flight import Flight, load, save
+from stoop.job import Job
+from stoop.job.validate import validate
+
+
+@pytest.fixture(scope="module")
+def folder(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return job.save(tmp_path_factory.mktemp("identified") / "result")
+
+
+def renamed(flight: Flight, name: str) -> Flight:
+    return replace(flight, name=name)
+
+
+def test_the_same_figures_as_identify_gives_for_a_window_set_aside(job: Job, folder: Path) -> None:
+    found = validate(folder, job.flights, ["20:28"])
+    expected = job.identification.result.maneuvers[1]
+    again = found.record.maneuvers[0]
+    assert (again.role, again.segments, set(again.channels)) == (
+        expected.role,
+        expected.segments,
+        set(expected.channels),
+    )
+    for name, figures in again.channels.items():
+        same = expected.channels[name]
+        for key in ("rmse", "theil", "r2", "baseline_theil"):
+            assert getattr(figures, key) == pytest.approx(getattr(same, key), rel=1e-9), (name, key)
+        assert figures.baseline.rmse == pytest.approx(same.baseline.rmse, rel=1e-9)
+        assert figures.whiteness.statistic == pytest.approx(same.whiteness.statistic, rel=1e-6)
+
+
+def test_a_flight_by_another_name_is_known_by_its_content(folder: Path, tmp_path: Path) -> None:
+    shutil.copy(folder / "flight.nc", tmp_path / "other.nc")
+    with pytest.raises(FlightError, match="other@10:25: overlaps 0:20, to which the model was fitted"):
+        validate(folder, [load(tmp_path / "other.nc")], ["10:25"])
+
+
+def test_another_flight_of_the_same_name_is_not_taken_for_the_fitted_one(
+    job: Job, folder: Path, tmp_path: Path
+) -> None:
+    flight = job.flights[0]
+    moved = replace(flight, data=flight.data.assign(q=flight.data["q"] + 1e-3))
+    save(moved, tmp_path / f"{flight.name}.nc")
+    found = validate(folder, [load(tmp_path / f"{flight.name}.nc")], ["0:20"])
+    assert found.record.maneuvers[0].role == "validation"
+
+
+def test_without_windows_the_candidates_that_were_not_fitted(job: Job, folder: Path, tmp_path: Path) -> None:
+    save(job.flights[0], tmp_path / "again.nc")
+    shifted = load(tmp_path / "again.nc")
+    found = validate(
+        folder, [replace(shifted, data=shifted.data.assign(q=shifted.data["q"] + 1e-3), path=None)]
+    )
+    assert found.record.maneuvers
+    with pytest.raises(FlightError, match=r"no maneuver was found to predict .*the model was fitted there"):
+        validate(folder, [load(folder / "flight.nc")])
+
+
+def test_without_the_fitted_flight_there_is_no_lag_and_a_note(job: Job, folder: Path, tmp_path: Path) -> None:
+    for name in ("result.json", "vehicle.toml"):
+        shutil.copy(folder / name, tmp_path / name)
+    found = validate(tmp_path / "result.json", [renamed(job.flights[0], "elsewhere")], ["20:28"])
+    assert found.record.compared == 0
+    assert any("No first-order lag" in note for note in found.record.notes)
+    assert np.isnan(found.record.maneuvers[0].channels["q"].baseline_theil)
+
+
+def test_what_is_missing_is_one_line(job: Job, folder: Path, tmp_path: Path) -> None:
+    flight = job.flights[0]
+    with pytest.raises(StoopError, match=r"holds no result\.json"):
+        validate(tmp_path, [flight])
+    shutil.copy(folder / "result.json", tmp_path / "result.json")
+    with pytest.raises(StoopError, match=r"holds no vehicle\.toml"):
+        validate(tmp_path, [flight])
+    lame = replace(flight, data=flight.data.drop_vars("elevator"))
+    with pytest.raises(FlightError, match="elevator") as caught:
+        validate(folder, [lame], ["20:28"])
+    assert "\n" not in str(caught.value)
+    with pytest.raises(FlightError, match="same name"):
+        validate(folder, [flight, flight], ["20:28"])
+
+
+def test_the_verb_writes_page_and_figures(
+    job: Job, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    save(job.flights[0], tmp_path / "next.nc")
+    words = [
+        "validate",
+        str(folder),
+        str(tmp_path / "next.nc"),
+        "--maneuver",
+        "20:28",
+        "-o",
+        str(tmp_path / "check"),
+    ]
+    assert main(words) == 0
+    assert "better than a first-order lag in" in capsys.readouterr().out
+    document = json.loads((tmp_path / "check" / "validation.json").read_text())
+    assert document["schema"] == "stoop-validation/1"
+    assert document["maneuvers"][0]["channels"]["q"]["whiteness"]["verdict"] in ("white", "colored")
+    page = (tmp_path / "check" / "validation.html").read_text()
+    assert "next" in page
+    assert "<script" not in page
+    assert main(words) == 2
+    assert "add --overwrite" in capsys.readouterr().err
