@@ -73,8 +73,8 @@ def test_wind_learns_nothing_from_the_predicted_window(shared_data: Path) -> Non
 
 
 def test_says_that_plain_cramer_rao_is_too_small(job: Job) -> None:
-    both = job.identification.standard_errors
-    corrected, white = (both[k] for k in both)
-    ratios = [corrected[n] / white[n] for n in corrected]
+    methods = job.identification.result.uncertainty
+    corrected, white = (methods[k].parameters for k in ("corrected", "cramer_rao"))
+    ratios = [corrected[n].std_error / white[n].std_error for n in corrected]
     assert sorted(ratios)[len(ratios) // 2] > 2.0
     assert any("Cramer-Rao" in s for s in job.identification.statements)

@@ -281,8 +281,6 @@ class Identification:
         Unit of every channel and input drawn; rad, rad/s are drawn in degrees.
     symbols : mapping of str to str
         LaTeX symbol of a parameter or channel; its plain name is used where there is none.
-    standard_errors : mapping of str to mapping of str to float
-        Method, e.g. ``"Cramer-Rao, white residuals"``, to standard error by parameter, side by side.
     statements : tuple of str
         What the reader must know to read the figures, e.g. which channels are reconstructions.
     air_data : tuple of AirDataTrace
@@ -300,7 +298,6 @@ class Identification:
     convergence: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     units: Mapping[str, str] = field(default_factory=dict)
     symbols: Mapping[str, str] = field(default_factory=dict)
-    standard_errors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     statements: tuple[str, ...] = ()
     air_data: tuple[AirDataTrace, ...] = ()
     notes: tuple[str, ...] = ()

@@ -70,7 +70,6 @@ def assemble(
         convergence=fit.outcome.history,
         units=_units(vehicle.outputs, vehicle.inputs, vehicle.controls),
         symbols=symbols(vehicle),
-        standard_errors=_both(tuple(result.parameters), bars),
         statements=(*fit.statements, *statements(vehicle, flights, color)),
         air_data=_air_data(flights),
         notes=_notes(flights, groups),
@@ -224,10 +223,3 @@ def _air_data(flights: Mapping[str, Flight]) -> tuple[AirDataTrace, ...]:
 def _units(*groups: Sequence[str]) -> dict[str, str]:
     names = dict.fromkeys(name for group in groups for name in group)
     return {name: VARIABLES[name].unit if name in VARIABLES else "rad" for name in names}
-
-
-def _both(names: tuple[str, ...], bars: ErrorBars) -> dict[str, dict[str, float]]:
-    return {
-        "corrected for colored residuals": dict(zip(names, map(float, bars.std), strict=False)),
-        "Cramer-Rao, residuals taken as white": dict(zip(names, map(float, bars.white), strict=False)),
-    }

@@ -4,6 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from stoop.identify.evidence import (
+    BlindDirection,
+    CorrelatedPair,
+    Identifiable,
+    MethodSpread,
+    Sight,
+    Spread,
+)
 from stoop.identify.result import (
     AirDataTrace,
     ChannelTrace,
@@ -111,6 +119,25 @@ def parameter(number: int, names: tuple[str, ...]) -> ParameterEstimate:
     )
 
 
+def methods(parameters: dict[str, ParameterEstimate], hostile: str) -> dict[str, MethodSpread]:
+    """Return five methods: a narrow one, a lopsided one, one that is open to a side, one that looked at three only."""
+
+    def of(lower: float, upper: float, few: bool = False) -> dict[str, Spread]:
+        chosen = list(parameters.items())[: 3 if few else None]
+        return {
+            n: Spread(p.std_error, p.estimate - lower * p.std_error, p.estimate + upper * p.std_error)
+            for n, p in chosen
+        }
+
+    return {
+        "corrected": MethodSpread(of(1.96, 1.96)),
+        "cramer_rao": MethodSpread(of(0.4, 0.4)),
+        "bootstrap": MethodSpread(of(1.8, 2.1), {"replicates": 1000.0, "dived": 3.0, "lost": 0.0}),
+        "posterior": MethodSpread(of(1.5, 3.0), {"rhat": 1.004}, ("It is lopsided." + hostile,)),
+        "profile" + hostile: MethodSpread(of(1.7, float("nan"), few=True)),
+    }
+
+
 def example(names: tuple[str, ...] = NAMES, hostile: str = "") -> Identification:
     """Return an identification with three fitted maneuvers and one predicted."""
     shapes = [
@@ -166,6 +193,23 @@ def example(names: tuple[str, ...] = NAMES, hostile: str = "") -> Identification
             "CDalpha lies on its bound: widen it, or ask why the flight wants more." + hostile,
         ),
         versions={"stoop": "0.1.0", "numpy": "2.4.6", "scipy": "1.17.1" + hostile, "numba": "0.68.1"},
+        uncertainty=methods(parameters, hostile),
+        trust=("The residuals are colored: trust the corrected errors." + hostile,),
+        identifiability=Identifiable(
+            (3.1, 0.4, 0.002),
+            {
+                names[0]: Sight(
+                    0.01,
+                    0.5,
+                    0.9998,
+                    names[1:3],
+                    "known only in combination" + hostile,
+                    "Fly more." + hostile,
+                )
+            },
+            (CorrelatedPair(names[0], names[-1], -0.998),),
+            (BlindDirection(0.002, {names[0]: 0.5, names[-1]: -0.2}, "They move together." + hostile),),
+        ),
         inputs={"flight2/log_5_actuator_controls_0_0.csv.gz" + hostile: "9f" * 32, "vehicle.toml": "3b" * 32},
     )
     spent = np.array([1.0, 5, 9, 14, 22, 40, 60, 90, 130, 187])
@@ -178,9 +222,6 @@ def example(names: tuple[str, ...] = NAMES, hostile: str = "") -> Identification
         units=UNITS,
         symbols={"CLalpha": r"C_{L_\alpha}", "Clp": r"C_{l_p}", "alpha": r"\alpha", "beta": r"\beta"}
         | ({"CL0": r"\text{" + hostile + "}"} if hostile else {}),
-        standard_errors={
-            "Cramer-Rao, white" + hostile: {name: one.std_error / 4.1 for name, one in parameters.items()},
-        },
         statements=("V, alpha and beta are reconstructed: the aircraft carries no vane." + hostile,),
         air_data=(
             AirDataTrace(

@@ -197,3 +197,24 @@ def test_written_whole_or_not_at_all(examples: ModuleType, tmp_path: Path) -> No
     assert path.read_text(encoding="utf-8").startswith("<!doctype html>")
     with pytest.raises(OutputError, match="cannot be written"):
         write_report(bare(examples), tmp_path / "none" / "report.html")
+
+
+def test_uncertainty_stands_side_by_side(examples: ModuleType) -> None:
+    page = render(examples.example())
+    for words in (
+        "Uncertainty, by method",
+        "block bootstrap",
+        "greatest R-hat",
+        "What would tell",
+        "Fly more.",
+    ):
+        assert words in page
+    assert page.count('aria-label="CL0: corrected for color from') == 1
+    assert "interval method-profile open" in page or "interval method-other open" in page
+
+
+def test_a_result_that_does_not_say_has_no_section_on_uncertainty(examples: ModuleType) -> None:
+    one = examples.example()
+    bare = dataclasses.replace(one.result, uncertainty={})
+    page = render(dataclasses.replace(one, result=bare))
+    assert "Uncertainty, by method" not in page
