@@ -138,9 +138,4 @@ UNKNOWNS: Final = (*_inertial(), *_attitude(), *_wind(), *_air(), *_positions(),
 def unknowns(logged: Iterable[str]) -> tuple[Unknown, ...]:
     """Return the unknowns that a flight with these channels has."""
     there = frozenset(logged)
-    moving = bool(there & (GROUND | AIR))
-    return tuple(
-        unknown
-        for unknown in UNKNOWNS
-        if all(needed & there for needed in unknown.needs) and (moving or not unknown.name.startswith("a"))
-    )
+    return tuple(unknown for unknown in UNKNOWNS if all(needed & there for needed in unknown.needs))

@@ -1,0 +1,72 @@
+"""Kinematics against truth: errors put into sensors come back, and what cannot be told is not."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from stoop.compatibility.equations import INPUTS, OUTPUTS, PARAMETERS, SCALED, STATES, kernel
+from stoop.compatibility.result import check
+from stoop.errors import FlightError
+from stoop.flight import from_columns
+from stoop.study.verify.delays.scene import WIND, late_sensors
+
+
+@pytest.fixture(scope="module")
+def checked() -> tuple[object, object]:
+    flight, delays = late_sensors(1)
+    return check(flight)[0], delays
+
+
+def test_a_point_at_rest_in_a_turn_reads_what_geometry_says() -> None:
+    """A vane one meter ahead of the reference in a pure pitch rate sees alpha fall by q x / V."""
+    rows = np.array([[1.0 if n in {f"{s}.scale" for s in SCALED} else 0.0] for n in PARAMETERS])
+    rows[PARAMETERS.index("vane.x")] = 1.0
+    state = np.zeros((len(STATES), 1))
+    state[STATES.index("u")], state[STATES.index("e0")] = 20.0, 1.0
+    inputs = np.zeros((len(INPUTS), 1))
+    inputs[INPUTS.index("q")], inputs[INPUTS.index("az")] = 0.5, -9.80665
+    rates, outputs = kernel().evaluate(rows, state, inputs)
+    assert outputs[OUTPUTS.index("alpha"), 0] == pytest.approx(np.arctan2(-0.5, 20.0))
+    assert outputs[OUTPUTS.index("vn"), 0] == pytest.approx(20.0)
+    assert rates[STATES.index("w"), 0] == pytest.approx(0.5 * 20.0)
+    assert rates[STATES.index("pn"), 0] == pytest.approx(20.0)
+
+
+@pytest.mark.slow
+def test_delays_wind_and_vanes_come_back(checked: tuple[object, object]) -> None:
+    result, delays = checked
+    found = result.findings  # type: ignore[attr-defined]
+    truth = {f"{name}.delay": value for name, value in delays.items()}  # type: ignore[attr-defined]
+    truth |= {"wind.n": WIND[0], "wind.e": WIND[1], "alpha.scale": 1.0, "beta.scale": 1.0, "V.scale": 1.0}
+    for name, value in truth.items():
+        assert abs(found[name].estimate - value) < 4.0 * found[name].std_error, name
+    assert found["velocity.delay"].std_error < 0.003
+    assert not any("inconsistent" in warning for warning in result.warnings)  # type: ignore[attr-defined]
+
+
+def test_without_attitude_nothing_can_be_compared() -> None:
+    time = 0.01 * np.arange(1000)
+    flight = from_columns("bare", time, {name: np.zeros(1000) for name in ("p", "q", "r", "V")})
+    with pytest.raises(FlightError, match="attitude was not logged"):
+        check(flight)
+
+
+def test_without_accelerometers_rates_are_held_against_the_attitude() -> None:
+    rng = np.random.default_rng(0)
+    time = 0.01 * np.arange(2000)
+    phi = 0.5 * np.sin(time)
+    columns = {
+        "phi": phi + 1e-3 * rng.standard_normal(2000), "theta": np.zeros(2000), "psi": np.zeros(2000),
+        "p": 0.5 * np.cos(time) + 0.02, "q": np.zeros(2000), "r": np.zeros(2000),
+    }  # fmt: skip
+    result, _ = check(from_columns("turning", time, columns))
+    assert set(result.findings) == {f"{n}.{kind}" for n in "pqr" for kind in ("bias", "scale")} | {
+        "attitude.delay"
+    }
+    bias = result.findings["p.bias"]
+    assert bias.estimate == pytest.approx(0.02, abs=max(4.0 * bias.std_error, 1e-3))
+    wrong = from_columns("wrong", time, {**columns, "p": -columns["p"]})
+    assert any("inconsistent" in w for w in check(dataclasses.replace(wrong))[0].warnings)
