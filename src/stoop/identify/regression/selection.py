@@ -168,7 +168,7 @@ def _added(model: Model, rule: Rule) -> tuple[Model, Step] | None:
 def _pruned(model: Model, rule: Rule) -> tuple[Model, list[Step]]:
     """Take out needless terms, the least telling first."""
     steps = list[Step]()
-    while len(model.columns) > 1:
+    while model.columns:
         weakest = min(model.columns, key=model.partial_f)
         if rule.needs(model, weakest):
             break

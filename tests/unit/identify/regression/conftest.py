@@ -1,0 +1,39 @@
+"""A full aircraft that flies multisines on all controls, shared by these tests."""
+
+from __future__ import annotations
+
+import pytest
+
+from stoop.flight import Flight
+from stoop.simulate import Maneuver, parse_maneuver, simulate_flight, trim
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+
+DURATION = 25.0
+
+
+def multisines(duration: float = DURATION, rate: float = 50.0) -> Maneuver:
+    text = f"duration = {duration}\nrate = {rate}\n"
+    for i, (control, amplitude) in enumerate((("elevator", 0.2), ("aileron", 0.08), ("rudder", 0.12))):
+        text += (
+            f'[[input]]\ncontrol = "{control}"\nshape = "multisine"\nstart = 0.0\nduration = {duration}\n'
+            f"amplitude = {amplitude}\nband = 1.2\nfirst = {3 + i}\nstride = 3\n"
+        )
+    return parse_maneuver(text, "multisines")
+
+
+@pytest.fixture(scope="session")
+def full() -> Vehicle:
+    vehicle = resolve_vehicle("twin-boom")
+    thrust = trim(vehicle, None, 200.0).changes["propulsion.thrust"]
+    return vehicle.with_numbers({"propulsion.thrust": {"value": thrust}})
+
+
+@pytest.fixture(scope="session")
+def clean(full: Vehicle) -> Flight:
+    return simulate_flight(full, multisines(), noise=False, name="clean")
+
+
+@pytest.fixture(scope="session")
+def noisy(full: Vehicle) -> Flight:
+    return simulate_flight(full, multisines(), seed=1, name="noisy")
