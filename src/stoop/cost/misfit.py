@@ -187,23 +187,32 @@ class Misfit:
         Z = np.repeat(z[None, :], len(entries), axis=0)
         Z[np.arange(len(entries)), entries] += steps
         taken = Z[np.arange(len(entries)), entries] - z[entries]
+        R = self._piece_residuals(Z, index, count)
         with np.errstate(invalid="ignore", over="ignore"):
-            out[:, entries] = ((self._piece_residuals(Z, index, count) - r) / taken[:, None]).T
+            R -= r
+            R /= taken[:, None]
+        out.T[entries] = R
         self._bias_columns(index, count, out)
         return len(entries)
 
     def _bias_columns(self, index: int, count: int, out: FloatArray) -> None:
         """Fill the known derivative of the readings by their biases."""
-        piece, vehicle = self.pieces[index], self.layout.vehicle
-        seen = np.isfinite(piece.measured[:count])
-        for j, nuisance in enumerate(self.layout.nuisances):
-            if nuisance.is_bias and nuisance.maneuver == piece.maneuver:
-                row = vehicle.rows[nuisance.name]
-                shared = [
-                    vehicle.rows[f"sensors.{c}.bias"] == row for c in vehicle.outputs
-                ]  # a tie shares it
-                unit = nuisance.scale * seen * shared
-                out[:, self.dimension + j] = self.weights.whiten(unit, seen).ravel()
+        for j, column in self._known_columns[index].items():
+            out[:, j] = column[: count * self._channels]
+
+    @cached_property
+    def _known_columns(self) -> list[dict[int, FloatArray]]:
+        """Derivatives (n * n_y,) of the whitened readings of each piece by its biases, by their place in the vector."""
+        return [
+            {j: self._bias_column(n, piece) for j, n in own if n.is_bias}
+            for piece, own in zip(self.pieces, self.own, strict=True)
+        ]
+
+    def _bias_column(self, bias: Nuisance, piece: Piece) -> FloatArray:
+        vehicle, seen = self.layout.vehicle, np.isfinite(piece.measured)
+        row = vehicle.rows[bias.name]
+        shared = [vehicle.rows[f"sensors.{c}.bias"] == row for c in vehicle.outputs]  # a tie shares it
+        return np.asarray(self.weights.whiten(bias.scale * seen * shared, seen).ravel())
 
     @cached_property
     def own(self) -> list[list[tuple[int, Nuisance]]]:

@@ -22,10 +22,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 from scipy.fft import next_fast_len, rfft
 
 from stoop.identify.autocorrelation import lagged_products
@@ -119,13 +118,14 @@ class _Block:
         Of the FFT.
     basis : (a, r)
         Orthonormal rows: the directions that this segment sees.
-    spectrum : (size // 2 + 1, ny, a) complex
-        Scaled such that sums over the one-sided frequencies are sums over time.
+    parts : (2, size // 2 + 1, ny, a)
+        Real and imaginary part, apart so that products of them are products of real matrices. Scaled such that
+        sums over the one-sided frequencies are sums over time.
     """
 
     size: int
     basis: FloatArray
-    spectrum: npt.NDArray[np.complex128]
+    parts: FloatArray
 
     def turned(self, matrix: FloatArray) -> FloatArray:
         """Return a matrix (a, a) of this segment in all coordinates (r, r)."""
@@ -134,20 +134,24 @@ class _Block:
 
     def middle(self, noise: ColoredNoise) -> FloatArray:
         """Return the double sum (a, a) over this segment: S' V S."""
-        return _real_gram(self.spectrum, noise.spectrum(self.size) @ self.spectrum)
+        colored = noise.spectrum(self.size) @ (self.parts[0] + 1j * self.parts[1])
+        return _gram(self.parts, np.stack([colored.real, colored.imag]))
 
     def middle_alone(self, noise: ColoredNoise) -> FloatArray:
         """Return the double sum (a, a) without the correlation between channels."""
-        return _real_gram(self.spectrum, noise.power(self.size)[:, :, None] * self.spectrum)
+        half = self.parts * np.sqrt(noise.power(self.size))[:, :, None]
+        return _gram(half, half)
 
     def lagged(self, noise: ColoredNoise, spread: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
         """Return the lagged products (ny, order + 1) of S d with v, both ways, and of S d with itself."""
-        real, imaginary = self.spectrum.real, self.spectrum.imag
-        power = np.sum(real**2 + imaginary**2, axis=2) * noise.power(self.size)
-        spread = self.basis @ spread @ self.basis.T
-        squared = np.sum((real @ spread) * real + (imaginary @ spread) * imaginary, axis=2)
-        angle = 2.0 * np.pi / self.size * np.outer(np.arange(len(power)), np.arange(order + 1))
-        return 2.0 * power.T @ np.cos(angle), squared.T @ np.cos(angle)
+        crossed = self._power * noise.power(self.size)
+        squared = np.sum((self.parts @ (self.basis @ spread @ self.basis.T)) * self.parts, axis=(0, 3))
+        wave = np.cos(2.0 * np.pi / self.size * np.outer(np.arange(len(crossed)), np.arange(order + 1)))
+        return 2.0 * crossed.T @ wave, squared.T @ wave
+
+    @cached_property
+    def _power(self) -> FloatArray:
+        return np.asarray(np.sum(self.parts**2, axis=(0, 3)))
 
 
 def _block(segment: Sensitivity, factor: FloatArray) -> _Block:
@@ -160,11 +164,11 @@ def _block(segment: Sensitivity, factor: FloatArray) -> _Block:
     twice[0] = 1.0
     if size % 2 == 0:
         twice[-1] = 1.0
-    return _Block(size, basis, spectrum * np.sqrt(twice / size)[:, None, None])
+    parts = np.stack([spectrum.real, spectrum.imag])
+    return _Block(size, basis, parts * np.sqrt(twice / size)[:, None, None])
 
 
-def _real_gram(a: npt.NDArray[Any], b: npt.NDArray[Any]) -> FloatArray:
-    """Return the real part of a^H b, symmetric, over all but the last axis."""
-    a, b = a.reshape(-1, a.shape[-1]), b.reshape(-1, b.shape[-1])
-    product: FloatArray = a.real.T @ b.real + a.imag.T @ b.imag
+def _gram(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return a' b over all but the last axis, symmetric."""
+    product: FloatArray = a.reshape(-1, a.shape[-1]).T @ b.reshape(-1, b.shape[-1])
     return 0.5 * (product + product.T)
