@@ -1,4 +1,7 @@
-"""Suspected faults of sensors: stuck, clipped, an offset at rest. They are reported, never corrected."""
+"""Suspected faults of sensors: stuck, clipped, an offset at rest. They are reported.
+
+Nothing is corrected; a fit takes what was clipped or stuck as not measured.
+"""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def excitation_warnings(problem: Misfit, z: FloatArray, recorded_rate: float = n
         "and the damping of its axis, cannot be told; fit a window in which it is moved."
         for name in still
     ]
-    return [*_few(problem, recorded_rate), *lines, *_collinear(moving, motions)]
+    return [*_few(problem, recorded_rate), *lines, *collinear(moving, motions)]
 
 
 def _signals(problem: Misfit, z: FloatArray) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
@@ -92,7 +92,16 @@ def _few(problem: Misfit, recorded_rate: float) -> Iterator[str]:
         )
 
 
-def _collinear(controls: Mapping[str, FloatArray], motions: Mapping[str, FloatArray]) -> Iterator[str]:
+def collinear(controls: Mapping[str, FloatArray], motions: Mapping[str, FloatArray]) -> Iterator[str]:
+    """Tell, by names, which controls move with each other or with the motion.
+
+    Parameters
+    ----------
+    controls : mapping
+        Control -> deflection (n,), rad, less its mean.
+    motions : mapping
+        Channel of the vehicle's outputs -> (n,), SI, less its mean.
+    """
     for a, b in combinations(controls, 2):
         alike = _correlation(controls[a], controls[b])
         if abs(alike) > TOGETHER:
