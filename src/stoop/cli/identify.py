@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stoop.cli import assessments
 from stoop.cli.freed import freed
 from stoop.cli.numbers import at_least_one, count, finite, positive
 from stoop.cli.page import page
@@ -37,6 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_windows(parser)
     _add_model(parser)
     _add_search(parser)
+    assessments.add_arguments(parser)
     _add_output(parser)
 
 
@@ -93,6 +95,10 @@ def run(arguments: argparse.Namespace) -> int:
     with Watch() as watch:
         checkpoint = _checkpoint(arguments, vehicle, flights, options, watch.warn)
         job, stopped = _identify(arguments, vehicle, flights, options, checkpoint, watch)
+        if assessments.wanted(arguments) and not stopped:
+            job = assessments.assess(job, arguments, watch)
+        if not (assessments.wanted(arguments) and stopped):
+            checkpoint.forget(job.fit.outcome)
     tell(job, arguments.output)
     return _INTERRUPTED if stopped else 0
 
@@ -103,7 +109,8 @@ def _check_output(arguments: argparse.Namespace) -> None:
 
     names = [named(path) for path in arguments.flight]
     inputs = [Path(arguments.vehicle), *arguments.flight, *_others(arguments)]
-    check_folder(arguments.output, names, arguments.overwrite or arguments.resume, inputs)
+    replaced = arguments.overwrite or arguments.resume
+    check_folder(arguments.output, names, replaced, inputs, assessments.files(arguments))
 
 
 def _others(arguments: argparse.Namespace) -> list[Path]:
@@ -117,6 +124,7 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
 
     vehicle = freed(resolve_vehicle(arguments.vehicle), arguments.free, arguments.fix)
     options = _options(arguments, vehicle)
+    assessments.check(arguments, vehicle)
     return vehicle, [load(path, arguments.mapping) for path in arguments.flight], options
 
 
@@ -187,7 +195,6 @@ def _identify(
         watch.turn_to("error bars, predictions and report")
         job = with_repeatability(finish(done), singles)
         place_outputs(job, arguments.output, arguments.overwrite or arguments.resume)
-        checkpoint.forget(done.fit.outcome)
     return job, ctrl_c.came or done.fit.outcome.status == "interrupted"
 
 
@@ -201,11 +208,22 @@ def _alone(done: Search, checkpoint: Checkpoint, watch: Watch) -> list[Alone]:
 
 def tell(job: Job, folder: Path) -> None:
     """Print what was found and where it lies."""
-    from stoop.job.summary import estimates_table, figures_table
+    from stoop.job.summary import BASIC, estimates_table, figures_table, methods_table
 
     result, out = job.identification.result, page()
     out.heading("estimates")
     print(estimates_table(result))
+    if len(result.uncertainty) > len(BASIC):
+        out.heading("standard errors by method")
+        print(methods_table(result))
+        out.bullets(f"{name}: {note}" for name, m in result.uncertainty.items() for note in m.notes)
+    if result.trust:
+        out.heading("which error bars to trust")
+        out.bullets(result.trust)
+    advised = {name: s for name, s in result.identifiability.parameters.items() if s.advice}
+    if advised:
+        out.heading("what would tell the doubtful parameters")
+        out.bullets(f"{name} ({s.doubt}): {s.advice}" for name, s in advised.items())
     out.heading("fit and prediction")
     print(figures_table(result.maneuvers))
     if result.wind:

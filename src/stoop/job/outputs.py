@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 import tempfile
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +15,7 @@ if TYPE_CHECKING:
     from stoop.job.run import Job
 
 RESULT = "result.json"  #: moved into place last: where it is, the others are
+ATTACHED = ("posterior.nc",)  #: files that some results have
 
 
 def output_names(flights: Sequence[str]) -> tuple[str, ...]:
@@ -29,7 +29,11 @@ def flight_file(name: str, count: int) -> str:
 
 
 def check_folder(
-    folder: Path, flights: Sequence[str], overwrite: bool = False, inputs: Sequence[Path] = ()
+    folder: Path,
+    flights: Sequence[str],
+    overwrite: bool = False,
+    inputs: Sequence[Path] = (),
+    more: Sequence[str] = (),
 ) -> None:
     """Refuse a folder that cannot take the outputs, before any work is done; make it if it is not there.
 
@@ -42,6 +46,8 @@ def check_folder(
         Whether earlier outputs may be replaced.
     inputs : sequence of Path
         What was read: never written over.
+    more : sequence of str
+        Names of further files that will be written.
 
     Raises
     ------
@@ -50,7 +56,7 @@ def check_folder(
     """
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder}: is a file; name a folder with -o")
-    targets = [folder / name for name in output_names(flights)]
+    targets = [folder / name for name in (*more, *output_names(flights))]
     _check_inputs(targets, inputs)
     if not overwrite:
         _check_free(targets)
@@ -88,7 +94,8 @@ def write_outputs(job: Job, folder: Path, overwrite: bool = False) -> Path:
     OutputError
         See :func:`check_folder` and :func:`place_outputs`.
     """
-    check_folder(folder, [flight.name for flight in job.flights], overwrite, job.files)
+    names = [flight.name for flight in job.flights]
+    check_folder(folder, names, overwrite, job.files, tuple(job.attachments))
     return place_outputs(job, folder, overwrite)
 
 
@@ -100,7 +107,7 @@ def place_outputs(job: Job, folder: Path, overwrite: bool = False) -> Path:
     OutputError
         The folder cannot be written; or another run has written there since, and this one's lies beside it.
     """
-    names = output_names([flight.name for flight in job.flights])
+    names = (*job.attachments, *output_names([flight.name for flight in job.flights]))
     working = folder
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -126,6 +133,8 @@ def _make(job: Job, working: Path) -> None:
     (working / "vehicle.toml").write_text(identified_text(job), encoding="utf-8")
     for flight in job.flights:
         save(flight, working / flight_file(flight.name, len(job.flights)))
+    for name, content in job.attachments.items():
+        (working / name).write_bytes(content)
     write_report(job.identification, working / "report.html")
     job.identification.result.save(working / RESULT)
 
@@ -143,7 +152,9 @@ def _step_aside(working: Path, targets: Sequence[Path]) -> None:
 
 
 def _move(working: Path, folder: Path, names: Sequence[str]) -> None:
-    with suppress(FileNotFoundError):
+    if (folder / RESULT).exists():
         (folder / RESULT).unlink()  # an old mark must not stand beside new files
+        for name in set(ATTACHED) - set(names):
+            (folder / name).unlink(missing_ok=True)  # nor an old posterior beside a new result
     for name in names:
         (working / name).replace(folder / name)

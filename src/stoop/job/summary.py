@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from stoop.identify.result import ManeuverResult, Result
 
+BASIC = ("corrected", "cramer_rao")  #: methods that every result has
 _SHOWN = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "ax", "ay", "az")
 
 
@@ -22,13 +23,31 @@ def estimates_table(result: Result, truth: Mapping[str, float] | None = None) ->
     )
     lines = [head + (f" {'truth':>11} {'sigmas off':>10}" if truth else "") + "  unit"]
     for name, p in result.parameters.items():
-        cells = [_number(v) for v in (p.estimate, p.std_error, p.ci95_lower, p.ci95_upper, p.start)]
+        error = _number(p.std_error) if p.identifiable else _doubtful(p.std_error)
+        cells = [_number(p.estimate), error, *map(_number, (p.ci95_lower, p.ci95_upper, p.start))]
         if truth:
             known = truth.get(name, math.nan)
             off = (p.estimate - known) / p.std_error if p.std_error > 0.0 else math.nan
             cells += [_number(known), f"{off:10.2f}" if math.isfinite(off) else "-".rjust(10)]
         remark = "  at bound" if p.at_bound else "" if p.identifiable else "  not identifiable"
         lines.append(f"{name:{wide}} {' '.join(cells)}  {p.unit}{remark}")
+    return "\n".join(lines)
+
+
+def _doubtful(error: float, width: int = 11) -> str:
+    """Return a standard error in brackets: the data cannot tell the parameter, so it is no confident number."""
+    return f"({error:.3g})".rjust(width) if math.isfinite(error) else "-".rjust(width)
+
+
+def methods_table(result: Result) -> str:
+    """Return the standard errors of every method side by side; in brackets where the data cannot tell."""
+    wide = max([len("parameter"), *map(len, result.parameters)])
+    lines = [f"{'parameter':{wide}} " + " ".join(f"{name:>11}" for name in result.uncertainty)]
+    for name, p in result.parameters.items():
+        shown = _number if p.identifiable else _doubtful
+        spreads = [m.parameters.get(name) for m in result.uncertainty.values()]
+        cells = ["".rjust(11) if s is None else shown(s.std_error) for s in spreads]
+        lines.append(f"{name:{wide}} {' '.join(cells)}".rstrip())
     return "\n".join(lines)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from naive.fitted import Fitted, line
 from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
@@ -15,8 +16,6 @@ from stoop.uncertainty.noise import ColoredNoise
 from stoop.uncertainty.optimum import Optimum, linearize
 from stoop.uncertainty.refit import refit
 from stoop.uncertainty.sensitivity import Sensitivity
-
-from naive.fitted import Fitted, line
 
 SAMPLES = 800
 
