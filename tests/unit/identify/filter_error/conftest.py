@@ -1,0 +1,52 @@
+"""A longitudinal aircraft in gusts, and what its filter has to do with."""
+
+from __future__ import annotations
+
+import pytest
+
+from stoop.cli.demo import misled
+from stoop.flight import Flight
+from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+
+TABLE = """
+[turbulence]
+u = { intensity = { value = 1.5, free = true, bounds = [0.05, 6.0] }, length = 200.0 }
+w = { intensity = { value = 1.2, free = true, bounds = [0.05, 6.0] }, length = 100.0 }
+"""
+MANEUVER = """
+duration = 15.0
+rate = 50.0
+[[input]]
+control = "elevator"
+shape = "3-2-1-1"
+start = 1.0
+step = 0.4
+amplitude = 0.06
+[[input]]
+control = "elevator"
+shape = "doublet"
+start = 7.0
+step = 1.0
+amplitude = 0.04
+"""
+
+
+@pytest.fixture(scope="session")
+def gusty() -> Vehicle:
+    text = resolve_vehicle("twin-boom").text
+    return parse_vehicle(text + TABLE, "gusty").reduced("longitudinal")
+
+
+@pytest.fixture(scope="session")
+def gusty_flight(gusty: Vehicle) -> Flight:
+    return simulate_flight(gusty, parse_maneuver(MANEUVER, "test"), seed=4, name="sim")
+
+
+@pytest.fixture(scope="session")
+def gusty_start(gusty: Vehicle) -> Vehicle:
+    """Ten coefficients, wrong by up to 60 %, and the intensities, half as strong as they are."""
+    wrong = misled(gusty, 4)
+    names = [f"turbulence.{axis}.intensity" for axis in "uw"]
+    return wrong.with_numbers({n: {"value": 0.5 * gusty.value(n), "free": True} for n in names})
