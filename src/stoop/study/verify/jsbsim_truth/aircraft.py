@@ -24,11 +24,11 @@ class Stock:
     title : str
     airspeed, alpha, altitude : m/s, rad, m
         Trimmed at that airspeed; the angle is where the terms count from, next to the trim's.
-    throttle : 0 to 1; None with the engines off
     amplitude : rad, by control
+    throttle : 0 to 1; None with the engines off
+    band : Hz, the highest frequency of the inputs
     added : text of the terms beside those of eq. (1), as in a vehicle file
     dropped : terms of eq. (1) that this aircraft is not given
-    steps : finite-difference steps by term variable where they are not the usual ones
     surfaces : property by control where it is not that of `SURFACES`
     words : what is to be minded, for the page
     """
@@ -68,8 +68,11 @@ FLEET: Final = (
             "Cl": {"Clralpha": "r*alpha"},
         },
         dropped={"CD": ("CDalpha2",)},
-        words="""Its drag is a table with a row per degree, so its slope has a step at each: two of them, 0.5 degree below
-and above the angle of attack that terms count from, are flown through and stand for the square.""",
+        words="""\
+Propeller at rest, descending. The crew puts the center of gravity beside the plane of symmetry, so all products of \
+inertia count. Drag is a table with a row per degree and its slope has a step at each: two of them, half a degree below \
+and above the angle of attack that terms count from, are flown through and stand for the square. Lift and pitching \
+moment depend on the rate of the angle of attack.""",
     ),
     Stock(
         model="T37",
@@ -80,6 +83,8 @@ and above the angle of attack that terms count from, are flown through and stand
         throttle=0.7,
         amplitude={"elevator": 0.03, "aileron": 0.08, "rudder": 0.08},
         added={**SLIP, "CD": ABSOLUTE},
+        words="""\
+A jet trainer, thrust above the center of gravity. Lift and pitching moment depend on the rate of the angle of attack.""",
     ),
     Stock(
         model="f16",
@@ -103,5 +108,8 @@ and above the angle of attack that terms count from, are flown through and stand
             "Cm": {"Cmalphaelevator": "alpha*elevator"},
         },
         surfaces={**SURFACES, "aileron": "fcs/aileron-pos-rad"},
+        words="""\
+Tables of a wind tunnel; nothing depends on the rate of the angle of attack. Many slopes change with the angle of \
+attack: products are among the terms.""",
     ),
 )

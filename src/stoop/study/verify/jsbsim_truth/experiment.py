@@ -122,7 +122,13 @@ class JsbsimTruth:
             LEAD,
             tuple(claim for one in found for claim in claims(one)),
             (
-                Section("Derivatives", (Prose(WORDS), *(_table(one) for one in found))),
+                Section(
+                    "Derivatives",
+                    (
+                        Prose(WORDS),
+                        *(part for one in found for part in (_table(one), Prose(one.stock.words))),
+                    ),
+                ),
                 Section("Noise", (_noise(),)),
             ),
             HEAD,
