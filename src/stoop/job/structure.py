@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from stoop.cost import Layout
 from stoop.files import write_text_atomic
 from stoop.flight import Flight
-from stoop.identify.prepare import prepare
 from stoop.identify.regression.candidates import parameter_name
 from stoop.identify.regression.domain import Domain, Time
-from stoop.identify.regression.estimate import Regressed, regressed
+from stoop.identify.regression.estimate import Regressed, from_histories
 from stoop.identify.regression.history import History
 from stoop.identify.regression.structure import Choose, Chosen, Structure, determine
 from stoop.identify.windows import parse_window
@@ -82,7 +81,7 @@ def structure(
     shaped = parse_vehicle(_text(vehicle, names, {}), vehicle.where)
     shaped = shaped if shaped.reduce == vehicle.reduce else shaped.reduced(vehicle.reduce)
     layout = Layout.of(_freed(shaped, names), ())
-    told = regressed(layout, prepare(shaped, flights, windows).pieces, domain)
+    told = from_histories(layout, found.histories, domain)
     estimates = {} if told is None else _estimates(layout, told)
     values = {n: v for n, (v, _) in estimates.items()}
     final = parse_vehicle(_text(vehicle, names, values), vehicle.where)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from stoop.vehicle import Parameter
 
 FloatArray = NDArray[np.float64]
 Bounds = tuple[FloatArray, FloatArray]
+GONE: Final = 1e-9  #: of a column is rounding: the domain took the rest away
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,11 +58,19 @@ def regressed(
     Numbers that are no terms stay as the file has them. A constant that the domain does not see is found
     afterwards, from the means.
     """
-    vehicle = layout.vehicle
-    places = layout_places(layout)
-    found = tuple(h for piece in pieces for h in histories(vehicle, piece)) if places else ()
-    if not found:
+    if not layout_places(layout):
         return None
+    return from_histories(layout, [h for p in pieces for h in histories(layout.vehicle, p)], domain, within)
+
+
+def from_histories(
+    layout: Layout,
+    found: Sequence[History],
+    domain: Domain,
+    within: Callable[[Sequence[Parameter]], Bounds] = unbounded,
+) -> Regressed | None:
+    """Do the same where the coefficients are already known; the equations of the vehicle are not needed."""
+    places = layout_places(layout)
     blocks = [b for h in found for b in _blocks(layout, places, h)]
     parameters = [layout.parameters[i] for i in places]
     bounds = within(parameters)
@@ -70,8 +80,8 @@ def regressed(
         return None
     solved = solve(turned, bounds, priors, domain)
     if not domain.holds_constants:
-        solved = _with_constants(solved, blocks, _constant(layout, places), bounds)
-    return Regressed(places, solved, found)
+        solved = _with_constants(solved, blocks, constants(layout, places), bounds)
+    return Regressed(places, solved, tuple(found))
 
 
 def layout_places(layout: Layout) -> tuple[int, ...]:
@@ -87,7 +97,9 @@ def priors_of(parameters: Sequence[Parameter]) -> Priors:
 
 def _turned(block: Block, domain: Domain) -> Block:
     both = domain.rows(np.column_stack([block.y, block.X]), block.dt)
-    return Block(block.coefficient, both[:, 0], both[:, 1:], block.dt)
+    X = both[:, 1:]
+    X[:, np.linalg.norm(X, axis=0) <= GONE * np.linalg.norm(block.X, axis=0)] = 0.0
+    return Block(block.coefficient, both[:, 0], X, block.dt)
 
 
 def _blocks(layout: Layout, places: Sequence[int], history: History) -> list[Block]:
@@ -120,7 +132,7 @@ def contributions(
     return out
 
 
-def _constant(layout: Layout, places: Sequence[int]) -> dict[str, int]:
+def constants(layout: Layout, places: Sequence[int]) -> dict[str, int]:
     """Return which parameter is the constant of which coefficient."""
     names = {layout.parameters[i].name: k for k, i in enumerate(places)}
     return {

@@ -29,7 +29,7 @@ from scipy.interpolate import CubicSpline
 
 from stoop.cost import Piece
 from stoop.flight.segments import SHORTEST, runs
-from stoop.identify.regression.measured import FORCES, RATES, Measured, measured, states
+from stoop.identify.regression.measured import FORCES, RATES, Measured, complete, measured, states
 from stoop.vehicle import Vehicle, terms
 from stoop.vehicle.schema import Term
 
@@ -79,9 +79,9 @@ def _tree(text: str, names: frozenset[str]) -> ast.expr:
 
 def histories(vehicle: Vehicle, piece: Piece) -> tuple[History, ...]:
     """Return the coefficients of every stretch of a piece that has no hole and is long enough."""
-    found = measured(vehicle, piece)
-    if not found.kept.size:
+    if not complete(vehicle, piece).any():
         return ()
+    found = measured(vehicle, piece)
     base, gains = balance(vehicle, found)
     made_of = variables(vehicle, found)
     present = np.zeros(len(piece.time), dtype=np.bool_)

@@ -25,7 +25,7 @@ from stoop.cost import Layout, Piece
 from stoop.errors import IdentificationError
 from stoop.identify.prepare import START_SCALES
 from stoop.identify.regression.domain import Band
-from stoop.identify.regression.estimate import contributions, layout_places, priors_of, unbounded
+from stoop.identify.regression.estimate import constants, contributions, layout_places, priors_of, unbounded
 from stoop.identify.regression.history import ESTIMATED, balance, coefficients, variables
 from stoop.identify.regression.least_squares import Block, solve
 from stoop.identify.regression.measured import RATES, Measured, motion
@@ -97,6 +97,7 @@ class RealTime:
         self._places = layout_places(self._layout)
         if not self._places:
             raise IdentificationError(f"{vehicle.where}: no aerodynamic term is free; set free = true")
+        self._constants = sorted(set(constants(self._layout, self._places).values()))
         self._rows = parameter_rows(vehicle)
         slowest = max((self._rows[row, 0] for _, row in input_delays(vehicle)), default=0.0)
         self._recent: deque[dict[str, float]] = deque(maxlen=5 + int(np.ceil(slowest / dt)) + 2)
@@ -117,7 +118,7 @@ class RealTime:
         self._transform.update(np.zeros(self._transform.values.shape[1]) if row is None else row)
 
     def estimate(self) -> dict[str, Estimate]:
-        """Return the estimates by parameter; empty while there is too little to say anything."""
+        """Return the estimates by parameter, constants left out; empty while there is too little to say anything."""
         count = self._transform.count
         if 2 * len(self._frequencies) <= len(self._places) or count * self._dt * self._frequencies[-1] < 1.0:
             return {}
@@ -129,8 +130,9 @@ class RealTime:
         repeated = max(1.0, 1.0 / (lasting * self._spacing())) if len(self._frequencies) > 1 else 1.0
         std = np.sqrt(np.maximum(np.diag(solved.covariance), 0.0) * repeated)
         return {
-            p.name: Estimate(float(v), float(s))
-            for p, v, s in zip(parameters, solved.values, std, strict=True)
+            p.name: Estimate(float(solved.values[k]), float(std[k]))
+            for k, p in enumerate(parameters)
+            if k not in self._constants
         }
 
     def _spacing(self) -> float:
@@ -148,7 +150,10 @@ class RealTime:
             scale * clear[:, i * width : (i + 1) * width] for i in range(len(ESTIMATED[self._vehicle.reduce]))
         )
         names = ESTIMATED[self._vehicle.reduce]
-        return [Block(c, part[:, 0], part[:, 1:], self._dt) for c, part in zip(names, parts, strict=True)]
+        blocks = [Block(c, part[:, 0], part[:, 1:], self._dt) for c, part in zip(names, parts, strict=True)]
+        for block in blocks:
+            block.X[:, self._constants] = 0.0  # what bias and drift left of them is rounding
+        return blocks
 
     def _signals(self) -> FloatArray | None:
         """Return coefficients and terms two samples ago, then one and the time; None where something is missing."""

@@ -19,7 +19,7 @@ from stoop.identify.regression.history import ESTIMATED, History, histories
 from stoop.identify.regression.rows import Model, Rows, stack
 from stoop.identify.regression.selection import TOLERANCE, Selection
 from stoop.identify.windows import Window
-from stoop.vehicle import Vehicle
+from stoop.vehicle import Vehicle, terms
 
 FloatArray = NDArray[np.float64]
 Choose = Callable[[Rows], Selection]
@@ -99,8 +99,22 @@ def determine(
             f"{vehicle.where}: no coefficient of the {vehicle.reduce} model has a candidate; "
             f"name some of {', '.join(ESTIMATED[vehicle.reduce])}"
         )
+    _check_variables(vehicle, {c: candidates[c] for c in known}, found[0])
     chosen = {c: _chosen(vehicle, c, tuple(candidates[c]), found, choose, domain) for c in known}
     return Structure(chosen, found, prepared.notes)
+
+
+def _check_variables(vehicle: Vehicle, candidates: Mapping[str, Sequence[str]], history: History) -> None:
+    """Refuse candidates of a control that the vehicle's equations do not have: its deflection is not known."""
+    names = {*terms.STATE_VARIABLES, *vehicle.file.controls}
+    for coefficient, texts in candidates.items():
+        for text in texts:
+            unknown = terms.variables(terms.parse(text, names, coefficient)) - set(history.variables)
+            if unknown:
+                raise IdentificationError(
+                    f"{vehicle.where}: {coefficient}: candidate {text}: no term of the file has {min(unknown)}, so its channel "
+                    "is not read; add one with value 0"
+                )
 
 
 def all_histories(vehicle: Vehicle, pieces: Sequence[Piece]) -> tuple[History, ...]:
