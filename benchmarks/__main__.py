@@ -11,7 +11,7 @@ from pathlib import Path
 from benchmarks.clock import machine
 from benchmarks.table import Row, markdown
 
-QUICK = ("engine", "accuracy", "startup", "overhead", "paper")
+QUICK = ("engine", "accuracy", "startup", "overhead", "paper", "joint")
 PARTS = (*QUICK, "bbob")  #: the last takes many minutes
 
 

@@ -98,9 +98,9 @@ def misled(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
 
 
 def _widened(parameter: Parameter) -> tuple[float, float]:
-    """Return a box three times as wide as the vehicle file's: a bound that is met has no error bar."""
-    width = parameter.upper - parameter.lower
-    return parameter.lower - width, parameter.upper + width
+    """Return a box twice as wide as the vehicle file's: a bound that is met has no error bar."""
+    more = 0.5 * (parameter.upper - parameter.lower)
+    return parameter.lower - more, parameter.upper + more
 
 
 def windows() -> tuple[Window, ...]:

@@ -1,0 +1,78 @@
+"""A joint fit with its error bars: four maneuvers, 32 coefficients, initial states and biases; flights in memory.
+
+The flight, the wrong starting values and the way are those of `stoop verify coverage` with white noise. What the
+same number of trajectories takes alone says how much of the time is anything else.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from benchmarks.table import Row
+from stoop.identify.fit import Fit, Options, fit
+from stoop.job.judged import judged
+from stoop.study.verify.coverage.scene import Scene
+from stoop.study.verify.coverage.sensors import in_white_noise
+
+PART = "joint"
+SEEDS = 5
+ROUNDS = 3
+ASKED = 1.0  #: s on two processors, warm
+BATCH = 64  #: trajectories at once
+
+
+def run() -> list[Row]:
+    """Fit several flights, each a few times; the least time of each counts."""
+    scenes = [in_white_noise(seed) for seed in range(SEEDS)]
+    fits = [_identified(scene, seed) for seed, scene in enumerate(scenes)]
+    wall, processor = (
+        np.array([_least(lambda s=s, i=i: _identified(s, i), clock) for i, s in enumerate(scenes)])
+        for clock in (time.perf_counter, time.process_time)
+    )
+    alone = np.array([_flown(f) for f in fits])
+    layout, spent = fits[0].problem.layout, [f.trajectories for f in fits]
+    size = f"{layout.dimension} parameters, {layout.extra} initial states and biases; {SEEDS} flights"
+    return [
+        Row(PART, "fit and error bars, 4 maneuvers", float(np.median(wall)), "s", ASKED, note=size),
+        Row(PART, "the same, processor time", float(np.median(processor)), "s"),
+        Row(PART, "its trajectories", float(np.median(spent)), note=f"{min(spent):.0f} to {max(spent):.0f}"),
+        Row(
+            PART,
+            "processor time over that of its trajectories alone",
+            float(np.median(processor / alone)),
+            note="what residuals, linear algebra and error bars add",
+        ),
+    ]
+
+
+def _identified(scene: Scene, seed: int) -> Fit:
+    options = Options(seed=seed)
+    found = fit(scene.start, scene.flights, scene.windows, options)
+    judged(found, options)
+    return found
+
+
+def _flown(found: Fit) -> float:
+    """Return the processor time of as many trajectories, outputs kept, s."""
+    problem = found.problem
+    Z = np.repeat(found.z[None, :], BATCH, axis=0)
+
+    def fly() -> None:
+        for i, piece in enumerate(problem.pieces):
+            rows, start = problem.candidates(Z, i)
+            problem.layout.vehicle.kernel().trajectories(rows, start, piece.inputs, piece.dt)
+
+    return _least(fly, time.process_time) * found.trajectories / BATCH
+
+
+def _least(call: Callable[[], object], clock: Callable[[], float]) -> float:
+    call()
+    times = []
+    for _ in range(ROUNDS):
+        begun = clock()
+        call()
+        times.append(clock() - begun)
+    return min(times)
