@@ -8,10 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from stoop.flight import VARIABLES, Flight
-from stoop.identify import methods
 from stoop.identify.fit import Fit, Options
 from stoop.identify.noise import noise_variance
 from stoop.identify.predict import predict
@@ -32,6 +30,7 @@ from stoop.identify.windows import Window
 from stoop.job.curves import Flown, maneuver_curves
 from stoop.job.errorbars import ErrorBars
 from stoop.job.evidence import with_evidence
+from stoop.job.judged import judged, residual_color
 from stoop.job.modes import modes
 from stoop.job.press import left_out_residuals
 from stoop.job.provenance import versions
@@ -54,9 +53,7 @@ def assemble(
 ) -> Identification:
     """Collect numbers, figures of merit, curves and words."""
     vehicle = fit.problem.layout.vehicle
-    color = _color(fit, options)
-    with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
-        bars = methods.find(options.method).judge()(fit, color)
+    color, bars = residual_color(fit, options), judged(fit, options)
     groups = _flown(fit, flights, predicted)
     maneuvers, traces = maneuver_curves(vehicle, groups)
     result = _result(fit, bars, maneuvers, flights, inputs, options)
@@ -121,13 +118,6 @@ def _result(
 def _notes(flights: Mapping[str, Flight], groups: Sequence[Flown]) -> tuple[str, ...]:
     of_flights = [note for flight in flights.values() for note in flight.notes]
     return tuple(dict.fromkeys([*of_flights, *(note for g in groups for note in g.prepared.notes)]))
-
-
-def _color(fit: Fit, options: Options) -> float:
-    """Return by how much the weights were reduced for the correlation of the residuals."""
-    if options.covariance is not None or fit.noise is not None:
-        return 1.0
-    return float(np.median(np.diag(fit.problem.weights.covariance) / noise_variance(fit.problem, fit.z)))
 
 
 def _noise(fit: Fit, options: Options) -> FloatArray:

@@ -40,7 +40,8 @@ def made_up(scale: dict[str, float], seed: int = 0) -> dict[str, Any]:
 def verdicts(results: dict[str, Any]) -> dict[str, list[str]]:
     found = Coverage().findings(SETTING, results)
     return {
-        name: [c.verdict for c in found.claims if c.statement.startswith(f"With {case.words} the")] for name, case in CASES.items()
+        name: [c.verdict for c in found.claims if c.statement.startswith(f"With {case.words} the")]
+        for name, case in CASES.items()
     }
 
 
