@@ -59,7 +59,7 @@ class Sight:
     multiple_correlation : float
         With all other unknowns together; 1 means that they can take its place.
     partners : tuple of str
-        Parameters that could take its place, the strongest first.
+        Parameters that could take its place, the strongest first, then those that move with it unseen.
     doubt : str
         Why its number is doubtful, in plain words; empty when nothing is amiss.
     advice : str
@@ -92,7 +92,8 @@ class BlindDirection:
     singular_value : float
         Of the sensitivities with columns scaled to length 1; 0 where the data see nothing at all.
     changes : mapping of str to float
-        How far each parameter moves along it, in its unit; those that matter.
+        How far each parameter moves along it until the cost has risen by 1, in its unit, or one of them has doubled; those
+        that matter.
     words : str
     """
 

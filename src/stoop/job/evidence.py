@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.cost import Piece
-from stoop.identify.evidence import Identifiable, MethodSpread, Sight, Spread
+from stoop.identify.evidence import BlindDirection, Identifiable, MethodSpread, Sight, Spread
 from stoop.identify.fit import Fit
 from stoop.identify.result import Result
 from stoop.job.errorbars import ErrorBars
@@ -24,6 +24,7 @@ from stoop.uncertainty.trust import CORRECTED, CRAMER_RAO, trust
 from stoop.vehicle import Vehicle, terms
 
 FloatArray = NDArray[np.float64]
+MOST_HIDDEN = 5  #: parameters named that move along with one where the data do not see it
 _AXES = {"pitch": ("Cm", "elevator"), "roll": ("Cl", "aileron"), "yaw": ("Cn", "rudder")}
 
 
@@ -55,8 +56,12 @@ def _identifiable(result: Result, fit: Fit, bars: ErrorBars) -> Identifiable:
     names = [p.name for p in fit.problem.layout.parameters]
     related = correlation(bars.covariance[: len(names), : len(names)])
     flown = _flown(result, fit)
-    sights = {name: _sight(name, i, bars, partners(names, related, i), flown) for i, name in enumerate(names)}
     values, directions = _seen(fit, bars.found, bars, names)
+    sights = {}
+    for i, name in enumerate(names):
+        hidden = [n for d in directions if name in d.changes for n in d.changes if n != name]
+        stand_ins = tuple(dict.fromkeys([*partners(names, related, i), *hidden[:MOST_HIDDEN]]))
+        sights[name] = _sight(name, i, bars, stand_ins, flown)
     return Identifiable(values, sights, worst_pairs(names, related), directions)
 
 
@@ -69,7 +74,9 @@ def _sight(name: str, index: int, bars: ErrorBars, stand_ins: tuple[str, ...], f
     return Sight(one.conditional_std, one.marginal_std, one.multiple_correlation, stand_ins, one.reason, said)
 
 
-def _seen(fit: Fit, found: Uncertainty | None, bars: ErrorBars, names: list[str]):  # type: ignore[no-untyped-def]
+def _seen(
+    fit: Fit, found: Uncertainty | None, bars: ErrorBars, names: list[str]
+) -> tuple[tuple[float, ...], tuple[BlindDirection, ...]]:
     """Return singular values of all free unknowns, and the blind directions of the parameters, priors left out."""
     if found is None:
         return (), ()
@@ -78,7 +85,8 @@ def _seen(fit: Fit, found: Uncertainty | None, bars: ErrorBars, names: list[str]
     prior = np.array([fit.problem.layout.parameters[i].prior or np.inf for i in mine])
     data = marginal_information(found.information, len(mine)) - np.diag(prior**-2.0)
     values = tuple(float(v) for v in scaled_singular_values(found.information))
-    return values, blind_directions([names[i] for i in mine], _cleaned(data, found.information))
+    sizes = np.abs(np.array([fit.estimates[names[i]] for i in mine]))
+    return values, blind_directions([names[i] for i in mine], _cleaned(data, found.information), sizes)
 
 
 def _cleaned(data: FloatArray, whole: FloatArray) -> FloatArray:

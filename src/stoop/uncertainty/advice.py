@@ -81,19 +81,28 @@ def advice(name: str, stand_ins: Sequence[str], flown: Flown) -> str:
     ----------
     name : str
     stand_ins : sequence of str
-        Parameters strongly correlated with it.
+        Parameters strongly correlated with it, or moving with it along a direction that the data do not see.
     flown : Flown
     """
     term = flown.terms.get(name)
     if term is None:
         return _of_vehicle(name, flown)
-    tied = _tied(term, flown)
-    still = _still(term, flown)
-    said = [_excite(term, flown, still)] if still or not tied else [_separate(term, tied, flown)]
     shared = [p for p in stand_ins if p not in flown.terms and not p.startswith("sensors.")]
-    if shared:
-        said.append(_shared(shared))
-    return " ".join(said)
+    said = [_of_term(term, flown, told=bool(shared)), _shared(shared) if shared else ""]
+    return " ".join(sentence for sentence in said if sentence)
+
+
+def _of_term(term: Term, flown: Flown, told: bool) -> str:
+    """Return what to fly for a term; nothing where only numbers that are `told` apart on the ground stand in for it."""
+    if not term.variables:
+        return "A constant is told by steady flight at several conditions."
+    if _still(term, flown):
+        begin = f"{_what(term)} varies by {_amount(term)} only (rms): {_excitation(term, flown)}."
+        return begin[0].upper() + begin[1:]
+    tied = _tied(term, flown)
+    if tied:
+        return _separate(term, tied, flown)
+    return "" if told else f"Several others together stand in for it: {_excitation(term, flown)}."
 
 
 def _still(term: Term, flown: Flown) -> bool:
@@ -146,18 +155,6 @@ def _separate(term: Term, tied: Sequence[Term], flown: Flown) -> str:
     return f"{begin}: {_excitation(term, flown)}."
 
 
-def _excite(term: Term, flown: Flown, still: bool) -> str:
-    if not term.variables:
-        return "A constant is told by steady flight at several conditions."
-    what = _what(term)
-    begin = (
-        f"{what} varies by {_amount(term)} only (rms)"
-        if still
-        else f"what {what} does is small beside the noise"
-    )
-    return f"{begin[0].upper() + begin[1:]}: {_excitation(term, flown)}."
-
-
 def _excitation(term: Term, flown: Flown) -> str:
     """Return what excites the variables of a term."""
     variables = term.variables
@@ -177,15 +174,15 @@ def _quick(flown: Flown, term: Term) -> str:
     lateral = bool(term.variables & {"beta", "p", "r"}) and not term.variables & {"alpha", "q"}
     if not lateral:
         pitch, step = flown.pitch or "pitch control", _step(flown, "short period")
-        return f"fly a {pitch} 3-2-1-1{step}, whose quick reversals part rate, angle and deflection"
+        return f"fly a 3-2-1-1 with {pitch}{step}, whose quick reversals part rate, angle and deflection"
     if "p" in term.variables:
-        return f"fly {flown.roll or 'roll control'} doublets or a bank-to-bank{_step(flown, 'roll')}"
-    return f"fly a {flown.yaw or 'yaw control'} 3-2-1-1 or doublet{_step(flown, 'Dutch roll')}"
+        return f"fly a bank-to-bank or doublets with {flown.roll or 'roll control'}{_step(flown, 'roll')}"
+    return f"fly a 3-2-1-1 or doublet with {flown.yaw or 'yaw control'}{_step(flown, 'Dutch roll')}"
 
 
 def _step(flown: Flown, mode: str) -> str:
     frequency = flown.frequencies.get(mode, np.nan)
-    return f" with a unit step of about {STEP_ANGLE / frequency:.2g} s" if frequency > 0.0 else ""
+    return f", unit step about {STEP_ANGLE / frequency:.2g} s" if frequency > 0.0 else ""
 
 
 def _speed(flown: Flown) -> str:

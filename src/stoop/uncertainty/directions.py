@@ -49,7 +49,9 @@ def marginal_information(information: FloatArray, count: int) -> FloatArray:
     return np.asarray(inner - across @ across.T)
 
 
-def blind_directions(names: Sequence[str], information: FloatArray) -> tuple[BlindDirection, ...]:
+def blind_directions(
+    names: Sequence[str], information: FloatArray, sizes: FloatArray
+) -> tuple[BlindDirection, ...]:
     """Return the directions in which the data hardly change, the darkest first.
 
     Parameters
@@ -58,6 +60,8 @@ def blind_directions(names: Sequence[str], information: FloatArray) -> tuple[Bli
         Of the k parameters.
     information : (k, k)
         Of the data alone, initial states and biases unknown.
+    sizes : (k,)
+        Magnitude of each parameter: a step for which the cost rises by 1 is cut to one that doubles none.
     """
     diagonal = np.sqrt(np.maximum(np.diag(information), 0.0))
     unseen = [name for name, d in zip(names, diagonal, strict=True) if not d > 0.0]
@@ -71,9 +75,14 @@ def blind_directions(names: Sequence[str], information: FloatArray) -> tuple[Bli
         sigma = np.sqrt(np.sum((vectors / singular) ** 2, axis=1))
         for i in np.flatnonzero(singular < 1.0 / COLLINEAR)[:MOST_DIRECTIONS]:
             step = vectors[:, i] / singular[i]
-            parts = _parts([names[int(j)] for j in seen], step / sigma, step / scale)
+            parts = _parts([names[int(j)] for j in seen], step / sigma, _cut(step / scale, sizes[seen]))
             out.append(BlindDirection(float(singular[i]), parts, _words(parts)))
     return tuple(out[:MOST_DIRECTIONS])
+
+
+def _cut(step: FloatArray, sizes: FloatArray) -> FloatArray:
+    longest = float(np.max(np.abs(step) / np.where(sizes > 0.0, sizes, np.inf)))
+    return step / max(1.0, longest)
 
 
 def _parts(names: Sequence[str], share: FloatArray, step: FloatArray) -> dict[str, float]:

@@ -27,7 +27,7 @@ def test_a_rate_that_follows_the_elevator_asks_for_quick_reversals_at_the_short_
         flown(term("Cmq", {"q"}, -10.0, -0.3 * ELEVATOR), term("Cmelevator", {"elevator"}, -1.0, ELEVATOR)),
     )
     assert "q moves with elevator" in said
-    assert "elevator 3-2-1-1 with a unit step of about 0.4 s" in said
+    assert "3-2-1-1 with elevator, unit step about 0.4 s" in said
 
 
 def test_roll_and_yaw_that_move_together_ask_for_controls_at_separate_times() -> None:
