@@ -1,0 +1,44 @@
+"""Regressions on a real flight with holes: the V-tail aeroplane, batch and in real time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.flight import load
+from stoop.identify.fit import Options
+from stoop.identify.regression.domain import Band
+from stoop.identify.regression.methods import frequency_domain
+from stoop.identify.regression.recursive import RealTime
+from stoop.identify.windows import Window
+from stoop.vehicle.load import load_vehicle
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "vtail.toml"
+SPAN = (143.0, 196.0)  #: s; five stretches with holes between
+FIRM = ("CLalpha", "CQbeta", "Cmelevator", "Cnr", "Cnrudder")
+
+
+@pytest.mark.slow  # its equations are compiled
+def test_in_real_time_as_in_batch(shared_data: Path) -> None:
+    """What the flight tells firmly agrees within two standard errors, though only one sees the whole record."""
+    flight = load(shared_data / "altlnt-vtail-8kg-px4" / "flight2")
+    vehicle = load_vehicle(EXAMPLE)
+    batch = frequency_domain(
+        vehicle, {flight.name: flight}, [Window(flight.name, *SPAN)], Options(method="frequency-domain")
+    )
+    names = [p.name for p in batch.problem.layout.parameters]
+    assert batch.covariance is not None
+    std = dict(zip(names, np.sqrt(np.diag(batch.covariance)), strict=False))
+    dt = 1.0 / flight.rate
+    first, last = np.searchsorted(flight.time, SPAN)
+    online = RealTime(batch.problem.layout.vehicle, dt, Band().frequencies(int(last - first), dt))
+    channels = [c for c in (*vehicle.outputs, *vehicle.inputs, "altitude") if c in flight.data]
+    for row in np.column_stack([flight.column(c)[first:last] for c in channels]):
+        online.update(dict(zip(channels, row, strict=True)))
+    found = online.estimate()
+    for name in FIRM:
+        assert std[name] < 0.15 * abs(batch.estimates[name]), name
+        assert abs(found[name].value - batch.estimates[name]) < 2.0 * std[name], name
+    assert found["CLalpha"].value > 0.0 > found["Cmelevator"].value
