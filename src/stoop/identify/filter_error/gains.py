@@ -21,7 +21,7 @@ from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-SPACING: Final = 0.05  #: s between points of linearization along a flight
+SPACING: Final = 0.2  #: s between points of linearization along a flight
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,10 +40,6 @@ class Gains:
     gain: FloatArray
     covariance: FloatArray
     which: IntArray
-
-    def of(self, filters: IntArray) -> Gains:
-        """Return the gains of candidates that share filters."""
-        return Gains(np.ascontiguousarray(self.gain[:, :, filters]), self.covariance[filters], self.which)
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,27 +21,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from stoop.cost import Misfit, Piece
-from stoop.flight.variables import WRAPPED
+from stoop.cost import Misfit
 from stoop.identify.filter_error.gains import Gain, Gains, Plan
 from stoop.identify.filter_error.noise import Noise
-from stoop.identify.filter_error.points import linearized
+from stoop.identify.filter_error.paths import Path, averaged, measured_path, undelayed
+from stoop.identify.filter_error.points import Linear, linearized
 from stoop.kernels import filtering
 from stoop.optimize.normal import gram
-from stoop.simulate import initial_states, parameter_rows
-from stoop.simulate.delays import delayed, late_inputs, output_delays
+from stoop.simulate.delays import late_inputs
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 STEP: Final = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class Path:
-    """Where a piece is linearized: states (n_x, r), for all candidates the same, and inputs (n_u, r)."""
-
-    states: FloatArray
-    inputs: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,24 +103,25 @@ class Likelihood:
         Layout of the third.
     gain : Gain
     paths : tuple of Path
-        Of each piece.
+        Where each piece is linearized for the gains of `anchor`.
+    anchor : (k,)
+        Unknowns whose gains find the states at which any candidate is linearized. So a candidate's points of
+        linearization go where its own states are: were they held, the size of the innovations would seem to tell
+        of what shifts states and readings together (a bias of the vane against the lift at zero incidence).
     """
 
     problem: Misfit
     noise: Noise
     gain: Gain
     paths: tuple[Path, ...]
+    anchor: FloatArray
 
     @classmethod
-    def of(cls, problem: Misfit, noise: Noise, gain: Gain) -> Likelihood:
-        """Return the likelihood with points of linearization as measured; readings of late sensors are moved."""
-        moved = replace(problem, pieces=tuple(_earlier(problem, piece) for piece in problem.pieces))
-        return cls(
-            moved,
-            noise,
-            gain,
-            tuple(_measured_path(moved, piece, gain.plan(piece).points) for piece in moved.pieces),
-        )
+    def of(cls, problem: Misfit, noise: Noise, gain: Gain, anchor: FloatArray) -> Likelihood:
+        """Return the likelihood, its first gains linearized at what was measured; late readings are moved."""
+        moved = replace(problem, pieces=tuple(undelayed(problem, piece) for piece in problem.pieces))
+        paths = tuple(measured_path(moved, piece, gain.plan(piece).points) for piece in moved.pieces)
+        return cls(moved, noise, gain, paths, anchor)
 
     @cached_property
     def plans(self) -> tuple[Plan, ...]:
@@ -170,14 +162,13 @@ class Likelihood:
     def along(self, z: FloatArray) -> Likelihood:
         """Return the likelihood linearized along the states that the filter finds with these unknowns."""
         paths = []
-        for i, piece in enumerate(self.problem.pieces):
+        for i, path in enumerate(self.paths):
             rows, start = self.problem.candidates(self._known(z)[None, :], i)
-            gains = self._gains(z[None, :], rows, i)
-            states = self._run(i, rows, start, gains, states=True)[1][0]
+            states = self._states(i, rows, start)[:, :, 0]
             if not np.isfinite(states).all():
                 return self
-            paths.append(_averaged(self.plans[i].points, states, piece.inputs))
-        return replace(self, paths=tuple(paths))
+            paths.append(Path(states, path.inputs))
+        return replace(self, paths=tuple(paths), anchor=z)
 
     def _known(self, z: FloatArray) -> FloatArray:
         return z[: self.size - self.noise.size]
@@ -195,7 +186,7 @@ class Likelihood:
         steps = self._steps(z, entries)
         Z = np.concatenate([z[None, :], z + np.diag(steps)[np.diag(steps).any(axis=1)]])
         rows, start = self.problem.candidates(Z[:, : self.size - self.noise.size], index)
-        gains = self._gains(Z, rows, index)
+        gains = self._gains(Z, rows, start, index)
         v, _ = self._run(index, rows, start, gains)
         taken = steps[entries]
         return _whitened(v, gains, entries, taken)
@@ -206,17 +197,38 @@ class Likelihood:
         steps[entries] = np.where(z[entries] + STEP > self.bounds[1][entries], -STEP, STEP)
         return steps
 
-    def _gains(self, Z: FloatArray, rows: FloatArray, index: int) -> Gains:
-        vehicle, piece, path = self.problem.layout.vehicle, self.problem.pieces[index], self.paths[index]
+    def _gains(self, Z: FloatArray, rows: FloatArray, start: FloatArray, index: int) -> Gains:
+        """Return the gains of candidates, each linearized at its own states."""
         known = self.size - self.noise.size
-        models, model = _distinct(Z[:, : self.problem.dimension])
-        states = np.repeat(path.states[:, :, None], len(models), axis=2)
-        few = linearized(vehicle, np.ascontiguousarray(rows[:, models]), states, path.inputs, piece.dt)
-        filters, own = _distinct(np.concatenate([Z[:, : self.problem.dimension], Z[:, known:]], axis=1))
-        tail, linear = Z[filters, known:], few.of(model[filters])
-        process = self.noise.process(tail, linear.drive, piece.dt)
-        found = self.gain.gains(vehicle, self.plans[index], linear, process, self.noise.variances(tail))
-        return found.of(own)
+        models, model = _distinct(Z[:, :known])  # the noise of sensors moves no state
+        few = np.ascontiguousarray(rows[:, models])
+        states = self._states(index, few, np.ascontiguousarray(start[:, models]))
+        linear = linearized(
+            self.problem.layout.vehicle, few, states, self.paths[index].inputs, self.problem.pieces[index].dt
+        )
+        return self._gains_of(index, linear.of(model), Z[:, known:])
+
+    def _gains_of(self, index: int, linear: Linear, tail: FloatArray) -> Gains:
+        process = self.noise.process(tail, linear.drive, self.problem.pieces[index].dt)
+        vehicle = self.problem.layout.vehicle
+        return self.gain.gains(vehicle, self.plans[index], linear, process, self.noise.variances(tail))
+
+    def _states(self, index: int, rows: FloatArray, start: FloatArray) -> FloatArray:
+        """Return the states (n_x, r, B) that the anchor's gains find around each point."""
+        base, count = self._anchored[index], rows.shape[1]
+        gains = Gains(np.repeat(base.gain, count, axis=2), base.covariance, base.which)
+        states = self._run(index, rows, start, gains, states=True)[1]
+        return averaged(self.problem.layout.vehicle, states, self.plans[index].points)
+
+    @cached_property
+    def _anchored(self) -> list[Gains]:
+        """Return the gains of the anchor for each piece."""
+        out, vehicle = [], self.problem.layout.vehicle
+        for i, (piece, path) in enumerate(zip(self.problem.pieces, self.paths, strict=True)):
+            rows, _ = self.problem.candidates(self._known(self.anchor)[None, :], i)
+            linear = linearized(vehicle, rows, path.states[:, :, None], path.inputs, piece.dt)
+            out.append(self._gains_of(i, linear, self.anchor[None, self.size - self.noise.size :]))
+        return out
 
     def _run(
         self, index: int, rows: FloatArray, start: FloatArray, gains: Gains, states: bool = False
@@ -292,55 +304,3 @@ def _turned(root: FloatArray, v: FloatArray, which: IntArray) -> FloatArray:
         own = slice(None) if len(root) == 1 else np.flatnonzero(which == g)
         out[:, own] = v[:, own] @ matrix.T
     return out
-
-
-def _earlier(problem: Misfit, piece: Piece) -> Piece:
-    """Move readings of late sensors to when they were true: a filter corrects the state of its own time."""
-    vehicle, measured = problem.layout.vehicle, piece.measured.copy()
-    rows = parameter_rows(vehicle, piece.changes)
-    for channel, row in output_delays(vehicle):
-        column = measured[:, channel]
-        seen = np.isfinite(column)
-        if seen.any() and rows[row, 0] != 0.0:
-            turned = _unwrapped(column) if vehicle.outputs[channel] in WRAPPED else column
-            measured[:, channel] = delayed(turned, -float(rows[row, 0]) / piece.dt)
-    return replace(piece, measured=measured)
-
-
-def _unwrapped(column: FloatArray) -> FloatArray:
-    out, seen = column.copy(), np.isfinite(column)
-    out[seen] = np.unwrap(column[seen])
-    return out
-
-
-def _measured_path(problem: Misfit, piece: Piece, points: IntArray) -> Path:
-    """Return mean measured states around each point; where nothing was measured, the start."""
-    vehicle = problem.layout.vehicle
-    start = {name: np.full(len(points), value) for name, value in piece.start.items()}
-    for i, channel in enumerate(vehicle.outputs):
-        if channel in start and np.isfinite(piece.measured[:, i]).any():
-            start[channel] = _filled(_unwrapped(piece.measured[:, i]))
-    rows = parameter_rows(vehicle, piece.changes)
-    mean = {name: _mean(points, values) for name, values in start.items()}
-    inputs = np.array([_mean(points, column) for column in piece.inputs.T])
-    states = [
-        initial_states(vehicle, {n: m[r] for n, m in mean.items()}, rows, inputs[:, r])
-        for r in range(inputs.shape[1])
-    ]
-    return Path(np.concatenate(states, axis=1), inputs)
-
-
-def _filled(values: FloatArray) -> FloatArray:
-    seen = np.flatnonzero(np.isfinite(values))
-    return np.interp(np.arange(len(values)), seen, values[seen])
-
-
-def _mean(points: IntArray, values: FloatArray) -> FloatArray:
-    """Return the mean of values (n,) of the samples that belong to each point."""
-    return np.bincount(points, values) / np.bincount(points)
-
-
-def _averaged(points: IntArray, states: FloatArray, inputs: FloatArray) -> Path:
-    """Return mean states and inputs around each point; unit quaternions are averaged where they lie close."""
-    mean = np.array([_mean(points, column) for column in states.T])
-    return Path(mean, np.array([_mean(points, column) for column in inputs.T]))

@@ -37,7 +37,7 @@ SHARES: Final = {
 FIRST: Final = 1e-2  #: of -ln L that the first ascents leave; those that follow leave less
 AGREE: Final = 0.1  #: of -ln L: two ascents that end so near each other found the same
 ROUNDS: Final = 3  #: of linearization along the states that the filter finds
-SETTLED: Final = 1.0  #: change of -ln L by another linearization that needs no further round
+SETTLED: Final = 0.05  #: change of -ln L by another linearization that needs no further round
 ADVICE: Final = {
     "converged": "",
     "generations": f"no maximum of the likelihood after {ITERATIONS} steps; begin nearer, fix what the data cannot tell",
@@ -78,9 +78,9 @@ class FilterError:
         _check(problem)
         problem = with_gusts(problem)
         noise = Noise(vehicle, first_guess(vehicle, problem.pieces), _given(options))
-        likelihood = Likelihood.of(problem, noise, self.gain)
-        ascents = [ascend(likelihood, z, FIRST) for z in _first(likelihood)]
-        likelihood, best, agreed = _settled(likelihood, ascents)
+        firsts = _first(problem, noise)
+        ascents = [_ascent(Likelihood.of(problem, noise, self.gain, z), z) for z in firsts]
+        likelihood, best, agreed = _settled(ascents)
         if not np.isfinite(best.cost):
             raise IdentificationError(
                 f"{vehicle.where}: the filter diverges from every start; check values, bounds and units, or shorten the maneuver"
@@ -117,18 +117,29 @@ def with_gusts(problem: Misfit) -> Misfit:
     return replace(problem, layout=Layout(vehicle, problem.layout.parameters, (*states, *more, *biases)))
 
 
-def _first(likelihood: Likelihood) -> list[FloatArray]:
+def _first(problem: Misfit, noise: Noise) -> list[FloatArray]:
     """Return where to begin: the file's own values, and the regression of accelerations where there is one."""
-    problem = likelihood.problem
-    rest = np.concatenate([np.zeros(problem.extra), likelihood.noise.start])
+    rest = np.concatenate([np.zeros(problem.extra), noise.start])
     return [np.concatenate([x, rest]) for x in starts(problem)]
 
 
-def _settled(likelihood: Likelihood, ascents: Sequence[Ascent]) -> tuple[Likelihood, Ascent, bool]:
-    """Return the best ascent, linearized along its own states, and whether another one came to the same."""
-    order = sorted(ascents, key=lambda a: a.cost)
-    best = order[0]
-    agreed = len(order) > 1 and 0.5 * (order[1].cost - best.cost) < AGREE
+Climbed = tuple[Likelihood, Ascent]
+
+
+def _ascent(likelihood: Likelihood, z: FloatArray) -> Climbed:
+    """Climb from z, then once more with gains that suit where that led."""
+    first = ascend(likelihood, z, FIRST)
+    if first.interrupted or not np.isfinite(first.cost):
+        return likelihood, first
+    likelihood = likelihood.along(first.z)
+    return likelihood, ascend(likelihood, first.z, FIRST)
+
+
+def _settled(ascents: Sequence[Climbed]) -> tuple[Likelihood, Ascent, bool]:
+    """Return the best ascent, its anchor where it ended, and whether another one came to the same."""
+    order = sorted(ascents, key=lambda a: a[1].cost)
+    likelihood, best = order[0]
+    agreed = len(order) > 1 and 0.5 * (order[1][1].cost - best.cost) < AGREE
     for _ in range(ROUNDS):
         if best.interrupted or not np.isfinite(best.cost):
             break

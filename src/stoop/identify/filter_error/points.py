@@ -57,7 +57,7 @@ def linearized(
     dt : float, s
     """
     kernel = vehicle.kernel()
-    steps, noise = _steps(vehicle), [vehicle.inputs.index(noise_input(a)) for a in vehicle.gusts]
+    steps, noise = move_steps(vehicle), [vehicle.inputs.index(noise_input(a)) for a in vehicle.gusts]
     nx, r, count = states.shape
     ne, nw = len(steps), len(noise)
     moves = np.concatenate([np.zeros((ne, 1)), np.diag(steps), -np.diag(steps), np.zeros((ne, nw))], axis=1)
@@ -71,7 +71,7 @@ def linearized(
     p = np.broadcast_to(rows[:, None, None, :], (len(rows), *shape)).reshape(len(rows), -1)
     after, readings = filtering.step(kernel, p, filtering.move(kernel, x, d), u, u, dt)
     after, readings = after.reshape(nx, *shape), readings.reshape(-1, *shape)
-    back = _moves_of(vehicle, after[:, 0], steps)
+    back = moves_of(vehicle, after[:, 0])
     middle = (slice(None), slice(1, 1 + ne)), (slice(None), slice(1 + ne, 1 + 2 * ne))
     turned = (after[middle[0]] - after[middle[1]]) / (2.0 * steps[:, None, None])
     seen = (readings[middle[0]] - readings[middle[1]]) / (2.0 * steps[:, None, None])
@@ -83,18 +83,18 @@ def linearized(
     )
 
 
-def _steps(vehicle: Vehicle) -> FloatArray:
+def move_steps(vehicle: Vehicle) -> FloatArray:
     """Return the size (n_e,) of the differences."""
     fast = [name in _SPEEDS or name.startswith("gust.") for name in vehicle.moves]
     return np.where(fast, _SPEED_STEP, _STEP)
 
 
-def _moves_of(vehicle: Vehicle, states: FloatArray, steps: FloatArray) -> FloatArray:
+def moves_of(vehicle: Vehicle, states: FloatArray) -> FloatArray:
     """Return what makes moves (n_e, n_x, ...) of small differences of states (n_x, ...).
 
     The columns by which single moves change a state are orthogonal.
     """
-    kernel, (nx, *shape) = vehicle.kernel(), states.shape
+    kernel, steps, (nx, *shape) = vehicle.kernel(), move_steps(vehicle), states.shape
     flat = states.reshape(nx, -1)
     out = np.empty((len(steps), *flat.shape))
     for e, step in enumerate(steps):

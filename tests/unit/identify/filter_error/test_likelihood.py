@@ -19,13 +19,13 @@ from stoop.identify.windows import Window
 def posed(vehicle, flight, gain):
     problem, _ = pose(vehicle, {"sim": flight}, [Window("sim", 0.0, 4.0)], Options())
     problem = with_gusts(problem)
-    return Likelihood.of(problem, Noise(vehicle, first_guess(vehicle, problem.pieces)), gain)
+    noise = Noise(vehicle, first_guess(vehicle, problem.pieces))
+    return Likelihood.of(problem, noise, gain, begin(problem, noise))
 
 
-def begin(likelihood):
-    x = likelihood.problem.layout.unit(np.array([p.value for p in likelihood.problem.layout.parameters]))
-    rng = np.random.default_rng(0)
-    return np.concatenate([x, 0.1 * rng.standard_normal(likelihood.problem.extra), likelihood.noise.start])
+def begin(problem, noise):
+    x = problem.layout.unit(np.array([p.value for p in problem.layout.parameters]))
+    return np.concatenate([x, 0.1 * np.random.default_rng(0).standard_normal(problem.extra), noise.start])
 
 
 @pytest.mark.parametrize("gain", [Steady(), Varying(0.5)], ids=["steady", "varying"])
@@ -33,7 +33,7 @@ def test_gradient_is_the_slope_of_the_cost(gusty, gusty_flight, gain):
     holes = replace(gusty_flight, data=gusty_flight.data.copy(deep=True))
     holes.data["alpha"].values[50:60] = np.nan
     likelihood = posed(gusty, holes, gain)
-    z = begin(likelihood)
+    z = begin(likelihood.problem, likelihood.noise)
     at = slope(likelihood, z)
     for j in range(likelihood.size):
         h = np.zeros_like(z)
@@ -47,16 +47,16 @@ def test_a_straight_flight_has_the_likelihood_of_its_linear_model(gusty, gusty_f
     likelihood = posed(gusty, gusty_flight, Varying(1e9))
     piece, problem = likelihood.problem.pieces[0], likelihood.problem
     quiet = np.repeat(piece.inputs[:1], len(piece.time), axis=0)
-    z = begin(likelihood)
+    z = begin(likelihood.problem, likelihood.noise)
     z[problem.dimension : -likelihood.noise.size] = 0.0
     still = replace(problem, pieces=(replace(piece, inputs=quiet),))
     flown = still.outputs(z[: -likelihood.noise.size], 0)
     small = 1e-3 * likelihood.noise.first * np.random.default_rng(1).standard_normal(flown.shape)
     still = replace(still, pieces=(replace(still.pieces[0], measured=flown + small),))
-    likelihood = Likelihood.of(still, likelihood.noise, Varying(1e9))
+    likelihood = Likelihood.of(still, likelihood.noise, Varying(1e9), z)
     rows, _ = still.candidates(z[None, : -likelihood.noise.size], 0)
-    path = likelihood.paths[0]
-    model = linearized(gusty, rows, path.states[:, :, None], path.inputs, piece.dt)
+    point = likelihood.along(z).paths[0]
+    model = linearized(gusty, rows, point.states[:, :, None], point.inputs, piece.dt)
     tail = z[None, -likelihood.noise.size :]
     Q = likelihood.noise.process(tail, model.drive, piece.dt)[0, 0]
     F, H, R = model.transition[0, 0], model.readings[0, 0], likelihood.noise.variances(tail)[0]
