@@ -38,6 +38,8 @@ class Sensitivity:
     def filled(self) -> tuple[FloatArray, FloatArray]:
         """Return residual and jacobian with zeros for what is missing."""
         there = self.present
+        if there.all():
+            return self.residual, self.jacobian
         return np.where(there, self.residual, 0.0), np.where(there[:, :, None], self.jacobian, 0.0)
 
 
@@ -49,11 +51,13 @@ def whitening(noise_covariance: FloatArray) -> FloatArray:
 
 def data_information(segments: Sequence[Sensitivity]) -> FloatArray:
     """Return Fisher's information (k, k) of the measurements alone, for white noise."""
-    jacobians = [segment.filled()[1] for segment in segments]
-    total = np.zeros((jacobians[0].shape[2], jacobians[0].shape[2]))
-    for jacobian in jacobians:
-        rows = jacobian.reshape(-1, jacobian.shape[2])
-        total += rows.T @ rows
+    count = segments[0].jacobian.shape[2]
+    total = np.zeros((count, count))
+    for segment in segments:
+        rows = segment.filled()[1].reshape(-1, count)
+        seen = np.flatnonzero(rows.any(axis=0))  # not the initial states and biases of other maneuvers
+        part = rows[:, seen]
+        total[np.ix_(seen, seen)] += part.T @ part
     return total
 
 
