@@ -41,7 +41,7 @@ class Posterior:
             )
             every = chains.draws.reshape(-1, target.size)
             checked = every[np.linspace(0, len(every) - 1, CHECKED).astype(int)]
-            error = float(np.max(np.abs(target.error(checked) - target.error(target.center[None]))))
+            error = float(np.max(np.abs(target.error(checked))))
         chains = Chains(chains.draws, chains.density, {**chains.figures, "marginalization_error": error})
         return Finding(_spread(case, chains), {FILE: _file(case, chains)})
 

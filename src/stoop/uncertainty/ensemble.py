@@ -21,7 +21,7 @@ from stoop.uncertainty.sensitivity import FloatArray
 
 WARM_UP: Final = (150, 300)  #: steps thrown away; after each the proposals are fitted to its second half
 ROUND: Final = 250  #: steps between looks at convergence
-MOST: Final = 4000  #: steps at most
+MOST: Final = 8000  #: steps at most
 RHAT: Final = 1.01  #: of every parameter, at most
 ESS: Final = 1000.0  #: independent draws' worth, in the middle and in the tails of every parameter, at least
 LEAST_WALKERS: Final = 32

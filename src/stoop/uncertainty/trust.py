@@ -18,7 +18,7 @@ PROFILE: Final = "profile"
 COLORED: Final = 1.25  #: typical factor of the correction from which residuals count as colored
 APART: Final = 1.4  #: ratio of standard errors from which two methods disagree
 SKEWED: Final = 1.5  #: ratio of the arms of an interval from which it is no longer normal
-RHAT: Final = 1.05  #: above it a posterior says nothing yet
+RHAT: Final = 1.02  #: above it a posterior says nothing yet
 NAMED: Final = 8
 
 

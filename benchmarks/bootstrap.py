@@ -1,0 +1,40 @@
+"""A block bootstrap of the joint fit of `benchmarks.joint`: 1000 replicates on two processes, their start included."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.table import Row
+from stoop.campaign import LocalProcesses, execute
+from stoop.identify.fit import Options, fit
+from stoop.job.bootstrap import bootstrap_plan
+from stoop.job.case import case_of
+from stoop.study.verify.coverage.scene import Scene
+from stoop.study.verify.coverage.sensors import in_white_noise
+
+PART = "bootstrap"
+REPLICATES = 1000
+WORKERS = 2
+ASKED = 60.0  #: s on two processors
+
+
+def run() -> list[Row]:
+    """Bootstrap one fit."""
+    scene: Scene = in_white_noise(0)
+    case = case_of(fit(scene.start, scene.flights, scene.windows, Options()), Options().method, 0)
+    began = time.perf_counter()
+    plan = bootstrap_plan(case, REPLICATES)
+    with tempfile.TemporaryDirectory() as folder:
+        results = execute(plan, Path(folder) / "bootstrap.sqlite", LocalProcesses(WORKERS))
+    wall = time.perf_counter() - began
+    endings = [ending for told in results.values() for ending in told["endings"]]
+    layout = case.fit.problem.layout
+    size = f"{layout.dimension} parameters, {layout.extra} initial states and biases, {WORKERS} processes"
+    return [
+        Row(PART, f"{REPLICATES} replicates, 4 maneuvers", wall, "s", ASKED, note=size),
+        Row(PART, "of them by a full dive", float(np.sum(np.array(endings) == "dived"))),
+    ]
