@@ -141,22 +141,31 @@ def design(
 
 
 def one_after_another(setup: Setup, plan: Plan) -> Maneuver:
-    """Return the textbook maneuver: a 3-2-1-1 on one control after the other that fills the time.
+    """Return the textbook maneuver: a 3-2-1-1 on one control after the other.
 
-    As large as a design may be, and smaller by common steps of 10 % only where it would leave the envelope.
+    With steps as long as the time allows or half as long, whichever tells more. As large as a design may be, and
+    smaller by common steps of 10 % only where it would leave the envelope.
     """
     rows = SHAPES["3-2-1-1"](_frame(setup, plan))
     problem = Uninformed(setup, rows, plan)
-    point = rows.starts[-1]
+    inside = [found for start in rows.starts if (found := _largest(problem, start)) is not None]
+    if not inside:
+        raise SimulationError(
+            f"design: even small 3-2-1-1 inputs leave the envelope within {plan.duration:g} s; "
+            "lower --amplitude, widen --within, or design for a shorter time"
+        )
+    return max(inside, key=lambda maneuver: setup.gain(setup.forecast(maneuver)))
+
+
+def _largest(problem: Uninformed, point: FloatArray) -> Maneuver | None:
+    """Return the largest of a 3-2-1-1 that stays inside, if there is one."""
     for share in np.arange(1.0, 0.15, -0.1):
-        point[2::3] = 0.5 + 0.5 * share
-        maneuver = problem.maneuver(point, plan.rate)
-        if setup.forecast(maneuver, only_inside=True).excess == 0.0:
+        sized = point.copy()
+        sized[2::3] = 0.5 + 0.5 * share
+        maneuver = problem.maneuver(sized, problem.plan.rate)
+        if problem.setup.forecast(maneuver, only_inside=True).excess == 0.0:
             return maneuver
-    raise SimulationError(
-        f"design: even small 3-2-1-1 inputs leave the envelope within {plan.duration:g} s; "
-        "lower --amplitude, widen --within, or design for a shorter time"
-    )
+    return None
 
 
 def _frame(setup: Setup, plan: Plan) -> Frame:
