@@ -25,11 +25,11 @@ class Whiteness:
     Attributes
     ----------
     autocorrelation : float
-        Between neighboring samples (lag 1).
+        Between neighboring samples (lag 1); NaN where no two are neighbors.
     statistic : float
         Q; chi-square with `lags` degrees of freedom if the residuals are white.
     lags : int
-        How many autocorrelations it sums; 0 where there are too few residuals.
+        How many autocorrelations it sums, those of lags that occur; 0 where there are too few residuals.
     p_value : float
         Chance of a statistic as large from white residuals.
     verdict : str

@@ -3,7 +3,7 @@
     Q = n (n + 2) sum_k r_k^2 / (n - k),  k = 1 ... m
 
 is chi-square with m degrees of freedom for white residuals. Where the record has holes, n - k is the number of
-pairs that are there. The mean is not taken off: an offset that is left over is not white. A model that leaves
+pairs that are there; a lag without any, as between the samples of a slow sensor, is no degree of freedom. The mean is not taken off: an offset that is left over is not white. A model that leaves
 colored residuals has not explained everything, and its plain Cramer-Rao bound is too small.
 
 References
@@ -40,9 +40,13 @@ def whiteness(residual: FloatArray) -> Whiteness:
     r, pairs = _autocorrelation(residual, lags)
     if not np.isfinite(r).all():
         return Whiteness()
+    degrees = int(np.count_nonzero(pairs[1:]))
+    if not degrees:
+        return Whiteness()
     statistic = ljung_box(r, pairs)
-    p_value = float(chi2.sf(statistic, lags))
-    return Whiteness(float(r[1]), statistic, lags, p_value, "white" if p_value >= LEVEL else "colored")
+    p_value = float(chi2.sf(statistic, degrees))
+    neighbors = float(r[1]) if pairs[1] > 0.0 else float("nan")
+    return Whiteness(neighbors, statistic, degrees, p_value, "white" if p_value >= LEVEL else "colored")
 
 
 def ljung_box(r: FloatArray, pairs: FloatArray) -> float:

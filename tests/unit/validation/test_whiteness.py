@@ -62,3 +62,15 @@ def test_nothing_to_test(residual: np.ndarray) -> None:
 def test_units_do_not_matter_and_nothing_overflows() -> None:
     residual = colored(300, 0.4, 3)
     assert whiteness(1e200 * residual).statistic == pytest.approx(whiteness(residual).statistic)
+
+
+def test_a_slow_sensor_on_a_fast_grid_counts_the_lags_that_it_has() -> None:
+    random = np.random.default_rng(2)
+    residual = np.full(3000, np.nan)
+    residual[::10] = random.standard_normal(300)
+    found = whiteness(residual)
+    assert found.lags == 2  # 10 and 20 of twenty
+    assert found.p_value == pytest.approx(chi2.sf(found.statistic, 2), rel=1e-12)
+    assert np.isnan(found.autocorrelation)
+    residual[::10] = colored(300, 0.2, 3)  # with twenty degrees of freedom it would pass for white
+    assert whiteness(residual).verdict == "colored"
