@@ -29,12 +29,12 @@ PAGE: Final = "export.html"
 GOAL: Final = 1e-3  #: of a channel's maximum
 _EXPLAINED: Final = """\
 What is left on the flat planet is integration and rounding:
-- our Runge-Kutta takes one step per sample, JSBSim {rate:g} Adams-Bashforth steps a second or a few more, and a surface's
-  lag is a bilinear filter there;
-- JSBSim's standard atmosphere is 8·10⁻⁶ denser than ours at sea level (its constants are rounded), where the vehicle
-  file asks for the standard density;
-- a delay that is no whole number of samples is interpolated with a cubic through the samples in our simulation and with
-  a line through the frames in JSBSim; in the column "on JSBSim's frames" both use the same points.
+- our Runge-Kutta takes one step per sample, JSBSim {rate:g} Adams-Bashforth steps a second or a few more, and a surface's \
+lag is a bilinear filter there;
+- JSBSim's standard atmosphere is 8·10⁻⁶ denser than ours at sea level (its constants are rounded), where the vehicle \
+file asks for the standard density;
+- a delay that is no whole number of samples is interpolated with a cubic through the samples in our simulation and with \
+a line through the frames in JSBSim; in the column "on JSBSim's frames" both use the same points.
 
 JSBSim's Earth, here at 45 degrees of latitude, is round and turns by 0.09 degrees of heading in 30 s, and its gravity
 is not the vehicle file's. That is a difference between two worlds, not between two models of the aircraft.

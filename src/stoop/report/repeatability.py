@@ -66,7 +66,7 @@ def _words(told: list[ParameterRepeatability]) -> str:
     ratio = math.sqrt(square / degrees)
     by_chance = (
         f"by chance about {0.05 * len(compared):.0f} would be"
-        if len(compared) >= 10
+        if len(compared) >= 20
         else "one in 20 is by chance"
     )
     return (
