@@ -85,7 +85,11 @@ def assess(job: Job, arguments: argparse.Namespace, watch: Watch) -> Job:
     if not arguments.resume:
         for store in stores:
             forget(store)
-    job = job.assess(*asked(arguments), watch=watch.turn_to)
+    try:
+        job = job.assess(*asked(arguments), watch=watch.turn_to)
+    except KeyboardInterrupt:
+        watch.warn(f"the fit lies in {arguments.output}; --resume goes on with its uncertainty")
+        raise
     place_outputs(job, arguments.output, overwrite=True)
     for store in stores:
         forget(store)
