@@ -20,6 +20,8 @@ FloatArray = NDArray[np.float64]
 FORMAT: Final = "stoop-state-space/1"
 MATRICES: Final = ("A", "B", "C", "D")
 STEP: Final = 1e-3  #: of a parameter's standard error: how far it is moved for a derivative
+UNGUIDED: Final = 1e-4  #: of a parameter's value, where there is no standard error
+ROUNDING: Final = 1e-7  #: of the largest derivative by a parameter; below it is rounding
 _UNITS: Final = {
     "V": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s", "h": "m", "ax": "m/s2", "ay": "m/s2", "az": "m/s2",
 }  # fmt: skip
@@ -45,8 +47,8 @@ class StateSpace:
     x, u, y : (n_x,), (n_u,), (n_y,)
         The steady flight that the model's deviations are from, SI and rad.
     standard_errors : mapping of str to array
-        Of the entries of A, B, C, D, first order in the parameters' covariance, the steady flight held; empty
-        where no covariance is known.
+        Of the entries of A, B, C, D, first order in the parameters' covariance, the steady flight held; infinite
+        for an entry that depends on a parameter which the data cannot tell; empty where no covariance is known.
     """
 
     vehicle: Vehicle
@@ -78,17 +80,37 @@ def _steady(vehicle: Vehicle, point: Trim, model: LinearModel) -> tuple[FloatArr
 
 
 def standard_errors(vehicle: Vehicle, point: Trim, known: Known) -> dict[str, FloatArray]:
-    """Return the standard error of every entry: the square root of diag(J S J') with J by central differences."""
-    deviations = np.sqrt(np.diag(known.covariance))
-    moved = [i for i, s in enumerate(deviations) if np.isfinite(s) and s > 0.0]
-    slopes = [_slope(vehicle, point, known.names[i], STEP * float(deviations[i])) for i in moved]
+    """Return the standard error of every entry: the square root of diag(J S J') with J by central differences.
+
+    A parameter without a finite variance is unknown, and so is every entry that it moves.
+    """
+    variances = np.diag(known.covariance)
+    moved = [i for i, s in enumerate(variances) if np.isfinite(s) and s > 0.0]
+    lost = [i for i, s in enumerate(variances) if not np.isfinite(s)]
+    slopes = [_slope(vehicle, point, known.names[i], STEP * math.sqrt(variances[i])) for i in moved]
+    blind = [_slope(vehicle, point, known.names[i], _small(vehicle, known.names[i])) for i in lost]
     covariance = known.covariance[np.ix_(moved, moved)]
     out = {}
     for k, name in enumerate(MATRICES):
-        J = np.stack([s[k] for s in slopes], axis=-1) if slopes else np.zeros((0,))
-        variance = np.einsum("...i,ij,...j->...", J, covariance, J) if slopes else np.zeros(())
-        out[name] = np.sqrt(np.maximum(variance, 0.0))
-    return out if slopes else {}
+        J = np.stack([s[k] for s in slopes], axis=-1) if slopes else np.zeros((*_shape(blind, k), 0))
+        variance = np.einsum("...i,ij,...j->...", J, covariance, J)
+        unknown = np.any([_depends(s[k]) for s in blind], axis=0) if blind else False
+        out[name] = np.where(unknown, np.inf, np.sqrt(np.maximum(variance, 0.0)))
+    return out if slopes or blind else {}
+
+
+def _shape(slopes: list[list[FloatArray]], matrix: int) -> tuple[int, ...]:
+    return slopes[0][matrix].shape if slopes else ()
+
+
+def _small(vehicle: Vehicle, name: str) -> float:
+    """Return a step of a parameter whose standard error is no guide: a small part of its value, or of one."""
+    return UNGUIDED * (abs(vehicle.value(name)) or 1.0)
+
+
+def _depends(slope: FloatArray) -> NDArray[np.bool_]:
+    """Tell which entries a parameter moves, by more than the rounding of the others."""
+    return np.asarray(np.abs(slope) > ROUNDING * np.max(np.abs(slope), initial=0.0))
 
 
 def _slope(vehicle: Vehicle, point: Trim, name: str, step: float) -> list[FloatArray]:

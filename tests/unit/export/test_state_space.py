@@ -62,3 +62,18 @@ def test_standard_errors_of_pitch_stiffness(found: StateSpace) -> None:
 
 def test_without_a_covariance_there_are_none(twin_boom: Vehicle, steady: Trim) -> None:
     assert json.loads(json_text(state_space(twin_boom, steady)))["standard_errors"] == {}
+
+
+def test_what_the_data_cannot_tell_is_no_small_error(twin_boom: Vehicle, steady: Trim) -> None:
+    """Of two parameters one has no variance: what it moves is unknown, what it does not move is as before."""
+    names = ("Cmalpha", "CLq")
+    both = state_space(twin_boom, steady, Known(names, np.diag([SIGMA**2, np.inf])))
+    alone = state_space(twin_boom, steady, Known(names[:1], np.array([[SIGMA**2]])))
+    states, errors = both.model.states, both.standard_errors["A"]
+    assert np.isinf(errors[states.index("alpha"), states.index("q")])
+    pitch = states.index("q"), states.index("alpha")
+    assert errors[pitch] == alone.standard_errors["A"][pitch] > 0.0
+    row, column = states.index("alpha"), states.index("q")
+    assert json.loads(json_text(both))["standard_errors"]["A"][row][column] is None
+    lost = state_space(twin_boom, steady, Known(names[1:], np.array([[np.inf]])))
+    assert np.array_equal(np.isinf(lost.standard_errors["A"]), np.isinf(errors))
