@@ -18,13 +18,14 @@ from stoop.design import SHAPES, Design, Forecast, Knowledge, Limits, Setup, des
 from stoop.design.robust import Robustness, mean_ratio, robustness
 from stoop.design.search import Plan, one_after_another
 from stoop.design.setup import sensor_noise
-from stoop.errors import OutputError, StoopError
+from stoop.errors import OutputError
 from stoop.files import write_text_atomic
-from stoop.identify.result import Result, read_result
+from stoop.identify.result import Result
+from stoop.job.identified import Identified, read_identified
 from stoop.job.provenance import versions
 from stoop.report.sheet import write_sheet
 from stoop.simulate import Maneuver, Trim
-from stoop.vehicle import Vehicle, load_vehicle
+from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
 FloatArray = NDArray[np.float64]
@@ -113,15 +114,27 @@ def believed(name_or_path: str | Path) -> Believed:
     if found.suffix != ".json":
         vehicle = resolve_vehicle(name_or_path)
         return Believed(vehicle, _priors(vehicle), sensor_noise(vehicle), "the vehicle file and its priors")
-    beside = found.parent / "vehicle.toml"
-    if not found.is_file() or not beside.is_file():
-        raise StoopError(
-            f"{path}: holds no result.json with its vehicle.toml; name the folder that stoop identify wrote"
-        )
-    result, vehicle = read_result(found), load_vehicle(beside)
+    told = read_identified(path)
+    result, vehicle = told.result, searched(told)
     return Believed(
         vehicle, Knowledge.of_result(result), _noise(vehicle, result), f"the estimates in {found}"
     )
+
+
+def searched(told: Identified) -> Vehicle:
+    """Return the identified vehicle with those numbers free that were estimated, within the boxes of that search.
+
+    Its file does not say what ``--free`` and ``--fix`` of stoop identify said.
+    """
+    estimated = told.result.parameters
+    changes: dict[str, dict[str, Any]] = {
+        p.name: {"free": False} for p in told.vehicle.parameters if p.free and p.name not in estimated
+    }
+    for name, p in estimated.items():
+        changes[name] = {"free": True}
+        if p.bound_lower < p.bound_upper and np.isfinite([p.bound_lower, p.bound_upper]).all():
+            changes[name]["bounds"] = (p.bound_lower, p.bound_upper)
+    return told.vehicle.with_numbers(changes)
 
 
 def _priors(vehicle: Vehicle) -> Knowledge:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -100,8 +100,31 @@ def read_identified(path: Path) -> Identified:
     if not file.exists():
         raise StoopError(f"{path}: holds no {RESULT}; name the folder that stoop identify wrote")
     result = read_result(file)
+    wrong = next(_contradictions(result), None)
+    if wrong is not None:
+        raise StoopError(f"{file}: {wrong}; write it again with stoop identify")
     vehicle = _vehicle(folder, result)
     return Identified(folder, result, vehicle, _hashes(folder, result))
+
+
+def _contradictions(result: Result) -> Iterator[str]:
+    """Yield what stoop identify does not write: a file that was edited, or cut and mended."""
+    for name, p in result.parameters.items():
+        if not np.isfinite(p.estimate):
+            yield f"has no estimate of {name}"
+    if not set(result.covariance.names) <= set(result.parameters):
+        yield "has a covariance of other parameters than its estimates"
+    for names, matrix in (
+        (result.covariance.names, result.covariance.matrix),
+        (result.noise_covariance.channels, result.noise_covariance.matrix),
+    ):
+        if len(matrix) != len(names):
+            yield f"has a covariance of {len(matrix)} rows for {len(names)} names"
+    if not any(m.role == "fit" for m in result.maneuvers):
+        yield "names no maneuver that was fitted"
+    places = {b.maneuver for b in result.biases} | {i.maneuver for i in result.initial_states}
+    if not places <= set(range(len(result.maneuvers))):
+        yield "has biases or initial states of a maneuver that it does not name"
 
 
 def _vehicle(folder: Path, result: Result) -> Vehicle:
