@@ -3,8 +3,9 @@
     Q = n (n + 2) sum_k r_k^2 / (n - k),  k = 1 ... m
 
 is chi-square with m degrees of freedom for white residuals. Where the record has holes, n - k is the number of
-pairs that are there; a lag without any, as between the samples of a slow sensor, is no degree of freedom. The mean is not taken off: an offset that is left over is not white. A model that leaves
-colored residuals has not explained everything, and its plain Cramer-Rao bound is too small.
+pairs that are there; a lag without any, as between the samples of a slow sensor, is no degree of freedom. The mean is
+not taken off: an offset that is left over is not white. A model that leaves colored residuals has not explained
+everything, and its plain Cramer-Rao bound is too small.
 
 References
 ----------
