@@ -30,6 +30,9 @@ FLATTEST: Final = 1e-8  #: curvature, of a scaled problem, that differences stil
 TINY_STEP: Final = 1e-12  #: of the unit box
 LOST: Final = 1e8  #: damping beyond which no step helps any more
 SMALLEST_DAMPING: Final = 1e-12
+FAR: Final = 2.0  #: times the cost of the known optimum: what is above is not held up by noise
+CRAWL: Final = 16  #: steps in which a dive that is far must come down by ...
+CRAWLED: Final = 0.8  #: ... this factor, or it is let go
 
 
 @dataclass(frozen=True)
@@ -108,7 +111,8 @@ def dive(
         A dive below this cost is not let go early (inf: never): near an optimum that noise or an imperfect
         model keeps far above zero, every dive falls slowly.
     optimum : float
-        Cost of an optimum that another dive converged to; this one ends as soon as it agrees with it.
+        Cost of an optimum that another dive converged to; this one ends as soon as it agrees with it, or crawls
+        far above it.
     """
     start = np.concatenate([np.clip(z[: problem.dimension], 0.0, 1.0), z[problem.dimension :]])
     r = problem.residuals(start[None, :], rung)[0]
@@ -271,12 +275,20 @@ class _Descent:
     def tired(self) -> Ending | None:
         """Let go of a prey that no longer comes down."""
         s, past = self.settings, self.costs
+        if self.crawls():
+            return "hopeless"
         if past[-1] <= self.worthy:
             return None
         if len(past) > s.stall and past[-1] > 0.9 * past[-1 - s.stall] and self.damping > s.stall_damping:
             return "stalled"
         above = past[-1] > self.incumbent and len(past) > s.patience
         return "hopeless" if above and past[-1] > 0.3 * past[-1 - s.patience] else None
+
+    def crawls(self) -> bool:
+        """Whether this falls slowly where no noise excuses it: far above an optimum that is known."""
+        past = self.costs
+        far = np.isfinite(self.optimum) and past[-1] > FAR * self.optimum
+        return bool(far and len(past) > CRAWL and past[-1] > CRAWLED * past[-1 - CRAWL])
 
 
 def _finite(value: float) -> float:

@@ -146,3 +146,34 @@ def test_a_dive_never_rises_and_survives_any_garbage(seed: int) -> None:
         assert np.isfinite(end.z).all()
         assert (clean[1] ** 2).sum() <= (clean[0] ** 2).sum()
         assert ((end.z[:3] >= 0.0) & (end.z[:3] <= 1.0)).all()
+
+
+class Valley:
+    """Rosenbrock's curved valley, on the box of -2 to 2, above a floor: dives crawl along it."""
+
+    dimension, extra, prices = 2, 0, (1.0,)
+
+    def residuals(self, Z: np.ndarray, rung: int) -> np.ndarray:
+        x, y = 4.0 * Z.T - 2.0
+        return np.column_stack([1e4 * (y - x**2), 1.0 - x, np.full(len(Z), 0.1)])
+
+    def costs(self, X: np.ndarray, rung: int) -> np.ndarray:
+        return (self.residuals(X, rung) ** 2).sum(axis=1)
+
+    def jacobian(self, z: np.ndarray, rung: int, r: np.ndarray) -> tuple[np.ndarray, float]:
+        return optimize.forward_jacobian(self, z, rung, r)
+
+    def reference(self, rung: int) -> float:
+        return 100.0
+
+
+def test_a_dive_that_crawls_is_let_go_once_an_optimum_is_known() -> None:
+    """Whatever it is worth: what is far above a known optimum is not held up by noise."""
+    start = np.array([0.2, 0.9])
+    alone = dive(Valley(), start, 0, FULL)
+    assert alone.iterations > 40, "a valley to crawl along"
+    known = dive(Valley(), start, 0, FULL, incumbent=0.01, worthy=1e3, optimum=0.01)
+    assert known.ending == "hopeless"
+    assert known.iterations < 0.75 * alone.iterations
+    near = dive(Valley(), start, 0, FULL, incumbent=0.9 * alone.cost, worthy=1e3, optimum=0.9 * alone.cost)
+    assert near.iterations == alone.iterations, "near the optimum noise may hold it up"
