@@ -114,6 +114,8 @@ class Fit:
         Of parameters and nuisances in SI, where the method gives it with the estimates.
     evidence : Evidence, optional
         Residuals and sensitivities, where they are not those of the simulation.
+    simulated : tuple of (n, n_y), optional
+        Readings of each piece, where they are not those of one simulation from its first sample.
     """
 
     problem: Misfit
@@ -127,6 +129,7 @@ class Fit:
     noise: FloatArray | None = None
     covariance: FloatArray | None = None
     evidence: Evidence | None = None
+    simulated: tuple[FloatArray, ...] | None = None
 
     @property
     def estimates(self) -> dict[str, float]:

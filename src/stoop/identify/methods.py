@@ -73,6 +73,11 @@ _METHODS: Final[dict[str, Method]] = {
         _INNOVATIONS,
         "likewise, with a gain that follows large maneuvers",
     ),
+    "multiple-shooting": Method(
+        "stoop.identify.shooting.method:fit",
+        _INNOVATIONS,
+        "vehicles that are unstable: short windows that meet",
+    ),
     "equation-error": Method(
         "stoop.identify.regression.methods:equation_error",
         _GIVEN,

@@ -32,10 +32,11 @@ def channel_residuals(problem: Misfit, z: FloatArray) -> list[FloatArray]:
 
 def noise_variance(problem: Misfit, z: FloatArray) -> FloatArray:
     """Return the maximum-likelihood variance (n_y,) of each channel, kept above a floor."""
-    return _variance(problem, channel_residuals(problem, z))
+    return variance_of(problem, channel_residuals(problem, z))
 
 
-def _variance(problem: Misfit, residuals: list[FloatArray]) -> FloatArray:
+def variance_of(problem: Misfit, residuals: list[FloatArray]) -> FloatArray:
+    """Return the variance (n_y,) of measured minus simulated (n, n_y) of each piece, kept above a floor."""
     errors = np.concatenate(residuals)
     measured = np.concatenate([p.measured for p in problem.pieces])
     sensors, outputs = problem.layout.vehicle.file.sensors, problem.layout.vehicle.outputs
@@ -93,7 +94,11 @@ def effective_variance(problem: Misfit, z: FloatArray) -> FloatArray:
     the median over the channels, is used for all: the channels' weights among each other stay those of
     maximum likelihood, and a channel that fits badly is not given up for it. For white residuals it is 1.
     """
-    errors = channel_residuals(problem, z)
+    return effective_variance_of(problem, channel_residuals(problem, z))
+
+
+def effective_variance_of(problem: Misfit, errors: list[FloatArray]) -> FloatArray:
+    """Return the variance (n_y,) as :func:`effective_variance`, of measured minus simulated (n, n_y) of each piece."""
     seen = [i for i in range(errors[0].shape[1]) if any(np.isfinite(e[:, i]).any() for e in errors)]
     common = float(np.median(correlation_times(errors, problem.pieces[0].dt)[seen]))
-    return _variance(problem, errors) * common
+    return variance_of(problem, errors) * common

@@ -76,7 +76,7 @@ def assemble(
 
 def _flown(fit: Fit, flights: Mapping[str, Flight], predicted: Sequence[Window]) -> list[Flown]:
     """Simulate the fitted maneuvers, and predict the others."""
-    fitted = [fit.problem.outputs(fit.z, i) for i in range(len(fit.problem.pieces))]
+    fitted = fit.simulated or [fit.problem.outputs(fit.z, i) for i in range(len(fit.problem.pieces))]
     groups = [Flown("fit", fit.prepared, fitted, left_out_residuals(fit))]
     if predicted:
         groups.append(Flown("validation", *predict(fit, flights, predicted)))

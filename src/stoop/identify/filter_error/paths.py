@@ -37,12 +37,13 @@ def undelayed(problem: Misfit, piece: Piece) -> Piece:
         column = measured[:, channel]
         seen = np.isfinite(column)
         if seen.any() and rows[row, 0] != 0.0:
-            turned = _unwrapped(column) if vehicle.outputs[channel] in WRAPPED else column
+            turned = unwrapped(column) if vehicle.outputs[channel] in WRAPPED else column
             measured[:, channel] = delayed(turned, -float(rows[row, 0]) / piece.dt)
     return replace(piece, measured=measured)
 
 
-def _unwrapped(column: FloatArray) -> FloatArray:
+def unwrapped(column: FloatArray) -> FloatArray:
+    """Return an angle (n,) without jumps; NaN where it was not measured."""
     out, seen = column.copy(), np.isfinite(column)
     out[seen] = np.unwrap(column[seen])
     return out
@@ -54,7 +55,7 @@ def measured_path(problem: Misfit, piece: Piece, points: IntArray) -> Path:
     start = {name: np.full(len(points), value) for name, value in piece.start.items()}
     for i, channel in enumerate(vehicle.outputs):
         if channel in start and np.isfinite(piece.measured[:, i]).any():
-            start[channel] = _filled(_unwrapped(piece.measured[:, i]))
+            start[channel] = filled(unwrapped(piece.measured[:, i]))
     rows = parameter_rows(vehicle, piece.changes)
     mean = {name: _mean(points, values) for name, values in start.items()}
     inputs = np.array([_mean(points, column) for column in piece.inputs.T])
@@ -65,7 +66,8 @@ def measured_path(problem: Misfit, piece: Piece, points: IntArray) -> Path:
     return Path(np.concatenate(states, axis=1), inputs)
 
 
-def _filled(values: FloatArray) -> FloatArray:
+def filled(values: FloatArray) -> FloatArray:
+    """Return values (n,) with straight lines where nothing was measured."""
     seen = np.flatnonzero(np.isfinite(values))
     return np.interp(np.arange(len(values)), seen, values[seen])
 
