@@ -41,6 +41,9 @@ UNLIKE: Final = 1.25  #: by which the draws may spread more or less than the der
 STEP: Final = 1e-4  #: of a parameter's scale, for central differences of A: error of the order 1e-8
 INTEGRATORS: Final = ("psi", "h")  #: states that nothing depends on, or next to nothing
 SENSORS: Final = "sensors."  #: begins the names of numbers that no motion depends on
+MATTERS: Final = (
+    1e-3  #: of an eigenvalue: by less an unknown parameter may move it, and it is known all the same
+)
 REAL: Final = 1e-9  #: 1/s; a smaller imaginary part is rounding
 
 
@@ -54,11 +57,14 @@ class Linearized:
         The n states; heading and altitude are left out.
     A : (n, n)
     derivative : (k, n, n), per SI unit of each parameter
+    room : (k,), SI, or a number
+        How far each parameter may sensibly move.
     """
 
     names: tuple[str, ...]
     A: FloatArray
     derivative: FloatArray
+    room: FloatArray | float = 1.0
 
     @cached_property
     def modes(self) -> tuple[Mode, ...]:
@@ -119,7 +125,8 @@ def differentiated(
         step = STEP * scales[name]
         upper, lower = (matrix({name: value + sign * step})[1][block] for sign in (1.0, -1.0))
         slope[:] = (upper - lower) / (2.0 * step)
-    return Linearized(tuple(names[i] for i in keep), A[block], slopes)
+    room = np.array([scales[name] for name in values])
+    return Linearized(tuple(names[i] for i in keep), A[block], slopes, room)
 
 
 def mode_estimates(
@@ -133,7 +140,7 @@ def mode_estimates(
     parameters : tuple of str
         Names of the k parameters.
     covariance : (k, k)
-        Of the parameters, SI; one of infinite variance makes a mode that depends on it unknown.
+        Of the parameters, SI; one of infinite variance makes a mode unknown that it could move by :data:`MATTERS`.
     seed : int
         Of the draws.
     """
@@ -145,7 +152,9 @@ def mode_estimates(
         if mode.name.endswith(".lag"):
             continue
         gradient = linearized.gradient(mode.eigenvalue)
-        blind = [n for n, g, gone in zip(parameters, gradient, lost, strict=True) if gone and abs(g) > 0.0]
+        # A lateral number has its part in the phugoid, by rounding and by a trim with a little sideslip: none to speak of.
+        felt = np.abs(gradient) * linearized.room > MATTERS * abs(mode.eigenvalue)
+        blind = [n for n, matters, gone in zip(parameters, felt, lost, strict=True) if gone and matters]
         if blind:
             out.append(_unknown(mode, blind))
         else:

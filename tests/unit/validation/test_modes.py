@@ -161,3 +161,21 @@ def test_intervals_against_a_monte_carlo_that_trims_every_draw(aircraft: Vehicle
             assert estimates[name].frequency.std_error == pytest.approx(np.std(np.abs(s)), rel=0.15), name
             damping = -s.real / np.abs(s)
             assert estimates[name].damping.std_error == pytest.approx(np.std(damping), rel=0.15), name
+
+
+def test_what_hardly_moves_a_mode_does_not_make_it_unknown() -> None:
+    """The twin-boom flies with a little sideslip: lateral numbers have 1e-7 of a part in the phugoid."""
+    vehicle = resolve_vehicle("twin-boom").reduced("full")
+    point = trim(vehicle, 35.0, 200.0)
+    follow = neighbors(vehicle, point)
+    names = ("CLalpha", "Cmq", "Cnbeta")
+    values = {n: vehicle.value(n) for n in names}
+    found = differentiated(
+        lambda numbers: state_matrix(vehicle, follow(numbers) if numbers else point),
+        values,
+        {n: abs(x) for n, x in values.items()},
+    )
+    covariance = np.diag([0.01, 0.01, np.inf])
+    unknown = {m.name for m in mode_estimates(found, names, covariance) if math.isnan(m.real.std_error)}
+    assert {"Dutch roll", "spiral"} <= unknown
+    assert not {"short period", "phugoid"} & unknown
