@@ -46,6 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--amplitude",
         metavar="[CONTROL=]DEG",
         nargs="+",
+        action="extend",
         default=[],
         help="largest deflection from the trim, degrees (default: 3)",
     )
@@ -57,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="largest rate of the controls (default: 60)",
     )
     within = "limits of a channel: angles in degrees, rates in degrees per second, all else SI (default: about the trim)"
-    add("--within", metavar="CHANNEL=LOW:HIGH", nargs="+", default=[], help=within)
+    add("--within", metavar="CHANNEL=LOW:HIGH", nargs="+", action="extend", default=[], help=within)
     add(
         "--band",
         metavar="HZ",
@@ -66,8 +67,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="highest frequency of a multisine (default: 2)",
     )
     add("--shape", choices=FAMILIES, nargs="+", default=list(FAMILIES), help="families to try (default: all)")
-    add("--free", metavar="NAME", nargs="+", default=[], help="numbers to estimate besides those of the file")
-    add("--fix", metavar="NAME", nargs="+", default=[], help="numbers to leave as they are")
+    add(
+        "--free",
+        metavar="NAME",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="numbers to estimate besides those of the file",
+    )
+    add("--fix", metavar="NAME", nargs="+", action="extend", default=[], help="numbers to leave as they are")
     add("--optimizer", metavar="NAME", default="ps-gde", help="see stoop compare --help (default: ps-gde)")
     add(
         "--evaluations",

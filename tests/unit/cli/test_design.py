@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+import argparse
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from stoop.cli.design import add_arguments
 from stoop.cli.main import main
 from stoop.job.design import FILES, believed, maneuver_toml
 from stoop.simulate import load_maneuver, parse_maneuver
@@ -125,3 +127,21 @@ def test_priors_are_what_a_vehicle_file_knows(examples: Path) -> None:
     assert known["CLalpha"] == pytest.approx(1.0)
     assert known["mass.inertia.xx"] == pytest.approx(0.2)
     assert "Cm0" not in known
+
+
+def test_an_option_given_twice_counts_twice() -> None:
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    words = [
+        "--amplitude",
+        "elevator=3",
+        "--amplitude",
+        "rudder=5",
+        "--within",
+        "alpha=-5:10",
+        "--within",
+        "V=20:40",
+    ]
+    told = parser.parse_args(["twin-boom", "-o", "out", *words])
+    assert told.amplitude == ["elevator=3", "rudder=5"]
+    assert told.within == ["alpha=-5:10", "V=20:40"]
