@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--maneuver", metavar="M.toml", type=Path, required=True, help="what the pilot does (TOML)")
     add("-o", "--output", metavar="FLIGHT.nc", type=Path, required=True, help="the flight file to write")
     add("--no-noise", action="store_true", help="perfect sensors")
-    add("--seed", metavar="N", type=count, default=0, help="of the sensor noise (default: 0)")
+    add("--seed", metavar="N", type=count, default=0, help="of sensor noise and gusts (default: 0)")
     add_overwrite(parser)
 
 

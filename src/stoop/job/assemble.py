@@ -163,7 +163,9 @@ def _initial_states(fit: Fit, bars: ErrorBars) -> tuple[InitialState, ...]:
     out, counts = [], dict.fromkeys(range(len(fit.prepared.windows)), 0)
     for i, piece in enumerate(fit.problem.pieces):
         values = {
-            n.name: _quantity(fit, bars, j, _START_UNITS.get(n.name, "rad"))
+            n.name: _quantity(
+                fit, bars, j, "m/s" if n.name.startswith("gust.") else _START_UNITS.get(n.name, "rad")
+            )
             for j, n in enumerate(fit.problem.layout.nuisances)
             if n.piece == i
         }

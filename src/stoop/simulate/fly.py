@@ -167,7 +167,7 @@ def _changed(vehicle: Vehicle, flown: Flown) -> list[str]:
 
 
 def _altitude(vehicle: Vehicle, maneuver: Maneuver, flown: Flown) -> FloatArray:
-    """Integrate the climb rate that the noise-free readings imply, m (steady air)."""
+    """Integrate the climb rate that the noise-free readings imply, m: gusts count as if the aircraft climbed."""
     y = dict.fromkeys(CHANNELS, np.zeros(len(flown.time))) | dict(
         zip(vehicle.outputs, flown.outputs.T, strict=True)
     )
