@@ -148,6 +148,9 @@ def _with_constants(
 ) -> Solved:
     """Find constants from what the other terms leave of the means; their errors come from those of the others."""
     values, covariance = solved.values.copy(), np.nan_to_num(solved.covariance)
+    untold = np.isnan(np.diag(solved.covariance))
+    untold[list(constants.values())] = False
+    lost = untold.copy()
     for coefficient, place in constants.items():
         own = [b for b in blocks if b.coefficient == coefficient]
         y, X = np.concatenate([b.y for b in own]), np.concatenate([b.X for b in own])
@@ -158,4 +161,6 @@ def _with_constants(
         along = -(covariance @ mean)
         covariance[place, :], covariance[:, place] = along, along
         covariance[place, place] = mean @ covariance @ mean + noise
+        lost[place] = bool(np.any(mean[untold] != 0.0))  # what stood still off zero is one with the constant
+    covariance[lost, :] = covariance[:, lost] = np.nan
     return Solved(values, covariance, solved.white, solved.sigma, solved.r2)

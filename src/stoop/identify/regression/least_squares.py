@@ -14,6 +14,8 @@ from stoop.identify.regression.domain import Domain
 FloatArray = NDArray[np.float64]
 ROUNDS: Final = 3  #: of weighing coefficients by their residuals
 TINY: Final = 1e-9  #: a column below this share of the largest says nothing
+SINGULAR: Final = 1e-13  #: of the greatest scaled eigenvalue; below it is rounding, not information
+TOUCHED: Final = 1e-3  #: a parameter with a larger component in a direction without information is not told
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +63,7 @@ class Solved:
     ----------
     values : (k,)
     covariance : (k, k)
-        Corrected for the color of the residuals.
+        Corrected for the color of the residuals; NaN for what no row tells, alone or in combination.
     white : (k, k)
         As if the residuals were white.
     sigma : mapping of str to float
@@ -132,9 +134,20 @@ def _weighted(
     told = size > TINY * size.max(initial=0.0)
     scale = size[told]
     lower, upper = (side[told] * scale for side in bounds)
+    held = priors.value[told] * scale
+    lost = _unseen(A[:, told] / scale)  # along these the numbers stay where they were
+    rows, wanted = np.concatenate([A[:, told] / scale, lost]), np.concatenate([y, lost @ held])
     out = priors.value.copy()
-    out[told] = lsq_linear(A[:, told] / scale, y, bounds=(lower, upper)).x / scale
+    out[told] = lsq_linear(rows, wanted, bounds=(lower, upper)).x / scale
     return out
+
+
+def _unseen(A: FloatArray) -> FloatArray:
+    """Return the directions (m, k) that no row tells, of columns of length 1."""
+    if not A.size:
+        return np.empty((0, A.shape[1]))
+    values, vectors = np.linalg.eigh(A.T @ A)
+    return np.asarray(vectors[:, values <= SINGULAR * values[-1]].T)
 
 
 def _residuals(blocks: Sequence[Block], coefficient: str, values: FloatArray) -> FloatArray:
@@ -159,7 +172,6 @@ def _covariances(
     blocks: Sequence[Block], values: FloatArray, priors: Priors, sigma: dict[str, float], domain: Domain
 ) -> tuple[FloatArray, FloatArray]:
     """Return the covariance of white and of colored residuals, M^-1 and M^-1 [sum X' V X] M^-1."""
-    count = len(values)
     M, middle = np.diag(priors.precision), np.diag(priors.precision)
     for b in blocks:
         weight = 1.0 / sigma[b.coefficient] ** 2
@@ -168,13 +180,20 @@ def _covariances(
         degrees = len(v) / max(len(v) - len(own), 1)
         M[square] += weight * (X.T @ X)
         middle[square] += weight**2 * degrees * domain.spread(X, v, b.dt)
-    scale = np.sqrt(np.maximum(np.diag(M), np.finfo(float).tiny))
-    told = np.diag(M) > 0.0
-    inverse = np.full((count, count), np.nan)
-    inverse[np.ix_(told, told)] = np.linalg.pinv(
-        (M / np.outer(scale, scale))[np.ix_(told, told)], hermitian=True
-    )
-    inverse = np.where(np.isfinite(inverse), inverse / np.outer(scale, scale), np.nan)
-    known = np.nan_to_num(inverse)
-    colored = known @ middle @ known
-    return inverse, np.where(np.isfinite(inverse), colored, np.nan)
+    inverse, told = _inverted(M)
+    both = np.outer(told, told)
+    return np.where(both, inverse, np.nan), np.where(both, inverse @ middle @ inverse, np.nan)
+
+
+def _inverted(M: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return the inverse (k, k) without the directions that no row tells, and which parameters those leave alone.
+
+    A pseudo-inverse gives what moves along such a direction an error of zero there: the opposite of the truth.
+    """
+    diagonal = np.diag(M)
+    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    values, vectors = np.linalg.eigh(M / np.outer(scale, scale))
+    kept = values > SINGULAR * max(float(values[-1]), 0.0)
+    factor = vectors[:, kept] / np.sqrt(values[kept]) / scale[:, None]
+    told = (diagonal > 0.0) & (np.linalg.norm(vectors[:, ~kept], axis=1) <= TOUCHED)
+    return factor @ factor.T, told

@@ -71,9 +71,15 @@ def _fitted(
 
 
 def _covariance(layout: Layout, found: Regressed) -> FloatArray:
-    """Return the covariance of all free parameters; zero rows for what was not estimated."""
+    """Return the covariance of all free parameters; zero rows for what was not estimated.
+
+    What no row tells has infinite variance.
+    """
+    own = found.solved.covariance.copy()
+    untold = np.flatnonzero(np.isnan(np.diag(own)))
+    own[untold, untold] = np.inf
     out = np.zeros((layout.dimension, layout.dimension))
-    out[np.ix_(found.places, found.places)] = np.nan_to_num(found.solved.covariance)
+    out[np.ix_(found.places, found.places)] = own
     return out
 
 

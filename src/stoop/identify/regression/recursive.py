@@ -37,6 +37,7 @@ from stoop.vehicle import Vehicle
 FloatArray = NDArray[np.float64]
 STENCIL: Final = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0  #: central difference of fourth order, times dt
 CENTER: Final = 2  #: samples by which estimates lag the flight
+NUISANCES: Final = 2  #: bias and drift of each coefficient
 
 
 class GrowingTransform:
@@ -66,7 +67,7 @@ class GrowingTransform:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A term's parameter at some instant."""
+    """A term's parameter at some instant; its error is infinite where nothing tells it."""
 
     value: float
     std_error: float
@@ -119,24 +120,29 @@ class RealTime:
 
     def estimate(self) -> dict[str, Estimate]:
         """Return the estimates by parameter, constants left out; empty while there is too little to say anything."""
-        count = self._transform.count
-        if 2 * len(self._frequencies) <= len(self._places) or count * self._dt * self._frequencies[-1] < 1.0:
-            return {}
+        repeated, rows = self._repeated(), 2 * len(self._frequencies)
         blocks = self._blocks()
+        most = max(int(np.count_nonzero(b.own)) for b in blocks)
+        freedom = rows / repeated - most - NUISANCES  # what is left of rows that say something new
+        if freedom < 1.0:
+            return {}
         parameters = [self._layout.parameters[i] for i in self._places]
         solved = solve(blocks, unbounded(parameters), priors_of(parameters), Band())
-        # frequencies closer than one over the record's length repeat each other
-        lasting = min(count * self._dt, self._memory)
-        repeated = max(1.0, 1.0 / (lasting * self._spacing())) if len(self._frequencies) > 1 else 1.0
-        std = np.sqrt(np.maximum(np.diag(solved.covariance), 0.0) * repeated)
+        variance = np.nan_to_num(np.diag(solved.covariance), nan=np.inf)
+        std = np.sqrt(np.maximum(variance, 0.0) * (rows - most) / freedom)
         return {
             p.name: Estimate(float(solved.values[k]), float(std[k]))
             for k, p in enumerate(parameters)
             if k not in self._constants
         }
 
-    def _spacing(self) -> float:
-        return float(self._frequencies[1] - self._frequencies[0])
+    def _repeated(self) -> float:
+        """Return how often the rows say the same: frequencies closer than one over the record's length do."""
+        if len(self._frequencies) < 2:
+            return 1.0
+        spacing = float(self._frequencies[1] - self._frequencies[0])
+        lasting = min(max(self._transform.count, 1) * self._dt, self._memory)
+        return max(1.0, 1.0 / (lasting * spacing))
 
     def _blocks(self) -> list[Block]:
         """Return the regression of each coefficient, bias and drift taken off."""

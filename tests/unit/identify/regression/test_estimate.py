@@ -16,6 +16,7 @@ from stoop.identify.regression.estimate import regressed
 from stoop.identify.regression.least_squares import Block, Priors, solve
 from stoop.identify.regression.methods import equation_error, frequency_domain
 from stoop.identify.windows import Window
+from stoop.job.givenbars import error_bars
 from stoop.vehicle import Vehicle
 
 WINDOW = [Window("noisy", 0.0, 25.0)]
@@ -80,6 +81,31 @@ def test_priors_pull_and_bounds_hold() -> None:
     assert tight.values[0] == pytest.approx(5.0, abs=1e-4)
     boxed = solve([Block("a", y, X, 0.02)], (np.zeros(3), np.array([9.0, 9.0, 2.0])), FREE, Band())
     assert boxed.values[2] == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-9, 1e-7])
+def test_what_no_row_tells_apart_has_no_error_bar(apart: float) -> None:
+    """A loop that ties elevator to angle of attack: their sum is told, neither of them; the numbers stay near the file's."""
+    rng = np.random.default_rng(0)
+    x, other, off = rng.standard_normal((3, 400))
+    X = np.column_stack([x, 2.0 * x + apart * off, other])
+    y = X @ [1.0, 0.5, 1.0] + 0.1 * rng.standard_normal(400)
+    solved = solve([Block("Cm", y, X, 0.02)], OPEN, FREE, Band())
+    assert np.isnan(np.diag(solved.covariance)).tolist() == [True, True, False]
+    assert solved.values[0] + 2.0 * solved.values[1] == pytest.approx(2.0, abs=0.05)
+    assert np.abs(solved.values).max() < 2.0
+
+
+@pytest.mark.parametrize("method", [equation_error, frequency_domain])
+def test_a_control_that_stands_still_gets_no_number(full: Vehicle, noisy: Flight, method: object) -> None:
+    """Nor does the constant that it is one with."""
+    still = replace(noisy, data=noisy.data.assign(elevator=0.0 * noisy.data["elevator"] - 0.05))
+    found = method(full, {"noisy": still}, WINDOW, Options(method="frequency-domain"))  # type: ignore[operator]
+    bars = error_bars(found, 1.0)
+    for name in ("Cmelevator", "Cm0"):
+        assert not bars.judged[name].identifiable
+        assert "do not see it" in bars.judged[name].reason
+    assert bars.judged["Clp"].identifiable
 
 
 @pytest.mark.parametrize(("domain", "color"), [(Band(0.1, 5.0), 0.0), (Time(0.06), 0.0), (Time(0.06), 0.9)])

@@ -116,3 +116,15 @@ def test_nothing_free_is_refused(full: Vehicle) -> None:
     held = full.with_numbers({p.name: {"free": False} for p in full.parameters})
     with pytest.raises(IdentificationError, match="no aerodynamic term is free"):
         RealTime(held, 0.02, np.array([0.1, 0.2]))
+
+
+def test_error_bars_of_a_short_record_are_honest(full: Vehicle, noisy: Flight) -> None:
+    """Frequencies closer than one over the record repeat each other; with few that differ nothing is said."""
+    estimator = online(full, noisy)
+    assert flown(full, noisy, estimator, 0, 60) == {}
+    off = []
+    for k in range(60, 300, 60):
+        found = flown(full, noisy, estimator, k, k + 60)
+        off += [(e.value - full.value(n)) / e.std_error for n, e in found.items()]
+    assert len(off) > 50
+    assert np.sqrt(np.mean(np.square(off))) < 1.5
