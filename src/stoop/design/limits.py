@@ -73,10 +73,14 @@ class Limits:
         _known(own, vehicle.controls, vehicle.where, "control")
         _known(wanted, vehicle.outputs, vehicle.where, "channel")
         _contains(wanted, trim, vehicle.where)
-        moved = {c: own.get(c, AMPLITUDE) for c in vehicle.controls}
-        return cls(
-            {c: a for c, a in moved.items() if a > 0.0}, slew, default_envelope(vehicle, trim) | wanted
-        )
+        amplitudes = {c: own.get(c, AMPLITUDE) for c in vehicle.controls}
+        moved = {c: a for c, a in amplitudes.items() if a > 0.0}
+        if not moved:
+            raise SimulationError(
+                f"{vehicle.where}: no control is moved ({', '.join(amplitudes) or 'it has none'}); "
+                "give one an amplitude above zero"
+            )
+        return cls(moved, slew, default_envelope(vehicle, trim) | wanted)
 
     def excess(self, readings: FloatArray, outputs: Sequence[str]) -> float:
         """Return by how much readings (n, n_y) leave the envelope, in its widths; zero inside."""

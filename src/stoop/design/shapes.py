@@ -12,12 +12,14 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from stoop.errors import SimulationError
 from stoop.simulate.maneuver import PATTERNS, Harmonics, Input, Levels, Steps
 
 FloatArray = NDArray[np.float64]
 LEAD: Final = 0.5  #: s of steady flight before and after the inputs
+REACHED: Final = 0.999  #: of what the slew allows, so that rounding does not ask for more
 LEAST: Final = 0.2  #: of the allowed amplitude; less shows nothing
 
 
@@ -47,6 +49,14 @@ class Frame:
     def active(self) -> float:
         """Seconds in which there are inputs."""
         return self.duration - 2.0 * LEAD
+
+    def reached(self, amplitude: float, longest: float) -> float:
+        """Return the amplitude, or what a slow surface can turn round within the longest step, s."""
+        return min(amplitude, REACHED * 0.5 * self.slew * longest)
+
+    def least(self, amplitude: float) -> float:
+        """Return the shortest step, s, in which a surface gets from one side to the other."""
+        return max(self.shortest, 2.0 * abs(amplitude) / self.slew)
 
 
 class Shape(Protocol):
@@ -94,8 +104,8 @@ class StepRows:
 
     def _row(self, control: str, most: float, point: FloatArray) -> Input:
         signed = 2.0 * float(point[2]) - 1.0
-        amplitude = np.copysign(most * max(LEAST, abs(signed)), signed)
-        least = max(self.frame.shortest, 2.0 * abs(amplitude) / self.frame.slew)
+        size = self.frame.reached(most * max(LEAST, abs(signed)), self._longest)
+        amplitude, least = np.copysign(size, signed), self.frame.least(size)
         step = least + float(point[1]) * (self._longest - least)
         begin = LEAD + float(point[0]) * (self.frame.active - self._units * step)
         return Steps.model_validate(
@@ -105,7 +115,7 @@ class StepRows:
 
     def _placed(self, begin: float, step: float) -> tuple[float, float]:
         """Return the unknowns of a row at full amplitude that begins and steps about so."""
-        least = max(self.frame.shortest, 2.0 * max(self.frame.amplitude.values()) / self.frame.slew)
+        least = self.frame.least(self.frame.reached(max(self.frame.amplitude.values()), self._longest))
         room = self.frame.active - self._units * step
         at = begin / room if room > 0.0 else 0.0
         return float(np.clip(at, 0.0, 1.0)), float(
@@ -152,8 +162,8 @@ class SquareWaves:
 
     def _wave(self, control: str, most: float, point: FloatArray) -> Input:
         signed = 2.0 * float(point[0]) - 1.0
-        amplitude = float(np.copysign(most * max(LEAST, abs(signed)), signed))
-        least = max(self.frame.shortest, 2.0 * abs(amplitude) / self.frame.slew)
+        size = self.frame.reached(most * max(LEAST, abs(signed)), self.frame.active / self.levels)
+        amplitude, least = float(np.copysign(size, signed)), self.frame.least(size)
         shares = (0.01 + point[1:]) / np.sum(0.01 + point[1:])
         lengths = least + shares * (self.frame.active - self.levels * least)
         signs = (-1.0) ** np.arange(self.levels)
@@ -207,6 +217,7 @@ class Multisines:
     def _sum(self, control: str, most: float, harmonics: NDArray[np.intp], point: FloatArray) -> Input:
         count = len(harmonics)
         weights, phases = point[1 : 1 + count], 2.0 * np.pi * point[1 + count :]
+        phases = _from_zero(harmonics, weights, phases)
         peak, speed = self._peaks(harmonics, weights, phases)
         share = LEAST + (1.0 - LEAST) * float(point[0])
         scale = min(share * most / peak, self.frame.slew / speed) if peak > 0.0 else 0.0
@@ -237,6 +248,22 @@ class Multisines:
             weights = (harmonics / harmonics[0]) ** -fall
             out += [(share - LEAST) / (1.0 - LEAST), *weights, *phases]
         return out
+
+
+def _from_zero(harmonics: NDArray[np.intp], weights: FloatArray, phases: FloatArray) -> FloatArray:
+    """Return the phases of the same sum begun where it is zero: nothing jumps when it begins or ends."""
+
+    def at(angle: float) -> float:
+        return float(np.sin(harmonics * angle + phases) @ weights)
+
+    count = 16 * int(harmonics[-1])
+    angles = 2.0 * np.pi * np.arange(count + 1) / count
+    values = np.sin(np.outer(angles, harmonics) + phases) @ weights
+    i = int(np.argmax(values[:-1] * values[1:] <= 0.0))  # its mean is zero, so it changes sign
+    crossed = at(angles[i]) * at(angles[i + 1]) < 0.0
+    nearest = angles[i + int(np.argmin(np.abs(values[i : i + 2])))]
+    begin = brentq(at, angles[i], angles[i + 1], xtol=1e-13) if crossed else nearest
+    return np.asarray(np.mod(phases + harmonics * begin, 2.0 * np.pi))
 
 
 SHAPES: Final[dict[str, Callable[[Frame], Any]]] = {

@@ -91,6 +91,7 @@ def test_page_shows_text_as_text(folder: Path) -> None:
         (["twin-boom", "--amplitude", "flap=3"], "there is no control 'flap'"),
         (["twin-boom", "--amplitude", "three"], "'three' is not a number; write DEG or CONTROL=DEG"),
         (["twin-boom", "--amplitude", "100"], "not between 0 and 90 degrees"),
+        (["twin-boom", "--amplitude", "0"], "give one an amplitude above zero"),
         (["twin-boom", "--within", "alpha=5"], "write CHANNEL=LOW:HIGH"),
         (["twin-boom", "--within", "alpha=9:5"], "LOW below HIGH"),
         (["twin-boom", "--within", "alpha=-9:-5"], "widen that limit or choose another airspeed"),
