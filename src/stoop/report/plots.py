@@ -33,6 +33,7 @@ from stoop.report.svg import (
 WIDTH: Final = 640.0  #: px
 HEIGHT: Final = 300.0  #: px of the box of a plot
 STRIP: Final = 84.0  #: px of the box of one strip
+BETWEEN: Final = 32.0  #: px between strips, so that the lowest tick of one is clear of the name of the next
 LEFT, RIGHT, TOP, FLOOR = 58.0, 14.0, 24.0, 40.0
 HUES: Final = 8  #: classes hue0, hue1, ... of the style sheet
 DASHES: Final = 3
@@ -119,11 +120,11 @@ def stacked_plots(strips: Sequence[Strip], x_label: str, description: str) -> Ma
     for strip in strips:
         box = Box(LEFT, top, WIDTH - LEFT - RIGHT, STRIP)
         y = _axis([one.y for one in strip.series], False, None, STRIP, 0.0)
-        parts += [*_levels(box, y, 3), *_columns(box, x, 10, labels=strip is strips[-1])]
+        parts += [*_levels(box, y, _enough(y, 3)), *_columns(box, x, 10, labels=strip is strips[-1])]
         parts += _labels(box, x_label if strip is strips[-1] else "", strip.label)
         parts.append(_inside(box, [_drawn(one, looks[one.name], x, y) for one in strip.series]))
-        top += STRIP + TOP
-    whole = drawing(WIDTH, top - TOP + FLOOR, description, parts)
+        top += STRIP + BETWEEN
+    whole = drawing(WIDTH, top - BETWEEN + FLOOR, description, parts)
     return _with_keys(whole, {one.name: (looks[one.name], one.kind) for one in every})
 
 
@@ -204,6 +205,11 @@ def _decade_text(value: float) -> str:
         return f"{value:.10g}"
     mantissa, exponent = f"{value:.0e}".split("e")
     return ("" if mantissa == "1" else mantissa + "·") + "10" + str(int(exponent)).translate(RAISED)
+
+
+def _enough(scale: AnyScale, most: int) -> int:
+    """Return so many ticks, or a few more where those would be less than two: one level is no scale."""
+    return next((n for n in range(most, 2 * most) if len(_ticks(scale, n)) > 1), most)
 
 
 def _levels(box: Box, scale: AnyScale, most: int) -> list[Markup]:
