@@ -27,6 +27,7 @@ def regressed_fit(
     name: str,
     warnings: Sequence[str] = (),
     statements: Sequence[str] = (),
+    white: FloatArray | None = None,
 ) -> Fit:
     """Return the fit of a method that does not simulate.
 
@@ -46,6 +47,8 @@ def regressed_fit(
     name : str
         Of the method.
     warnings, statements : sequence of str
+    white : (D, D), optional
+        Likewise, as if residuals were white; none where the method did not look at their color.
     """
     layout = problem.layout
     start = np.array([values.get(p.name, p.value) for p in layout.parameters])
@@ -56,10 +59,18 @@ def regressed_fit(
         problem = problem.weighted(Weights.of(noise_variance(problem, z)))
         cost = float(np.sum(problem.residuals(z[None, :], len(problem.prices) - 1) ** 2))
     outcome = optimize.Outcome(z, cost, spent, 0, "converged", "", np.empty((0, 2)), None, name)
-    whole = np.zeros((len(z), len(z)))
-    whole[: problem.dimension, : problem.dimension] = covariance
     said = (*prepared.warnings, *warnings, *(() if np.isfinite(cost) else (DIVERGED,)))
-    return Fit(problem, prepared, z, outcome, cost, spent, said, tuple(statements), covariance=whole)
+    whole, plain = (None if c is None else _padded(c, len(z)) for c in (covariance, white))
+    return Fit(
+        problem, prepared, z, outcome, cost, spent, said, tuple(statements), covariance=whole, white=plain
+    )
+
+
+def _padded(covariance: FloatArray, size: int) -> FloatArray:
+    """Return a covariance (size, size), zero for the nuisances."""
+    out = np.zeros((size, size))
+    out[: len(covariance), : len(covariance)] = covariance
+    return out
 
 
 def _with_nuisances(problem: Misfit, z: FloatArray) -> tuple[FloatArray, float]:

@@ -26,7 +26,7 @@ class ErrorBars:
     covariance : (k, k)
         Corrected for the residuals' color; zero rows for what a bound holds.
     white : (k,)
-        Standard errors as if residuals were white (plain Cramer-Rao).
+        Standard errors as if residuals were white (plain Cramer-Rao); NaN where a method did not look at their color.
     held : (k,) bool
         Whether a bound holds the entry.
     judged : dict

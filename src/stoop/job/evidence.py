@@ -30,10 +30,9 @@ _AXES = {"pitch": ("Cm", "elevator"), "roll": ("Cl", "aileron"), "yaw": ("Cn", "
 
 def with_evidence(result: Result, fit: Fit, bars: ErrorBars) -> Result:
     """Return the result with its two error bars side by side, which to trust, and what the data can tell."""
-    methods = {
-        CORRECTED: MethodSpread(_spreads(result, bars, bars.std)),
-        CRAMER_RAO: MethodSpread(_spreads(result, bars, bars.white)),
-    }
+    methods = {CORRECTED: MethodSpread(_spreads(result, bars, bars.std))}
+    if not np.isnan(bars.white).all():  # a method that takes residuals as white has nothing to compare
+        methods[CRAMER_RAO] = MethodSpread(_spreads(result, bars, bars.white))
     return replace(
         result,
         uncertainty=methods,

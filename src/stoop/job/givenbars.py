@@ -37,7 +37,7 @@ def error_bars(fit: Fit, _color: float) -> ErrorBars:
     judged = {name: Identifiability(name, False, why, np.inf, np.inf, 0.0) for name, why in whys.items()}
     return ErrorBars(
         covariance=covariance,
-        white=standard_errors(covariance),
+        white=np.full(len(fit.z), np.nan) if fit.white is None else standard_errors(fit.white),
         held=np.zeros(len(fit.z), dtype=np.bool_),
         judged=judged | {j.name: j for j in found},
         leaning=(),

@@ -29,9 +29,9 @@ def trust(parameters: Mapping[str, ParameterEstimate], methods: Mapping[str, Met
     ----------
     parameters : mapping of str to ParameterEstimate
     methods : mapping of str to MethodSpread
-        ``corrected`` and ``cramer_rao`` at least; without them nothing is said.
+        ``corrected`` at least, without it nothing is said; nothing of color without ``cramer_rao``.
     """
-    if not {CORRECTED, CRAMER_RAO} <= set(methods):
+    if CORRECTED not in methods:
         return ()
     sure = {name: p for name, p in parameters.items() if p.identifiable and not p.at_bound}
     said = [_color(sure, methods), _bootstrap(sure, methods), *_posterior(sure, methods), *_profile(sure, methods)]  # fmt: skip
@@ -45,7 +45,7 @@ def trust(parameters: Mapping[str, ParameterEstimate], methods: Mapping[str, Met
 
 
 def _color(sure: Mapping[str, ParameterEstimate], methods: Mapping[str, MethodSpread]) -> str:
-    ratios = _ratios(sure, methods[CORRECTED], methods[CRAMER_RAO])
+    ratios = _ratios(sure, methods[CORRECTED], methods[CRAMER_RAO]) if CRAMER_RAO in methods else {}
     if not ratios:
         return ""
     typical = float(np.median(list(ratios.values())))

@@ -27,6 +27,10 @@ class Domain(Protocol):
     def holds_constants(self) -> bool:
         """Whether a constant survives the operation."""
 
+    @property
+    def sees_color(self) -> bool:
+        """Whether error bars follow from the color that residuals show, or take them as white."""
+
     def rows(self, signals: FloatArray, dt: float) -> FloatArray:
         """Return the rows (m, k) that signals (n, k) give; none where they are too short.
 
@@ -61,6 +65,7 @@ class Time:
 
     span: float = SPAN
     holds_constants: bool = True
+    sees_color: bool = True
 
     def rows(self, signals: FloatArray, dt: float) -> FloatArray:
         """Return smoothed samples (m, k); in between there is nothing new."""
@@ -118,6 +123,7 @@ class Band:
     low: float = 0.1
     high: float = 2.0
     holds_constants: bool = False
+    sees_color: bool = False
 
     def frequencies(self, count: int, dt: float) -> FloatArray:
         """Return the frequencies, Hz, for a record of so many samples."""

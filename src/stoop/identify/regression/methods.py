@@ -41,7 +41,7 @@ def frequency_domain(
 ) -> Fit:
     """Fit the free terms to Fourier coefficients of a band; a method of `stoop.identify.methods`."""
     band = Band()
-    where = f"on Fourier coefficients from {band.low:g} to {band.high:g} Hz"
+    where = f"on Fourier coefficients from {band.low:g} to {band.high:g} Hz, where residuals count as white"
     return _fitted(vehicle, flights, windows, options, band, where)
 
 
@@ -64,18 +64,20 @@ def _fitted(
     layout, solved = problem.layout, found.solved
     values = {layout.parameters[i].name: float(v) for i, v in zip(found.places, solved.values, strict=True)}
     warnings = (*_untouched(others), *_poorly_explained(found))
+    white = _covariance(layout, found, solved.white) if domain.sees_color else None
     statements = (HOW.format(where=where), EXPLAINED.format(shares=_shares(found)))
     return regressed_fit(
-        problem, prepared, values, _covariance(layout, found), options.method, warnings, statements
-    )
+        problem, prepared, values, _covariance(layout, found, solved.covariance), options.method, warnings, statements,
+        white,
+    )  # fmt: skip
 
 
-def _covariance(layout: Layout, found: Regressed) -> FloatArray:
+def _covariance(layout: Layout, found: Regressed, solved: FloatArray) -> FloatArray:
     """Return the covariance of all free parameters; zero rows for what was not estimated.
 
     What no row tells has infinite variance.
     """
-    own = found.solved.covariance.copy()
+    own = solved.copy()
     untold = np.flatnonzero(np.isnan(np.diag(own)))
     own[untold, untold] = np.inf
     out = np.zeros((layout.dimension, layout.dimension))

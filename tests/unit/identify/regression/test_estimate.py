@@ -142,6 +142,16 @@ def test_methods_of_identify(full: Vehicle, noisy: Flight, method: object) -> No
     assert any("least squares" in s for s in found.statements)
 
 
+def test_what_was_not_looked_at_is_not_called_white(full: Vehicle, noisy: Flight) -> None:
+    """A band takes residuals as white: that is an assumption and no finding."""
+    band = error_bars(frequency_domain(full, {"noisy": noisy}, WINDOW, Options()), 1.0)
+    assert np.isnan(band.white).all()
+    time = error_bars(equation_error(full, {"noisy": noisy}, WINDOW, Options()), 1.0)
+    told = time.std > 0.0
+    assert np.isfinite(time.white[told]).all()
+    assert (np.abs(time.std[told] / time.white[told] - 1.0) > 0.01).any()
+
+
 def test_numbers_that_are_no_terms_are_held_and_said(full: Vehicle, noisy: Flight) -> None:
     freed = full.with_numbers({"mass.inertia.yy": {"free": True, "prior": 10.0}})
     found = frequency_domain(freed, {"noisy": noisy}, WINDOW, Options(method="frequency-domain"))
