@@ -119,7 +119,7 @@ def test_one_flight_of_each_case(case: str) -> None:
     """Estimates lie where their error bars say, and the same arguments give the same bytes."""
     found = cover({"case": case, "seed": 7}, [None])[0]
     z = np.array(found["errors"]) / np.array(found["sigma"])
-    assert len(z) == 32
+    assert len(z) == (35 if case == "dryden" else 32)  # the intensities of the gusts too
     assert found["status"] == "converged"
     assert np.abs(z).max() < 4.5
     assert np.mean(z**2) < 2.5
