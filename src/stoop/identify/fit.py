@@ -112,12 +112,12 @@ class Fit:
         residuals.
     covariance : (D + E, D + E), optional
         Of parameters and nuisances in SI, where the method gives it with the estimates.
-    white : (D + E, D + E), optional
-        Likewise, as if residuals were white, where their color was measured.
     evidence : Evidence, optional
         Residuals and sensitivities, where they are not those of the simulation.
     simulated : tuple of (n, n_y), optional
         Readings of each piece, where they are not those of one simulation from its first sample.
+    white : (D + E, D + E), optional
+        Like `covariance`, as if residuals were white, where the method looked at their color.
     """
 
     problem: Misfit
@@ -130,9 +130,9 @@ class Fit:
     statements: tuple[str, ...] = field(default=())
     noise: FloatArray | None = None
     covariance: FloatArray | None = None
-    white: FloatArray | None = None
     evidence: Evidence | None = None
     simulated: tuple[FloatArray, ...] | None = None
+    white: FloatArray | None = None
 
     @property
     def estimates(self) -> dict[str, float]:
