@@ -180,10 +180,17 @@ def _fit(
     noise = np.diag(likelihood.noise.variances(tail[None, :])[0])
     noise[~np.isfinite(noise)] = np.nan
     return Fit(
-        problem, prepared, best.z[:known], outcome, best.cost, runs, warnings,
-        _statements(likelihood, tail, at), np.where(np.eye(len(noise)) > 0.0, noise, 0.0), None,
-        _evidence(likelihood, best.z, at),
-    )  # fmt: skip
+        problem,
+        prepared,
+        best.z[:known],
+        outcome,
+        best.cost,
+        runs,
+        warnings,
+        statements=_statements(likelihood, tail, at),
+        noise=np.where(np.eye(len(noise)) > 0.0, noise, 0.0),
+        evidence=_evidence(likelihood, best.z, at),
+    )
 
 
 def _evidence(likelihood: Likelihood, z: FloatArray, at: Slope) -> Evidence:

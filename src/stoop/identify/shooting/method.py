@@ -126,10 +126,18 @@ class MultipleShooting:
         noise = np.diag(_noise(meeting, place))
         warnings = prepared.warnings + (() if rested or status == "interrupted" else (UNRESTED,))
         return Fit(
-            problem, prepared, place.z, outcome, place.cost, many, warnings,
-            (STATEMENT.format(length=self.length, gap=max(place.gap, 1e-15)),), noise, None,
-            _evidence(meeting, place), meeting.simulated(place),
-        )  # fmt: skip
+            problem,
+            prepared,
+            place.z,
+            outcome,
+            place.cost,
+            many,
+            warnings,
+            statements=(STATEMENT.format(length=self.length, gap=max(place.gap, 1e-15)),),
+            noise=noise,
+            evidence=_evidence(meeting, place),
+            simulated=meeting.simulated(place),
+        )
 
 
 def _check(problem: Misfit) -> None:
