@@ -130,6 +130,8 @@ def design(
         outcome = optimize.minimize(
             optimizer, problem, seed=plan.seed, starts=problem.shape.starts, stop=stop, callback=callback
         )
+    if outcome.status == "interrupted":
+        raise KeyboardInterrupt  # half a search is no design, and the families after it are not wanted either
     if not outcome.cost < OUTSIDE:
         raise SimulationError(
             f"design: no {shape} of these amplitudes stays within the envelope for {plan.duration:g} s; "

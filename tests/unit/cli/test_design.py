@@ -146,3 +146,16 @@ def test_an_option_given_twice_counts_twice() -> None:
     told = parser.parse_args(["twin-boom", "-o", "out", *words])
     assert told.amplitude == ["elevator=3", "rudder=5"]
     assert told.within == ["alpha=-5:10", "V=20:40"]
+
+
+def test_ctrl_c_ends_all_families_and_writes_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop(self: object, family: str, progress: object) -> None:
+        print(family)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("stoop.cli.design._Watch.see", stop)
+    assert main(["design", "twin-boom", *QUICK, "--evaluations", "500", "-o", str(tmp_path / "out")]) == 130
+    assert capsys.readouterr().out.split() == ["square"]
+    assert not list((tmp_path / "out").iterdir())
