@@ -207,7 +207,8 @@ def fit(
         if settled.interrupted:
             return _unsearched(settled, prepared, options)
         problem, spent = settled.problem, settled.spent
-        guesses = np.concatenate([settled.z[None, : problem.dimension], guesses])
+        others = np.pad(guesses, [(0, 0), (0, problem.extra)])
+        guesses = np.concatenate([settled.z[None, :], others])
     stop = replace(options.stop, budget=max(SEARCH * (options.budget - spent), float(len(guesses))))
     outcome = optimize.minimize(
         optimize.create(options.optimizer, stop.budget), problem, seed=options.seed, starts=guesses,

@@ -42,13 +42,23 @@ class Descent:
     seen: FloatArray
 
 
-def descend(ledger: Ledger, z: FloatArray, seen: FloatArray) -> Descent:
-    """Dive from z on each shortened record in turn, as long as the gates let it through."""
+def descend(ledger: Ledger, z: FloatArray, seen: FloatArray, bound: float = np.inf) -> Descent:
+    """Dive from z on each shortened record in turn, as long as the gates let it through.
+
+    Parameters
+    ----------
+    ledger : Ledger
+    z : (D + E,)
+    seen : (rungs,), least cost that earlier dives reached on each rung
+    bound : float
+        What an optimum that is trusted leaves on the full record: a prey that leaves more on a part of it
+        is not better, so it must fall fast on the way there.
+    """
     seen = seen.copy()
     descent = Descent(z, 0, np.inf, 0.0, True, seen)
     for rung in range(ledger.full):
-        end = dive(ledger, descent.z, rung, RUNG, worthy=-np.inf)
-        through = passes(ledger, end.cost, rung, seen)
+        end = dive(ledger, descent.z, rung, RUNG, incumbent=bound, worthy=-np.inf)
+        through = end.cost <= bound and passes(ledger, end.cost, rung, seen)
         seen[rung] = min(seen[rung], end.cost)
         descent = Descent(end.z, rung, end.cost, relative(ledger, end.cost, rung), through, seen)
         if not through:

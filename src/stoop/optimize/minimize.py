@@ -110,8 +110,8 @@ def minimize(
     problem : Problem
     seed : int
         Ignored when resuming.
-    starts : (k, D), optional
-        Own guesses in the unit box, tried first.
+    starts : (k, D) or (k, D + E), optional
+        Own guesses in the unit box, with nuisances where they are known, tried first.
     stop : Stop
     callback : callable, optional
         Called with a `Progress` after each step.
@@ -127,7 +127,7 @@ def minimize(
     page = blank(problem) if state is None else state.books
     ledger = Ledger(problem, page, stop.budget, stop.target_cost)
     run = _Run(optimizer, ledger, stop, callback, state)
-    status = run.until_end(seed, _as_starts(starts, problem.dimension))
+    status = run.until_end(seed, _as_starts(starts, problem))
     return run.outcome(status)
 
 
@@ -186,16 +186,18 @@ class _Run:
         )
 
 
-def _as_starts(starts: FloatArray | None, dimension: int) -> FloatArray:
-    """Return starts as (k, D), in the unit box."""
+def _as_starts(starts: FloatArray | None, problem: Problem) -> FloatArray:
+    """Return starts as (k, D) or (k, D + E), their first D in the unit box."""
+    dimension = problem.dimension
     if starts is None:
         return np.empty((0, dimension))
-    own = np.atleast_2d(np.asarray(starts, dtype=np.float64))
-    if own.shape[1] != dimension or not np.isfinite(own).all():
+    own = np.atleast_2d(np.array(starts, dtype=np.float64))
+    if own.shape[1] not in (dimension, dimension + problem.extra) or not np.isfinite(own).all():
         raise IdentificationError(
             f"optimize: starts must be finite and {dimension} wide, not {own.shape}; give one row per guess"
         )
-    return np.clip(own, 0.0, 1.0)
+    own[:, :dimension] = np.clip(own[:, :dimension], 0.0, 1.0)
+    return own
 
 
 def _check(optimizer: Optimizer[Any], problem: Problem, state: State | None) -> None:

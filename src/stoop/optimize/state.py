@@ -60,7 +60,11 @@ class Optimizer(Protocol[S]):
         """Registered name."""
 
     def init(self, problem: Problem, seed: int, starts: FloatArray) -> S:
-        """Return the state before the first step; starts is (k, D), the user's own guesses, k may be 0."""
+        """Return the state before the first step.
+
+        Starts are the user's own guesses, (k, D), or (k, D + E) with nuisances; k may be 0. Who keeps the
+        nuisances at zero leaves those of the guesses out.
+        """
 
     def step(self, state: S, problem: Problem) -> tuple[S, Event]:
         """Do one generation (evolution, scouting round or dive); the same state gives the same answer."""

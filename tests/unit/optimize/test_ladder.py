@@ -35,6 +35,16 @@ def test_a_good_prey_climbs_every_rung(
     assert end.cost == ledger.cost
 
 
+def test_what_is_worse_on_a_part_than_a_trusted_optimum_on_the_whole_is_shelved(
+    oscillation: Callable[..., Any], near: Callable[[float], np.ndarray]
+) -> None:
+    free = descend(pen(oscillation()), near(0.9), NONE)
+    assert descend(pen(oscillation()), near(0.9), NONE, free.cost).passed
+    barred = descend(pen(oscillation()), near(0.9), NONE, 0.99 * free.seen[0])
+    assert not barred.passed
+    assert barred.rung == 0
+
+
 def test_gates_know_no_noise() -> None:
     class Known:
         dimension, extra, prices = 1, 0, (0.5, 1.0)

@@ -289,6 +289,37 @@ def test_the_best_of_several_starts_is_dived_from_first(
     assert events[0].text.startswith("converged")
 
 
+def test_a_start_brings_its_nuisances(
+    oscillation: Callable[..., Any], near: Callable[[float], np.ndarray]
+) -> None:
+    """From the very optimum the first dive has nothing to do; without its nuisances it has."""
+    problem = oscillation(seed=1)
+    found = optimize.minimize(
+        optimize.create(), problem, seed=1, starts=near(0.98)[:4], stop=Stop(budget=5000)
+    )
+    spent = [
+        optimize.minimize(
+            optimize.create(), problem, seed=1, starts=start[None, :], stop=Stop(generations=1)
+        ).trajectories
+        for start in (found.z, found.z[:4])
+    ]
+    assert np.abs(found.z[4:]).max() > 0.01
+    assert spent[0] < spent[1]
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_populations_leave_the_nuisances_of_a_start_out(name: str, oscillation: Callable[..., Any]) -> None:
+    starts = np.array([[0.1, 0.2, 0.3, 0.4, 7.0], [0.5, 0.5, 0.5, 0.5, -7.0]])
+    stop = Stop(generations=1)
+    wide, narrow = (
+        optimize.minimize(optimize.create(name), oscillation(), seed=3, starts=s, stop=stop)
+        for s in (starts, starts[:, :4])
+    )
+    if name != "ps-gde-lm":
+        assert wide.z.tolist() == narrow.z.tolist()
+    assert np.isfinite(wide.cost)
+
+
 def test_one_rung_is_enough(oscillation: Callable[..., Any], least: Callable[[Any], float]) -> None:
     problem = oscillation(shares=(1.0,))
     outcome = optimize.minimize(optimize.create(), problem, seed=0, stop=Stop(budget=20_000))

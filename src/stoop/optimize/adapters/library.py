@@ -61,7 +61,7 @@ class Library:
             generation=0,
             stream=from_seed(seed),
             books=blank(problem),
-            starts=np.clip(starts, 0.0, 1.0),
+            starts=np.clip(starts[:, : problem.dimension], 0.0, 1.0),
         )
 
     def step(self, state: LibraryState, problem: Problem) -> tuple[LibraryState, Event]:

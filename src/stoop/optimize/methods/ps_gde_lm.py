@@ -16,7 +16,7 @@ from stoop.optimize.arrays import FloatArray
 from stoop.optimize.confirmation import Ends, no_ends
 from stoop.optimize.herd import Herd
 from stoop.optimize.ladder import Descent, descend, explains, finish
-from stoop.optimize.ledger import Ledger, blank, opened
+from stoop.optimize.ledger import Ledger, blank, opened, sum_of_squares
 from stoop.optimize.levenberg import AGREE
 from stoop.optimize.pieces.initialization import MEMBERS, latin_hypercube
 from stoop.optimize.problem import Problem
@@ -32,7 +32,7 @@ class PreyState(State):
 
     Attributes
     ----------
-    starts : (k, D), the user's own values, until they are tried
+    starts : (k, D + E), the user's own values, until they are tried
     scouts : (rounds * scouts, D), one Latin hypercube for all rounds
     round : rounds begun
     queue : (q, D), prey of this round still to be followed
@@ -74,7 +74,8 @@ class PsGdeLm:
       0.1 % of the best cost known, one of them to convergence; three where the model leaves more than a
       tenth of the trivial model's cost (`confirmation`); or
     - the dive from the user's own values converged, explains the data (`ladder.GATE`), and a whole scouting
-      round brought nothing better.
+      round brought nothing better; a prey that leaves more on a shortened record than this optimum on the
+      full one is not followed up the ladder (`ladder.descend`).
 
     Attributes
     ----------
@@ -98,7 +99,7 @@ class PsGdeLm:
             generation=0,
             stream=from_generator(generator),
             books=blank(problem),
-            starts=np.clip(starts, 0.0, 1.0),
+            starts=_widened(starts, width),
             scouts=scouts,
             round=0,
             queue=np.empty((0, D)),
@@ -153,16 +154,22 @@ class PsGdeLm:
         ), event
 
 
+def _widened(starts: FloatArray, width: int) -> FloatArray:
+    """Return starts (k, D + E), nuisances that are not given at zero."""
+    return np.pad(starts, [(0, 0), (0, width - starts.shape[1])])
+
+
 def _try_starts(state: PreyState, ledger: Ledger) -> tuple[PreyState, Event]:
     """Dive from the best of the user's values: at once if it explains the data, else by the ladder.
 
     Where that does not lead to a trusted optimum, the other values join the first scouts.
     """
-    F = ledger.costs(state.starts, ledger.full)
+    # one by one: a budget that ends between them keeps the best of those before
+    F = np.array([sum_of_squares(ledger.residuals(z[None, :], ledger.full)[0]) for z in state.starts])
     best = int(F.argmin())
-    others = np.delete(state.starts, best, axis=0)
-    z = np.concatenate([state.starts[best], np.zeros(ledger.extra)])
-    state = replace(state, starts=others[:0])
+    others = np.delete(state.starts, best, axis=0)[:, : ledger.dimension]
+    z = state.starts[best]
+    state = replace(state, starts=state.starts[:0])
     if explains(ledger, float(F[best]), ledger.full):
         state, event = _dive(state, ledger, z, FROM_START)
     else:
@@ -187,7 +194,7 @@ def _chase(state: PreyState, ledger: Ledger) -> tuple[PreyState, Event]:
 
 def _follow(state: PreyState, ledger: Ledger, z: FloatArray, lineage: int) -> tuple[PreyState, Event]:
     """Go up the ladder from z; dive on the full record if every gate opens, else shelve."""
-    descent = descend(ledger, z, state.seen)
+    descent = descend(ledger, z, state.seen, ledger.cost if state.trusted else np.inf)
     state = replace(state, seen=descent.seen)
     if not descent.passed:
         return _shelve(state, descent)

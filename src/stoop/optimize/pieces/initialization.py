@@ -19,8 +19,8 @@ def uniform(number: int, dimension: int, generator: np.random.Generator) -> Floa
 
 
 def placed(X: FloatArray, starts: FloatArray) -> FloatArray:
-    """Return members X, (n, D), of which the user's own values, (k, D), have taken the first places."""
-    first = np.clip(starts, 0.0, 1.0)[: len(X)]
+    """Return members X, (n, D), of which the user's own values, (k, D) or wider, have taken the first places."""
+    first = np.clip(starts[: len(X), : X.shape[1]], 0.0, 1.0)
     return np.concatenate([first, X[len(first) :]])
 
 
