@@ -150,7 +150,7 @@ def _tell(found: Determined, arguments: argparse.Namespace) -> None:
                 numbers("std error", columns[3]),
             ]
         )  # fmt: skip
-    notes = [n for chosen in found.structure.chosen.values() for n in chosen.notes]
+    notes = [*(n for c in found.structure.chosen.values() for n in c.notes), *found.structure.notes]
     if notes:
         out.heading("what to mind")
         out.bullets(notes)

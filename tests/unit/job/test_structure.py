@@ -94,7 +94,7 @@ def test_what_moves_together_is_said(aircraft: Vehicle, flight: Flight) -> None:
     candidates = {"Cm": ("alpha", "q", "elevator", "2*elevator", "beta")}
     found = determine(aircraft, {"sim": flight}, [Window("sim", 0.0, 60.0)], candidates, stepwise, BAND)
     notes = found.chosen["Cm"].notes
-    assert any("elevator and 2*elevator move together" in n for n in notes)
+    assert any("elevator, 2*elevator move together" in n for n in notes)
     assert any("beta did not move" in n for n in notes)
     assert len({"elevator", "2*elevator"} & set(found.chosen["Cm"].terms)) == 1
 

@@ -112,7 +112,7 @@ class Band:
     Attributes
     ----------
     low, high : float, Hz
-        No frequency below one over the length of the record is used.
+        No frequency below one over the length of the record is used, and none that samples do not tell.
 
     References
     ----------
@@ -128,8 +128,11 @@ class Band:
     def frequencies(self, count: int, dt: float) -> FloatArray:
         """Return the frequencies, Hz, for a record of so many samples."""
         step = 1.0 / (count * dt)
-        first = max(self.low, step)
-        return np.asarray(first + step * np.arange(max(0, int((self.high - first) / step + 1e-9) + 1)))
+        first, last = (
+            max(self.low, step),
+            min(self.high, 0.5 / dt - step),
+        )  # beyond, the same comes again mirrored
+        return np.asarray(first + step * np.arange(max(0, int((last - first) / step + 1e-9) + 1)))
 
     def rows(self, signals: FloatArray, dt: float) -> FloatArray:
         """Return real and imaginary parts, one below the other, scaled such that noise keeps its variance."""

@@ -30,6 +30,8 @@ class Rows:
     domain : Domain
     taken : int
         Degrees of freedom already spent, on constants.
+    parents : tuple of tuple of int
+        For each column those that it stands on (`stoop.identify.regression.hierarchy`); none without any.
     """
 
     y: FloatArray
@@ -38,6 +40,7 @@ class Rows:
     dt: float
     domain: Domain
     taken: int = 0
+    parents: tuple[tuple[int, ...], ...] = ()
 
     @cached_property
     def total(self) -> float:
@@ -48,6 +51,10 @@ class Rows:
     def count(self) -> int:
         """Number of rows."""
         return len(self.y)
+
+    def stands_on(self, column: int) -> tuple[int, ...]:
+        """Return the columns without which a column has no meaning."""
+        return self.parents[column] if self.parents else ()
 
     def spread(self, x: FloatArray, v: FloatArray) -> float:
         """Return the variance of x' v for noise of the color that residuals v show."""
@@ -135,6 +142,16 @@ class Model:
         x = self.rows.X[:, column]
         size, left = float(x @ x), self.beyond(column)
         return float(left @ left) / size if size > 0.0 else 0.0
+
+    def may_take(self, column: int) -> bool:
+        """Whether all that a column stands on is in the model."""
+        return set(self.rows.stands_on(column)) <= set(self.columns)
+
+    @property
+    def loose(self) -> tuple[int, ...]:
+        """Columns that no other column of the model stands on."""
+        held = {parent for column in self.columns for parent in self.rows.stands_on(column)}
+        return tuple(column for column in self.columns if column not in held)
 
     def with_column(self, column: int) -> Model:
         """Return the model with one more term."""

@@ -2,7 +2,8 @@
 
 Stepwise regression adds the candidate that says most and takes back what has become needless; orthogonal
 functions order the candidates by what each says beyond those before it. Both are judged by rules that are
-small functions of a model and one of its columns.
+small functions of a model and one of its columns. A column comes in after those that it stands on, and they stay
+as long as it does (`stoop.identify.regression.hierarchy`).
 
 References
 ----------
@@ -133,8 +134,8 @@ def stepwise(rows: Rows, rule: Rule = PartialF()) -> Selection:
 def _independent(rows: Rows) -> tuple[int, ...]:
     """Return the candidates in their order, less those that the ones before span."""
     model = Model(rows, ())
-    for column in range(rows.X.shape[1]):
-        if model.tolerance(column) >= TOLERANCE:
+    for column in sorted(range(rows.X.shape[1]), key=lambda c: len(rows.stands_on(c)) > 0):
+        if model.may_take(column) and model.tolerance(column) >= TOLERANCE:
             model = model.with_column(column)
     return model.columns
 
@@ -169,7 +170,7 @@ def _pruned(model: Model, rule: Rule) -> tuple[Model, list[Step]]:
     """Take out needless terms, the least telling first."""
     steps = list[Step]()
     while model.columns:
-        weakest = min(model.columns, key=model.partial_f)
+        weakest = min(model.loose, key=model.partial_f)
         if rule.needs(model, weakest):
             break
         smaller = model.without(weakest)
@@ -182,7 +183,9 @@ def most_telling(model: Model) -> int | None:
     """Return the candidate outside the model that lowers the sum of squares most; None where none is new."""
     gains = {}
     for column in range(model.rows.X.shape[1]):
-        if column in model.columns or model.freedom < 2 or model.tolerance(column) < TOLERANCE:
+        if column in model.columns or model.freedom < 2 or not model.may_take(column):
+            continue
+        if model.tolerance(column) < TOLERANCE:
             continue
         x = model.beyond(column)
         gains[column] = float(x @ model.rows.y) ** 2 / float(x @ x)

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 
 from stoop.cost import Piece
 from stoop.errors import IdentificationError
 from stoop.flight import Flight
 from stoop.identify.fit import without_stuck_channels
 from stoop.identify.prepare import prepare
+from stoop.identify.regression import hierarchy
 from stoop.identify.regression.domain import Domain
 from stoop.identify.regression.history import ESTIMATED, History, histories
 from stoop.identify.regression.rows import Model, Rows, stack
@@ -24,6 +26,7 @@ from stoop.vehicle import Vehicle, terms
 FloatArray = NDArray[np.float64]
 Choose = Callable[[Rows], Selection]
 ALIKE: Final = 0.95  #: correlation above which the data hardly tell two candidates apart
+FAIR: Final = 0.5  #: of the motion explained; less is no structure
 FEWEST_ROWS: Final = 3  #: times the candidates
 UNMEASURED: Final = (
     "airspeed, flow angles, rates, attitude and accelerations must be measured together, for "
@@ -101,7 +104,7 @@ def determine(
         )
     _check_variables(vehicle, {c: candidates[c] for c in known}, found[0])
     chosen = {c: _chosen(vehicle, c, tuple(candidates[c]), found, choose, domain) for c in known}
-    return Structure(chosen, found, prepared.notes)
+    return Structure(chosen, found, tuple(dict.fromkeys((*prepared.warnings, *prepared.notes))))
 
 
 def _check_variables(vehicle: Vehicle, candidates: Mapping[str, Sequence[str]], history: History) -> None:
@@ -141,10 +144,26 @@ def _chosen(
         raise IdentificationError(f"{vehicle.where}: {coefficient}: the windows are too short: {UNMEASURED}")
     still = np.linalg.norm(rows.X, axis=0) <= 1e-9 * np.sqrt(rows.count)
     moving = tuple(np.flatnonzero(~still).tolist())
-    reduced = Rows(rows.y, rows.X[:, moving], rows.stretches, rows.dt, rows.domain, rows.taken)
     names = tuple(candidates[i] for i in moving)
-    notes = (*_still(coefficient, candidates, still), *_alike(coefficient, names, reduced))
-    return Chosen(names, choose(reduced), notes)
+    known = {*terms.STATE_VARIABLES, *vehicle.file.controls}
+    parents = hierarchy.parents([terms.parse(name, known, coefficient) for name in names])
+    reduced = replace(rows, X=rows.X[:, moving], parents=parents)
+    selection = choose(reduced)
+    notes = (
+        *_still(coefficient, candidates, still), *_alike(coefficient, names, reduced),
+        *_little(coefficient, selection.model.r2),
+    )  # fmt: skip
+    return Chosen(names, selection, notes)
+
+
+def _little(coefficient: str, share: float) -> list[str]:
+    """Say when what was chosen explains little: terms are missing among the candidates, or in the inputs."""
+    if share >= FAIR:
+        return []
+    return [
+        f"{coefficient}: the chosen terms explain {max(share, 0.0):.0%} of its motion only, so this is not its structure: "
+        "larger inputs about its axis, a wider band, other candidates, or channels and inertia that are right"
+    ]
 
 
 def _still(coefficient: str, candidates: Sequence[str], still: NDArray[np.bool_]) -> list[str]:
@@ -155,11 +174,10 @@ def _still(coefficient: str, candidates: Sequence[str], still: NDArray[np.bool_]
 def _alike(coefficient: str, names: Sequence[str], rows: Rows) -> list[str]:
     """Say which candidates go together so closely that choosing one of them is luck."""
     correlation = np.corrcoef(rows.X, rowvar=False).reshape(len(names), len(names))
-    pairs = np.argwhere(np.triu(np.abs(correlation) > ALIKE, 1))
     said = [
-        f"{coefficient}: {names[i]} and {names[j]} move together (correlation {correlation[i, j]:+.2f}); "
-        "these flights hardly tell which is needed"
-        for i, j in pairs
+        f"{coefficient}: {', '.join(names[i] for i in group)} move together (correlation {_least(correlation, group):.2f} or "
+        "more); these flights hardly tell which is needed"
+        for group in _groups(np.abs(correlation) > ALIKE)
     ]
     spanned = [names[i] for i in range(len(names)) if _spanned(rows, i)]
     if spanned:
@@ -168,6 +186,17 @@ def _alike(coefficient: str, names: Sequence[str], rows: Rows) -> list[str]:
             "candidates; move the controls independently, or set reference.alpha to the mean angle of attack"
         )
     return said
+
+
+def _groups(alike: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+    """Return the places that are alike, directly or by way of others, group by group."""
+    count, member = connected_components(alike, directed=False)
+    groups = [np.flatnonzero(member == g) for g in range(count)]
+    return [group for group in groups if len(group) > 1]
+
+
+def _least(correlation: FloatArray, group: NDArray[np.intp]) -> float:
+    return float(np.min(np.abs(correlation[np.ix_(group, group)])))
 
 
 def _spanned(rows: Rows, column: int) -> bool:

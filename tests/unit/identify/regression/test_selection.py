@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import ast
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive.regression import best_subset, press, rss
 
+from stoop.identify.regression import hierarchy
 from stoop.identify.regression.domain import Band
 from stoop.identify.regression.rows import Model, Rows, stack
 from stoop.identify.regression.selection import (
@@ -16,6 +20,8 @@ from stoop.identify.regression.selection import (
     orthogonal,
     stepwise,
 )
+from stoop.identify.regression.structure import Choose
+from stoop.vehicle import terms
 
 
 def rows(y: np.ndarray, X: np.ndarray) -> Rows:
@@ -122,3 +128,45 @@ def test_stretches_are_stacked_and_constants_taken_off() -> None:
     data = stack(parts, Band(0.1, 2.0), 0.02)
     assert [s.stop - s.start for s in data.stretches] == [data.count // 2] * 2
     assert data.taken == 0
+
+
+def trees(*texts: str) -> list[ast.expr]:
+    return [terms.parse(t, {"alpha", "beta", "q", "elevator", "rudder"}, "test") for t in texts]
+
+
+def test_products_and_powers_stand_on_their_variables() -> None:
+    names = (
+        "alpha^3",
+        "alpha",
+        "elevator",
+        "alpha*elevator",
+        "beta^2",
+        "abs(alpha)",
+        "2*alpha",
+        "rudder*elevator",
+    )
+    found = hierarchy.parents(trees(*names))
+    assert found == ((1,), (), (), (1, 2), (), (), (), (2,))
+
+
+@pytest.mark.parametrize("criterion", [stepwise, orthogonal])
+def test_a_cubic_comes_with_its_linear_term(criterion: Choose) -> None:
+    """Cubic alone in truth: counted from another angle there are lower powers, so the linear one is kept."""
+    noise, X = drawn(11)
+    angle = X[:, 0] / np.std(X[:, 0])
+    columns = np.column_stack([angle**3, angle, X[:, 1]])
+    data = replace(rows(2.0 * angle**3 + 0.1 * noise, columns), parents=((1,), (), ()))
+    assert {0, 1} <= set(criterion(data).model.columns)
+    assert criterion(replace(data, parents=())).model.columns[0] == 0
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10_000))
+def test_nothing_is_chosen_without_what_it_stands_on(seed: int) -> None:
+    noise, X = drawn(seed, 60, 3)
+    columns = np.column_stack([X, X[:, 0] ** 2, X[:, 1] ** 3, X[:, 0] * X[:, 2]])
+    y = columns @ np.random.default_rng(seed).choice([0.0, 1.0], 6) + noise
+    data = replace(rows(y, columns), parents=((), (), (), (0,), (1,), (0, 2)))
+    for criterion in (stepwise, orthogonal, lambda r: stepwise(r, Press())):
+        model = criterion(data).model
+        assert all(set(data.stands_on(c)) <= set(model.columns) for c in model.columns)
