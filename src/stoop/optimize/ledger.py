@@ -160,9 +160,13 @@ class Ledger:
 def sum_of_squares(r: FloatArray) -> float:
     """Return the cost of a row of residuals; inf where it is not finite, or huge."""
     with np.errstate(over="ignore", invalid="ignore"):
-        # einsum, not dot: a threaded dot product rounds by the number of threads
-        total = float(np.einsum("i,i->", r, r))
+        total = inner(r, r)
     return total if total < HUGE else np.inf
+
+
+def inner(a: FloatArray, b: FloatArray) -> float:
+    """Return the sum of products; by einsum, as a threaded dot product rounds by the number of threads."""
+    return float(np.einsum("i,i->", a, b))
 
 
 def opened(problem: Problem, books: Books) -> Ledger:

@@ -18,8 +18,8 @@ from typing import Final, Literal
 import numpy as np
 
 from stoop.optimize.arrays import BoolArray, FloatArray
-from stoop.optimize.ledger import HUGE, sum_of_squares
-from stoop.optimize.normal import gram, project, solve_damped
+from stoop.optimize.ledger import HUGE, inner, sum_of_squares
+from stoop.optimize.normal import Tall, solve_damped
 from stoop.optimize.problem import Problem
 
 Ending = Literal["converged", "agreed", "stalled", "hopeless", "limit", "diverged"]
@@ -180,11 +180,10 @@ class _Descent:
     def refresh(self) -> None:
         """Take the Jacobian by differences."""
         J, _ = self.problem.jacobian(self.z, self.rung, self.r)
-        self.rows = np.ascontiguousarray(J.T)
-        # greatest and least instead of magnitudes: no copy of what may be tens of megabytes
-        self.rows[~((self.rows.max(axis=1) < HUGE) & (self.rows.min(axis=1) > -HUGE))] = 0.0
-        self.normal = gram(self.rows)
-        self.gradient = project(self.rows, self.r)
+        self.differences = Tall.of(J.T, HUGE)
+        self.updates: list[tuple[FloatArray, FloatArray]] = []
+        self.normal = self.differences.gram()
+        self.gradient = self.differences.project(self.r)
         self.stale, self.fresh = False, True
 
     def propose(self) -> FloatArray | None:
@@ -236,27 +235,34 @@ class _Descent:
         """Move, update the Jacobian, relax the damping."""
         small = self.cost - cost <= self.settings.gain * self.cost
         poor = ratio < 0.25 or (cost > 0.5 * self.cost and abs(ratio - 1.0) > FORESEEN)
-        self.secant(z - self.z, r)
+        self.stale = small or poor
+        if not self.stale or (small and self.slow):  # else the next step begins with new differences
+            self.secant(z - self.z, r)
         self.z, self.r, self.cost = z, r, cost
         if ratio > 0:
             self.damping = max(SMALLEST_DAMPING, self.damping * max(0.2, 1.0 - (2.0 * ratio - 1.0) ** 3))
         self.growth = 2.0
-        self.gradient = project(self.rows, self.r)
         if small and self.slow:
             return self.settle()
         self.slow = small
-        self.stale = small or poor
         return None
 
     def secant(self, step: FloatArray, r: FloatArray) -> None:
-        """Update Jacobian and normal matrix so that they explain the step just taken (Broyden)."""
-        miss = (r - self.r - project(self.rows.T, step)) / float(step @ step)
-        w = np.outer(step, project(self.rows, miss))
+        """Update Jacobian, normal matrix and gradient so that they explain the step just taken (Broyden).
+
+        The Jacobian is that by differences and a few products of a miss and a step, which are never added up:
+        a pass over it takes longer than a trajectory.
+        """
+        square = float(step @ step)
+        miss, gradient = r - self.r - self.differences.move(step), self.differences.project(r)
+        for earlier, missed in self.updates:
+            miss -= missed * float(earlier @ step)
+            gradient += earlier * inner(missed, r)
+        miss /= square
+        w = np.outer(step, (gradient - self.gradient - self.normal @ step) / square)
         self.normal = self.normal + w + w.T + sum_of_squares(miss) * np.outer(step, step)
-        for row, s in zip(
-            self.rows, step, strict=True
-        ):  # an outer product at once would be a second Jacobian
-            row += s * miss
+        self.gradient = gradient + step * inner(miss, r)
+        self.updates.append((step, miss))
         self.fresh = False
 
     def reject(self) -> Ending | None:

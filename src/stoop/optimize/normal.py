@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
-from stoop.optimize.arrays import FloatArray
+from stoop.optimize.arrays import FloatArray, IntArray
 
 SINGLE: Final = (
     200_000  #: products up to this many multiplications run on one BLAS thread (OpenBLAS: 262,144)
@@ -22,16 +23,59 @@ def gram(rows: FloatArray) -> FloatArray:
     order: the sum does not depend on how many threads there are. Variables without a part in a stretch of the
     long axis (the initial states of another maneuver) are left out there.
     """
-    v, n = rows.shape
-    stretches = [rows[:, start : start + STRETCH] for start in range(0, n, STRETCH)]
-    present = [np.flatnonzero(stretch.any(axis=1)) for stretch in stretches]
-    if all(len(some) == v for some in present):
-        total = _sliced(rows)
-    else:
-        total = np.zeros((v, v))
-        for stretch, some in zip(stretches, present, strict=True):
-            total[np.ix_(some, some)] += _sliced(stretch[some])
-    return 0.5 * (total + total.T)
+    return Tall.of(rows).gram()
+
+
+@dataclass(frozen=True, eq=False)
+class Tall:
+    """A tall, thin matrix (n, v), by stretches of its long axis, each with the variables that have a part there.
+
+    Attributes
+    ----------
+    shape : (n, v)
+    stretches : slices of the long axis
+    present : variables with a part in each stretch
+    parts : their rows there
+    """
+
+    shape: tuple[int, int]
+    stretches: tuple[slice, ...]
+    present: tuple[IntArray, ...]
+    parts: tuple[FloatArray, ...]
+
+    @classmethod
+    def of(cls, rows: FloatArray, largest: float = np.inf) -> Tall:
+        """Take the matrix from its transpose (v, n); a variable with numbers that are not below `largest` has no part."""
+        v, n = rows.shape
+        stretches = tuple(slice(start, min(start + STRETCH, n)) for start in range(0, n, STRETCH))
+        # greatest and least instead of magnitudes: no copy of what may be tens of megabytes
+        high = np.array([rows[:, s].max(axis=1) for s in stretches]).reshape(-1, v)
+        low = np.array([rows[:, s].min(axis=1) for s in stretches]).reshape(-1, v)
+        sound = ((high < largest) & (low > -largest)).all(axis=0)
+        present = tuple(np.flatnonzero(there) for there in ((high > 0.0) | (low < 0.0)) & sound)
+        parts = tuple(rows[some, s] for some, s in zip(present, stretches, strict=True))
+        return cls((n, v), stretches, present, parts)
+
+    def gram(self) -> FloatArray:
+        """Return its product with its own transpose, (v, v)."""
+        total = np.zeros((self.shape[1], self.shape[1]))
+        for some, part in zip(self.present, self.parts, strict=True):
+            total[np.ix_(some, some)] += _sliced(part)
+        return 0.5 * (total + total.T)
+
+    def project(self, r: FloatArray) -> FloatArray:
+        """Return the product of its transpose with r, (v,)."""
+        out = np.zeros(self.shape[1])
+        for some, s, part in zip(self.present, self.stretches, self.parts, strict=True):
+            out[some] += project(part, r[s])
+        return out
+
+    def move(self, step: FloatArray) -> FloatArray:
+        """Return its product with a step (v,), (n,)."""
+        out = np.empty(self.shape[0])
+        for some, s, part in zip(self.present, self.stretches, self.parts, strict=True):
+            out[s] = project(part.T, step[some])
+        return out
 
 
 def _sliced(rows: FloatArray) -> FloatArray:

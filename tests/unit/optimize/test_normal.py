@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stoop.optimize.normal import gram, project, solve_damped
+from stoop.optimize.normal import Tall, gram, project, solve_damped
 
 
 @settings(deadline=None)
@@ -24,13 +24,14 @@ def test_gram_and_project_are_the_plain_products(v: int, n: int) -> None:
 
 CODE = """
 import hashlib, numpy as np
-from stoop.optimize.normal import gram, project, solve_damped
+from stoop.optimize.normal import Tall, gram, project, solve_damped
 from stoop.optimize.ledger import sum_of_squares
 g = np.random.default_rng(0)
 rows, r = g.standard_normal((60, 30000)), g.standard_normal(30000)
 A = gram(rows)
 b = project(rows, r)
-parts = [A, b, solve_damped(A, b, 1e-3), project(rows.T, b), np.array(sum_of_squares(r))]
+tall = Tall.of(rows)
+parts = [A, b, solve_damped(A, b, 1e-3), tall.project(r), tall.move(b), np.array(sum_of_squares(r))]
 print(hashlib.sha256(b"".join(np.ascontiguousarray(p).tobytes() for p in parts)).hexdigest())
 """
 
@@ -78,3 +79,18 @@ def test_variables_without_a_part_in_a_stretch_change_nothing(pieces: int, seed:
     assert gram(rows) == pytest.approx(rows @ rows.T, rel=1e-11, abs=1e-9)
     assert (gram(rows) == gram(rows).T).all()
     assert gram(np.zeros((3, 5000))).tolist() == np.zeros((3, 3)).tolist()
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.integers(1, 12), st.integers(1, 5000), st.integers(0, 1000))
+def test_a_tall_matrix_is_the_plain_one_without_what_is_lost(v: int, n: int, seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    rows = generator.standard_normal((v, n))
+    rows[0, : n // 2] = 0.0
+    lost = rows.copy()
+    lost[-1, n // 2] = generator.choice([np.nan, np.inf, -1e9])
+    rows[-1] = 0.0
+    tall, r, step = Tall.of(lost, 1e9), generator.standard_normal(n), generator.standard_normal(v)
+    assert tall.gram() == pytest.approx(rows @ rows.T, rel=1e-11, abs=1e-9)
+    assert tall.project(r) == pytest.approx(rows @ r, rel=1e-11, abs=1e-9)
+    assert tall.move(step) == pytest.approx(step @ rows, rel=1e-11, abs=1e-11)
