@@ -68,5 +68,6 @@ def _tell(out: Page, result: Compatibility) -> None:
         out.line(f"{name:16}{shown[0]:>8} {unit:6} of {shown[1]:>8} {unit} movement")
     out.heading("What is inconsistent")
     out.bullets(result.warnings or ("nothing evident",))
-    out.heading("Notes")
-    out.bullets(result.notes)
+    if result.notes:
+        out.heading("Notes")
+        out.bullets(result.notes)

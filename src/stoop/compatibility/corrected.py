@@ -32,7 +32,8 @@ def corrected_flight(found: Estimate) -> Flight:
     Biases and scales are undone together, as they were estimated; delays where they are evident.
     """
     flight, values = found.prepared.flight, found.values
-    delays = {n: v for n, v in values.items() if n.endswith(".delay") and abs(v) > SURE * found.errors[n]}
+    told = {one.name for one in found.judged if one.identifiable and one.name.endswith(".delay")}
+    delays = {n: values[n] for n in told if abs(values[n]) > SURE * found.errors[n]}
     kept = {n: flight.column(n) for n in VARIABLES if n in flight.data and _is_measured(flight, n)}
     columns = {name: _early(name, x, delays, flight.rate) for name, x in kept.items()}
     columns = {name: _undone(name, x, values) for name, x in columns.items()}

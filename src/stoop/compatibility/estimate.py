@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from stoop import optimize
 from stoop.compatibility.equations import OUTPUTS
-from stoop.compatibility.prepare import Prepared
+from stoop.compatibility.prepare import LEAD, Prepared
 from stoop.compatibility.problem import START, Problem
 from stoop.compatibility.unknowns import unknowns
 from stoop.cost import on_circle
@@ -48,6 +48,9 @@ FIRST: Final = {
     "pd": 2.0,
 }
 ANGLE_FIRST: Final = 0.03  #: rad; noise before anything is known
+TOO_LATE: Final = (
+    f"more than the {LEAD:g} s that pieces have to spare at their ends: look at the clocks instead"
+)
 _SETTINGS: Final = optimize.Settings(iterations=60, gain=1e-8, predicted=1e-6, stall=0, stall_damping=np.inf)
 
 
@@ -115,7 +118,7 @@ def _estimate(prepared: Prepared, problem: Problem) -> Estimate:
         # half of the way, or channels take turns in being believed
         problem = problem.weighted(np.sqrt(problem.sigma * _sigma(problem, z)))
     found = estimate_uncertainty(sensitivities(problem, z), np.eye(problem.extra))
-    return Estimate(prepared, problem, z, found, _judged(problem, found), rested)
+    return Estimate(prepared, problem, z, found, _judged(problem, z, found), rested)
 
 
 def _moved(problem: Problem, before: FloatArray, now: FloatArray) -> float:
@@ -180,11 +183,20 @@ def sensitivities(problem: Problem, z: FloatArray) -> list[Sensitivity]:
     return out
 
 
-def _judged(problem: Problem, found: Uncertainty) -> tuple[Identifiability, ...]:
+def _judged(problem: Problem, z: FloatArray, found: Uncertainty) -> tuple[Identifiability, ...]:
     count = problem.extra
     names = [u.name for u in problem.unknowns] + [
         f"start {i}" for i in range(len(START) * len(problem.pieces))
     ]
     yardstick = Yardstick(np.ones(count), np.full(count, np.inf), np.ones(count))
     judged = identifiability(names, found.information, found.corrected, yardstick)
-    return judged[: problem.shared]
+    values = problem.values(z[None, :])[0]
+    return tuple(
+        _within_reach(one, float(value)) for one, value in zip(judged[: problem.shared], values, strict=True)
+    )
+
+
+def _within_reach(one: Identifiability, value: float) -> Identifiability:
+    """Take back what is said of a delay so long that pieces hold nothing to compare with."""
+    far = one.name.endswith(".delay") and abs(value) > LEAD
+    return replace(one, identifiable=False, reason=TOO_LATE) if far else one

@@ -90,7 +90,7 @@ def blocks(
     ]
     if lacking:
         raise FlightError(
-            f"{flight.name}: a drag polar needs {', '.join(NEEDED)}; {', '.join(lacking)} is missing from this flight"
+            f"{flight.name}: a drag polar needs {', '.join(NEEDED)}; this flight lacks {', '.join(lacking)}"
         )
     power, powered = _power(flight)
     good = _usable(flight, power, windows)

@@ -93,7 +93,9 @@ def _taking_part(flight: Flight, measured: tuple[str, ...]) -> tuple[str, ...]:
     there = set(measured)
     lacking = [name for name in RATES if name not in there]
     if lacking:
-        raise FlightError(f"{flight.name}: {', '.join(lacking)} were not logged; {_FEWEST}")
+        raise FlightError(
+            f"{flight.name}: {', '.join(lacking)} were not logged, or hold no number that can be; {_FEWEST}"
+        )
     whole, felt = set(EULER) <= there, set(FORCES) <= there
     if not whole:
         raise FlightError(f"{flight.name}: attitude was not logged; {_FEWEST}")

@@ -37,6 +37,10 @@ _WITH: Final = {
         "air data and inertial data are inconsistent: strong gusts, or a faulty sensor",
     ),
 }
+NO_CALIBRATION: Final = (
+    "as long as channels contradict each other, numbers of single sensors are no calibration, whatever their standard "
+    "errors, and the corrected flight is not to be used: mend that first, or choose windows without it"
+)
 UNRESTED: Final = "the weights of the channels did not come to rest: take the standard errors as approximate"
 
 
@@ -74,8 +78,9 @@ def warnings(found: Estimate) -> tuple[str, ...]:
     contradictions = [
         f"{why} ({', '.join(names)} within pieces of at most 10 s)" for why, names in lines.items()
     ]
+    doubt = (NO_CALIBRATION,) if contradictions else ()
     rest = () if found.rested else (UNRESTED,)
-    return (*contradictions, *off(found), *rest)
+    return (*contradictions, *doubt, *off(found), *rest)
 
 
 def off(found: Estimate) -> list[str]:

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from stoop.compatibility.corrected import corrected_flight
 from stoop.compatibility.equations import INPUTS, OUTPUTS, PARAMETERS, SCALED, STATES, kernel
 from stoop.compatibility.result import check
 from stoop.errors import FlightError
@@ -69,4 +70,33 @@ def test_without_accelerometers_rates_are_held_against_the_attitude() -> None:
     bias = result.findings["p.bias"]
     assert bias.estimate == pytest.approx(0.02, abs=max(4.0 * bias.std_error, 1e-3))
     wrong = from_columns("wrong", time, {**columns, "p": -columns["p"]})
-    assert any("inconsistent" in w for w in check(dataclasses.replace(wrong))[0].warnings)
+    said = check(dataclasses.replace(wrong))[0].warnings
+    assert any("inconsistent" in w for w in said)
+    assert any("no calibration" in w for w in said)
+
+
+def test_a_delay_beyond_what_pieces_have_to_spare_is_no_number() -> None:
+    """The attitude comes 0.8 s late: a clock is wrong, and the estimate is not to be taken for a delay."""
+    rng = np.random.default_rng(0)
+    time = 0.01 * np.arange(2000)
+    late = 0.5 * np.sin(2.0 * (time - 0.8)) + 0.1 * np.sin(0.5 * (time - 0.8))
+    rate = np.cos(2.0 * time) + 0.05 * np.cos(0.5 * time)
+    columns = {
+        "phi": late,
+        "theta": 0.0 * time,
+        "psi": 0.0 * time,
+        "p": rate,
+        "q": 0.0 * time,
+        "r": 0.0 * time,
+    }
+    flight = from_columns(
+        "late", time, {n: x + 1e-3 * rng.standard_normal(time.size) for n, x in columns.items()}
+    )
+    result, found = check(flight, [(1.0, 19.0)])
+    delay = result.findings["attitude.delay"]
+    assert abs(delay.estimate) > 0.3
+    assert not delay.identifiable
+    assert "clocks" in delay.reason
+    assert not any(w.startswith("attitude is late") for w in result.warnings)
+    early = corrected_flight(found).column("phi")
+    np.testing.assert_allclose(np.std(early - flight.column("phi")), 0.0, atol=0.02)  # it was not shifted
