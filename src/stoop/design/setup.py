@@ -169,11 +169,25 @@ def _parameters_information(problem: Misfit, z: FloatArray) -> FloatArray:
     """Return the information (D, D) about the parameters when the nuisances are estimated too."""
     r = problem.residuals(z[None, :], 0)[0]
     J, _ = problem.jacobian(z, 0, r)
-    J = np.where(np.isfinite(J), J, 0.0)
-    whole, d = J.T @ J, problem.dimension
-    cross = whole[:d, d:]
-    lost: FloatArray = cross @ np.linalg.solve(whole[d:, d:], cross.T)
-    out: FloatArray = whole[:d, :d] - lost
+    return marginal(J, problem.dimension)
+
+
+def marginal(J: FloatArray, d: int) -> FloatArray:
+    """Return the information (d, d) about the first d unknowns when the others are estimated too.
+
+    A reading with a sensitivity that is not finite tells nothing: neither of the parameter, nor, as if that were
+    known, of the others. Others that the readings cannot tell take nothing away but what they share.
+
+    Parameters
+    ----------
+    J : (n, k)
+        Whitened sensitivities of the readings.
+    d : int
+    """
+    J = J[np.isfinite(J).all(axis=1)]
+    whole = J.T @ J
+    shared = invert(whole[d:, d:]).factor.T @ whole[d:, :d]
+    out: FloatArray = whole[:d, :d] - shared.T @ shared
     return 0.5 * (out + out.T)
 
 

@@ -9,7 +9,7 @@ import pytest
 from stoop.design import Knowledge, Limits, Setup
 from stoop.design.robust import mean_ratio, robustness
 from stoop.design.search import Plan, design, one_after_another
-from stoop.design.setup import sensor_noise
+from stoop.design.setup import marginal, sensor_noise
 from stoop.errors import SimulationError
 from stoop.identify.fit import Options, pose
 from stoop.identify.windows import Window
@@ -50,6 +50,23 @@ def test_information_is_that_of_the_problem_a_fit_would_pose() -> None:
     found = setup().std(setup().forecast(MOVES))
     assert np.isfinite(found).all()
     assert found == pytest.approx(expected, rel=0.02)
+
+
+def test_what_is_not_finite_is_no_information() -> None:
+    J = np.random.default_rng(3).standard_normal((40, 5))
+    truth = np.linalg.inv(np.linalg.inv(J[10:].T @ J[10:])[:2, :2])
+    assert marginal(J[10:], 2) == pytest.approx(truth)
+    J[:5, 0] = np.nan
+    J[5:10, 4] = np.inf  # a nuisance with its sensitivity set to zero would count as known there
+    assert marginal(J, 2) == pytest.approx(truth)
+    assert not marginal(np.full((9, 5), np.nan), 2).any()
+
+
+def test_nuisances_that_nothing_tells_apart_are_no_failure() -> None:
+    J = np.random.default_rng(4).standard_normal((40, 4))
+    again, still = -2.0 * J[:, 3], np.zeros(40)
+    twins = np.column_stack([J, again, still])
+    assert marginal(twins, 2) == pytest.approx(marginal(J, 2))
 
 
 def test_noise_and_repetition_scale_as_they_must() -> None:
