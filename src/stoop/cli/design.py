@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from stoop.cli.freed import freed
 from stoop.cli.numbers import at_least_one, count, positive
+from stoop.cli.outputs import check_targets
 from stoop.cli.page import busy, page
 from stoop.cli.point import COMPILING, airspeed, altitude
 from stoop.cli.tables import numbers, words
@@ -93,10 +94,10 @@ def run(arguments: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from stoop.design import Limits
-    from stoop.job.design import believed, check_design_folder, propose, write_proposal
+    from stoop.job.design import FILES, believed, propose, write_proposal
     from stoop.simulate import trim
 
-    check_design_folder(arguments.output, arguments.overwrite)
+    check_targets(arguments.output, FILES, arguments.overwrite)
     model = believed(arguments.vehicle)
     model = replace(model, vehicle=freed(model.vehicle, arguments.free, arguments.fix))
     with busy(COMPILING):

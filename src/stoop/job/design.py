@@ -189,14 +189,8 @@ def propose(
     return Proposal(setup, plan, designs, reference, setup.forecast(reference), told, model.source)
 
 
-def check_design_folder(folder: Path, overwrite: bool) -> None:
-    """Make the folder, and refuse one that holds a design already.
-
-    Raises
-    ------
-    OutputError
-        With what to do instead.
-    """
+def _make(folder: Path, overwrite: bool) -> None:
+    """Make the folder, and refuse one that holds a design already."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
@@ -214,17 +208,18 @@ def write_proposal(proposal: Proposal, folder: Path, command: str, overwrite: bo
     Raises
     ------
     OutputError
-        See :func:`check_design_folder`; or a file cannot be written.
+        The folder cannot be made, or holds a design already; or a file cannot be written.
     """
     from stoop.job.design_page import design_sheet
 
-    check_design_folder(folder, overwrite)
+    sheet = design_sheet(proposal, command)
+    _make(folder, overwrite)
     write_text_atomic(folder / "maneuver.toml", maneuver_toml(proposal.best.maneuver, f"designed: {command}"))
     write_text_atomic(
         folder / "reference.toml", maneuver_toml(proposal.reference, "what the design is compared with")
     )
     write_text_atomic(folder / "maneuver.csv", maneuver_csv(proposal.best.maneuver))
-    write_sheet(design_sheet(proposal, command), folder / "design.html")
+    write_sheet(sheet, folder / "design.html")
     write_text_atomic(
         folder / "design.json", json.dumps(document(proposal), indent=1, allow_nan=False) + "\n"
     )

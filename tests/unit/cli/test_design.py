@@ -113,12 +113,13 @@ def test_bad_input_is_one_line(
     assert main(["design", *words, "--evaluations", "10", "-o", "out"]) == 2
     said = capsys.readouterr().err.strip().splitlines()[-1]
     assert says in said
+    assert not (tmp_path / "out").exists()
 
 
 def test_does_not_write_over_a_design_unasked(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = (folder / "design.json").read_bytes()
     assert main(["design", "twin-boom", *QUICK, "-o", str(folder)]) == 2
-    assert "add --overwrite or name another folder" in capsys.readouterr().err
+    assert "add --overwrite to replace it, or name another folder" in capsys.readouterr().err
     assert (folder / "design.json").read_bytes() == before
 
 
@@ -158,4 +159,4 @@ def test_ctrl_c_ends_all_families_and_writes_nothing(
     monkeypatch.setattr("stoop.cli.design._Watch.see", stop)
     assert main(["design", "twin-boom", *QUICK, "--evaluations", "500", "-o", str(tmp_path / "out")]) == 130
     assert capsys.readouterr().out.split() == ["square"]
-    assert not list((tmp_path / "out").iterdir())
+    assert not (tmp_path / "out").exists()
