@@ -96,8 +96,13 @@ def uncertainty_view(identification: Identification) -> UncertaintyView | None:
 
 
 def _method(name: str, spread: MethodSpread) -> MethodView:
-    said = [f"{FIGURES.get(key, key)} {number(value, 3)}" for key, value in spread.figures.items()]
+    said = [f"{FIGURES.get(key, key)} {_figure(value)}" for key, value in spread.figures.items()]
     return MethodView(TITLES.get(name, name), f"method-{_class(name)}", "; ".join(said), spread.notes)
+
+
+def _figure(value: float) -> str:
+    """Return a count as the whole number that it is, any other figure to three digits."""
+    return f"{value:.0f}" if float(value).is_integer() else number(value, 3)
 
 
 def _class(name: str) -> str:

@@ -15,6 +15,7 @@ import pytest
 from stoop.errors import OutputError
 from stoop.identify.result import ChannelTrace, Identification, ManeuverTrace
 from stoop.report import render, write_report
+from stoop.report.uncertainty import uncertainty_view
 
 VOID = {"meta", "line", "rect", "circle", "path", "br", "hr", "img", "link", "input", "mspace"}
 
@@ -211,6 +212,16 @@ def test_uncertainty_stands_side_by_side(examples: ModuleType) -> None:
         assert words in page
     assert page.count('aria-label="CL0: corrected for color from') == 1
     assert "interval method-profile open" in page or "interval method-other open" in page
+
+
+def test_counts_are_whole_numbers(examples: ModuleType) -> None:
+    one = examples.example()
+    figures = {"replicates": 26.0, "lost": 0.0, "rhat": 1.0042}
+    spread = dataclasses.replace(next(iter(one.result.uncertainty.values())), figures=figures)
+    result = dataclasses.replace(one.result, uncertainty={"bootstrap": spread})
+    view = uncertainty_view(dataclasses.replace(one, result=result))
+    assert view is not None
+    assert view.methods[0].figures == "replicates 26; of them without an optimum 0; greatest R-hat 1.00"
 
 
 def test_a_result_that_does_not_say_has_no_section_on_uncertainty(examples: ModuleType) -> None:
