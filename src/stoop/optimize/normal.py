@@ -49,8 +49,8 @@ class Tall:
         v, n = rows.shape
         stretches = tuple(slice(start, min(start + STRETCH, n)) for start in range(0, n, STRETCH))
         # greatest and least instead of magnitudes: no copy of what may be tens of megabytes
-        high = np.array([rows[:, s].max(axis=1) for s in stretches]).reshape(-1, v)
-        low = np.array([rows[:, s].min(axis=1) for s in stretches]).reshape(-1, v)
+        high = np.array([rows[:, s].max(axis=1) for s in stretches]).reshape(len(stretches), v)
+        low = np.array([rows[:, s].min(axis=1) for s in stretches]).reshape(len(stretches), v)
         sound = ((high < largest) & (low > -largest)).all(axis=0)
         present = tuple(np.flatnonzero(there) for there in ((high > 0.0) | (low < 0.0)) & sound)
         parts = tuple(rows[some, s] for some, s in zip(present, stretches, strict=True))
