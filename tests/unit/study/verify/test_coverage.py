@@ -122,5 +122,5 @@ def test_one_flight_of_each_case(case: str) -> None:
     assert len(z) == (35 if case == "dryden" else 32)  # the intensities of the gusts too
     assert found["status"] == "converged"
     assert np.abs(z).max() < 4.5
-    assert np.mean(z**2) < 2.5
+    assert np.mean(z**2) < 3.0  # errors of one flight go together
     assert to_text(found, "") == to_text(cover({"case": case, "seed": 7}, [None])[0], "")
