@@ -132,7 +132,7 @@ class Misfit:
         for piece, count in zip(self.pieces, self.ladder[rung], strict=True):
             z = piece.measured[:count]
             constant = np.array([column[np.isfinite(column)][:1].sum() for column in z.T])
-            total += float(np.sum(self._whitened(constant[None, None, :], z) ** 2))
+            total += float(np.sum(self._whitened(np.tile(constant, (1, count, 1)), z) ** 2))
         return total
 
     def outputs(self, z: FloatArray, index: int) -> FloatArray:
@@ -163,12 +163,13 @@ class Misfit:
         return self._whitened(simulated, self.pieces[index].measured[:count]).reshape(len(Z), -1)
 
     def _whitened(self, simulated: FloatArray, measured: FloatArray) -> FloatArray:
-        """Return whitened simulated minus measured, zero where there is no measurement."""
+        """Return whitened simulated minus measured, zero where there is no measurement; simulated is used up."""
         seen = np.isfinite(measured)
         with np.errstate(invalid="ignore"):
-            error = on_circle((simulated - np.where(seen, measured, 0.0)) * seen, self.layout.vehicle.outputs)
-            whitened: FloatArray = self.weights.whiten(error, seen)
-        return whitened
+            simulated -= np.where(seen, measured, 0.0)
+            if not seen.all():
+                simulated *= seen
+            return self.weights.whiten(on_circle(simulated, self.layout.vehicle.outputs), seen, simulated)
 
     @cached_property
     def _steps(self) -> list[list[int]]:
@@ -189,9 +190,9 @@ class Misfit:
         taken = Z[np.arange(len(entries)), entries] - z[entries]
         R = self._piece_residuals(Z, index, count)
         with np.errstate(invalid="ignore", over="ignore"):
-            R -= r
-            R /= taken[:, None]
-        out.T[entries] = R
+            for entry, row, step in zip(entries, R, taken, strict=True):  # a row at a time stays in the cache
+                row -= r
+                np.divide(row, step, out=out.T[entry])
         self._bias_columns(index, count, out)
         return len(entries)
 

@@ -43,7 +43,7 @@ class Weights:
         """Logarithm of the determinant of the noise covariance."""
         return -2.0 * float(np.sum(np.log(np.diag(self.root))))
 
-    def whiten(self, residuals: FloatArray, seen: BoolArray) -> FloatArray:
+    def whiten(self, residuals: FloatArray, seen: BoolArray, room: FloatArray | None = None) -> FloatArray:
         """Return residuals (..., n, n_y) with unit covariance.
 
         Parameters
@@ -52,9 +52,11 @@ class Weights:
             Zero where nothing was measured.
         seen : (n, n_y)
             Where something was: a sample that lacks channels has the covariance of those it has.
+        room : (..., n, n_y), optional
+            May take the result; may be the residuals themselves.
         """
         if self.diagonal:
-            return residuals * np.diag(self.root)
+            return np.multiply(residuals, np.diag(self.root), out=room)
         out = np.zeros_like(residuals)
         patterns, which = np.unique(seen, axis=0, return_inverse=True)
         for i, pattern in enumerate(patterns):

@@ -145,18 +145,20 @@ class _Block:
     def lagged(self, noise: ColoredNoise, spread: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
         """Return the lagged products (ny, order + 1) of S d with v, both ways, and of S d with itself."""
         crossed = self._power * noise.power(self.size)
-        squared = np.sum((self.parts @ (self.basis @ spread @ self.basis.T)) * self.parts, axis=(0, 3))
+        rows = self.parts.reshape(-1, self.parts.shape[-1])  # one large product, not one per frequency
+        power = np.einsum("na,na->n", rows @ (self.basis @ spread @ self.basis.T), rows)
+        squared = power.reshape(self.parts.shape[:3]).sum(axis=0)
         wave = np.cos(2.0 * np.pi / self.size * np.outer(np.arange(len(crossed)), np.arange(order + 1)))
         return 2.0 * crossed.T @ wave, squared.T @ wave
 
     @cached_property
     def _power(self) -> FloatArray:
-        return np.asarray(np.sum(self.parts**2, axis=(0, 3)))
+        return np.asarray(np.einsum("cfya,cfya->fy", self.parts, self.parts))
 
 
 def _block(segment: Sensitivity, factor: FloatArray) -> _Block:
     jacobian = segment.filled()[1]
-    active = np.any(jacobian != 0.0, axis=(0, 1))
+    active = jacobian.any(axis=(0, 1))
     left, stretch, basis = np.linalg.svd(factor[active], full_matrices=False)
     size = next_fast_len(PADDING * len(jacobian), real=True)
     spectrum = np.asarray(rfft(jacobian[:, :, active] @ (left * stretch), size, axis=0))
