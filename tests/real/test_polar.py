@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.compatibility.polar import Polar
+from stoop.compatibility.polar import Polar, Propulsion
 from stoop.errors import FlightError
 from stoop.flight import load
 from stoop.job.polar import drag_polar
@@ -62,3 +62,20 @@ def test_without_air_data_there_is_no_polar(shared_data: Path, tmp_path: Path) -
     flight = load(shared_data / "stanford-skywalker-10hz", mapping)
     with pytest.raises(FlightError, match="a drag polar needs V, alpha"):
         drag_polar(flight, 2.47, 0.39)
+
+
+@pytest.mark.parametrize(
+    ("mass", "area", "efficiency", "words"),
+    [
+        (9400.0, 1.499, 0.7, "check the units"),  # grams
+        (9.4, 149.9, 0.7, "check the units"),  # square decimeters
+        (1e300, 1.499, 0.7, "check the units"),
+        (9.4, 1.499, 70.0, "more than all"),  # percent
+    ],
+)
+def test_what_no_aircraft_has_is_refused(
+    shared_data: Path, mass: float, area: float, efficiency: float, words: str
+) -> None:
+    flight = load(shared_data / "mit-solar-surfer-px4csv")
+    with pytest.raises(FlightError, match=words):
+        drag_polar(flight, mass, area, [WINDOW], Propulsion(efficiency))

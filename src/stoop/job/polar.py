@@ -9,8 +9,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.compatibility.performance import blocks
+from stoop.compatibility.performance import Blocks, blocks
 from stoop.compatibility.polar import DISC, DISC_SPREAD, Polar, Propulsion, fit_polar
+from stoop.errors import FlightError
 from stoop.files import write_text_atomic
 from stoop.flight import Flight
 from stoop.flight.load import RECONSTRUCTED
@@ -24,6 +25,7 @@ RESULT: Final = "polar.json"
 NAMES: Final = (PAGE, RESULT)
 USUAL: Final = Propulsion()
 MEASURED_AIRSPEED: Final = 0.02  #: relative, of a measured airspeed: position error and calibration
+LIFTS: Final = (0.02, 5.0)  #: lift coefficients between which the median of any wing in flight lies
 LEAST_AIRSPEED: Final = 0.01  #: relative, of one reconstructed with a well-known wind
 
 
@@ -47,10 +49,26 @@ def drag_polar(
     Raises
     ------
     FlightError
-        The flight lacks a channel, a power, or time.
+        The flight lacks a channel, a power, or time; or mass, area or efficiency cannot be.
     """
-    polar = fit_polar(blocks(flight, mass, windows), mass, area, _airspeed_std(flight), propulsion)
+    if propulsion.efficiency > 1.0:
+        raise FlightError(
+            f"an efficiency of {propulsion.efficiency:g} is more than all; write a share, such as 0.7"
+        )
+    cut = blocks(flight, mass, windows)
+    _check_lift(flight, cut, mass, area)
+    polar = fit_polar(cut, mass, area, _airspeed_std(flight), propulsion)
     return polar, (*_propulsion_notes(polar, propulsion), *_notes(polar), *flight.notes)
+
+
+def _check_lift(flight: Flight, cut: Blocks, mass: float, area: float) -> None:
+    """Refuse a mass or an area with which no wing would fly as this one did."""
+    lift = float(np.median(cut.lift / (0.5 * cut.density * cut.speed**2))) / area
+    if not LIFTS[0] < lift < LIFTS[1]:
+        raise FlightError(
+            f"{flight.name}: with {mass:g} kg and {area:g} m2 its median lift coefficient were {lift:.2g}, as no wing has; "
+            "check the units of both, and the sign and unit of az"
+        )
 
 
 def _airspeed_std(flight: Flight) -> float:
