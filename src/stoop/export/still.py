@@ -14,4 +14,9 @@ def still(vehicle: Vehicle) -> tuple[Vehicle, tuple[str, ...]]:
     """Return the vehicle in still air, and what to tell the user."""
     if getattr(vehicle.file, "turbulence", None) is None:
         return vehicle, ()
-    return replace(vehicle, file=vehicle.file.model_copy(update={"turbulence": None})), (LEFT_OUT,)
+    loadings = {
+        loading: {name: value for name, value in numbers.items() if not name.startswith("turbulence.")}
+        for loading, numbers in vehicle.file.loadings.items()
+    }
+    changes = {"turbulence": None, "loadings": loadings}
+    return replace(vehicle, file=vehicle.file.model_copy(update=changes)), (LEFT_OUT,)

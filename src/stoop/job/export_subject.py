@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -91,12 +92,18 @@ def read_subject(text: str) -> Subject:
 def _identified(found: Identified) -> Subject:
     vehicle, notes = still(found.vehicle)
     covariance = found.result.covariance
-    known = Known(covariance.names, covariance.matrix) if covariance.names else None
+    known = _known_of(vehicle, covariance.names, covariance.matrix)
     subject = Subject(vehicle, known, notes=notes)
     try:
         return _with_flights(subject, found)
     except StoopError as error:
         return replace(subject, notes=(*notes, f"No comparison with the flight: {error}."))
+
+
+def _known_of(vehicle: Vehicle, names: Sequence[str], covariance: FloatArray) -> Known | None:
+    """Return what is known of the numbers that the vehicle has; those of its gusts left with them."""
+    kept = [i for i, name in enumerate(names) if name in vehicle.rows]
+    return Known(tuple(names[i] for i in kept), covariance[np.ix_(kept, kept)]) if kept else None
 
 
 def _with_flights(subject: Subject, found: Identified) -> Subject:

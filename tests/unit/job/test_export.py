@@ -11,10 +11,14 @@ import numpy as np
 import pytest
 
 from stoop.errors import OutputError, StoopError
-from stoop.job import Job
+from stoop.flight import Flight
+from stoop.identify.fit import Options
+from stoop.job import Job, identify
 from stoop.job.export import Condition, export, write
 from stoop.job.export_page import PAGE
 from stoop.job.export_subject import Subject, read_subject
+from stoop.vehicle import parse_vehicle
+from stoop.vehicle.builtin import resolve_vehicle
 
 
 @pytest.fixture(scope="module")
@@ -115,3 +119,34 @@ def test_a_maneuver_flies_with_its_own_loading(subject: Subject) -> None:
     made = export(replace(subject, maneuvers=(loaded,)), "jsbsim")
     (note,) = [note for note in made.notes if note.startswith("heavy: ")]
     assert float(note.split("within ")[1].split()[0]) < 1e-3
+
+
+GUSTS = """
+[turbulence]
+w = { intensity = { value = 0.6, free = true, bounds = [0.05, 6.0] }, length = 100.0 }
+[loadings.rough]
+"turbulence.w.length" = 80.0
+"mass.mass" = 190.0
+"""
+
+
+@pytest.fixture(scope="module")
+def gusty(flight: Flight, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a filter-error result, an intensity among its estimates, one maneuver in a loading that names a length."""
+    vehicle = parse_vehicle(resolve_vehicle("twin-boom").text + GUSTS, "gusty").reduced("longitudinal")
+    few = {p.name: {"free": p.name in ("Cmq", "turbulence.w.intensity")} for p in vehicle.parameters}
+    options = Options(method="filter-error")
+    found = identify(vehicle.with_numbers(few), flight, ["0:8", "8:16#rough"], options=options)
+    return found.save(tmp_path_factory.mktemp("gusty") / "result")
+
+
+@pytest.mark.parametrize("target", ["state-space", "simulink", "jsbsim"])
+def test_gusts_that_were_estimated_stay_behind_with_what_is_known_of_them(gusty: Path, target: str) -> None:
+    subject = read_subject(str(gusty))
+    assert subject.known is not None
+    assert subject.known.names == ("Cmq",)
+    assert subject.known.covariance.shape == (1, 1)
+    made = export(subject, target)
+    assert any("turbulence is left out" in note for note in made.notes)
+    assert [m.loaded for m in subject.maneuvers] == [False, True]
+    assert subject.maneuvers[1].record.vehicle.value("mass.mass") == 190.0
