@@ -18,6 +18,7 @@ from stoop.optimize.levenberg import FULL, RUNG, Dive, dive
 
 GATE: Final = 0.25  #: share of the trivial model's cost that a passing prey may leave unexplained
 CONSISTENT: Final = 2.0  #: times the score on the last rung that is still the same score on the full record
+NEARLY: Final = 1e-4  #: share of the trivial model's cost that bars no prey: it may confirm an exact optimum
 SIMILAR: Final = 1.2  #: or this many times the least cost that an earlier dive reached on the rung
 
 
@@ -54,6 +55,7 @@ def descend(ledger: Ledger, z: FloatArray, seen: FloatArray, bound: float = np.i
         What an optimum that is trusted leaves on the full record: a prey that leaves more on a part of it
         is not better, so it must fall fast on the way there.
     """
+    bound = max(bound, NEARLY * ledger.reference(ledger.full))
     seen = seen.copy()
     descent = Descent(z, 0, np.inf, 0.0, True, seen)
     for rung in range(ledger.full):

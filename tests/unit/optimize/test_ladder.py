@@ -36,10 +36,12 @@ def test_a_good_prey_climbs_every_rung(
 
 
 def test_what_is_worse_on_a_part_than_a_trusted_optimum_on_the_whole_is_shelved(
-    oscillation: Callable[..., Any], near: Callable[[float], np.ndarray]
+    oscillation: Callable[..., Any], near: Callable[[float], np.ndarray], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     free = descend(pen(oscillation()), near(0.9), NONE)
     assert descend(pen(oscillation()), near(0.9), NONE, free.cost).passed
+    assert descend(pen(oscillation()), near(0.9), NONE, 0.0).passed  # nearly exact: it may confirm
+    monkeypatch.setattr("stoop.optimize.ladder.NEARLY", 0.0)
     barred = descend(pen(oscillation()), near(0.9), NONE, 0.99 * free.seen[0])
     assert not barred.passed
     assert barred.rung == 0
