@@ -31,9 +31,10 @@ def test_lag_on_the_v_tail(shared_data: Path) -> None:
                     )
                     for piece in pieces
                 ),
+                flight.rate,
             )
         )
-    curves = baseline_matches(maneuvers, RATES, flight.rate)
+    curves = baseline_matches(maneuvers, RATES)
 
     def figure(number: int, channel: str) -> float:
         measured = join([segment.measured[channel] for segment in maneuvers[number].segments])

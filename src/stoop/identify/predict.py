@@ -8,12 +8,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from stoop.cost import Layout, Misfit, Weights
+from stoop.cost import Layout, Misfit, Piece, Weights
 from stoop.cost.misfit import horizon_ladder
+from stoop.errors import SimulationError
 from stoop.flight import Flight
 from stoop.identify.fit import Fit
-from stoop.identify.prepare import Prepared, prepare
+from stoop.identify.prepare import DEFAULTED, Prepared, prepare
+from stoop.identify.start import FIRST
 from stoop.identify.windows import Window
+from stoop.simulate import START_NAMES, trim
 from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
@@ -72,7 +75,10 @@ def predicted(
     """
     parts = [_of_window(vehicle, flights, w, b) for w, b in zip(windows, biases, strict=True)]
     pieces = tuple(replace(p, maneuver=i) for i, part in enumerate(parts) for p in part.pieces)
-    prepared = Prepared(tuple(windows), pieces, tuple(note for part in parts for note in part.notes))
+    notes, doubts = (
+        [said for part in parts for said in getattr(part, kind)] for kind in ("notes", "warnings")
+    )
+    prepared = Prepared(tuple(windows), pieces, tuple(notes), tuple(doubts))
     weights = Weights.of(np.ones(len(vehicle.outputs)))  # a simulation weighs nothing
     problem = Misfit(replace(Layout.of(vehicle, ()), parameters=()), pieces, weights, horizon_ladder(pieces))
     return prepared, [problem.outputs(np.empty(0), i) for i in range(len(pieces))]
@@ -84,5 +90,37 @@ def _of_window(
     """Prepare one window with the biases of its flight, which its start is read with."""
     biased = vehicle.with_numbers({name: {"value": value} for name, value in biases.items()})
     prepared = prepare(biased, flights, [window])
-    pieces = tuple(replace(p, changes={**p.changes, **biases}) for p in prepared.pieces)
-    return replace(prepared, pieces=pieces)
+    begun = [_begun(biased, window, piece) for piece in prepared.pieces]
+    pieces = tuple(replace(p, changes={**p.changes, **biases}) for p, _ in begun)
+    notes = tuple(note for note in prepared.notes if not note.endswith(DEFAULTED))
+    warnings = dict.fromkeys(said for _, said in begun if said)
+    return replace(prepared, pieces=pieces, notes=notes, warnings=(*prepared.warnings, *warnings))
+
+
+def _begun(vehicle: Vehicle, window: Window, piece: Piece) -> tuple[Piece, str]:
+    """Begin where nothing was measured from the steady flight at that airspeed, and say so; nothing here is fitted."""
+    early = piece.measured[piece.time <= piece.time[0] + FIRST]
+    seen = dict(zip(vehicle.outputs, np.isfinite(early).any(axis=0), strict=True))
+    missing = [c for c in vehicle.outputs if c in START_NAMES and not seen[c]]
+    if not missing:
+        return piece, ""
+    steady = _steady(vehicle, piece)
+    start = {**piece.start, **{c: steady[c] for c in missing if c in steady}}
+    begins = (
+        "as in steady flight at that airspeed" if steady else "from a default, for no steady flight was found"
+    )
+    return replace(piece, start=start), (
+        f"{window}: {', '.join(missing)} not recorded at the start; the prediction begins {begins}, "
+        "and a wrong start can cost it the comparison"
+    )
+
+
+def _steady(vehicle: Vehicle, piece: Piece) -> dict[str, float]:
+    """Return the state of the steady flight that a piece might have begun from; empty where there is none."""
+    loaded = vehicle.with_numbers({name: {"value": value} for name, value in piece.changes.items()})
+    logged = "density" in vehicle.inputs
+    density = float(piece.inputs[0, vehicle.inputs.index("density")]) if logged else None
+    try:
+        return trim(loaded, piece.start["V"], piece.start["h"], density=density).start
+    except SimulationError:
+        return {}

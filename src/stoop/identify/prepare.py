@@ -21,6 +21,7 @@ START_SCALES = {
     "V": 2.0, "alpha": 0.1, "beta": 0.1, "p": 0.2, "q": 0.2, "r": 0.2, "phi": 0.1, "theta": 0.1, "psi": 0.1,
 }  #: m/s, rad, rad/s: prior standard deviation of an initial state about its guess, deliberately wide  # fmt: skip
 LAG_SCALE = 0.1  #: rad
+DEFAULTED = "not recorded at the start; a default is used there"
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +103,7 @@ def _piece(
         ]
     start, missing = guess_start(vehicle, t, {c: v[first:] for c, v in readings.items()}, str(window))
     if missing:
-        notes.append(f"{window}: {', '.join(missing)} not recorded at the start; a default is used there")
+        notes.append(f"{window}: {', '.join(missing)} {DEFAULTED}")
     start["h"] = _altitude(vehicle, window, segment.extras, first)
     u = np.zeros((len(t), len(vehicle.inputs)))  # zeros: what is no channel, and the noise behind gusts
     u[:, : segment.u.shape[1]] = segment.u[first:]

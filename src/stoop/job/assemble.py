@@ -59,6 +59,8 @@ def assemble(
     result = _result(fit, bars, maneuvers, flights, inputs, options)
     result = replace(result, modes=modes(fit, result.covariance.names, result.covariance.matrix))
     result = with_evidence(result, fit, bars)
+    doubts = (said for group in groups if group.role == "validation" for said in group.prepared.warnings)
+    result = replace(result, warnings=(*result.warnings, *doubts))
     return Identification(
         result=replace(result, seconds=time.perf_counter() - began),
         traces=traces,

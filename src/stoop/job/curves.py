@@ -52,7 +52,7 @@ def maneuver_curves(
     flown = [(group, index) for group in groups for index in range(len(group.prepared.windows))]
     rate = 1.0 / flown[0][0].prepared.pieces[0].dt
     shown = [baseline_maneuver(vehicle, g.role, [p for p, _ in g.of(i)]) for g, i in flown]
-    lags = baseline_matches([*learned, *shown], vehicle.outputs, rate)[len(learned) :]
+    lags = baseline_matches([*learned, *shown], vehicle.outputs)[len(learned) :]
     traces = [_trace(vehicle, g, i, lag) for (g, i), lag in zip(flown, lags, strict=True)]
     figures = [
         _figures(trace, _left_out(vehicle, g, i), lag, rate)
@@ -124,4 +124,4 @@ def baseline_maneuver(vehicle: Vehicle, role: Role, pieces: Sequence[Piece]) -> 
             for i, name in enumerate(vehicle.outputs)
         }
         segments.append(BaselineSegment({name: piece.inputs[:, i] for name, i in columns}, measured))
-    return BaselineManeuver(role, tuple(segments))
+    return BaselineManeuver(role, tuple(segments), 1.0 / pieces[0].dt)

@@ -50,8 +50,8 @@ class Identified:
                 found.setdefault(f"sensors.{channel}.bias", []).append(quantity.estimate)
         return {name: float(np.mean(values)) for name, values in found.items()}
 
-    def learned(self) -> tuple[list[BaselineManeuver], float]:
-        """Return the fitted maneuvers for the trivial model, and their sample rate, Hz.
+    def learned(self) -> list[BaselineManeuver]:
+        """Return the fitted maneuvers for the trivial model.
 
         Raises
         ------
@@ -63,11 +63,9 @@ class Identified:
             for m in self.result.maneuvers
             if m.role == "fit"
         ]
-        flights = self.flights()
-        prepared = prepare(self.vehicle, flights, windows)
+        prepared = prepare(self.vehicle, self.flights(), windows)
         pieces = [[prepared.pieces[i] for i in prepared.of_maneuver(m)] for m in range(len(windows))]
-        rate = next(iter(flights.values())).rate
-        return [baseline_maneuver(self.vehicle, "fit", some) for some in pieces], rate
+        return [baseline_maneuver(self.vehicle, "fit", some) for some in pieces]
 
     def flights(self) -> dict[str, Flight]:
         """Return the flights that lie in the folder, by name.

@@ -126,14 +126,12 @@ def _check_fitted(identified: Identified, fitted_as: Mapping[str, str | None], w
         )
 
 
-def _learned(identified: Identified) -> tuple[tuple[list[BaselineManeuver], float], list[str]]:
+def _learned(identified: Identified) -> tuple[list[BaselineManeuver], list[str]]:
     """Return what the lag learns from; where the fitted flights are gone, nothing, and a note."""
     try:
         return identified.learned(), []
     except StoopError as error:
-        return ([], math.nan), [
-            f"No first-order lag beside the model: it learns from the fitted flight; {error}"
-        ]
+        return [], [f"No first-order lag beside the model: it learns from the fitted flight; {error}"]
 
 
 def _candidates(
@@ -178,42 +176,33 @@ def _assembled(
     flights: Mapping[str, Flight],
     fitted_as: Mapping[str, str | None],
     windows: Sequence[Window],
-    learned: tuple[list[BaselineManeuver], float],
+    learned: Sequence[BaselineManeuver],
     notes: list[str],
     command: str,
 ) -> Validated:
     vehicle = identified.vehicle
     results: list[ManeuverResult] = []
     traces: list[ManeuverTrace] = []
+    doubts: list[str] = []
     for name, flight in flights.items():
         own = [w for w in windows if w.flight == name]
         biases = identified.biases(fitted_as[name])
         prepared, simulated = predicted(vehicle, flights, own, [biases] * len(own))
-        lag, said = _fitting(learned, flight)
-        found, drawn = maneuver_curves(vehicle, [Flown("validation", prepared, simulated)], lag)
+        found, drawn = maneuver_curves(vehicle, [Flown("validation", prepared, simulated)], learned)
         results += found
         traces += drawn
-        notes += [*flight.notes, *prepared.notes, *said]
-    record = _record(identified, flights, tuple(results), tuple(dict.fromkeys(notes)), command)
-    return Validated(record, _identification(identified, record, tuple(traces)))
-
-
-def _fitting(
-    learned: tuple[list[BaselineManeuver], float], flight: Flight
-) -> tuple[list[BaselineManeuver], list[str]]:
-    """Return what the lag learns from, where it was sampled as this flight is."""
-    maneuvers, rate = learned
-    if not maneuvers or abs(rate - flight.rate) < 1e-6 * rate:
-        return maneuvers, []
-    return [], [
-        f"{flight.name}: no first-order lag beside the model: it learned at {rate:g} Hz, this flight has {flight.rate:g} Hz"
-    ]
+        notes += [*flight.notes, *prepared.notes]
+        doubts += prepared.warnings
+    doubts = [*_doubts(identified, results), *doubts]
+    record = _record(identified, flights, tuple(results), doubts, tuple(dict.fromkeys(notes)), command)
+    return Validated(record, _identification(identified, record, doubts, tuple(traces)))
 
 
 def _record(
     identified: Identified,
     flights: Mapping[str, Flight],
     maneuvers: tuple[ManeuverResult, ...],
+    doubts: Sequence[str],
     notes: tuple[str, ...],
     command: str,
 ) -> Validation:
@@ -226,7 +215,7 @@ def _record(
         maneuvers=maneuvers,
         compared=len(compared),
         better=sum(compared),
-        warnings=(*_doubts(identified, maneuvers), *_weak(maneuvers)),
+        warnings=(*doubts, *_weak(maneuvers)),
         notes=notes,
         versions=versions(),
         inputs=file_hashes(flight_files(flights.values())),
@@ -256,14 +245,14 @@ def _where(m: ManeuverResult) -> str:
 
 
 def _identification(
-    identified: Identified, record: Validation, traces: tuple[ManeuverTrace, ...]
+    identified: Identified, record: Validation, doubts: Sequence[str], traces: tuple[ManeuverTrace, ...]
 ) -> Identification:
     """Return what the page draws: the result that was validated, with the maneuvers that were predicted."""
     vehicle = identified.vehicle
     result = replace(
         identified.result,
         maneuvers=record.maneuvers,
-        warnings=_doubts(identified, record.maneuvers),  # the page says by itself where the lag is as good
+        warnings=tuple(doubts),  # the page says by itself where the lag is as good
         versions=record.versions,
         inputs={RESULT: record.result, **record.inputs},
     )

@@ -27,6 +27,7 @@ OWN_COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
     **dict.fromkeys(("q", "V", "alpha", "theta", "ax", "az"), PITCH),
     **dict.fromkeys(("r", "beta", "psi", "ay"), YAW),
 }  #: channel -> its axis's command, the first that there is
+SAME_RATE: Final = 1e-6  #: in parts; two clocks read back from a file
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,25 +48,25 @@ class BaselineSegment:
 
 @dataclass(frozen=True, eq=False)
 class BaselineManeuver:
-    """A maneuver as the trivial model sees it."""
+    """A maneuver as the trivial model sees it; `rate` is its sample rate, Hz."""
 
     role: Role
     segments: tuple[BaselineSegment, ...]
+    rate: float
 
 
 def baseline_matches(
-    maneuvers: Sequence[BaselineManeuver], channels: Sequence[str], rate: float
+    maneuvers: Sequence[BaselineManeuver], channels: Sequence[str]
 ) -> tuple[dict[str, Match], ...]:
     """Return what the lag makes of every channel of every maneuver.
 
     Parameters
     ----------
     maneuvers : sequence of BaselineManeuver
-        Fit and validation maneuvers in any order.
+        Fit and validation maneuvers in any order. What predicts learns from the fit maneuvers sampled as the first
+        of them is; a lag is continuous in time, so it predicts at any rate.
     channels : sequence of str
         Channels wanted; one without enough measurements is left out.
-    rate : float, Hz
-        Sample rate of all segments.
 
     Returns
     -------
@@ -75,29 +76,31 @@ def baseline_matches(
     """
     found: tuple[dict[str, Match], ...] = tuple({} for _ in maneuvers)
     for channel in channels:
-        joint = _joint(maneuvers, channel, rate)
+        joint = _joint(maneuvers, channel)
         for maneuver, matches in zip(maneuvers, found, strict=True):
-            match = _match(maneuver, channel, rate, joint)
+            match = _match(maneuver, channel, joint)
             if match is not None:
                 matches[channel] = match
     return found
 
 
-def _joint(maneuvers: Sequence[BaselineManeuver], channel: str, rate: float) -> Lag | None:
+def _joint(maneuvers: Sequence[BaselineManeuver], channel: str) -> Lag | None:
     """Return the lag given all commands, fitted to all fit maneuvers, if something is to be predicted."""
     if all(maneuver.role == "fit" for maneuver in maneuvers):
         return None
     fitted = [m for m in maneuvers if m.role == "fit"]
-    records = [r for number, m in enumerate(fitted) for r in _records(m, channel, _all(m), number)]
-    return fit_lag(records, rate) if records else None
+    alike = [m for m in fitted if abs(m.rate - fitted[0].rate) < SAME_RATE * m.rate]
+    records = [r for number, m in enumerate(alike) for r in _records(m, channel, _all(m), number)]
+    return fit_lag(records, alike[0].rate) if records else None
 
 
-def _match(maneuver: BaselineManeuver, channel: str, rate: float, joint: Lag | None) -> Match | None:
+def _match(maneuver: BaselineManeuver, channel: str, joint: Lag | None) -> Match | None:
     if maneuver.role == "validation":
-        predicted = joint.predicted(_records(maneuver, channel, _all(maneuver))) if joint else None
-        return Match(join(predicted)) if predicted is not None else None
+        if joint is None:
+            return None
+        return Match(join(joint.at(maneuver.rate).predicted(_records(maneuver, channel, _all(maneuver)))))
     records = _records(maneuver, channel, _own(maneuver, channel))
-    lag = fit_lag(records, rate) if records else None
+    lag = fit_lag(records, maneuver.rate) if records else None
     return Match(join(lag.matched(records)), join(lag.left_out(records))) if lag else None
 
 

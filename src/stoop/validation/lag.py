@@ -9,7 +9,7 @@ that does not beat it has learned nothing but how late and how strongly the airc
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -112,6 +112,10 @@ class Lag:
             left_out(e[:, None], s[:, None, :], information, block)[:, 0]
             for e, s in zip(residuals, sensitivities, strict=True)
         )
+
+    def at(self, rate: float) -> Lag:
+        """Return the same lag for records sampled at another rate, Hz; the dead time to the nearest sample there."""
+        return replace(self, rate=rate)
 
     @property
     def _delay(self) -> int:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from stoop.cli.main import main
-from stoop.errors import FlightError, StoopError
+from stoop.errors import FlightError, SimulationError, StoopError
 from stoop.flight import Flight, load, save
 from stoop.job import Job
 from stoop.job.validate import validate
@@ -77,6 +77,43 @@ def test_without_the_fitted_flight_there_is_no_lag_and_a_note(job: Job, folder: 
     assert found.record.compared == 0
     assert any("No first-order lag" in note for note in found.record.notes)
     assert np.isnan(found.record.maneuvers[0].channels["q"].baseline_theil)
+
+
+def test_at_another_rate_the_lag_stands_beside_the_model_too(job: Job, folder: Path) -> None:
+    flight = job.flights[0]
+    halved = flight.data.isel(time=slice(None, None, 2))
+    every = replace(flight, name="slower", data=halved, rate=0.5 * flight.rate, path=None)
+    same, slower = (validate(folder, [f], ["20:28"]) for f in (renamed(flight, "again"), every))
+    assert slower.record.compared == same.record.compared > 0
+    before, now = (found.record.maneuvers[0].channels for found in (same, slower))
+    for name in ("q", "alpha", "V"):
+        assert now[name].baseline_theil == pytest.approx(before[name].baseline_theil, abs=0.03), name
+    assert not any("no first-order lag" in note for note in slower.record.notes)
+
+
+@pytest.mark.parametrize("steady", [True, False])
+def test_a_state_that_was_not_recorded_begins_as_in_steady_flight_and_is_named(
+    job: Job, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, steady: bool
+) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise SimulationError("none found")
+
+    if not steady:
+        monkeypatch.setattr("stoop.identify.predict.trim", fails)
+    flight = job.flights[0]
+    blind = replace(flight, name="blind", data=flight.data.assign(alpha=np.nan * flight.data["alpha"]))
+    found = validate(folder, [blind], ["0:8"])
+    (said,) = [w for w in found.record.warnings if "alpha not recorded at the start" in w]
+    assert said.startswith("blind@0:8: ")
+    assert ("as in steady flight" if steady else "from a default") in said
+    assert not any("a default is used" in note for note in found.record.notes)
+    found.save(tmp_path)
+    assert "alpha not recorded at the start" in (tmp_path / "validation.html").read_text(encoding="utf-8")
+    assert "alpha not recorded at the start" in (tmp_path / "validation.json").read_text(encoding="utf-8")
+    whole = validate(folder, [renamed(flight, "whole")], ["0:8"]).record.maneuvers[0].channels
+    if steady:  # the flight begins in its trim, so nothing is lost
+        for name in ("V", "q", "theta"):
+            assert found.record.maneuvers[0].channels[name].rmse < 1.3 * whole[name].rmse
 
 
 def test_what_is_missing_is_one_line(job: Job, folder: Path, tmp_path: Path) -> None:

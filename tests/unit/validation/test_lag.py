@@ -134,9 +134,9 @@ def segment(lags: dict[str, Lag], size: int, seed: int, maneuver: int) -> Baseli
 
 def test_every_maneuver_gets_its_curves() -> None:
     lags = {"p": truth(gains=(3.0, 0.0, 0.0)), "beta": truth(gains=(0.5, 0.0, -2.0))}
-    fit = BaselineManeuver("fit", (segment(lags, 400, 1, 0), segment(lags, 300, 2, 0)))
-    other = BaselineManeuver("validation", (segment(lags, 350, 3, 1),))
-    first, second = baseline_matches([fit, other], ["p", "beta", "V"], RATE)
+    fit = BaselineManeuver("fit", (segment(lags, 400, 1, 0), segment(lags, 300, 2, 0)), RATE)
+    other = BaselineManeuver("validation", (segment(lags, 350, 3, 1),), RATE)
+    first, second = baseline_matches([fit, other], ["p", "beta", "V"])
     assert set(first) == {"p", "beta"}
     assert first["p"].simulated.shape == (701,)
     assert np.isnan(first["p"].simulated[400])
@@ -144,11 +144,36 @@ def test_every_maneuver_gets_its_curves() -> None:
     assert theil(other.segments[0].measured["beta"], second["beta"].simulated) < 0.05
 
 
+def test_a_lag_predicts_at_another_rate() -> None:
+    lag = truth(gains=(3.0, 0.0, 0.0))
+    fit = BaselineManeuver("fit", (segment({"p": lag}, 800, 1, 0),), RATE)
+    whole = segment({"p": lag}, 800, 3, 1)
+    matched = []
+    for every in (1, 2, 5):
+        commands = {name: values[::every] for name, values in whole.commands.items()}
+        seen = BaselineSegment(commands, {"p": whole.measured["p"][::every]})
+        other = BaselineManeuver("validation", (seen,), RATE / every)
+        matched.append(theil(seen.measured["p"], baseline_matches([fit, other], ["p"])[1]["p"].simulated))
+    assert matched[0] < 0.05
+    assert matched[1:] == pytest.approx(
+        [matched[0]] * 2, abs=0.05
+    )  # steps become ramps of a slower clock's length
+
+
+def test_a_lag_is_fitted_to_what_was_sampled_alike() -> None:
+    lags = {"p": truth(gains=(3.0, 0.0, 0.0))}
+    fits = [BaselineManeuver("fit", (segment(lags, 600, seed, 0),), RATE) for seed in (1, 2)]
+    misread = BaselineManeuver("fit", fits[1].segments, 7.0 * RATE)
+    other = BaselineManeuver("validation", (segment(lags, 350, 3, 1),), RATE)
+    alone, beside = (baseline_matches([fits[0], *more, other], ["p"])[-1]["p"] for more in ([], [misread]))
+    assert np.array_equal(alone.simulated, beside.simulated)
+
+
 def test_own_axis_only_in_a_fit() -> None:
     # p that answers to the yaw command alone cannot be matched by the roll command
     lags = {"p": truth(gains=(0.0, 0.0, 3.0))}
-    fit = BaselineManeuver("fit", (segment(lags, 600, 1, 0),))
-    (curves,) = baseline_matches([fit], ["p"], RATE)
+    fit = BaselineManeuver("fit", (segment(lags, 600, 1, 0),), RATE)
+    (curves,) = baseline_matches([fit], ["p"])
     assert theil(fit.segments[0].measured["p"], curves["p"].simulated) > 0.3
 
 
@@ -158,15 +183,15 @@ def test_every_channel_has_its_axis() -> None:
         "alpha": truth(gains=(0.0, 3.0, 0.0)),
         "beta": truth(gains=(0.0, 0.0, 3.0)),
     }
-    fit = BaselineManeuver("fit", (segment(lags, 600, 1, 0),))
-    (curves,) = baseline_matches([fit], list(lags), RATE)
+    fit = BaselineManeuver("fit", (segment(lags, 600, 1, 0),), RATE)
+    (curves,) = baseline_matches([fit], list(lags))
     for name in lags:
         assert theil(fit.segments[0].measured[name], curves[name].simulated) < 1e-3
 
 
 def test_nothing_to_learn_from() -> None:
     lags = {"p": truth(gains=(3.0, 0.0, 0.0))}
-    alone = BaselineManeuver("validation", (segment(lags, 300, 1, 0),))
-    assert baseline_matches([alone], ["p"], RATE) == ({},)
-    empty = BaselineManeuver("fit", (BaselineSegment({}, {"p": np.zeros(50)}),))
-    assert baseline_matches([empty], ["p"], RATE) == ({},)
+    alone = BaselineManeuver("validation", (segment(lags, 300, 1, 0),), RATE)
+    assert baseline_matches([alone], ["p"]) == ({},)
+    empty = BaselineManeuver("fit", (BaselineSegment({}, {"p": np.zeros(50)}),), RATE)
+    assert baseline_matches([empty], ["p"]) == ({},)
