@@ -165,7 +165,7 @@ class Misfit:
     def _whitened(self, simulated: FloatArray, measured: FloatArray) -> FloatArray:
         """Return whitened simulated minus measured, zero where there is no measurement; simulated is used up."""
         seen = np.isfinite(measured)
-        with np.errstate(invalid="ignore"):
+        with np.errstate(invalid="ignore", over="ignore"):  # the last readings before a divergence are huge
             simulated -= np.where(seen, measured, 0.0)
             if not seen.all():
                 simulated *= seen
