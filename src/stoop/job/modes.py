@@ -110,7 +110,8 @@ def _at(
 def _measured(fit: Fit, condition: Condition, mode: ModeEstimate) -> ModeEstimate:
     """Return a mode with what the records of its maneuvers show of it."""
     expected = mode.frequency.estimate
-    seen = [measured_mode(mode.name, m, _free(fit, m), expected) for m in condition.maneuvers]
+    V = condition.start["V"]
+    seen = [measured_mode(mode.name, m, _free(fit, m), expected, V) for m in condition.maneuvers]
     return replace(mode, measured=tuple(seen))
 
 

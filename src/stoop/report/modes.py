@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from stoop.identify.result import ConditionModes, Estimate, Identification, MeasuredMode, ModeEstimate
 from stoop.report.numbers import NOTHING, number, rounded_to_error, window
 
+FAR = 3.0  #: standard errors; of some twenty numbers on a page one is beyond two by chance
+
 
 @dataclass(frozen=True)
 class ModeRow:
@@ -90,7 +92,7 @@ def _agreement(mode: ModeEstimate, one: MeasuredMode) -> str:
     ]
     if not off or not all(math.isfinite(x) for x in off):
         return "no interval to compare with"
-    return f"{max(off):.1f} standard errors from the model" if max(off) > 2.0 else "agrees with the model"
+    return f"{max(off):.1f} standard errors from the model" if max(off) > FAR else "agrees with the model"
 
 
 def _value(one: Estimate) -> str:

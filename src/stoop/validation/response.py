@@ -8,6 +8,9 @@ with one frequency w and one damping zeta for all channels that the mode moves, 
 the straight line stands for what is slower (the phugoid, the slowest, has none: d = 0). Two periods are looked at; what
 comes later is mostly the slower modes. a, b, c and d enter linearly and are solved for (variable projection: G. Golub
 and V. Pereyra, SIAM J. Numer. Anal. 10, 1973), which leaves a search in two dimensions, from a grid of starts.
+
+The error bars know noise, what is no single damped oscillation (see `_Oscillation.drift`) and that the response is
+flown about another airspeed than the condition's (`elsewhere`).
 """
 
 from __future__ import annotations
@@ -39,6 +42,14 @@ MOST_DAMPED: Final = 0.98
 EXPLAINED: Final = 0.7  #: of what the slower motion leaves, by the oscillation
 FREQUENCY_KNOWN: Final = 0.2  #: standard error in parts of the frequency
 DAMPING_KNOWN: Final = 0.15  #: standard error of the damping
+PARTS: Final = (
+    (0.1, 1.0),
+    (0.2, 1.0),
+    (0.3, 1.0),
+    (0.0, 0.9),
+    (0.0, 0.8),
+    (0.0, 0.7),
+)  #: of the response, fitted alone
 NORMAL_95: Final = 1.959963984540054
 
 
@@ -85,7 +96,9 @@ def free_response(time: FloatArray, controls: FloatArray, channels: Mapping[str,
     return FreeResponse(time[first:], {name: values[first:] for name, values in channels.items()})
 
 
-def measured_mode(name: str, maneuver: int, free: FreeResponse, expected: float) -> MeasuredMode:
+def measured_mode(
+    name: str, maneuver: int, free: FreeResponse, expected: float, airspeed: float = math.nan
+) -> MeasuredMode:
     """Return frequency and damping of a mode as the free response shows them, or why it does not.
 
     Parameters
@@ -96,6 +109,8 @@ def measured_mode(name: str, maneuver: int, free: FreeResponse, expected: float)
     free : FreeResponse
     expected : float, rad/s
         Of the model, which decides only how long a response is looked at, and whether there is enough of it.
+    airspeed : float, m/s
+        Of the condition that the mode shall be one of, see :func:`elsewhere`; NaN where that does not matter.
     """
     if not len(free.time):
         return MeasuredMode(maneuver, remark="not identified: the controls never rest")
@@ -114,18 +129,34 @@ def measured_mode(name: str, maneuver: int, free: FreeResponse, expected: float)
     t = free.time - free.time[0]
     slower = np.column_stack([np.ones_like(t), *([] if name == SLOWEST else [t])])
     place = MeasuredMode(maneuver, place.start, place.stop, tuple(columns))
-    return _fitted(place, t, np.column_stack(list(columns.values())), slower)
+    return _fitted(place, t, np.column_stack(list(columns.values())), slower, elsewhere(free, airspeed))
+
+
+def elsewhere(free: FreeResponse, airspeed: float) -> float:
+    """Return how far, as a share of `airspeed`, a response was flown from it; 0 where no airspeed was recorded.
+
+    Natural frequencies go with the airspeed or with its inverse, so this is by how much a response at its own
+    airspeeds may differ from the small motion about one: the mean's departure, and the square of the swing, for
+    what swings to both sides cancels in first order.
+    """
+    seen = free.channels.get("V", np.empty(0))
+    seen = seen[np.isfinite(seen)]
+    if not seen.size or not math.isfinite(airspeed):
+        return 0.0
+    return abs(float(np.mean(seen)) / airspeed - 1.0) + float(np.var(seen)) / airspeed**2
 
 
 def _said(place: MeasuredMode, remark: str) -> MeasuredMode:
     return MeasuredMode(place.maneuver, place.start, place.stop, place.channels, remark=remark)
 
 
-def _fitted(place: MeasuredMode, t: FloatArray, y: FloatArray, slower: FloatArray) -> MeasuredMode:
+def _fitted(
+    place: MeasuredMode, t: FloatArray, y: FloatArray, slower: FloatArray, away: float
+) -> MeasuredMode:
     search = _Oscillation(t, y / _spread(slower, y), slower)
     x = search.best()
-    error = search.errors(x)
     frequency, damping = math.exp(x[0]), float(x[1])
+    error = np.hypot(np.hypot(search.errors(x), search.drift(x)), away * np.array([1.0, abs(damping)]))
     if search.explained(x) < EXPLAINED:
         return _said(place, "not identified: no one oscillation explains the response after the input")
     if not (error[0] < FREQUENCY_KNOWN and error[1] < DAMPING_KNOWN and damping < MOST_DAMPED - 1e-6):
@@ -181,12 +212,44 @@ class _Oscillation:
 
     def best(self) -> FloatArray:
         """Return the optimum from the best points of a grid."""
-        slowest, fastest = math.pi / self.t[-1], 0.5 * math.pi * (len(self.t) - 1) / self.t[-1]
-        grid = [np.array([math.log(w), z]) for w in np.geomspace(slowest, fastest, 24) for z in DAMPINGS]
+        grid = [np.array([math.log(w), z]) for w in np.geomspace(*self._range, 24) for z in DAMPINGS]
         starts = sorted(grid, key=lambda x: float(np.sum(self.residuals(x) ** 2)))[:3]
-        low, high = [math.log(0.5 * slowest), -0.5], [math.log(fastest), MOST_DAMPED]
-        ends = [least_squares(self.residuals, x, bounds=(low, high), x_scale=(0.1, 0.1)) for x in starts]
+        ends = [least_squares(self.residuals, x, bounds=self._box, x_scale=(0.1, 0.1)) for x in starts]
         return np.asarray(min(ends, key=lambda end: float(end.cost)).x, dtype=np.float64)
+
+    def polished(self, x: FloatArray) -> FloatArray:
+        """Return the optimum near `x`."""
+        end = least_squares(self.residuals, x, bounds=self._box, x_scale=(0.1, 0.1))
+        return np.asarray(end.x, dtype=np.float64)
+
+    def part(self, first: float, last: float) -> _Oscillation:
+        """Return the problem of a part of the response, by shares of its length."""
+        inside = (self.t >= first * self.t[-1]) & (self.t <= last * self.t[-1])
+        return _Oscillation(self.t[inside] - self.t[inside][0], self.y[inside], self.slower[inside])
+
+    def drift(self, x: FloatArray) -> FloatArray:
+        """Return by how much (2,) parts of the response give other log w and zeta than the whole, noise apart.
+
+        Were the response one damped oscillation in noise, a part's estimate would differ from the whole's with the
+        difference of their variances (J. A. Hausman, Econometrica 46(6), 1978); what is beyond that is not noise.
+        """
+        whole = self.errors(x) ** 2
+        parts = [self.part(*ends) for ends in PARTS]
+        beyond = []
+        for part in parts:
+            here = part.polished(x)
+            beyond.append((here - x) ** 2 - np.maximum(part.errors(here) ** 2 - whole, 0.0))
+        return np.asarray(np.sqrt(np.maximum(np.mean(beyond, axis=0), 0.0)), dtype=np.float64)
+
+    @property
+    def _box(self) -> tuple[list[float], list[float]]:
+        slowest, fastest = self._range
+        return [math.log(0.5 * slowest), -0.5], [math.log(fastest), MOST_DAMPED]
+
+    @property
+    def _range(self) -> tuple[float, float]:
+        """Return the lowest and the highest frequency, rad/s, that the record can tell."""
+        return math.pi / self.t[-1], 0.5 * math.pi * (len(self.t) - 1) / self.t[-1]
 
     def explained(self, x: FloatArray) -> float:
         """Return the share of what the slower motion leaves that the oscillation explains."""
@@ -197,7 +260,10 @@ class _Oscillation:
         step = 1e-5 * np.eye(2)
         J = np.column_stack([(self.residuals(x + d) - self.residuals(x - d)) / 2e-5 for d in step])
         left = self.left(x)
-        longer = float(np.max(correlation_times([left], float(self.t[1] - self.t[0]))))
-        free = max(1, int(np.isfinite(left).sum()) - 2 - (2 + self.slower.shape[1]) * left.shape[1])
-        power = longer * float(np.nansum(left**2)) / free
-        return np.asarray(np.sqrt(power * np.diag(np.linalg.pinv(J.T @ J))))
+        longer = correlation_times([left], float(self.t[1] - self.t[0]))
+        taken = 2.0 / left.shape[1] + 2.0 + self.slower.shape[1]
+        free = np.maximum(np.isfinite(left).sum(axis=0) - taken, 1.0)
+        power = longer * np.nansum(left**2, axis=0) / free
+        inverse = np.linalg.pinv(J.T @ J) @ J.T
+        own = power[np.nonzero(np.isfinite(self.y))[1]]  # each channel has its own noise
+        return np.asarray(np.sqrt(np.einsum("in,n,in->i", inverse, own, inverse)), dtype=np.float64)

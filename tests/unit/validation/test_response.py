@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stoop.validation.response import free_response, measured_mode
+from stoop.validation.response import elsewhere, free_response, measured_mode
 
 TIME = np.arange(0.0, 8.0, 0.01)
 
@@ -31,6 +31,49 @@ def test_a_known_oscillation_comes_back_within_its_error() -> None:
         off.append((found.damping.estimate - 0.2) / found.damping.std_error)
     assert np.std(off) == pytest.approx(1.0, abs=0.35)
     assert abs(np.mean(off)) < 0.6
+
+
+def test_what_is_no_single_oscillation_widens_the_error() -> None:
+    """A faster mode left over at the start: noise alone would be far too sure."""
+    off, widths = [], []
+    for seed in range(4):
+        control, channels = record(3.0, 0.2, 0.005, seed)
+        t = np.maximum(TIME - 2.0, 0.0)
+        other = {n: y + 0.08 * np.exp(-2.5 * t) * np.cos(7.0 * t) for n, y in channels.items()}
+        pure, mixed = (
+            measured_mode("Dutch roll", 0, free_response(TIME, control, c), 3.0) for c in (channels, other)
+        )
+        off += [(mixed.frequency.estimate - 3.0) / mixed.frequency.std_error]
+        off += [(mixed.damping.estimate - 0.2) / mixed.damping.std_error]
+        widths.append(mixed.damping.std_error / pure.damping.std_error)
+    assert np.median(widths) > 2.0
+    assert np.max(np.abs(off)) < 3.0
+
+
+def test_a_response_at_another_airspeed_is_less_sure() -> None:
+    control, channels = record(3.0, 0.2, 0.001)
+    V = 33.0 + np.sin(0.5 * TIME)
+    free = free_response(TIME, control, {**channels, "V": V})
+    assert elsewhere(free, float("nan")) == 0.0
+    assert elsewhere(free, 30.0) == pytest.approx(0.1, abs=0.02)
+    found = measured_mode("Dutch roll", 0, free, 3.0, 30.0)
+    away = elsewhere(free.first(4.0 * np.pi / 3.0), 30.0)
+    assert found.frequency.std_error == pytest.approx(away * found.frequency.estimate, rel=0.05)
+    assert found.damping.std_error == pytest.approx(away * found.damping.estimate, rel=0.3)
+
+
+def test_each_channel_has_its_own_noise() -> None:
+    """A quiet channel beside a loud one: the bars stay those of the scatter."""
+    off = []
+    for seed in range(10):
+        control, channels = record(3.0, 0.2, 0.002, seed)
+        channels["beta"] = channels["beta"] + 0.02 * np.random.default_rng(90 + seed).standard_normal(
+            len(TIME)
+        )
+        found = measured_mode("Dutch roll", 0, free_response(TIME, control, channels), 3.0)
+        off.append((found.frequency.estimate - 3.0) / found.frequency.std_error)
+        off.append((found.damping.estimate - 0.2) / found.damping.std_error)
+    assert np.std(off) == pytest.approx(1.0, abs=0.35)
 
 
 def test_the_guess_of_the_model_is_not_what_comes_back() -> None:
