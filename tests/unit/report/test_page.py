@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import re
-import time
 from html.parser import HTMLParser
 from pathlib import Path
 from types import ModuleType
@@ -128,12 +127,8 @@ def test_drawings_are_described_and_tables_have_heads(page: Page) -> None:
     assert page.tags.count("th") > page.tags.count("table")
 
 
-def test_it_is_quick_and_not_large(examples: ModuleType) -> None:
-    it = examples.example()
-    begin = time.perf_counter()
-    html = render(it)
-    assert time.perf_counter() - begin < 3.0  # 0.2 s when nothing else runs
-    assert len(html) < 2_000_000
+def test_it_is_not_large(examples: ModuleType) -> None:
+    assert len(render(examples.example())) < 2_000_000
 
 
 def test_the_same_result_gives_the_same_bytes(examples: ModuleType) -> None:

@@ -22,8 +22,8 @@ LEAD: Final = f"""\
 The twin-boom aircraft flies {len(STEPS)} maneuvers of {DURATION:.0f} s at {RATE:.0f} Hz on all six degrees of \
 freedom. Its 32 coefficients are estimated jointly from all twelve channels, from starting values up to \
 {100 * WRONG:.0f} % wrong. Each maneuver's nine initial states and {len(BIASES)} sensor biases are unknown and \
-estimated, and so is the covariance of the noise; in turbulence so are the intensities of the gusts. Each seed draws biases, noise and starting values. The intervals \
-are those that stoop identify publishes."""
+estimated, and so is the covariance of the noise; in turbulence so are the intensities of the gusts. Each seed draws \
+biases, noise and starting values. The intervals are those that stoop identify publishes."""
 WORDS: Final = """\
 Coverage is the share of flights in which estimate ± 1.96 standard errors holds the truth. Sharpness is the mean \
 standard error over the true scatter (root-mean-square error): 1 is as it should be; an interval that is wide \
