@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -114,7 +113,6 @@ def test_a_dead_command_gives_no_gain() -> None:
     found = fit_lag([LagRecord(np.zeros((50, 1)), np.ones(50))], RATE)
     assert found is not None
     assert found.gains[0] == 0.0
-
 
 
 def segment(lags: dict[str, Lag], size: int, seed: int, maneuver: int) -> BaselineSegment:
