@@ -208,7 +208,7 @@ def _alone(done: Search, checkpoint: Checkpoint, watch: Watch) -> list[Alone]:
 
 def tell(job: Job, folder: Path) -> None:
     """Print what was found and where it lies."""
-    from stoop.job.summary import BASIC, estimates_table, figures_table, methods_table
+    from stoop.job.summary import BASIC, estimates_table, figures_table, methods_table, repeatability_lines
 
     result, out = job.identification.result, page()
     out.heading("estimates")
@@ -226,6 +226,9 @@ def tell(job: Job, folder: Path) -> None:
         out.bullets(f"{name} ({s.doubt}): {s.advice}" for name, s in advised.items())
     out.heading("fit and prediction")
     print(figures_table(result.maneuvers))
+    if result.repeatability.maneuvers:
+        out.heading("repeatability: each maneuver fitted alone")
+        out.bullets(repeatability_lines(result.repeatability))
     if result.wind:
         out.heading("wind and pitot")
         out.bullets(note for w in result.wind for note in w.notes)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from stoop.identify.result import ManeuverResult, Result
+from stoop.identify.result import ManeuverResult, Repeatability, Result
+from stoop.report.repeatability import comparison
 
 BASIC = ("corrected", "cramer_rao")  #: methods that every result has
 _SHOWN = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "ax", "ay", "az")
@@ -49,6 +50,21 @@ def methods_table(result: Result) -> str:
         cells = ["".rjust(11) if s is None else shown(s.std_error) for s in spreads]
         lines.append(f"{name:{wide}} {' '.join(cells)}".rstrip())
     return "\n".join(lines)
+
+
+def repeatability_lines(found: Repeatability) -> list[str]:
+    """Return whether maneuvers fitted alone agree: how many parameters were compared, and which; none if not asked for."""
+    if not found.maneuvers:
+        return []
+    lines = [comparison(tuple(found.parameters.values()))]
+    for verdict in ("scatter", "agree"):
+        named = [
+            f"{name} ({1 + one.degrees} maneuvers, p = {one.p_value:.2g})"
+            for name, one in found.parameters.items()
+            if one.verdict == verdict
+        ]
+        lines += [f"{verdict}: {', '.join(named)}"] if named else []
+    return [*lines, *found.remarks]
 
 
 def figures_table(maneuvers: Sequence[ManeuverResult]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -54,13 +55,14 @@ def repeat_view(identification: Identification) -> RepeatView | None:
     titles = tuple(window(maneuvers[i].start, maneuvers[i].stop) for i in found.maneuvers)
     told = {n: p for n, p in found.parameters.items() if any(one.counted for one in p.singles)}
     rows = tuple(_row(identification, name, one) for name, one in told.items())
-    return RepeatView(titles, rows, _words(list(told.values())), found.remarks)
+    return RepeatView(titles, rows, comparison(list(told.values())), found.remarks)
 
 
-def _words(told: list[ParameterRepeatability]) -> str:
-    compared = [one for one in told if one.verdict]
+def comparison(parameters: Sequence[ParameterRepeatability]) -> str:
+    """Return in words how many parameters can be compared, and how far they scatter."""
+    compared = [one for one in parameters if one.verdict]
     if not compared:
-        return "No parameter can be told from two maneuvers alone, so nothing can be compared."
+        return "Too few maneuvers tell the same parameter when fitted alone, so nothing can be compared."
     wild = sum(one.verdict == "scatter" for one in compared)
     square, degrees = sum(one.chi_square for one in compared), sum(one.degrees for one in compared)
     ratio = math.sqrt(square / degrees)

@@ -7,11 +7,14 @@ from dataclasses import replace
 import pytest
 
 from stoop.flight import Flight
+from stoop.identify.findings import Repeatability, SingleEstimate
 from stoop.identify.fit import Options
 from stoop.job.repeat import fit_alone, with_repeatability
 from stoop.job.run import Job, finish, search
+from stoop.job.summary import repeatability_lines
 from stoop.report.page import render
 from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.validation.repeatability import agreement
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
@@ -67,7 +70,26 @@ def test_maneuvers_of_one_aircraft_agree_with_each_other_and_the_joint_fit(alike
 def test_one_maneuver_of_another_aircraft_stands_out() -> None:
     other = aircraft().with_numbers({"Cmq": {"value": 1.6 * aircraft().value("Cmq")}})
     found = repeated([flown(aircraft(), 0), flown(aircraft(), 1), flown(other, 2)])
-    assert found.identification.result.repeatability.parameters["Cmq"].verdict == "scatter"
+    repeatability = found.identification.result.repeatability
+    assert repeatability.parameters["Cmq"].verdict == "scatter"
+    scattering = next(line for line in repeatability_lines(repeatability) if line.startswith("scatter: "))
+    assert "Cmq (3 maneuvers, p = " in scattering
+
+
+def test_the_terminal_says_how_many_agree(alike: Job) -> None:
+    found = alike.identification.result.repeatability
+    first, *others = repeatability_lines(found)
+    assert first.startswith("4 parameters can be told from two maneuvers or more")
+    named = [name for line in others for name in FREE if f"{name} (4 maneuvers" in line]
+    assert sorted(named) == sorted(FREE)
+    assert repeatability_lines(Repeatability()) == []
+
+
+def test_what_only_one_maneuver_tells_is_not_compared() -> None:
+    one, none = SingleEstimate(1.0, 0.1, True), SingleEstimate(1.0, 0.1, False)
+    found = Repeatability((0, 1), {"CLalpha": agreement([one, none])}, ("the second diverged",))
+    few = "Too few maneuvers tell the same parameter when fitted alone, so nothing can be compared."
+    assert repeatability_lines(found) == [few, "the second diverged"]
 
 
 def test_the_report_draws_them(alike: Job) -> None:
