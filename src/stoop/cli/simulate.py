@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -36,7 +36,7 @@ def run(arguments: argparse.Namespace) -> int:
     _check_ending(target)
     check_target(target, arguments.overwrite)
     from stoop.flight import save
-    from stoop.simulate import load_maneuver, simulate_flight
+    from stoop.simulate import load_maneuver, numbers_set, simulate_flight, trim
     from stoop.vehicle.builtin import resolve_vehicle
 
     vehicle = resolve_vehicle(arguments.vehicle)
@@ -44,9 +44,11 @@ def run(arguments: argparse.Namespace) -> int:
     maneuver = load_maneuver(arguments.maneuver)
     with _naming(arguments.maneuver), busy(COMPILING):
         flight = simulate_flight(vehicle, maneuver, arguments.seed, not arguments.no_noise, target.stem)
+        flown = numbers_set(vehicle, trim(vehicle, maneuver.airspeed, maneuver.altitude))
     save(flight, target)
     noise = "no sensor noise" if arguments.no_noise else f"sensor noise of seed {arguments.seed}"
-    _tell(flight, target, arguments.vehicle, noise)
+    _tell(flight, target, noise)
+    _tell_next(flight, target, arguments.vehicle, vehicle, flown)
     return 0
 
 
@@ -75,11 +77,30 @@ def _check_channels(vehicle: Vehicle) -> None:
             raise VehicleError(f"{vehicle.where}: the input '{channel}' is no variable of stoop; {advice}")
 
 
-def _tell(flight: Flight, target: Path, vehicle: str, noise: str) -> None:
+def _tell(flight: Flight, target: Path, noise: str) -> None:
     start, stop = float(flight.time[0]), float(flight.time[-1])
     size = f"{stop - start:g} s at {flight.rate:g} Hz, {len(flight.data.data_vars)} channels"
     out = page()
     out.line(f"wrote {target}: {size}, {noise}")
     out.bullets(note for note in flight.notes if note != "simulated flight")
-    command = ["stoop", "identify", str(target), "--vehicle", vehicle, "--maneuver", f"{start:g}:{stop:g}"]
+
+
+def _tell_next(
+    flight: Flight, target: Path, given: str, vehicle: Vehicle, flown: Mapping[str, float]
+) -> None:
+    """Print the fit of this flight: with the file's number for what the trim set, it would find another drag."""
+    out, free = page(), []
+    for name, value in flown.items():
+        own = vehicle.parameters[vehicle.rows[name]]
+        if own.free:
+            continue
+        if own.lower < own.upper and own.lower <= value <= own.upper:
+            free += ["--free", name]
+        else:
+            out.line(
+                f"first: write {name.rpartition('.')[2]} = {value:.7g} into [{name.partition('.')[0]}] of the vehicle "
+                "file; with its own number the fit puts the difference into the drag"
+            )
+    span = f"{float(flight.time[0]):g}:{float(flight.time[-1]):g}"
+    command = ["stoop", "identify", str(target), "--vehicle", given, "--maneuver", span, *free]
     out.command("next: ", [*command, "-o", f"{target.stem}-result"])

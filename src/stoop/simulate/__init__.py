@@ -1,6 +1,6 @@
 """Vehicle + inputs -> trajectories, trim, linear models and simulated flights."""
 
-from stoop.simulate.fly import simulate_flight
+from stoop.simulate.fly import numbers_set, simulate_flight
 from stoop.simulate.initial import START_NAMES, initial_states, parameter_rows
 from stoop.simulate.linearize import LinearModel, Mode, linearize
 from stoop.simulate.maneuver import Maneuver, load_maneuver, parse_maneuver
@@ -15,6 +15,7 @@ __all__ = [
     "initial_states",
     "linearize",
     "load_maneuver",
+    "numbers_set",
     "parameter_rows",
     "parse_maneuver",
     "simulate_flight",

@@ -152,8 +152,19 @@ def simulate_flight(
     }
     columns["altitude"] = _altitude(vehicle, maneuver, flown)
     flight = from_columns(name, flown.time, columns, ("simulated flight", *_changed(vehicle, flown)))
-    flight.data.attrs["truth"] = json.dumps({p.name: p.value for p in vehicle.parameters if p.free})
+    flight.data.attrs["truth"] = json.dumps(
+        {p.name: flown.trim.changes.get(p.name, p.value) for p in vehicle.parameters if p.free}
+    )
     return flight
+
+
+def numbers_set(vehicle: Vehicle, point: Trim) -> dict[str, float]:
+    """Return the numbers of the vehicle that a trim had to set to something else than the file says (by 0.1 %)."""
+    return {
+        name: value
+        for name, value in point.changes.items()
+        if abs(value - vehicle.value(name)) > 1e-3 * abs(vehicle.value(name))
+    }
 
 
 def _changed(vehicle: Vehicle, flown: Flown) -> list[str]:
@@ -161,8 +172,7 @@ def _changed(vehicle: Vehicle, flown: Flown) -> list[str]:
     return [
         f"{name} was set to {value:.7g} {vehicle.parameters[vehicle.rows[name]].unit} to hold "
         f"{flown.trim.start['V']:g} m/s; the vehicle file says {vehicle.value(name):.7g}"
-        for name, value in flown.trim.changes.items()
-        if abs(value - vehicle.value(name)) > 1e-3 * abs(vehicle.value(name))
+        for name, value in numbers_set(vehicle, flown.trim).items()
     ]
 
 

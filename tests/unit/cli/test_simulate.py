@@ -9,8 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.cli.freed import freed
 from stoop.cli.main import main, parser_for
 from stoop.flight import Flight, load
+from stoop.vehicle import load_vehicle
+
+TWIN_BOOM = Path(__file__).parents[3] / "src" / "stoop" / "data" / "twin_boom.toml"
 
 
 def fly(examples: Path, target: Path, *words: str, maneuver: str = "maneuver_3211.toml") -> Flight:
@@ -61,6 +65,38 @@ def test_tells_what_it_wrote_and_what_to_do_next(
     parsed = parser_for(words[1:]).parse_args(words[1:])
     assert parsed.flight == [target]
     assert parsed.maneuver == ["0:20"]
+
+
+@pytest.mark.parametrize(
+    ("thrust", "free", "first"),
+    [
+        ("220.87", [], False),
+        ("{ value = 200.0, bounds = [100.0, 400.0] }", ["propulsion.thrust"], False),
+        ("{ value = 200.0, bounds = [100.0, 400.0], free = true }", [], False),
+        ("{ value = 200.0, bounds = [100.0, 210.0] }", [], True),
+        ("200.0", ["propulsion.thrust"], False),
+    ],
+)
+def test_a_thrust_that_the_trim_set_is_fitted_or_to_be_written(
+    thrust: str,
+    free: list[str],
+    first: bool,
+    examples: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    text = TWIN_BOOM.read_text().replace("thrust = 220.87", f"thrust = {thrust}")
+    file, target = tmp_path / "v.toml", tmp_path / "a.nc"
+    file.write_text(text)
+    maneuver = str(examples / "maneuver_3211.toml")
+    assert main(["simulate", str(file), "--maneuver", maneuver, "-o", str(target)]) == 0
+    *said, after = capsys.readouterr().out.splitlines()
+    words = shlex.split(after)[2:]
+    parsed = parser_for(words).parse_args(words)
+    assert parsed.free == free
+    freed(load_vehicle(file), parsed.free, parsed.fix)  # would refuse a number without bounds
+    told = [line for line in said if line.startswith("first: write thrust = 220.8")]
+    assert len(told) == first
 
 
 def test_does_not_write_over_a_file_unasked(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -35,6 +37,9 @@ def test_a_thrust_that_the_trim_sets_is_told(twin_boom: Vehicle) -> None:
     told = simulate_flight(draggy, maneuver()).notes[1]
     assert told.startswith("propulsion.thrust was set to 262.8389 N")
     assert told.endswith("to hold 35 m/s; the vehicle file says 220.87")
+    freed = draggy.with_numbers({"propulsion.thrust": {"free": True}})
+    truth = json.loads(simulate_flight(freed, maneuver()).data.attrs["truth"])
+    assert truth["propulsion.thrust"] == pytest.approx(262.8389, abs=1e-3)  # as flown, not as the file says
 
 
 def test_noise_has_the_size_that_was_asked_for(twin_boom: Vehicle) -> None:
