@@ -208,7 +208,14 @@ def _alone(done: Search, checkpoint: Checkpoint, watch: Watch) -> list[Alone]:
 
 def tell(job: Job, folder: Path) -> None:
     """Print what was found and where it lies."""
-    from stoop.job.summary import BASIC, estimates_table, figures_table, methods_table, repeatability_lines
+    from stoop.job.summary import (
+        BASIC,
+        doubts_by_phrase,
+        estimates_table,
+        figures_table,
+        methods_table,
+        repeatability_lines,
+    )
 
     result, out = job.identification.result, page()
     out.heading("estimates")
@@ -220,10 +227,12 @@ def tell(job: Job, folder: Path) -> None:
     if result.trust:
         out.heading("which error bars to trust")
         out.bullets(result.trust)
-    advised = {name: s for name, s in result.identifiability.parameters.items() if s.advice}
-    if advised:
+    doubts = doubts_by_phrase(result.identifiability.parameters)
+    if doubts:
         out.heading("what would tell the doubtful parameters")
-        out.bullets(f"{name} ({s.doubt}): {s.advice}" for name, s in advised.items())
+    for doubt, advised in doubts.items():
+        out.line(f"{doubt}:")
+        out.bullets(advised)
     out.heading("fit and prediction")
     print(figures_table(result.maneuvers))
     if result.repeatability.maneuvers:

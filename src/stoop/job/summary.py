@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from stoop.identify.evidence import Sight
 from stoop.identify.result import ManeuverResult, Repeatability, Result
 from stoop.report.repeatability import comparison
 
@@ -50,6 +51,18 @@ def methods_table(result: Result) -> str:
         cells = ["".rjust(11) if s is None else shown(s.std_error) for s in spreads]
         lines.append(f"{name:{wide}} {' '.join(cells)}".rstrip())
     return "\n".join(lines)
+
+
+def doubts_by_phrase(seen: Mapping[str, Sight]) -> dict[str, list[str]]:
+    """Return what would tell the doubtful parameters: for each doubt one line per advice, those who share it joined."""
+    shared: dict[str, dict[str, list[str]]] = {}
+    for name, sight in seen.items():
+        if sight.advice:
+            shared.setdefault(sight.doubt, {}).setdefault(sight.advice, []).append(name)
+    return {
+        doubt: [f"{', '.join(names)}: {advice}" for advice, names in by_advice.items()]
+        for doubt, by_advice in shared.items()
+    }
 
 
 def repeatability_lines(found: Repeatability) -> list[str]:

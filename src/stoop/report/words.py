@@ -8,6 +8,7 @@ from typing import Final, Literal
 
 from stoop.identify.result import ManeuverResult, Result, Role
 from stoop.report.numbers import count, listed, number, window
+from stoop.uncertainty.identifiability import COMBINED
 
 Level = Literal["good", "caution", "bad"]
 
@@ -88,7 +89,11 @@ def _parameters(result: Result) -> str:
     if stuck:
         lie = "lies" if len(stuck) == 1 else "lie"
         said += f"; {len(stuck)} {lie} on the edge of the searched box ({listed(stuck)})"
-    return said + ("." if unknown or stuck else ", all of them seen by the data.")
+    if not (unknown or stuck):
+        said += ", all of them seen by the data"
+    sights = result.identifiability.parameters.values()
+    together = sum(sight.doubt == COMBINED for sight in sights)
+    return said + (f"; {together} of them known only in combination with others." if together else ".")
 
 
 def _match(result: Result, role: Role) -> str:

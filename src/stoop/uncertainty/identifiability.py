@@ -20,6 +20,8 @@ RELATIVE: Final = (
 )
 COLLINEAR: Final = 30.0  #: marginal over conditional standard error; correlated above 0.999 with the others
 
+COMBINED: Final = "known only in combination with others: they can almost take its place"
+
 
 @dataclass(frozen=True)
 class Identifiability:
@@ -113,7 +115,7 @@ def _judge(
     reason = _doubt(sigma, float(yardstick.prior_std[i]), float(yardstick.box[i]), float(yardstick.size[i]))
     identifiable = not reason
     if identifiable and multiple > np.sqrt(1.0 - COLLINEAR**-2):
-        reason = "known only in combination with others: they can almost take its place"
+        reason = COMBINED
     return Identifiability(name, identifiable, reason, alone, sigma, multiple)
 
 

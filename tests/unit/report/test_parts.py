@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from stoop.identify.evidence import Identifiable, Sight
 from stoop.identify.result import AirDataTrace, ChannelFigures, ManeuverResult, ParameterEstimate, Result
 from stoop.report.air import air_panels
 from stoop.report.charts import holes
@@ -27,6 +28,7 @@ from stoop.report.numbers import (
 )
 from stoop.report.svg import COLUMNS, Scale, path, plain_text, spanning, tick_text, ticks
 from stoop.report.words import verdict
+from stoop.uncertainty.identifiability import COMBINED
 from stoop.validation.runs import join
 
 
@@ -219,6 +221,17 @@ def test_a_good_verdict(examples: ModuleType) -> None:
     assert found.level == "good"
     assert "all of them seen by the data" in " ".join(found.sentences)
     assert "beats a trivial first-order lag in 1 of 1 comparison" in found.sentences[2]
+
+
+def test_how_many_parameters_are_known_only_together(examples: ModuleType) -> None:
+    sights = {"CL0": Sight(0.1, 3.5, 0.9996, ("CLalpha",), COMBINED, "fly it")}
+    together = dataclasses.replace(good(examples), identifiability=Identifiable(parameters=sights))
+    said = verdict(together).sentences[1]
+    assert said == (
+        "1 parameter estimated, all of them seen by the data; 1 of them known only in combination with others."
+    )
+    alone = dataclasses.replace(good(examples), identifiability=Identifiable())
+    assert verdict(alone).sentences[1] == "1 parameter estimated, all of them seen by the data."
 
 
 @pytest.mark.parametrize(
