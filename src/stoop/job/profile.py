@@ -25,6 +25,9 @@ from stoop.uncertainty.profile import profile
 
 WORK: Final = "stoop.job.profile:profiles"
 DOUBTFUL: Final = "doubtful"
+ONLY: Final = (
+    "only the doubtful parameters, or those that were named, were profiled; the others have no entry."
+)
 BETTER: Final = 0.1  #: statistic by which a refit must fall below the fit's optimum for it to be said
 
 
@@ -136,6 +139,8 @@ def _spread(case: Case, results: Mapping[str, Any]) -> MethodSpread:
                 f"{name}: holding it led to a better fit than the search had found; run the search again from "
                 "other starts."
             )
+    if len(parameters) < len(case.names):
+        notes.insert(0, ONLY)
     refits = sum(len(told["points"]) - 1 for told in results.values())
     return MethodSpread(parameters, {"refits": float(refits)}, tuple(notes))
 

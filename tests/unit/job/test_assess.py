@@ -17,6 +17,7 @@ from stoop.job import Bootstrap, Job, Posterior, Profile
 from stoop.job.bootstrap import CHUNK, bootstrap_plan
 from stoop.job.case import Case, Finding, Watch, case_of
 from stoop.job.posed import pack, unpack
+from stoop.job.profile import ONLY
 
 
 @pytest.fixture(scope="module")
@@ -74,6 +75,7 @@ def test_a_profile_of_what_the_data_tell_is_the_corrected_interval(job: Job) -> 
     profile, corrected = (found.uncertainty[m].parameters["Cmq"] for m in ("profile", "corrected"))
     assert profile.std_error == pytest.approx(corrected.std_error, rel=0.03)
     assert set(found.uncertainty["profile"].parameters) == {"Cmq"}
+    assert found.uncertainty["profile"].notes[0] == ONLY
 
 
 def test_a_name_that_is_not_free_is_refused(job: Job) -> None:
