@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -81,6 +82,26 @@ def test_what_info_prints(
     assert [
         line for line in blocks(PAGE, "text")[0].splitlines() if line != "..." and line not in printed
     ] == []
+
+
+def test_wind_and_pitot(
+    workplace: Path, result: Result, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = " ".join(PAGE.read_text(encoding="utf-8").split())
+    monkeypatch.chdir(workplace)
+    assert main(["info", "flight2"]) == 0
+    whole, fitted = capsys.readouterr().out, " ".join(note for w in result.wind for note in w.notes)
+    (wind, low), found = air(whole), air(fitted)
+    assert f"a steady wind of {wind} m/s from 68 degrees" in text
+    assert f"The pitot reads {low} m/s low at 24 m/s" in text
+    assert "finds {} m/s and {} m/s".format(*found) in text
+
+
+def air(said: str) -> tuple[str, str]:
+    """Return wind and how low the pitot reads, m/s, as a verb says it."""
+    found = re.search(r"steady wind (\S+) m/s.*?at 2[34] m/s it reads (\S+) m/s low", said, re.DOTALL)
+    assert found is not None, said
+    return found[1], found[2]
 
 
 def test_trim_and_modes(
