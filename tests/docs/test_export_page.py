@@ -52,4 +52,6 @@ def test_what_is_claimed() -> None:
 
 
 def test_the_example_flies(tmp_path: Path) -> None:
-    assert re.search(r"^\d+\.\d m/s after 30 s$", run_python(PAGE, tmp_path).strip().splitlines()[-1])
+    said = run_python(PAGE, tmp_path).strip().splitlines()
+    assert {f"stoop/channel/{c} (RW)" for c in ("elevator", "aileron", "rudder")} <= set(said)
+    assert re.search(r"^\d+\.\d m/s after 30 s$", said[-1])

@@ -11,11 +11,14 @@ from typing import Final
 
 from stoop.errors import OutputError, SimulationError
 from stoop.export import excitation, jsbsim_folder, simulink, state_space
+from stoop.export.jsbsim_model import THRUST, channel
 from stoop.export.names import file_name
 from stoop.files import write_bytes_atomic
+from stoop.flight import VARIABLES
 from stoop.job.export_page import PAGE, Comparison, compare, page_text, verdict
 from stoop.job.export_subject import Maneuver, Subject
 from stoop.simulate import Trim, trim
+from stoop.vehicle import Vehicle
 
 NOT_FLOWN: Final = "Not flown: the package jsbsim is not installed; pip install 'stoop[jsbsim]'."
 
@@ -100,7 +103,7 @@ def _steady(subject: Subject, condition: Condition) -> Trim:
 
 def _jsbsim(subject: Subject, condition: Condition) -> Exported:
     """Return the aircraft, and the page of how it flies; without a steady flight there is no start to give."""
-    vehicle, notes = subject.vehicle, list(subject.notes)
+    vehicle, notes = subject.vehicle, [*subject.notes, *_inputs(subject.vehicle)]
     try:
         point = _steady(subject, condition)
     except SimulationError as error:
@@ -116,6 +119,15 @@ def _jsbsim(subject: Subject, condition: Condition) -> Exported:
     notes += failed
     page = page_text(vehicle, texts[aircraft], name, flown, notes)
     return Exported(_encoded({**texts, PAGE: page}), PAGE, (*notes, *map(verdict, flown)))
+
+
+def _inputs(vehicle: Vehicle) -> list[str]:
+    """Return the properties that drive the aircraft, as a note: what a session with JSBSim sets."""
+    known = {channel(name): VARIABLES[name].unit if name in VARIABLES else "1" for name in vehicle.recorded}
+    if vehicle.file.propulsion is not None and vehicle.file.propulsion.kind == "constant":
+        known[THRUST] = "N"
+    named = [place if unit == "1" else f"{place} ({unit})" for place, unit in known.items()]
+    return [f"To be set in flight: {', '.join(named)}."] if named else []
 
 
 def _flown(

@@ -26,6 +26,8 @@ def test_every_target(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
         for path in written:
             assert str(path) in said
         assert ("JSBSim within" in said) == (target == "jsbsim")
+        channels = "stoop/channel/elevator (rad), stoop/channel/aileron (rad), stoop/channel/rudder (rad)"
+        assert (f"To be set in flight: {channels}, stoop/thrust-N (N)." in said) == (target == "jsbsim")
 
 
 @pytest.mark.parametrize(
