@@ -126,7 +126,7 @@ def test_ten_hertz_without_air_data_is_not_invented(slow: Job) -> None:
     assert "No airspeed was measured" in words
     assert "Too few samples" in words
     told = [p for p in result.parameters.values() if p.identifiable]
-    assert len(told) < 0.4 * len(result.parameters)
+    assert not told, "306 measurements for 80 unknowns"
 
 
 def test_an_inertia_that_no_body_has_is_refused() -> None:
@@ -184,7 +184,7 @@ def test_a_window_without_excitation_is_said(shared_data: Path) -> None:
     result = job.identification.result
     assert any("rudder hardly moves" in word for word in result.warnings)
     told = [p for p in result.parameters.values() if p.identifiable]
-    assert len(told) < 0.4 * len(result.parameters)
+    assert not told, "306 measurements for 80 unknowns"
 
 
 def test_a_window_with_next_to_no_samples_is_refused(shared_data: Path) -> None:

@@ -78,18 +78,29 @@ def _rms(x: FloatArray) -> float:
     return float(np.sqrt(np.mean(x**2)))
 
 
+def too_few(problem: Misfit, recorded_rate: float) -> bool:
+    """Whether there is hardly more to fit to than there is to fit: no error bar holds then."""
+    measured, unknown = _counts(problem, recorded_rate)
+    return measured < FEW * unknown
+
+
 def _few(problem: Misfit, recorded_rate: float) -> Iterator[str]:
     """Tell when there is hardly more to fit to than there is to fit."""
-    unknown = problem.dimension + problem.extra
+    measured, unknown = _counts(problem, recorded_rate)
+    if too_few(problem, recorded_rate):
+        yield (
+            f"Too few samples: {measured:.0f} measurements for {unknown} unknowns (initial states and biases counted), so no "
+            "error bar holds; fit longer or more windows, or fix what is known."
+        )
+
+
+def _counts(problem: Misfit, recorded_rate: float) -> tuple[float, int]:
+    """Return how many measurements and unknowns there are; what was interpolated does not count."""
     measured = 0.0
     for piece in problem.pieces:
         share = min(1.0, recorded_rate * piece.dt)
         measured += share * float(np.isfinite(piece.measured).sum())
-    if measured < FEW * unknown:
-        yield (
-            f"Too few samples: {measured:.0f} measurements for {unknown} unknowns (initial states and biases counted); "
-            "fit longer or more windows, or fix what is known."
-        )
+    return measured, problem.dimension + problem.extra
 
 
 def collinear(controls: Mapping[str, FloatArray], motions: Mapping[str, FloatArray]) -> Iterator[str]:

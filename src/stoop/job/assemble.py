@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.flight import VARIABLES, Flight
+from stoop.identify.excitation import too_few
 from stoop.identify.fit import Fit, Options
 from stoop.identify.noise import noise_variance
 from stoop.identify.predict import predict
@@ -30,15 +31,16 @@ from stoop.identify.windows import Window
 from stoop.job.curves import Flown, maneuver_curves
 from stoop.job.errorbars import ErrorBars
 from stoop.job.evidence import with_evidence
-from stoop.job.judged import judged, residual_color
+from stoop.job.judged import declined, judged, residual_color
 from stoop.job.modes import modes
 from stoop.job.press import left_out_residuals
 from stoop.job.provenance import versions
-from stoop.job.words import statements, warnings
+from stoop.job.words import slowest_rate, statements, warnings
 from stoop.uncertainty.covariance import intervals_95
 from stoop.vehicle.latex import equations, symbols
 
 FloatArray = NDArray[np.float64]
+FEW = "there are too few samples for any error bar to hold"
 _START_UNITS = {"V": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}
 
 
@@ -54,6 +56,8 @@ def assemble(
     """Collect numbers, figures of merit, curves and words."""
     vehicle = fit.problem.layout.vehicle
     color, bars = residual_color(fit, options), judged(fit, options)
+    if too_few(fit.problem, slowest_rate(fit, flights)):
+        bars = declined(bars, FEW)
     groups = _flown(fit, flights, predicted)
     maneuvers, traces = maneuver_curves(vehicle, groups)
     result = _result(fit, bars, maneuvers, flights, inputs, options)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from threadpoolctl import threadpool_limits
 
@@ -16,6 +18,15 @@ def judged(fit: Fit, options: Options) -> ErrorBars:
     with threadpool_limits(limits=1, user_api="blas"):
         bars: ErrorBars = methods.find(options.method).judge()(fit, residual_color(fit, options))
     return bars
+
+
+def declined(bars: ErrorBars, reason: str) -> ErrorBars:
+    """Return error bars of which none is a confident statement, for one reason; doubts of their own stay."""
+    told = {
+        n: replace(j, identifiable=False, reason=reason) if j.identifiable else j
+        for n, j in bars.judged.items()
+    }
+    return replace(bars, judged=told)
 
 
 def residual_color(fit: Fit, options: Options) -> float:

@@ -54,7 +54,7 @@ def warnings(
     out += _faults(fit, flights, maneuvers)
     out += inertia_doubts(fit.problem.layout.vehicle, fit.estimates)
     out += _not_measured(fit, maneuvers)
-    out += excitation_warnings(fit.problem, fit.z, _slowest(fit, flights))
+    out += excitation_warnings(fit.problem, fit.z, slowest_rate(fit, flights))
     held = [name for name, p in parameters.items() if p.at_bound]
     if held:
         out.append(
@@ -65,11 +65,7 @@ def warnings(
             f"Known only if {', '.join(held)} really lies at its bound: {', '.join(bars.leaning)}; otherwise their "
             "error bars would be more than twice as wide."
         )
-    out += [
-        f"{n} cannot be told from this flight: {j.reason}."
-        for n, j in bars.judged.items()
-        if not j.identifiable and not parameters[n].at_bound
-    ]
+    out += _untold(parameters, bars)
     for m in maneuvers:
         weak = [c for c, f in m.channels.items() if f.theil > f.baseline_theil]
         if weak:
@@ -78,6 +74,15 @@ def warnings(
             )
     out += list(fit.warnings)
     return tuple(out)
+
+
+def _untold(parameters: Mapping[str, ParameterEstimate], bars: ErrorBars) -> list[str]:
+    """Name what cannot be told, those of one reason together."""
+    reasons: dict[str, list[str]] = {}
+    for name, one in bars.judged.items():
+        if not one.identifiable and not parameters[name].at_bound:
+            reasons.setdefault(one.reason, []).append(name)
+    return [f"{', '.join(names)} cannot be told from this flight: {why}." for why, names in reasons.items()]
 
 
 def _faults(fit: Fit, flights: Mapping[str, Flight], maneuvers: Sequence[ManeuverResult]) -> list[str]:
@@ -108,7 +113,7 @@ def _not_measured(fit: Fit, maneuvers: Sequence[ManeuverResult]) -> list[str]:
     ]
 
 
-def _slowest(fit: Fit, flights: Mapping[str, Flight]) -> float:
+def slowest_rate(fit: Fit, flights: Mapping[str, Flight]) -> float:
     """Return the lowest rate at which a compared channel was logged, Hz."""
     outputs = fit.problem.layout.vehicle.outputs
     rates = [f.sources[c].rate for f in flights.values() for c in outputs if c in f.sources]
