@@ -15,6 +15,7 @@ from stoop.errors import VehicleError
 from stoop.export.jsbsim_control import delays, flight_control
 from stoop.export.jsbsim_function import leaf, number
 from stoop.export.jsbsim_model import THRUST, Physics, aerodynamics, pounds
+from stoop.export.text import one_line
 from stoop.units import FOOT, INCH, SLUG
 from stoop.vehicle import Vehicle
 
@@ -32,7 +33,7 @@ def aircraft(vehicle: Vehicle) -> str:
         What JSBSim cannot fly.
     """
     check(vehicle)
-    root = Element("fdm_config", {"name": xml_text(vehicle.name), "version": "2.0", "release": "BETA"})
+    root = Element("fdm_config", {"name": one_line(vehicle.name), "version": "2.0", "release": "BETA"})
     physics = Physics.of(vehicle)
     root.append(_header(vehicle))
     root.append(_metrics(vehicle))
@@ -49,11 +50,6 @@ def document(root: Element) -> str:
     """Return an XML document, indented."""
     ET.indent(root, " ")
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, "unicode") + "\n"
-
-
-def xml_text(text: str) -> str:
-    """Return text without the control characters that XML forbids even escaped."""
-    return "".join(c if c.isprintable() else " " for c in text)
 
 
 def check(vehicle: Vehicle) -> None:
@@ -90,7 +86,7 @@ def _header(vehicle: Vehicle) -> Element:
     out = Element("fileheader")
     SubElement(out, "author").text = "stoop"
     words = "; ".join((f"{vehicle.name}: made by stoop export, see docs/export.md", *vehicle.file.notes))
-    SubElement(out, "description").text = xml_text(words)
+    SubElement(out, "description").text = one_line(words)
     return out
 
 

@@ -6,10 +6,11 @@ from typing import Final
 from xml.etree.ElementTree import Element, SubElement
 
 from stoop.export.flown import Record, sortie
-from stoop.export.jsbsim_aircraft import aircraft, document, xml_text
+from stoop.export.jsbsim_aircraft import aircraft, document
 from stoop.export.jsbsim_flight import FRAME_RATE, INTEGRATORS, START
 from stoop.export.jsbsim_function import leaf, number
 from stoop.export.names import file_name
+from stoop.export.text import one_line
 from stoop.units import FOOT
 from stoop.vehicle import Vehicle
 
@@ -79,7 +80,7 @@ def initialization(steady: Record, name: str) -> str:
 def script(steady: Record, name: str) -> str:
     """Return a script that holds the steady flight for its time."""
     flown = sortie(name, steady, None)
-    out = Element("runscript", {"name": xml_text(steady.vehicle.name)})
+    out = Element("runscript", {"name": one_line(steady.vehicle.name)})
     SubElement(out, "description").text = "A steady flight; made by stoop export"
     SubElement(out, "use", {"aircraft": name, "initialize": STEADY})
     length = float(steady.time[-1] - steady.time[0])

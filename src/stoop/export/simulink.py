@@ -16,6 +16,7 @@ from sympy.printing.octave import OctaveCodePrinter
 from stoop.export.names import identifier
 from stoop.export.state_space import StateSpace, cells, numbers, unit
 from stoop.export.state_space import variables as linear_variables
+from stoop.export.text import one_line
 from stoop.simulate import Trim, initial_states, parameter_rows
 from stoop.vehicle import Vehicle
 from stoop.vehicle.symbolic import build_model
@@ -96,7 +97,7 @@ def _heading(vehicle: Vehicle, name: str) -> list[str]:
 
     return [
         f"function [dx, y] = {name}_equations(x, u, p)",
-        f"% Equations of motion and instruments of {_comment(vehicle.name)}, made by stoop export.",
+        f"% Equations of motion and instruments of {one_line(vehicle.name)}, made by stoop export.",
         "% SI units and radians; body axes forward, right, down; e0..e3 quaternion, body to Earth.",
         *listed("x", vehicle.states),
         *listed("u", vehicle.inputs),
@@ -110,10 +111,6 @@ def state_unit(name: str) -> str:
     if name in ("u", "v", "w"):
         return "m/s"
     return "1" if name in ("e0", "e1", "e2", "e3", "none") else unit(name)
-
-
-def _comment(text: str) -> str:
-    return "".join(c if c.isprintable() else " " for c in text)
 
 
 _FLY: Final = """\

@@ -23,6 +23,7 @@ from stoop.files import write_text_atomic
 from stoop.identify.result import Result
 from stoop.job.identified import Identified, read_identified
 from stoop.job.provenance import versions
+from stoop.report.numbers import finite_or_none
 from stoop.report.sheet import write_sheet
 from stoop.simulate import Maneuver, Trim
 from stoop.vehicle import Vehicle
@@ -285,8 +286,8 @@ def document(proposal: Proposal) -> dict[str, Any]:
 def _design_entry(proposal: Proposal, one: Design) -> dict[str, Any]:
     return {
         "gain": one.gain,
-        "mean_ratio": _finite(proposal.ratio(one)),
-        "excess": _finite(one.forecast.excess),
+        "mean_ratio": finite_or_none(proposal.ratio(one)),
+        "excess": finite_or_none(one.forecast.excess),
         "evaluations": one.evaluations,
     }
 
@@ -299,10 +300,9 @@ def _errors(proposal: Proposal) -> dict[str, Mapping[str, float | None]]:
         **{one.shape: setup.std(one.forecast) for one in proposal.designs},
     }
     return {
-        name: {"value": float(setup.values[i]), **{key: _finite(std[i]) for key, std in columns.items()}}
+        name: {
+            "value": float(setup.values[i]),
+            **{key: finite_or_none(std[i]) for key, std in columns.items()},
+        }
         for i, name in enumerate(setup.names)
     }
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -68,8 +68,8 @@ def error_bars(fit: Fit, color: float) -> ErrorBars:
     plain = invert((found.information - prior) * color + prior)
     white = standard_errors(marked(plain.matrix, plain.determined))
     return ErrorBars(
-        covariance=_spread(found.corrected, free, len(held)),
-        white=_scatter(white, free, len(held)),
+        covariance=spread(found.corrected, free, len(held)),
+        white=scattered(white, free, len(held)),
         held=held,
         judged=_judged(fit, found, free, [p.name for p in layout.parameters]),
         leaning=_leaning(fit, every, found, free) if held.any() else (),
@@ -123,13 +123,15 @@ def _sensitivities(fit: Fit) -> list[Sensitivity]:
     return out
 
 
-def _spread(matrix: FloatArray, free: NDArray[np.intp], size: int) -> FloatArray:
+def spread(matrix: FloatArray, free: NDArray[np.intp], size: int) -> FloatArray:
+    """Return a matrix over the free entries as one (size, size) over all, zeros for those that are held."""
     out = np.zeros((size, size))
     out[np.ix_(free, free)] = matrix
     return out
 
 
-def _scatter(values: FloatArray, free: NDArray[np.intp], size: int) -> FloatArray:
+def scattered(values: FloatArray, free: NDArray[np.intp], size: int) -> FloatArray:
+    """Return values of the free entries as (size,) of all, zeros for those that are held."""
     out = np.zeros(size)
     out[free] = values
     return out

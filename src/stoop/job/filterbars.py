@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from stoop.identify.fit import Evidence, Fit
-from stoop.job.errorbars import AT_BOUND, ErrorBars
+from stoop.job.errorbars import AT_BOUND, ErrorBars, scattered, spread
 from stoop.uncertainty.covariance import standard_errors
 from stoop.uncertainty.estimate import estimate_uncertainty
 from stoop.uncertainty.identifiability import Yardstick, identifiability
-from stoop.uncertainty.sensitivity import FloatArray, Sensitivity
+from stoop.uncertainty.sensitivity import Sensitivity
 
 
 def error_bars(fit: Fit, _color: float) -> ErrorBars:
@@ -30,8 +30,8 @@ def error_bars(fit: Fit, _color: float) -> ErrorBars:
     every = [names[e] if e < d else f"unknown {e}" for e in free]
     judged = identifiability(every, found.information, found.corrected, _yardstick(fit, free))
     return ErrorBars(
-        covariance=_spread(found.corrected, free, len(held))[:many, :many],
-        white=_spread(np.diag(standard_errors(found.cramer_rao)), free, len(held)).diagonal()[:many].copy(),
+        covariance=spread(found.corrected, free, len(held))[:many, :many],
+        white=scattered(standard_errors(found.cramer_rao), free, len(held))[:many],
         held=held[:many],
         judged={j.name: j for j in judged[: len(own)]},
         leaning=(),
@@ -53,9 +53,3 @@ def _yardstick(fit: Fit, free: np.ndarray) -> Yardstick:
     sizes = [max(abs(p.value), abs(fit.estimates[p.name])) for p in layout.parameters]
     size = np.concatenate([sizes, [n.scale for n in layout.nuisances], np.ones(rest)])
     return Yardstick(priors[free], box[free], size[free])
-
-
-def _spread(matrix: FloatArray, free: np.ndarray, size: int) -> FloatArray:
-    out = np.zeros((size, size))
-    out[np.ix_(free, free)] = matrix
-    return out

@@ -16,7 +16,7 @@ from stoop.files import write_text_atomic
 from stoop.flight import Flight
 from stoop.flight.load import RECONSTRUCTED
 from stoop.job.provenance import file_hashes, flight_files, versions
-from stoop.report.numbers import number
+from stoop.report.numbers import finite_or_none, number
 from stoop.uncertainty.covariance import NORMAL_95
 
 FORMAT: Final = "stoop-polar/1"
@@ -125,7 +125,8 @@ def polar_document(polar: Polar, notes: Sequence[str], flight: Flight, others: S
         "mass": polar.mass,
         "area": polar.area,
         "summary": {
-            n: {"estimate": _finite(v), "std_error": _finite(s)} for n, (v, s) in polar.summary.items()
+            n: {"estimate": finite_or_none(v), "std_error": finite_or_none(s)}
+            for n, (v, s) in polar.summary.items()
         },
         "unknowns": list(polar.names),
         "values": polar.values.tolist(),
@@ -143,10 +144,6 @@ def polar_document(polar: Polar, notes: Sequence[str], flight: Flight, others: S
         "inputs": file_hashes([*flight_files([flight]), *others]),
     }
     return json.dumps(content, indent=1, allow_nan=False) + "\n"
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def write_polar(

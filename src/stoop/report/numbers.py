@@ -26,6 +26,11 @@ def number(value: float, digits: int = 4) -> str:
     return _power(f"{value:.{digits - 1}e}")
 
 
+def finite_or_none(value: float) -> float | None:
+    """Return what a file of numbers holds for `value`: itself, or nothing where it is not finite."""
+    return float(value) if math.isfinite(value) else None
+
+
 def compact(value: float, digits: int = 3) -> str:
     """Return `value` without trailing zeros, for numbers that somebody chose."""
     text = number(value, digits)

@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.campaign import Plan, Run
+from stoop.report.numbers import finite_or_none
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section, Table
 from stoop.study.findings import (
@@ -245,9 +246,5 @@ def _rows(
         columns = (truth, sigma, s.ratios * sigma, s.ratios, errors.mean(axis=0), s.bias, apart)
         ends = (len(errors), elsewhere[m])
         for i, name in enumerate(names):
-            yield (METHODS[m], name, *(_given(c[i]) for c in columns), *ends)
+            yield (METHODS[m], name, *(finite_or_none(c[i]) for c in columns), *ends)
         yield (METHODS[m], "pooled", None, None, None, s.pooled, None, None, float(apart.max()), *ends)
-
-
-def _given(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

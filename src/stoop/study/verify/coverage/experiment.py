@@ -9,12 +9,14 @@ from typing import Final
 import numpy as np
 
 from stoop.campaign import Plan, Run
+from stoop.report.numbers import finite_or_none
 from stoop.report.sheet import Prose, Section, Table
 from stoop.study.findings import Claim, Findings, FloatArray, Results, Setting, holds
 from stoop.study.tables import Cell
 from stoop.study.verify.coverage.cases import CASES, Case, Range
 from stoop.study.verify.coverage.scene import AIRCRAFT, BIASES, DURATION, RATE, STEPS, WRONG, sensor_noise
 from stoop.study.verify.coverage.statistics import Sample, covered, mean_sigma, sample, sharpness
+from stoop.study.verify.steps import inputs_table
 from stoop.vehicle.builtin import resolve_vehicle
 
 WORK: Final = "stoop.study.verify.coverage.work:cover"
@@ -82,7 +84,7 @@ class Coverage:
             (
                 Section("Pooled over the parameters", (_summary(found), Prose(WORDS))),
                 Section("Each parameter", tuple(_each(c) for c in found.values())),
-                Section("What was flown", (_inputs(), _noise())),
+                Section("What was flown", (inputs_table(STEPS), _noise())),
             ),
             HEAD,
             tuple(row for name, c in found.items() for row in _rows(name, c)),
@@ -175,15 +177,6 @@ def _each(found: Covered) -> Table:
     return Table(f"With {found.case.words}", head, rows)
 
 
-def _inputs() -> Table:
-    rows = tuple(
-        (name, control, shape, f"{start:g}", f"{step:g}", f"{amplitude:g}")
-        for name, steps in STEPS.items()
-        for control, shape, start, step, amplitude in steps
-    )
-    return Table("Inputs", ("maneuver", "control", "shape", "start, s", "step, s", "amplitude, rad"), rows)
-
-
 def _noise() -> Table:
     vehicle = resolve_vehicle(AIRCRAFT)
     sigma = dict(zip(vehicle.outputs, sensor_noise(vehicle), strict=True))
@@ -201,9 +194,5 @@ def _rows(name: str, found: Covered) -> Iterator[tuple[Cell, ...]]:
     shares = np.column_stack([found.each, found.sharp, found.each_plain, found.sharp_plain])
     sizes = np.column_stack([s.scatter, mean_sigma(s.sigma), s.bias])
     for i, parameter in enumerate(s.names):
-        yield (name, parameter, flights, *map(_number, shares[i]), *map(_number, sizes[i]))
-    yield (name, POOLED, flights, *map(_number, shares.mean(axis=0)), None, None, None)
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+        yield (name, parameter, flights, *map(finite_or_none, shares[i]), *map(finite_or_none, sizes[i]))
+    yield (name, POOLED, flights, *map(finite_or_none, shares.mean(axis=0)), None, None, None)

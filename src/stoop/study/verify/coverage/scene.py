@@ -13,6 +13,7 @@ from stoop.flight import Flight
 from stoop.identify.windows import Window
 from stoop.simulate import Maneuver, trim
 from stoop.study.findings import FloatArray
+from stoop.study.verify.steps import maneuver
 from stoop.vehicle import Parameter, Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
@@ -55,13 +56,7 @@ class Scene:
 @functools.cache
 def maneuvers() -> Mapping[str, Maneuver]:
     """Return the maneuvers by name."""
-    return {name: _maneuver(steps) for name, steps in STEPS.items()}
-
-
-def _maneuver(steps: tuple[tuple[str, str, float, float, float], ...]) -> Maneuver:
-    names = ("control", "shape", "start", "step", "amplitude")
-    inputs = [dict(zip(names, step, strict=True)) for step in steps]
-    return Maneuver.model_validate({"duration": DURATION, "rate": RATE, "input": inputs})
+    return {name: maneuver(steps, DURATION, RATE) for name, steps in STEPS.items()}
 
 
 @functools.cache

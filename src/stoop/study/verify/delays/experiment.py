@@ -13,6 +13,7 @@ from stoop.report.sheet import Prose, Section, Table
 from stoop.study.findings import Claim, Findings, FloatArray, Results, Setting, holds
 from stoop.study.tables import Cell
 from stoop.study.verify.delays.scene import DURATION, LONG, MOST, NOISE, RATE, STEPS, STEPS_EACH
+from stoop.study.verify.steps import inputs_table
 from stoop.uncertainty.covariance import NORMAL_95
 
 WITHIN: Final = 0.1  #: samples
@@ -94,7 +95,7 @@ class Delays:
                 Section(
                     "Errors in samples", (*(_table(case, one) for case, one in found.items()), Prose(READ))
                 ),
-                Section("What was flown", (_inputs(), _noise())),
+                Section("What was flown", (inputs_table(STEPS), _noise())),
             ),
             HEAD,
             tuple(row for case, one in found.items() for row in _rows(case, one)),
@@ -140,15 +141,6 @@ def _figures(found: Recovered) -> Iterator[tuple[str, float, float, float, float
     for i, name in enumerate(found.names):
         rms, most, sigma, share = (float(column[i]) for column in columns)
         yield name, rms, most, sigma, share
-
-
-def _inputs() -> Table:
-    rows = tuple(
-        (name, control, shape, f"{start:g}", f"{step:g}", f"{amplitude:g}")
-        for name, steps in STEPS.items()
-        for control, shape, start, step, amplitude in steps
-    )
-    return Table("Inputs", ("maneuver", "control", "shape", "start, s", "step, s", "amplitude, rad"), rows)
 
 
 def _noise() -> Table:

@@ -19,6 +19,7 @@ from stoop.simulate import Maneuver, simulate_flight, trim
 from stoop.simulate.initial import quaternion, rigid_states
 from stoop.study.findings import FloatArray
 from stoop.study.verify.coverage.scene import BIASES, TRUTHS, Scene, biased, misled
+from stoop.study.verify.steps import maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.load import parse_vehicle
@@ -54,17 +55,7 @@ GROUPS: Final = {
 @functools.cache
 def maneuvers() -> Mapping[str, Maneuver]:
     """Return the maneuvers by name, at the rate of the simulation."""
-    names = ("control", "shape", "start", "step", "amplitude")
-    return {
-        name: Maneuver.model_validate(
-            {
-                "duration": DURATION,
-                "rate": FINE,
-                "input": [dict(zip(names, step, strict=True)) | {"slew": SLEW} for step in steps],
-            }
-        )
-        for name, steps in STEPS.items()
-    }
+    return {name: maneuver(steps, DURATION, FINE, slew=SLEW) for name, steps in STEPS.items()}
 
 
 @functools.cache
@@ -94,8 +85,8 @@ def late_vehicle(seed: int) -> Scene:
     delays = {name: int(rng.integers(0, MOST + 1)) / FINE for name in delay_names()}
     truth = aircraft().with_numbers({name: {"value": value} for name, value in delays.items()})
     flights = {}
-    for name, maneuver in maneuvers().items():
-        flown = simulate_flight(biased(truth, rng), maneuver, noise=False, name=name)
+    for name, planned in maneuvers().items():
+        flown = simulate_flight(biased(truth, rng), planned, noise=False, name=name)
         flights[name] = recorded(
             name, flown.time, {str(c): flown.column(str(c)) for c in flown.data.data_vars}, rng
         )
