@@ -15,13 +15,21 @@ STANDARD_GRAVITY: Final = 9.80665  #: m/s2 (exact by definition)
 ZERO_CELSIUS: Final = 273.15  #: K
 MICROSECOND: Final = 1e-6  #: s
 
+REVOLUTION: Final = 2.0 * math.pi  #: rad
+
 FACTORS: Final[dict[str, float]] = {
-    "1": 1.0, "rad": 1.0, "deg": DEGREE, "rad/s": 1.0, "deg/s": DEGREE, "rad/s2": 1.0, "deg/s2": DEGREE,
-    "m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3, "ft": FOOT,
-    "m/s": 1.0, "km/h": 1.0 / 3.6, "kt": KNOT, "ft/s": FOOT,
-    "m/s2": 1.0, "ft/s2": FOOT, "g": STANDARD_GRAVITY,
+    "1": 1.0, "rad": 1.0, "mrad": 1e-3, "deg": DEGREE, "cdeg": 1e-2 * DEGREE,
+    "rad/s": 1.0, "mrad/s": 1e-3, "deg/s": DEGREE, "cdeg/s": 1e-2 * DEGREE, "mdeg/s": 1e-3 * DEGREE,
+    "rpm": REVOLUTION / 60.0, "rev/s": REVOLUTION, "rad/s2": 1.0, "deg/s2": DEGREE,
+    "m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3, "in": INCH, "ft": FOOT,
+    "m/s": 1.0, "mm/s": 1e-3, "cm/s": 1e-2, "km/h": 1.0 / 3.6, "kt": KNOT, "ft/s": FOOT,
+    "m/s2": 1.0, "mm/s2": 1e-3, "cm/s2": 1e-2, "ft/s2": FOOT, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY,
     "s": 1.0, "ms": 1e-3, "us": MICROSECOND, "ns": 1e-9,
     "kg": 1.0, "slug": SLUG, "N": 1.0, "lbf": POUND_FORCE, "N m": 1.0,
-    "kg/m3": 1.0, "Pa": 1.0, "hPa": 100.0, "mbar": 100.0, "K": 1.0, "V": 1.0, "A": 1.0,
+    "kg/m3": 1.0, "Pa": 1.0, "hPa": 100.0, "kPa": 1e3, "mbar": 100.0, "K": 1.0, "degC": 1.0,
+    "V": 1.0, "mV": 1e-3, "A": 1.0, "mA": 1e-3, "cA": 1e-2,
     "percent": 0.01, "pwm": 1.0,
 }  #: unit written in a file -> factor to SI  # fmt: skip
+
+#: unit -> SI value of its zero, where that is not zero
+ZEROS: Final[dict[str, float]] = {"degC": ZERO_CELSIUS}

@@ -13,6 +13,7 @@ from pydantic import BaseModel
 
 from docs.pages import DOCS, blocks, commands, run_python, table, tables
 from stoop.flight import OUTPUTS, VARIABLES, load, save
+from stoop.flight.variables import NUMBERED
 from stoop.logs.mapping import TIME_UNITS, read_mapping
 from stoop.simulate import maneuver, parse_maneuver, simulate_flight
 from stoop.units import FACTORS
@@ -23,11 +24,16 @@ FLIGHTS, MANEUVERS = DOCS / "flight-files.md", DOCS / "maneuver-file.md"
 
 
 def test_variables() -> None:
-    rows = table(FLIGHTS, "Variables", "variable").rows
-    code = [(v.name, v.unit, v.frame, v.sign, v.meaning) for v in VARIABLES.values() if "pwm" not in v.name]
-    assert list(rows[:-1]) == code
-    assert rows[-1][0] == "`pwm_1` to `pwm_16`"
-    assert {f"pwm_{i}" for i in range(1, 17)} == set(VARIABLES) - {row[0] for row in rows}
+    """Variables that are numbered share one row, which tells how many there are."""
+    numbered = {row[0].format(n=1): (size, row[0]) for size, row in NUMBERED}
+    more = {name.format(n=n) for size, name in numbered.values() for n in range(2, size + 1)}
+    code = []
+    for v in VARIABLES.values():
+        size, name = numbered.get(v.name, (0, ""))
+        span = f"`{v.name}` to `{name.format(n=size)}`"
+        first = (span, v.unit, v.frame, v.sign, f"{v.meaning} ...") if size else None
+        code += [first or (v.name, v.unit, v.frame, v.sign, v.meaning)] if v.name not in more else []
+    assert list(table(FLIGHTS, "Variables", "variable").rows) == code
 
 
 def test_units_of_mappings() -> None:

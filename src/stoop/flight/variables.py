@@ -13,9 +13,10 @@ from typing import Final, Literal
 
 from stoop.errors import FlightError
 
-SERVOS: Final = 8  #: of PX4's actuator_servos
-MOTORS: Final = 12  #: of PX4's actuator_motors
-OUTPUT_PINS: Final = 16  #: of PX4's actuator_outputs
+SERVOS: Final = 16  #: PX4's actuator_servos has 8
+MOTORS: Final = 16  #: PX4's actuator_motors has 12
+ROTORS: Final = 16  #: whose speed a log may hold
+OUTPUT_PINS: Final = 16  #: of PX4's actuator_outputs; ArduPilot can have more, which fly no vehicle we know
 
 Kind = Literal["measurement", "command"]
 
@@ -40,6 +41,14 @@ class Variable:
     sign: str
     meaning: str
     kind: Kind = "measurement"
+
+
+NUMBERED: Final[tuple[tuple[int, tuple[str, ...]], ...]] = (
+    (SERVOS, ("servo_{n}", "1", "", "as the autopilot is set up; -1 to 1", "normalized command to servo {n}", "command")),
+    (MOTORS, ("motor_{n}", "1", "", "more thrust; 0 to 1, or -1 to 1", "normalized command to motor {n}", "command")),
+    (ROTORS, ("rotor_{n}", "rad/s", "", "as it turns to give thrust", "measured speed of rotor {n}")),
+    (OUTPUT_PINS, ("pwm_{n}", "us", "", "longer pulse", "pulse sent to output {n}", "command")),
+)  #: how many, and the row of each  # fmt: skip
 
 
 def _table() -> dict[str, Variable]:
@@ -91,26 +100,9 @@ def _table() -> dict[str, Variable]:
         ("control_pitch", "1", "", "nose up; -1 to 1", "normalized pitch command", "command"),
         ("control_yaw", "1", "", "nose right; -1 to 1", "normalized yaw command", "command"),
         ("control_throttle", "1", "", "more power; 0 to 1", "normalized throttle command", "command"),
+        ("injected", "1", "", "as the autopilot adds it", "excitation added by the autopilot", "command"),
     ]
-    rows += [
-        (
-            f"servo_{n}",
-            "1",
-            "",
-            "as the autopilot is set up; -1 to 1",
-            f"normalized command to servo {n}",
-            "command",
-        )
-        for n in range(1, SERVOS + 1)
-    ]
-    rows += [
-        (f"motor_{n}", "1", "", "more thrust; -1 to 1", f"normalized command to motor {n}", "command")
-        for n in range(1, MOTORS + 1)
-    ]
-    rows += [
-        (f"pwm_{n}", "us", "", "longer pulse", f"pulse sent to output {n}", "command")
-        for n in range(1, OUTPUT_PINS + 1)
-    ]
+    rows += [tuple(part.format(n=n) for part in row) for size, row in NUMBERED for n in range(1, size + 1)]
     return {row[0]: Variable(*row) for row in rows}  # type: ignore[arg-type]
 
 

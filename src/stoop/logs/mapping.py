@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from stoop.errors import LogError
-from stoop.units import FACTORS
+from stoop.units import FACTORS, ZEROS
 
 TIME_UNITS: Final = ("s", "ms", "us", "ns")
 MAX_BYTES: Final = 2**20
@@ -149,6 +149,6 @@ def _column(path: Path, name: str, entry: object) -> Column:
         near = difflib.get_close_matches(unit, factors, n=3, cutoff=0.3) or list(factors)
         raise LogError(f"{path}: {where}.unit = '{unit}' is unknown; did you mean {' or '.join(near)}?")
     scale = _number(path, where, entry, "scale", 1.0)
-    offset = _number(path, where, entry, "offset", 0.0)
+    offset = _number(path, where, entry, "offset", 0.0) + ZEROS.get(unit, 0.0)
     file = _text(path, where, entry, "file") if "file" in entry else ""
     return Column(name, _text(path, where, entry, "column"), factors[unit] * scale, offset, file)
