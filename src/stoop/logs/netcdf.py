@@ -20,8 +20,8 @@ AIR: Final = "air"
 MAX_BYTES: Final = 2**31
 
 
-def read_netcdf(path: Path) -> Recording:
-    """Read a flight that stoop wrote.
+def read_netcdf(path: Path, topics: frozenset[str] | None = None) -> Recording:
+    """Read a flight that stoop wrote, whole whatever is asked for.
 
     Raises
     ------

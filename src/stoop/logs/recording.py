@@ -61,10 +61,14 @@ class Recording:
     Attributes
     ----------
     path : the file or folder
-    format : "px4-csv", "ulog", "table" or "stoop-netcdf"
-    streams : topic or file -> Stream; further instances of a PX4 topic are called "topic/1", "topic/2"
+    format : "ulog", "px4-csv", "dataflash", "crazyflie", "mat", "parquet", "netcdf", "rosbag", "table" or
+        "stoop-netcdf"
+    streams : topic or file -> Stream; further instances of a topic are called "topic/1", "topic/2"
     defects : what was wrong and survived
     attributes : texts and numbers written beside the channels (only in our own netCDF files)
+    parameters : of the autopilot, as they stood at the start of the log
+    info : texts of the log, such as firmware and hardware
+    units : stream -> column -> unit as the file states it; empty where it states none
     """
 
     path: Path
@@ -72,6 +76,9 @@ class Recording:
     streams: Mapping[str, Stream]
     defects: tuple[Defect, ...] = ()
     attributes: Mapping[str, str | float] = field(default_factory=dict)
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    info: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
 
 class Numbers(Mapping[str, FloatArray]):

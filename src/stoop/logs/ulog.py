@@ -52,7 +52,7 @@ class _BoundedFile:
         self._file.close()
 
 
-def read_ulog(path: Path) -> Recording:
+def read_ulog(path: Path, topics: frozenset[str] | None = None) -> Recording:
     """Read a .ulg file.
 
     Raises
