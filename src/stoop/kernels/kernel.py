@@ -77,6 +77,7 @@ class Kernel:
     per_lane: Callable[[], ModuleType]
     moves: int = 0  #: numbers of a move of the state; zero where no filter takes the model
     filtering: Callable[[], ModuleType] | None = None
+    shooting: Callable[[], ModuleType] | None = None
 
     def cost(
         self,
@@ -167,6 +168,12 @@ class Kernel:
         if self.filtering is None or not self.moves:
             raise ValueError("this model says no moves, so no filter takes it")
         return self.filtering()
+
+    def windows_module(self) -> ModuleType:
+        """Return the compiled loop of windows, see :mod:`stoop.kernels.windows`."""
+        if self.shooting is None:
+            raise ValueError("this kernel was made without a loop of windows")
+        return self.shooting()
 
     def assembly(self, entry: str = "run_cost", per_lane: bool = False) -> str:
         """Return the machine code of a time loop as text, to be searched for vector instructions.
@@ -288,22 +295,26 @@ def _open(folder: Path, key: str, name: str) -> ModuleType:
 
 
 def _signatures(name: str) -> dict[str, str]:
-    from stoop.kernels.filter import SIGNATURES
+    from stoop.kernels import filter as filters
+    from stoop.kernels import windows
     from stoop.kernels.lanes import signatures
 
-    return SIGNATURES if name == "filtering" else signatures(name == "per_lane")
+    others = {"filtering": filters.SIGNATURES, "windows": windows.SIGNATURES}
+    return others[name] if name in others else signatures(name == "per_lane")
 
 
 def _write_sources(folder: Path, model: SymbolicModel) -> None:
     from stoop.kernels.emit import emit
     from stoop.kernels.filter import filter_source
     from stoop.kernels.lanes import header, lanes, loop_source
+    from stoop.kernels.windows import windows_source
 
     emitted = emit(model)
     for name in ("shared", "per_lane"):
         body = loop_source(emitted, name == "per_lane")
         (folder / f"{name}.py").write_text(header(emitted) + "\n\n" + emitted.source + "\n\n" + body)
     (folder / "filtering.py").write_text(filter_source(emitted) if emitted.moves else "# no filter\n")
+    (folder / "windows.py").write_text(windows_source(emitted))
     sizes = (
         emitted.states, emitted.inputs, emitted.parameters, emitted.outputs, lanes(emitted), emitted.moves,
     )  # fmt: skip
@@ -404,6 +415,7 @@ def _load(key: str, model: Callable[[], SymbolicModel]) -> Kernel:
         nx, nu, np_, ny, lanes, moves = numbers
         per_lane = _later(folder, root / f"{key}-lanes", key, "per_lane")
         filtering = _later(folder, root / f"{key}-filter", key, "filtering")
+        shooting = _later(folder, root / f"{key}-windows", key, "windows")
         shared = _open(folder, key, "shared")
-        _loaded[key] = Kernel(folder, lanes, (nx, nu, np_, ny), shared, per_lane, moves, filtering)
+        _loaded[key] = Kernel(folder, lanes, (nx, nu, np_, ny), shared, per_lane, moves, filtering, shooting)
     return _loaded[key]

@@ -24,7 +24,7 @@ from stoop.identify.shooting.windows import Window as WindowSlopes
 from stoop.identify.windows import Window
 from stoop.optimize.minimize import Status
 from stoop.simulate import START_NAMES, initial_states, parameter_rows
-from stoop.simulate.delays import input_delays, output_delays
+from stoop.simulate.delays import output_delays
 from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
@@ -74,8 +74,8 @@ class MultipleShooting:
         moved = replace(problem, pieces=tuple(undelayed(problem, piece) for piece in problem.pieces))
         if options.covariance is None:
             moved = moved.weighted(Weights.of(first_variance(moved)))
-        meeting = Meeting(moved, tuple(_shots(moved, i, self.length) for i in range(len(moved.pieces))))
-        nodes = [_measured_states(shots) for shots in meeting.shots]
+        meeting = Meeting(moved, tuple(shots_of(moved, i, self.length) for i in range(len(moved.pieces))))
+        nodes = [measured_states(shots) for shots in meeting.shots]
         firsts = [np.concatenate([x, np.zeros(problem.extra)]) for x in starts(moved)]
         begins = [meeting.place(z, nodes) for z in firsts]
         place = min(begins, key=lambda p: p.cost)
@@ -142,20 +142,21 @@ class MultipleShooting:
 
 def _check(problem: Misfit) -> None:
     vehicle = problem.layout.vehicle
-    late = {vehicle.parameters[row].name for _, row in (*input_delays(vehicle), *output_delays(vehicle))}
+    late = {vehicle.parameters[row].name for _, row in output_delays(vehicle)}
     for p in problem.layout.parameters:
         if p.name in late:
             raise IdentificationError(
-                f"{vehicle.where}: {p.name}: windows take delays as they are known to be; use --fix {p.name}"
+                f"{vehicle.where}: {p.name}: windows take the delay of a sensor as it is known to be; use --fix {p.name}"
             )
 
 
-def _shots(problem: Misfit, index: int, length: float) -> Shots:
+def shots_of(problem: Misfit, index: int, length: float) -> Shots:
+    """Return the windows, about so many seconds long, of one piece."""
     piece = problem.pieces[index]
     return Shots(problem, index, edges(len(piece.time), max(2, round(length / piece.dt))))
 
 
-def _measured_states(shots: Shots) -> FloatArray:
+def measured_states(shots: Shots) -> FloatArray:
     """Return the states (n_x, w) that were measured where the windows begin."""
     piece, vehicle = shots.piece, shots.problem.layout.vehicle
     width = max(1, round(SMOOTH / piece.dt))

@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 from stoop.cost import Misfit, Piece, on_circle
 from stoop.identify.filter_error.points import move_steps, moves_of
 from stoop.kernels import filtering
-from stoop.simulate.delays import late_inputs
+from stoop.kernels.windows import windows
+from stoop.simulate.delays import input_delays, late_inputs
 
 FloatArray = NDArray[np.float64]
 STEP: Final = 1e-7  #: of the search vector
 FINER: Final = 1e-2  #: of the steps of a linearization
+LANES: Final = 4096  #: that fly side by side; more would only take memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,18 +81,12 @@ class Shots:
         The first of the states is that of the search vector.
         """
         rows, start = self.problem.candidates(z[None, :], self.index)
-        inputs = self._inputs(rows)
-        readings, gaps, ends = [], [], []
-        for w in range(self.count):
-            begin = start if w == 0 else nodes[:, w : w + 1]
-            out, last = self._window(rows, begin, inputs, w)
-            readings.append(out[0])
-            if w + 1 < self.count:
-                gaps.append(self._gap(nodes, w, last)[:, 0])
-                ends.append(last[:, 0])
-        many = len(self.problem.layout.vehicle.moves)
-        last_states = np.array(ends).reshape(-1, len(nodes)).T
-        return np.concatenate(readings), np.array(gaps).reshape(-1, many), last_states
+        begins = np.concatenate([start, nodes[:, 1:]], axis=1)
+        out, last = self.fly(np.repeat(rows, self.count, axis=1), begins, np.arange(self.count))
+        ends = np.ascontiguousarray(last[:, :-1])
+        gaps = np.einsum("exw,xw->we", self.back(nodes), ends - nodes[:, 1:])
+        readings = np.concatenate([own[:n] for own, n in zip(out, np.diff(self.edges), strict=True)])
+        return readings, gaps, ends
 
     def differentiated(self, z: FloatArray, nodes: FloatArray) -> list[Window]:
         """Return every window with its derivatives, by differences."""
@@ -98,71 +94,113 @@ class Shots:
         starts = [j for j, n in self.problem.own[self.index] if not n.is_bias]
         first = np.array([*range(self.problem.dimension), *entries], dtype=np.int64)
         later = np.array([j for j in first if j not in starts], dtype=np.int64)
-        return [self._differentiated(z, nodes, w, first if w == 0 else later) for w in range(self.count)]
+        back = self.back(nodes)
+        out = self.some(z, nodes, back, range(1), first)
+        together = max(1, LANES // (1 + len(later) + len(self.problem.layout.vehicle.moves)))
+        for w in range(1, self.count, together):
+            out += self.some(z, nodes, back, range(w, min(w + together, self.count)), later)
+        return out
 
-    def _differentiated(self, z: FloatArray, nodes: FloatArray, w: int, entries: NDArray[np.int64]) -> Window:
+    def some(
+        self, z: FloatArray, nodes: FloatArray, back: FloatArray, which: range, entries: NDArray[np.int64]
+    ) -> list[Window]:
+        """Return some windows, flown side by side; `back` as :meth:`back` gives it."""
         vehicle, d = self.problem.layout.vehicle, self.problem.dimension
         steps = np.where((entries < d) & (z[entries] + STEP > 1.0), -STEP, STEP)
         Z = np.repeat(z[None, :], 1 + len(entries), axis=0)
         Z[1 + np.arange(len(entries)), entries] += steps
         rows, begin = self.problem.candidates(Z, self.index)
-        if w > 0:
-            begin = np.repeat(nodes[:, w : w + 1], len(Z), axis=1)
-        moves = FINER * np.diag(move_steps(vehicle))
-        moved = filtering.move(vehicle.kernel(), np.repeat(begin[:, :1], len(moves), axis=1), moves)
-        all_rows = np.concatenate([rows, np.repeat(rows[:, :1], len(moves), axis=1)], axis=1)
-        out, last = self._window(
-            all_rows, np.concatenate([begin, moved], axis=1), self._inputs(rows[:, :1]), w
-        )
-        slopes = np.moveaxis((out[1:] - out[:1]), 0, 2) / np.concatenate([steps, np.diag(moves)])
-        wide = np.zeros((*out[0].shape, len(z)))
-        wide[:, :, entries] = slopes[:, :, : len(entries)]
-        gap, by_z, by_state = self._gap_slopes(nodes, w, last, entries, steps, np.diag(moves), len(z))
-        return Window(self._residual(out[0], w), wide, slopes[:, :, len(entries) :], gap, by_z, by_state)
-
-    def _gap_slopes(
-        self,
-        nodes: FloatArray,
-        w: int,
-        last: FloatArray,
-        entries: NDArray[np.int64],
-        steps: FloatArray,
-        moves: FloatArray,
-        size: int,
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        many = len(moves)
-        if w + 1 == self.count:
-            return np.empty(0), np.empty((0, size)), np.empty((0, many))
-        gaps = self._gap(nodes, w, last)
-        slopes = (gaps[:, 1:] - gaps[:, :1]) / np.concatenate([steps, moves])
-        wide = np.zeros((many, size))
-        wide[:, entries] = slopes[:, : len(entries)]
-        return gaps[:, 0], wide, slopes[:, len(entries) :]
-
-    def _gap(self, nodes: FloatArray, w: int, last: FloatArray) -> FloatArray:
-        """Return the moves (e, B) from the next window's state to where this one ends (n_x, B)."""
-        back = moves_of(self.problem.layout.vehicle, nodes[:, w + 1 : w + 2])[:, :, 0]
-        gap: FloatArray = back @ (last - nodes[:, w + 1 : w + 2])
-        return gap
+        sizes = FINER * move_steps(vehicle)
+        rows = np.concatenate([rows, np.repeat(rows[:, :1], len(sizes), axis=1)], axis=1)
+        lanes = rows.shape[1]
+        own = begin if which[0] == 0 else nodes[:, which]
+        moved = filtering.move(
+            vehicle.kernel(),
+            np.repeat(own[:, : len(which)], len(sizes), axis=1),
+            np.tile(np.diag(sizes), len(which)),
+        ).reshape(len(nodes), len(which), -1)
+        fixed = begin[:, None] if which[0] == 0 else np.repeat(own[:, :, None], 1 + len(entries), axis=2)
+        begins = np.concatenate([fixed, moved], axis=2).reshape(len(nodes), -1)
+        out, last = self.fly(np.tile(rows, len(which)), begins, np.repeat(which, lanes))
+        out, last = out.reshape(len(which), lanes, *out.shape[1:]), last.reshape(len(nodes), -1, lanes)
+        changes = np.concatenate([steps, sizes])
+        return [
+            self._window(w, out[i], last[:, i], nodes, back, entries, changes, len(z))
+            for i, w in enumerate(which)
+        ]
 
     def _window(
-        self, rows: FloatArray, begin: FloatArray, inputs: FloatArray, w: int
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return readings (B, n, n_y) of a window, and the states (n_x, B) at the first sample of the next."""
-        vehicle = self.problem.layout.vehicle
-        first, end = self.edges[w], self.edges[w + 1]
-        samples = slice(first, min(end + 1, len(self.piece.time)))
-        own = inputs[samples]
-        still = np.zeros((1, len(vehicle.moves) * len(vehicle.outputs), rows.shape[1]))
-        nothing = np.zeros((len(own), len(vehicle.outputs)))
-        out, states = filtering.innovations(
-            vehicle.kernel(), rows, begin, still, np.zeros(len(own), dtype=np.int64), own, nothing,
-            self.piece.dt, states=True,
-        )  # fmt: skip
-        return -out[:, : end - first], np.ascontiguousarray(states[:, -1].T)
+        self,
+        w: int,
+        out: FloatArray,
+        last: FloatArray,
+        nodes: FloatArray,
+        back: FloatArray,
+        entries: NDArray[np.int64],
+        changes: FloatArray,
+        size: int,
+    ) -> Window:
+        """Return a window from readings (B, n, n_y) and last states (n_x, B): as it is, then after each change."""
+        out = out[:, : self.edges[w + 1] - self.edges[w]]
+        slopes = np.moveaxis(out[1:] - out[:1], 0, 2) / changes
+        wide = np.zeros((*out[0].shape, size))
+        wide[:, :, entries] = slopes[:, :, : len(entries)]
+        own = self._residual(out[0], w), wide, np.ascontiguousarray(slopes[:, :, len(entries) :])
+        many = len(back)
+        if w + 1 == self.count:
+            return Window(*own, np.empty(0), np.empty((0, size)), np.empty((0, many)))
+        gaps = back[:, :, w] @ (last - nodes[:, w + 1 : w + 2])
+        turned = (gaps[:, 1:] - gaps[:, :1]) / changes
+        by_unknown = np.zeros((many, size))
+        by_unknown[:, entries] = turned[:, : len(entries)]
+        return Window(*own, gaps[:, 0], by_unknown, turned[:, len(entries) :])
 
-    def _inputs(self, rows: FloatArray) -> FloatArray:
-        return late_inputs(self.problem.layout.vehicle, self.piece.inputs, rows, self.piece.dt)
+    def back(self, nodes: FloatArray) -> FloatArray:
+        """Return what makes moves (e, n_x, w - 1) of differences from the states that windows begin with."""
+        return moves_of(self.problem.layout.vehicle, np.ascontiguousarray(nodes[:, 1:]))
+
+    def fly(
+        self, rows: FloatArray, begin: FloatArray, which: NDArray[np.int64]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Fly windows side by side.
+
+        Parameters
+        ----------
+        rows, begin : (n_p, B), (n_x, B)
+        which : (B,) of int
+            Window of each lane.
+
+        Returns
+        -------
+        readings : (B, n, n_y)
+            Those of a short window go on into the next.
+        last : (n_x, B)
+            States at the first sample of the next window; of the last window, at its last sample.
+        """
+        n, edges = len(self.piece.time), np.array(self.edges)
+        record, copy = self._record(rows)
+        steps = np.minimum(edges[which + 1], n - 1) - edges[which]
+        vehicle = self.problem.layout.vehicle
+        return windows(
+            vehicle.kernel(),
+            rows,
+            begin,
+            record,
+            copy * n + edges[which],
+            (copy + 1) * n,
+            steps,
+            self.piece.dt,
+        )
+
+    def _record(self, rows: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
+        """Return inputs as they arrive, those of different delays one below the other, and which one each lane reads."""
+        vehicle, inputs, dt = self.problem.layout.vehicle, self.piece.inputs, self.piece.dt
+        late = rows[[row for _, row in input_delays(vehicle)]]
+        if not len(late) or not np.ptp(late, axis=1).any():
+            return late_inputs(vehicle, inputs, rows[:, :1], dt), np.zeros(rows.shape[1], dtype=np.int64)
+        _, at, copy = np.unique(late, axis=1, return_index=True, return_inverse=True)
+        lanes = late_inputs(vehicle, inputs, np.ascontiguousarray(rows[:, at]), dt)
+        return np.concatenate(list(np.moveaxis(lanes, 2, 0))), copy.ravel()
 
     def _residual(self, readings: FloatArray, w: int) -> FloatArray:
         measured = self.piece.measured[self.edges[w] : self.edges[w + 1]]

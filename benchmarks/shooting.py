@@ -1,0 +1,73 @@
+"""Multiple shooting: all windows of a piece side by side, against a call per window."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmarks.clock import interleave, ratio
+from benchmarks.table import Row
+from stoop.cli import demo
+from stoop.cost import Misfit
+from stoop.identify.fit import Options, pose
+from stoop.identify.shooting.method import measured_states, shots_of
+from stoop.identify.shooting.windows import Shots
+from stoop.identify.windows import Window
+from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.vehicle.builtin import resolve_vehicle
+
+PART = "shooting"
+LENGTH = 0.5  #: s of a window
+SECONDS = 60.0
+ROUNDS = 5
+MANEUVER = """
+duration = 60.0
+rate = 100.0
+[[input]]
+control = "elevator"
+shape = "3-2-1-1"
+start = 1.0
+step = 0.5
+amplitude = 0.02
+"""
+
+
+def run() -> list[Row]:
+    """Fly and differentiate the windows of a minute."""
+    windows = shots_of(_problem(), 0, LENGTH)
+    nodes = measured_states(windows)
+    z = np.concatenate([np.full(windows.problem.dimension, 0.5), np.zeros(windows.problem.extra)])
+    taken = interleave(
+        {
+            "flown": lambda: windows.flown(z, nodes),
+            "flown apart": lambda: _flown_one_by_one(windows, z, nodes),
+            "together": lambda: windows.differentiated(z, nodes),
+            "apart": lambda: _one_by_one(windows, z, nodes),
+        },
+        ROUNDS,
+    )
+    size = f"{windows.count} windows, {len(z)} unknowns, {len(windows.piece.time)} samples"
+    return [
+        Row(PART, "all windows flown", 1e3 * float(np.median(taken["flown"])), "ms", note=size),
+        Row(PART, "over one call per window", ratio(taken["flown"], taken["flown apart"]), at_most=1.0),
+        Row(PART, "their derivatives", 1e3 * float(np.median(taken["together"])), "ms", note=size),
+        Row(PART, "over one call per window", ratio(taken["together"], taken["apart"]), at_most=1.0),
+    ]
+
+
+def _flown_one_by_one(windows: Shots, z: np.ndarray, nodes: np.ndarray) -> None:
+    rows, _ = windows.problem.candidates(z[None, :], windows.index)
+    for w in range(windows.count):
+        windows.fly(rows, np.ascontiguousarray(nodes[:, w : w + 1]), np.array([w]))
+
+
+def _one_by_one(windows: Shots, z: np.ndarray, nodes: np.ndarray) -> None:
+    back, entries = windows.back(nodes), np.arange(len(z))
+    for w in range(windows.count):
+        windows.some(z, nodes, back, range(w, w + 1), entries)
+
+
+def _problem() -> Misfit:
+    aircraft = resolve_vehicle("twin-boom")
+    flight = simulate_flight(aircraft, parse_maneuver(MANEUVER, "minute"), seed=1, name="minute")
+    vehicle = demo.misled(aircraft, 1)
+    return pose(vehicle, {"minute": flight}, [Window("minute", 0.0, SECONDS)], Options())[0]
