@@ -52,7 +52,7 @@ def _check(vehicle: Vehicle, option: str, name: str) -> None:
 def _in_equations(vehicle: Vehicle, name: str) -> bool:
     """Tell whether the kept equations hold a number: a reduced model drops terms, controls and channels."""
     from stoop.vehicle.defaults import COEFFICIENTS
-    from stoop.vehicle.schema import CHANNELS
+    from stoop.vehicle.schema import CHANNELS, WIND
 
     room, _, rest = name.partition(".")
     part = rest.partition(".")[0]
@@ -60,7 +60,7 @@ def _in_equations(vehicle: Vehicle, name: str) -> bool:
         return part in vehicle.controls
     if room == "turbulence":
         return part in vehicle.gusts
-    if room == "sensors" and part in CHANNELS:
+    if room == "sensors" and part in (*CHANNELS, *WIND):
         return part in vehicle.outputs
     return not any(
         name in getattr(vehicle.file.aerodynamics, c) for c in COEFFICIENTS if c not in vehicle.terms

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.vehicle import Parameter, Vehicle
-from stoop.vehicle.schema import CHANNELS
+from stoop.vehicle.schema import CHANNELS, WIND
 
 FloatArray = NDArray[np.float64]
 
@@ -26,7 +26,8 @@ class Nuisance:
     Attributes
     ----------
     name : str
-        ``V`` ... ``psi`` or ``CONTROL.lag`` for an initial state, ``sensors.CHANNEL.bias`` for a bias.
+        ``V`` ... ``psi`` (``u`` ... ``psi`` of a vehicle with rotors) or ``NAME.lag`` for an initial state,
+        ``sensors.CHANNEL.bias`` for a bias.
     maneuver : int
     piece : int or None
         The piece whose initial state it is; None for a bias.
@@ -57,7 +58,7 @@ class Layout:
     @classmethod
     def of(cls, vehicle: Vehicle, nuisances: Sequence[Nuisance]) -> Layout:
         """Take the vehicle's free numbers as parameters, less sensor biases: those are nuisances."""
-        biases = {f"sensors.{c}.bias" for c in CHANNELS}
+        biases = {f"sensors.{c}.bias" for c in (*WIND, *CHANNELS)}
         free = tuple(p for p in vehicle.parameters if p.free and p.name not in biases)
         return cls(vehicle, free, tuple(nuisances))
 

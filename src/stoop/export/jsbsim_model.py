@@ -16,7 +16,7 @@ import sympy as sp
 from stoop.export.jsbsim_function import convert, function, node, prop, value
 from stoop.units import FOOT, POUND_FORCE, SLUG
 from stoop.vehicle import Vehicle, terms
-from stoop.vehicle.symbolic import forces
+from stoop.vehicle.symbolic import component, forces
 from stoop.vehicle.symbolic.frames import Air
 from stoop.vehicle.symbolic.symbols import Numbers
 
@@ -59,7 +59,7 @@ class Physics:
     numbers : mapping of symbol to its value, SI
     """
 
-    surroundings: forces.Surroundings
+    surroundings: component.Surroundings
     names: dict[Any, str]
     numbers: dict[Any, float]
 
@@ -82,7 +82,7 @@ class Physics:
         channels = {c: symbol(f"channel {c}", channel(c)) for c in vehicle.inputs}
         n = Numbers.of(vehicle)
         numbers = dict(zip(n.symbols, vehicle.values.tolist(), strict=True))
-        return cls(forces.Surroundings(n, air, density, (p, q, r), deflections, channels), names, numbers)
+        return cls(component.Surroundings(n, air, density, (p, q, r), deflections, channels), names, numbers)
 
     def element(self, expr: Any) -> Element:
         """Return the element that computes an expression with the vehicle's numbers in place."""

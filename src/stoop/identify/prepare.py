@@ -14,13 +14,18 @@ from stoop.flight import Flight, Segment, segments
 from stoop.flight.segments import SHORTEST
 from stoop.identify.start import first_complete, guess_start, state_channels
 from stoop.identify.windows import Window
+from stoop.simulate import parameter_rows
+from stoop.simulate.initial import commanded
 from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
 START_SCALES = {
     "V": 2.0, "alpha": 0.1, "beta": 0.1, "p": 0.2, "q": 0.2, "r": 0.2, "phi": 0.1, "theta": 0.1, "psi": 0.1,
 }  #: m/s, rad, rad/s: prior standard deviation of an initial state about its guess, deliberately wide  # fmt: skip
-LAG_SCALE = 0.1  #: rad
+GROUND_SCALES = {
+    "u": 5.0, "v": 5.0, "w": 2.0, **{n: START_SCALES[n] for n in ("p", "q", "r", "phi", "theta", "psi")},
+}  #: likewise, of a vehicle with rotors: its speed through the air is known as well as the wind  # fmt: skip
+LAG_SCALE = 0.1  #: rad; of a rotor, share of its largest x
 DEFAULTED = "not recorded at the start; a default is used there"
 
 
@@ -150,7 +155,7 @@ def nuisances(vehicle: Vehicle, prepared: Prepared) -> tuple[Nuisance, ...]:
     out: list[Nuisance] = []
     for i, piece in enumerate(prepared.pieces):
         for name in _start_names(vehicle):
-            scale = START_SCALES.get(name, LAG_SCALE)
+            scale = _start_scale(vehicle, piece, name)
             out.append(Nuisance(name, piece.maneuver, i, piece.start.get(name, 0.0), scale))
     for maneuver in range(len(prepared.windows)):
         out += [n for n in _biases(vehicle, maneuver) if _observed(prepared, maneuver, vehicle, n.name)]
@@ -160,7 +165,18 @@ def nuisances(vehicle: Vehicle, prepared: Prepared) -> tuple[Nuisance, ...]:
 def _start_names(vehicle: Vehicle) -> tuple[str, ...]:
     rigid = {"longitudinal": ("V", "alpha", "q", "theta"), "lateral": ("beta", "p", "r", "phi", "psi")}
     lags = tuple(s for s in vehicle.states if s.endswith(".lag"))
-    return (*rigid.get(vehicle.reduce, tuple(START_SCALES)), *lags)
+    whole = tuple(GROUND_SCALES if vehicle.hovers else START_SCALES)
+    return (*rigid.get(vehicle.reduce, whole), *lags)
+
+
+def _start_scale(vehicle: Vehicle, piece: Piece, name: str) -> float:
+    """Return the prior standard deviation of one initial state about its guess."""
+    rotor = name.removesuffix(".lag")
+    if rotor not in vehicle.rotors:
+        return (START_SCALES | GROUND_SCALES).get(name, LAG_SCALE)
+    rows = parameter_rows(vehicle, piece.changes)
+    spin = commanded(vehicle, rotor, np.repeat(rows, len(piece.inputs), axis=1), piece.inputs.T)
+    return LAG_SCALE * float(np.max(spin)) or LAG_SCALE * vehicle.value("rotors.gain")
 
 
 def _biases(vehicle: Vehicle, maneuver: int) -> list[Nuisance]:

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from stoop.errors import FlightError
 from stoop.flight.variables import WRAPPED
 from stoop.simulate import START_NAMES
+from stoop.simulate.initial import body_velocity
 from stoop.vehicle import Vehicle
+from stoop.vehicle.schema import WIND
 
 FloatArray = NDArray[np.float64]
 Number = TypeVar("Number", float, FloatArray)
@@ -21,7 +23,7 @@ NEEDED = {"lateral": ("V", "alpha", "theta")}  #: states that a reduced model ho
 
 def state_channels(vehicle: Vehicle) -> tuple[str, ...]:
     """Return the channels that the start of this vehicle's equations is read from."""
-    observed = [c for c in vehicle.outputs if c in START_NAMES]
+    observed = [c for c in vehicle.outputs if c in START_NAMES or c in WIND]
     return (*observed, *(c for c in NEEDED.get(vehicle.reduce, ()) if c not in observed))
 
 
@@ -50,12 +52,13 @@ def guess_start(
     Returns
     -------
     start : dict
-        By the names of :data:`stoop.simulate.START_NAMES`, without the altitude.
+        By the vehicle's ``start_names``, without the altitude.
     missing : list of str
         Observed channels that were not recorded: their start is a default.
     """
-    start = dict.fromkeys(START_NAMES, 0.0)
-    start["V"] = vehicle.value("reference.airspeed")
+    start = dict.fromkeys((*(WIND if vehicle.hovers else ()), *vehicle.start_names), 0.0)
+    if not vehicle.hovers:
+        start["V"] = vehicle.value("reference.airspeed")
     missing = []
     for channel in state_channels(vehicle):
         value = _line_at_start(t, readings[channel], channel in WRAPPED)
@@ -68,7 +71,21 @@ def guess_start(
             )
         else:
             missing.append(channel)
-    return at_center_of_gravity(vehicle, start), missing
+    start = through_air(start) if vehicle.hovers else at_center_of_gravity(vehicle, start)
+    return start, missing
+
+
+def through_air(start: Mapping[str, Number]) -> dict[str, Number]:
+    """Turn a velocity north, east, down (less the wind) into body axes: ``u``, ``v``, ``w`` for ``vn``, ``ve``, ``vd``.
+
+    Each entry is a number or (n,): one instant, or many.
+    """
+    ground = (start["vn"], start["ve"], start["vd"])
+    u, v, w = body_velocity(ground, start["phi"], start["theta"], start["psi"])
+    kept: dict[str, Any] = {name: value for name, value in start.items() if name not in WIND}
+    return kept | {
+        name: value if value.ndim else float(value) for name, value in zip("uvw", (u, v, w), strict=True)
+    }
 
 
 def _line_at_start(t: FloatArray, y: FloatArray, angle: bool) -> float | None:

@@ -123,7 +123,7 @@ def _columns(vehicle: Vehicle, fit: Fit, index: int, piece: Piece) -> dict[str, 
     motion = {c: np.nan_to_num(read.get(c, still)) for c in ("V", "alpha", "beta", "p", "q", "r")}
     if "V" not in read:
         motion["V"] = np.full(len(piece.time), float(piece.start.get("V", 1.0)))
-    actual = vehicle.file.reference.rate_normalization == "actual"
+    actual = vehicle.actual_rates
     rates = (motion["p"], motion["q"], motion["r"])
     made = terms.values(vehicle.value, actual, motion["V"], motion["alpha"], motion["beta"], rates)
     every = np.repeat(rows, len(piece.time), axis=1)

@@ -28,7 +28,7 @@ def delayed(signal: FloatArray, samples: float) -> FloatArray:
         return signal
     whole = int(np.floor(samples))
     fraction = samples - whole
-    weights = _lagrange(fraction)
+    weights = lagrange(fraction)
     index = np.arange(len(signal)) - whole
     last = len(signal) - 1
     out = np.zeros_like(signal, dtype=float)
@@ -37,7 +37,7 @@ def delayed(signal: FloatArray, samples: float) -> FloatArray:
     return out
 
 
-def _lagrange(f: float) -> tuple[float, float, float, float]:
+def lagrange(f: float) -> tuple[float, float, float, float]:
     """Return the weights of the samples at +1, 0, -1, -2 for the point at -f, 0 <= f < 1."""
     return (
         -f * (1.0 - f) * (2.0 - f) / 6.0,
@@ -59,12 +59,15 @@ def delayed_lanes(signal: FloatArray, samples: FloatArray) -> FloatArray:
 
 
 def input_delays(vehicle: Vehicle) -> list[tuple[int, int]]:
-    """Return input column and kernel row of each control delay (controls that share a channel share it)."""
+    """Return input column and kernel row of each delay (controls and rotors that share a channel share it)."""
     found: dict[int, int] = {}
     for control in vehicle.controls:
         name = f"controls.{control}.delay"
         for channel in vehicle.channels_of(control) if name in vehicle.rows else ():
             found[vehicle.inputs.index(channel)] = vehicle.rows[name]
+    if "rotors.delay" in vehicle.rows:
+        channels = [rotor.channel for rotor in vehicle.file.rotor.values()]
+        found |= {vehicle.inputs.index(channel): vehicle.rows["rotors.delay"] for channel in channels}
     return list(found.items())
 
 

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stoop.vehicle import Vehicle
+from stoop.vehicle.vehicle import AIR_START, GROUND_START
 
 FloatArray = NDArray[np.float64]
-START_NAMES = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "h")  #: m/s, rad, rad/s, m
+START_NAMES = AIR_START  #: of a vehicle without rotors; Vehicle.start_names has those of any
 
 
 def quaternion(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> FloatArray:
@@ -28,23 +29,54 @@ def quaternion(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> FloatArray:
 
 
 def rigid_states(start: Mapping[str, ArrayLike]) -> dict[str, FloatArray]:
-    """Return the rigid-body states (each of shape (B,)) of a start; what is absent is zero."""
-    shapes = (np.shape(v) for k, v in start.items() if k in START_NAMES)
+    """Return the rigid-body states (each of shape (B,)) of a start; what is absent is zero.
+
+    The velocity is told by V, alpha and beta, or along the body axes by u, v and w.
+    """
+    names = GROUND_START if any(axis in start for axis in "uvw") else START_NAMES
+    shapes = (np.shape(v) for k, v in start.items() if k in names)
     zero = np.zeros(np.broadcast_shapes(*shapes) or (1,))
-    g = {name: zero + np.asarray(start.get(name, 0.0), dtype=float) for name in START_NAMES}
+    g = {name: zero + np.asarray(start.get(name, 0.0), dtype=float) for name in names}
     e = quaternion(g["phi"], g["theta"], g["psi"])
+    velocity = {axis: g[axis] for axis in "uvw"} if "u" in g else _through_air(g)
+    return velocity | {n: g[n] for n in "hpqr"} | {f"e{i}": e[i] for i in range(4)}
+
+
+def _through_air(g: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     plane = g["V"] * np.cos(g["beta"])
-    out = {
+    return {
         "u": plane * np.cos(g["alpha"]),
         "v": g["V"] * np.sin(g["beta"]),
         "w": plane * np.sin(g["alpha"]),
-        "h": g["h"],
     }
-    return out | {n: g[n] for n in "pqr"} | {f"e{i}": e[i] for i in range(4)}
+
+
+def body_velocity(
+    ground: tuple[ArrayLike, ArrayLike, ArrayLike], phi: ArrayLike, theta: ArrayLike, psi: ArrayLike
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return u, v, w of a velocity given north, east, down, all scalars or (n,)."""
+    e0, e1, e2, e3 = quaternion(phi, theta, psi)
+    north, east, down = (np.asarray(c, dtype=float) for c in ground)
+    u = (
+        (e0**2 + e1**2 - e2**2 - e3**2) * north
+        + 2 * (e1 * e2 + e0 * e3) * east
+        + 2 * (e1 * e3 - e0 * e2) * down
+    )
+    v = (
+        2 * (e1 * e2 - e0 * e3) * north
+        + (e0**2 - e1**2 + e2**2 - e3**2) * east
+        + 2 * (e2 * e3 + e0 * e1) * down
+    )
+    w = (
+        2 * (e1 * e3 + e0 * e2) * north
+        + 2 * (e2 * e3 - e0 * e1) * east
+        + (e0**2 - e1**2 - e2**2 + e3**2) * down
+    )
+    return u, v, w
 
 
 def commanded(vehicle: Vehicle, control: str, rows: FloatArray, inputs: FloatArray) -> FloatArray:
-    """Return the deflection that a control is commanded to, rad.
+    """Return the deflection that a control is commanded to, rad; of a rotor its x, in its own unit.
 
     Parameters
     ----------
@@ -54,6 +86,8 @@ def commanded(vehicle: Vehicle, control: str, rows: FloatArray, inputs: FloatArr
         Recorded channels.
     """
     index = vehicle.rows
+    if control in vehicle.file.rotor:
+        return _spin(vehicle, control, rows, inputs)
     spec = vehicle.file.controls[control]
     base = f"controls.{control}"
 
@@ -68,6 +102,14 @@ def commanded(vehicle: Vehicle, control: str, rows: FloatArray, inputs: FloatArr
     return np.asarray(total)
 
 
+def _spin(vehicle: Vehicle, rotor: str, rows: FloatArray, inputs: FloatArray) -> FloatArray:
+    index, channel = vehicle.rows, vehicle.file.rotor[rotor].channel
+    raw = rows[index["rotors.gain"]] * (inputs[vehicle.inputs.index(channel)] - rows[index["rotors.idle"]])
+    if "rotors.nominal_voltage" in index:
+        raw = raw * inputs[vehicle.inputs.index("voltage")] / rows[index["rotors.nominal_voltage"]]
+    return np.asarray(np.maximum(raw, 0.0))
+
+
 def initial_states(
     vehicle: Vehicle, start: Mapping[str, ArrayLike], rows: FloatArray, inputs: FloatArray
 ) -> FloatArray:
@@ -76,12 +118,12 @@ def initial_states(
     Parameters
     ----------
     start : mapping
-        :data:`START_NAMES` -> scalar or (B,); ``NAME.lag`` may add to a lagged deflection, rad; gust states, m/s,
-        are zero where they are not named.
+        The vehicle's ``start_names`` -> scalar or (B,); ``NAME.lag`` may add to a lagged deflection, rad, or to x
+        of a rotor; gust states, m/s, are zero where they are not named.
     rows : (n_p, B) array
         Kernel parameters of each candidate.
     inputs : (n_u,) array
-        Recorded channels at the start: a lagged surface starts where it is commanded.
+        Recorded channels at the start: a lagged surface or rotor starts where it is commanded.
     """
     return kernel_states(vehicle, rigid_states(start), start, rows, inputs)
 

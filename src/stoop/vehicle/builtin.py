@@ -11,7 +11,10 @@ from stoop.errors import VehicleError
 from stoop.vehicle.load import load_vehicle, parse_vehicle
 from stoop.vehicle.vehicle import Vehicle
 
-BUILT_IN: Final[dict[str, str]] = {"twin-boom": "twin_boom.toml"}  #: name -> file in stoop/data
+BUILT_IN: Final[dict[str, str]] = {
+    "twin-boom": "twin_boom.toml",
+    "quad-x": "quad_x.toml",
+}  #: name -> file in stoop/data
 
 
 def resolve_vehicle(name_or_path: str | Path) -> Vehicle:

@@ -97,13 +97,15 @@ def _check_bounds(vehicle: Vehicle) -> None:
 
 def _check_delays(vehicle: Vehicle) -> None:
     """Refuse a channel that would have to be late for one control and not for another."""
-    rows: dict[str, tuple[str, int | None]] = {}
-    for control in vehicle.controls:
-        row = vehicle.rows.get(f"controls.{control}.delay")
-        for channel in vehicle.channels_of(control):
-            other, known = rows.setdefault(channel, (control, row))
-            if known != row:
-                raise VehicleError(
-                    f"{vehicle.where}: controls.{control}.delay: channel {channel} also moves {other}, whose delay "
-                    f'is another; tie them, e.g. delay = "=controls.{other}.delay"'
-                )
+    rows: dict[str, tuple[str, str]] = {}
+    driven = [
+        (f"controls.{c}.delay", c, channel) for c in vehicle.controls for channel in vehicle.channels_of(c)
+    ]
+    driven += [("rotors.delay", name, rotor.channel) for name, rotor in vehicle.file.rotor.items()]
+    for delay, moved, channel in driven:
+        first, other = rows.setdefault(channel, (delay, moved))
+        if vehicle.rows.get(first) != vehicle.rows.get(delay):
+            raise VehicleError(
+                f"{vehicle.where}: {delay}: channel {channel} also moves {other}, whose delay "
+                f'is another; tie them, e.g. delay = "={first}"'
+            )

@@ -88,7 +88,7 @@ def _product(name: str, coefficient: str, text: str, starred: bool) -> str:
 
 def equations(vehicle: Vehicle) -> tuple[str, ...]:
     """Return one equation per coefficient that the vehicle's kept equations contain."""
-    starred = vehicle.file.reference.rate_normalization == "reference"
+    starred = not vehicle.actual_rates
     out = []
     for coefficient, group in vehicle.terms.items():
         terms = " + ".join(_product(name, coefficient, text, starred) for name, text in group.items())

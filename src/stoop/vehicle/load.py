@@ -13,13 +13,13 @@ from stoop.vehicle import checks, terms
 from stoop.vehicle.complaints import first_complaint
 from stoop.vehicle.defaults import COEFFICIENTS, EQUATION_1
 from stoop.vehicle.quantity import tied
-from stoop.vehicle.schema import CHANNELS, Control, VehicleFile
+from stoop.vehicle.schema import CHANNELS, WIND, Control, VehicleFile
 from stoop.vehicle.source import parse_source, read_source
 from stoop.vehicle.vehicle import Vehicle
 
 STANDARD_CONTROLS = ("elevator", "aileron", "rudder")
 _SENSOR_DEFAULTS = {
-    "V": (1.0, 0.3), "alpha": (0.02, 0.005), "beta": (0.02, 0.005),
+    "vn": (3.0, 0.1), "ve": (3.0, 0.1), "vd": (0.5, 0.1), "V": (1.0, 0.3), "alpha": (0.02, 0.005), "beta": (0.02, 0.005),
     "p": (0.02, 0.01), "q": (0.02, 0.01), "r": (0.02, 0.01),
     "phi": (0.02, 0.01), "theta": (0.02, 0.01), "psi": (0.02, 0.01),
     "ax": (0.2, 0.1), "ay": (0.2, 0.1), "az": (0.2, 0.1),
@@ -53,13 +53,16 @@ def parse_vehicle(text: str, where: str) -> Vehicle:
 
 def _complete(raw: dict[str, Any], where: str) -> None:
     """Write into the raw file what it leaves to the defaults."""
-    if not raw.get("controls"):
+    hovers = bool(raw.get("rotor"))
+    if hovers and "aerodynamics" not in raw:
+        raw.update(aerodynamics={"default": False}, controls=raw.get("controls") or {})
+    elif not raw.get("controls"):
         raw["controls"] = {name: {} for name in STANDARD_CONTROLS}
     if isinstance(raw.get("controls"), dict):
         _complete_terms(raw, where)
     sensors = raw.setdefault("sensors", {})
     if isinstance(sensors, dict):
-        for channel in CHANNELS:
+        for channel in (*CHANNELS, *(WIND if hovers else ())):
             _complete_sensor(sensors, channel)
 
 

@@ -8,19 +8,15 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from stoop.vehicle.quantity import Number, Quantity, Switch
+from stoop.vehicle.rotors_schema import MOST_ROTORS, BodyDrag, Rotor, Rotors
+from stoop.vehicle.table import Name, Point, Table
 
 CHANNELS = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "ax", "ay", "az")
-Point = tuple[Quantity, Quantity, Quantity]
-Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=40)]
-
-
-class Table(BaseModel):
-    """A table of the file: no unknown keys, no change after reading."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
+WIND = ("vn", "ve", "vd")  #: velocity over ground, north, east, down
+GROUND = (*WIND, *CHANNELS[3:])  #: what a vehicle with rotors is observed by
 
 
 class Inertia(Table):
@@ -171,6 +167,9 @@ class Sensors(Table):
     estimate_biases: Switch = True  #: whether rate and acceleration biases are free unless said otherwise
     accelerometer_position: Point | None = None  #: m
     vane_position: Point | None = None  #: m
+    vn: Sensor | None = None  #: of vehicles with rotors; the bias is the wind
+    ve: Sensor | None = None
+    vd: Sensor | None = None
 
 
 class Gust(Table):
@@ -186,6 +185,7 @@ class Turbulence(Table):
     u: Gust | None = None
     v: Gust | None = None
     w: Gust | None = None
+    airspeed: Quantity | None = None  #: at which the gusts pass, m/s; V* when absent
 
 
 class Model(Table):
@@ -202,7 +202,7 @@ class VehicleFile(Table):
     notes: tuple[str, ...] = ()
     model: Model = Model()
     mass: Mass
-    reference: Reference
+    reference: Reference | None = None  #: only a vehicle with rotors goes without
     environment: Environment = Environment()
     aerodynamics: Aerodynamics = Aerodynamics()
     propulsion: Propulsion | None = None
@@ -210,3 +210,16 @@ class VehicleFile(Table):
     sensors: Sensors = Sensors()
     turbulence: Turbulence | None = None
     loadings: dict[Name, dict[str, Number]] = Field(default_factory=dict)  #: what differs per maneuver
+    rotors: Rotors | None = None
+    rotor: Annotated[dict[Name, Rotor], Field(max_length=MOST_ROTORS)] = Field(default_factory=dict)
+    body_drag: BodyDrag | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> VehicleFile:
+        if self.reference is None and not self.rotor:
+            raise ValueError("reference: missing; add it")
+        if self.rotor and self.rotors is None:
+            raise ValueError("rotors: missing; add it with T2, the thrust of one rotor at full command, N")
+        if self.rotors is not None and not self.rotor:
+            raise ValueError("rotor: missing; add a table for each rotor, e.g. [rotor.m1]")
+        return self

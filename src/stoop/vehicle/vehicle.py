@@ -16,10 +16,10 @@ from pydantic import BaseModel
 
 from stoop.errors import VehicleError
 from stoop.kernels import Kernel, load_kernel
-from stoop.vehicle import terms
+from stoop.vehicle import rotor_numbers, terms
 from stoop.vehicle.defaults import COEFFICIENTS, default_bounds
 from stoop.vehicle.quantity import Parameter, Quantity
-from stoop.vehicle.schema import CHANNELS, Term, VehicleFile
+from stoop.vehicle.schema import CHANNELS, GROUND, WIND, Term, VehicleFile
 
 FloatArray = NDArray[np.float64]
 RIGID_STATES = ("u", "v", "w", "p", "q", "r", "e0", "e1", "e2", "e3", "h")
@@ -47,7 +47,11 @@ _ADDED = {
     "lateral": ("v", "p", "r"),
 }  #: states that a filter corrects by adding
 _TURNED = {"full": ("phi", "theta", "psi"), "longitudinal": ("theta",), "lateral": ("phi", "psi")}
+AIR_START = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "h")  #: m/s, rad, rad/s, m
+GROUND_START = ("u", "v", "w", *AIR_START[3:])  #: likewise, of a vehicle with rotors
+_LATER = ("turbulence", "vn", "ve", "vd", "airspeed", "rotors", "rotor", "body_drag")
 BIASED_BY_DEFAULT = ("p", "q", "r", "ax", "ay", "az")
+WIND_NUMBERS = tuple(f"sensors.{c}.bias" for c in WIND)  #: the steady wind, m/s north, east, down
 _UNITS = {
     "mass": "kg", "xx": "kg m2", "yy": "kg m2", "zz": "kg m2", "xz": "kg m2", "xy": "kg m2", "yz": "kg m2",
     "area": "m2", "chord": "m", "span": "m", "airspeed": "m/s", "alpha": "rad", "gravity": "m/s2",
@@ -56,10 +60,13 @@ _UNITS = {
     "length": "m",
 }  # fmt: skip
 _EQUATION_SOURCES = (  #: beside all of symbolic/
-    "vehicle.py", "terms.py", "atmosphere.py", "schema.py", "defaults.py", "quantity.py",
+    "vehicle.py", "terms.py", "atmosphere.py", "schema.py", "defaults.py", "quantity.py", "rotors_schema.py",
 )  # fmt: skip
 _CHANNEL_UNITS = {
     "V": "m/s",
+    "vn": "m/s",
+    "ve": "m/s",
+    "vd": "m/s",
     "p": "rad/s",
     "q": "rad/s",
     "r": "rad/s",
@@ -102,19 +109,19 @@ def _structure(node: Any, path: str = "") -> Any:
     if isinstance(node, BaseModel):
         skipped = ("name", "notes", "loadings", "sigma", "estimate_biases")  # these make no kernel row
         kept = [n for n in type(node).model_fields if n not in skipped]
-        calm = (
-            ("turbulence",) if getattr(node, "turbulence", 1) is None else ()
-        )  # as files before there was any
-        return {n: _structure(getattr(node, n)) for n in kept if n not in calm}
+        absent = {n for n in kept if n in _LATER and not getattr(node, n)}  # as before there was any
+        return {n: _structure(getattr(node, n)) for n in kept if n not in absent}
     if isinstance(node, Mapping):
         return {n: _structure(v) for n, v in node.items()}
     return [_structure(v) for v in node] if isinstance(node, tuple) else node
 
 
-def _unit(name: str, quantity: Quantity, controls: Iterable[str]) -> str:
+def _unit(name: str, quantity: Quantity, controls: Iterable[str], drive: str) -> str:
     if isinstance(quantity, Term):
         return terms.unit(quantity.term, controls)
     head, _, last = name.rpartition(".")
+    if name.startswith(rotor_numbers.PLACES):
+        return rotor_numbers.unit(name, drive)
     if last == "bias":
         return _CHANNEL_UNITS.get(head.rpartition(".")[2], "rad")
     if head.endswith(".mix"):
@@ -135,6 +142,8 @@ def _bounds(name: str, q: Quantity) -> tuple[float, float]:
 def _is_free(name: str, q: Quantity, biases: bool, estimated: Container[str]) -> bool:
     if q.free is not None:
         return q.free
+    if name in WIND_NUMBERS or rotor_numbers.free_by_default(name):
+        return True
     return name in estimated or (biases and name in {f"sensors.{c}.bias" for c in BIASED_BY_DEFAULT})
 
 
@@ -177,13 +186,15 @@ class Vehicle:
         own = {n for c in _ESTIMATED[self.reduce] for n in getattr(self.file.aerodynamics, c)}
         dropped = {n for c in COEFFICIENTS for n in getattr(self.file.aerodynamics, c) if c not in self.terms}
         dropped |= self._calm
+        drive = self.file.rotors.drive if self.file.rotors is not None else ""
+        boxes = rotor_numbers.boxes(dict(leaves(self.file))) if self.hovers else {}
         out = []
         for name, q in leaves(self.file):
             if q.tie is not None:
                 continue
-            low, high = _bounds(name, q)
+            low, high = boxes[name] if name in boxes and q.bounds is None else _bounds(name, q)
             free = _is_free(name, q, self.file.sensors.estimate_biases, own) and name not in dropped
-            out.append(Parameter(name, q.value, low, high, free, q.prior, _unit(name, q, controls)))
+            out.append(Parameter(name, q.value, low, high, free, q.prior, _unit(name, q, controls, drive)))
         return tuple(out)
 
     @functools.cached_property
@@ -212,6 +223,27 @@ class Vehicle:
     def reduce(self) -> str:
         """Which equations are kept: full, longitudinal or lateral."""
         return self.file.model.reduce
+
+    @property
+    def hovers(self) -> bool:
+        """Whether it has rotors: it is then observed by its velocity over ground, and may stand still."""
+        return bool(self.file.rotor)
+
+    @property
+    def rotors(self) -> tuple[str, ...]:
+        """Names of the rotors."""
+        return tuple(self.file.rotor)
+
+    @property
+    def start_names(self) -> tuple[str, ...]:
+        """What an initial state is named by: velocity (through the air), rates, attitude, altitude."""
+        return GROUND_START if self.hovers else AIR_START
+
+    @property
+    def actual_rates(self) -> bool:
+        """Whether rates are made dimensionless with the actual airspeed, not with V*."""
+        reference = self.file.reference
+        return reference is not None and reference.rate_normalization == "actual"
 
     @functools.cached_property
     def terms(self) -> dict[str, dict[str, str]]:
@@ -267,17 +299,22 @@ class Vehicle:
         propulsion = self.file.propulsion
         if propulsion is not None and propulsion.kind != "constant":
             channels.append(propulsion.channel)
+        channels += [rotor.channel for rotor in self.file.rotor.values()]
+        if self.file.rotors is not None and self.file.rotors.nominal_voltage is not None:
+            channels.append("voltage")
         if self.file.environment.density == "log":
             channels.append("density")
         return tuple(dict.fromkeys(channels))
 
     @functools.cached_property
     def states(self) -> tuple[str, ...]:
-        """States of the kernel: body velocity, rates, quaternion, altitude, surface lags, gusts.
+        """States of the kernel: body velocity, rates, quaternion, altitude, lags of surfaces and rotors, gusts.
 
         The velocity is relative to the steady wind.
         """
-        lags = (f"{c}.lag" for c in self.controls if self.file.controls[c].lag is not None)
+        lags = [f"{c}.lag" for c in self.controls if self.file.controls[c].lag is not None]
+        if self.file.rotors is not None and self.file.rotors.lag is not None:
+            lags += [f"{r}.lag" for r in self.rotors]
         return (*_REDUCED_STATES[self.reduce], *lags, *(s for axis in self.gusts for s in GUST_STATES[axis]))
 
     @functools.cached_property
@@ -288,7 +325,9 @@ class Vehicle:
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """Observed channels, eq. (2), or those that a reduced model has."""
+        """Observed channels, eq. (2), or those that a reduced model or a vehicle with rotors has."""
+        if self.hovers:
+            return GROUND
         return _REDUCED_OUTPUTS[self.reduce]
 
     @functools.cached_property

@@ -139,7 +139,7 @@ def variables(vehicle: Vehicle, found: Measured) -> dict[str, FloatArray]:
     def number(name: str) -> FloatArray:
         return np.asarray(found.rows[vehicle.rows[name]])
 
-    m, actual = found.motion, vehicle.file.reference.rate_normalization == "actual"
+    m, actual = found.motion, vehicle.actual_rates
     return {**terms.values(number, actual, m["V"], m["alpha"], m["beta"], found.omega), **found.deflections}
 
 

@@ -8,9 +8,9 @@ from typing import Any
 import sympy as sp
 
 from stoop.kernels import SymbolicModel
-from stoop.vehicle.symbolic import forces, instruments, moves, rigid_body, turbulence
+from stoop.vehicle.symbolic import component, forces, instruments, moves, rigid_body, rotors, turbulence
 from stoop.vehicle.symbolic.atmosphere import symbolic_density
-from stoop.vehicle.symbolic.frames import air, attitude, quaternion_rate
+from stoop.vehicle.symbolic.frames import air, attitude, over_ground, quaternion_rate, slow_air
 from stoop.vehicle.symbolic.symbols import Numbers, Vector, scale
 from stoop.vehicle.vehicle import RIGID_STATES, Vehicle
 
@@ -63,9 +63,11 @@ def full_model(
     omega: Vector = (x["p"], x["q"], x["r"])
     e = (x["e0"], x["e1"], x["e2"], x["e3"])
     through_air = turbulence.relative(n, velocity, x)
-    turned, wind = attitude(e), air(through_air)
+    turned, wind = attitude(e), (slow_air if vehicle.hovers else air)(through_air)
     deflections, lag_rates = _lags(n, x, _commands(n, u))
-    s = forces.Surroundings(n, wind, _density(n, x["h"], u), omega, deflections, u)
+    spins, spin_rates = rotors.spins(n, x, rotors.commands(n, u))
+    density = _density(n, x["h"], u)
+    s = component.Surroundings(n, wind, density, omega, deflections, u, through_air, spins, spin_rates)
     load = forces.total(s)
     specific = scale(1 / n["mass.mass"], load.force)
     omega_rate = rigid_body.angular_acceleration(n, load.moment, omega)
@@ -73,8 +75,13 @@ def full_model(
     climb = -sum(d * v for d, v in zip(turned.down, velocity, strict=True))
     rates = [*velocity_rate, *omega_rate, *quaternion_rate(e, omega), climb]
     felt = instruments.accelerometer(n, specific, omega, omega_rate)
-    truth = instruments.truth(wind.V, instruments.vane(n, through_air, omega), omega, turned, felt)
-    further_rates = lag_rates | turbulence.rates(n, x, u)
+    if vehicle.hovers:
+        truth = instruments.ground_truth(over_ground(e, velocity), omega, turned, felt)
+    else:
+        truth = instruments.truth(wind.V, instruments.vane(n, through_air, omega), omega, turned, felt)
+    further_rates = (
+        lag_rates | {f"{r}.lag": rate for r, rate in spin_rates.items()} | turbulence.rates(n, x, u)
+    )
     return (
         x,
         u,

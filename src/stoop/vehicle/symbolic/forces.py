@@ -1,13 +1,10 @@
 """Components: each gives a force and a moment about the centre of gravity, body axes.
 
-A component is a function of the surroundings; a vehicle is the sum of its components. Rotors will be one
-more function here.
+A component is a function of the surroundings; a vehicle is the sum of its components.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import sympy as sp
@@ -15,38 +12,14 @@ import sympy as sp
 from stoop.vehicle import terms
 from stoop.vehicle.defaults import COEFFICIENTS
 from stoop.vehicle.schema import Propeller
-from stoop.vehicle.symbolic.frames import Air
-from stoop.vehicle.symbolic.symbols import Numbers, Vector, add, cross, scale
-
-ZERO: Vector = (sp.Integer(0), sp.Integer(0), sp.Integer(0))
-
-
-@dataclass(frozen=True)
-class Surroundings:
-    """What a component sees."""
-
-    numbers: Numbers
-    air: Air
-    density: Any
-    omega: Vector
-    deflections: Mapping[str, Any]  #: rad per control
-    channels: Mapping[str, Any]  #: recorded channels
-
-
-@dataclass(frozen=True)
-class Load:
-    """A force, N, and its moment about the centre of gravity, N m."""
-
-    force: Vector
-    moment: Vector
-
-    def __add__(self, other: Load) -> Load:
-        return Load(add(self.force, other.force), add(self.moment, other.moment))
+from stoop.vehicle.symbolic.component import ZERO, Load, Surroundings
+from stoop.vehicle.symbolic.rotors import body_drag, rotors
+from stoop.vehicle.symbolic.symbols import Vector, add, cross, scale
 
 
 def term_variables(s: Surroundings) -> dict[str, Any]:
     """Return what aerodynamic terms are made of, eq. (1): Delta alpha, beta, rates, speed, controls."""
-    actual = s.numbers.vehicle.file.reference.rate_normalization == "actual"
+    actual = s.numbers.vehicle.actual_rates
     flow = terms.values(s.numbers.__getitem__, actual, s.air.V, s.air.alpha, s.air.beta, s.omega)
     return {**flow, **s.deflections}
 
@@ -64,6 +37,8 @@ def coefficients(s: Surroundings) -> dict[str, Any]:
 
 def aerodynamics(s: Surroundings) -> Load:
     """Return aerodynamic force (the rotation of eq. 2) and moment, moved to the centre of gravity."""
+    if s.numbers.vehicle.file.reference is None:
+        return Load(ZERO, ZERO)
     n, a, c = s.numbers, s.air, coefficients(s)
     pressure_area = s.density / 2 * n["reference.area"] * a.V2
     drag_and_side = c["CD"] * a.cos_beta + c["CQ"] * a.sin_beta
@@ -123,7 +98,7 @@ def _cosine_sine(angle: Any) -> tuple[Any, Any]:
     return cosine, sine
 
 
-COMPONENTS = (aerodynamics, propulsion)
+COMPONENTS = (aerodynamics, propulsion, rotors, body_drag)
 
 
 def total(s: Surroundings) -> Load:

@@ -34,3 +34,14 @@ def truth(V: Any, vanes: Any, omega: Vector, a: Attitude, acceleration: Vector) 
         "V": V, "alpha": vanes.alpha, "beta": vanes.beta, "p": p, "q": q, "r": r,
         "phi": a.phi, "theta": a.theta, "psi": a.psi, "ax": ax, "ay": ay, "az": az,
     }  # fmt: skip
+
+
+def ground_truth(velocity: Vector, omega: Vector, a: Attitude, acceleration: Vector) -> dict[str, Any]:
+    """Name what a vehicle with rotors is observed by; the velocity is over ground less the steady wind."""
+    vn, ve, vd = velocity
+    p, q, r = omega
+    ax, ay, az = acceleration
+    return {
+        "vn": vn, "ve": ve, "vd": vd, "p": p, "q": q, "r": r,
+        "phi": a.phi, "theta": a.theta, "psi": a.psi, "ax": ax, "ay": ay, "az": az,
+    }  # fmt: skip

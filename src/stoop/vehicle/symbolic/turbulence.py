@@ -56,7 +56,8 @@ def _gust(axis: str, states: Mapping[str, Any]) -> Any:
 
 
 def _rates(n: Numbers, axis: str, states: Mapping[str, Any], noise: Any) -> dict[str, Any]:
-    corner = n["reference.airspeed"] / n[f"turbulence.{axis}.length"]
+    passing = n.get("turbulence.airspeed", n.get("reference.airspeed"))
+    corner = passing / n[f"turbulence.{axis}.length"]
     drive = n[f"turbulence.{axis}.intensity"] * sp.sqrt((2 if axis == "u" else 1) * corner) * noise
     first, *second = GUST_STATES[axis]
     out = {first: drive - corner * states[first]}

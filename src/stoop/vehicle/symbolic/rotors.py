@@ -1,0 +1,125 @@
+"""Rotors and the drag of the body that they carry: force and moment about the centre of gravity, body axes.
+
+Of the rotor's speed through the air, v_axial is the part along its axis (climbing is positive: air comes through the
+disc against the thrust), v_inplane the rest. With x the command or the speed of rotation,
+
+    T = (rho / 1.225) (T0 + T1 x + T2 x^2 - inflow x v_axial + translational |v_inplane|^2)
+    H = -(rho / 1.225) drag x v_inplane
+
+The terms are those of momentum and blade-element theory to first order in the speed over the tip speed, with
+coefficients that a flight can tell. No term divides by a speed, so all holds at hover.
+
+References
+----------
+Leishman, Principles of Helicopter Aerodynamics, 2nd ed., sections 2.13 (climb), 3.5 (forward flight, H-force).
+Mahony, Kumar, Corke, Multirotor Aerial Vehicles, IEEE Robotics and Automation Magazine 19(3), 2012 (drag of rotors).
+Svacha, Mohta, Kumar, Improving quadrotor trajectory tracking by compensating for aerodynamic effects, ICUAS 2017
+(T = k x^2 - k_z x v_z + k_h |v_h|^2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import sympy as sp
+
+from stoop.vehicle.atmosphere import SEA_LEVEL_DENSITY
+from stoop.vehicle.symbolic.component import ZERO, Load, Surroundings
+from stoop.vehicle.symbolic.symbols import Numbers, Vector, add, cross, scale, subtract
+
+_UP: Vector = (sp.Integer(0), sp.Integer(0), sp.Integer(-1))
+
+
+def commands(n: Numbers, channels: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what each rotor is commanded to: x before the lag, never below zero."""
+    boost = (
+        channels["voltage"] / n["rotors.nominal_voltage"] if "rotors.nominal_voltage" in n else sp.Integer(1)
+    )
+    out = {}
+    for name, rotor in n.vehicle.file.rotor.items():
+        raw = n["rotors.gain"] * (channels[rotor.channel] - n["rotors.idle"])
+        out[name] = boost * (raw + sp.Abs(raw)) / 2
+    return out
+
+
+def spins(
+    n: Numbers, states: Mapping[str, Any], commanded: Mapping[str, Any]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return x of each rotor, and the rates of the lag states."""
+    if "rotors.lag" not in n:
+        return dict(commanded), {}
+    now = {name: states[f"{name}.lag"] for name in commanded}
+    return now, {name: (commanded[name] - x) / n["rotors.lag"] for name, x in now.items()}
+
+
+def _axis(n: Numbers, name: str) -> Vector:
+    """Return the unit vector along the thrust of a rotor."""
+    if f"rotor.{name}.axis.x" not in n:
+        return _UP
+    along = n.point(f"rotor.{name}.axis")
+    return scale(1 / sp.sqrt(_dot(along, along)), along)
+
+
+def _dot(a: Vector, b: Vector) -> Any:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _thrust(n: Numbers, x: Any, axial: Any, inplane2: Any) -> Any:
+    static = n.get("rotors.T0") + n.get("rotors.T1") * x + n.get("rotors.T2") * x * x
+    return static - n.get("rotors.inflow") * x * axial + n.get("rotors.translational") * inplane2
+
+
+def _torque(n: Numbers, x: Any, thrust: Any) -> Any:
+    if "rotors.torque_ratio" in n:
+        return n["rotors.torque_ratio"] * thrust
+    return n.get("rotors.Q0") + n.get("rotors.Q1") * x + n.get("rotors.Q2") * x * x
+
+
+def _one(s: Surroundings, name: str) -> Load:
+    """Return the load of one rotor."""
+    n, x, axis = s.numbers, s.spins[name], _axis(s.numbers, name)
+    arm, turns = n.arm(f"rotor.{name}.position"), _turns(s, name)
+    velocity = add(s.velocity, cross(s.omega, arm))
+    axial = _dot(axis, velocity)
+    inplane = subtract(velocity, scale(axial, axis))
+    thickness = n.get(f"rotor.{name}.factor", sp.Integer(1)) * s.density / SEA_LEVEL_DENSITY
+    thrust = _thrust(n, x, axial, _dot(inplane, inplane))
+    torque = n.get(f"rotor.{name}.torque_factor", sp.Integer(1)) * thickness * _torque(n, x, thrust)
+    force = subtract(scale(thickness * thrust, axis), scale(thickness * n.get("rotors.drag") * x, inplane))
+    moment = add(cross(arm, force), scale(-turns * torque, axis))
+    return Load(force, add(moment, _reaction(s, name, scale(turns, axis))))
+
+
+def _turns(s: Surroundings, name: str) -> int:
+    """Return +1 for a rotor that turns about its axis by the right hand (counterclockwise from its tip)."""
+    return 1 if s.numbers.vehicle.file.rotor[name].spin == "ccw" else -1
+
+
+def _reaction(s: Surroundings, name: str, about: Vector) -> Vector:
+    """Return what changes of the rotor's angular momentum take from the body: spin-up and gyroscopic moment, N m."""
+    n = s.numbers
+    if "rotors.inertia" not in n:
+        return ZERO
+    momentum = scale(n["rotors.inertia"] * s.spins[name], about)
+    gained = scale(n["rotors.inertia"] * s.spin_rates.get(name, sp.Integer(0)), about)
+    return scale(sp.Integer(-1), add(gained, cross(s.omega, momentum)))
+
+
+def rotors(s: Surroundings) -> Load:
+    """Return the sum over all rotors."""
+    total = Load(ZERO, ZERO)
+    for name in s.numbers.vehicle.rotors:
+        total = total + _one(s, name)
+    return total
+
+
+def body_drag(s: Surroundings) -> Load:
+    """Return what opposes the motion of the body through the air, each axis for itself."""
+    n = s.numbers
+    linear, quadratic, turning = (
+        n.point(f"body_drag.{part}") for part in ("linear", "quadratic", "rotation")
+    )
+    x, y, z = (-(a * v + b * sp.Abs(v) * v) for a, b, v in zip(linear, quadratic, s.velocity, strict=True))
+    p, q, r = (-c * w for c, w in zip(turning, s.omega, strict=True))
+    return Load((x, y, z), (p, q, r))
