@@ -15,7 +15,6 @@ LIBRARIES: Final = (
     "scipy",
     "xarray",
     "pydantic",
-    "pyulog",
     "pymoo",
     "cma",
     "ioh",

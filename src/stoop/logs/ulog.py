@@ -1,59 +1,43 @@
-"""PX4 .ulg files through pyulog, whose prints, global state and trust in the file are contained here."""
+"""PX4 .ulg files: the topics wanted become streams, everything else that the log tells stands beside them.
+
+References
+----------
+.. [1] PX4 ULog file format, https://docs.px4.io/main/en/dev_log/ulog_file_format.html
+"""
 
 from __future__ import annotations
 
-import contextlib
-import io
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from stoop.errors import LogError
 from stoop.logs.recording import Defect, Recording, Stream, clean_stream
+from stoop.logs.scan.walk import DROPOUTS, DROPPED, STRANGERS, UNKNOWN
+from stoop.logs.ulog_formats import PADDING, BodyError, Formats
+from stoop.logs.ulog_scan import MAX_KEPT, Rows, Scan, TooMuchError, scan
 from stoop.units import MICROSECOND
 
 MAGIC: Final = b"ULog\x01\x12\x35"
-MAX_BYTES: Final = 2**30
+MAX_BYTES: Final = 2**36
 MAX_FIELDS: Final = 200_000  #: columns of all topics together; a real log has some thousands
-MAX_NESTING: Final = 16
-_REREADING: Final = (
-    16  #: times the size of the file that may be read while searching for the next good message
-)
-
-
-class _EndlessError(Exception):
-    """The parser goes round in circles in a damaged file."""
-
-
-class _BoundedFile:
-    """A file that ends the search of a parser that no longer advances, and remembers a cut end."""
-
-    def __init__(self, file: BinaryIO, size: int) -> None:
-        self._file = file
-        self._left = _REREADING * size + 2**20
-        self.cut = False
-
-    def read(self, size: int = -1) -> bytes:
-        self._left -= max(size, 0) + 1
-        if self._left < 0:
-            raise _EndlessError
-        data = self._file.read(size)
-        self.cut = len(data) < size and not (size == 3 and not data)  # messages begin with 3 bytes
-        return data
-
-    def seek(self, offset: int, whence: int = 0) -> int:
-        return self._file.seek(offset, whence)
-
-    def tell(self) -> int:
-        return self._file.tell()
-
-    def close(self) -> None:
-        self._file.close()
 
 
 def read_ulog(path: Path, topics: frozenset[str] | None = None) -> Recording:
     """Read a .ulg file.
+
+    Parameters
+    ----------
+    path : the file
+    topics : names of the topics to keep, all instances of each; None means all
+
+    Returns
+    -------
+    Recording : with the parameters at the start, and as `info` what the log tells of itself: firmware and hardware,
+        texts for the pilot ("messages"), "parameter changes", "parameter defaults, system" and "..., airframe"
 
     Raises
     ------
@@ -61,18 +45,13 @@ def read_ulog(path: Path, topics: frozenset[str] | None = None) -> Recording:
         When it is no ULog file, or so damaged that no topic can be read.
     """
     size = _check_head(path)
-    parsed, cut = _parse(path, size)
-    streams: dict[str, Stream] = {}
-    defects = _file_defects(path, parsed, cut)
-    for data in parsed.data_list:
-        name = f"{data.name}/{data.multi_id}" if data.multi_id else str(data.name)
-        stream, found = _stream(name, data.data)
-        defects.extend(found)
-        if stream is not None:
-            streams[name] = stream
+    found = _scan(path, size, topics)
+    streams, defects = _streams(path, found)
+    defects = [*_file_defects(path, found), *defects]
     if not streams:
-        raise LogError(f"{path}: no topic holds data; the log was cut before the first sample, record again")
-    return Recording(path, "ulog", streams, tuple(defects))
+        raise LogError(_empty(path, found, topics))
+    notes = found.notes
+    return Recording(path, "ulog", streams, tuple(defects), parameters=notes.initial, info=notes.lines())
 
 
 def _check_head(path: Path) -> int:
@@ -91,60 +70,108 @@ def _check_head(path: Path) -> int:
             f"{path}: not a ULog file, its first bytes are wrong; copy it again from the autopilot"
         )
     if size > MAX_BYTES:
-        raise LogError(f"{path}: larger than {MAX_BYTES >> 20} MiB; cut the log to the flight of interest")
+        raise LogError(f"{path}: larger than {MAX_BYTES >> 30} GiB; cut the log to the flight of interest")
     return size
 
 
-def _parse(path: Path, size: int) -> tuple[Any, bool]:
-    """Let pyulog parse; it meets damage by any of a dozen exceptions, all of which mean the same."""
-    from pyulog import ULog  # heavy, and only here
-
-    strings = ULog._disable_str_exceptions
+def _scan(path: Path, size: int, topics: frozenset[str] | None) -> Scan:
     try:
-        with path.open("rb") as file, contextlib.redirect_stdout(io.StringIO()):
-            bounded = _BoundedFile(file, size)
-            return _bounded_parser(ULog)(bounded), bounded.cut
-    except _EndlessError:
-        raise LogError(f"{path}: damaged beyond reading; copy it again from the autopilot") from None
-    except Exception as error:
-        what = " ".join(str(error).split())[:120] or type(error).__name__
-        raise LogError(f"{path}: damaged ULog file ({what}); copy it again from the autopilot") from None
-    finally:
-        ULog._disable_str_exceptions = strings
+        with path.open("rb") as file:
+            return scan(file, size, topics)
+    except OSError as error:
+        raise LogError(
+            f"{path}: cannot be read ({error.strerror}); copy it again from the autopilot"
+        ) from None
+    except BodyError as error:
+        raise LogError(
+            f"{path}: cannot be read, {error}; update stoop or convert the log with ulog2csv"
+        ) from None
+    except (TooMuchError, MemoryError):
+        raise LogError(
+            f"{path}: the topics wanted take more memory than there is, or than {MAX_KEPT >> 30} GiB; "
+            "cut the log to the flight of interest"
+        ) from None
 
 
-def _bounded_parser(parser: Any) -> Any:
-    """Return pyulog's parser with a limit on what a few bytes of format can unfold to."""
+def _empty(path: Path, found: Scan, topics: frozenset[str] | None) -> str:
+    if found.streams or topics is None:
+        return f"{path}: no topic holds data; the log was cut before the first sample, record again"
+    return f"{path}: none of the topics wanted is in the log; log them, or look with `stoop info` at what there is"
+
+
+def _streams(path: Path, found: Scan) -> tuple[dict[str, Stream], list[Defect]]:
+    streams: dict[str, Stream] = {}
+    defects: list[Defect] = []
     fields = 0
-
-    class Subscription(parser._MessageAddLogged):  # type: ignore[misc]
-        def _parse_nested_type(self, prefix: str, type_name: str, formats: dict[str, Any]) -> None:
-            nonlocal fields
-            fields += sum(max(size, 1) for _, size, _ in formats[type_name].fields)
-            if fields > MAX_FIELDS or prefix.count(".") > MAX_NESTING:
-                raise ValueError("format unfolds without end")
-            super()._parse_nested_type(prefix, type_name, formats)
-
-    return type("BoundedULog", (parser,), {"_MessageAddLogged": Subscription})
-
-
-def _file_defects(path: Path, parsed: Any, cut: bool) -> list[Defect]:
-    defects = []
-    if parsed.file_corruption:
-        defects.append(Defect("corrupt", path.name, "damaged messages were skipped"))
-    elif cut:
-        defects.append(Defect("truncated", path.name, "the last message is cut; read what is left"))
-    if parsed.dropouts:
-        lost = 1e-3 * sum(float(d.duration) for d in parsed.dropouts)
-        message = f"the logger reports {len(parsed.dropouts)} dropouts, {lost:.2f} s in all"
-        defects.append(Defect("dropout", path.name, message))
-    return defects
+    for rows in sorted((r for r in found.streams if r.count), key=lambda r: (r.topic, r.instance)):
+        name = f"{rows.topic}/{rows.instance}" if rows.instance else rows.topic
+        if fields > MAX_FIELDS:
+            defects.append(
+                Defect("skipped", path.name, f"more than {MAX_FIELDS} columns: {name} and others not read")
+            )
+            break
+        stream, told = _stream(name, rows, found.formats)
+        fields += len(stream.columns) if stream else 1
+        defects.extend(told)
+        if stream is not None and stream.time.size:
+            streams[name] = stream
+    return streams, defects
 
 
-def _stream(name: str, data: dict[str, Any]) -> tuple[Stream | None, tuple[Defect, ...]]:
-    columns = {key: values for key, values in data.items() if not key.startswith("_padding")}
+def _stream(name: str, rows: Rows, formats: Formats) -> tuple[Stream | None, tuple[Defect, ...]]:
+    try:
+        table = rows.table(formats.row(rows.topic))
+    except BodyError as error:
+        return None, (Defect("skipped", name, str(error)),)
+    columns = {key: table[key] for key in table.dtype.names or () if not _is_padding(key)}
     stamp = columns.pop("timestamp", None)
     if stamp is None:
         return None, (Defect("skipped", name, "no field 'timestamp'"),)
-    stream, defects = clean_stream(name, np.asarray(stamp, dtype=np.float64) * MICROSECOND, columns)
-    return (stream if stream.time.size else None), defects
+    return clean_stream(name, _seconds(stamp), columns)
+
+
+def _is_padding(key: str) -> bool:
+    return key.rpartition(".")[2].startswith(PADDING)
+
+
+def _seconds(stamp: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    time = stamp.astype(np.float64)
+    time *= MICROSECOND
+    return time
+
+
+def _file_defects(path: Path, found: Scan) -> Iterator[Defect]:
+    """List what was wrong, each with its place in the file."""
+    for begin, end in found.damages:
+        yield Defect("corrupt", f"{path.name}, byte {begin}", f"{end - begin} damaged bytes were skipped")
+    more = found.damaged - len(found.damages)
+    if more:
+        yield Defect("corrupt", path.name, f"damaged bytes were skipped in {more} more places")
+    if found.ended >= 0:
+        yield Defect("corrupt", f"{path.name}, byte {found.ended}", "too much damage; the rest was not read")
+    if found.cut >= 0:
+        place = f"{path.name}, byte {found.cut}"
+        yield Defect("truncated", place, "the last message is cut; read what is left")
+    for at, why in found.unusable:
+        yield Defect("skipped", f"{path.name}, byte {at}", f"a message was skipped: {why}")
+    yield from _sums(path, found)
+
+
+def _sums(path: Path, found: Scan) -> Iterator[Defect]:
+    sums = [int(x) for x in found.sums]
+    if sums[STRANGERS]:
+        place = f"{path.name}, byte {sums[STRANGERS + 1]}"
+        yield Defect(
+            "corrupt", place, f"{sums[STRANGERS]} rows skipped of topics that the log does not define"
+        )
+    if sums[UNKNOWN]:
+        place = f"{path.name}, byte {sums[UNKNOWN + 1]}"
+        yield Defect("skipped", place, f"{sums[UNKNOWN]} messages of unknown kinds")
+    if found.silenced:
+        yield Defect(
+            "skipped", path.name, f"too many messages of kind {found.silenced}; not all were looked at"
+        )
+    if sums[DROPOUTS]:
+        lost = 1e-3 * sums[DROPPED]
+        message = f"the logger reports {sums[DROPOUTS]} dropouts, {lost:.2f} s in all"
+        yield Defect("dropout", path.name, message)

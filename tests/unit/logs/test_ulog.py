@@ -114,9 +114,3 @@ def test_many_subscriptions_of_a_wide_format(tmp_path: Path) -> None:
         read(write(tmp_path, log))
 
 
-def test_the_parser_s_global_state_is_put_back(tmp_path: Path) -> None:
-    from pyulog import ULog
-
-    before = ULog._disable_str_exceptions
-    read(write(tmp_path, small_log()))
-    assert ULog._disable_str_exceptions is before
