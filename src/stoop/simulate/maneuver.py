@@ -17,6 +17,9 @@
 
     [noise]                    # standard deviations; the vehicle file's where left out
     V = 0.3
+
+A vehicle that hovers is flown by an autopilot: inputs are added to its commands (`EXCITATIONS`, or the channel of one
+rotor) or tell it what to fly (`SETPOINTS`).
 """
 
 from __future__ import annotations
@@ -28,7 +31,15 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
 
 from stoop.errors import ManeuverError
 from stoop.vehicle.complaints import first_complaint
@@ -40,29 +51,51 @@ MAX_SAMPLES = 5_000_000
 MAX_HARMONICS = 2000
 MAX_LEVELS = 2000
 _EDGE = 1e-9  #: s, so that a step falls on the sample it names
+EXCITATIONS = {"roll": "rad/s2", "pitch": "rad/s2", "yaw": "rad/s2", "heave": "m/s2"}
+"""Accelerations that rotors are asked for beside what the autopilot commands, and their units; heave is up."""
+SETPOINTS = {
+    "north": "m/s", "east": "m/s", "down": "m/s", "forward": "m/s", "right": "m/s", "heading": "rad",
+}  # fmt: skip
+"""What the autopilot is told to fly, and units: a velocity over ground (forward and right of the heading), a heading."""
+_CHANNELS = {"motor_": "", "rotor_": "rad/s", "pwm_": "us"}  #: of rotors, by how their names begin
+_WILD = 1e6  #: of any unit
 
 
 class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-def _radians(value: float) -> float:
-    if abs(value) > math.pi / 2.0:
+def unit_of(control: str) -> str:
+    """Return the unit in which an input of this name is given."""
+    channel = next((unit for head, unit in _CHANNELS.items() if control.startswith(head)), "rad")
+    return (EXCITATIONS | SETPOINTS).get(control, channel)
+
+
+def _sensible(value: float, info: ValidationInfo) -> float:
+    control = str(info.data.get("control", ""))
+    turns = 2.0 * math.pi if control == "heading" else math.pi / 2.0
+    if unit_of(control) == "rad" and abs(value) > turns:
         raise ValueError(f"{value:g} looks like degrees; write radians ({math.radians(value):.4g})")
+    if abs(value) > _WILD:
+        raise ValueError(f"{value:g} is beyond any size; write it in {unit_of(control) or 'its unit'}")
     return value
 
 
 Seconds = Annotated[Number, Field(gt=0.0)]
 Instant = Annotated[Number, Field(ge=0.0)]
-Deflection = Annotated[Number, AfterValidator(_radians)]
+Deflection = Annotated[Number, AfterValidator(_sensible)]
+Speed = Annotated[Number, Field(ge=-200.0, le=200.0)]
+Vector = tuple[Speed, Speed, Speed]
 Harmonic = Annotated[int, Field(strict=True, ge=1, le=MAX_HARMONICS)]
 
 
-def _check_slew(levels: Sequence[float], lengths: Sequence[float], slew: float | None) -> None:
+def _check_slew(
+    levels: Sequence[float], lengths: Sequence[float], slew: float | None, unit: str = "rad"
+) -> None:
     for before, after, length in zip((0.0, *levels[:-1]), levels, lengths, strict=True):
         if slew is not None and abs(after - before) > slew * length * (1.0 + _EDGE):
             raise ValueError(
-                f"a slew of {slew:g} rad/s does not get from {before:g} to {after:g} rad within {length:g} s; "
+                f"a slew of {slew:g} {unit}/s does not get from {before:g} to {after:g} {unit} within {length:g} s; "
                 "give it longer, or lower the amplitude"
             )
 
@@ -82,7 +115,9 @@ class Steps(_Table):
 
     @model_validator(mode="after")
     def _reaches_its_levels(self) -> Steps:
-        _check_slew((self.amplitude, -self.amplitude), (self.step, self.step), self.slew)
+        _check_slew(
+            (self.amplitude, -self.amplitude), (self.step, self.step), self.slew, unit_of(self.control)
+        )
         return self
 
 
@@ -100,7 +135,7 @@ class Levels(_Table):
     def _reaches_its_levels(self) -> Levels:
         if len(self.levels) != len(self.lengths):
             raise ValueError("levels and lengths differ in length; give one length per level")
-        _check_slew(self.levels, self.lengths, self.slew)
+        _check_slew(self.levels, self.lengths, self.slew, unit_of(self.control))
         return self
 
 
@@ -169,6 +204,14 @@ class Harmonics(_Table):
 Input = Annotated[Steps | Levels | Pulse | Multisine | Harmonics, Field(discriminator="shape")]
 
 
+class Battery(_Table):
+    """How the voltage falls, for vehicles whose rotors feel it: start - fall t - sag (x / x of the trim)^2."""
+
+    start: Annotated[Number, Field(gt=0.0, le=1000.0)] | None = None  #: V, idle; nominal when absent
+    fall: Instant = 0.0  #: V/s
+    sag: Instant = 0.0  #: V that the current of the steady flight costs
+
+
 class Maneuver(_Table):
     """A maneuver flown from trim."""
 
@@ -177,6 +220,10 @@ class Maneuver(_Table):
     rate: Annotated[Number, Field(gt=0.0, le=10000.0)] = 100.0
     airspeed: Annotated[Number, Field(gt=0.0)] | None = None
     altitude: Annotated[Number, Field(ge=-1000.0, le=11000.0)] = 200.0
+    velocity: Vector | None = None  #: north, east, down over ground at the start, m/s; of what hovers
+    heading: Annotated[Number, Field(ge=-2.0 * math.pi, le=2.0 * math.pi)] = 0.0  #: at the start, rad
+    wind: Vector | None = None  #: blowing north, east, down, m/s
+    battery: Battery | None = None
     input: tuple[Input, ...] = ()
     noise: dict[str, Instant] = Field(default_factory=dict)
 
@@ -186,6 +233,8 @@ class Maneuver(_Table):
             raise ValueError(f"duration times rate exceeds {MAX_SAMPLES} samples; lower one of them")
         if self.duration * self.rate < 1.0:
             raise ValueError("duration is shorter than one sample; raise duration or rate")
+        if self.airspeed is not None and self.velocity is not None:
+            raise ValueError("airspeed and velocity: one flies on wings, the other on rotors; remove one")
         bands = [spec.band for spec in self.input if isinstance(spec, Multisine | Harmonics)]
         if max(bands, default=0.0) > self.rate / 2.0:
             raise ValueError(f"band {max(bands):g} Hz is above half the rate; lower band or raise rate")
@@ -197,7 +246,7 @@ class Maneuver(_Table):
         return np.arange(round(self.duration * self.rate) + 1) / self.rate
 
     def deflections(self) -> dict[str, FloatArray]:
-        """Return the change of each control from trim over :attr:`time`, rad."""
+        """Return the change of each control from trim over :attr:`time`, in :func:`unit_of` it."""
         out: dict[str, FloatArray] = {}
         for spec in self.input:
             signal = _SHAPES[spec.shape](spec, self.time)
