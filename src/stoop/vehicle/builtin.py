@@ -14,6 +14,10 @@ from stoop.vehicle.vehicle import Vehicle
 BUILT_IN: Final[dict[str, str]] = {
     "twin-boom": "twin_boom.toml",
     "quad-x": "quad_x.toml",
+    "quad-plus": "quad_plus.toml",
+    "hexa-x": "hexa_x.toml",
+    "octo-x": "octo_x.toml",
+    "quadplane": "quadplane.toml",
 }  #: name -> file in stoop/data
 
 

@@ -40,7 +40,7 @@ def aerodynamics(s: Surroundings) -> Load:
     if s.numbers.vehicle.file.reference is None:
         return Load(ZERO, ZERO)
     n, a, c = s.numbers, s.air, coefficients(s)
-    pressure_area = s.density / 2 * n["reference.area"] * a.V2
+    pressure_area = s.density / 2 * n["reference.area"] * a.V2 * a.attached
     drag_and_side = c["CD"] * a.cos_beta + c["CQ"] * a.sin_beta
     force = scale(
         pressure_area,

@@ -26,6 +26,7 @@ class Air:
     sin_alpha: Any
     cos_beta: Any
     sin_beta: Any
+    attached: Any = sp.Integer(1)  #: share of the aerodynamic model that holds for this direction of the air
 
 
 def air(velocity: Vector) -> Air:
@@ -43,16 +44,23 @@ SLOW = sp.Rational(
 
 
 def slow_air(velocity: Vector) -> Air:
-    """Return the same where the speed may be zero: V and V in the plane are at least :data:`SLOW`.
+    """Return the same for a vehicle that may stand still, rise, or fly backward.
 
-    The dynamic pressure is exact, so forces vanish with the speed; at 10 m/s the angles are within 1e-4 rad. The
+    V, and its part in the plane of symmetry, are at least :data:`SLOW` where they divide or are differentiated; the
+    dynamic pressure is exact, so forces vanish with the speed. At 10 m/s the angles are within 1e-4 rad of atan2. The
     half-angle form of alpha has a derivative at zero, which atan2(w, u) has not.
+
+    Coefficients linear in the angles hold for air from ahead. They fade out with the angle eps between the air and the
+    nose as 1/(1 + tan(eps)^8): 0.03 % at 20 degrees, half at 45 degrees, all from the side, below, above and behind.
     """
     u, v, w = velocity
-    V2 = u * u + v * v + w * w
+    cross = v * v + w * w
+    V2 = u * u + cross
     plane, V = sp.sqrt(u * u + w * w + SLOW**2), sp.sqrt(V2 + SLOW**2)
     alpha = 2 * sp.atan2(w, plane + u)
-    return Air(V, V2, alpha, sp.atan2(v, plane), u / plane, w / plane, plane / V, v / V)
+    ahead = ((u + sp.Abs(u)) / 2) ** 8
+    attached = ahead / (ahead + cross**4 + SLOW**8)
+    return Air(V, V2, alpha, sp.atan2(v, plane), u / plane, w / plane, plane / V, v / V, attached)
 
 
 @dataclass(frozen=True)
