@@ -9,7 +9,8 @@ from benchmarks.table import Row
 from stoop.cli import demo
 from stoop.cost import Misfit
 from stoop.identify.fit import Options, pose
-from stoop.identify.shooting.method import measured_states, shots_of
+from stoop.identify.shooting.method import shots_of
+from stoop.identify.shooting.states import measured_states
 from stoop.identify.shooting.windows import Shots
 from stoop.identify.windows import Window
 from stoop.simulate import parse_maneuver, simulate_flight

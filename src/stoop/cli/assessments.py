@@ -47,11 +47,12 @@ def check(arguments: argparse.Namespace, vehicle: Vehicle) -> None:
     """
     if not wanted(arguments):
         return
+    from stoop.identify.methods import chosen
     from stoop.job.case import check_method
     from stoop.job.profile import check_names
     from stoop.uncertainty.ensemble import libraries
 
-    check_method(arguments.method)
+    check_method(chosen(arguments.method, vehicle))
     if arguments.posterior:
         libraries()
     check_names([p.name for p in vehicle.parameters if p.free], arguments.profile or ())

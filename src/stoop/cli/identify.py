@@ -67,8 +67,11 @@ def _add_model(parser: argparse.ArgumentParser) -> None:
 
 def _add_search(parser: argparse.ArgumentParser) -> None:
     add, many = parser.add_argument, "give up after so many (default: {})"
-    methods = "output-error (default), or another of docs/method.md"
-    add("--method", metavar="NAME", default="output-error", help=methods)
+    methods = (
+        "output-error, multiple-shooting or another of docs/method.md "
+        "(default: multiple-shooting for vehicles with rotors, output-error for others)"
+    )
+    add("--method", metavar="NAME", default="", help=methods)
     names = "who searches: ps-gde-lm (default), ps-gde, scipy-least-squares or another of docs/optimizers.md"
     add("--optimizer", metavar="NAME", default="ps-gde-lm", help=names)
     add("--seed", metavar="N", type=count, default=0, help="of the search (default: 0)")
@@ -131,10 +134,11 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
 def _options(arguments: argparse.Namespace, vehicle: Vehicle) -> Options:
     from stoop.identify.fit import Options
     from stoop.identify.given import read_covariance
-    from stoop.identify.methods import find
+    from stoop.identify.methods import chosen, find
     from stoop.optimize import create
 
     find(arguments.method)
+    method = chosen(arguments.method, vehicle)
     create(arguments.optimizer)
     given = read_covariance(arguments.noise, vehicle.outputs) if arguments.noise is not None else None
     return Options(
@@ -144,7 +148,7 @@ def _options(arguments: argparse.Namespace, vehicle: Vehicle) -> Options:
         arguments.budget,
         arguments.target_cost,
         given,
-        arguments.method,
+        method,
     )
 
 

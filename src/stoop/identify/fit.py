@@ -51,7 +51,8 @@ class Options:
     covariance : (n_y,) or (n_y, n_y) array, optional
         A given noise covariance, the inverse of eq. (3)'s Q; estimated when absent.
     method : str
-        Name, see :func:`stoop.identify.methods.names`.
+        Name, see :func:`stoop.identify.methods.names`; the vehicle's own when empty: multiple shooting with rotors,
+        output error without.
     """
 
     optimizer: str = "ps-gde-lm"
@@ -60,7 +61,7 @@ class Options:
     budget: float = 100_000.0
     target_cost: float = -np.inf
     covariance: FloatArray | None = None
-    method: str = "output-error"
+    method: str = ""
 
     @property
     def stop(self) -> optimize.Stop:

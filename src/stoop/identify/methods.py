@@ -31,8 +31,10 @@ from typing import Any, Final
 
 from stoop.errors import IdentificationError
 from stoop.flight.variables import nearest
+from stoop.vehicle import Vehicle
 
 DEFAULT: Final = "output-error"
+HOVERING: Final = "multiple-shooting"  #: of vehicles with rotors: open loop they fall before a record ends
 _SENSITIVITIES = "stoop.job.errorbars:error_bars"
 _INNOVATIONS = "stoop.job.filterbars:error_bars"
 _GIVEN = "stoop.job.givenbars:error_bars"
@@ -76,7 +78,7 @@ _METHODS: Final[dict[str, Method]] = {
     "multiple-shooting": Method(
         "stoop.identify.shooting.method:fit",
         _INNOVATIONS,
-        "vehicles that are unstable: short windows that meet",
+        "vehicles that are unstable or hover: short windows",
     ),
     "equation-error": Method(
         "stoop.identify.regression.methods:equation_error",
@@ -96,14 +98,20 @@ def names() -> tuple[str, ...]:
     return tuple(_METHODS)
 
 
+def chosen(name: str, vehicle: Vehicle) -> str:
+    """Return the name of the method that is meant: the one named, or the vehicle's own where none is."""
+    return name or (HOVERING if vehicle.hovers else DEFAULT)
+
+
 def find(name: str) -> Method:
-    """Return a method by its name.
+    """Return a method by its name; output error where none is named.
 
     Raises
     ------
     IdentificationError
         There is no such method.
     """
+    name = name or DEFAULT
     if name not in _METHODS:
         raise IdentificationError(f"method '{name}': not known; {nearest(name, _METHODS)}")
     return _METHODS[name]

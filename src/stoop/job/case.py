@@ -97,9 +97,10 @@ def check_method(method: str) -> None:
     IdentificationError
         It is not output error.
     """
-    if method != DEFAULT:
+    if method not in ("", DEFAULT):
         raise IdentificationError(
-            f"bootstrap, posterior and profile are of --method {DEFAULT}, not of {method}; leave them or --method out"
+            f"bootstrap, posterior and profile are of --method {DEFAULT}, not of {method}; leave them out, or name "
+            f"--method {DEFAULT} for a vehicle that can be flown open loop"
         )
 
 

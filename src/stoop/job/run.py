@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from stoop import optimize
@@ -144,8 +144,9 @@ def search(
 ) -> Search:
     """Do the long part of :func:`identify`: all that can be wrong with the input is said before it."""
     began = time.perf_counter()
-    method = methods.find(options.method)
     vehicle = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
+    options = replace(options, method=methods.chosen(options.method, vehicle))
+    method = methods.find(options.method)
     known = _by_name(_each(flights))
     fitted, predicted = _windows(maneuvers, validate, known)
     inputs = input_hashes(vehicle, known, files)

@@ -15,6 +15,8 @@ from stoop.identify.shooting.condense import Reduced, Weighted, reduced
 from stoop.identify.shooting.windows import Shots, Window, residual
 from stoop.kernels import filtering
 from stoop.optimize.normal import solve_damped
+from stoop.simulate import parameter_rows
+from stoop.simulate.initial import commanded
 
 FloatArray = NDArray[np.float64]
 ITERATIONS: Final = 60
@@ -22,9 +24,22 @@ LEFT: Final = 1e-4  #: of half the cost that is left to gain
 FLATTEST: Final = 1e-10
 LOST: Final = 1e8
 STRICTNESS: Final = (1.0, 10.0, 100.0, 1e3, 1e4)  #: gaps count so many times their scale, one after the other
+LOOSE: Final = (
+    1.0,
+)  #: of vehicles that hover: what a gust does within a window is not carried into the next
 _SCALES: Final = {"u": 1.0, "v": 1.0, "w": 1.0, "p": 0.1, "q": 0.1, "r": 0.1}  #: of a gap: m/s, rad/s
 _SCALE: Final = 0.05  #: rad
 _GUST: Final = 1.0  #: m/s
+_HOVERING: Final = {
+    "u": 2.0,
+    "v": 2.0,
+    "w": 2.0,
+    "p": 0.5,
+    "q": 0.5,
+    "r": 0.5,
+}  #: likewise, of vehicles that hover
+_TURN: Final = 0.2  #: rad, likewise
+_SPIN: Final = 1e-3  #: of a rotor's largest x: no gust moves that
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +72,15 @@ class Meeting:
     problem : Misfit
     shots : tuple of Shots
         One per piece.
+    scales : (e,)
+        Of a gap, see :func:`scales_of`.
     strictness : float
         A gap counts so many times its scale.
     """
 
     problem: Misfit
     shots: tuple[Shots, ...]
+    scales: FloatArray
     strictness: float = STRICTNESS[-1]
 
     def weighted(self, weights: Weights) -> Meeting:
@@ -73,7 +91,7 @@ class Meeting:
     @cached_property
     def closeness(self) -> FloatArray:
         """What a gap (e,) is multiplied with."""
-        return self.strictness / np.array([_scale(name) for name in self.problem.layout.vehicle.moves])
+        return self.strictness / self.scales
 
     def place(self, z: FloatArray, nodes: Sequence[FloatArray]) -> Place:
         """Fly all windows; altitudes are taken from where the window before ended."""
@@ -142,8 +160,24 @@ def _rows(slopes: FloatArray) -> FloatArray:
     return np.ascontiguousarray(slopes.reshape(-1, slopes.shape[2]).T)
 
 
-def _scale(name: str) -> float:
-    return _GUST if name.startswith("gust.") else _SCALES.get(name, _SCALE)
+def scales_of(problem: Misfit) -> FloatArray:
+    """Return the size (e,) of a gap that counts as one standard deviation at strictness one."""
+    vehicle = problem.layout.vehicle
+    own, turn = (_HOVERING, _TURN) if vehicle.hovers else (_SCALES, _SCALE)
+    usual = [_GUST if n.startswith("gust.") else own.get(n, turn) for n in vehicle.moves]
+    spins = {f"{rotor}.lag": _SPIN * largest_spin(problem, rotor) for rotor in vehicle.rotors}
+    return np.array([spins.get(n, size) for n, size in zip(vehicle.moves, usual, strict=True)])
+
+
+def largest_spin(problem: Misfit, rotor: str) -> float:
+    """Return the largest x that a rotor is commanded to in the fitted windows; one where it is never on."""
+    vehicle = problem.layout.vehicle
+    rows = parameter_rows(vehicle)
+    most = [
+        np.max(commanded(vehicle, rotor, np.repeat(rows, len(p.inputs), axis=1), p.inputs.T))
+        for p in problem.pieces
+    ]
+    return float(np.nanmax(most)) or 1.0
 
 
 @dataclass(frozen=True, eq=False)
