@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from stoop.errors import VehicleError
+from stoop.vehicle.rotor_checks import check_rotors
 from stoop.vehicle.vehicle import Vehicle, leaves
 
 _POSITIVE = (
@@ -21,6 +22,7 @@ _AXES = ("xx", "yy", "zz", "xz", "xy", "yz")
 def check(vehicle: Vehicle) -> None:
     """Raise :class:`VehicleError` for the first impossible number, also of a loading."""
     _check_numbers(vehicle, "")
+    check_rotors(vehicle)
     _check_angles(vehicle)
     _check_bounds(vehicle)
     _check_delays(vehicle)
@@ -35,6 +37,7 @@ def check(vehicle: Vehicle) -> None:
         own = {vehicle.parameters[vehicle.rows[name]].name: value for name, value in numbers.items()}
         loaded = vehicle.with_numbers({name: {"value": value} for name, value in own.items()})
         _check_numbers(loaded, f"loadings.{loading}: ")
+        check_rotors(loaded, f"loadings.{loading}: ")
 
 
 def _check_numbers(vehicle: Vehicle, place: str) -> None:

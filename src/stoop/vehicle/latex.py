@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 
+from stoop.vehicle.latex_rotors import rotor_equations, rotor_symbols
 from stoop.vehicle.vehicle import Vehicle
 
 _GREEK = ("alpha", "beta", "phi", "theta", "psi")
@@ -87,15 +88,16 @@ def _product(name: str, coefficient: str, text: str, starred: bool) -> str:
 
 
 def equations(vehicle: Vehicle) -> tuple[str, ...]:
-    """Return one equation per coefficient that the vehicle's kept equations contain."""
+    """Return one equation per coefficient that the vehicle's kept equations contain, then those of its rotors."""
     starred = not vehicle.actual_rates
     out = []
-    for coefficient, group in vehicle.terms.items():
+    for coefficient, group in vehicle.terms.items() if vehicle.file.reference is not None else ():
         terms = " + ".join(_product(name, coefficient, text, starred) for name, text in group.items())
         out.append(f"{coefficient_symbol(coefficient)} = {terms or '0'}")
-    return tuple(out)
+    return (*out, *rotor_equations(vehicle))
 
 
 def symbols(vehicle: Vehicle) -> dict[str, str]:
-    """Return the LaTeX symbol of every aerodynamic parameter."""
-    return {name: parameter_symbol(name, c) for c, group in vehicle.terms.items() for name in group}
+    """Return the LaTeX symbol of every aerodynamic parameter, and of the numbers of rotors."""
+    own = {name: parameter_symbol(name, c) for c, group in vehicle.terms.items() for name in group}
+    return own | rotor_symbols(vehicle)

@@ -26,7 +26,7 @@ class Air:
     sin_alpha: Any
     cos_beta: Any
     sin_beta: Any
-    attached: Any = sp.Integer(1)  #: share of the aerodynamic model that holds for this direction of the air
+    attached: Any = 1  #: share of the aerodynamic model that holds for this direction of the air
 
 
 def air(velocity: Vector) -> Air:
