@@ -94,20 +94,27 @@ class Meeting:
         return self.strictness / self.scales
 
     def place(self, z: FloatArray, nodes: Sequence[FloatArray]) -> Place:
-        """Fly all windows; altitudes are taken from where the window before ended."""
+        """Fly all windows."""
         total = float(np.sum(self.problem.layout.prior_residuals(z[None, :]) ** 2))
-        worst, settled = 0.0, []
+        worst = 0.0
         with np.errstate(over="ignore", invalid="ignore"):
             for shots, own in zip(self.shots, nodes, strict=True):
-                readings, gaps, ends = shots.flown(z, own)
+                readings, gaps, _ = shots.flown(z, own)
                 off = residual(self.problem, readings, shots.piece.measured)
                 total += float(
                     np.sum(self.problem.weights.whiten(off, np.isfinite(shots.piece.measured)) ** 2)
                 )
                 total += float(np.sum((gaps * self.closeness) ** 2))
                 worst = max(worst, float(np.max(np.abs(gaps * self.closeness), initial=0.0)))
-                settled.append(self._level(own, ends))
-        return Place(z, tuple(settled), total if np.isfinite(total) else np.inf, worst / self.strictness)
+        return Place(z, tuple(nodes), total if np.isfinite(total) else np.inf, worst / self.strictness)
+
+    def leveled(self, place: Place) -> Place:
+        """Return the place with altitudes taken from where the window before ended.
+
+        Not at every step: an altitude that follows its window says nothing of its own, but moves the cost.
+        """
+        pairs = zip(self.shots, place.nodes, strict=True)
+        return self.place(place.z, [self._level(own, shots.flown(place.z, own)[2]) for shots, own in pairs])
 
     def simulated(self, place: Place) -> tuple[FloatArray, ...]:
         """Return the readings (n, n_y) of each piece."""
@@ -194,7 +201,7 @@ def search(meeting: Meeting, place: Place, strictness: Sequence[float] = STRICTN
     spent, end = 0, End(place, False, 0)
     for strict in strictness:
         stricter = replace(meeting, strictness=strict)
-        end = _descend(stricter, stricter.place(end.place.z, end.place.nodes))
+        end = _descend(stricter, stricter.leveled(end.place))
         spent += end.iterations
     return End(end.place, end.converged, spent)
 
