@@ -33,3 +33,26 @@ FACTORS: Final[dict[str, float]] = {
 
 #: unit -> SI value of its zero, where that is not zero
 ZEROS: Final[dict[str, float]] = {"degC": ZERO_CELSIUS}
+
+_OF_KIND: Final[dict[str, str]] = {
+    "an angle": "rad mrad deg cdeg",
+    "a rate of turn": "rad/s mrad/s deg/s cdeg/s mdeg/s rpm rev/s",
+    "an angular acceleration": "rad/s2 deg/s2",
+    "a length": "m mm cm km in ft",
+    "a speed": "m/s mm/s cm/s km/h kt ft/s",
+    "an acceleration": "m/s2 mm/s2 cm/s2 ft/s2 g mg",
+    "a time": "s ms us ns pwm",
+    "a mass": "kg slug",
+    "a force": "N lbf",
+    "a moment": "N_m",
+    "a density": "kg/m3",
+    "a pressure": "Pa hPa kPa mbar",
+    "a temperature": "K degC",
+    "a voltage": "V mV",
+    "a current": "A mA cA",
+    "a plain number": "1 percent",
+}
+#: unit -> what it measures
+KINDS: Final[dict[str, str]] = {
+    unit.replace("_", " "): kind for kind, units in _OF_KIND.items() for unit in units.split()
+}

@@ -38,14 +38,14 @@ class Fault:
 
     Attributes
     ----------
-    kind : "stuck", "clipped", "offset at rest", "wrong sign" or "inconsistent" (with the attitude)
+    kind : "stuck", "clipped", "offset at rest", "wrong sign", "wrong unit" or "inconsistent" (with the attitude)
     variable : registry name
     value : SI; where it is stuck or clipped, or what it reads at rest
     start, stop : s, where it was seen first and last
     message : plain words
     """
 
-    kind: Literal["stuck", "clipped", "offset at rest", "wrong sign", "inconsistent"]
+    kind: Literal["stuck", "clipped", "offset at rest", "wrong sign", "wrong unit", "inconsistent"]
     variable: str
     value: float
     start: float

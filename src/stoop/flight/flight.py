@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,6 +32,7 @@ class Flight:
     notes : plain words for the user: gaps, faults, defects, what was reconstructed
     air : result of the flight-path reconstruction, where there was one
     faults : suspected faults of sensors
+    unmapped : stream -> columns of the log that no mapping names; not kept in files of our own
     """
 
     name: str
@@ -42,6 +43,7 @@ class Flight:
     notes: tuple[str, ...] = ()
     air: AirData | None = None
     faults: tuple[Fault, ...] = ()
+    unmapped: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def time(self) -> FloatArray:

@@ -10,18 +10,23 @@ import numpy as np
 
 from stoop import logs
 from stoop.errors import FlightError
+from stoop.flight.advice import advised, unit_faults
 from stoop.flight.build import build
 from stoop.flight.channels import Channels, SourceRate, tame
+from stoop.flight.clocks import suggestions
 from stoop.flight.consistency import rate_faults
 from stoop.flight.faults import Fault, recorded_faults, rest_faults, sign_faults, without_faulty
 from stoop.flight.flight import Flight
 from stoop.flight.grid import Grid
 from stoop.flight.make import dataset, named, with_attitude
+from stoop.flight.mapped import Mapped, apply
+from stoop.flight.mapping import READY, read_flight_mapping, ready
 from stoop.flight.plausible import check_radians
-from stoop.flight.px4 import px4_channels, px4_notes
 from stoop.flight.store import restore
 from stoop.flight.variables import EULER, QUATERNION, VARIABLES, nearest
 from stoop.logs import FloatArray, Recording
+from stoop.logs.mapping import is_first_edition, read_toml
+from stoop.logs.read import kind
 from stoop.logs.table import beside
 
 if TYPE_CHECKING:
@@ -46,7 +51,7 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = DEFA
     Parameters
     ----------
     path : see `stoop.logs.read`
-    mapping : TOML file for CSV logs, see `stoop.logs.mapping`; None looks beside the log
+    mapping : TOML file, see `stoop.flight.mapping`; None looks beside the log, else takes the ready one
     rate : Hz, of the grid; a flight written by stoop keeps the rate it was written with
 
     Raises
@@ -57,54 +62,121 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = DEFA
         When it holds no known variable, or degrees where radians belong.
     """
     path = Path(path)
-    mapping = Path(mapping) if mapping is not None else None
-    recording = logs.read(path, mapping)
+    place = _place(path, Path(mapping) if mapping is not None else None)
+    recording = logs.read(path, place if mapping is not None else None, _topics(path, place))
     if recording.format == "stoop-netcdf":
         return restore(recording, named(path))
-    tamed = [tame(group) for group in channels_of(recording, mapping)]
+    named_channels = channels_of(recording, place)
+    tamed = [tame(group) for group in named_channels.channels]
     channels = [group for group, _ in tamed]
-    check_radians(channels, str(path), str(mapping or beside(path)) if recording.format == "table" else "")
-    flight = with_air(_gridded(path, recording, channels, rate))
+    check_radians(channels, str(path), str(place or ""), named_channels.places)
+    flight = with_air(_gridded(path, recording, replace(named_channels, channels=channels), rate))
     return replace(
         flight, notes=(*(note for _, told in tamed for note in told), *flight.notes, *_warnings(flight))
     )
 
 
-def channels_of(recording: Recording, mapping: Path | None = None) -> list[Channels]:
+def _place(path: Path, mapping: Path | None) -> Path | None:
+    """Return the mapping that counts: the one that was given, else the one beside the log."""
+    if mapping is not None:
+        return mapping
+    try:
+        there = beside(path)
+        return there if there.is_file() else None
+    except (OSError, ValueError):  # the reader says it better
+        return None
+
+
+def _topics(path: Path, place: Path | None) -> frozenset[str] | None:
+    """Return the streams that are needed, where that is known before the log is read."""
+    if not path.is_file():
+        return None
+    if place is not None:
+        named_streams = read_flight_mapping(place).streams
+        return None if "" in named_streams else named_streams
+    known = READY.get(kind(path))
+    return ready(known).streams if known else None
+
+
+def channels_of(recording: Recording, place: Path | None = None) -> Mapped:
     """Name the channels of a recording by the registry.
+
+    Parameters
+    ----------
+    recording : of any format
+    place : mapping; None takes the ready one of the format
 
     Raises
     ------
     FlightError
-        When the mapping names a variable that is not in the registry.
+        When the mapping names a variable that is not in the registry, or there is no mapping for this format.
+    LogError
+        When the mapping cannot be read, or names what is not in the log.
     """
-    if recording.format != "table":
-        return px4_channels(recording)
-    place = mapping or beside(recording.path)
+    if recording.format == "table" and place is not None and is_first_edition(read_toml(place)):
+        return _first_edition(recording, place)
+    if place is None and recording.format not in READY:
+        start = beside(recording.path)
+        raise FlightError(
+            f"{recording.path}: this kind of log needs a mapping of its columns; "
+            f"draft one by stoop map {recording.path} -o {start}, and correct it"
+        )
+    mapping = read_flight_mapping(place) if place is not None else ready(READY[recording.format])
+    found = apply(mapping, recording)
+    apart = [] if recording.format in READY or mapping.alignments else _suggested(recording, found, place)
+    return replace(found, notes=[*found.notes, *apart])
+
+
+def _first_edition(recording: Recording, place: Path) -> Mapped:
+    """Take the variables as the reader of tables named them."""
     for stream in recording.streams.values():
         for name in stream.columns:
             if name not in VARIABLES:
                 raise FlightError(
                     f"{place}: variables.{name} is no variable of stoop; {nearest(name, VARIABLES)}"
                 )
-    return [Channels(name, stream.time, stream.columns) for name, stream in recording.streams.items()]
+    channels = [Channels(name, stream.time, stream.columns) for name, stream in recording.streams.items()]
+    places = {name: f"{place}: variables.{name}" for group in channels for name in group.values}
+    found = Mapped(channels, [], recording.unread, places)
+    return replace(found, notes=_suggested(recording, found, place))
 
 
-def _gridded(path: Path, recording: Recording, channels: list[Channels], rate: float) -> Flight:
+def _suggested(recording: Recording, found: Mapped, place: Path | None) -> list[str]:
+    """Say whether clocks of several files disagree."""
+    if len(recording.streams) < 2:
+        return []
+    by_stream: dict[str, list[Channels]] = {}
+    for group in found.channels:
+        by_stream.setdefault(group.source, []).append(group)
+    return suggestions(recording, lambda _, name: by_stream.get(name, []), str(place or "the mapping"))
+
+
+def _gridded(path: Path, recording: Recording, found: Mapped, rate: float) -> Flight:
+    channels = found.channels
     grid, data, sources = _with_attitude(*build(channels, rate, str(path)))
     faults = (
         *recorded_faults(channels),
+        *unit_faults(channels, found.places),
         *rest_faults(grid.time, data, rate),
-        *sign_faults(grid.time, data),
-        *rate_faults(grid.time, data, rate),
+        *advised([*sign_faults(grid.time, data), *rate_faults(grid.time, data, rate)], found.places),
     )
     notes = [
         *_defect_notes(recording, sources),
-        *([] if recording.format == "table" else px4_notes(recording)),
+        *found.notes,
         *_gap_notes(sources),
         *(fault.message for fault in faults),
     ]
-    return Flight(named(path), path, dataset(grid.time, data), rate, sources, tuple(notes), None, faults)
+    return Flight(
+        named(path),
+        path,
+        dataset(grid.time, data),
+        rate,
+        sources,
+        tuple(notes),
+        None,
+        faults,
+        found.unmapped,
+    )
 
 
 def _with_attitude(

@@ -112,6 +112,6 @@ def _attributes(name: str) -> dict[str, str]:
 def named(flight_path: Path) -> str:
     """Return the name by which a maneuver refers to a flight: the path's last part without endings."""
     stem = flight_path.resolve().name
-    for ending in (".gz", ".csv", ".ulg", ".ulog", ".nc"):
+    for ending in (".gz", ".csv", ".ulg", ".ulog", ".nc", ".bin", ".log", ".usd", ".mat", ".parquet", ".bag"):
         stem = stem.removesuffix(ending)
     return stem

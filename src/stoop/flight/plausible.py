@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -28,6 +29,7 @@ LIMITS: Final = {
     "q": 40.0,
     "r": 40.0,
 }  #: rad, rad/s; gyros of drones end at 35 rad/s
+RATES: Final = ("p", "q", "r")
 PAIRS: Final = (
     ("phi", "p"),
     ("theta", "q"),
@@ -37,7 +39,9 @@ LIKENESS: Final = 0.8  #: correlation above which the factor between a pair mean
 BAND: Final = 2.0  #: a factor this close to 57.3 is taken for it
 
 
-def check_radians(channels: Sequence[Channels], place: str, mapping: str = "") -> None:
+def check_radians(
+    channels: Sequence[Channels], place: str, mapping: str = "", places: Mapping[str, str] | None = None
+) -> None:
     """Refuse a flight whose angles or rates are in degrees.
 
     Parameters
@@ -45,13 +49,14 @@ def check_radians(channels: Sequence[Channels], place: str, mapping: str = "") -
     channels : as recorded
     place : file, for the error message
     mapping : where its units are said, for the error message
+    places : variable -> key of the mapping, such as "M.toml: variables.p"
 
     Raises
     ------
     FlightError
         Names the file, the channel and the fix.
     """
-    fix = f"write its unit as deg or deg/s in {mapping}" if mapping else "convert it and read the log again"
+    fix = _Fix(mapping, places or {})
     values = {name: (group.time, x) for group in channels for name, x in group.values.items()}
     for angle, rate in PAIRS:
         if angle in values and rate in values:
@@ -59,8 +64,29 @@ def check_radians(channels: Sequence[Channels], place: str, mapping: str = "") -
     for name, limit in LIMITS.items():
         size = _size(values[name][1]) if name in values else 0.0
         if size > limit and not (name == "psi" and _turns_like_r(values)):
-            unit = "deg/s" if name in "pqr" else "degrees"
-            raise FlightError(f"{place}: '{name}' reaches {size:.4g}: {unit} where radians belong; {fix}")
+            unit = "deg/s" if name in RATES else "degrees"
+            raise FlightError(
+                f"{place}: '{name}' reaches {size:.4g}: {unit} where radians belong; {fix.of(name)}"
+            )
+
+
+@dataclass(frozen=True)
+class _Fix:
+    """Which line to change: the mapping, and the keys of its variables."""
+
+    mapping: str
+    places: Mapping[str, str]
+
+    def of(self, name: str) -> str:
+        unit = "deg/s" if name in RATES else "deg"
+        _, _, key = self.places.get(name, "").rpartition(": ")
+        if self.mapping and key:
+            return f'write unit = "{unit}" for {key} in {self.mapping}'
+        if self.mapping:
+            return f"write its unit as deg or deg/s in {self.mapping}"
+        if key:
+            return f'convert it, or write a mapping that extends the ready one and says unit = "{unit}" for {name}'
+        return "convert it and read the log again"
 
 
 def _size(x: FloatArray) -> float:
@@ -68,7 +94,7 @@ def _size(x: FloatArray) -> float:
     return float(np.quantile(known, QUANTILE)) if known.size else 0.0
 
 
-def _check_pair(angle: str, rate: str, factor: float, place: str, fix: str) -> None:
+def _check_pair(angle: str, rate: str, factor: float, place: str, fix: _Fix) -> None:
     """Accuse the angle when the factor is near 57.3, the rate when it is near 1 / 57.3."""
     if factor * DEGREE > 1.0 / BAND and factor * DEGREE < BAND:
         accused, other = angle, rate
@@ -78,7 +104,7 @@ def _check_pair(angle: str, rate: str, factor: float, place: str, fix: str) -> N
         return
     raise FlightError(
         f"{place}: '{angle}' changes {factor:.3g} times as fast as '{rate}' says: "
-        f"'{accused}' is in degrees, '{other}' in radians; {fix}"
+        f"'{accused}' is in degrees, '{other}' in radians; {fix.of(accused)}"
     )
 
 

@@ -23,6 +23,7 @@ from __future__ import annotations
 import difflib
 import math
 import tomllib
+from collections.abc import Mapping as TextMapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -33,6 +34,7 @@ from stoop.units import FACTORS, ZEROS
 TIME_UNITS: Final = ("s", "ms", "us", "ns")
 MAX_BYTES: Final = 2**20
 _KEYS: Final = frozenset({"column", "unit", "scale", "offset", "file"})
+_SECOND: Final = frozenset({"extends", "group", "calibration", "surface", "mixer", "align"})
 PULSES: Final = {
     "pwm": 1.0,
     "us": 1.0,
@@ -79,22 +81,23 @@ def read_mapping(path: Path) -> Mapping:
     LogError
         When the file is missing, is no TOML, or says something unknown; names the key and the fix.
     """
-    content = _toml(path)
+    content = read_toml(path)
     for key in content:
         if key not in ("time", "variables"):
             raise LogError(f"{path}: unknown table '{key}'; a mapping has [time] and [variables]")
     clock, variables = (_table(path, content, key) for key in ("time", "variables"))
-    _only(path, "time", clock, frozenset({"column", "unit"}))
-    unit = _text(path, "time", clock, "unit")
+    only_keys(path, "time", clock, frozenset({"column", "unit"}))
+    unit = text_of(path, "time", clock, "unit")
     if unit not in TIME_UNITS:
         raise LogError(
             f"{path}: time.unit = '{unit}' is no unit of time; write one of {', '.join(TIME_UNITS)}"
         )
     columns = tuple(_column(path, name, entry) for name, entry in variables.items())
-    return Mapping(path, _text(path, "time", clock, "column"), FACTORS[unit], columns)
+    return Mapping(path, text_of(path, "time", clock, "column"), FACTORS[unit], columns)
 
 
-def _toml(path: Path) -> dict[str, Any]:
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file that is no larger than a mapping can be."""
     try:
         with path.open("rb") as file:
             text = file.read(MAX_BYTES + 1)
@@ -102,12 +105,29 @@ def _toml(path: Path) -> dict[str, Any]:
         raise LogError(f"{path}: the mapping cannot be read ({error.strerror}); check the name") from None
     if len(text) > MAX_BYTES:
         raise LogError(f"{path}: larger than a mapping can be; name a TOML file with [time] and [variables]")
+    return parse_toml(str(path), text)
+
+
+def parse_toml(place: str, text: bytes) -> dict[str, Any]:
+    """Parse TOML; every way in which it can be wrong is one line."""
     try:
         return tomllib.loads(text.decode())
     except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
         raise LogError(
-            f"{path}: not valid TOML ({' '.join(str(error).split())[:120]}); mend that line"
+            f"{place}: not valid TOML ({' '.join(str(error).split())[:120]}); mend that line"
         ) from None
+
+
+def is_first_edition(content: TextMapping[str, Any]) -> bool:
+    """Tell whether a mapping says no more than which column of a table is which variable."""
+    entries = content.get("variables")
+    later = isinstance(entries, dict) and any(
+        isinstance(entry, dict) and not entry.keys() <= _KEYS and entry.keys() & {"stream", "frame"}
+        for entry in entries.values()
+    )
+    clocks = content.get("clock")
+    own = isinstance(clocks, dict) and any(isinstance(clock, dict) for clock in clocks.values())
+    return not later and not own and not content.keys() & _SECOND
 
 
 def _table(path: Path, content: dict[str, Any], key: str) -> dict[str, Any]:
@@ -118,23 +138,26 @@ def _table(path: Path, content: dict[str, Any], key: str) -> dict[str, Any]:
     return table
 
 
-def _only(path: Path, where: str, table: dict[str, Any], keys: frozenset[str]) -> None:
+def only_keys(place: Path | str, where: str, table: TextMapping[str, Any], keys: frozenset[str]) -> None:
+    """Refuse keys that mean nothing."""
     for key in table:
         if key not in keys:
-            raise LogError(f"{path}: {where}.{key} is unknown; the keys are {', '.join(sorted(keys))}")
+            raise LogError(f"{place}: {where}.{key} is unknown; the keys are {', '.join(sorted(keys))}")
 
 
-def _text(path: Path, where: str, table: dict[str, Any], key: str) -> str:
+def text_of(place: Path | str, where: str, table: TextMapping[str, Any], key: str) -> str:
+    """Return a text that must be there."""
     value = table.get(key)
     if not isinstance(value, str) or not value:
-        raise LogError(f'{path}: {where}.{key} is missing or not a text; write {key} = "..."')
+        raise LogError(f'{place}: {where}.{key} is missing or not a text; write {key} = "..."')
     return value
 
 
-def _number(path: Path, where: str, table: dict[str, Any], key: str, default: float) -> float:
+def number_of(place: Path | str, where: str, table: TextMapping[str, Any], key: str, default: float) -> float:
+    """Return a finite number, or the default."""
     value = table.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise LogError(f"{path}: {where}.{key} is not a number; write {key} = {default:g} or leave it out")
+        raise LogError(f"{place}: {where}.{key} is not a number; write {key} = {default:g} or leave it out")
     return float(value)
 
 
@@ -142,13 +165,19 @@ def _column(path: Path, name: str, entry: object) -> Column:
     where = f"variables.{name}"
     if not isinstance(entry, dict):
         raise LogError(f'{path}: {where} is not a table; write {name} = {{column = "...", unit = "..."}}')
-    _only(path, where, entry, _KEYS)
-    factors = PULSES if name.startswith("pwm_") else FACTORS
-    unit = _text(path, where, entry, "unit")
+    only_keys(path, where, entry, _KEYS)
+    unit = text_of(path, where, entry, "unit")
+    factor = factor_of(path, where, name, unit)
+    scale = number_of(path, where, entry, "scale", 1.0)
+    offset = number_of(path, where, entry, "offset", 0.0) + ZEROS.get(unit, 0.0)
+    file = text_of(path, where, entry, "file") if "file" in entry else ""
+    return Column(name, text_of(path, where, entry, "column"), factor * scale, offset, file)
+
+
+def factor_of(place: Path | str, where: str, variable: str, unit: str) -> float:
+    """Return the SI value of one unit; pulses are kept in microseconds."""
+    factors = PULSES if variable.startswith("pwm_") else FACTORS
     if unit not in factors:
         near = difflib.get_close_matches(unit, factors, n=3, cutoff=0.3) or list(factors)
-        raise LogError(f"{path}: {where}.unit = '{unit}' is unknown; did you mean {' or '.join(near)}?")
-    scale = _number(path, where, entry, "scale", 1.0)
-    offset = _number(path, where, entry, "offset", 0.0) + ZEROS.get(unit, 0.0)
-    file = _text(path, where, entry, "file") if "file" in entry else ""
-    return Column(name, _text(path, where, entry, "column"), factors[unit] * scale, offset, file)
+        raise LogError(f"{place}: {where}.unit = '{unit}' is unknown; did you mean {' or '.join(near)}?")
+    return factors[unit]

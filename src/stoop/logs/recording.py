@@ -69,6 +69,7 @@ class Recording:
     parameters : of the autopilot, as they stood at the start of the log
     info : texts of the log, such as firmware and hardware
     units : stream -> column -> unit as the file states it; empty where it states none
+    unread : stream -> columns that are in the log but were not asked for; no columns: the whole stream
     """
 
     path: Path
@@ -79,6 +80,7 @@ class Recording:
     parameters: Mapping[str, float] = field(default_factory=dict)
     info: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    unread: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 class Numbers(Mapping[str, FloatArray]):
@@ -105,6 +107,11 @@ class Numbers(Mapping[str, FloatArray]):
     def __len__(self) -> int:
         return len(self._raw)
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the columns as they are kept."""
+        return sum(values.nbytes for values in self._raw.values())
+
 
 def clean_stream(
     place: str, time: FloatArray, columns: Mapping[str, npt.NDArray[Any]]
@@ -122,6 +129,8 @@ def clean_stream(
     stream : the samples that are left, perhaps none
     defects : none, or one that counts what was dropped
     """
+    if bool(np.all(time[1:] > time[:-1])) and np.isfinite(time[:1]).all() and np.isfinite(time[-1:]).all():
+        return Stream(time, Numbers(columns)), ()  # as nearly always: no lists of indices are made
     keep = increasing(time)
     lost = time.size - keep.size
     if not lost:

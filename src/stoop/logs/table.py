@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping as TextMapping
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from stoop.errors import LogError
-from stoop.logs.mapping import Column, Mapping, read_mapping
+from stoop.logs.mapping import Column, Mapping, is_first_edition, read_mapping, read_toml
 from stoop.logs.recording import Defect, FloatArray, Recording, Stream, clean_stream
 from stoop.logs.text import read_header, read_table
+from stoop.units import FACTORS
 
 FOLDER_MAPPING: Final = "mapping.toml"
+MOST_FILES: Final = 200  #: of a folder; logs have fewer
+_ENDING: Final = re.compile(r"\.csv(\.gz)?$", re.IGNORECASE)
 
 
 def beside(path: Path) -> Path:
@@ -34,14 +38,89 @@ def read_csv(path: Path, mapping: Path | None) -> Recording:
     """
     if mapping is None and not beside(path).is_file():
         raise LogError(_without_mapping(path))
-    known = read_mapping(mapping or beside(path))
+    place = mapping or beside(path)
+    content = read_toml(place)
+    if not is_first_edition(content):
+        return _second_edition(path, content)
+    known = read_mapping(place)
+    unread: dict[str, tuple[str, ...]] = {}
     streams: dict[str, Stream] = {}
     defects: list[Defect] = []
     for file, columns in _by_file(path, known).items():
-        stream, found = _read(file, columns, known)
+        stream, found, rest = _read(file, columns, known)
         streams[file.name] = stream
         defects.extend(found)
+        unread |= {file.name: rest} if rest else {}
+    return Recording(path, "table", streams, tuple(defects), unread=unread)
+
+
+def _second_edition(path: Path, content: TextMapping[str, Any]) -> Recording:
+    """Read whole tables: a mapping of the second edition is applied by those who know the variables."""
+    if path.is_dir() and "extends" in content and "time" not in content:
+        from stoop.logs.px4csv import read_px4_folder
+
+        return read_px4_folder(path)
+    tables = {name: clock for name, clock in {"": content.get("time"), **_clocks(content)}.items() if clock}
+    columns = {name: x["column"] for name, x in tables.items() if isinstance(x, dict) and "column" in x}
+    return read_raw_csv(path, {name: str(column) for name, column in columns.items()})
+
+
+def _clocks(content: TextMapping[str, Any]) -> dict[str, Any]:
+    clocks = content.get("clock", {})
+    return clocks if isinstance(clocks, dict) else {}
+
+
+def read_raw_csv(path: Path, clocks: TextMapping[str, str] | None = None) -> Recording:
+    """Read one CSV file, or a folder of them, without any mapping.
+
+    Parameters
+    ----------
+    path : the file or folder
+    clocks : file -> column of its time, "" for all others; where there is none, the likeliest column is
+        taken, and its unit from its name
+
+    Returns
+    -------
+    Recording : one stream per file, all columns as they stand there, the clock among them
+
+    Raises
+    ------
+    LogError
+        When there is no CSV file, or no two samples with a time are left.
+    """
+    files = sorted(file for file in path.iterdir() if _ENDING.search(file.name)) if path.is_dir() else [path]
+    if not files:
+        raise LogError(f"{path}: no CSV file in this folder; name the folder of the log")
+    streams: dict[str, Stream] = {}
+    defects: list[Defect] = []
+    for file in files[:MOST_FILES]:
+        table, found = read_table(file)
+        column, factor = _clock_of(file, table, clocks or {})
+        stream, order = clean_stream(file.name, table[column] * factor, table)
+        defects += [*found, *order]
+        if stream.time.size > 1:
+            streams[file.name] = stream
+    if not streams:
+        raise LogError(f"{path}: fewer than two samples with a time are left; name the column of the time")
     return Recording(path, "table", streams, tuple(defects))
+
+
+def _clock_of(
+    file: Path, table: TextMapping[str, FloatArray], clocks: TextMapping[str, str]
+) -> tuple[str, float]:
+    """Return the column of the time and seconds per unit, by the mapping or by names."""
+    named = clocks.get(file.name, clocks.get("", ""))
+    if named in table:
+        return named, 1.0
+    column, unit = guess_clock(list(table))
+    return column, FACTORS[unit]
+
+
+def guess_clock(header: list[str]) -> tuple[str, str]:
+    """Return the likeliest column of the time and its unit, by names alone."""
+    clock = next((name for name in header if _CLOCK.fullmatch(name)), header[0])
+    suffix = _CLOCK.fullmatch(clock)
+    return clock, (suffix and suffix["unit"]) or "s"
 
 
 def _by_file(path: Path, mapping: Mapping) -> dict[Path, list[Column]]:
@@ -67,7 +146,10 @@ def _file_of(path: Path, mapping: Mapping, column: Column) -> Path:
     return file
 
 
-def _read(file: Path, columns: list[Column], mapping: Mapping) -> tuple[Stream, list[Defect]]:
+def _read(
+    file: Path, columns: list[Column], mapping: Mapping
+) -> tuple[Stream, list[Defect], tuple[str, ...]]:
+    """Read one file; return its stream, what was wrong, and the columns that the mapping does not name."""
     table, defects = read_table(file)
     time = _pick(file, table, mapping.time_column, f"{mapping.path}: time") * mapping.time_factor
     values = {
@@ -81,7 +163,9 @@ def _read(file: Path, columns: list[Column], mapping: Mapping) -> tuple[Stream, 
             f"{file}: fewer than two samples with a time are left; check time.column in {mapping.path}"
         )
     used = {f"{file.name} {c.column}" for c in columns} | {file.name, f"{file.name} {mapping.time_column}"}
-    return stream, [d for d in (*defects, *order) if d.place in used]
+    known = {mapping.time_column, *(c.column for c in columns)}
+    rest = tuple(name for name in table if name not in known)
+    return stream, [d for d in (*defects, *order) if d.place in used], rest
 
 
 def _pick(file: Path, table: dict[str, FloatArray], column: str, where: str) -> FloatArray:
@@ -101,14 +185,12 @@ def _without_mapping(path: Path) -> str:
             f"{path}: a folder of CSV files needs a mapping; write one and put it there as {FOLDER_MAPPING}"
         )
     head = f"{path}: a CSV log needs a mapping of its columns; save the lines below as {beside(path).name}"
-    return f"{head} beside it, keep and correct what applies\n{template(read_header(path))}"
+    return f"{head} beside it, keep and correct what applies (or let stoop map draft one)\n{template(read_header(path))}"
 
 
 def template(header: list[str]) -> str:
     """Return a mapping to start from: each column under its own name, the likeliest one as the time."""
-    clock = next((name for name in header if _CLOCK.fullmatch(name)), header[0])
-    suffix = _CLOCK.fullmatch(clock)
-    unit = (suffix and suffix["unit"]) or "s"
+    clock, unit = guess_clock(header)
     lines = ["[time]", f"column = {_quoted(clock)}", f'unit = "{unit}"', "", "[variables]"]
     lines += [_template_line(name) for name in header if name != clock]
     return "\n".join(lines)

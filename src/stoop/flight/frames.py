@@ -1,0 +1,153 @@
+"""Axes of other systems, turned into ours: body forward-right-down, ground north-east-down.
+
+"flu" is a body with forward, left, up (ROS, Crazyflie); "enu" a ground with east, north, up; "nwu" one with
+north, west, up, or with x where the vehicle pointed when it was switched on.
+
+References
+----------
+REP 103 of ROS, Standard units of measure and coordinate conventions, section "Axis orientation".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from stoop.errors import LogError
+from stoop.flight.attitude import euler_angles, quaternions_of
+from stoop.flight.variables import EULER, QUATERNION
+from stoop.logs import FloatArray
+
+Frame: TypeAlias = tuple[str, ...]
+BODY: Final = ("frd", "flu")
+GROUND: Final = ("ned", "enu", "nwu")
+_BODY_VECTORS: Final = (
+    ("p", "q", "r"),
+    ("p_dot", "q_dot", "r_dot"),
+    ("ax", "ay", "az"),
+    ("control_roll", "control_pitch", "control_yaw"),
+)
+_GROUND_VECTORS: Final = (
+    ("vn", "ve", "vd"),
+    ("vn_smooth", "ve_smooth", "vd_smooth"),
+    ("pn", "pe", "pd"),
+    ("an", "ae", "ad"),
+    ("wind_n", "wind_e"),
+)
+_SIGNS: Final = (1.0, -1.0, -1.0)  #: of y and z, when left and up become right and down
+_HALF: Final = float(np.sqrt(0.5))
+_GROUND_TURNS: Final = {
+    "ned": (1.0, 0.0, 0.0, 0.0),
+    "nwu": (0.0, 1.0, 0.0, 0.0),
+    "enu": (0.0, _HALF, _HALF, 0.0),
+}  #: quaternion that takes coordinates of that ground into ned: half a turn about north, or about north-east
+
+
+def check_frame(at: str, variables: tuple[str, ...], given: object) -> Frame:
+    """Check that a frame means something for these variables.
+
+    Parameters
+    ----------
+    at : file and key, for the error message
+    variables : that are in this frame
+    given : one name, or two for an attitude: those of body and ground
+
+    Raises
+    ------
+    LogError
+        When the name is unknown, or the variables cannot be turned one by one.
+    """
+    names = [given] if isinstance(given, str) else given
+    if not isinstance(names, list) or any(name not in (*BODY, *GROUND) for name in names):
+        raise LogError(f"{at}.frame is unknown; write one of {', '.join((*BODY, *GROUND))}")
+    frame = tuple(str(name) for name in names)
+    for name in variables if frame else ():
+        if not _turnable(name, variables, frame):
+            raise LogError(f"{at}.frame = {', '.join(frame)} says nothing about {name} {_advice(name)}")
+    return frame
+
+
+def _advice(name: str) -> str:
+    ground = next((vector for vector in _GROUND_VECTORS if name in vector), None)
+    whole = next((attitude for attitude in (EULER, QUATERNION) if name in attitude), None)
+    if ground:
+        return f"alone; name {', '.join(ground)} together in one group, with columns x, y, z"
+    if whole:
+        return (
+            f'alone; name {", ".join(whole)} together in one group, with frame = ["flu", "enu"] or the like'
+        )
+    return "; leave it out there"
+
+
+def _turnable(name: str, variables: tuple[str, ...], frame: Frame) -> bool:
+    if set(variables) in (set(EULER), set(QUATERNION)):
+        return len(frame) == 2 and frame[0] in BODY and frame[1] in GROUND
+    if len(frame) == 1 and any(name in vector for vector in _BODY_VECTORS):
+        return frame[0] in BODY
+    vector = next((vector for vector in _GROUND_VECTORS if name in vector), None)
+    if len(frame) != 1 or vector is None:
+        return False
+    whole = frame[0] != "enu" or name not in vector[:2] or set(vector[:2]) <= set(variables)
+    return frame[0] in GROUND and whole
+
+
+def turned(values: Mapping[str, FloatArray], frame: Frame) -> dict[str, FloatArray]:
+    """Bring vectors and attitudes into our axes.
+
+    Parameters
+    ----------
+    values : variable -> (n,) SI; those of a vector stand in the order x, y, z of its own frame
+    frame : checked by `check_frame`; empty leaves all as it is
+    """
+    if not frame:
+        return dict(values)
+    if set(values) == set(QUATERNION):
+        return _quaternion(values, *frame)
+    if set(values) == set(EULER):
+        return _angles(values, *frame)
+    out = dict(values)
+    for vector in _BODY_VECTORS if frame[0] in BODY else _GROUND_VECTORS:
+        out.update(_vector(vector, values, frame[0]))
+    return out
+
+
+def _vector(names: tuple[str, ...], values: Mapping[str, FloatArray], frame: str) -> dict[str, FloatArray]:
+    there = {name: values[name] for name in names if name in values}
+    if frame in ("frd", "ned"):
+        return there
+    if frame != "enu":
+        return {name: _SIGNS[names.index(name)] * x for name, x in there.items()}
+    north, east, *_ = names
+    out = {name: -x for name, x in there.items() if name not in (north, east)}
+    return out | ({north: there[east], east: there[north]} if north in there else {})
+
+
+def _angles(values: Mapping[str, FloatArray], body: str, ground: str) -> dict[str, FloatArray]:
+    angles = np.column_stack([values[name] for name in EULER])
+    parts = _quaternion(dict(zip(QUATERNION, quaternions_of(angles).T, strict=True)), body, ground)
+    back = euler_angles(np.column_stack([parts[name] for name in QUATERNION]))
+    return dict(zip(EULER, back.T, strict=True))
+
+
+def _quaternion(values: Mapping[str, FloatArray], body: str, ground: str) -> dict[str, FloatArray]:
+    """Turn a quaternion that takes body into ground coordinates: ground' * q * body'."""
+    q = np.stack([values[name] for name in QUATERNION])
+    out = _product(np.asarray(_GROUND_TURNS[ground])[:, None], q)
+    if body == "flu":  # half a turn about the forward axis, which is its own inverse but for the sign
+        out = _product(out, np.array([0.0, 1.0, 0.0, 0.0])[:, None])
+    return dict(zip(QUATERNION, out, strict=True))
+
+
+def _product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Hamilton product of quaternions (4, n), scalar first."""
+    (w, x, y, z), (s, i, j, k) = a, b
+    return np.stack(
+        [
+            w * s - x * i - y * j - z * k,
+            w * i + x * s + y * k - z * j,
+            w * j - x * k + y * s + z * i,
+            w * k + x * j - y * i + z * s,
+        ]
+    )
