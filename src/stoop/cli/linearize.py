@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 FORMAT = "stoop-linear-model/1"
 STDOUT = Path("-")
+_UNITS = {"h": "m", "u": "m/s", "v": "m/s", "w": "m/s"}
 NOISE = 1e-12  #: of the largest entry: less than rounding errors leave
 
 
@@ -97,9 +98,10 @@ def _print(out: Page, vehicle: Vehicle, model: LinearModel, where: str) -> None:
     out.heading("Modes")
     out.table(_mode_columns(model.modes))
     out.heading("x' = A x + B u, y = C x + D u (SI units and rad, about the steady flight)")
-    out.line(f"x: {_with_units(model.states)}")
-    out.line(f"u: {_with_units(model.inputs)}")
-    out.line(f"y: {_with_units(model.outputs)}")
+    plain = frozenset(f"{rotor}.lag" for rotor in vehicle.rotors)
+    out.line(f"x: {_with_units(model.states, plain)}")
+    out.line(f"u: {_with_units(model.inputs, plain)}")
+    out.line(f"y: {_with_units(model.outputs, plain)}")
     for name, rows, heads in (
         ("A", model.states, model.states),
         ("B", model.states, model.inputs),
@@ -133,8 +135,10 @@ def _amplitude(mode: Mode) -> str:
     return f"halves in {time:.2f} s" if time > 0.0 else f"doubles in {-time:.2f} s"
 
 
-def _with_units(names: Sequence[str]) -> str:
-    return ", ".join(f"{name} {unit}".rstrip() for name, unit in ((n, _unit(n)) for n in names))
+def _with_units(names: Sequence[str], plain: Container[str]) -> str:
+    """Write names with their units; ``plain`` ones (what rotors lag behind with) as they are."""
+    units = ["" if name in plain else _unit(name) for name in names]
+    return ", ".join(f"{name} {unit}".rstrip() for name, unit in zip(names, units, strict=True))
 
 
 def _unit(name: str) -> str:
@@ -142,8 +146,8 @@ def _unit(name: str) -> str:
     from stoop.cli.tables import shown_unit
     from stoop.flight import VARIABLES
 
-    if name == "h":
-        return "m"
+    if name in _UNITS:
+        return _UNITS[name]
     return shown_unit(VARIABLES[name].unit) if name in VARIABLES else "rad"
 
 

@@ -36,7 +36,8 @@ def run(arguments: argparse.Namespace) -> int:
     _check_ending(target)
     check_target(target, arguments.overwrite)
     from stoop.flight import save
-    from stoop.simulate import load_maneuver, numbers_set, simulate_flight, trim
+    from stoop.simulate import load_maneuver, numbers_set, simulate_flight
+    from stoop.simulate.fly import flown_trim
     from stoop.vehicle.builtin import resolve_vehicle
 
     vehicle = resolve_vehicle(arguments.vehicle)
@@ -44,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     maneuver = load_maneuver(arguments.maneuver)
     with _naming(arguments.maneuver), busy(COMPILING):
         flight = simulate_flight(vehicle, maneuver, arguments.seed, not arguments.no_noise, target.stem)
-        flown = numbers_set(vehicle, trim(vehicle, maneuver.airspeed, maneuver.altitude))
+        flown = numbers_set(vehicle, flown_trim(vehicle, maneuver))
     save(flight, target)
     noise = "no sensor noise" if arguments.no_noise else f"sensor noise of seed {arguments.seed}"
     _tell(flight, target, noise)

@@ -1,4 +1,4 @@
-"""`stoop trim`: the angles, controls and thrust of a steady straight flight."""
+"""`stoop trim`: the angles, controls and thrust of a steady straight flight, or of a hover."""
 
 from __future__ import annotations
 
@@ -45,14 +45,23 @@ def trim_document(vehicle: Vehicle, point: Trim, climb_angle: float) -> dict[str
         "vehicle": vehicle.name,
         "file": vehicle.where,
         "reduce": vehicle.reduce,
-        "airspeed": point.start["V"],
-        "altitude": point.start["h"],
-        "climb_angle": climb_angle,
+        **_condition(point, climb_angle),
         "angles": angles(point),
         "controls": point.deflections,
         "thrust": {n: {"value": value, "unit": _unit(vehicle, n)} for n, value in point.thrust.items()},
         "inputs": channels(vehicle, point),
         "residual": point.residual,
+    }
+
+
+def _condition(point: Trim, climb_angle: float) -> dict[str, Any]:
+    if "V" in point.start:
+        return {"airspeed": point.start["V"], "altitude": point.start["h"], "climb_angle": climb_angle}
+    return {
+        "velocity": point.velocity,
+        "wind": point.wind,
+        "altitude": point.start["h"],
+        "heading": point.start["psi"],
     }
 
 
@@ -82,16 +91,24 @@ def _print(out: Page, vehicle: Vehicle, point: Trim, where: str) -> None:
     rows = angles(point) | point.deflections
     degrees = [math.degrees(value) for value in rows.values()]
     out.table([words("", rows), fixed("deg", degrees, 4), fixed("rad", rows.values(), 6)])
-    out.heading("Thrust")
-    _print_thrust(out, vehicle, point)
+    if "V" in point.start:
+        out.heading("Thrust")
+        _print_thrust(out, vehicle, point)
     mixed = {name: value for name, value in channels(vehicle, point).items() if name not in rows}
     if mixed:
         out.heading("Recorded channels that hold it")
         values = [value if abs(value) > NOISE else 0.0 for value in mixed.values()]
         units = [shown_unit(_unit(vehicle, name)) for name in mixed]
         out.table([words("", mixed), numbers("value", values), words("", units)])
+    if "V" not in point.start:
+        _print_velocity(out, point)
     out.line()
     out.line(f"largest acceleration left over: {point.residual:.1e} (m/s2, rad/s2)")
+
+
+def _print_velocity(out: Page, point: Trim) -> None:
+    out.heading("Velocity through the air, body axes")
+    out.table([words("", "uvw"), fixed("m/s", [point.start[axis] for axis in "uvw"], 4)])
 
 
 def _print_thrust(out: Page, vehicle: Vehicle, point: Trim) -> None:

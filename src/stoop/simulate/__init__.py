@@ -4,7 +4,8 @@ from stoop.simulate.fly import numbers_set, simulate_flight
 from stoop.simulate.initial import START_NAMES, initial_states, parameter_rows
 from stoop.simulate.linearize import LinearModel, Mode, linearize
 from stoop.simulate.maneuver import Maneuver, load_maneuver, parse_maneuver
-from stoop.simulate.trim import Trim, trim
+from stoop.simulate.steady import Trim
+from stoop.simulate.trim import trim
 
 __all__ = [
     "START_NAMES",

@@ -3,23 +3,32 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stoop.errors import ManeuverError, SimulationError
 from stoop.flight import VARIABLES, Flight, from_columns
+from stoop.simulate.check import check_maneuver, on_rotors
 from stoop.simulate.delays import late_inputs, late_outputs
+from stoop.simulate.hover import steady_wind
 from stoop.simulate.initial import commanded, initial_states, parameter_rows, rigid_states
 from stoop.simulate.maneuver import Maneuver
-from stoop.simulate.trim import Trim, mixed_inputs, trim
+from stoop.simulate.mixing import mixed_inputs
+from stoop.simulate.on_rotors import fly_on_rotors
+from stoop.simulate.paths import ground_velocity, states_flown, traveled
+from stoop.simulate.rotors import channel_range
+from stoop.simulate.steady import Trim
+from stoop.simulate.trim import trim
 from stoop.simulate.turbulence import gust_start, outputs_in_turbulence
 from stoop.vehicle import Vehicle
-from stoop.vehicle.schema import CHANNELS
+from stoop.vehicle.schema import CHANNELS, WIND
+from stoop.vehicle.vehicle import WIND_NUMBERS
 
 FloatArray = NDArray[np.float64]
-_GUSTS = 1  #: which stream of the seed
+GROUND_SPEED_NOISE = 0.1  #: of the velocity over ground that an aircraft records in a wind, m/s
+_GUSTS, _VELOCITY = 1, 2  #: which stream of the seed
 
 
 @dataclass(frozen=True)
@@ -33,12 +42,18 @@ class Flown:
         Recorded channels.
     outputs : (n, n_y)
         Noise-free readings in the order of ``vehicle.outputs``.
+    velocity : (n, 3) or None, m/s
+        Over ground, north-east-down; of aircraft only where the maneuver has a wind.
+    clipped : (n, m) or None
+        On rotors: where a channel was held at an end of its range.
     """
 
     trim: Trim
     time: FloatArray
     inputs: FloatArray
     outputs: FloatArray
+    velocity: FloatArray | None = None
+    clipped: NDArray[np.bool_] | None = None
 
 
 def fly(vehicle: Vehicle, maneuver: Maneuver, seed: int = 0) -> Flown:
@@ -58,21 +73,67 @@ def fly(vehicle: Vehicle, maneuver: Maneuver, seed: int = 0) -> Flown:
     SimulationError
         No trim, or the flight diverges.
     """
-    _check_controls(vehicle, maneuver)
-    point = trim(vehicle, maneuver.airspeed, maneuver.altitude)
-    inputs = flown_inputs(vehicle, maneuver, point)
-    rows = parameter_rows(vehicle, point.changes)
+    check_maneuver(vehicle, maneuver)
+    point = flown_trim(vehicle, maneuver)
     gusts = np.random.default_rng([seed, _GUSTS])
-    start = initial_states(vehicle, {**point.start, **gust_start(vehicle, gusts)}, rows, inputs[0])
-    dt = 1.0 / maneuver.rate
-    truth = _moving_air(vehicle, rows, start, inputs, dt, gusts)
-    outputs = late_outputs(vehicle, truth, rows, dt)[0]
-    if not np.isfinite(outputs).all():
-        last = maneuver.time[int(np.argmin(np.isfinite(outputs).all(axis=1)))]
+    flown = (_on_rotors if on_rotors(vehicle, maneuver) else _on_wings)(vehicle, maneuver, point, gusts)
+    if not np.isfinite(flown.outputs).all():
+        last = maneuver.time[int(np.argmin(np.isfinite(flown.outputs).all(axis=1)))]
         raise SimulationError(
             f"{vehicle.where}: the flight diverges at {last:.2f} s; reduce the amplitude or check the vehicle's stability"
         )
-    return Flown(point, maneuver.time, inputs, outputs)
+    return flown
+
+
+def flown_trim(vehicle: Vehicle, maneuver: Maneuver) -> Trim:
+    """Return the steady flight that a maneuver begins with."""
+    if on_rotors(vehicle, maneuver):
+        return trim(
+            vehicle,
+            altitude=maneuver.altitude,
+            velocity=maneuver.velocity,
+            wind=maneuver.wind,
+            heading=maneuver.heading,
+        )
+    point = trim(vehicle, maneuver.airspeed, maneuver.altitude)
+    wind = tuple(steady_wind(vehicle, maneuver.wind).tolist())
+    known = dict(zip(WIND_NUMBERS, wind, strict=True)) if vehicle.hovers else {}
+    return replace(
+        point, start={**point.start, "psi": maneuver.heading}, changes={**point.changes, **known}, wind=wind
+    )
+
+
+def _on_wings(vehicle: Vehicle, maneuver: Maneuver, point: Trim, gusts: np.random.Generator) -> Flown:
+    """Fly without an autopilot."""
+    dt, inputs = 1.0 / maneuver.rate, flown_inputs(vehicle, maneuver, point)
+    rows = parameter_rows(vehicle, point.changes)
+    start = initial_states(vehicle, {**point.start, **gust_start(vehicle, gusts)}, rows, inputs[0])
+    state = gusts.bit_generator.state
+    truth = _moving_air(vehicle, rows, start, inputs, dt, gusts)
+    velocity = None
+    if vehicle.hovers or maneuver.wind is not None:
+        gusts.bit_generator.state = state  # the same gusts again
+        velocity = _over_ground(vehicle, point, states_flown(vehicle, rows, start, inputs, dt, gusts))
+    return Flown(point, maneuver.time, inputs, late_outputs(vehicle, truth, rows, dt)[0], velocity)
+
+
+def _on_rotors(vehicle: Vehicle, maneuver: Maneuver, point: Trim, gusts: np.random.Generator) -> Flown:
+    """Fly with one."""
+    dt, rows = 1.0 / maneuver.rate, parameter_rows(vehicle, point.changes)
+    flight = fly_on_rotors(vehicle, maneuver, point, gust_start(vehicle, gusts), gusts)
+    every = np.repeat(rows, len(maneuver.time), axis=1)
+    _, truth = vehicle.kernel().evaluate(every, flight.states.T.copy(), flight.received.T.copy())
+    outputs = late_outputs(vehicle, truth.T[None].copy(), rows, dt)[0]
+    velocity = _over_ground(vehicle, point, flight.states)
+    return Flown(point, maneuver.time, flight.inputs, outputs, velocity, flight.clipped)
+
+
+def _over_ground(vehicle: Vehicle, point: Trim, states: FloatArray) -> FloatArray:
+    """Return velocities (n, 3) over ground of states (n, n_x), which are relative to the steady wind."""
+    x = dict(zip(vehicle.states, states.T, strict=True))
+    zero = np.zeros(len(states))
+    body, q = ([x.get(name, zero) for name in names] for names in ("uvw", ("e0", "e1", "e2", "e3")))
+    return np.asarray(ground_velocity(np.array(body), np.array(q)).T + np.asarray(point.wind))
 
 
 def _moving_air(
@@ -89,15 +150,6 @@ def _moving_air(
     return vehicle.kernel().trajectories(rows, start, late_inputs(vehicle, inputs, rows, dt), dt)
 
 
-def _check_controls(vehicle: Vehicle, maneuver: Maneuver) -> None:
-    for spec in maneuver.input:
-        if spec.control not in vehicle.controls:
-            known = ", ".join(vehicle.controls) or "none"
-            raise ManeuverError(
-                f"{vehicle.where}: the maneuver moves '{spec.control}', but the controls are {known}; correct the maneuver file"
-            )
-
-
 def flown_inputs(vehicle: Vehicle, maneuver: Maneuver, point: Trim) -> FloatArray:
     """Return the recorded channels (n, n_u) of a maneuver flown from a trim.
 
@@ -105,6 +157,9 @@ def flown_inputs(vehicle: Vehicle, maneuver: Maneuver, point: Trim) -> FloatArra
     """
     out = np.repeat(point.inputs[None, :], len(maneuver.time), axis=0)
     for control, move in maneuver.deflections().items():
+        if control not in vehicle.controls:  # a channel of its own
+            out[:, vehicle.inputs.index(control)] += move
+            continue
         unit = mixed_inputs(
             vehicle, {**point.deflections, control: point.deflections[control] + 1.0}, point.inputs
         )
@@ -114,11 +169,10 @@ def flown_inputs(vehicle: Vehicle, maneuver: Maneuver, point: Trim) -> FloatArra
 
 def noise_sigma(vehicle: Vehicle, maneuver: Maneuver) -> FloatArray:
     """Return the noise of each output channel, its own unit."""
-    unknown = set(maneuver.noise) - set(vehicle.outputs)
+    known = dict.fromkeys((*vehicle.outputs, *(WIND if maneuver.wind is not None else ())))
+    unknown = set(maneuver.noise) - set(known)
     if unknown:
-        raise ManeuverError(
-            f"noise: '{min(unknown)}' is not observed; channels are {', '.join(vehicle.outputs)}"
-        )
+        raise ManeuverError(f"noise: '{min(unknown)}' is not observed; channels are {', '.join(known)}")
     file = vehicle.file.sensors
     return np.array([maneuver.noise.get(c, getattr(file, c).sigma) for c in vehicle.outputs])
 
@@ -150,12 +204,44 @@ def simulate_flight(
         for c in vehicle.controls
         if c in VARIABLES and c not in vehicle.inputs  # a recorded channel stays as it was commanded
     }
-    columns["altitude"] = _altitude(vehicle, maneuver, flown)
-    flight = from_columns(name, flown.time, columns, ("simulated flight", *_changed(vehicle, flown)))
+    if flown.velocity is not None:
+        columns |= _moved(vehicle, maneuver, flown.velocity, seed, noise)
+    else:
+        columns["altitude"] = _altitude(vehicle, maneuver, flown)
+    notes = ("simulated flight", *_changed(vehicle, flown), *_saturated(vehicle, flown))
+    flight = from_columns(name, flown.time, columns, notes)
     flight.data.attrs["truth"] = json.dumps(
         {p.name: flown.trim.changes.get(p.name, p.value) for p in vehicle.parameters if p.free}
     )
     return flight
+
+
+def _moved(
+    vehicle: Vehicle, maneuver: Maneuver, velocity: FloatArray, seed: int, noise: bool
+) -> dict[str, FloatArray]:
+    """Return velocity over ground, where the vehicle's own outputs do not have it, position and altitude."""
+    position = traveled(velocity, 1.0 / maneuver.rate)
+    out = dict(zip(("pn", "pe", "pd"), position.T, strict=True))
+    out["altitude"] = maneuver.altitude - out["pd"]
+    draw = np.random.default_rng([seed, _VELOCITY]).standard_normal(velocity.shape)
+    for i, name in enumerate(WIND):
+        if name not in vehicle.outputs:
+            sigma = maneuver.noise.get(name, GROUND_SPEED_NOISE) * float(noise)
+            out[name] = velocity[:, i] + sigma * draw[:, i]
+    return out
+
+
+def _saturated(vehicle: Vehicle, flown: Flown) -> list[str]:
+    """Say which rotors could not do what was asked of them."""
+    if flown.clipped is None:
+        return []
+    shares = dict(zip(channel_range(vehicle).names, flown.clipped.mean(axis=0).tolist(), strict=True))
+    return [
+        f"{name} was at an end of its range for {share:.1%} of the flight; there it shows nothing of what was asked: "
+        "lower the amplitudes"
+        for name, share in shares.items()
+        if share > 0.0
+    ]
 
 
 def numbers_set(vehicle: Vehicle, point: Trim) -> dict[str, float]:
@@ -163,7 +249,7 @@ def numbers_set(vehicle: Vehicle, point: Trim) -> dict[str, float]:
     return {
         name: value
         for name, value in point.changes.items()
-        if abs(value - vehicle.value(name)) > 1e-3 * abs(vehicle.value(name))
+        if name not in WIND_NUMBERS and abs(value - vehicle.value(name)) > 1e-3 * abs(vehicle.value(name))
     }
 
 

@@ -7,6 +7,7 @@ where dx/dz is the right inverse of G on the unit sphere of quaternions.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.simulate.initial import initial_states, parameter_rows
-from stoop.simulate.trim import Trim
+from stoop.simulate.mixing import mixed_inputs
+from stoop.simulate.steady import Trim
+from stoop.simulate.trim import neutral_inputs
 from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
@@ -23,6 +26,7 @@ _MINIMAL = {
     "longitudinal": ("V", "alpha", "q", "theta", "h"),
     "lateral": ("beta", "p", "r", "phi", "psi"),
 }
+_ON_ROTORS = ("u", "v", "w", *_MINIMAL["full"][3:])  #: angles of the air have no meaning in a hover
 
 
 @dataclass(frozen=True)
@@ -32,7 +36,7 @@ class Mode:
     Attributes
     ----------
     name : str
-        Short period, phugoid, Dutch roll, roll, spiral, or the dominant state.
+        Short period, phugoid, Dutch roll, roll, spiral, or the states that take part in it.
     eigenvalue : complex, 1/s
     frequency : float
         Undamped natural frequency, rad/s.
@@ -66,44 +70,52 @@ class LinearModel:
 def linearize(vehicle: Vehicle, point: Trim) -> LinearModel:
     """Return A, B, C, D and the modes of a vehicle at a trim point.
 
-    Inputs are control deflections in rad (the mixer is undone) and, where there is one, the thrust channel.
+    Inputs are control deflections in rad (the mixer is undone) and, where there are any, the channels of thrust and
+    rotors. On rotors the states are velocities along the body axes in place of airspeed and angles of the air.
     """
-    return _assemble(vehicle, _names(vehicle), _evaluate(vehicle, point))
+    return _assemble(vehicle, _names(vehicle, point), _evaluate(vehicle, point))
 
 
 def state_matrix(vehicle: Vehicle, point: Trim) -> tuple[tuple[str, ...], FloatArray]:
     """Return the names of the states of the linear model, and A alone."""
     G, rates, *_ = _evaluate(vehicle, point)
-    return _names(vehicle), rates @ np.linalg.pinv(G)
+    return _names(vehicle, point), rates @ np.linalg.pinv(G)
 
 
-def _names(vehicle: Vehicle) -> tuple[str, ...]:
-    return (*_MINIMAL[vehicle.reduce], *(s for s in vehicle.states if s.endswith(".lag")))
+def _minimal(vehicle: Vehicle, point: Trim) -> tuple[str, ...]:
+    return _ON_ROTORS if vehicle.hovers and "V" not in point.start else _MINIMAL[vehicle.reduce]
 
 
-_FUNCTIONS: dict[str, Any] = {}  #: by structure: numbers do not enter, and making one takes a second
+def _names(vehicle: Vehicle, point: Trim) -> tuple[str, ...]:
+    return (*_minimal(vehicle, point), *(s for s in vehicle.states if s.endswith(".lag")))
 
 
-def _function(vehicle: Vehicle) -> Any:
+_FUNCTIONS: dict[
+    tuple[str, ...], Any
+] = {}  #: by structure: numbers do not enter, and making one takes a second
+
+
+def _function(vehicle: Vehicle, minimal: tuple[str, ...]) -> Any:
     """Return the function of states, inputs and parameters that gives G, and the derivatives of G f and the readings."""
     import sympy as sp
 
     from stoop.vehicle.symbolic.assemble import build_model
 
-    if vehicle.structure not in _FUNCTIONS:
+    key = (vehicle.structure, *minimal)
+    if key not in _FUNCTIONS:
         model = build_model(vehicle)
         x = list(model.states)
         lags = [x[i] for i, s in enumerate(vehicle.states) if s.endswith(".lag")]
-        G = sp.Matrix([*_minimal_expressions(vehicle, model, sp), *lags]).jacobian(x)
+        G = sp.Matrix([*_minimal_expressions(vehicle, minimal, model, sp), *lags]).jacobian(x)
         rates, outputs = G * sp.Matrix(model.derivatives), sp.Matrix(model.outputs)
         blocks = [G, *(of.jacobian(by) for of in (rates, outputs) for by in (x, model.inputs))]
         smooth = {"DiracDelta": np.zeros_like}  # the second derivative of abs(), away from its kink
         arguments = [*model.states, *model.inputs, *model.parameters]
-        _FUNCTIONS[vehicle.structure] = sp.lambdify(arguments, blocks, [smooth, "numpy"], cse=True)
-    return _FUNCTIONS[vehicle.structure]
+        _FUNCTIONS[key] = sp.lambdify(arguments, blocks, [smooth, "numpy"], cse=True)
+    return _FUNCTIONS[key]
 
 
-def _minimal_expressions(vehicle: Vehicle, model: Any, sp: Any) -> list[Any]:
+def _minimal_expressions(vehicle: Vehicle, minimal: tuple[str, ...], model: Any, sp: Any) -> list[Any]:
     """Return the minimal state as expressions of the kernel's state."""
     from stoop.vehicle.symbolic.frames import air, attitude
 
@@ -116,22 +128,20 @@ def _minimal_expressions(vehicle: Vehicle, model: Any, sp: Any) -> list[Any]:
     turned = attitude((get("e0"), get("e1"), get("e2"), get("e3")))
     table = {
         "V": wind.V, "alpha": wind.alpha, "beta": wind.beta, "phi": turned.phi, "theta": turned.theta,
-        "psi": turned.psi, **{n: get(n) for n in ("p", "q", "r", "h")},
+        "psi": turned.psi, **{n: get(n) for n in ("u", "v", "w", "p", "q", "r", "h")},
     }  # fmt: skip
-    return [table[name] for name in _MINIMAL[vehicle.reduce]]
+    return [table[name] for name in minimal]
 
 
 def _evaluate(vehicle: Vehicle, point: Trim) -> list[FloatArray]:
     rows = parameter_rows(vehicle, point.changes)
     states = initial_states(vehicle, point.start, rows, point.inputs)
-    values = _function(vehicle)(*states[:, 0], *point.inputs, *rows[:, 0])
+    values = _function(vehicle, _minimal(vehicle, point))(*states[:, 0], *point.inputs, *rows[:, 0])
     return [np.atleast_2d(np.asarray(v, dtype=float)) for v in values]
 
 
 def _mixing(vehicle: Vehicle) -> tuple[tuple[str, ...], FloatArray]:
     """Return the names of the linear model's inputs and the channels (n_u, m) that one unit of each moves."""
-    from stoop.simulate.trim import mixed_inputs, neutral_inputs
-
     base = neutral_inputs(vehicle)
     now = mixed_inputs(vehicle, dict.fromkeys(vehicle.controls, 0.0), base)
     columns = [
@@ -143,6 +153,10 @@ def _mixing(vehicle: Vehicle) -> tuple[tuple[str, ...], FloatArray]:
     if propulsion is not None and propulsion.kind != "constant":
         names.append(propulsion.channel)
         columns.append(np.eye(len(base))[vehicle.inputs.index(propulsion.channel)])
+    for rotor in vehicle.file.rotor.values():
+        if rotor.channel not in names:
+            names.append(rotor.channel)
+            columns.append(np.eye(len(base))[vehicle.inputs.index(rotor.channel)])
     return tuple(names), np.array(columns).T if columns else np.zeros((len(base), 0))
 
 
@@ -181,10 +195,27 @@ def modes_of(A: FloatArray, names: tuple[str, ...]) -> tuple[Mode, ...]:
     return tuple(sorted(found, key=lambda m: -m.frequency))
 
 
+def _mode_on_rotors(share: Callable[..., float], lags: list[str], oscillates: bool) -> str:
+    """Name a mode of a hover: tilt drives speed, speed drives the rates (the hovering cubic of helicopters)."""
+    found = {
+        "pitch": share("u", "q", "theta"),
+        "roll": share("v", "p", "phi"),
+        "yaw": share("r"),
+        "heave": share("w"),
+        "lag": share(*lags),
+    }
+    kind = max(found, key=lambda name: found[name])
+    if kind not in ("pitch", "roll"):
+        return kind
+    return f"{kind} and speed" if oscillates else kind
+
+
 def _mode_name(weights: dict[str, float], s: complex) -> str:
     def share(*names: str) -> float:
         return sum(weights.get(n, 0.0) for n in names)
 
+    if "w" in weights:
+        return _mode_on_rotors(share, [n for n in weights if n.endswith(".lag")], abs(s.imag) > 1e-9)
     lag = max((n for n in weights if n.endswith(".lag")), key=lambda n: weights[n], default=None)
     if lag is not None and weights[lag] > 0.5:
         return lag

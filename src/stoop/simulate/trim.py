@@ -3,47 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stoop.errors import SimulationError
-from stoop.simulate.initial import commanded, initial_states, parameter_rows
+from stoop.simulate.hover import hover_trim
+from stoop.simulate.initial import initial_states, parameter_rows
+from stoop.simulate.mixing import mixed_inputs
+from stoop.simulate.rotors import channel_range
+from stoop.simulate.steady import TOLERANCE, Trim
 from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
-_TOLERANCE = 1e-7
 _POWERS = (1.0, 4.0, 16.0)  #: steps of thrust to begin with: a propeller at rest has no slope
-
-
-@dataclass(frozen=True)
-class Trim:
-    """A steady straight flight.
-
-    Attributes
-    ----------
-    start : dict
-        Initial state by the names of :data:`~stoop.simulate.initial.START_NAMES`, SI and rad.
-    deflections : dict
-        Control deflections, rad.
-    thrust : dict
-        The thrust number or channel that holds the speed (N, or the channel's unit).
-    inputs : (n_u,) array
-        Recorded channels that hold the flight, in the vehicle's order.
-    changes : dict
-        Numbers of the vehicle that the trim sets (a constant thrust).
-    residual : float
-        Largest acceleration left over, m/s2 or rad/s2.
-    """
-
-    start: dict[str, float]
-    deflections: dict[str, float]
-    thrust: dict[str, float]
-    inputs: FloatArray
-    changes: dict[str, float]
-    residual: float
 
 
 @dataclass(frozen=True)
@@ -95,34 +70,8 @@ def _layouts(vehicle: Vehicle) -> list[_Layout]:
     return [_Layout(vehicle, names, vehicle.controls, thrust) for names in angles]
 
 
-def mixed_inputs(vehicle: Vehicle, deflections: Mapping[str, float], base: FloatArray) -> FloatArray:
-    """Return recorded channels that give the deflections: the smallest change of ``base`` that does.
-
-    Parameters
-    ----------
-    deflections : mapping
-        Control -> rad.
-    base : (n_u,) array
-        Channels to start from; those that drive no control stay.
-    """
-    rows = parameter_rows(vehicle)
-    names = list(vehicle.controls)
-    now = np.array([commanded(vehicle, c, rows, base)[0] for c in names])
-    wanted = np.array([deflections.get(c, n) for c, n in zip(names, now, strict=True)])
-    gains = np.zeros((len(names), len(base)))
-    for i, control in enumerate(names):
-        for channel in vehicle.channels_of(control):
-            gain = (
-                vehicle.value(f"controls.{control}.mix.{channel}")
-                if f"controls.{control}.mix.{channel}" in vehicle.rows
-                else 1.0
-            )
-            gains[i, vehicle.inputs.index(channel)] = gain
-    return base + np.linalg.pinv(gains) @ (wanted - now) if names else base
-
-
 def neutral_inputs(vehicle: Vehicle, density: float | None = None) -> FloatArray:
-    """Return channels at their centers; a density channel at its value."""
+    """Return channels at their centers, rotors and propellers at idle; density and voltage channels at their values."""
     out = np.zeros(len(vehicle.inputs))
     for control in vehicle.controls:
         for channel in vehicle.channels_of(control):
@@ -131,6 +80,17 @@ def neutral_inputs(vehicle: Vehicle, density: float | None = None) -> FloatArray
                 out[vehicle.inputs.index(channel)] = vehicle.value(name)
     if "density" in vehicle.inputs:
         out[vehicle.inputs.index("density")] = 1.225 if density is None else density
+    return _idling(vehicle, out) if vehicle.hovers else out
+
+
+def _idling(vehicle: Vehicle, out: FloatArray) -> FloatArray:
+    """Set the channels of rotors and of a pusher to where they give nothing, the battery to its nominal voltage."""
+    area, propulsion = channel_range(vehicle), vehicle.file.propulsion
+    out[area.columns] = area.idle
+    if "rotors.nominal_voltage" in vehicle.rows:
+        out[vehicle.inputs.index("voltage")] = vehicle.value("rotors.nominal_voltage")
+    if propulsion is not None and propulsion.kind == "propeller":
+        out[vehicle.inputs.index(propulsion.channel)] = vehicle.value("propulsion.idle")
     return out
 
 
@@ -184,7 +144,7 @@ def _solved(condition: _Condition) -> tuple[FloatArray, float]:
     for first in _starts(condition.layout):
         x = least_squares(condition.residuals, first, xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=500).x
         residual = float(np.max(np.abs(condition.residuals(x))))
-        if residual < _TOLERANCE:
+        if residual < TOLERANCE:
             break
     return x, residual
 
@@ -195,10 +155,15 @@ def trim(
     altitude: float = 200.0,
     climb_angle: float = 0.0,
     density: float | None = None,
+    velocity: Sequence[float] | None = None,
+    wind: Sequence[float] | None = None,
+    heading: float = 0.0,
 ) -> Trim:
     """Find steady straight flight: without sideslip, or with it where no control can hold it at zero.
 
-    A lateral model holds speed and incidence, so its steady flight is that of the full equations.
+    A lateral model holds speed and incidence, so its steady flight is that of the full equations. A vehicle with
+    rotors hovers, or flies on its rotors at a velocity over ground; with an airspeed it flies on its wings, rotors
+    at idle.
 
     Parameters
     ----------
@@ -209,12 +174,24 @@ def trim(
     climb_angle : float, rad
     density : float, kg/m3, optional
         Only where the vehicle takes the density from the log.
+    velocity : (3,), m/s, optional
+        On rotors: over ground, north-east-down; zero when absent.
+    wind : (3,), m/s, optional
+        On rotors: blowing north, east, down; the vehicle file's when absent.
+    heading : float, rad
+        On rotors.
 
     Raises
     ------
     SimulationError
         No steady flight at this speed with these controls.
     """
+    if vehicle.hovers and airspeed is None:
+        return hover_trim(vehicle, neutral_inputs(vehicle, density), altitude, velocity, wind, heading)
+    if vehicle.file.reference is None:
+        raise SimulationError(
+            f"{vehicle.where}: it has no wings to fly {airspeed:g} m/s on; leave the airspeed out and write velocity"
+        )
     if vehicle.reduce == "lateral":
         return trim(vehicle.reduced("full"), airspeed, altitude, climb_angle, density)
     V = vehicle.value("reference.airspeed") if airspeed is None else airspeed
@@ -222,13 +199,13 @@ def trim(
     for layout in _layouts(vehicle):
         condition = _Condition(layout, V, altitude, climb_angle, quiet)
         x, residual = _solved(condition)
-        if residual < _TOLERANCE:
+        if residual < TOLERANCE:
             break
     angles, controls, _ = condition.split(x)
     named = {**angles, **controls}
     worst = max(named, key=lambda name: abs(named[name]))
-    if not residual < _TOLERANCE or abs(named[worst]) > math.pi / 2.0:
-        wanting = residual >= _TOLERANCE or not math.isfinite(residual)
+    if not residual < TOLERANCE or abs(named[worst]) > math.pi / 2.0:
+        wanting = residual >= TOLERANCE or not math.isfinite(residual)
         why = (
             f"accelerations of {residual:.2g} remain"
             if wanting

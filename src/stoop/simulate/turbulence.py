@@ -56,11 +56,16 @@ def outputs_in_turbulence(
     rng : Generator
     """
     received = late_inputs(vehicle, inputs, rows, dt)
-    fine = finer(received, FINER)
+    fine = gust_noise(vehicle, finer(received, FINER), dt, rng)
+    return np.ascontiguousarray(vehicle.kernel().trajectories(rows, start, fine, dt / FINER)[:, ::FINER])
+
+
+def gust_noise(vehicle: Vehicle, fine: FloatArray, dt: float, rng: np.random.Generator) -> FloatArray:
+    """Fill the columns of noise of fine inputs (m, n_u) for a sample period, s; return them."""
     for axis in vehicle.gusts:
         column = vehicle.inputs.index(noise_input(axis))
         fine[:, column] = rng.standard_normal(len(fine)) / np.sqrt(dt / FINER)  # unit intensity
-    return np.ascontiguousarray(vehicle.kernel().trajectories(rows, start, fine, dt / FINER)[:, ::FINER])
+    return fine
 
 
 def finer(inputs: FloatArray, times: int) -> FloatArray:

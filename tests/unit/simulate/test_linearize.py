@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stoop.simulate import LinearModel, Trim, initial_states, linearize, parameter_rows, trim
-from stoop.simulate.trim import mixed_inputs
+from stoop.simulate.mixing import mixed_inputs
 from stoop.vehicle import Vehicle
 
 ANGLES = ("phi", "theta", "psi")

@@ -1,0 +1,42 @@
+"""Whether a vehicle can fly a maneuver at all."""
+
+from __future__ import annotations
+
+from stoop.errors import ManeuverError
+from stoop.simulate.maneuver import EXCITATIONS, SETPOINTS, Maneuver
+from stoop.vehicle import Vehicle
+
+
+def on_rotors(vehicle: Vehicle, maneuver: Maneuver) -> bool:
+    """Whether rotors carry the vehicle, and an autopilot flies it: without an airspeed it stands on its rotors."""
+    return vehicle.hovers and maneuver.airspeed is None
+
+
+def check_maneuver(vehicle: Vehicle, maneuver: Maneuver) -> None:
+    """Refuse what the vehicle does not have.
+
+    Raises
+    ------
+    ManeuverError
+        An input that it does not have, a velocity for what cannot hover, or a battery that nothing feels.
+    """
+    flies = on_rotors(vehicle, maneuver)
+    channels = set(vehicle.recorded) - {"voltage", "density"} if vehicle.hovers else set()
+    known = dict.fromkeys(
+        (*((*EXCITATIONS, *SETPOINTS) if flies else ()), *vehicle.controls, *sorted(channels))
+    )
+    for spec in maneuver.input:
+        if spec.control not in known:
+            names = ", ".join(known) or "none"
+            raise ManeuverError(
+                f"{vehicle.where}: the maneuver moves '{spec.control}', but the controls are {names}; correct the maneuver file"
+            )
+    if maneuver.velocity is not None and not vehicle.hovers:
+        raise ManeuverError(
+            f"velocity: {vehicle.where} has no rotors to hover on; write airspeed, and wind for the speed over ground"
+        )
+    if maneuver.battery is not None and not (flies and "rotors.nominal_voltage" in vehicle.rows):
+        raise ManeuverError(
+            f"battery: no rotor of {vehicle.where} feels the voltage in this flight; write nominal_voltage into [rotors] "
+            "of the vehicle file, or remove it"
+        )

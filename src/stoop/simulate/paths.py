@@ -1,0 +1,94 @@
+"""States along a flight: one step at a time, or all of a known record; through gusts where the vehicle has some."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.kernels.filtering import innovations, step
+from stoop.simulate.delays import late_inputs
+from stoop.simulate.turbulence import FINER, finer, gust_noise
+from stoop.vehicle import Vehicle
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Stepper:
+    """Takes states from sample to sample, as the kernel's own time loop does.
+
+    Attributes
+    ----------
+    rows : (n_p, 1)
+    dt : float, s
+    noise : (FINER (n - 1) + 1, n_u)
+        What drives the gusts; empty in still air.
+    """
+
+    vehicle: Vehicle
+    rows: FloatArray
+    dt: float
+    noise: FloatArray
+
+    @classmethod
+    def of(
+        cls, vehicle: Vehicle, rows: FloatArray, count: int, dt: float, rng: np.random.Generator
+    ) -> Stepper:
+        """Draw the noise of a whole flight."""
+        fine = np.zeros((FINER * (count - 1) + 1 if vehicle.gusts else 0, len(vehicle.inputs)))
+        return cls(vehicle, rows, dt, gust_noise(vehicle, fine, dt, rng))
+
+    def step(self, k: int, state: FloatArray, now: FloatArray, following: FloatArray) -> FloatArray:
+        """Return the state (n_x,) at sample k + 1; inputs (n_u,) go in straight lines."""
+        kernel = self.vehicle.kernel()
+        if not self.vehicle.gusts:
+            after, _ = step(kernel, self.rows, state[:, None], now[:, None], following[:, None], self.dt)
+            return np.asarray(after[:, 0])
+        fine = finer(np.stack([now, following]), FINER) + self.noise[FINER * k : FINER * (k + 1) + 1]
+        return np.asarray(states_along(self.vehicle, self.rows, state[:, None], fine, self.dt / FINER)[-1])
+
+
+def states_along(
+    vehicle: Vehicle, rows: FloatArray, start: FloatArray, inputs: FloatArray, dt: float
+) -> FloatArray:
+    """Return states (n, n_x) of a record whose inputs (n, n_u), as they arrive, are known."""
+    kernel = vehicle.kernel()
+    still = np.zeros((1, kernel.moves * len(vehicle.outputs), 1))
+    unseen = np.full((len(inputs), len(vehicle.outputs)), np.nan)
+    which = np.zeros(len(inputs), dtype=np.int64)
+    _, path = innovations(kernel, rows, start, still, which, inputs, unseen, dt, states=True)
+    return np.asarray(path[0])
+
+
+def states_flown(
+    vehicle: Vehicle,
+    rows: FloatArray,
+    start: FloatArray,
+    inputs: FloatArray,
+    dt: float,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """Return states (n, n_x) of a flight whose recorded inputs (n, n_u) are known; gusts as `rng` drives them."""
+    received = late_inputs(vehicle, inputs, rows, dt)
+    if not vehicle.gusts:
+        return states_along(vehicle, rows, start, received, dt)
+    fine = gust_noise(vehicle, finer(received, FINER), dt, rng)
+    return np.asarray(states_along(vehicle, rows, start, fine, dt / FINER)[::FINER])
+
+
+def ground_velocity(body: FloatArray, q: FloatArray) -> FloatArray:
+    """Return velocities (3, ...) north-east-down, of those along body axes (3, ...) and quaternions (4, ...)."""
+    u, v, w = body
+    e0, e1, e2, e3 = q / np.sqrt((q * q).sum(axis=0))
+    a, b, c = 2.0 * (e2 * w - e3 * v), 2.0 * (e3 * u - e1 * w), 2.0 * (e1 * v - e2 * u)
+    return np.array(
+        [u + e0 * a + e2 * c - e3 * b, v + e0 * b + e3 * a - e1 * c, w + e0 * c + e1 * b - e2 * a]
+    )
+
+
+def traveled(velocity: FloatArray, dt: float) -> FloatArray:
+    """Return positions (n, 3), m, of velocities (n, 3), from zero."""
+    steps = 0.5 * dt * (velocity[1:] + velocity[:-1])
+    return np.vstack([np.zeros((1, velocity.shape[1])), np.cumsum(steps, axis=0)])
