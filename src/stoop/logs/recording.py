@@ -41,7 +41,7 @@ class Defect:
 
     Attributes
     ----------
-    kind : "time order", "truncated", "corrupt", "dropout", "text" or "skipped"
+    kind : "time order", "truncated", "corrupt", "dropout", "text", "skipped" or "no clock"
     place : file, topic or column in which it was met
     message : one plain sentence
     """
