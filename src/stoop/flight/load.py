@@ -91,11 +91,11 @@ def _topics(path: Path, place: Path | None) -> frozenset[str] | None:
     """Return the streams that are needed, where that is known before the log is read."""
     if not path.is_file():
         return None
-    if place is not None:
-        named_streams = read_flight_mapping(place).streams
-        return None if "" in named_streams else named_streams
     known = READY.get(kind(path))
-    return ready(known).streams if known else None
+    if place is None and known is None:
+        return None
+    streams = (read_flight_mapping(place) if place is not None else ready(known or "")).streams
+    return None if "" in streams else streams
 
 
 def channels_of(recording: Recording, place: Path | None = None) -> Mapped:

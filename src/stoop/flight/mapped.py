@@ -13,10 +13,10 @@ from stoop.errors import LogError
 from stoop.flight.channels import WILD, Channels
 from stoop.flight.clocks import align
 from stoop.flight.frames import turned
-from stoop.flight.mapping import Clock, FlightMapping
+from stoop.flight.mapping import Clock, FlightMapping, with_other_form
 from stoop.flight.sources import Group, Source
 from stoop.flight.surfaces import deflections
-from stoop.flight.variables import EULER, QUATERNION
+from stoop.flight.variables import EULER
 from stoop.logs import FloatArray, Recording, Stream
 from stoop.logs.recording import clean_stream
 from stoop.units import FACTORS, KINDS
@@ -24,7 +24,6 @@ from stoop.units import FACTORS, KINDS
 BoolArray = npt.NDArray[np.bool_]
 
 MAX_TRANSPORT: Final = 0.2  #: s; a sample stamp further from its publication is not believed
-_ATTITUDE: Final = (frozenset(EULER), frozenset(QUATERNION))
 
 
 @dataclass(frozen=True)
@@ -58,25 +57,31 @@ def apply(mapping: FlightMapping, recording: Recording) -> Mapped:
     channels: list[Channels] = []
     for group in mapping.groups.values():
         taken = {name for known in channels for name in known.values}
-        found = _best(timed, group)
-        rest = None if found is None else _less(found, group.without | _with_attitude(taken))
-        channels += [rest] if rest is not None and rest.values else []
+        found = _best(timed, group, group.without | with_other_form(taken))
+        channels += [] if found is None else [found]
         notes += _left_out(timed, group)
     channels = _joined(channels)
     made, told = deflections(mapping.surfaces, channels)
-    channels = [less for known in channels if (less := _less(known, set(mapping.surfaces.mixes))).values]
+    channels = [less for known in channels if (less := _less(known, frozenset(mapping.surfaces.mixes))).values]
     notes += [*aligned, *_contradicted(mapping, timed), *told]
     places = {name: source.place for source in reversed([*_sources(mapping)]) for name in source.variables}
     left = {**recording.unread, **unmapped(mapping, recording)}
     return Mapped([*channels, *made], notes, left, places)
 
 
-def _with_attitude(taken: set[str]) -> set[str]:
-    """Count the other form of an attitude as taken too: both would contradict each other."""
-    return taken.union(*_ATTITUDE) if any(taken & part for part in _ATTITUDE) else taken
+def _best(recording: Recording, group: Group, without: frozenset[str]) -> Channels | None:
+    supplied = [_supply(recording, source) for source in group.sources]
+    rest = [_less(channels, without) for channels in supplied if channels is not None]
+    found = [channels for channels in rest if channels.values]
+    whole = [channels for channels in found if _finite(channels).all(axis=0).any()]
+    some = [channels for channels in found if _finite(channels).any()]
+    left = whole or some
+    if group.choose == "first":
+        return left[0] if left else None
+    return _fastest(left)
 
 
-def _less(channels: Channels, names: set[str] | frozenset[str]) -> Channels:
+def _less(channels: Channels, names: frozenset[str]) -> Channels:
     return replace(channels, values={name: x for name, x in channels.values.items() if name not in names})
 
 
@@ -113,16 +118,6 @@ def _retimed(
     time = stream.columns[clock.column] * clock.factor + clock.offset
     cleaned, defects = clean_stream(name, time, stream.columns)
     return cleaned, [str(defect) for defect in defects]
-
-
-def _best(recording: Recording, group: Group) -> Channels | None:
-    found = [channels for source in group.sources if (channels := _supply(recording, source)) is not None]
-    whole = [channels for channels in found if _finite(channels).all(axis=0).any()]
-    some = [channels for channels in found if _finite(channels).any()]
-    left = whole or some
-    if group.choose == "first":
-        return left[0] if left else None
-    return _fastest(left)
 
 
 def _finite(channels: Channels) -> BoolArray:

@@ -9,7 +9,7 @@ A mapping that says `extends = "px4"` starts from a ready one and overrides what
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
@@ -33,7 +33,6 @@ READY: Final[dict[str, str]] = {
 _TABLES: Final = frozenset(
     {"extends", "time", "clock", "variables", "group", "calibration", "surface", "mixer", "align"}
 )
-_ATTITUDE: Final = (frozenset(EULER), frozenset(QUATERNION))
 
 
 @dataclass(frozen=True)
@@ -143,12 +142,16 @@ def _groups(place: str, content: Mapping[str, Any]) -> dict[str, Group]:
 def _left(base: Mapping[str, Group], own: Mapping[str, Group]) -> dict[str, Group]:
     """Return what a base still supplies: no group of the same name, none of the variables named anew."""
     taken = {name for group in own.values() for source in group.sources for name in source.variables}
-    for attitude in _ATTITUDE:  # an attitude is one thing, in whichever form it was given
-        if taken & attitude:
-            taken |= frozenset(EULER) | frozenset(QUATERNION)
     kept = {name: group for name, group in base.items() if name.partition(".")[0] not in own}
-    left = {name: replace(group, without=group.without | taken) for name, group in kept.items()}
+    left = {name: replace(group, without=group.without | with_other_form(taken)) for name, group in kept.items()}
     return {name: group for name, group in left.items() if name not in own}
+
+
+def with_other_form(taken: Set[str]) -> frozenset[str]:
+    """Count the other form of an attitude as taken too: both would contradict each other."""
+    forms = frozenset(EULER), frozenset(QUATERNION)
+    others = [other for form, other in (forms, forms[::-1]) if taken & form]
+    return frozenset(taken).union(*others)
 
 
 def _sub(place: str, content: Mapping[str, Any], key: str) -> Mapping[str, Any]:
