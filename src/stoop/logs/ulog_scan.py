@@ -18,13 +18,17 @@ from stoop.logs.ulog_notes import Notes
 
 START: Final = 16  #: bytes before the first message: magic, version, time
 PIECE: Final = 2**22  #: bytes read at a time, beside what the last message needs
-SMALL: Final = 2**20  #: bytes below which plain Python is done before compiled code is loaded
+SMALL: Final = 2**21  #: bytes up to which plain Python is done before compiled code is loaded
 LISTED: Final = 2**17  #: rows listed before they are copied
 MOST_EVENTS: Final = 200_000  #: messages of a kind that Python looks at; a log of hours has some thousands
 MOST_DAMAGES: Final = 20_000
 MOST_STREAMS: Final = 20_000
 MAX_KEPT: Final = 2**33  #: bytes of all rows
-GROWTH: Final = 1.2  #: of the room for a stream's rows when it is full: it is the memory wasted at most
+MARGIN, LEAST_GROWTH, MOST_GROWTH = (
+    1.05,
+    1.5,
+    16.0,
+)  #: by which the room for a stream's rows grows when it is full
 LOUD: Final = b"AFIMPQRLC"  #: kinds that are more than rows
 NAMED: Final = 20  #: defects of a kind that are listed one by one
 
@@ -36,7 +40,7 @@ class TooMuchError(Exception):
 
 
 class Rows:
-    """The rows of a stream, in one piece of memory that grows in place where the system can.
+    """The rows of a stream, in one piece of memory; its last part is not touched, and so takes none, until it is filled.
 
     Attributes
     ----------
@@ -49,18 +53,22 @@ class Rows:
         self.topic, self.instance, self.width, self.count = topic, instance, width, 0
         self._bytes = np.empty(0, dtype=np.uint8)
 
-    def append(self, rows: Bytes) -> None:
-        """Add whole rows."""
+    def append(self, rows: Bytes, share: float) -> None:
+        """Add whole rows, after so large a share of the file."""
         end = self.count * self.width
         if end + rows.size > self._bytes.size:
-            self._bytes.resize(int(max(end + rows.size, GROWTH * self._bytes.size)), refcheck=False)
+            more = min(
+                max(MARGIN / share, LEAST_GROWTH), MOST_GROWTH
+            )  # as many as it takes, if it goes on like this
+            grown = np.empty(int(more * (end + rows.size)), dtype=np.uint8)
+            grown[:end] = self._bytes[:end]
+            self._bytes = grown
         self._bytes[end : end + rows.size] = rows
         self.count += rows.size // self.width
 
     def table(self, row: np.dtype[Any]) -> npt.NDArray[np.void]:
-        """Return the rows; nothing can be added any more."""
-        self._bytes.resize(self.count * self.width, refcheck=False)
-        return self._bytes.view(row)
+        """Return the rows."""
+        return self._bytes[: self.count * self.width].view(row)
 
 
 @dataclass
@@ -138,7 +146,7 @@ class _Scanner:
 
     def __init__(self, file: BinaryIO, size: int, topics: frozenset[str] | None) -> None:
         self.found = Scan()
-        self._file, self._topics = file, topics
+        self._file, self._size, self._topics = file, size, topics
         self._started, self._time, self._kept = False, 0.0, 0
         self._events: Counter[int] = Counter()
         self._streams: dict[tuple[str, int], int] = {}
@@ -236,6 +244,7 @@ class _Scanner:
             self._kept += int(ends[-1])
             if self._kept > MAX_KEPT:
                 raise TooMuchError
+            share = (self._offset + self._have) / self._size
             cursors = ends - sizes
             self._code.gather(
                 self._bytes,
@@ -247,7 +256,7 @@ class _Scanner:
                 self._out,
             )
             for k in np.flatnonzero(sizes):
-                self.found.streams[k].append(self._arena[ends[k] - sizes[k] : ends[k]])
+                self.found.streams[k].append(self._arena[ends[k] - sizes[k] : ends[k]], share)
         return 0
 
     def _stamp(self, number: int) -> float:

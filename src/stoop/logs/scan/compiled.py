@@ -23,8 +23,8 @@ def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 for _part in (
-    plain.lower, plain.data_level, plain.sync_level, plain.key_level, plain.text_level, plain.short_level, plain.level,
-    plain.chained, plain.seek, plain.follows, plain.invented, plain.judge, plain.note, plain.row,
+    plain.named, plain.timely, plain.data_level, plain.sync_level, plain.key_level, plain.text_level, plain.short_level,
+    plain.level, plain.chained, plain.seek, plain.follows, plain.invented, plain.judge, plain.note, plain.remark,
 ):  # fmt: skip
     register_jitable(_part)
 

@@ -25,7 +25,9 @@ HEADER = 3
 BODY = 65535  #: bytes of a body at most
 LOOKAHEAD = 4 * (HEADER + BODY)  #: bytes that judging a header can take
 CHAIN = 3  #: messages in a row that are no accident
-TEXT = 4096  #: bytes of a text for the pilot at most; PX4 writes 127
+TEXT = (
+    4096  #: bytes that a body takes at most where its length cannot be checked; a text for the pilot has 127
+)
 
 # Sums over the whole file, in an array of int64
 DROPOUTS = 0  #: how many; the place of the first is next to it
@@ -38,13 +40,23 @@ SUMS = 7
 ILL, LIKELY, SURE, NEW, BEYOND = 0, 1, 2, 3, 4
 
 KINDS = (65, 66, 67, 68, 70, 73, 76, 77, 79, 80, 81, 82, 83)  #: ABCDFILMOPQRS
+FIRST, LAST = 65, 83
 
 SYNC = (0x2F, 0x73, 0x13, 0x20, 0x25, 0x0C, 0xBB, 0x12)
 
 
-def lower(byte: int) -> bool:
-    """Tell whether a byte is a letter with which names begin."""
-    return 97 <= byte <= 122 or byte == 95
+def named(buffer: Any, at: int, count: int, end: int) -> bool:
+    """Tell whether a name or type can begin here: small letters, digits, underscores, colon, as far as there are bytes."""
+    for i in range(at, min(at + count, end)):
+        byte = int(buffer[i])
+        if not (97 <= byte <= 122 or 48 <= byte <= 58 or byte == 95):
+            return False
+    return True
+
+
+def timely(buffer: Any, at: int, end: int) -> bool:
+    """Tell whether these eight bytes can be a time in us: less than two thousand years."""
+    return at + 8 > end or int(buffer[at + 7]) == 0
 
 
 def data_level(buffer: Any, at: int, size: int, end: int, low: Any, high: Any) -> int:
@@ -53,7 +65,7 @@ def data_level(buffer: Any, at: int, size: int, end: int, low: Any, high: Any) -
         return 1 if size >= 10 else 0
     topic = int(buffer[at + 3]) | (int(buffer[at + 4]) << 8)
     if high[topic] == 0:
-        return 1 if 10 <= size <= TEXT else 0
+        return 1 if 10 <= size <= TEXT and timely(buffer, at + 5, end) else 0
     return 2 if low[topic] <= size - 2 <= high[topic] else 0
 
 
@@ -71,18 +83,20 @@ def sync_level(buffer: Any, at: int, size: int, end: int) -> int:
 
 def key_level(buffer: Any, at: int, size: int, end: int, before: int) -> int:
     """Judge a message whose body is bytes before, length of the key, key, value."""
-    if size < before + 4 or at + 5 + before > end:
-        return 0 if size < before + 4 else 1
+    if size < before + 6:
+        return 0
+    if at + 4 + before > end:
+        return 1
     length = int(buffer[at + 3 + before])
-    fits = 3 <= length < size - before
-    return 1 if fits and lower(int(buffer[at + 4 + before])) else 0
+    return 1 if 5 <= length < size - before and named(buffer, at + 4 + before, 3, end) else 0
 
 
 def text_level(buffer: Any, at: int, size: int, end: int, least: int) -> int:
-    """Judge a message for the pilot: its first byte is its importance, a digit."""
+    """Judge a message for the pilot: its first byte is its importance, a digit, and its last before the text a time."""
     if not least <= size <= TEXT:
         return 0
-    return 1 if at + 4 > end or 48 <= int(buffer[at + 3]) <= 55 else 0
+    grave = at + 4 > end or 48 <= int(buffer[at + 3]) <= 55
+    return 1 if grave and timely(buffer, at + HEADER + least - 8, end) else 0
 
 
 def level(buffer: Any, at: int, end: int, low: Any, high: Any) -> int:
@@ -114,9 +128,9 @@ def short_level(buffer: Any, at: int, size: int, kind: int, end: int) -> int:
     if kind == 79 or kind == 82:  # O, dropout; R, remove a topic
         return 1 if size == 2 else 0
     if kind == 65:  # A, add a topic
-        return 1 if 4 <= size <= TEXT and (at + 7 > end or lower(int(buffer[at + 6]))) else 0
+        return 1 if 4 <= size <= TEXT and named(buffer, at + 6, min(size - 3, 3), end) else 0
     if kind == 70:  # F, format
-        return 1 if size >= 4 and (at + 4 > end or lower(int(buffer[at + 3]))) else 0
+        return 1 if size >= 4 and named(buffer, at + 3, 3, end) else 0
     return 1 if kind == 66 and size >= 40 else 0  # B, flags
 
 
@@ -129,9 +143,10 @@ def chained(buffer: Any, at: int, end: int, low: Any, high: Any) -> bool:
         if at + HEADER > end:
             return sure > 0
         found = level(buffer, at, end, low, high)
-        if found == 0:
+        size = int(buffer[at]) | (int(buffer[at + 1]) << 8)
+        if found == 0 or (found == 1 and size > TEXT):
             return False
-        at += HEADER + (int(buffer[at]) | (int(buffer[at + 1]) << 8))
+        at += HEADER + size
         if at > end:
             return sure > 0
         sure += found - 1
@@ -140,8 +155,8 @@ def chained(buffer: Any, at: int, end: int, low: Any, high: Any) -> bool:
 
 def seek(buffer: Any, at: int, stop: int, end: int, low: Any, high: Any) -> int:
     """Return the first place of at .. stop where messages begin; stop where there is none."""
-    while at < stop:
-        if chained(buffer, at, end, low, high):
+    while at < stop and at + HEADER <= end:
+        if FIRST <= buffer[at + 2] <= LAST and chained(buffer, at, end, low, high):
             return at
         at += 1
     return stop
@@ -184,6 +199,18 @@ def note(sums: Any, which: int, place: int) -> None:
     sums[which] += 1
 
 
+def remark(buffer: Any, at: int, offset: int, verdict: int, sums: Any) -> None:
+    """Count a message that is neither a sound row nor for the caller."""
+    kind = int(buffer[at + 2])
+    if verdict == NEW:
+        note(sums, UNKNOWN, offset + at)
+    elif kind == 68:
+        note(sums, STRANGERS, offset + at)
+    elif kind == 79:
+        note(sums, DROPOUTS, offset + at)
+        sums[DROPPED] += int(buffer[at + 3]) | (int(buffer[at + 4]) << 8)
+
+
 def walk(
     buffer: Any, at: int, end: int, final: bool, offset: int, loud: Any, low: Any, high: Any, slots: Any,
     places: Any, owners: Any, count: int, sums: Any,
@@ -211,47 +238,29 @@ def walk(
     while at + margin <= end:
         kind = int(buffer[at + 2])
         after = at + HEADER + (int(buffer[at]) | (int(buffer[at + 1]) << 8))
+        if (
+            kind == 68 and at + 5 < after <= end
+        ):  # nearly all messages are rows, and nearly all of those are sound
+            topic = int(buffer[at + 3]) | (int(buffer[at + 4]) << 8)
+            if low[topic] <= after - at - 5 <= high[topic]:
+                if slots[topic] >= 0:
+                    if count == len(places):
+                        return at, count, FULL
+                    places[count] = at + 5
+                    owners[count] = slots[topic]
+                    count += 1
+                at = after
+                continue
         verdict = judge(buffer, at, after, end, low, high)
         if verdict in (ILL, BEYOND):
             return at, count, CUT if verdict == BEYOND else DAMAGE
-        if verdict == NEW:
-            note(sums, UNKNOWN, offset + at)
-        elif loud[kind]:
+        if verdict != NEW and loud[kind]:
             return at, count, EVENT
-        elif kind == 68:
-            if count == len(places):
-                return at, count, FULL
-            count += row(buffer, at, verdict, offset, slots, places, owners, count, sums)
-        elif kind == 79:
-            note(sums, DROPOUTS, offset + at)
-            sums[DROPPED] += int(buffer[at + 3]) | (int(buffer[at + 4]) << 8)
+        remark(buffer, at, offset, verdict, sums)
         at = after
     if not final:
         return at, count, MORE
     return at, count, DONE if at == end else CUT
-
-
-def row(
-    buffer: Any,
-    at: int,
-    verdict: int,
-    offset: int,
-    slots: Any,
-    places: Any,
-    owners: Any,
-    count: int,
-    sums: Any,
-) -> int:
-    """List a row, where its topic is wanted, as number `count`; return how many were listed."""
-    topic = int(buffer[at + 3]) | (int(buffer[at + 4]) << 8)
-    if verdict != SURE:
-        note(sums, STRANGERS, offset + at)
-        return 0
-    if slots[topic] < 0:
-        return 0
-    places[count] = at + 5
-    owners[count] = slots[topic]
-    return 1
 
 
 def gather(buffer: Any, places: Any, owners: Any, count: int, widths: Any, cursors: Any, out: Any) -> int:
