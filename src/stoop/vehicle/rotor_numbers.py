@@ -19,16 +19,16 @@ _FREE: Final = frozenset(
         "T0", "T1", "T2", "inflow", "translational", "drag", "Q0", "Q1", "Q2", "torque_ratio",
     )
 )  # fmt: skip
-#: unit, and the power of x that the coefficient multiplies
+#: units where x is a command, and where it is a speed
 _COEFFICIENTS: Final = {
-    "T0": ("N", 0), "T1": ("N", 1), "T2": ("N", 2), "inflow": ("N s/m", 1), "translational": ("N s2/m2", 0),
-    "drag": ("N s/m", 1), "Q0": ("N m", 0), "Q1": ("N m", 1), "Q2": ("N m", 2),
+    "T0": ("N", "N"), "T1": ("N", "N s/rad"), "T2": ("N", "N s2/rad2"), "inflow": ("N s/m", "N s2/(m rad)"),
+    "drag": ("N s/m", "N s2/(m rad)"), "translational": ("N s2/m2", "N s2/m2"), "Q0": ("N m", "N m"),
+    "Q1": ("N m", "N m s/rad"), "Q2": ("N m", "N m s2/rad2"), "gain": ("1", "rad/s per unit"),
 }  # fmt: skip
 _PLAIN: Final = {
     "nominal_voltage": "V", "lag": "s", "delay": "s", "torque_ratio": "m", "inertia": "kg m2",
     "linear": "N s/m", "quadratic": "N s2/m2", "rotation": "N m s", "position": "m",
 }  # fmt: skip
-_PER_SPEED: Final = {0: "", 1: " s/rad", 2: " s2/rad2"}
 _POSITIVE: Final = ("T2", "Q2", "torque_ratio", "lag", "gain", "inertia", "factor", "torque_factor")
 
 
@@ -42,10 +42,7 @@ def unit(name: str, drive: str) -> str:
     parts = name.split(".")
     last = parts[-1] if parts[-1] not in ("x", "y", "z") else parts[-2]
     if last in _COEFFICIENTS:
-        base, power = _COEFFICIENTS[last]
-        return base + _PER_SPEED[power] if drive == "speed" else base
-    if last == "gain":
-        return "rad/s per unit" if drive == "speed" else "1"
+        return _COEFFICIENTS[last][drive == "speed"]
     return _PLAIN.get(last, "1")
 
 

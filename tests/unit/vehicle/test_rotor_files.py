@@ -1,0 +1,137 @@
+"""Files with rotors that say something impossible: one line that names the key and the remedy."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+
+import pytest
+
+from stoop.errors import VehicleError
+from stoop.report.formula import mathml
+from stoop.vehicle import parse_vehicle
+from stoop.vehicle.builtin import BUILT_IN, builtin_vehicle
+from stoop.vehicle.latex import equations, symbols
+from stoop.vehicle.plausible import inertia_doubts
+
+QUAD = (files("stoop") / "data" / "quad_x.toml").read_text()
+REFERENCE = "[reference]\narea = 0.5\nchord = 0.3\nspan = 2.0\nairspeed = 18.0\n"
+FIRST = 'channel = "motor_1"\nposition = [0.177, 0.177, -0.03]\nspin = "ccw"'
+
+CHANGES = [
+    # what stands there, what stands there instead, key that is named, what is said
+    ("lag = 0.05", "lag = 0.0", "rotors.lag", "not positive; remove it for no lag"),
+    ("lag = 0.05", "gain = -1.0", "rotors.gain", "not positive"),
+    ("lag = 0.05", "nominal_voltage = 0.0", "rotors.nominal_voltage", "not positive"),
+    ("lag = 0.05", "lagg = 0.05", "rotors.lagg", "did you mean lag?"),
+    ("lag = 0.05", "idle = 1.0", "rotors.idle", "not below full command of motor_1 (1)"),
+    ("lag = 0.05", "inertia = 1e-5", "rotors", 'write drive = "speed"'),
+    ("lag = 0.05", "Q2 = 0.1", "rotors", "Q2 and torque_ratio both say the torque; remove one"),
+    ("T1 = 2.5\nT2 = 6.0", "", "rotors", "there is no thrust; write T2"),
+    ("T1 = 2.5\nT2 = 6.0", "T2 = 0.0", "rotors.T2", "thrust does not rise with the command"),
+    ("T1 = 2.5\nT2 = 6.0", "T2 = -6.0", "rotors.T2", "write a first guess, e.g. T2 = 15"),
+    ("T1 = 2.5\nT2 = 6.0", "T2 = 0.6", "rotors.T2", "the rotors lift 2.4 N, and the vehicle weighs 14.7 N"),
+    ("mass = 1.5", "mass = 1500.0", "rotors.T2", "correct T0, T1, T2, gain, idle or mass"),
+    ("torque_ratio = 0.016", "torque_ratio = -0.016", "rotors.torque_ratio", "spin says the sign"),
+    (FIRST, FIRST.replace('"ccw"', '"left"'), "rotor.m1.spin", "it must be 'ccw' or 'cw'"),
+    (FIRST, FIRST + "\naxis = [0.0, 0.0, 0.0]", "rotor.m1.axis", "has no length"),
+    (FIRST, FIRST + "\nfactor = -0.5", "rotor.m1.factor", "negative"),
+    (FIRST, FIRST.replace("0.177, 0.177", "177.0, 177.0"), "rotor.m1.position", "looks like millimeters"),
+    (FIRST, FIRST.removesuffix('\nspin = "ccw"'), "rotor.m1.spin", "missing; add it"),
+    ("[body_drag]", '[model]\nreduce = "longitudinal"\n[body_drag]', "model.reduce", 'write reduce = "full"'),
+    ("[body_drag]", "[aerodynamics]\n[body_drag]", "reference", "aerodynamics needs it"),
+    ("[body_drag]", "[controls.m1]\n[body_drag]", "rotor.m1", "taken by a control"),
+    (
+        "[body_drag]",
+        "[turbulence]\n[body_drag]",
+        "turbulence.airspeed",
+        "write the speed at which the gusts pass",
+    ),
+    ("[body_drag]", "[turbulence]\nairspeed = 0.0\n[body_drag]", "turbulence.airspeed", "not positive"),
+    ("[body_drag]", "[body_drag]\nrotation = [0.1, 0.1]", "body_drag.rotation.2", "too few entries"),
+]
+
+
+def complaint(text: str) -> str:
+    with pytest.raises(VehicleError) as caught:
+        parse_vehicle(text, "bad.toml")
+    said = str(caught.value)
+    assert said.startswith("bad.toml: ")
+    assert said.isprintable(), "one line"
+    return said
+
+
+@pytest.mark.parametrize(("old", "new", "key", "remedy"), CHANGES)
+def test_impossible(old: str, new: str, key: str, remedy: str) -> None:
+    assert QUAD.count(old) == 1
+    said = complaint(QUAD.replace(old, new))
+    assert said.startswith(f"bad.toml: {key}: ")
+    assert remedy in said
+
+
+def test_all_on_one_spot() -> None:
+    said = complaint(QUAD.replace("0.177", "0.0"))
+    assert "all 4 rotors are on one spot" in said
+
+
+def test_all_turn_one_way() -> None:
+    said = complaint(QUAD.replace('"cw"', '"ccw"'))
+    assert "all 4 rotors turn ccw, so nothing holds the yaw" in said
+
+
+def test_tables_that_belong_together() -> None:
+    assert "rotors: missing; add it with T2" in complaint(
+        QUAD[: QUAD.index("[rotors]")] + QUAD[QUAD.index("[rotor.m1]") :]
+    )
+    assert "rotor: missing; add a table for each" in complaint(QUAD[: QUAD.index("[rotor.m1]")] + REFERENCE)
+    assert complaint(QUAD[: QUAD.index("[rotors]")]) == "bad.toml: reference: missing; add it"
+
+
+def test_velocity_over_ground_is_of_rotors(twin_boom: str) -> None:
+    assert "only a vehicle with rotors is observed by it; remove it" in complaint(
+        twin_boom + "[sensors.vn]\nbias = 1.0\n"
+    )
+
+
+def test_too_many() -> None:
+    more = "".join(f"[rotor.x{i}]\n{FIRST}\n" for i in range(13))
+    assert "rotor: " in complaint(QUAD + more)
+
+
+def test_a_delay_is_shared_with_a_control_of_the_channel() -> None:
+    late = QUAD.replace("lag = 0.05", "delay = 0.02") + REFERENCE + "[aerodynamics]\n[controls.elevator]\n"
+    said = complaint(late + "mix = { motor_1 = 0.1 }\n")
+    assert "rotors.delay: channel motor_1 also moves elevator" in said
+    assert parse_vehicle(late + 'mix = { motor_1 = 0.1 }\ndelay = "=rotors.delay"\n', "tied").hovers
+
+
+def test_loadings_are_held_to_the_same() -> None:
+    said = complaint(QUAD + '[loadings.brick]\n"mass.mass" = 40.0\n')
+    assert said.startswith("bad.toml: loadings.brick: rotors.T2: at full command")
+
+
+def test_a_poor_guess_of_thrust_is_no_fault_on_speed() -> None:
+    """Full speed is not known where the speed is measured."""
+    text = QUAD.replace('drive = "command"', 'drive = "speed"').replace('"motor_', '"rotor_')
+    assert parse_vehicle(text.replace("T1 = 2.5\nT2 = 6.0", "T2 = 1e-9"), "speed").hovers
+
+
+@pytest.mark.parametrize("name", [n for n in BUILT_IN if n != "twin-boom"])
+def test_report_has_equations_and_symbols(name: str) -> None:
+    vehicle = builtin_vehicle(name)
+    lines = equations(vehicle)
+    assert any(line.startswith("T_{i} =") for line in lines)
+    assert any("C_{L}" in line for line in lines) == (vehicle.file.reference is not None)
+    known = symbols(vehicle)
+    assert {
+        p.name for p in vehicle.parameters if p.name.startswith(("rotors.", "rotor.", "body_drag."))
+    } <= set(known)
+    for latex in (*lines, *known.values()):
+        assert "<code>" not in mathml(latex), latex
+
+
+def test_inertia_of_another_size_is_doubted() -> None:
+    quad = builtin_vehicle("quad-x")
+    assert not inertia_doubts(quad)
+    (said,) = inertia_doubts(quad, {"mass.inertia.xx": 0.5})
+    assert "implausibly large" in said
+    assert "of the largest distance between rotors" in said

@@ -1,0 +1,256 @@
+"""Vehicles with rotors against their plain twin: every feature of the tables, far from hover and in motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+
+import numpy as np
+import pytest
+from naive import march
+from naive.aircraft import Aircraft
+from naive.interpreted import interpreted
+from naive.multirotor import Multirotor
+
+from stoop.simulate import initial_states, parameter_rows
+from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.builtin import builtin_vehicle
+
+DT, N = 0.001, 300
+COMMANDED = """
+name = "commanded"
+[mass]
+mass = 1.6
+inertia = { xx = 0.03, yy = 0.028, zz = 0.05, xz = 0.002, xy = -0.001, yz = 0.0015 }
+center_of_gravity = [0.01, -0.006, 0.02]
+[rotors]
+gain = 0.0012
+idle = 1050.0
+nominal_voltage = 15.2
+lag = 0.06
+T0 = 0.1
+T1 = 1.9
+T2 = 7.1
+inflow = 0.31
+translational = 0.012
+drag = 0.11
+Q0 = 0.004
+Q1 = 0.01
+Q2 = 0.13
+[rotor.m1]
+channel = "pwm_1"
+position = [0.17, 0.18, -0.03]
+axis = [0.1, -0.1, -2.0]
+spin = "ccw"
+factor = 0.85
+[rotor.m2]
+channel = "pwm_2"
+position = [-0.17, -0.18, -0.02]
+spin = "ccw"
+torque_factor = 1.2
+[rotor.m3]
+channel = "pwm_3"
+position = [0.16, -0.17, -0.03]
+axis = [0.0, 0.15, -1.0]
+spin = "cw"
+[rotor.m4]
+channel = "pwm_4"
+position = [-0.18, 0.17, -0.03]
+spin = "cw"
+[body_drag]
+linear = [0.1, 0.12, 0.15]
+quadratic = [0.02, 0.03, 0.04]
+rotation = [0.004, 0.005, 0.003]
+[sensors]
+accelerometer_position = [0.05, 0.01, -0.02]
+[sensors.vn]
+bias = 1.5
+[sensors.vd]
+scale = 0.98
+bias = -0.2
+[sensors.az]
+scale = 1.02
+bias = 0.1
+"""
+TURNING = """
+name = "turning"
+[mass]
+mass = 1.2
+inertia = { xx = 0.02, yy = 0.021, zz = 0.035 }
+[environment]
+density = 1.1
+gravity = 9.81
+[rotors]
+drive = "speed"
+gain = 1000.0
+lag = 0.04
+T2 = 8.5e-6
+inflow = 3.0e-4
+drag = 8.0e-5
+torque_ratio = 0.016
+inertia = 6.0e-5
+[rotor.a]
+channel = "motor_1"
+position = [0.2, 0.0, 0.0]
+spin = "cw"
+[rotor.b]
+channel = "motor_2"
+position = [-0.1, 0.17, 0.0]
+axis = [0.0, 0.5, -1.0]
+spin = "ccw"
+[rotor.c]
+channel = "motor_3"
+position = [-0.1, -0.17, 0.0]
+axis = [0.0, -0.4, -1.0]
+spin = "ccw"
+"""
+MEASURED = TURNING.replace("gain = 1000.0\nlag = 0.04\n", "").replace("motor_", "rotor_")
+
+
+@dataclass(frozen=True)
+class Case:
+    text: str
+    inputs: Mapping[str, tuple[float, float]]  #: how a channel's name begins -> mean and swing
+
+
+CASES = {
+    "commanded": Case(COMMANDED, {"pwm": (1500.0, 400.0), "voltage": (15.0, 0.8)}),
+    "turning": Case(TURNING, {"motor": (0.6, 0.3)}),
+    "measured": Case(MEASURED, {"rotor": (600.0, 250.0)}),
+    "octo": Case((files("stoop") / "data" / "octo_x.toml").read_text(), {"motor": (0.55, 0.3)}),
+}
+START = {
+    "u": 4.0,
+    "v": -2.0,
+    "w": 1.5,
+    "p": 0.5,
+    "q": -0.4,
+    "r": 0.9,
+    "phi": 0.4,
+    "theta": -0.3,
+    "psi": 2.5,
+    "h": 300.0,
+}
+
+
+def means(spec: Case, channel: str) -> tuple[float, float]:
+    return next(v for head, v in spec.inputs.items() if channel.startswith(head))
+
+
+def recorded(spec: Case, vehicle: Vehicle) -> np.ndarray:
+    """Return inputs (N, n_u) with corners, some of which stop a motor."""
+    t = np.arange(N) * DT
+    columns = []
+    for i, name in enumerate(vehicle.inputs):
+        mean, swing = means(spec, name)
+        columns.append(mean + swing * (0.6 * np.sin((3.0 + i) * t + i) + 0.6 * np.sign(np.sin(9.0 * t + i))))
+    return np.array(columns).T
+
+
+def test_trajectories() -> None:
+    """The compiled model in motion: lags, voltage, clipped commands, tilted axes."""
+    spec = CASES["commanded"]
+    vehicle = parse_vehicle(spec.text, "commanded")
+    u = recorded(spec, vehicle)
+    rng = np.random.default_rng(5)
+    factors = rng.uniform(0.96, 1.04, (2, len(vehicle.parameters)))
+    candidates = [
+        {p.name: p.value * f for p, f in zip(vehicle.parameters, row, strict=True)} for row in factors
+    ]
+    rows = parameter_rows(vehicle, {n: np.array([c[n] for c in candidates]) for n in candidates[0]}, 2)
+    start = initial_states(vehicle, START, rows, u[0])
+    y = vehicle.kernel().trajectories(rows, start, u, DT)
+    for b, changes in enumerate(candidates):
+        twin = Multirotor(spec.text, changes)
+
+        def name(row: np.ndarray) -> dict[str, float]:
+            return dict(zip(vehicle.inputs, row.tolist(), strict=True))
+
+        begun = twin.start(START, name(u[0]))
+        expected = march.march(
+            lambda x, v, twin=twin: twin.rates(x, name(v)), lambda x, v, twin=twin: twin.readings(x, name(v)), begun, u, DT
+        )  # fmt: skip
+        size = np.abs(expected).max(axis=0)
+        turn = y[b] - expected
+        turn[:, 6:9] -= 2 * np.pi * np.round(turn[:, 6:9] / (2 * np.pi))
+        assert (np.ptp(expected, axis=0) > 1e-2 * size).all(), "every channel moves"
+        np.testing.assert_allclose(turn / size, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_single_points(name: str) -> None:
+    """Rates and readings at random states, without an integrator and without the compiler."""
+    spec = CASES[name]
+    vehicle = parse_vehicle(spec.text, name)
+    rng, count = np.random.default_rng(2), 20
+    spread = {
+        "u": 12.0,
+        "v": 12.0,
+        "w": 8.0,
+        "p": 4.0,
+        "q": 4.0,
+        "r": 3.0,
+        "phi": 3.0,
+        "theta": 1.4,
+        "psi": 3.0,
+        "h": 900.0,
+    }
+    start = {k: s * rng.uniform(-1, 1, count) for k, s in spread.items()}
+    u = np.array(
+        [m + 1.2 * s * rng.uniform(-1, 1, count) for m, s in (means(spec, c) for c in vehicle.inputs)]
+    )
+    rows = parameter_rows(vehicle, None, count)
+    x = initial_states(vehicle, start, rows, u)
+    lagged = [i for i, s in enumerate(vehicle.states) if s.endswith(".lag")]
+    x[lagged] *= rng.uniform(0.7, 1.3, (len(lagged), count))
+    d, y = interpreted(vehicle)(rows, x, u)
+    if name == "commanded":
+        compiled = vehicle.kernel().evaluate(rows, x, u)
+        np.testing.assert_allclose(np.concatenate(compiled), np.concatenate([d, y]), rtol=1e-9, atol=1e-9)
+    twin = Multirotor(spec.text, {})
+    for b in range(count):
+        named = dict(zip(vehicle.inputs, u[:, b].tolist(), strict=True))
+        s = twin.start({k: float(v[b]) for k, v in start.items()}, named)
+        s[16:] = x[lagged, b]
+        rates = twin.rates(s, named)
+        np.testing.assert_allclose(d[:6, b], rates[:6], rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(d[10, b], rates[15], rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(d[lagged, b], rates[16:], rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(y[:, b], twin.readings(s, named), rtol=1e-9, atol=1e-9)
+
+
+def test_a_quadplane_is_its_aeroplane_and_its_rotors() -> None:
+    """In forward flight the loads of both twins add up; what hovering vehicles smooth is far below."""
+    vehicle = builtin_vehicle("quadplane")
+    text = (files("stoop") / "data" / "quadplane.toml").read_text()
+    rng, count = np.random.default_rng(4), 10
+    spread = {
+        "u": 4.0,
+        "v": 1.5,
+        "w": 1.5,
+        "p": 0.5,
+        "q": 0.5,
+        "r": 0.5,
+        "phi": 0.5,
+        "theta": 0.3,
+        "psi": 3.0,
+    }
+    start = {k: s * rng.uniform(-1, 1, count) for k, s in spread.items()} | {"h": np.full(count, 250.0)}
+    start["u"] += 18.0
+    u = rng.uniform(0.0, 0.6, (len(vehicle.inputs), count))
+    rows = parameter_rows(vehicle, None, count)
+    d, _ = interpreted(vehicle)(rows, initial_states(vehicle, start, rows, u), u)
+    plane, lifted = Aircraft(text, {}, {}), Multirotor(text, {})
+    for b in range(count):
+        named = dict(zip(vehicle.inputs, u[:, b].tolist(), strict=True))
+        s = lifted.start({k: float(v[b]) for k, v in start.items()}, named)
+        rho = lifted.density(250.0, named)
+        force, moment = lifted.loads(s[:3], s[3:6], lifted.commanded(named), np.zeros(4), rho)
+        at = np.concatenate([s[:16], []])
+        f, m = plane.loads(at, named, plane.commanded(named))
+        angular = np.linalg.solve(lifted.inertia, moment + m - np.cross(s[3:6], lifted.inertia @ s[3:6]))
+        gravity = s[6:15].reshape(3, 3).T @ [0.0, 0.0, 9.80665]
+        linear = (force + f) / 5.0 + gravity - np.cross(s[3:6], s[:3])
+        np.testing.assert_allclose(d[:3, b], linear, atol=3e-3)
+        np.testing.assert_allclose(d[3:6, b], angular, atol=3e-3)

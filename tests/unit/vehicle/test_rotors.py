@@ -1,0 +1,298 @@
+"""Vehicles with rotors, by hand: balance at hover, which way each motor turns it, what air and motion do."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from naive.interpreted import Evaluate, interpreted
+
+from stoop.simulate import initial_states, parameter_rows
+from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.atmosphere import standard_density
+from stoop.vehicle.builtin import BUILT_IN, builtin_vehicle
+from stoop.vehicle.vehicle import WIND_NUMBERS
+
+TEMPLATES = [name for name in BUILT_IN if name != "twin-boom"]
+GRAVITY = 9.80665
+SINGLE = """
+name = "one rotor"
+[mass]
+mass = 0.5
+inertia = { xx = 0.01, yy = 0.01, zz = 0.015 }
+[environment]
+density = 1.225
+[rotors]
+T0 = 0.3
+T1 = 1.7
+T2 = 8.0
+Q1 = 0.02
+Q2 = 0.1
+inflow = 0.4
+translational = 0.02
+drag = 0.15
+[rotor.only]
+channel = "motor_1"
+position = [0.0, 0.0, 0.0]
+spin = "ccw"
+"""
+
+
+def motors(vehicle: Vehicle, command: float, **others: float) -> np.ndarray:
+    """Return the inputs with all motors at one command, some changed by their rotor's name."""
+    u = np.zeros(len(vehicle.inputs))
+    for name, rotor in vehicle.file.rotor.items():
+        u[vehicle.inputs.index(rotor.channel)] = command + others.get(name, 0.0)
+    return u
+
+
+def rates(
+    vehicle: Vehicle, evaluate: Evaluate, u: np.ndarray, start: dict[str, float], **numbers: float
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return derivatives and readings by name."""
+    rows = parameter_rows(vehicle, numbers)
+    d, y = evaluate(rows, initial_states(vehicle, start | {"h": start.get("h", 0.0)}, rows, u), u[:, None])
+    return dict(zip(vehicle.states, d[:, 0], strict=True)), dict(zip(vehicle.outputs, y[:, 0], strict=True))
+
+
+def hover_command(vehicle: Vehicle, altitude: float) -> float:
+    """Solve T1 x + T2 x^2 = share of the weight, by the formula of the textbook."""
+    needed = vehicle.value("mass.mass") * GRAVITY / len(vehicle.rotors) * 1.225 / standard_density(altitude)
+    t1, t2 = vehicle.value("rotors.T1"), vehicle.value("rotors.T2")
+    return float((-t1 + math.sqrt(t1 * t1 + 4 * t2 * needed)) / (2 * t2))
+
+
+@pytest.fixture(scope="module", params=TEMPLATES)
+def template(request: pytest.FixtureRequest) -> tuple[Vehicle, Evaluate]:
+    vehicle = builtin_vehicle(request.param)
+    return vehicle, interpreted(vehicle)
+
+
+@pytest.fixture(scope="module")
+def single() -> tuple[Vehicle, Evaluate]:
+    vehicle = parse_vehicle(SINGLE, "single")
+    return vehicle, interpreted(vehicle)
+
+
+def test_templates_hover(template: tuple[Vehicle, Evaluate]) -> None:
+    vehicle, evaluate = template
+    x = hover_command(vehicle, 300.0)
+    assert 0.4 < x < 0.75, "with room above for maneuvers"
+    d, y = rates(vehicle, evaluate, motors(vehicle, x), {"u": 0.0, "psi": 1.0, "h": 300.0})
+    moving = [abs(d[s]) for s in vehicle.states if s != "e0"]
+    assert max(moving) < 2e-5  # a propeller of the quadplane sees the smoothed speed
+    assert y["az"] == pytest.approx(-GRAVITY, rel=1e-9)
+    assert y["psi"] == pytest.approx(1.0)
+
+
+def test_more_of_one_motor(template: tuple[Vehicle, Evaluate]) -> None:
+    """Thrust on the right rolls left, in front pitches up; a propeller that turns left (ccw) turns the nose right."""
+    vehicle, evaluate = template
+    x = hover_command(vehicle, 0.0)
+    for name, rotor in vehicle.file.rotor.items():
+        d, _ = rates(vehicle, evaluate, motors(vehicle, x, **{name: 0.05}), {"u": 0.0})
+        forward, right = (vehicle.value(f"rotor.{name}.position.{axis}") for axis in "xy")
+        assert np.sign(round(d["p"], 9)) == -np.sign(right), name
+        assert np.sign(round(d["q"], 9)) == np.sign(forward), name
+        assert (d["r"] > 0) == (rotor.spin == "ccw"), name
+        assert d["w"] < 0, "up"
+
+
+def test_motors_of_a_template_balance(template: tuple[Vehicle, Evaluate]) -> None:
+    """As many turn each way, and places and torques of all cancel."""
+    vehicle, _ = template
+    spins = [rotor.spin for rotor in vehicle.file.rotor.values()]
+    assert spins.count("cw") == spins.count("ccw")
+    places = np.array([[vehicle.value(f"rotor.{n}.position.{a}") for a in "xy"] for n in vehicle.rotors])
+    turns = np.array([1 if s == "ccw" else -1 for s in spins])
+    assert np.allclose(places.sum(axis=0), 0.0)
+    assert np.allclose(places.T @ turns, 0.0), "a yaw command neither rolls nor pitches"
+
+
+def test_x_numbering_is_that_of_px4() -> None:
+    vehicle = builtin_vehicle("quad-x")
+    corner = {
+        n: tuple(np.sign([vehicle.value(f"rotor.{n}.position.{a}") for a in "xy"])) for n in vehicle.rotors
+    }
+    assert corner == {"m1": (1, 1), "m2": (-1, -1), "m3": (1, -1), "m4": (-1, 1)}
+    assert [vehicle.file.rotor[n].spin for n in vehicle.rotors] == ["ccw", "ccw", "cw", "cw"]
+
+
+def test_static_thrust_is_the_polynomial(single: tuple[Vehicle, Evaluate]) -> None:
+    vehicle, evaluate = single
+    for x in (0.0, 0.3, 1.0):
+        d, y = rates(vehicle, evaluate, motors(vehicle, x), {"u": 0.0})
+        assert y["az"] * 0.5 == pytest.approx(-(0.3 + 1.7 * x + 8.0 * x * x))
+        assert d["r"] * 0.015 == pytest.approx(0.02 * x + 0.1 * x * x)
+        assert y["ax"] == y["ay"] == 0.0
+
+
+def test_command_below_idle_does_nothing(single: tuple[Vehicle, Evaluate]) -> None:
+    vehicle, evaluate = single
+    here = [rates(vehicle, evaluate, motors(vehicle, x), {"u": 0.0})[1]["az"] for x in (-0.5, -0.01, 0.0)]
+    assert here[0] == here[1] == here[2] == pytest.approx(-0.6)
+
+
+@pytest.mark.parametrize(("axis", "sign"), [("u", 1.0), ("u", -1.0), ("v", 1.0), ("v", -1.0)])
+def test_drag_opposes_motion_in_the_disc(single: tuple[Vehicle, Evaluate], axis: str, sign: float) -> None:
+    vehicle, evaluate = single
+    _, still = rates(vehicle, evaluate, motors(vehicle, 0.5), {"u": 0.0})
+    _, y = rates(vehicle, evaluate, motors(vehicle, 0.5), {axis: 4.0 * sign})
+    along, across = ("ax", "ay") if axis == "u" else ("ay", "ax")
+    assert y[along] * 0.5 == pytest.approx(-0.15 * 0.5 * 4.0 * sign)
+    assert y[across] == pytest.approx(0.0)
+    assert y["az"] * 0.5 == pytest.approx(still["az"] * 0.5 - 0.02 * 16.0), "translational lift"
+
+
+def test_climbing_reduces_thrust(single: tuple[Vehicle, Evaluate]) -> None:
+    vehicle, evaluate = single
+    up, still, down = (
+        -0.5 * rates(vehicle, evaluate, motors(vehicle, 0.5), {"w": w})[1]["az"] for w in (-3.0, 0.0, 3.0)
+    )
+    assert up < still < down
+    assert still - up == pytest.approx(0.4 * 0.5 * 3.0) == down - still
+
+
+def test_thin_air_carries_less(single: tuple[Vehicle, Evaluate]) -> None:
+    vehicle, evaluate = single
+    lift = [
+        rates(vehicle, evaluate, motors(vehicle, 0.6), {"w": -1.0}, **{"environment.density": r})[1]["az"]
+        for r in (1.225, 0.98)
+    ]
+    assert lift[1] / lift[0] == pytest.approx(0.8)
+
+
+def test_velocity_over_ground() -> None:
+    """Nose north-east and level: forward is north and east alike; the wind is a bias."""
+    vehicle = builtin_vehicle("quad-x")
+    evaluate = interpreted(vehicle)
+    wind = dict(zip(WIND_NUMBERS, (2.0, -1.0, 0.3), strict=True))
+    start = {"u": 3.0, "v": 1.0, "w": -0.5, "psi": math.pi / 4.0}
+    _, y = rates(vehicle, evaluate, motors(vehicle, 0.6), start, **wind)
+    root = math.sqrt(0.5)
+    assert (y["vn"], y["ve"], y["vd"]) == pytest.approx((2.0 * root + 2.0, 4.0 * root - 1.0, -0.2))
+
+
+def test_rolling_is_damped_by_the_inflow(template: tuple[Vehicle, Evaluate]) -> None:
+    """Rotors that go down see more air from below and give more thrust; all that moves is opposed."""
+    vehicle, evaluate = template
+    u = motors(vehicle, hover_command(vehicle, 0.0))
+    for rate in "pq":
+        d, _ = rates(vehicle, evaluate, u, {"u": 0.0, rate: 1.0})
+        assert d[rate] < -1e-3
+
+
+def test_nothing_is_undefined_at_rest(template: tuple[Vehicle, Evaluate]) -> None:
+    """Exactly no airspeed, no rate, no thrust: the model and its slopes are finite."""
+    vehicle, evaluate = template
+    rows = parameter_rows(vehicle)
+    x = initial_states(vehicle, {"u": 0.0}, rows, np.zeros(len(vehicle.inputs)))
+    u = np.zeros((len(vehicle.inputs), 1))
+    here = np.concatenate(evaluate(rows, x, u))
+    assert np.isfinite(here).all()
+    for i in range(3):
+        moved = x.copy()
+        moved[i] = 1e-6
+        slope = (np.concatenate(evaluate(rows, moved, u)) - here) / 1e-6
+        assert np.isfinite(slope).all()
+        assert np.abs(slope).max() < 100.0
+
+
+def test_aeroplane_fades_where_air_is_not_ahead() -> None:
+    """Falling flat, a wing whose lift is linear in the angle would be pulled forward by half the weight."""
+    vehicle = builtin_vehicle("quadplane")
+    evaluate = interpreted(vehicle)
+    u = motors(vehicle, 0.0)
+    _, falling = rates(vehicle, evaluate, u, {"w": 5.0})
+    _, backward = rates(vehicle, evaluate, u, {"u": -8.0})
+    assert abs(falling["ax"]) < 0.2
+    assert abs(backward["az"]) < 0.2
+    _, ahead = rates(vehicle, evaluate, u, {"u": 18.0})
+    assert ahead["az"] < -4.0, "lift"
+
+
+def test_gyroscope_and_reaction() -> None:
+    """A rotor that spins up turns the body the other way; rolling a spinning one pitches it."""
+    text = SINGLE.replace("[rotors]", '[rotors]\ndrive = "speed"\ngain = 500.0\nlag = 0.1\ninertia = 1e-4')
+    text = text.replace("T0 = 0.3\nT1 = 1.7\nT2 = 8.0\nQ1 = 0.02\nQ2 = 0.1", "T2 = 4e-5")
+    vehicle = parse_vehicle(text, "gyro")
+    evaluate = interpreted(vehicle)
+    u = motors(vehicle, 0.6)
+    d, _ = rates(vehicle, evaluate, u, {"u": 0.0, "only.lag": -100.0})
+    assert d["only.lag"] == pytest.approx(1000.0)
+    assert d["r"] * 0.015 == pytest.approx(1e-4 * 1000.0), "ccw from above: nose right"
+    d, _ = rates(vehicle, evaluate, u, {"u": 0.0, "p": 2.0})
+    # Angular momentum points up, -z: omega x h = (2, 0, 0) x (0, 0, -0.03) = (0, 0.06, 0).
+    assert d["q"] * 0.01 == pytest.approx(-0.06)
+
+
+def test_numbers_that_are_free() -> None:
+    vehicle = builtin_vehicle("quad-x")
+    free = {p.name for p in vehicle.parameters if p.free}
+    assert free == {
+        *(f"rotors.{n}" for n in ("T1", "T2", "inflow", "drag", "torque_ratio")),
+        *(f"body_drag.quadratic.{a}" for a in "xyz"),
+        *(f"sensors.{c}.bias" for c in ("vn", "ve", "vd", "p", "q", "r", "ax", "ay", "az")),
+    }
+    for p in vehicle.parameters:
+        assert p.lower <= p.value <= p.upper
+        assert not p.free or p.lower < p.upper
+    priors = {p.name: p.prior for p in vehicle.parameters if p.name in WIND_NUMBERS}
+    assert list(priors.values()) == [3.0, 3.0, 0.5]
+
+
+@pytest.mark.parametrize("name", ["rotors.T2", "rotors.torque_ratio", "rotors.lag"])
+def test_some_are_positive_wherever_the_search_looks(name: str) -> None:
+    vehicle = builtin_vehicle("quad-x").with_numbers({name: {"free": True}})
+    assert vehicle.parameters[vehicle.rows[name]].lower > 0.0
+    sure = vehicle.with_numbers({name: {"prior": vehicle.value(name)}})
+    assert sure.parameters[sure.rows[name]].lower > 0.0
+
+
+def test_bounds_go_with_the_size_of_the_vehicle() -> None:
+    """Twice the weight on the same rotors: the search looks for twice the thrust."""
+    light = builtin_vehicle("quad-x").with_numbers({n: {"value": 0.0} for n in ("rotors.T1", "rotors.T2")})
+    heavy = light.with_numbers({"mass.mass": {"value": 3.0}})
+    for name in ("rotors.T1", "rotors.T2", "rotors.drag"):
+        one, two = (v.parameters[v.rows[name]] for v in (light, heavy))
+        assert two.upper > one.upper, name
+    assert heavy.parameters[heavy.rows["rotors.T2"]].upper == pytest.approx(4.0 * 3.0 * GRAVITY / 4.0 / 0.25)
+
+
+def test_units_say_what_x_is() -> None:
+    by_command = builtin_vehicle("quad-x")
+    by_speed = parse_vehicle(SINGLE.replace("[rotors]", '[rotors]\ndrive = "speed"\nlag = 0.1'), "speed")
+    unit = {v.name: {p.name: p.unit for p in v.parameters} for v in (by_command, by_speed)}
+    assert unit[by_command.name]["rotors.T2"] == "N"
+    assert unit["one rotor"]["rotors.T2"] == "N s2/rad2"
+    assert unit["one rotor"]["rotors.Q1"] == "N m s/rad"
+    assert unit["one rotor"]["rotors.drag"] == "N s2/(m rad)"
+    assert unit["one rotor"]["rotors.gain"] == "rad/s per unit"
+    assert unit[by_command.name]["rotor.m1.position.x"] == "m"
+    assert unit[by_command.name]["body_drag.quadratic.z"] == "N s2/m2"
+    assert unit[by_command.name]["sensors.vd.bias"] == "m/s"
+
+
+def test_numbers_do_not_decide_the_equations_but_spin_and_axis_do() -> None:
+    text = SINGLE
+    same = parse_vehicle(text, "a").structure
+    assert (
+        parse_vehicle(text.replace("T2 = 8.0", "T2 = { value = 9.0, free = false }"), "b").structure == same
+    )
+    assert parse_vehicle(text.replace('"ccw"', '"cw"'), "c").structure != same
+    assert parse_vehicle(text + "axis = [0.0, 0.0, -1.0]\n", "d").structure != same
+    assert parse_vehicle(text.replace("Q1 = 0.02\n", ""), "e").structure != same
+
+
+def test_vehicles_without_rotors_know_nothing_of_them(twin_boom: str) -> None:
+    """The same equations text as before there were rotors, the same rows, channels and states."""
+    vehicle = parse_vehicle(twin_boom, "twin-boom")
+    said = json.loads(vehicle.structure)[0]
+    assert not {"rotors", "rotor", "body_drag", "turbulence"} & set(said)
+    assert not {"vn", "ve", "vd"} & set(said["sensors"])
+    assert not [p.name for p in vehicle.parameters if "rotor" in p.name or "vn" in p.name]
+    assert vehicle.outputs[:3] == ("V", "alpha", "beta") == vehicle.start_names[:3]
+    assert not vehicle.hovers
+    assert vehicle.rotors == ()
