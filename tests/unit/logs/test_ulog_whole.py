@@ -1,0 +1,262 @@
+"""ULog, the whole format: what the log holds is what pyulog, an independent reader, finds in it."""
+
+from __future__ import annotations
+
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.errors import LogError
+from stoop.logs import Recording, read, ulog_scan
+from stoop.logs.ulog import MAGIC
+from stoop.logs.ulog_write import Topic, definitions, dropout, message, rows, text, write_ulog
+
+SYNC = bytes([0x2F, 0x73, 0x13, 0x20, 0x25, 0x0C, 0xBB, 0x12])
+
+
+def keyed(kind: str, key: str, value: bytes, before: bytes = b"") -> bytes:
+    return message(kind, before + bytes([len(key)]) + key.encode() + value)
+
+
+def flags(compatible: int = 0, incompatible: int = 0, offsets: tuple[int, ...] = ()) -> bytes:
+    places = struct.pack("<3Q", *(*offsets, 0, 0, 0)[:3])
+    return message("B", bytes([compatible, *bytes(7), incompatible, *bytes(7)]) + places)
+
+
+def row(number: int, layout: str, *values: float) -> bytes:
+    return message("D", struct.pack("<H" + layout, number, *values))
+
+
+def add(number: int, name: str, instance: int = 0) -> bytes:
+    return message("A", struct.pack("<BH", instance, number) + name.encode())
+
+
+HEAD = MAGIC + b"\x01" + struct.pack("<Q", 1_000_000)
+FORMATS = (
+    b"cell:float volts;uint8_t[3] flags;uint8_t[1] _padding0;",
+    b"pack:uint64_t timestamp;cell[2] cells;cell spare;int16_t[2] amps;char mark;bool on;uint8_t[5] _padding0;",
+    b"plain:uint64_t timestamp;double x;",
+)
+
+
+def everything() -> bytes:
+    """Return a log with a message of each kind."""
+    log = HEAD + flags(1) + b"".join(message("F", f) for f in FORMATS)
+    log += keyed("I", "char[4] sys_name", b"PX4!") + keyed("I", "uint32_t ver", struct.pack("<I", 7))
+    log += keyed("M", "char[5] boot", b"first", b"\0") + keyed("M", "char[6] boot", b"second", b"\x01")
+    log += keyed("P", "float GAIN", struct.pack("<f", 0.5)) + keyed(
+        "P", "int32_t MODE", struct.pack("<i", -3)
+    )
+    log += keyed("Q", "float GAIN", struct.pack("<f", 0.25), b"\x03")
+    log += add(3, "pack") + add(4, "plain") + add(5, "plain", 2)
+    for i in range(30):
+        stamp = 2_000_000 + 1000 * i
+        cells = [x for _ in range(3) for x in (0.5 * i, 1, 2, i, 0)]
+        log += row(3, "Q" + 3 * "f4B" + "2hc?", stamp, *cells, -i, i, b"m", i % 2)
+        log += row(4, "Qd", stamp, 0.1 * i) + row(5, "Qd", stamp + 5, -0.1 * i)
+        log += {
+            3: message("S", SYNC),
+            5: text(2.005, "WARNING", "too low"),
+            7: message("C", struct.pack("<BHQ", ord("4"), 9, 2_007_000) + b"from nine"),
+            9: dropout(120),
+            11: keyed("P", "float GAIN", struct.pack("<f", 0.75)),
+            13: message("Z", b"of a later kind"),
+        }.get(i, b"")
+    return log + message("R", struct.pack("<H", 4))
+
+
+def recorded(folder: Path, content: bytes, topics: frozenset[str] | None = None) -> Recording:
+    (folder / "a.ulg").write_bytes(content)
+    return read(folder / "a.ulg", topics=topics)
+
+
+def same_rows(ours: Recording, path: Path) -> None:
+    """Compare every number with pyulog's."""
+    from pyulog import ULog
+
+    theirs = {f"{d.name}/{d.multi_id}" if d.multi_id else d.name: d.data for d in ULog(str(path)).data_list}
+    assert set(ours.streams) == set(theirs)
+    for name, data in theirs.items():
+        stream = ours.streams[name]
+        np.testing.assert_array_equal(stream.time, data["timestamp"] * 1e-6)
+        known = {key for key in data if "_padding" not in key} - {"timestamp"}
+        assert set(stream.columns) == known
+        for key in known:
+            np.testing.assert_array_equal(stream.columns[key], data[key])
+
+
+def test_each_kind_of_message(tmp_path: Path) -> None:
+    ours = recorded(tmp_path, everything())
+    same_rows(ours, tmp_path / "a.ulg")
+    assert np.array_equal(ours.streams["pack"].columns["cells[1].flags[2]"], np.arange(30))
+    assert ours.parameters == {"GAIN": 0.5, "MODE": -3.0}
+    info = ours.info
+    assert (info["sys_name"], info["ver"], info["boot"]) == ("PX4!", "7", "first\nsecond")
+    assert info["messages"] == "2.005 s [WARNING] too low\n2.007 s [WARNING] from nine"
+    assert info["parameter changes"] == "2.011 s GAIN = 0.75"
+    assert info["parameter defaults, system"] == info["parameter defaults, airframe"] == "GAIN = 0.25"
+    assert [d.kind for d in ours.defects] == ["skipped", "dropout"]
+    assert "1 messages of unknown kinds" in str(ours.defects[0])
+
+
+def test_the_notes_are_pyulog_s(tmp_path: Path) -> None:
+    from pyulog import ULog
+
+    ours = recorded(tmp_path, everything())
+    theirs = ULog(str(tmp_path / "a.ulg"))
+    assert ours.parameters == theirs.initial_parameters
+    assert theirs.changed_parameters == [(2_011_005, "GAIN", 0.75)]
+    assert theirs.get_default_parameters(0) == {"GAIN": 0.25}
+    assert [d.duration for d in theirs.dropouts] == [120]
+
+
+def test_only_the_topics_wanted(tmp_path: Path) -> None:
+    whole = recorded(tmp_path, everything())
+    part = recorded(tmp_path, everything(), frozenset({"plain", "not there"}))
+    assert set(part.streams) == {"plain", "plain/2"}
+    np.testing.assert_array_equal(part.streams["plain/2"].columns["x"], whole.streams["plain/2"].columns["x"])
+    with pytest.raises(LogError, match="none of the topics wanted"):
+        recorded(tmp_path, everything(), frozenset({"not there"}))
+
+
+def test_appended_data(tmp_path: Path) -> None:
+    """What was cut by the crash is dropped at the place where data were appended."""
+    empty = HEAD + flags(0, 1, (2**20,)) + message("F", FORMATS[2]) + add(4, "plain")
+    first = b"".join(row(4, "Qd", 2_000_000 + i, i) for i in range(10)) + row(4, "Qd", 1, 1)[:-4]
+    last = b"".join(row(4, "Qd", 3_000_000 + i, -i) for i in range(5))
+    log = empty.replace(struct.pack("<Q", 2**20), struct.pack("<Q", len(empty) + len(first))) + first + last
+    ours = recorded(tmp_path, log)
+    assert ours.streams["plain"].time.size == 15  # pyulog forgets its topics there, and finds ten
+    assert ours.defects == ()
+
+
+def test_an_appended_place_outside_the_file(tmp_path: Path) -> None:
+    log = HEAD + flags(0, 1, (2**40,)) + message("F", FORMATS[2]) + add(4, "plain") + row(4, "Qd", 1, 1.0)
+    assert [d.kind for d in recorded(tmp_path, log).defects] == ["skipped"]
+
+
+def test_a_newer_kind_of_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="newer kind"):
+        recorded(tmp_path, HEAD + flags(0, 2) + message("F", FORMATS[2]))
+
+
+def test_a_topic_given_again_goes_on(tmp_path: Path) -> None:
+    log = HEAD + flags() + message("F", FORMATS[2]) + add(4, "plain") + row(4, "Qd", 1_000_000, 1.0)
+    log += message("R", struct.pack("<H", 4)) + add(6, "plain") + row(6, "Qd", 2_000_000, 2.0)
+    assert np.array_equal(recorded(tmp_path, log).streams["plain"].columns["x"], [1.0, 2.0])
+
+
+def test_rows_of_a_topic_without_format_are_counted(tmp_path: Path) -> None:
+    log = HEAD + flags() + message("F", FORMATS[2]) + add(4, "plain") + add(9, "lost")
+    at = len(log) - len(add(9, "lost"))
+    log += b"".join(row(4, "Qd", i + 1, i) + row(9, "Qd", i + 1, i) for i in range(4))
+    skipped, corrupt = recorded(tmp_path, log).defects
+    assert str(skipped) == f"a.ulg, byte {at}: a message was skipped: there is no format 'lost'"
+    assert (corrupt.kind, corrupt.message) == (
+        "corrupt",
+        "4 rows skipped of topics that the log does not define",
+    )
+
+
+@pytest.mark.parametrize("damage", [b"\xff" * 7, b"\0" * 5000, bytes(range(256)) * 20])
+def test_damage_costs_what_it_covers(tmp_path: Path, damage: bytes) -> None:
+    log, one = everything(), row(4, "Qd", 1, 1.0)
+    at = log.index(text(2.005, "WARNING", "too low"))
+    ours = recorded(tmp_path, log[:at] + damage + log[at:])
+    assert ours.streams["plain"].time.size == 30
+    assert ours.info["messages"].startswith("2.005 s")
+    corrupt = next(d for d in ours.defects if d.kind == "corrupt")
+    assert corrupt.place == f"a.ulg, byte {at}"
+    assert corrupt.message == f"{len(damage)} damaged bytes were skipped"
+    hit = recorded(tmp_path, log[: at - len(one)] + damage + log[at - len(one) + 9 :])
+    assert 28 <= hit.streams["plain"].time.size + hit.streams["plain/2"].time.size - 30 <= 30
+
+
+def test_a_wrong_size_loses_one_message(tmp_path: Path) -> None:
+    log = bytearray(everything())
+    at = log.index(text(2.005, "WARNING", "too low")) - 2 * len(row(4, "Qd", 1, 1.0))
+    log[at] ^= 0x40
+    ours = recorded(tmp_path, bytes(log))
+    assert [ours.streams[n].time.size for n in ("pack", "plain", "plain/2")] == [30, 29, 30]
+
+
+def long_log() -> bytes:
+    time = 1.0 + np.arange(30_000) / 400.0
+    gyro = Topic("gyro", time, {f"xyz[{i}]": (time * (i + 1)).astype("f4") for i in range(3)})
+    mode = Topic("mode", time[::50], {"n": np.arange(600, dtype="u1"), "on": np.ones(600, dtype=bool)}, 1)
+    log = bytearray(
+        definitions([gyro, mode], {"A": 1, "B": 0.5}, {"sys_name": "PX4"}) + rows([gyro, mode])[0]
+    )
+    rng = np.random.default_rng(3)
+    for at in rng.integers(2000, len(log), size=40):
+        log[at] ^= 0xFF
+    log[500_000:500_300] = b"\x55" * 300
+    return bytes(log)
+
+
+def test_compiled_equals_plain_and_pieces_the_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = recorded(tmp_path, long_log())
+    monkeypatch.setattr(ulog_scan, "PIECE", 10_000)
+    monkeypatch.setattr(ulog_scan, "LISTED", 100)
+    in_pieces = recorded(tmp_path, long_log())
+    monkeypatch.setattr(ulog_scan, "SMALL", 0)
+    compiled = recorded(tmp_path, long_log())
+    assert plain.streams["gyro"].time.size > 29_900
+    assert {"corrupt"} <= {d.kind for d in plain.defects} <= {"corrupt", "time order"}
+    for other in (in_pieces, compiled):
+        assert other.defects == plain.defects
+        assert other.parameters == {"A": 1.0, "B": 0.5}
+        for name, stream in plain.streams.items():
+            np.testing.assert_array_equal(other.streams[name].time, stream.time)
+            for key, x in stream.columns.items():
+                np.testing.assert_array_equal(other.streams[name].columns[key], x)
+
+
+def test_too_much_to_keep_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ulog_scan, "MAX_KEPT", 100)
+    with pytest.raises(LogError, match="more memory"):
+        recorded(tmp_path, everything())
+
+
+def test_endless_messages_and_damage_come_to_an_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ulog_scan, "MOST_EVENTS", 10)
+    monkeypatch.setattr(ulog_scan, "MOST_DAMAGES", 2)
+    many = everything() + b"".join(text(3.0, "INFO", f"{i}") for i in range(50))
+    told = recorded(tmp_path, many)
+    assert told.info["messages"].count("\n") == 10
+    assert "too many messages of kind L" in str(told.defects)
+    one = row(5, "Qd", 9_000_000, 1.0)
+    damaged = recorded(tmp_path, everything() + (3 * one + b"\xff\xff\xff") * 9)
+    assert "too much damage; the rest was not read" in str(damaged.defects)
+
+
+def test_small_logs_are_read_without_numba(tmp_path: Path) -> None:
+    (tmp_path / "a.ulg").write_bytes(everything())
+    code = "import pathlib, stoop.logs, sys; stoop.logs.read(pathlib.Path(sys.argv[1])); print('numba' in sys.modules)"
+    command = [sys.executable, "-c", code, str(tmp_path / "a.ulg")]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip() == "False"
+
+
+def test_what_is_written_is_read_by_both(tmp_path: Path) -> None:
+    rng = np.random.default_rng(7)
+    time = 5.0 + np.cumsum(rng.integers(1, 9, 200)) * 1e-3
+    types = ("i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8")
+    wide = {f"v{i}": rng.integers(0, 100, 200).astype(kind) for i, kind in enumerate(types)}
+    topics = [
+        Topic("wide", time, {**wide, "q[0]": wide["v8"], "q[1]": wide["v8"], "odd[3]": wide["v9"]}),
+        Topic("wide", time[::3] + 1e-6, {**{k: x[::3] for k, x in wide.items()}, "q[0]": wide["v8"][::3],
+              "q[1]": wide["v8"][::3], "odd[3]": wide["v9"][::3]}, 1),
+        Topic("flag", time[:5], {"on": np.array([True, False, True, True, False])}),
+    ]  # fmt: skip
+    path = tmp_path / "w.ulg"
+    write_ulog(path, topics, {"N": 4, "X": 0.1}, {"sys_name": "PX4", "n": 3}, [(5.0, "ERROR", "ouch")])
+    ours = read(path)
+    same_rows(ours, path)
+    assert ours.defects == ()
+    assert (ours.parameters["N"], ours.parameters["X"]) == (4.0, pytest.approx(0.1, rel=1e-7))
+    assert ours.info == {"sys_name": "PX4", "n": "3", "messages": "5.000 s [ERROR] ouch"}
+    np.testing.assert_array_equal(ours.streams["flag"].columns["on"], [1, 0, 1, 1, 0])
