@@ -2,6 +2,8 @@
 
 References
 ----------
+R. A. Fisher, On the "probable error" of a coefficient of correlation, Metron 1 (1921): atanh(r) is nearly normal
+with variance 1 / n.
 D. Padfield, Masked object registration in the Fourier domain, IEEE Trans. Image Processing 21 (2012), eq. 13:
 correlation of records with holes and ends, normalized at every shift by the samples that meet.
 J. S. Bendat and A. G. Piersol, *Random Data*, 4th ed., section 8.5: error of a delay estimated from the peak.
@@ -28,7 +30,8 @@ MOST: Final = 2**20  #: points of one signal; longer records are compared on a c
 OVERLAP: Final = 5.0  #: s that must meet at least
 SHARE: Final = 0.3  #: of the shorter record, that must meet
 LIKE: Final = 0.7  #: correlation from which a shift is believed
-RIVAL: Final = 0.9  #: of the best correlation, that no other shift may reach
+SURE: Final = 4.0  #: standard deviations by which the best correlation must lie above any other
+PERFECT: Final = 0.995  #: correlations above are alike: what is left of them is how samples fell
 PIECE: Final = 15.0  #: s, in which a drifting clock is looked at
 SLACK: Final = 0.5  #: s that a piece may be off from the whole
 
@@ -44,6 +47,7 @@ class Lag:
     correlation : of both records when shifted, 0 to 1
     rival : the highest correlation at any quite different shift
     overlap : s in which both records were compared
+    samples : independent ones among them
     using : quantities that were compared
     drift : s per s, to be added beyond `origin`
     drift_sigma : its standard error
@@ -55,6 +59,7 @@ class Lag:
     correlation: float
     rival: float
     overlap: float
+    samples: float
     using: tuple[str, ...]
     drift: float = 0.0
     drift_sigma: float = 0.0
@@ -62,8 +67,9 @@ class Lag:
 
     @property
     def trusted(self) -> bool:
-        """Whether records are alike when shifted so, and nowhere else."""
-        return self.correlation >= LIKE and self.rival <= RIVAL * self.correlation
+        """Whether records are alike when shifted so, and nowhere else (Fisher's z of both correlations)."""
+        z, other = (np.arctanh(min(x, PERFECT)) for x in (self.correlation, self.rival))
+        return bool(self.correlation >= LIKE and (z - other) * np.sqrt(0.5 * self.samples) > SURE)
 
     def moved(self, time: FloatArray) -> FloatArray:
         """Return times [s] of the moved clock as the other one shows them."""
@@ -172,8 +178,9 @@ def _peak(curves: Mapping[str, _Curve]) -> Lag | None:
         2.0 * c.finest * meeting * c.speed**2 * best[name] ** 2 / (1.0001 - best[name] ** 2)
         for name, c in used.items()
     )
-    rival = _rival(total, top)
-    return Lag(shift, 1.0 / np.sqrt(max(told, 1e-12)), min(value, 1.0), rival, meeting, tuple(used))
+    sigma = float(1.0 / np.sqrt(max(told, 1e-12)))
+    samples = 2.0 * max(c.finest for c in used.values()) * meeting
+    return Lag(shift, sigma, min(value, 1.0), _rival(total, top), meeting, samples, tuple(used))
 
 
 def _between(x: FloatArray, y: FloatArray, top: int) -> tuple[float, float]:

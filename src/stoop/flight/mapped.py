@@ -62,7 +62,9 @@ def apply(mapping: FlightMapping, recording: Recording) -> Mapped:
         notes += _left_out(timed, group)
     channels = _joined(channels)
     made, told = deflections(mapping.surfaces, channels)
-    channels = [less for known in channels if (less := _less(known, frozenset(mapping.surfaces.mixes))).values]
+    channels = [
+        less for known in channels if (less := _less(known, frozenset(mapping.surfaces.mixes))).values
+    ]
     notes += [*aligned, *_contradicted(mapping, timed), *told]
     places = {name: source.place for source in reversed([*_sources(mapping)]) for name in source.variables}
     left = {**recording.unread, **unmapped(mapping, recording)}
@@ -176,8 +178,7 @@ def _used(x: FloatArray, source: Source) -> bool:
 def instances(recording: Recording, source: Source) -> list[str]:
     """Return the streams that a source may mean, the one that is taken first."""
     if not source.stream:
-        names = {name for columns in source.columns for name in columns}
-        holding = [name for name, stream in recording.streams.items() if names <= set(stream.columns)]
+        holding = [name for name, stream in recording.streams.items() if _whole(source, stream)]
         if len(holding) > 1 and source.required:
             column = next(iter(source.columns[0]))
             raise LogError(

@@ -143,7 +143,9 @@ def _left(base: Mapping[str, Group], own: Mapping[str, Group]) -> dict[str, Grou
     """Return what a base still supplies: no group of the same name, none of the variables named anew."""
     taken = {name for group in own.values() for source in group.sources for name in source.variables}
     kept = {name: group for name, group in base.items() if name.partition(".")[0] not in own}
-    left = {name: replace(group, without=group.without | with_other_form(taken)) for name, group in kept.items()}
+    left = {
+        name: replace(group, without=group.without | with_other_form(taken)) for name, group in kept.items()
+    }
     return {name: group for name, group in left.items() if name not in own}
 
 

@@ -1,0 +1,233 @@
+"""Mappings of the second edition: what is taken from which stream, and what a mistake is told as."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.errors import LogError, StoopError
+from stoop.flight.mapped import Mapped, apply
+from stoop.flight.mapping import READY, read_flight_mapping, ready
+from stoop.logs import FloatArray, Recording, Stream
+
+T = np.arange(200) * 0.01
+
+
+def stream(**columns: FloatArray | float) -> Stream:
+    return Stream(T, {name: np.broadcast_to(np.asarray(x, float), T.shape) for name, x in columns.items()})
+
+
+def mapped(folder: Path, text: str, **streams: Stream) -> Mapped:
+    path = folder / "m.toml"
+    path.write_text(text)
+    return apply(read_flight_mapping(path), Recording(Path("log"), "mat", streams))
+
+
+def values(found: Mapped) -> dict[str, FloatArray]:
+    return {name: x for group in found.channels for name, x in group.values.items()}
+
+
+def first(name: str, format_: str, streams: dict[str, Stream]) -> dict[str, float]:
+    found = apply(ready(name), Recording(Path("log"), format_, streams))
+    return {variable: float(x[0]) for variable, x in values(found).items()}
+
+
+def test_one_column_for_one_variable(tmp_path: Path) -> None:
+    text = '[variables]\np = {stream = "gyro", column = "x", unit = "deg/s"}\nvoltage = {column = "mv", unit = "mV"}\n'
+    found = mapped(tmp_path, text, gyro=stream(x=90.0, y=1.0), battery=stream(mv=16800.0))
+    assert values(found)["p"][0] == pytest.approx(math.pi / 2)
+    assert values(found)["voltage"][0] == pytest.approx(16.8)
+    assert found.unmapped == {"gyro": ("y",)}
+    assert found.places["p"].endswith("m.toml: variables.p")
+
+
+def test_the_first_edition_reads_other_formats_too(tmp_path: Path) -> None:
+    text = (
+        '[time]\ncolumn = "ms"\nunit = "ms"\n[variables]\np = {column = "x", unit = "rad/s", file = "gyro"}\n'
+    )
+    found = mapped(tmp_path, text, gyro=stream(x=1.0, ms=5000.0 + 20.0 * np.arange(200)))
+    assert found.channels[0].time[:2].tolist() == pytest.approx([5.0, 5.02])
+    assert found.unmapped == {}
+
+
+def test_a_clock_for_one_stream(tmp_path: Path) -> None:
+    text = (
+        '[clock.b]\ncolumn = "us"\nunit = "us"\noffset = -1.0\n[variables]\np = {stream = "a", column = "x", '
+        'unit = "rad/s"}\nq = {stream = "b", column = "x", unit = "rad/s"}\n'
+    )
+    found = mapped(tmp_path, text, a=stream(x=1.0), b=stream(x=1.0, us=4e6 + 1e4 * np.arange(200)))
+    times = {group.source: group.time[0] for group in found.channels}
+    assert times == {"a": 0.0, "b": 3.0}
+
+
+def test_sources_in_order_of_trust(tmp_path: Path) -> None:
+    text = (
+        '[group.rates]\nvariables = ["p", "q", "r"]\nunit = "deg/s"\nsources = [{stream = "a", columns = "w[{0..2}]"}, '
+        '{stream = "b", columns = ["x", "y", "z"], unit = "rad/s"}]\n'
+    )
+    second = stream(x=1.0, y=2.0, z=3.0)
+    both = mapped(tmp_path, text, a=stream(**{f"w[{i}]": 180.0 for i in range(3)}), b=second)
+    assert values(both)["q"][0] == pytest.approx(math.pi)
+    assert values(mapped(tmp_path, text, b=second))["r"][0] == 3.0
+    fast = Stream(np.arange(900) * 0.002, {k: np.ones(900) for k in "xyz"})
+    faster = mapped(tmp_path, text, a=stream(**{f"w[{i}]": 180.0 for i in range(3)}), b=fast)
+    assert faster.channels[0].source == "b"
+
+
+def test_one_stream_for_each_variable(tmp_path: Path) -> None:
+    text = (
+        '[group.esc]\nvariables = ["rotor_{1..4}"]\nunit = "rpm"\nunused = 0\n'
+        'sources = [{stream = "ESC/{0..3}", columns = "RPM"}]\n'
+    )
+    streams = {"ESC": stream(RPM=600.0), "ESC/1": stream(RPM=1200.0), "ESC/3": stream(RPM=0.0)}
+    found = values(mapped(tmp_path, text, **streams))
+    assert set(found) == {"rotor_1", "rotor_2"}
+    assert found["rotor_2"][0] == pytest.approx(40.0 * math.pi)
+
+
+def test_a_mapping_may_extend_a_ready_one(tmp_path: Path) -> None:
+    text = 'extends = "px4"\n[variables]\naz = {stream = "mine", column = "up", unit = "g", scale = -1}\n'
+    imu = {f"accelerometer_m_s2[{i}]": float(i) for i in range(3)} | {f"gyro_rad[{i}]": 0.1 for i in range(3)}
+    found = mapped(tmp_path, text, sensor_combined=stream(**imu), mine=stream(up=1.0))
+    assert values(found)["az"][0] == pytest.approx(-9.80665)
+    assert {"ax", "ay", "p", "q", "r"} < set(values(found))
+    assert values(found)["ay"][0] == 1.0
+    whole = mapped(tmp_path, 'extends = "px4"\n[group.specific_force]\nvariables = ["ax"]\nsources = [{stream = "mine", '
+                   'columns = "up"}]\n', sensor_combined=stream(**imu), mine=stream(up=5.0))  # fmt: skip
+    assert "ay" not in values(whole)
+
+
+def test_an_attitude_of_one_form_takes_the_place_of_the_other(tmp_path: Path) -> None:
+    text = 'extends = "px4"\n[variables]\n' + "".join(
+        f'{name} = {{stream = "mocap", column = "{name}", unit = "deg"}}\n'
+        for name in ("phi", "theta", "psi")
+    )
+    estimate = stream(**{f"q[{i}]": 0.5 for i in range(4)})
+    found = mapped(tmp_path, text, vehicle_attitude=estimate, mocap=stream(phi=10.0, theta=20.0, psi=30.0))
+    (group,) = found.channels
+    assert set(group.values) == {"phi", "theta", "psi"}  # in one group: they are interpolated as a quaternion
+
+
+def test_an_empty_wind_and_unused_outputs_are_left_out() -> None:
+    streams = {"RCOU": stream(C1=1500.0, C2=0.0), "XKF2": stream(VWN=0.0, VWE=0.0)}
+    found = apply(ready("ardupilot"), Recording(Path("l"), "dataflash", streams))
+    assert set(values(found)) == {"pwm_1"}
+
+
+@pytest.mark.parametrize("name", sorted(set(READY.values())))
+def test_ready_mappings_name_only_what_there_is(name: str) -> None:
+    known = ready(name)
+    assert known.groups
+    assert not known.surfaces.mixes
+
+
+def test_ardupilot() -> None:
+    size = T.size
+    streams = {
+        "ATT": stream(Roll=10.0, Pitch=-5.0, Yaw=350.0),
+        "IMU": stream(GyrX=0.1, GyrY=0.2, GyrZ=0.3, AccX=0.0, AccY=1.0, AccZ=-9.8),
+        "XKF1": stream(VN=1.0, VE=2.0, VD=3.0, PN=4.0, PE=5.0, PD=6.0),
+        "XKF2": stream(VWN=-1.0, VWE=2.5),
+        "ARSP": stream(Airspeed=20.0, Temp=15.0),
+        "RCO2": stream(C15=1100.0),
+        "RCOU": stream(**{f"C{i}": 1000.0 + i for i in range(1, 15)}),
+        "ESC/1": stream(RPM=6000.0),
+        "SIDD": stream(Targ=np.sin(np.arange(size))),
+        "AETR": stream(Ail=4500.0, Elev=-2250.0, Rudd=0.0, Thr=40.0),
+        "BAT": stream(Volt=15.9, Curr=7.0),
+        "BARO": stream(Press=101325.0, Temp=40.0),
+        "POS": stream(Alt=88.0),
+    }
+    found = first("ardupilot", "dataflash", streams)
+    expected = {
+        "phi": math.radians(10), "theta": math.radians(-5), "psi": math.radians(350), "q": 0.2, "az": -9.8, "vd": 3.0,
+        "pe": 5.0, "wind_e": 2.5, "airspeed_pitot": 20.0, "temperature": 288.15, "pwm_14": 1014.0, "pwm_15": 1100.0,
+        "rotor_2": 200.0 * math.pi, "injected": 0.0, "control_roll": 1.0, "control_pitch": -0.5, "control_throttle": 0.4,
+        "voltage": 15.9, "current": 7.0, "pressure": 101325.0, "altitude": 88.0,
+    }  # fmt: skip
+    assert {name: found[name] for name in expected} == pytest.approx(expected)
+
+
+def test_crazyflie() -> None:
+    card = stream(**{
+        "stateEstimate.vx": 1.0, "stateEstimate.vy": 2.0, "stateEstimate.vz": 3.0, "stateEstimate.ax": 0.0,
+        "stateEstimate.ay": 0.0, "stateEstimate.az": 1.0, "motor.m1": 65535.0, "motor.m2": 0.0, "pm.vbatMV": 3700.0,
+        "gyro.x": 180.0, "gyro.y": 180.0, "gyro.z": 180.0, "acc.x": 0.0, "acc.y": 0.5, "acc.z": 1.0,
+        "stateEstimate.roll": 10.0, "stateEstimate.pitch": 5.0, "stateEstimate.yaw": 90.0, "rpm.m2": 60.0,
+    })  # fmt: skip
+    found = {
+        name: x[0]
+        for name, x in values(
+            apply(ready("crazyflie"), Recording(Path("l"), "crazyflie", {"any": card}))
+        ).items()
+    }
+    g = 9.80665
+    expected = {
+        "vn": 2.0, "ve": 1.0, "vd": -3.0, "ad": -g, "motor_1": 1.0, "motor_2": 0.0, "voltage": 3.7, "p": math.pi,
+        "q": -math.pi, "r": -math.pi, "ay": -0.5 * g, "az": -g, "phi": math.radians(10), "theta": math.radians(5),
+        "psi": 0.0, "rotor_2": 2.0 * math.pi,
+    }  # fmt: skip
+    assert {name: found[name] for name in expected} == pytest.approx(expected, abs=1e-12)
+
+
+def test_px4_of_a_hovering_vehicle() -> None:
+    streams = {
+        "vehicle_thrust_setpoint": stream(**{"xyz[0]": 0.0, "xyz[1]": 0.0, "xyz[2]": -0.6}),
+        "esc_status": stream(**{"esc[0].esc_rpm": 3000.0, "esc[1].esc_rpm": 0.0}),
+        "rpm": stream(rpm_estimate=9.0),
+    }
+    found = values(apply(ready("px4"), Recording(Path("l"), "ulog", streams)))
+    assert found["control_throttle"][0] == pytest.approx(0.6)
+    assert found["rotor_1"][0] == pytest.approx(100.0 * math.pi)
+    still = {**streams, "vehicle_thrust_setpoint": stream(**{f"xyz[{i}]": 0.0 for i in range(3)})}
+    assert (values(apply(ready("px4"), Recording(Path("l"), "ulog", still)))["control_throttle"] == 0.0).all()
+
+
+def test_a_unit_that_the_file_contradicts_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "m.toml"
+    path.write_text('[variables]\np = {stream = "g", column = "x", unit = "deg/s"}\n')
+    log = Recording(Path("log"), "dataflash", {"g": stream(x=1.0)}, units={"g": {"x": "rad/s"}})
+    (note,) = apply(read_flight_mapping(path), log).notes
+    assert "variables.p says deg/s, the file itself rad/s" in note
+
+
+GOOD = '[variables]\np = {stream = "g", column = "x", unit = "rad/s"}\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (GOOD.replace("p =", "pp ="), r"variables\.pp is no variable of stoop"),
+        (GOOD.replace('"x"', '"xx"'), r"variables\.p\.column = 'xx' is not in g; its columns are x, y"),
+        (GOOD.replace('"g"', '"h"'), r"variables\.p\.stream = 'h' is not in the log; it holds g, k"),
+        (GOOD.replace('stream = "g", ', ""), r"variables\.p\.column = 'x' is in g, k; name one of them by stream"),
+        (GOOD.replace("rad/s", "m/s"), r"'m/s' is a speed, but p is a rate of turn; write one of rad/s"),
+        (GOOD.replace("rad/s", "rads"), r"unit = 'rads' is unknown; did you mean"),
+        (GOOD.replace('"x",', '"x", frame = "enu",'), r"frame = enu says nothing about p"),
+        (GOOD.replace('"x",', '"x", frame = "xyz",'), r"frame is unknown; write one of frd, flu"),
+        (GOOD.replace('"x",', '"x", gain = 1,'), r"variables\.p\.gain is unknown; the keys are"),
+        (GOOD.replace("[variables]", "[variable]"), "unknown table 'variable'"),
+        (GOOD + 'vn = {stream = "g", column = "x", unit = "m/s", frame = "enu"}', "vn alone; name vn, ve, vd together"),
+        ('extends = "px5"', "there is no ready mapping 'px5'; did you mean px4"),
+        ("", "it names no variable"),
+        ('[group.a]\nvariables = ["p", "q"]\nstream = "g"\ncolumns = "x"', "2 variables, but 1 columns"),
+        ('[group.a]\nvariables = ["pwm_{1..900}"]\nstream = "g"\ncolumns = "x"', "stands for nothing, or for more than"),
+        ('[group.a]\nvariables = ["p"]\nstream = "g"\ncolumns = "x"\nchoose = "best"', "choose is unknown"),
+        ('[group.a]\nvariables = ["p"]\nstream = "g"\ncolumns = [{}]', "a sum of no columns"),
+        ("[group]\na = 1", r"group\.a is not a table"),
+        ('[clock.g]\ncolumn = "t"\nunit = "s"\n' + GOOD, r"clock\.g\.column = 't' is not in g"),
+        ('[time]\ncolumn = "t"\nunit = "h"\n' + GOOD, r"time\.unit = 'h' is no unit of time"),
+    ],
+)  # fmt: skip
+def test_each_mistake_is_one_line(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(StoopError, match=words) as caught:
+        mapped(tmp_path, text, g=stream(x=1.0, y=2.0), k=stream(x=1.0))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="the mapping cannot be read"):
+        read_flight_mapping(tmp_path / "no.toml")
