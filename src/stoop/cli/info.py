@@ -16,14 +16,18 @@ if TYPE_CHECKING:
     from stoop.flight import ChannelRow, FlightSummary, Maneuver
 
 FORMAT = "stoop-info/1"
+MOST_STREAMS, MOST_NAMES = 12, 24  #: lines and names told of what is not mapped; JSON holds all
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
     parser.add_argument(
-        "flight", metavar="FLIGHT", type=Path, help=".ulg, .nc, .csv with a mapping, or a folder of PX4 CSVs"
+        "flight",
+        metavar="FLIGHT",
+        type=Path,
+        help="a log of any kind that stoop reads, or a folder of CSV files",
     )
-    parser.add_argument("--mapping", metavar="M.toml", type=Path, help="which CSV column is which variable")
+    parser.add_argument("--mapping", metavar="M.toml", type=Path, help="which column is which variable")
     parser.add_argument("--json", action="store_true", help="print JSON (SI units, rad) instead of tables")
 
 
@@ -58,6 +62,7 @@ def info_document(summary: FlightSummary) -> dict[str, Any]:
         "faults": [asdict(fault) for fault in summary.faults],
         "maneuvers": [asdict(maneuver) for maneuver in summary.maneuvers],
         "air": None if summary.air is None else _numbers_of(summary.air),
+        "unmapped": summary.unmapped,
         "notes": summary.notes,
     }
 
@@ -91,6 +96,24 @@ def _print(out: Page, summary: FlightSummary, source: Sequence[str]) -> None:
     if notes:
         out.heading("Notes")
         out.bullets(notes)
+    if summary.unmapped:
+        out.heading("Not mapped")
+        out.bullets(unmapped_lines(summary.unmapped))
+
+
+def unmapped_lines(unmapped: Mapping[str, Sequence[str]]) -> list[str]:
+    """Say which columns no mapping names, and which streams were not looked into; long lists are cut."""
+    lines = [f"{stream}: {_some(columns)}" for stream, columns in unmapped.items() if columns]
+    whole = [stream for stream, columns in unmapped.items() if not columns]
+    lines = lines[:MOST_STREAMS] + (
+        [f"and {len(lines) - MOST_STREAMS} more"] if len(lines) > MOST_STREAMS else []
+    )
+    return lines + ([f"not read: {_some(whole)}"] if whole else [])
+
+
+def _some(names: Sequence[str]) -> str:
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return " ".join(names[:MOST_NAMES]) + more
 
 
 @dataclass(frozen=True)

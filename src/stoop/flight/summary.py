@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -58,6 +59,7 @@ class FlightSummary:
     faults : suspected faults of sensors
     maneuvers : windows worth fitting
     air : result of the flight-path reconstruction, where there was one
+    unmapped : stream -> columns that no mapping names; no columns: the stream was not read
     notes : plain words
     """
 
@@ -70,6 +72,7 @@ class FlightSummary:
     faults: tuple[Fault, ...]
     maneuvers: tuple[Maneuver, ...]
     air: AirData | None
+    unmapped: Mapping[str, tuple[str, ...]]
     notes: tuple[str, ...]
 
 
@@ -85,6 +88,7 @@ def describe(flight: Flight) -> FlightSummary:
         faults=flight.faults,
         maneuvers=tuple(find_maneuvers(flight)),
         air=flight.air,
+        unmapped=flight.unmapped,
         notes=flight.notes,
     )
 

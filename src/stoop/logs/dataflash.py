@@ -9,6 +9,7 @@ means it. The bytes are walked twice, in compiled code; only what is wanted is c
 from __future__ import annotations
 
 import mmap
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -66,7 +67,8 @@ def parse_dataflash(
     if unknown:
         message = f"messages of undefined kinds skipped: {_some(unknown)}"
         defects.append(Defect("skipped", path.name, message))
-    return assemble(path, kinds, defects)
+    names = sorted(layout.name for k, layout in layouts.items() if k not in wanted)
+    return replace(assemble(path, kinds, defects), unread=dict.fromkeys(names, ()))
 
 
 def _layouts(

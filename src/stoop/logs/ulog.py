@@ -51,7 +51,16 @@ def read_ulog(path: Path, topics: frozenset[str] | None = None) -> Recording:
     if not streams:
         raise LogError(_empty(path, found, topics))
     notes = found.notes
-    return Recording(path, "ulog", streams, tuple(defects), parameters=notes.initial, info=notes.lines())
+    unread: dict[str, tuple[str, ...]] = dict.fromkeys(sorted(found.unwanted), ())
+    return Recording(
+        path,
+        "ulog",
+        streams,
+        tuple(defects),
+        parameters=notes.initial,
+        info=notes.lines(),
+        unread=unread,
+    )
 
 
 def _check_head(path: Path) -> int:

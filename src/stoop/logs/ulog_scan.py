@@ -79,6 +79,7 @@ class Scan:
     ----------
     formats, notes : what the log says about itself
     streams : rows by topic and instance
+    unwanted : topics, with instance, whose rows were passed over
     damages : first and last place of bytes that belong to no message; the first `NAMED` of `damaged`
     unusable : place of a message that could not be used, and why; the first `NAMED` of them
     silenced : kinds of messages of which there were too many
@@ -90,6 +91,7 @@ class Scan:
     formats: Formats = field(default_factory=Formats)
     notes: Notes = field(default_factory=Notes)
     streams: list[Rows] = field(default_factory=list)
+    unwanted: set[str] = field(default_factory=set)
     damages: list[tuple[int, int]] = field(default_factory=list)
     damaged: int = 0
     unusable: list[tuple[int, str]] = field(default_factory=list)
@@ -306,6 +308,8 @@ class _Scanner:
         self._low[number], self._high[number] = kept, whole
         wanted = self._topics is None or name in self._topics
         self._slots[number] = self._stream(name, instance, kept) if wanted else -1
+        if not wanted and len(self.found.unwanted) < MOST_STREAMS:
+            self.found.unwanted.add(f"{name}/{instance}" if instance else name)
 
     def _stream(self, name: str, instance: int, width: int) -> int:
         known = self._streams.setdefault((name, instance), len(self.found.streams))
