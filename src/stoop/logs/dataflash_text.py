@@ -70,7 +70,9 @@ def parse_dataflash_text(path: Path, content: bytes, topics: frozenset[str] | No
         found, met = _messages(name, lines)
         messages.append(found)
         defects += met
-    return assemble(path, messages, defects)
+    unread: dict[str, tuple[str, ...]] = {n: () for n in kinds if not is_wanted(n, topics)}
+    wanted = [found for found in messages if found.layout.name not in unread]
+    return replace(assemble(path, wanted, defects), unread=unread)
 
 
 def _sorted_lines(

@@ -131,7 +131,8 @@ def _taken(path: Path, folder: Path) -> Recording:
         }
         defects = tuple(Defect(*map(str, defect)) for defect in result["defects"])
         parts = {key: dict(result[key]) for key in ("attributes", "parameters", "info", "units")}
-        return Recording(path, str(result["format"]), streams, defects, **parts)
+        unread = {str(name): tuple(map(str, columns)) for name, columns in result["unread"].items()}
+        return Recording(path, str(result["format"]), streams, defects, **parts, unread=unread)
     except (ValueError, TypeError, KeyError, IndexError, OSError, EOFError) as error:
         what = " ".join(str(error).split())[:120] or type(error).__name__
         raise LogError(f"{path}: its reader left nonsense ({what}); copy the log again") from None
@@ -180,6 +181,7 @@ def _leave(folder: Path, recording: Recording) -> None:
         "defects": [(d.kind, d.place, d.message) for d in recording.defects],
         "attributes": dict(recording.attributes), "parameters": dict(recording.parameters),
         "info": dict(recording.info), "units": {k: dict(v) for k, v in recording.units.items()},
+        "unread": dict(recording.unread),
     })  # fmt: skip
 
 

@@ -51,7 +51,8 @@ class Defect:
     message: str
 
     def __str__(self) -> str:
-        return f"{self.place}: {self.message}"
+        """Return the defect on one line, whatever the names in it hold."""
+        return "".join(c if c.isprintable() else " " for c in f"{self.place}: {self.message}")
 
 
 @dataclass(frozen=True)

@@ -106,8 +106,10 @@ def assemble(
     streams: dict[str, Stream] = {}
     units: dict[str, dict[str, str]] = {}
     info: dict[str, str] = {}
-    for name, group in _named(_grouped(whole)).items():
-        if topics is None or name in topics:
+    groups = _named(_grouped(whole))
+    unread: dict[str, tuple[str, ...]] = {n: () for n in groups if topics is not None and n not in topics}
+    for name, group in groups.items():
+        if name not in unread:
             columns, stated = _columns(group)
             stream, met = _stream(name, group, columns)
             found.extend(met)
@@ -118,7 +120,7 @@ def assemble(
     if not streams:
         raise LogError(f"{path}: no array holds samples; name a file with recorded channels")
     parameters = {".".join(a.place): float(a.values.flat[0]) for a in whole if a.values.size == 1}
-    return Recording(path, kind, streams, tuple(found), {}, parameters, info, units)
+    return Recording(path, kind, streams, tuple(found), {}, parameters, info, units, unread)
 
 
 def _grouped(arrays: Sequence[Array]) -> list[_Group]:

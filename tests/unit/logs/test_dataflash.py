@@ -59,6 +59,7 @@ def test_only_what_is_wanted(parse: Callable[..., Recording]) -> None:
     content = small_log() if parse is parse_dataflash else as_text(tables())
     recording = parse(HERE, content, frozenset({"ATT", "BAT"}))
     assert set(recording.streams) == {"ATT", "BAT"}
+    assert set(recording.unread) == {"IMU", "POS", "MODE", "TST"}
 
 
 def test_text_holds_the_same(tmp_path: Path) -> None:

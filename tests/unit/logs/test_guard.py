@@ -66,7 +66,7 @@ def test_a_package_that_is_missing() -> None:
 @pytest.mark.parametrize("time", [[0.0, 1.0], [1.0, 0.0, 2.0]])
 def test_nonsense_is_not_believed(tmp_path: Path, time: list[float]) -> None:
     told = {"error": "", "format": "mat", "streams": [["data", ["p"]]], "defects": []}
-    told |= {key: {} for key in ("attributes", "parameters", "info", "units")}
+    told |= {key: {} for key in ("attributes", "parameters", "info", "units", "unread")}
     (tmp_path / "result.json").write_text(json.dumps(told))
     np.save(tmp_path / "0.npy", np.array([time] if len(time) == 2 else [time, time]))
     with pytest.raises(LogError, match="its reader left nonsense"):

@@ -1,0 +1,159 @@
+"""ROS bags that the library wrote: the same numbers as it reads; damage is an error in one line, or a defect."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+
+from stoop.errors import LogError
+from stoop.logs import read, rosbag
+from stoop.logs.ros_layout import UnreadableError, Walker, plan
+
+N = 30
+START = 1_700_000_000 * 10**9
+RATES = np.random.default_rng(2).normal(size=(N, 3))
+
+any_file = settings(
+    deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60
+)
+
+
+def messages(store: Any) -> Iterator[tuple[str, str, int, Any]]:
+    """Topic, type, time of recording and message, of an inertial sensor, an odometry, a camera and a text."""
+    types = store.types
+    vector, quaternion = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Quaternion"]
+    for i in range(N):
+        stamp = START + 10_000_000 * i
+        time = types["builtin_interfaces/msg/Time"](sec=stamp // 10**9, nanosec=stamp % 10**9)
+        extra = {"seq": i} if "seq" in types["std_msgs/msg/Header"].__dataclass_fields__ else {}
+        header = types["std_msgs/msg/Header"](stamp=time, frame_id="imu"[: i % 4], **extra)
+        turn, rates = quaternion(x=0.0, y=0.0, z=0.0, w=1.0), vector(*RATES[i])
+        grid = np.zeros(9)
+        yield "/imu", "sensor_msgs/msg/Imu", stamp + 2_000_000, types["sensor_msgs/msg/Imu"](
+            header, turn, grid, rates, grid, vector(0.1, 0.2, -9.8), grid)  # fmt: skip
+        image = types["sensor_msgs/msg/Image"](header, 4, 30, "mono8", 0, 30, np.zeros(120, np.uint8))
+        yield "/camera", "sensor_msgs/msg/Image", stamp, image
+        yield "/rpm", "std_msgs/msg/Float32MultiArray", stamp, _array(types, [float(i), 2.0])
+        yield "/said", "std_msgs/msg/String", stamp, types["std_msgs/msg/String"](data="hello")
+
+
+def _array(types: Any, values: list[float]) -> Any:
+    dimension = types["std_msgs/msg/MultiArrayDimension"]("motor", len(values), 1)
+    layout = types["std_msgs/msg/MultiArrayLayout"](dim=[dimension], data_offset=0)
+    return types["std_msgs/msg/Float32MultiArray"](layout, np.array(values, np.float32))
+
+
+def write_first(path: Path) -> Path:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with Writer1(path) as writer:
+        known: dict[str, Any] = {}
+        for topic, kind, stamp, message in messages(store):
+            known[topic] = known.get(topic) or writer.add_connection(topic, kind, typestore=store)
+            writer.write(known[topic], stamp, bytes(store.serialize_ros1(message, kind)))
+    return path
+
+
+def write_second(path: Path, plugin: StoragePlugin) -> Path:
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with Writer2(path, version=9, storage_plugin=plugin) as writer:
+        known: dict[str, Any] = {}
+        for topic, kind, stamp, message in messages(store):
+            known[topic] = known.get(topic) or writer.add_connection(topic, kind, typestore=store)
+            writer.write(known[topic], stamp, bytes(store.serialize_cdr(message, kind)))
+    return path
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("bags")
+    return {
+        "first": write_first(folder / "a.bag"),
+        "db3": write_second(folder / "b", StoragePlugin.SQLITE3),
+        "mcap": write_second(folder / "c", StoragePlugin.MCAP),
+    }
+
+
+@pytest.mark.parametrize("name", ["first", "db3", "mcap"])
+def test_what_was_written_is_read(bags: dict[str, Path], name: str) -> None:
+    recording = read(bags[name])
+    assert recording.format == "rosbag"
+    assert set(recording.streams) == {"/imu", "/camera", "/rpm"}
+    imu = recording.streams["/imu"]
+    np.testing.assert_allclose(imu.time, 0.01 * np.arange(N), atol=1e-9)
+    for axis, rates in zip("xyz", RATES.T, strict=True):
+        np.testing.assert_array_equal(imu.columns[f"angular_velocity.{axis}"], rates)
+    np.testing.assert_array_equal(imu.columns["linear_acceleration.z"], np.full(N, -9.8))
+    assert not any("covariance" in column for column in imu.columns)
+    assert set(recording.streams["/camera"].columns) - {"header.seq"} == {
+        "height",
+        "width",
+        "is_bigendian",
+        "step",
+    }
+    np.testing.assert_array_equal(recording.streams["/rpm"].columns["data[0]"], np.arange(N))
+    assert recording.info["body frame"] == "flu"
+    assert recording.defects == ()
+
+
+def test_single_files_and_topics(bags: dict[str, Path]) -> None:
+    (file,) = bags["mcap"].glob("*.mcap")
+    assert set(rosbag.load(file, frozenset({"/rpm"})).streams) == {"/rpm"}
+    (file,) = bags["db3"].glob("*.db3")
+    assert set(rosbag.load(file).streams) == {"/imu", "/camera", "/rpm"}
+
+
+def test_definitions_are_not_believed() -> None:
+    endless = {"a/msg/A": ([], [("a", (2, "a/msg/A"))])}
+    many = {
+        "a/msg/A": ([], [("a", (3, ((2, "a/msg/B"), 10**9)))]),
+        "a/msg/B": ([], [("x", (1, ("int8", 0)))]),
+    }
+    for definitions in (endless, many, {}):
+        with pytest.raises(UnreadableError):
+            plan("a/msg/A", definitions)
+    listed = {"a/msg/A": ([], [("a", (4, ((2, "a/msg/B"), 0)))]), "a/msg/B": ([], [])}
+    walker = Walker(plan("a/msg/A", listed), aligned=False)
+    assert walker.numbers(b"\x05\0\0\0" + bytes(10)) == {}
+    with pytest.raises(UnreadableError, match="shorter"):
+        walker.numbers(b"\xff\xff\xff\xff" + bytes(10))
+
+
+@any_file
+@given(
+    name=st.sampled_from(["first", "mcap"]),
+    edits=st.lists(st.tuples(st.integers(0, 2**20), st.binary(min_size=1, max_size=8)), max_size=6),
+    end=st.integers(1, 2**20),
+)
+def test_any_damage(
+    bags: dict[str, Path], tmp_path: Path, name: str, edits: list[tuple[int, bytes]], end: int
+) -> None:
+    (file,) = [bags[name]] if bags[name].is_file() else bags[name].glob("*.mcap")
+    content = bytearray(file.read_bytes())
+    for at, new in edits:
+        content[at % len(content) : at % len(content) + len(new)] = new
+    path = tmp_path / file.name
+    path.write_bytes(content[: end % (2 * len(content))])
+    with contextlib.suppress(LogError):
+        rosbag.load(path)
+
+
+def test_damage_in_a_data_base_stays_in_the_child(bags: dict[str, Path], tmp_path: Path) -> None:
+    (file,) = bags["db3"].glob("*.db3")
+    for place in (100, 4096, 9000):
+        content = bytearray(file.read_bytes())
+        content[place : place + 4000] = bytes(range(250)) * 16
+        path = tmp_path / "d.db3"
+        path.write_bytes(content)
+        with contextlib.suppress(LogError):
+            rosbag.read_rosbag(path)
