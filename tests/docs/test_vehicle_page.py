@@ -27,10 +27,21 @@ HEADINGS: dict[str, type[BaseModel]] = {
     "[reference]": schema.Reference,
     "[environment]": schema.Environment,
     "[aerodynamics]": schema.Aerodynamics,
+    "[rotors]": schema.Rotors,
+    "[rotor.NAME]": schema.Rotor,
+    "[body_drag]": schema.BodyDrag,
     "[controls.NAME]": schema.Control,
     "[sensors]": schema.Sensors,
     "[sensors.CHANNEL]": schema.Sensor,
 }
+LIFTED = """
+[rotors]
+T2 = 30.0
+[rotor.m1]
+channel = "motor_1"
+position = [0.1, 0.1, 0.0]
+spin = "cw"
+"""  #: what a file with rotors needs
 KINDS: dict[str, type[BaseModel]] = {
     "constant": schema.ConstantThrust,
     "channel": schema.ThrustChannel,
@@ -46,6 +57,7 @@ WORDS = (
     "center of gravity",
     "no lag",
     "no delay",
+    "up",
 )
 IN_WORDS = {"by channel", "the channel `NAME` itself, gain 1"}  #: defaults that other tests hold to the code
 
@@ -117,17 +129,25 @@ def test_units(page: Table, model: type[BaseModel]) -> None:
 
 def numbers(vehicle: Vehicle, page: Table, key: str, example: str) -> list[str]:
     """Return the numbers of the vehicle that an example has written."""
-    section = page.heading.strip("[]").replace("NAME", "elevator").replace("CHANNEL", "V")
+    section = place_of(page)
     section = "" if section == "Top level" else f"{section}."
     place = f"{section}{key}"
     return [n for n, q in leaves(vehicle.file) if (n == place or n.startswith(f"{place}.")) and q.tie is None]
 
 
+def place_of(page: Table) -> str:
+    """Return the section of a table with names for its placeholders."""
+    name = "m1" if page.heading.startswith("[rotor.") else "elevator"
+    return page.heading.strip("[]").replace("NAME", name).replace("CHANNEL", "V")
+
+
 def with_example(page: Table, model: type[BaseModel], key: str, example: str) -> str:
     """Return the smallest file with one key written as the reference shows it."""
     file = tomllib.loads(MINIMAL)
+    if page.heading.startswith("[rotor"):
+        file |= tomllib.loads(LIFTED)
     place: Any = file
-    section = page.heading.strip("[]").replace("NAME", "elevator").replace("CHANNEL", "V")
+    section = place_of(page)
     for name in () if section == "Top level" else section.split("."):
         place = place.setdefault(name, {})
     if page.heading == "[propulsion]":
@@ -138,6 +158,8 @@ def with_example(page: Table, model: type[BaseModel], key: str, example: str) ->
             if model is schema.Propeller
             else {}
         )
+    if key == "inertia" and model is schema.Rotors:
+        place["drive"] = "speed"
     if key == "center":
         place["mix"] = {"pwm_3": 0.0007, "pwm_4": -0.0007}
     place |= tomllib.loads(example)
@@ -178,6 +200,17 @@ def test_sensors_by_channel() -> None:
         bias = biases.pop(channel)
         assert (bias.prior, bias.unit, bias.free) == (float(prior), unit, free == "yes")
     assert not biases
+
+
+def test_velocities_over_ground() -> None:
+    vehicle = parse_vehicle(MINIMAL + LIFTED, "lifted")
+    numbers = {p.name: p for p in vehicle.parameters}
+    rows = table(PAGE, "[sensors.CHANNEL]", "velocity").rows
+    assert [row[0] for row in rows] == list(schema.WIND)
+    for channel, sigma, prior, unit, free in rows:
+        bias = numbers[f"sensors.{channel}.bias"]
+        assert getattr(vehicle.file.sensors, channel).sigma == float(sigma)
+        assert (bias.prior, bias.unit, bias.free) == (float(prior), unit, free == "yes")
 
 
 def test_blocks_of_the_page() -> None:
