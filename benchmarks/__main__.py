@@ -12,7 +12,7 @@ from benchmarks.clock import machine
 from benchmarks.table import Row, markdown
 
 QUICK = ("engine", "accuracy", "startup", "overhead", "paper", "joint")
-PARTS = (*QUICK, "shooting", "bootstrap", "bbob")  #: the last takes many minutes
+PARTS = (*QUICK, "ulog", "shooting", "bootstrap", "bbob")  #: the last takes many minutes
 
 
 def main() -> int:
@@ -34,7 +34,7 @@ def main() -> int:
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument(
-        "parts", metavar="PART", nargs="*", help=f"of {', '.join(PARTS)} (default: all but bbob)"
+        "parts", metavar="PART", nargs="*", help=f"of {', '.join(PARTS)} (default: {', '.join(QUICK)})"
     )
     parser.add_argument("--json", metavar="FILE", type=Path, help="write the figures there too")
     arguments = parser.parse_args()

@@ -58,3 +58,10 @@ def test_changelog(measured: dict[str, str]) -> None:
     assert f"{measured['step, 512 candidates']} per step" in text
     for box in "NW":
         assert f"{float(measured[f'box {box}: mean trajectories to 1e-6 J0']):.1f}" in text
+
+
+def test_reading_of_logs(measured: dict[str, str]) -> None:
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert f"read at {measured['file read per second']} (7 times as fast" in text
+    assert float(measured["times faster than pyulog"]) > 7.0
+    assert f"in {float(measured['largest memory over what is kept']):.1f} times the memory" in text

@@ -31,10 +31,10 @@ class Field:
     name: str
 
 
-def decoded(body: bytes) -> str:
-    """Return a text without what a terminal would obey."""
+def decoded(body: bytes, breaks: str = "") -> str:
+    """Return a text without what a terminal would obey, and without line ends or tabs unless they are allowed."""
     text = body.decode("utf-8", "ignore")
-    return text if text.isprintable() else "".join(c if c.isprintable() or c in "\n\t" else " " for c in text)
+    return text if text.isprintable() else "".join(c if c.isprintable() or c in breaks else " " for c in text)
 
 
 class Formats:

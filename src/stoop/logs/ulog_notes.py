@@ -9,6 +9,7 @@ from typing import Final, TypeAlias
 
 from stoop.logs.ulog_formats import SIZES, BodyError, decoded
 
+BREAKS: Final = "\n\t"  #: stay in a text
 LEVELS: Final = ("EMERGENCY", "ALERT", "CRITICAL", "ERROR", "WARNING", "NOTICE", "INFO", "DEBUG")
 _CODES: Final = {
     "int8_t": "b", "uint8_t": "B", "int16_t": "h", "uint16_t": "H", "int32_t": "i", "uint32_t": "I",
@@ -104,7 +105,7 @@ def _text(body: bytes, tagged: bool) -> Text:
         raise BodyError("a text without a time")
     level, *tag, stamp = struct.unpack_from(head, body)
     known = LEVELS[level - 48] if 48 <= level < 56 else "UNKNOWN"
-    return Text(1e-6 * stamp, known, tag[0] if tag else None, decoded(body[size:]))
+    return Text(1e-6 * stamp, known, tag[0] if tag else None, decoded(body[size:], BREAKS))
 
 
 def _pair(body: bytes) -> tuple[str, Value]:
@@ -118,7 +119,7 @@ def _pair(body: bytes) -> tuple[str, Value]:
             raise BodyError(f"{key[:40]} is not as long as its type")
         value: Value = struct.unpack("<" + _CODES[kind], body[end:])[0]
         return key, value
-    return key, decoded(body[end:]) if kind.startswith("char") else body[end:]
+    return key, decoded(body[end:], BREAKS) if kind.startswith("char") else body[end:]
 
 
 def _number(key: str, value: Value) -> float:

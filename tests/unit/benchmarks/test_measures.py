@@ -91,3 +91,15 @@ def test_boxes_hold_the_truth_off_their_middle(part: Any, kind: str) -> None:
         assert (truth < high).all()
         places.append((truth - low) / (high - low))
     assert np.ptp(places, axis=0).min() > 0.25
+
+
+def test_the_log_that_is_measured_is_sound(part: Any, tmp_path: Path) -> None:
+    from stoop.logs import read
+
+    ulog = part("ulog")
+    size = ulog.make(tmp_path / "flight.ulg", 3_000_000)
+    recording = read(tmp_path / "flight.ulg", topics=frozenset(ulog.USEFUL))
+    assert 1_500_000 < size < 3_100_000
+    assert recording.defects == ()
+    assert set(recording.streams) == set(ulog.USEFUL) < set(ulog.MIX)
+    assert recording.streams["vehicle_attitude"].period == pytest.approx(1 / 200, abs=1e-6)
