@@ -24,6 +24,7 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
     "identify": ("stoop.cli.identify", "estimate a vehicle's coefficients from flight logs, with error bars"),
     "validate": ("stoop.cli.validate", "predict flights that were not fitted, with a fitted model"),
     "polar": ("stoop.cli.polar", "drag polar of a flight without surface channels, with intervals"),
+    "rotors": ("stoop.cli.rotors", "which rotor is weak: hover flights against those of the healthy vehicle"),
     "structure": ("stoop.cli.structure", "choose which terms a vehicle needs, from flights"),
     "simulate": ("stoop.cli.simulate", "fly a maneuver and write a flight file"),
     "trim": ("stoop.cli.trim", "find the controls of a steady straight flight"),

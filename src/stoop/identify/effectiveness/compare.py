@@ -8,9 +8,11 @@ would give beyond those of the healthy flights is therefore what the rotors fail
     d ~ N(0, S)                              nothing of the kind
 
 d are lift and three moments, in units of weight, weight times arm, and torque of all rotors. S is the scatter between
-flights of one and the same vehicle: battery voltage and air density act on the lift, the place of the battery on roll and
-pitch. Few healthy flights tell little of it, so each of its four variances is that of the healthy flights and of
-`USUAL` together (scaled inverse chi-square with `FIRMNESS` degrees of freedom); d is then compared by Student's t.
+flights of one and the same vehicle: air density acts on the lift, the place of the battery on roll and pitch. Few healthy
+flights tell little of it, so each of its four variances is that of the healthy flights and of `USUAL` together (scaled
+inverse chi-square with `FIRMNESS` degrees of freedom); d is then compared by Student's t. What the correction for the
+battery's voltage left wrong of the lift is a slope, told by flights of one configuration at several voltages
+(`stoop.identify.effectiveness.battery`); its error is in S.
 
 References
 ----------
@@ -20,7 +22,7 @@ Crassidis and Junkins, Optimal Estimation of Dynamic Systems, 2nd ed., section 2
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -29,10 +31,14 @@ from scipy import stats
 
 from stoop.errors import FlightError
 from stoop.identify.effectiveness.balance import Balance, FloatArray
+from stoop.identify.effectiveness.battery import Battery, battery
 from stoop.identify.effectiveness.hover import Hover
 
 USUAL: Final = (0.02, 0.01, 0.01, 0.01)  #: standard deviations between flights, in units of d
 FIRMNESS: Final = 6.0  #: flights' worth of belief in them
+BATTERY: Final = (
+    0.3  #: what a correction for the battery leaves wrong of the lift, per relative difference of voltage
+)
 
 
 @dataclass(frozen=True)
@@ -46,11 +52,14 @@ class Reference:
         At least one.
     others : tuple of tuples of Hover
         Healthy flights of further vehicles of the type: they tell the scatter, not the level.
+    repeats : tuple of tuples of Hover
+        Flights of one configuration each, whatever it is: they tell what the voltage does to the lift.
     """
 
     balance: Balance
     hovers: tuple[Hover, ...]
     others: tuple[tuple[Hover, ...], ...] = ()
+    repeats: tuple[tuple[Hover, ...], ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse to compare with nothing."""
@@ -65,6 +74,18 @@ class Reference:
         weight = float(np.mean([self.balance.of_thrust[0] @ h.thrust for h in self.hovers]))
         torque = float(np.mean([np.abs(self.balance.of_torque[3]) @ h.torque for h in self.hovers]))
         return np.array([weight, weight * self.balance.arm, weight * self.balance.arm, torque])
+
+    @cached_property
+    def battery(self) -> Battery:
+        """What a lower voltage does to the commanded lift."""
+        groups = (self.hovers, *self.others, *self.repeats)
+        lifts = [np.array([self.balance.of_thrust[0] @ h.thrust for h in group]) for group in groups]
+        return battery(lifts, [np.array([h.voltage for h in group]) for group in groups])
+
+    @cached_property
+    def voltage(self) -> float:
+        """Mean of the healthy flights, V."""
+        return float(np.mean([h.voltage for h in self.hovers]))
 
     @cached_property
     def level(self) -> FloatArray:
@@ -88,8 +109,23 @@ class Reference:
         return self.balance.loads(hover.thrust, hover.torque) / self.units[:, None]
 
     def sums(self, hover: Hover) -> FloatArray:
-        """Return the sum over all rotors, (4,)."""
-        return np.asarray(self.columns(hover).sum(axis=1))
+        """Return the sum over all rotors, (4,), as it would be at the healthy flights' voltage."""
+        sums = self.columns(hover).sum(axis=1)
+        sums[0] -= self.battery.slope * self._apart(hover)
+        return np.asarray(sums)
+
+    def covariance(self, hover: Hover) -> FloatArray:
+        """Return that of the difference between one more healthy flight and the mean of these, (4, 4)."""
+        count = len(self.hovers)
+        between = self.variances * (1.0 + 1.0 / count)
+        between[0] += (self.battery.std * self._apart(hover)) ** 2
+        within = hover.covariance + sum(h.covariance for h in self.hovers) / count**2
+        return np.asarray(np.diag(between) + within / np.outer(self.units, self.units))
+
+    def _apart(self, hover: Hover) -> float:
+        """Return how far its voltage is from that of the healthy flights, relative; nothing where it is unknown."""
+        apart = hover.voltage / self.voltage - 1.0
+        return apart if np.isfinite(apart) else 0.0
 
 
 @dataclass(frozen=True)
@@ -160,9 +196,7 @@ def assess(hover: Hover, reference: Reference) -> Assessment:
     """Hold a flight against the healthy ones."""
     scale = reference.units
     d = reference.sums(hover) - reference.level
-    noise = hover.covariance + sum(h.covariance for h in reference.hovers) / len(reference.hovers) ** 2
-    S = np.diag(reference.variances * (1.0 + 1.0 / len(reference.hovers))) + noise / np.outer(scale, scale)
-    whiten = np.linalg.inv(np.linalg.cholesky(S))
+    whiten = np.linalg.inv(np.linalg.cholesky(reference.covariance(hover)))
     pull = reference.balance.of_thrust * np.array([1.0, 1.0, 1.0, 0.0])[:, None]
     columns, masses = reference.columns(hover), pull * scale[0] / scale[:, None]
     rotors = reference.balance.rotors
@@ -181,10 +215,7 @@ def leave_one_out(reference: Reference) -> tuple[Assessment, ...]:
     hovers = reference.hovers
     if len(hovers) < 2:
         return ()
-    return tuple(
-        assess(h, Reference(reference.balance, tuple(o for o in hovers if o is not h), reference.others))
-        for h in hovers
-    )
+    return tuple(assess(h, replace(reference, hovers=tuple(o for o in hovers if o is not h))) for h in hovers)
 
 
 def _explain(rotor: str, column: FloatArray, d: FloatArray) -> Suspect:

@@ -79,7 +79,7 @@ def together(hovers: Sequence[Hover]) -> Hover:
     """Return the mean of flights of one configuration, as of one flight."""
     count = len(hovers)
     return Hover(
-        " + ".join(h.name for h in hovers),
+        f"{count} flights",
         np.mean([h.thrust for h in hovers], axis=0),
         np.mean([h.torque for h in hovers], axis=0),
         np.sum([h.covariance for h in hovers], axis=0) / count**2,

@@ -55,4 +55,8 @@ EXPERIMENTS: Final[Mapping[str, Entry]] = {
         "stoop.study.verify.jsbsim_truth.experiment:JsbsimTruth",
         "stock aircraft of JSBSim identified from their outputs (10 flights each)",
     ),
+    "propellers": Entry(
+        "stoop.study.verify.propellers.experiment:Propellers",
+        "cut propellers and added weights on real quadrotors; reads --data DIR",
+    ),
 }

@@ -21,11 +21,13 @@ from stoop.identify.effectiveness import (
     leave_one_out,
     together,
 )
+from stoop.identify.effectiveness.battery import Battery, battery
 from stoop.identify.effectiveness.compare import USUAL
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
 EXAMPLE = Path(__file__).parents[4] / "examples" / "crazyflie.toml"
+HALF = -0.0103 + 0.6 * 0.1825 - 0.36 * 0.0401  #: N, thrust of a rotor at a command of 0.6
 CROOKED = """
 format = "stoop-vehicle/1"
 name = "crooked"
@@ -200,8 +202,8 @@ def hops() -> np.ndarray:
 
 def test_takeoffs_and_landings_are_left_out(quad: Balance) -> None:
     found = hover(logged(hops()), quad)
-    np.testing.assert_allclose(found.thrust, 0.6 * 0.1471)
-    np.testing.assert_allclose(found.torque, 0.6 * 0.1471 * 0.00596)
+    np.testing.assert_allclose(found.thrust, HALF)
+    np.testing.assert_allclose(found.torque, HALF * 0.00596)
     assert found.duration == pytest.approx(2 * (510 / 50 - 4.0))
     both = together((found, found))
     np.testing.assert_allclose(both.thrust, found.thrust)
@@ -212,7 +214,7 @@ def test_error_of_the_mean_knows_that_commands_correlate(quad: Balance) -> None:
     slow = np.repeat(rng.normal(size=400), 10) * 0.05  # constant for 0.2 s each
     stretch = np.concatenate([np.zeros(100), 0.6 + slow, np.zeros(100)])
     found = hover(logged(stretch), quad)
-    true = 0.05 * 4 * 0.1471 / np.sqrt(slow.size / 10)
+    true = 0.05 * 4 * (0.1825 - 2 * 0.6 * 0.0401) / np.sqrt(slow.size / 10)
     assert 0.7 * true < np.sqrt(found.covariance[0, 0]) < 1.4 * true
 
 
@@ -241,3 +243,32 @@ def test_missing_commands_and_rotors_are_said(quad: Balance) -> None:
         hover(Flight("flight", None, flight.data.drop_vars("motor_2"), 50.0, {}), quad)
     with pytest.raises(VehicleError, match="has no rotors"):
         Balance(resolve_vehicle("twin-boom"))
+
+
+def test_what_the_voltage_does_is_told_by_repeats(quad: Balance) -> None:
+    rng = np.random.default_rng(11)
+    groups = [3.6 + 0.1 * rng.normal(size=4) for _ in range(6)]
+    lifts = [
+        rng.uniform(0.3, 0.5) * (1.0 + 0.5 * (v / v.mean() - 1.0) + 0.003 * rng.normal(size=4))
+        for v in groups
+    ]
+    told = battery(lifts, groups)
+    assert abs(told.slope - 0.5) < 3.0 * told.std < 0.3
+    assert battery([np.array([0.3])], [np.array([3.6])]) == Battery()
+    assert battery([np.array([0.3, 0.4])], [np.array([np.nan, np.nan])]) == Battery()
+
+
+def test_a_known_slope_is_taken_off(quad: Balance) -> None:
+    rng = np.random.default_rng(12)
+
+    def at(volts: float) -> Hover:
+        h = flown(quad, rng, f"{volts} V")
+        more = 1.0 + 0.6 * (volts / 3.6 - 1.0)
+        return Hover(h.name, more * h.thrust, more * h.torque, h.covariance, volts, h.duration)
+
+    repeats = tuple(tuple(at(v) for v in (3.2, 3.4, 3.6, 3.8, 4.0)) for _ in range(8))
+    reference = Reference(quad, tuple(at(3.6) for _ in range(4)), repeats=repeats)
+    assert abs(reference.battery.slope - 0.6) < 3.0 * reference.battery.std
+    blind = Reference(quad, reference.hovers)
+    low = at(3.1)
+    assert abs(reference.sums(low)[0] - 1.0) < 0.07 < abs(blind.sums(low)[0] - 1.0) + 0.03

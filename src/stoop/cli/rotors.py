@@ -1,0 +1,119 @@
+"""`stoop rotors`: which rotor gives less than its command says, from flights near hover."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stoop.cli.numbers import positive
+from stoop.cli.page import Page, busy, page
+from stoop.errors import FlightError
+
+if TYPE_CHECKING:
+    from stoop.identify.effectiveness import Assessment, Balance, Hover, Reference
+
+CHANCE = 0.05
+APART = 0.05  #: relative difference of voltage that is worth a word
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this verb."""
+    add = parser.add_argument
+    add(
+        "flight",
+        metavar="FLIGHT",
+        type=Path,
+        nargs="+",
+        help="logs of flights near hover that are in question",
+    )
+    healthy = (
+        "logs of flights near hover of the same vehicle while all was well; three or more are better than one"
+    )
+    add("--healthy", metavar="FLIGHT", type=Path, nargs="+", required=True, help=healthy)
+    add("--vehicle", metavar="V", required=True, help="vehicle file with rotors, or a built-in name")
+    add(
+        "--together",
+        action="store_true",
+        help="the flights in question are of one and the same configuration",
+    )
+    chance = "how often a healthy flight may be accused (default: 0.05)"
+    add("--chance", metavar="P", type=positive, default=CHANCE, help=chance)
+    add("--mapping", metavar="M.toml", type=Path, help="columns and units of the logs")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compare, and say what each flight shows."""
+    from stoop.identify.effectiveness import Balance, Reference, assess, leave_one_out, together
+    from stoop.vehicle.builtin import resolve_vehicle
+
+    if arguments.chance >= 0.5:
+        raise FlightError(
+            f"--chance {arguments.chance:g}: half of all flights or more; write a small share, such as 0.05"
+        )
+    balance = Balance(resolve_vehicle(arguments.vehicle))
+    with busy("reading the logs"):
+        healthy = _hovers(arguments.healthy, balance, arguments.mapping)
+        flown = _hovers(arguments.flight, balance, arguments.mapping)
+    one = arguments.together and len(flown) > 1
+    reference = Reference(balance, healthy, repeats=(flown,) if one else ())
+    out = page()
+    _compare(out, "Healthy flights, each against the others", leave_one_out(reference), arguments.chance)
+    _compare(out, "Flights in question", [assess(h, reference) for h in flown], arguments.chance)
+    if one:
+        _compare(out, "All in question as one", [assess(together(flown), reference)], arguments.chance)
+    out.heading("What it rests on")
+    out.bullets(_notes(reference, flown, arguments.chance))
+    return 0
+
+
+def _hovers(paths: Sequence[Path], balance: Balance, mapping: Path | None) -> tuple[Hover, ...]:
+    from stoop.flight import load
+    from stoop.identify.effectiveness import hover
+
+    return tuple(hover(load(path, mapping), balance) for path in paths)
+
+
+def _compare(out: Page, title: str, found: Sequence[Assessment], chance: float) -> None:
+    from stoop.cli.tables import fixed, words
+    from stoop.identify.effectiveness import judge
+
+    if not found:
+        return
+    out.heading(title)
+    suspects = [f.suspected for f in found]
+    out.table(
+        [
+            words("flight", [f.name for f in found]),
+            words("suspected", [s.rotor for s in suspects]),
+            fixed("factor", [1.0 - s.size for s in suspects], 3),
+            fixed("std error", [s.std for s in suspects], 3),
+            fixed("chance", [f.chance for f in found], 4),
+            words("verdict", [judge(f, chance).words for f in found], wraps=True),
+        ]
+    )
+
+
+def _notes(reference: Reference, flown: Sequence[Hover], chance: float) -> list[str]:
+    lift, roll, pitch, yaw = (100.0 * float(v) ** 0.5 for v in reference.variances)
+    battery = reference.battery
+    notes = [
+        "factor: thrust and torque per command, against the healthy flights, if this rotor alone has changed",
+        f"chance: how often a healthy flight makes any rotor this suspect; a rotor is accused below {chance:g}",
+        f"between healthy flights lift scatters by {lift:.1f} %, roll and pitch by {roll:.1f} % and {pitch:.1f} % of "
+        f"weight times arm, yaw by {yaw:.1f} % of the rotors' torque ({len(reference.hovers)} flights, and what is usual)",
+        "a weak propeller and a mass near it differ in the yaw balance alone; what hangs in the wake of a rotor changes it too",
+    ]
+    if reference.voltage == reference.voltage:
+        notes.append(
+            f"commanded lift goes with the voltage by {battery.slope:.2f} ± {battery.std:.2f} (relative to relative); "
+            "this is taken off"
+        )
+    far = [h.name for h in flown if abs(h.voltage / reference.voltage - 1.0) > APART]
+    if far:
+        notes.append(
+            f"{', '.join(far)}: the battery's voltage is more than {100.0 * APART:.0f} % from that of the healthy flights; "
+            "compare flights on equal charge"
+        )
+    return notes
