@@ -54,6 +54,7 @@ def read_hdf5(path: Path, matlab: bool) -> tuple[list[Array], list[Defect]]:
 
     arrays: list[Array] = []
     skipped: list[str] = []
+    defects: list[Defect] = []
     total, most = 0, most_values(path)
     with h5py.File(path, "r") as file:
         for place, dataset in _datasets(h5py, file, ()):
@@ -62,12 +63,17 @@ def read_hdf5(path: Path, matlab: bool) -> tuple[list[Array], list[Defect]]:
                 raise LogError(
                     f"{path}: more than {MAX_ARRAYS} arrays or {most} numbers; save only the flight"
                 )
-            array = _array(place, dataset, matlab)
+            try:
+                array = _array(place, dataset, matlab)
+            except (OSError, RuntimeError, ValueError) as error:
+                why = " ".join(str(error).split())[:80]
+                defects.append(Defect("corrupt", ".".join(place), f"damaged and skipped ({why})"))
+                continue
             if array is not None:
                 arrays.append(array)
             elif not _is_text(dataset):
                 skipped.append(".".join(place))
-    return arrays, _listed(path, skipped)
+    return arrays, [*defects, *_listed(path, skipped)]
 
 
 def _datasets(h5py: Any, group: Any, place: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:

@@ -6,6 +6,9 @@ structure of arrays with its clock is a stream: "ins" with the columns "gyro.x",
 
 from __future__ import annotations
 
+import io
+import struct
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -19,6 +22,9 @@ from stoop.logs.recording import Defect, Recording
 from stoop.logs.tabular import MAX_ARRAYS, Array, assemble, typed
 
 MAX_DEPTH: Final = 16
+MAX_BYTES: Final = 2**31
+MAX_DEFECTS: Final = 20
+HEAD: Final = 128  #: bytes before the first variable
 MAX_ELEMENTS: Final = 1000  #: of an array of structures
 
 
@@ -45,16 +51,52 @@ def load(path: Path, topics: frozenset[str] | None = None) -> Recording:
 
 
 def _read_old(path: Path) -> tuple[list[Array], list[Defect]]:
-    from scipy.io import loadmat  # heavy, and only here
-
-    content = loadmat(path, struct_as_record=True, squeeze_me=False, chars_as_strings=True)
+    """Read one variable after the other, so that damage to one costs no other."""
+    if path.stat().st_size > MAX_BYTES:
+        raise LogError(f"{path}: larger than {MAX_BYTES >> 20} MiB; save only the flight")
+    content = path.read_bytes()
     arrays: list[Array] = []
     skipped: list[str] = []
-    for name, value in content.items():
-        if not name.startswith("__"):
-            for place, leaf in _leaves((name,), value):
+    defects: list[Defect] = []
+    for at, variable in _variables(content):
+        try:
+            found = _loaded(variable)
+        except MemoryError:
+            raise
+        except Exception as error:
+            why = " ".join(str(error).split())[:80] or type(error).__name__
+            defects.append(
+                Defect("corrupt", f"{path.name} byte {at}", f"a variable is damaged and was skipped ({why})")
+            )
+            continue
+        for name, value in found.items():
+            for place, leaf in _leaves((name,), value) if not name.startswith("__") else ():
                 _take(path, arrays, skipped, place, leaf)
-    return arrays, listed(path, skipped)
+    if not arrays and defects:
+        raise LogError(f"{path}: nothing can be read ({defects[0]}); save it again")
+    return arrays, [*defects[:MAX_DEFECTS], *listed(path, skipped)]
+
+
+def _variables(content: bytes) -> Iterator[tuple[int, bytes]]:
+    """Return where each variable begins, and a file of it alone; older files are taken as a whole."""
+    order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
+    if order is None:
+        yield 0, content
+        return
+    at, count = HEAD, 0
+    while at + 8 <= len(content) and count < MAX_ARRAYS:
+        _, size = struct.unpack_from(f"{order}II", content, at)
+        yield at, content[:HEAD] + content[at : at + 8 + size]
+        at, count = at + 8 + size, count + 1
+
+
+def _loaded(content: bytes) -> dict[str, Any]:
+    from scipy.io import loadmat  # heavy, and only here
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of variables that occur twice, and of objects
+        file: Any = io.BytesIO(content)  # SciPy's stubs know names only
+        return dict(loadmat(file, struct_as_record=True, squeeze_me=False))
 
 
 def _take(path: Path, arrays: list[Array], skipped: list[str], place: tuple[str, ...], leaf: Any) -> None:

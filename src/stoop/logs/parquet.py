@@ -38,20 +38,26 @@ def load(path: Path, topics: frozenset[str] | None = None) -> Recording:
 def _read(path: Path) -> tuple[list[Array], list[Defect]]:
     import pyarrow.parquet as pq  # heavy, and only here
 
+    arrays: list[Array] = []
+    skipped: list[str] = []
+    defects: list[Defect] = []
     with pq.ParquetFile(path, memory_map=False) as file:
         rows, columns = file.metadata.num_rows, file.metadata.num_columns
         if columns > MAX_ARRAYS or rows * columns > most_values(path):
             raise LogError(
                 f"{path}: more than {MAX_ARRAYS} columns or {most_values(path)} numbers; cut the flight"
             )
-        table = file.read(use_threads=False)
-    arrays: list[Array] = []
-    skipped: list[str] = []
-    for name, column in zip(table.column_names, table.columns, strict=True):
-        shown = "time" if name.startswith(_INDEX) else name
-        for place, array in _leaves((shown,), column.combine_chunks()):
-            arrays.append(array) if array is not None else skipped.append(".".join(place))
-    return arrays, [Defect("skipped", name, "holds no numbers") for name in skipped[:10]]
+        for name in file.schema_arrow.names:
+            shown = "time" if name.startswith(_INDEX) else name
+            try:
+                column = file.read(columns=[name], use_threads=False).column(name).combine_chunks()
+            except (OSError, ValueError) as error:  # pyarrow's own errors are of these kinds
+                why = " ".join(str(error).split())[:80]
+                defects.append(Defect("corrupt", shown, f"damaged and skipped ({why})"))
+                continue
+            for place, array in _leaves((shown,), column):
+                arrays.append(array) if array is not None else skipped.append(".".join(place))
+    return arrays, [*defects, *(Defect("skipped", name, "holds no numbers") for name in skipped[:10])]
 
 
 def _leaves(place: tuple[str, ...], column: Any) -> Iterator[tuple[tuple[str, ...], Array | None]]:

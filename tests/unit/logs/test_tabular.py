@@ -180,6 +180,24 @@ def test_numbers_alone_are_no_flight(tmp_path: Path) -> None:
         matlab.load(tmp_path / "c.mat")
 
 
+def test_damage_to_one_variable_costs_no_other(files: dict[str, Path], tmp_path: Path) -> None:
+    content = bytearray(files["old.mat"].read_bytes())
+    content[160:170] = bytes(10)
+    (tmp_path / "a.mat").write_bytes(content)
+    recording = matlab.load(tmp_path / "a.mat")
+    assert set(recording.streams) >= {"air"}
+    assert recording.defects[0].place == "a.mat byte 128"
+
+
+def test_damage_to_one_column_costs_no_other(files: dict[str, Path], tmp_path: Path) -> None:
+    content = bytearray(files["a.parquet"].read_bytes())
+    content[4:40] = bytes(36)  # the head of the first page
+    (tmp_path / "a.parquet").write_bytes(content)
+    recording = parquet.load(tmp_path / "a.parquet")
+    assert "gyro[1]" in recording.streams["data"].columns
+    assert recording.defects[0].place == "time"
+
+
 DAMAGE = {
     "edits": st.lists(st.tuples(st.integers(0, 2**20), st.binary(min_size=1, max_size=8)), max_size=6),
     "end": st.integers(1, 2**20),
