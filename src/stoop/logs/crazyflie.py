@@ -28,7 +28,7 @@ from stoop.logs.recording import Defect, Recording, Stream, clean_stream
 from stoop.units import FACTORS
 
 MAGIC: Final = b"\xbc"
-MAX_BYTES: Final = 2**28  #: an hour at 1 kHz with 20 variables fills a quarter of a GiB
+MAX_BYTES: Final = 2**26  #: 20 variables at 1 kHz for eleven minutes; a battery lasts seven
 MAX_VARIABLES: Final = 4096  #: of all event types together; the firmware allows some dozens
 MAX_RESYNCS: Final = 1000
 _TOLD: Final = 20  #: damaged places that are listed one by one
