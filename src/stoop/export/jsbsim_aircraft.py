@@ -60,6 +60,11 @@ def check(vehicle: Vehicle) -> None:
     VehicleError
         With what to do instead.
     """
+    if vehicle.hovers:
+        raise VehicleError(
+            f"{vehicle.where}: rotors are not written for JSBSim, which has no form of their induced flow; "
+            "export to state-space or simulink"
+        )
     if vehicle.reduce == "lateral":
         raise VehicleError(
             f"{vehicle.where}: the lateral model holds speed and incidence, which JSBSim does not; "

@@ -93,7 +93,7 @@ def _results(letter: str, expressions: Sequence[Any]) -> list[str]:
 
 def _heading(vehicle: Vehicle, name: str) -> list[str]:
     def listed(letter: str, names: Sequence[str]) -> list[str]:
-        return [f"%   {letter}({i}) {n}, {state_unit(n)}" for i, n in enumerate(names, 1)]
+        return [f"%   {letter}({i}) {n}, {state_unit(n, vehicle)}" for i, n in enumerate(names, 1)]
 
     return [
         f"function [dx, y] = {name}_equations(x, u, p)",
@@ -106,11 +106,9 @@ def _heading(vehicle: Vehicle, name: str) -> list[str]:
     ]
 
 
-def state_unit(name: str) -> str:
+def state_unit(name: str, vehicle: Vehicle) -> str:
     """Return the unit of a state of the equations, an input or an output."""
-    if name in ("u", "v", "w"):
-        return "m/s"
-    return "1" if name in ("e0", "e1", "e2", "e3", "none") else unit(name)
+    return "1" if name in ("e0", "e1", "e2", "e3", "none") else unit(name, vehicle)
 
 
 _FLY: Final = """\

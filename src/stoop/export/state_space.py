@@ -23,7 +23,8 @@ STEP: Final = 1e-3  #: of a parameter's standard error: how far it is moved for 
 UNGUIDED: Final = 1e-4  #: of a parameter's value, where there is no standard error
 ROUNDING: Final = 1e-7  #: of the largest derivative by a parameter; below it is rounding
 _UNITS: Final = {
-    "V": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s", "h": "m", "ax": "m/s2", "ay": "m/s2", "az": "m/s2",
+    **dict.fromkeys(("V", "u", "v", "w"), "m/s"), **dict.fromkeys(("p", "q", "r"), "rad/s"), "h": "m",
+    **dict.fromkeys(("ax", "ay", "az"), "m/s2"),
 }  # fmt: skip
 
 
@@ -72,7 +73,8 @@ def _steady(vehicle: Vehicle, point: Trim, model: LinearModel) -> tuple[FloatArr
     states = initial_states(vehicle, point.start, rows, point.inputs)
     _, readings = vehicle.kernel().evaluate(rows, states, point.inputs[:, None])
     surfaces = {c: float(commanded(vehicle, c, rows, point.inputs)[0]) for c in vehicle.controls}
-    lags = {f"{c}.lag": angle for c, angle in surfaces.items()}
+    spins = {r: float(commanded(vehicle, r, rows, point.inputs)[0]) for r in vehicle.rotors}
+    lags = {f"{c}.lag": position for c, position in (surfaces | spins).items()}
     channels = dict(zip(vehicle.inputs, point.inputs.tolist(), strict=True))
     x = np.array([lags[n] if n in lags else point.start.get(n, 0.0) for n in model.states])
     u = np.array([surfaces[n] if n in surfaces else channels[n] for n in model.inputs])
@@ -119,12 +121,14 @@ def _slope(vehicle: Vehicle, point: Trim, name: str, step: float) -> list[FloatA
     return [(getattr(up, m) - getattr(down, m)) / (2.0 * step) for m in MATRICES]
 
 
-def unit(name: str) -> str:
-    """Return the unit of a state, input or output; what is none of the flight's is an angle."""
+def unit(name: str, vehicle: Vehicle) -> str:
+    """Return the unit of a state, input or output; what is none of the flight's and no rotor's is an angle."""
     from stoop.flight import VARIABLES
 
     if name in _UNITS:
         return _UNITS[name]
+    if vehicle.file.rotors is not None and name.removesuffix(".lag") in vehicle.rotors:
+        return "rad/s" if vehicle.file.rotors.drive == "speed" else "1"
     return VARIABLES[name].unit if name in VARIABLES else "rad"
 
 
@@ -136,9 +140,9 @@ def document(found: StateSpace) -> dict[str, Any]:
         "vehicle": vehicle.name,
         "reduce": vehicle.reduce,
         "equations": "x' = A (x - x0) + B (u - u0), y - y0 = C (x - x0) + D (u - u0)",
-        "states": _signals(model.states, found.x),
-        "inputs": _signals(model.inputs, found.u),
-        "outputs": _signals(model.outputs, found.y),
+        "states": _signals(vehicle, model.states, found.x),
+        "inputs": _signals(vehicle, model.inputs, found.u),
+        "outputs": _signals(vehicle, model.outputs, found.y),
         **{m: getattr(model, m).tolist() for m in MATRICES},
         "standard_errors": {m: e.tolist() for m, e in found.standard_errors.items()},
         "trim": {"altitude": found.point.start.get("h", 0.0), "residual": found.point.residual},
@@ -146,8 +150,10 @@ def document(found: StateSpace) -> dict[str, Any]:
     }
 
 
-def _signals(names: tuple[str, ...], values: FloatArray) -> list[dict[str, Any]]:
-    return [{"name": n, "unit": unit(n), "trim": v} for n, v in zip(names, values.tolist(), strict=True)]
+def _signals(vehicle: Vehicle, names: tuple[str, ...], values: FloatArray) -> list[dict[str, Any]]:
+    return [
+        {"name": n, "unit": unit(n, vehicle), "trim": v} for n, v in zip(names, values.tolist(), strict=True)
+    ]
 
 
 def numbers(vehicle: Vehicle, point: Trim | None) -> dict[str, float]:

@@ -16,6 +16,7 @@ from stoop.export.still import LEFT_OUT, still
 from stoop.simulate import Trim
 from stoop.study.verify.export.aircraft import VEHICLES, load
 from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.builtin import builtin_vehicle
 
 
 @pytest.mark.parametrize("name", VEHICLES)
@@ -66,6 +67,13 @@ def test_names(name: str, file: str, function: str) -> None:
 def test_lateral_equations_are_refused(twin_boom: Vehicle) -> None:
     with pytest.raises(VehicleError, match=r"export to state-space, or set model\.reduce"):
         aircraft(twin_boom.reduced("lateral"))
+
+
+def test_rotors_are_refused() -> None:
+    with pytest.raises(
+        VehicleError, match=r"^quad-x: rotors are not written for JSBSim.*; export to state-space"
+    ):
+        aircraft(builtin_vehicle("quad-x"))
 
 
 def test_a_delay_that_looks_ahead_is_refused() -> None:

@@ -12,6 +12,7 @@ from scipy.io import loadmat
 from stoop.export.state_space import Known, StateSpace, json_text, mat_bytes, state_space, variables
 from stoop.simulate import Trim
 from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import builtin_vehicle
 
 SIGMA = 0.1
 
@@ -77,3 +78,11 @@ def test_what_the_data_cannot_tell_is_no_small_error(twin_boom: Vehicle, steady:
     assert json.loads(json_text(both))["standard_errors"]["A"][row][column] is None
     lost = state_space(twin_boom, steady, Known(names[1:], np.array([[np.inf]])))
     assert np.array_equal(np.isinf(lost.standard_errors["A"]), np.isinf(errors))
+
+
+def test_states_of_rotors_have_their_own_units() -> None:
+    vehicle = builtin_vehicle("quad-x")
+    point = Trim({"u": 0.0, "h": 0.0}, {}, {}, np.full(4, 0.6), {}, 0.0)
+    signals = {s["name"]: s for s in json.loads(json_text(state_space(vehicle, point)))["states"]}
+    assert [signals[n]["unit"] for n in ("u", "p", "theta", "m1.lag")] == ["m/s", "rad/s", "rad", "1"]
+    assert signals["m3.lag"]["trim"] == pytest.approx(0.6)
