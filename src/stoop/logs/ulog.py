@@ -103,9 +103,11 @@ def _scan(path: Path, size: int, topics: frozenset[str] | None) -> Scan:
 
 
 def _empty(path: Path, found: Scan, topics: frozenset[str] | None) -> str:
-    if found.streams or topics is None:
+    if found.streams or not found.topics or topics is None:
         return f"{path}: no topic holds data; the log was cut before the first sample, record again"
-    return f"{path}: none of the topics wanted is in the log; log them, or look with `stoop info` at what there is"
+    there = sorted(found.topics)
+    more = f" and {len(there) - 12} more" if len(there) > 12 else ""
+    return f"{path}: the log holds none of the topics wanted, but {', '.join(there[:12])}{more}; log others, or map these"
 
 
 def _streams(path: Path, found: Scan) -> tuple[dict[str, Stream], list[Defect]]:

@@ -78,7 +78,8 @@ class Scan:
     Attributes
     ----------
     formats, notes : what the log says about itself
-    streams : rows by topic and instance
+    topics : names of all topics, wanted or not
+    streams : rows of those wanted, by topic and instance
     unwanted : topics, with instance, whose rows were passed over
     damages : first and last place of bytes that belong to no message; the first `NAMED` of `damaged`
     unusable : place of a message that could not be used, and why; the first `NAMED` of them
@@ -90,6 +91,7 @@ class Scan:
 
     formats: Formats = field(default_factory=Formats)
     notes: Notes = field(default_factory=Notes)
+    topics: set[str] = field(default_factory=set)
     streams: list[Rows] = field(default_factory=list)
     unwanted: set[str] = field(default_factory=set)
     damages: list[tuple[int, int]] = field(default_factory=list)
@@ -306,6 +308,7 @@ class _Scanner:
         self._high[number] = 0
         kept, whole = self.found.formats.sizes(name)
         self._low[number], self._high[number] = kept, whole
+        self.found.topics.add(name)
         wanted = self._topics is None or name in self._topics
         self._slots[number] = self._stream(name, instance, kept) if wanted else -1
         if not wanted and len(self.found.unwanted) < MOST_STREAMS:

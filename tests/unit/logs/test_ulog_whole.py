@@ -119,7 +119,7 @@ def test_only_the_topics_wanted(tmp_path: Path) -> None:
     part = recorded(tmp_path, everything(), frozenset({"plain", "not there"}))
     assert set(part.streams) == {"plain", "plain/2"}
     np.testing.assert_array_equal(part.streams["plain/2"].columns["x"], whole.streams["plain/2"].columns["x"])
-    with pytest.raises(LogError, match="none of the topics wanted"):
+    with pytest.raises(LogError, match="none of the topics wanted, but pack, plain; log others"):
         recorded(tmp_path, everything(), frozenset({"not there"}))
 
 
