@@ -10,6 +10,7 @@ import numpy as np
 
 from stoop.flight.channels import Channels
 from stoop.flight.faults import Fault
+from stoop.flight.mapping import READY
 from stoop.flight.variables import VARIABLES
 
 LEAST: Final = 20  #: samples that say anything
@@ -89,10 +90,13 @@ def _words(name: str, size: float, known: Range, place: str) -> str:
 
 
 def _at(place: str) -> str:
-    if not place:
-        return " for it in a mapping"
     file, _, key = place.rpartition(": ")
-    return f" for {key} in {file}" if file else f" for {key}"
+    return f" for {key} in {file}" if is_own(place) else " for it in a mapping"
+
+
+def is_own(place: str) -> bool:
+    """Tell whether a place is in a file of the user's, not in a mapping of the package."""
+    return place.partition(": ")[0] not in {"", *READY.values()}
 
 
 def advised(faults: Sequence[Fault], places: Mapping[str, str]) -> list[Fault]:
@@ -102,7 +106,7 @@ def advised(faults: Sequence[Fault], places: Mapping[str, str]) -> list[Fault]:
 
 def _line(fault: Fault, places: Mapping[str, str]) -> str:
     at = _at(places.get(fault.variable, ""))
-    if fault.variable not in places or fault.kind not in ("inconsistent", "wrong sign"):
+    if not is_own(places.get(fault.variable, "")) or fault.kind not in ("inconsistent", "wrong sign"):
         return ""
     if "the sign of one of them" in fault.message:
         return f"; if it is {fault.variable}'s, write scale = -1{at}"

@@ -7,6 +7,8 @@ from collections.abc import Mapping as TextMapping
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from stoop.errors import LogError
 from stoop.logs.mapping import Column, Mapping, is_first_edition, read_mapping, read_toml
 from stoop.logs.recording import Defect, FloatArray, Recording, Stream, clean_stream
@@ -14,6 +16,7 @@ from stoop.logs.text import read_header, read_table
 from stoop.units import FACTORS
 
 FOLDER_MAPPING: Final = "mapping.toml"
+GROWS: Final = 0.9  #: share of steps that go forward, in a clock
 MOST_FILES: Final = 200  #: of a folder; logs have fewer
 _ENDING: Final = re.compile(r"\.csv(\.gz)?$", re.IGNORECASE)
 
@@ -81,7 +84,7 @@ def read_raw_csv(path: Path, clocks: TextMapping[str, str] | None = None) -> Rec
 
     Returns
     -------
-    Recording : one stream per file, all columns as they stand there, the clock among them
+    Recording : one stream per file, all columns as they stand there, the clock among them; `info` names it
 
     Raises
     ------
@@ -93,6 +96,7 @@ def read_raw_csv(path: Path, clocks: TextMapping[str, str] | None = None) -> Rec
         raise LogError(f"{path}: no CSV file in this folder; name the folder of the log")
     streams: dict[str, Stream] = {}
     defects: list[Defect] = []
+    info: dict[str, str] = {}
     for file in files[:MOST_FILES]:
         table, found = read_table(file)
         column, factor = _clock_of(file, table, clocks or {})
@@ -100,9 +104,10 @@ def read_raw_csv(path: Path, clocks: TextMapping[str, str] | None = None) -> Rec
         defects += [*found, *order]
         if stream.time.size > 1:
             streams[file.name] = stream
+            info[f"clock of {file.name}"] = column
     if not streams:
         raise LogError(f"{path}: fewer than two samples with a time are left; name the column of the time")
-    return Recording(path, "table", streams, tuple(defects))
+    return Recording(path, "table", streams, tuple(defects), info=info)
 
 
 def _clock_of(
@@ -113,7 +118,14 @@ def _clock_of(
     if named in table:
         return named, 1.0
     column, unit = guess_clock(list(table))
+    if not _CLOCK.fullmatch(column):
+        column = next((name for name, x in table.items() if _grows(x)), column)
     return column, FACTORS[unit]
+
+
+def _grows(x: FloatArray) -> bool:
+    """Tell whether a column can be a clock: it hardly ever stands or runs back."""
+    return x.size > 2 and bool(np.mean(np.diff(x) > 0.0) > GROWS)
 
 
 def guess_clock(header: list[str]) -> tuple[str, str]:
@@ -191,13 +203,13 @@ def _without_mapping(path: Path) -> str:
 def template(header: list[str]) -> str:
     """Return a mapping to start from: each column under its own name, the likeliest one as the time."""
     clock, unit = guess_clock(header)
-    lines = ["[time]", f"column = {_quoted(clock)}", f'unit = "{unit}"', "", "[variables]"]
+    lines = ["[time]", f"column = {quoted(clock)}", f'unit = "{unit}"', "", "[variables]"]
     lines += [_template_line(name) for name in header if name != clock]
     return "\n".join(lines)
 
 
 def _template_line(name: str) -> str:
-    return f'{_key(name)} = {{column = {_quoted(name)}, unit = "{_UNITS.get(name, "1")}"}}'
+    return f'{key_of(name)} = {{column = {quoted(name)}, unit = "{_UNITS.get(name, "1")}"}}'
 
 
 _CLOCK: Final = re.compile(r"(t|[Tt]ime|[Tt]imestamp|[Ss]ystime)([ _]?[(\[]?(?P<unit>s|ms|us|ns)[)\]]?)?")
@@ -209,11 +221,13 @@ _UNITS: Final = {
 }  # fmt: skip
 
 
-def _quoted(text: str) -> str:
+def quoted(text: str) -> str:
+    """Return a text as TOML writes it."""
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
     return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08X}" for c in escaped) + '"'
 
 
-def _key(text: str) -> str:
+def key_of(text: str) -> str:
+    """Return a key as TOML writes it, bare where it can be."""
     plain = text.replace("_", "").replace("-", "")
-    return text if plain.isascii() and plain.isalnum() else _quoted(text)
+    return text if plain.isascii() and plain.isalnum() else quoted(text)

@@ -1,0 +1,36 @@
+"""`stoop map`: a mapping drafted for any log."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from stoop.cli.outputs import add_overwrite, check_target
+from stoop.cli.page import busy, page
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this verb."""
+    parser.add_argument("log", metavar="FLIGHT", type=Path, help="a log of any kind, or a folder of CSV files")
+    parser.add_argument("-o", "--output", metavar="M.toml", type=Path, help="where to write it")
+    add_overwrite(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Read, draft, print or write."""
+    from stoop.files import write_text_atomic
+    from stoop.flight.draft import draft
+
+    output: Path | None = arguments.output
+    if output is not None:
+        check_target(output, arguments.overwrite)
+    with busy("reading the log"):
+        made = draft(arguments.log)
+    if output is None:
+        print(made.text, end="")
+        return 0
+    write_text_atomic(output, made.text)
+    out = page()
+    out.line(f"{output}: {made.mapped} variables, {made.unsure} of them unsure")
+    out.command("next: ", ["stoop", "info", str(arguments.log), "--mapping", str(output)])
+    return 0
