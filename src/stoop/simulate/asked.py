@@ -17,7 +17,7 @@ from stoop.simulate.steady import Trim
 FloatArray = NDArray[np.float64]
 GRAVITY: Final = 9.80665
 _SOON: Final = 0.4  #: s, in which a set-point is reached unless that takes too much
-_MOST: Final = np.array([3.0, 3.0, 1.5, 0.8])  #: m/s2 north, east, down, and rad/s of heading
+_MOST: Final = np.array([3.0, 3.0, 1.5, 0.5])  #: m/s2 north, east, down, and rad/s of heading
 
 
 @dataclass(frozen=True, eq=False)

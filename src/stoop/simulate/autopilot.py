@@ -95,7 +95,7 @@ def linear_errors(vehicle: Vehicle, point: Trim) -> LinearErrors:
     e = np.vstack([_STEP * np.eye(count), -_STEP * np.eye(count)])
     rates = _error_rates(vehicle, point, e, np.repeat(point.inputs[:, None], 2 * count, axis=1))
     A = (rates[:, :count] - rates[:, count:]) / (2.0 * _STEP)
-    step = 1e-6 * (np.abs(point.inputs[area.columns]) + 1e-3)
+    step = 1e-4 * (np.abs(point.inputs[area.columns]) + 1e-3)
     moved = np.repeat(point.inputs[:, None], 2 * len(step), axis=1)
     for i, column in enumerate(area.columns):
         moved[column, [2 * i, 2 * i + 1]] += [step[i], -step[i]]
@@ -152,17 +152,12 @@ def design(vehicle: Vehicle, point: Trim, model: LinearErrors, dt: float, delay:
     SimulationError
         The rotors cannot hold the vehicle.
     """
-    from scipy.linalg import LinAlgError, solve_discrete_are
-
-    F, G0, G1 = _held(model.A, model.B, dt)
-    drive = F @ G1 + G0
-    excused = np.concatenate([_EXCUSED, np.full(len(F) - 12, np.inf)])
-    Q, R = np.diag(1.0 / excused**2), np.diag(1.0 / (_SHARE * _authority(vehicle, point, model)) ** 2)
-    try:
-        P = solve_discrete_are(F, drive, Q, R)
-        K = np.linalg.solve(R + drive.T @ P @ drive, drive.T @ P @ F)
-    except (LinAlgError, ValueError):
-        K = np.full((4, len(F)), np.nan)
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # what leaves all bounds between samples is refused below
+        F, G0, G1 = _held(model.A, model.B, dt)
+        drive = F @ G1 + G0
+    K = _regulator(F, drive, _weights(vehicle, point, model))
     if not (np.isfinite(K).all() and np.abs(np.linalg.eigvals(F - drive @ K)).max() < 1.0):
         raise SimulationError(
             f"{vehicle.where}: no autopilot was found that holds it at {1.0 / dt:g} Hz; raise the rate of the maneuver, "
@@ -172,6 +167,23 @@ def design(vehicle: Vehicle, point: Trim, model: LinearErrors, dt: float, delay:
     underway = np.array([K @ ahead[delay - 1 - i] @ drive for i in range(delay)])
     underway[0] -= K @ ahead[delay] @ G1
     return Gains(K @ ahead[delay], underway)
+
+
+def _weights(vehicle: Vehicle, point: Trim, model: LinearErrors) -> tuple[FloatArray, FloatArray]:
+    """Return what errors and commands cost."""
+    excused = np.concatenate([_EXCUSED, np.full(len(model.A) - 12, np.inf)])
+    return np.diag(1.0 / excused**2), np.diag(1.0 / (_SHARE * _authority(vehicle, point, model)) ** 2)
+
+
+def _regulator(F: FloatArray, drive: FloatArray, weights: tuple[FloatArray, FloatArray]) -> FloatArray:
+    """Return the gain of the LQR for e[k+1] = F e[k] + drive m[k]; NaN where there is none."""
+    from scipy.linalg import LinAlgError, solve_discrete_are
+
+    try:
+        P = solve_discrete_are(F, drive, *weights)
+        return np.asarray(np.linalg.solve(weights[1] + drive.T @ P @ drive, drive.T @ P @ F))
+    except (LinAlgError, ValueError):
+        return np.full((4, len(F)), np.nan)
 
 
 def _held(A: FloatArray, B: FloatArray, dt: float) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -31,6 +31,10 @@ def check_maneuver(vehicle: Vehicle, maneuver: Maneuver) -> None:
             raise ManeuverError(
                 f"{vehicle.where}: the maneuver moves '{spec.control}', but the controls are {names}; correct the maneuver file"
             )
+    if maneuver.heading and vehicle.reduce == "longitudinal":
+        raise ManeuverError(
+            "heading: a longitudinal model flies north; remove the heading, or fly the full model"
+        )
     if maneuver.velocity is not None and not vehicle.hovers:
         raise ManeuverError(
             f"velocity: {vehicle.where} has no rotors to hover on; write airspeed, and wind for the speed over ground"

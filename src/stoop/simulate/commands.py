@@ -155,7 +155,7 @@ def _others(vehicle: Vehicle, point: Trim, signals: Mapping[str, FloatArray], co
     """Return channels (n, n_u): those of the trim, with surfaces and a pusher as the maneuver moves them."""
     out = np.repeat(point.inputs[None, :], count, axis=0)
     taken = {*EXCITATIONS, *SETPOINTS, *channel_range(vehicle).names}
-    for name in set(signals) - taken:
+    for name in (n for n in signals if n not in taken):
         if name in vehicle.controls:
             moved = {**point.deflections, name: point.deflections[name] + 1.0}
             out += np.outer(signals[name], mixed_inputs(vehicle, moved, point.inputs) - point.inputs)

@@ -79,8 +79,9 @@ def fly(vehicle: Vehicle, maneuver: Maneuver, seed: int = 0) -> Flown:
     flown = (_on_rotors if on_rotors(vehicle, maneuver) else _on_wings)(vehicle, maneuver, point, gusts)
     if not np.isfinite(flown.outputs).all():
         last = maneuver.time[int(np.argmin(np.isfinite(flown.outputs).all(axis=1)))]
+        faster = "raise the rate of the maneuver, " if on_rotors(vehicle, maneuver) else ""
         raise SimulationError(
-            f"{vehicle.where}: the flight diverges at {last:.2f} s; reduce the amplitude or check the vehicle's stability"
+            f"{vehicle.where}: the flight diverges at {last:.2f} s; {faster}reduce the amplitude or check the vehicle's stability"
         )
     return flown
 
@@ -235,12 +236,13 @@ def _saturated(vehicle: Vehicle, flown: Flown) -> list[str]:
     """Say which rotors could not do what was asked of them."""
     if flown.clipped is None:
         return []
-    shares = dict(zip(channel_range(vehicle).names, flown.clipped.mean(axis=0).tolist(), strict=True))
+    shares = flown.clipped.mean(axis=0)
+    held = [name for name, share in zip(channel_range(vehicle).names, shares, strict=True) if share > 0.0]
+    if not held:
+        return []
     return [
-        f"{name} was at an end of its range for {share:.1%} of the flight; there it shows nothing of what was asked: "
-        "lower the amplitudes"
-        for name, share in shares.items()
-        if share > 0.0
+        f"rotors at an end of their range: {', '.join(held)}, for up to {shares.max():.1%} of the flight; there they did "
+        "not do what was asked of them: lower the amplitudes, or leave these parts out of a fit"
     ]
 
 

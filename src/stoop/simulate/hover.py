@@ -40,29 +40,51 @@ def steady_wind(vehicle: Vehicle, wind: Sequence[float] | None) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class _Hover:
-    """The equations of steady flight; unknowns are phi, theta and the four accelerations of an allocation."""
+class Hover:
+    """The equations of steady flight on rotors; unknowns, scaled, are phi, theta and four accelerations."""
 
     vehicle: Vehicle
-    through_air: FloatArray  #: m/s, north-east-down
+    velocity: FloatArray  #: over ground, m/s north-east-down
+    wind: FloatArray  #: blowing north, east, down, m/s
     heading: float
     altitude: float
     level: FloatArray  #: channels (n_u,) about which is allocated
     mixing: FloatArray  #: (m, 4)
-    numbers: Mapping[str, float] = field(default_factory=dict)
+    numbers: Mapping[str, float] = field(default_factory=dict)  #: of the vehicle, in place of its own
 
-    def start(self, x: FloatArray) -> dict[str, float]:
-        phi, theta = float(x[0]), float(x[1])
-        u, v, w = (rotation(phi, theta, self.heading).T @ self.through_air).tolist()
-        return {"u": u, "v": v, "w": w, "phi": phi, "theta": theta, "psi": self.heading, "h": self.altitude}
-
-    def inputs(self, x: FloatArray) -> FloatArray:
-        out = self.level.copy()
-        out[channel_range(self.vehicle).columns] += self.mixing @ x[2:]
-        return out
+    def point(self, x: FloatArray) -> Trim:
+        """Return the flight that a scaled vector describes, its residual still open."""
+        phi, theta, *wanted = (x * _STEPS).tolist()
+        area, inputs = channel_range(self.vehicle), self.level.copy()
+        inputs[area.columns] += self.mixing @ wanted
+        u, v, w = (rotation(phi, theta, self.heading).T @ (self.velocity - self.wind)).tolist()
+        start = {
+            "u": u, "v": v, "w": w, "phi": phi, "theta": theta, "psi": self.heading, "h": self.altitude,
+        }  # fmt: skip
+        return Trim(
+            start,
+            dict.fromkeys(self.vehicle.controls, 0.0),
+            dict(zip(area.names, inputs[area.columns].tolist(), strict=True)),
+            inputs,
+            dict(self.numbers),
+            math.inf,
+            tuple(self.velocity.tolist()),
+            tuple(self.wind.tolist()),
+        )
 
     def residuals(self, x: FloatArray) -> FloatArray:
-        return accelerations(self.vehicle, self.start(x), self.inputs(x)[:, None], self.numbers)[:, 0]
+        """Return accelerations, m/s2 and rad/s2."""
+        point = self.point(x)
+        return accelerations(self.vehicle, point.start, point.inputs[:, None], self.numbers)[:, 0]
+
+
+def hover_about(vehicle: Vehicle, point: Trim) -> tuple[Hover, FloatArray]:
+    """Return the equations of a known trim on rotors, and the scaled vector that solves them."""
+    s = point.start
+    mixing = allocation(vehicle, effects(vehicle, s, point.inputs, point.changes))
+    velocity, wind = np.array(point.velocity), np.array(point.wind)
+    known = Hover(vehicle, velocity, wind, s["psi"], s["h"], point.inputs, mixing, point.changes)
+    return known, np.array([s["phi"], s["theta"], 0.0, 0.0, 0.0, 0.0]) / _STEPS
 
 
 def hover_trim(
@@ -100,9 +122,9 @@ def hover_trim(
     level = _level(vehicle, quiet, altitude)
     at = {"h": altitude}
     mixing = allocation(vehicle, effects(vehicle, at, level, changes))
-    point = _solved(_Hover(vehicle, ground - air, heading, altitude, level, mixing, changes))
+    point = _solved(Hover(vehicle, ground, air, heading, altitude, level, mixing, changes))
     _check_range(vehicle, point)
-    return replace(point, velocity=tuple(ground.tolist()), wind=tuple(air.tolist()))
+    return point
 
 
 def _level(vehicle: Vehicle, quiet: FloatArray, altitude: float) -> FloatArray:
@@ -144,26 +166,18 @@ def _lifting(sinks: Callable[[float], float], low: float, full: float) -> float:
     return low + step
 
 
-def _solved(equations: _Hover) -> Trim:
+def _solved(equations: Hover) -> Trim:
     from scipy.optimize import least_squares
 
-    def scaled(x: FloatArray) -> FloatArray:
-        return equations.residuals(x * _STEPS)
-
-    found = least_squares(scaled, np.zeros(6), xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=300)
-    x = found.x * _STEPS
+    x = least_squares(equations.residuals, np.zeros(6), xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=300).x
     residual = float(np.max(np.abs(equations.residuals(x))))
     if not residual < TOLERANCE:
-        speed = float(np.linalg.norm(equations.through_air))
+        speed = float(np.linalg.norm(equations.velocity - equations.wind))
         raise SimulationError(
             f"{equations.vehicle.where}: no steady flight found at {speed:g} m/s through the air (accelerations of "
             f"{residual:.2g} remain); fly slower, in less wind, or check drag and thrust of the rotors"
         )
-    inputs = equations.inputs(x)
-    area = channel_range(equations.vehicle)
-    thrust = dict(zip(area.names, inputs[area.columns].tolist(), strict=True))
-    deflections = dict.fromkeys(equations.vehicle.controls, 0.0)
-    return Trim(equations.start(x), deflections, thrust, inputs, dict(equations.numbers), residual)
+    return replace(equations.point(x), residual=residual)
 
 
 def _check_range(vehicle: Vehicle, point: Trim) -> None:
@@ -176,5 +190,5 @@ def _check_range(vehicle: Vehicle, point: Trim) -> None:
     limit = area.full[worst] if over[worst] > 0.0 else area.idle[worst]
     raise SimulationError(
         f"{vehicle.where}: no steady flight: {area.names[worst]} would be {commands[worst]:.3g}, and its range ends at "
-        f"{limit:g}; make it lighter, move its center of gravity, or fly slower"
+        f"{limit:g}; make it lighter, move its center of gravity, or fly slower or in less wind"
     )

@@ -6,7 +6,6 @@ recorded channels alone is the flight that was flown.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -24,6 +23,7 @@ from stoop.simulate.steady import Trim
 from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
+_LOST: Final = 1e6  #: of any state; from there on a flight is not computed
 _FAR: Final = np.repeat(
     [1.5, 2.0], 3
 )  #: errors of position, m, and velocity, m/s: the autopilot sees no larger ones
@@ -99,7 +99,8 @@ def _closed(
             commands.give(k + late.ahead, wanted)
         received[k + 1] = late.received(commands.inputs, k + 1)
         states[k + 1] = stepper.step(k, states[k], received[k], received[k + 1])
-        if not math.isfinite(float(states[k + 1].sum())):
+        if not float(np.abs(states[k + 1]).max()) < _LOST:
+            states[k + 1] = np.nan
             break
         before, velocity = velocity, loop.velocity(states[k + 1])
         position = position + 0.5 * dt * (before + velocity)

@@ -79,9 +79,9 @@ def states_flown(
 
 
 def ground_velocity(body: FloatArray, q: FloatArray) -> FloatArray:
-    """Return velocities (3, ...) north-east-down, of those along body axes (3, ...) and quaternions (4, ...)."""
+    """Return velocities (3, ...) north-east-down, of those along body axes (3, ...) and unit quaternions (4, ...)."""
     u, v, w = body
-    e0, e1, e2, e3 = q / np.sqrt((q * q).sum(axis=0))
+    e0, e1, e2, e3 = q
     a, b, c = 2.0 * (e2 * w - e3 * v), 2.0 * (e3 * u - e1 * w), 2.0 * (e1 * v - e2 * u)
     return np.array(
         [u + e0 * a + e2 * c - e3 * b, v + e0 * b + e3 * a - e1 * c, w + e0 * c + e1 * b - e2 * a]

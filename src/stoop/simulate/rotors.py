@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 AXES: Final = ("roll", "pitch", "yaw", "heave")
 """Angular accelerations, rad/s2, and specific force up the body, m/s2; the order of every allocation."""
 _FULL = {"motor_": 1.0, "pwm_": 2000.0}  #: of a channel, by how its name begins
-_WEAK = 1e-9  #: of the strongest: an acceleration that rotors do not give
+_WEAK = 1e-7  #: of the strongest: an acceleration that rotors do not give
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ def effects(
         Numbers of the vehicle in place of its own.
     """
     area = channel_range(vehicle)
-    step = 1e-6 * np.maximum(np.abs(inputs[area.columns] - area.idle), 1e-3)
+    step = 1e-4 * np.maximum(np.abs(inputs[area.columns] - area.idle), 1e-3)
     moved = np.zeros((len(inputs), 2 * len(step)))
     for i, column in enumerate(area.columns):
         moved[column, [2 * i, 2 * i + 1]] = step[i], -step[i]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.errors import SimulationError
-from stoop.simulate.hover import hover_trim
+from stoop.simulate.hover import Hover, hover_about, hover_trim
 from stoop.simulate.initial import initial_states, parameter_rows
 from stoop.simulate.mixing import mixed_inputs
 from stoop.simulate.rotors import channel_range
@@ -236,14 +236,20 @@ def neighbors(
     """
     if vehicle.reduce == "lateral":
         return neighbors(vehicle.reduced("full"), point, climb_angle, density)
+    if "V" not in point.start:
+        return _near(*hover_about(vehicle, point))
     layout = next(n for n in _layouts(vehicle) if ("beta" in point.start) == ("beta" in n.angles))
     quiet = neutral_inputs(vehicle, density)
     known = _Condition(layout, point.start["V"], point.start["h"], climb_angle, quiet)
-    x = _scaled(layout, point)
+    return _near(known, _scaled(layout, point))
+
+
+def _near(known: _Condition | Hover, x: FloatArray) -> Callable[[Mapping[str, float]], Trim]:
+    """Return the function of :func:`neighbors` for equations and the scaled vector that solves them."""
     inverse = np.linalg.pinv(_slope(known, x))
 
     def near(numbers: Mapping[str, float]) -> Trim:
-        changed = replace(known, numbers=numbers)
+        changed = replace(known, numbers={**known.numbers, **numbers})
         return changed.point(x - inverse @ (changed.residuals(x) - known.residuals(x)))
 
     return near
@@ -255,7 +261,7 @@ def _scaled(layout: _Layout, point: Trim) -> FloatArray:
     return np.array([values[name] for name in names]) / layout.scale
 
 
-def _slope(condition: _Condition, x: FloatArray) -> FloatArray:
+def _slope(condition: _Condition | Hover, x: FloatArray) -> FloatArray:
     """Return the derivative of the residuals by the scaled vector, by central differences."""
     step = 1e-5 * np.eye(len(x))
     return np.array([(condition.residuals(x + d) - condition.residuals(x - d)) / 2e-5 for d in step]).T

@@ -1,4 +1,4 @@
-"""The paper's aircraft, and a small one with mixers, lags and delays."""
+"""The paper's aircraft, a small one with mixers, lags and delays, and a quadrotor."""
 
 from __future__ import annotations
 
@@ -67,6 +67,63 @@ Cnp = -0.04
 Cnr = -0.12
 Cnrudder = -0.08
 """
+
+QUAD = """
+name = "quad"
+[mass]
+mass = 1.5
+inertia = { xx = 0.029, yy = 0.031, zz = 0.055, xz = 0.001 }
+center_of_gravity = [0.01, -0.005, 0.0]
+[rotors]
+nominal_voltage = 16.0
+lag = 0.05
+delay = 0.013
+T0 = 0.0
+T1 = 2.5
+T2 = 6.0
+inflow = 0.25
+drag = 0.08
+torque_ratio = 0.016
+[rotor.m1]
+channel = "motor_1"
+position = [0.177, 0.177, -0.03]
+spin = "ccw"
+factor = 0.9
+[rotor.m2]
+channel = "motor_2"
+position = [-0.177, -0.177, -0.03]
+spin = "ccw"
+[rotor.m3]
+channel = "motor_3"
+position = [0.177, -0.177, -0.03]
+axis = [0.05, 0.0, -1.0]
+spin = "cw"
+[rotor.m4]
+channel = "motor_4"
+position = [-0.177, 0.177, -0.03]
+spin = "cw"
+[body_drag]
+linear = [0.1, 0.1, 0.1]
+quadratic = [0.02, 0.02, 0.03]
+[sensors.q]
+delay = 0.02
+sigma = 0.02
+"""
+
+
+@pytest.fixture(scope="session")
+def quad() -> Vehicle:
+    """Return a quadrotor with all that makes one hard to fly: a weak and a tilted rotor, lag, delay, a battery."""
+    return parse_vehicle(QUAD, "quad.toml")
+
+
+@pytest.fixture(scope="session")
+def even(quad: Vehicle) -> Vehicle:
+    """Return it whole and straight, with linear drag of the body alone."""
+    plain = {"rotors.inflow": 0.0, "rotors.drag": 0.0, "rotor.m1.factor": 1.0, "rotor.m3.axis.x": 0.0}
+    plain |= {f"body_drag.quadratic.{axis}": 0.0 for axis in "xyz"}
+    plain |= {f"mass.center_of_gravity.{axis}": 0.0 for axis in "xyz"}
+    return quad.with_numbers({name: {"value": value} for name, value in plain.items()})
 
 
 @pytest.fixture(scope="session")
