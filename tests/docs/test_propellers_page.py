@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+from pathlib import Path
 
-from docs.pages import DOCS, table
+from docs.pages import DOCS, ROOT, table
+from stoop.study.verify.propellers import __file__ as package
 
 PAGE = DOCS / "propellers.md"
 
@@ -51,3 +53,8 @@ def test_what_is_said_of_them() -> None:
     normal = [r for r in records("propellers.csv") if r["condition"] == "normal"]
     assert len(normal) == 8
     assert all(r["verdict"].startswith("as healthy") for r in normal)
+
+
+def test_the_example_is_what_was_verified() -> None:
+    example = ROOT / "examples" / "crazyflie.toml"
+    assert example.read_bytes() == (Path(package).parent / "crazyflie.toml").read_bytes()

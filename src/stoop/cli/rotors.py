@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -105,7 +106,7 @@ def _notes(reference: Reference, flown: Sequence[Hover], chance: float) -> list[
         f"weight times arm, yaw by {yaw:.1f} % of the rotors' torque ({len(reference.hovers)} flights, and what is usual)",
         "a weak propeller and a mass near it differ in the yaw balance alone; what hangs in the wake of a rotor changes it too",
     ]
-    if reference.voltage == reference.voltage:
+    if math.isfinite(reference.voltage):
         notes.append(
             f"commanded lift goes with the voltage by {battery.slope:.2f} ± {battery.std:.2f} (relative to relative); "
             "this is taken off"

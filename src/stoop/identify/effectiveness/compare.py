@@ -221,5 +221,7 @@ def leave_one_out(reference: Reference) -> tuple[Assessment, ...]:
 def _explain(rotor: str, column: FloatArray, d: FloatArray) -> Suspect:
     """Return the least-squares size of one column in d, both whitened."""
     squares = float(column @ column)
+    if squares <= 0.0:  # a rotor that was never commanded can lose nothing
+        return Suspect(rotor, 0.0, float("inf"), float(d @ d))
     size = float(column @ d) / squares
     return Suspect(rotor, size, squares**-0.5, float(np.sum((d - size * column) ** 2)))

@@ -272,3 +272,21 @@ def test_a_known_slope_is_taken_off(quad: Balance) -> None:
     blind = Reference(quad, reference.hovers)
     low = at(3.1)
     assert abs(reference.sums(low)[0] - 1.0) < 0.07 < abs(blind.sums(low)[0] - 1.0) + 0.03
+
+
+def test_no_torque_is_said() -> None:
+    text = EXAMPLE.read_text(encoding="utf-8").replace("torque_ratio = 0.00596", "torque_ratio = 0.0")
+    balance = Balance(parse_vehicle(text, "still"))
+    with pytest.raises(VehicleError, match="check T, Q or torque_ratio"):
+        Reference(balance, (hover(logged(hops()), balance),))
+
+
+def test_a_rotor_that_was_never_commanded_is_no_suspect(quad: Balance) -> None:
+    rng = np.random.default_rng(13)
+    one = flown(quad, rng, "idle")
+    idle = Hover(
+        "idle", one.thrust * [1, 1, 0, 1], one.torque * [1, 1, 0, 1], one.covariance, one.voltage, 10.0
+    )
+    found = assess(idle, healthy(quad, rng, 3))
+    assert found.weak[2].sigmas == 0.0
+    assert judge(found).kind != "healthy"
