@@ -9,6 +9,7 @@ means it. The bytes are walked twice, in compiled code; only what is wanted is c
 from __future__ import annotations
 
 import mmap
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -20,7 +21,7 @@ from stoop.errors import LogError
 from stoop.logs.dataflash_content import assemble, is_wanted
 from stoop.logs.dataflash_format import Layout, Messages, parse_layout
 from stoop.logs.recording import Defect, Recording
-from stoop.logs.scan.dataflash import gather, survey
+from stoop.logs.scan.dataflash import gather, ignore, survey
 
 MAX_PLACES: Final = 10  #: damaged places that are listed; the rest is counted
 _AGAIN: Final = "copy it again from the autopilot"
@@ -57,10 +58,11 @@ def parse_dataflash(
 ) -> Recording:
     """Read a log from memory; see `read_dataflash`."""
     data = np.frombuffer(content, np.uint8)
-    found = survey(data)
+    forget = _forgetter(content)
+    found = survey(data, forget)
     layouts, defects = _layouts(found.definitions, found.count, path.name)
     wanted = [k for k, layout in sorted(layouts.items()) if is_wanted(layout.name, topics)]
-    blocks = gather(data, found, wanted)
+    blocks = gather(data, found, wanted, forget)
     kinds = [Messages(layouts[k], block.reshape(-1).view(layouts[k].row)) for k, block in blocks.items()]
     defects += _damage(path.name, found.gaps.tolist(), found.damaged, found.lost, found.cut)
     unknown = [f"{kind} ({count})" for kind, count in enumerate(found.unknown.tolist()) if count]
@@ -69,6 +71,19 @@ def parse_dataflash(
         defects.append(Defect("skipped", path.name, message))
     names = sorted(layout.name for k, layout in layouts.items() if k not in wanted)
     return replace(assemble(path, kinds, defects), unread=dict.fromkeys(names, ()))
+
+
+def _forgetter(content: bytes | mmap.mmap) -> Callable[[int], None]:
+    """Return what gives pages of a mapped file back once they were read, so that a log does not lie in memory twice."""
+    if not isinstance(content, mmap.mmap) or not hasattr(mmap, "MADV_DONTNEED"):
+        return ignore
+    mapped = content
+
+    def forget(at: int) -> None:
+        if whole := at // mmap.PAGESIZE * mmap.PAGESIZE:
+            mapped.madvise(mmap.MADV_DONTNEED, 0, whole)
+
+    return forget
 
 
 def _layouts(

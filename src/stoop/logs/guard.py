@@ -43,8 +43,15 @@ class Limits:
     """
 
     memory: int = 4 * 2**30
-    seconds: int = 600
-    wall: int = 900
+    seconds: int = 30
+    wall: int = 120
+
+    @classmethod
+    def of(cls, path: Path) -> Limits:
+        """Return limits for a log: a short one that takes long goes round in circles."""
+        files = path.iterdir() if path.is_dir() else [path]
+        megabytes = sum(file.stat().st_size for file in files) >> 20
+        return cls(seconds=30 + 2 * megabytes, wall=120 + 8 * megabytes)
 
 
 def need(path: Path, package: str, extra: str, what: str) -> None:
@@ -70,15 +77,15 @@ def guarded(
     ----------
     reader : "module:function" of this package; called with path and topics, it returns a Recording
     path, topics : see `stoop.logs.read`
-    limits : of the child; None means `Limits()`
+    limits : of the child; None means those for the size of the log
 
     Raises
     ------
     LogError
         What the reader raises, and when the child dies, runs too long or hands back nonsense.
     """
-    bounds = limits or Limits()
     try:
+        bounds = limits or Limits.of(path)
         with tempfile.TemporaryDirectory(prefix="stoop-", ignore_cleanup_errors=True) as name:
             folder = Path(name)
             task = {"path": str(path.absolute()), "shown": str(path), "limits": asdict(bounds),

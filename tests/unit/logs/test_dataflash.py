@@ -153,6 +153,20 @@ def test_compiled_and_plain_walk_find_the_same() -> None:
                 np.testing.assert_array_equal(block, rows[k])
 
 
+def test_windows_leave_no_seams() -> None:
+    data = np.frombuffer(small_log(), np.uint8).copy()
+    data[3000:3100] = 0
+    whole, ends = scan.survey(data), []
+    with mock.patch.object(scan, "WINDOW", 97):
+        parts = scan.survey(data, ends.append)
+        block = scan.gather(data, parts, [6])[6]
+    np.testing.assert_array_equal(whole.count, parts.count)
+    np.testing.assert_array_equal(whole.gaps, parts.gaps)
+    np.testing.assert_array_equal(block, scan.gather(data, whole, [6])[6])
+    assert len(ends) > 20
+    assert ends[-1] == data.size
+
+
 def rows(recording: Recording) -> int:
     return sum(stream.time.size for stream in recording.streams.values())
 

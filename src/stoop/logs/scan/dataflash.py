@@ -25,6 +25,7 @@ FMT_LENGTH: Final = 89
 MAX_LAYOUTS: Final = 1024  #: an id has one layout for the whole log, unless it is damaged or was put together
 MAX_GAPS: Final = 64  #: places of damage that are remembered; all are counted
 
+WINDOW: Final = 2**25  #: bytes walked over at once
 SMALL: Final = 2**20  #: bytes; a smaller log is read before the compiled walk is even loaded
 
 
@@ -73,12 +74,11 @@ def gap(start: int, end: int, gaps: Integers, state: Integers) -> None:
 
 
 def walk(
-    data: Bytes, layout_of: Integers, length: Integers, definitions: Bytes, count: Integers, unknown: Integers,
-    gaps: Integers, state: Integers, place: Integers, room: Integers, out: Bytes,
-) -> None:  # fmt: skip
-    """Count messages, and copy the bodies of those that have a place."""
-    at = 0
-    while at < data.size:
+    at: int, stop: int, data: Bytes, layout_of: Integers, length: Integers, definitions: Bytes, count: Integers,
+    unknown: Integers, gaps: Integers, state: Integers, place: Integers, room: Integers, out: Bytes,
+) -> int:  # fmt: skip
+    """Count the messages that begin from `at` to `stop`, copy the bodies of those that have a place, say where to go on."""
+    while at < stop:
         if at + 2 >= data.size or data[at] != 0xA3 or data[at + 1] != 0x95:
             after = find(data, at + 1, data.size, layout_of, length)
             gap(at, after, gaps, state)
@@ -98,7 +98,7 @@ def walk(
                 continue
             if after > data.size:
                 state[3] = at
-                return
+                return data.size
         if data[at + 2] == 128:
             define(data[at + 3 : after], layout_of, length, definitions, state)
         if count[layout] < room[layout]:
@@ -107,6 +107,7 @@ def walk(
             out[start : start + size] = data[at + 3 : after]
         count[layout] += 1
         at = after
+    return at
 
 
 @dataclass(frozen=True)
@@ -134,13 +135,19 @@ class Survey:
     cut: int
 
 
-def survey(data: Bytes) -> Survey:
-    """Walk over a log, (size,) bytes, and count."""
+def ignore(at: int) -> None:
+    """Take no notice of how far a walk has come."""
+
+
+def survey(data: Bytes, passed: Callable[[int], None] = ignore) -> Survey:
+    """Walk over a log, (size,) bytes, and count; `passed` is told up to where it has been read."""
     nothing = np.zeros(MAX_LAYOUTS, np.int64)
-    return _walked(data, nothing, nothing, np.empty(0, np.uint8))
+    return _walked(data, nothing, nothing, np.empty(0, np.uint8), passed)
 
 
-def gather(data: Bytes, found: Survey, kept: Sequence[int]) -> dict[int, Bytes]:
+def gather(
+    data: Bytes, found: Survey, kept: Sequence[int], passed: Callable[[int], None] = ignore
+) -> dict[int, Bytes]:
     """Walk over a surveyed log again and copy the bodies of some layouts.
 
     Returns
@@ -152,24 +159,32 @@ def gather(data: Bytes, found: Survey, kept: Sequence[int]) -> dict[int, Bytes]:
     ends = np.cumsum([0, *sizes])
     room[kept], place[kept] = found.count[kept], ends[:-1]
     out = np.zeros(int(ends[-1]), np.uint8)
-    _walked(data, room, place, out)
+    _walked(data, room, place, out, passed)
     return {k: out[ends[i] : ends[i + 1]].reshape(-1, found.length[k] - 3) for i, k in enumerate(kept)}
 
 
-def _walked(data: Bytes, room: Integers, place: Integers, out: Bytes) -> Survey:
+def _walked(
+    data: Bytes, room: Integers, place: Integers, out: Bytes, passed: Callable[[int], None]
+) -> Survey:
     definitions = np.zeros((MAX_LAYOUTS, FMT_LENGTH - 3), np.uint8)
     length, count = np.zeros((2, MAX_LAYOUTS), np.int64)
     unknown, gaps = np.zeros(256, np.int64), np.zeros((MAX_GAPS, 2), np.int64)
     layout_of, state = np.full(256, -1), np.array([1, 0, 0, -1])
     layout_of[FMT], length[0] = 0, FMT_LENGTH
-    _walker(data.size)(data, layout_of, length, definitions, count, unknown, gaps, state, place, room, out)
+    walker, at = _walker(data.size), 0
+    while at < data.size:
+        stop = min(at + WINDOW, data.size)
+        at = walker(
+            at, stop, data, layout_of, length, definitions, count, unknown, gaps, state, place, room, out
+        )
+        passed(min(at, data.size))
     layouts, damaged, lost, cut = state.tolist()
     return Survey(
         definitions[:layouts], length[:layouts], count[:layouts], unknown, gaps[:damaged], damaged, lost, cut
     )
 
 
-def _walker(size: int) -> Callable[..., None]:
+def _walker(size: int) -> Callable[..., int]:
     if size < SMALL:
         return walk
     from stoop.logs.scan.compiled_dataflash import walk as compiled
