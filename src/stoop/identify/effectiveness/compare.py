@@ -29,7 +29,7 @@ from typing import Final
 import numpy as np
 from scipy import stats
 
-from stoop.errors import FlightError
+from stoop.errors import FlightError, VehicleError
 from stoop.identify.effectiveness.balance import Balance, FloatArray
 from stoop.identify.effectiveness.battery import Battery, battery
 from stoop.identify.effectiveness.hover import Hover
@@ -66,6 +66,11 @@ class Reference:
         if not self.hovers:
             raise FlightError(
                 "there is no healthy flight to compare with; give one or more, as --healthy LOG"
+            )
+        if not np.all(self.units > 0.0):
+            raise VehicleError(
+                f"{self.balance.vehicle.where}: the healthy flights' commands give no lift, no torque, or have no lever; "
+                "check T, Q or torque_ratio, and the rotors' positions"
             )
 
     @cached_property
