@@ -13,6 +13,10 @@ from pydantic import BaseModel
 
 from docs.pages import DOCS, blocks, commands, run_python, table, tables
 from stoop.flight import OUTPUTS, VARIABLES, load, save
+from stoop.flight.clocks import QUANTITIES
+from stoop.flight.mapping import READY, read_flight_mapping
+from stoop.flight.sources import GROUP_KEYS, LINE_KEYS
+from stoop.flight.surfaces import MIXERS
 from stoop.flight.variables import NUMBERED
 from stoop.logs.mapping import TIME_UNITS, read_mapping
 from stoop.simulate import maneuver, parse_maneuver, simulate_flight
@@ -52,14 +56,36 @@ def test_mapping_of_the_page(tmp_path: Path) -> None:
     assert (az.factor, az.offset) == (-9.80665, 0.0)
 
 
-def test_template_is_a_mapping(tmp_path: Path) -> None:
-    """The page's own commands, in a shell: what is printed can be read."""
+@pytest.mark.parametrize("text", blocks(FLIGHTS, "toml"))
+def test_every_mapping_of_the_page_can_be_read(tmp_path: Path, text: str) -> None:
+    (tmp_path / "m.toml").write_text(text, encoding="utf-8")
+    assert read_flight_mapping(tmp_path / "m.toml").groups
+
+
+def test_keys_of_mappings() -> None:
+    def keys(heading: str, first: str, column: str) -> set[str]:
+        cells = table(FLIGHTS, heading, first).column(column)
+        return {word for cell in cells for word in cell.replace("`", "").replace(" or ", ", ").split(", ")}
+
+    assert keys("Mapping files", "table", "key") == LINE_KEYS
+    assert keys("Groups of sources", "key", "key") == GROUP_KEYS
+    assert keys("Groups of sources", "ready mapping", "ready mapping") == set(READY.values())
+    told = table(FLIGHTS, "Streams with clocks of their own", "quantity").rows
+    assert {row[0].strip("`"): row[1] for row in told} == QUANTITIES
+    assert keys("Servo outputs and surfaces", "mixer", "mixer") == set(MIXERS)
+    text = FLIGHTS.read_text(encoding="utf-8")
+    assert all(f'"{frame}"' in text for frame in ("flu", "enu", "nwu"))
+
+
+def test_a_drafted_mapping_can_be_read(tmp_path: Path) -> None:
+    """The page's own commands, in a shell."""
     t = np.arange(300) * 0.02
     rows = np.column_stack([t, 0.1 * np.sin(t), np.cos(t)])
     log = tmp_path / "flight.csv"
     np.savetxt(log, rows, delimiter=",", header="time,q,elevator", comments="")
-    first, second = (c.replace("stoop", f"{sys.executable} -m stoop") for c in commands(FLIGHTS))
-    subprocess.run(f"{first}; {second}", shell=True, cwd=tmp_path, capture_output=True, check=True)  # noqa: S602
+    for command in commands(FLIGHTS):
+        line = command.replace("stoop", f"{sys.executable} -m stoop")
+        subprocess.run(line, shell=True, cwd=tmp_path, capture_output=True, check=True)  # noqa: S602
     assert {"q", "elevator"} <= {str(name) for name in load(log).data.data_vars}
 
 

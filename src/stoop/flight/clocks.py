@@ -30,6 +30,7 @@ from stoop.logs.mapping import number_of, only_keys, text_of
 from stoop.units import STANDARD_GRAVITY
 
 HOPELESS: Final = 0.5  #: correlation below which a shift means nothing
+LATEST: Final = 1.0  #: s; an attitude that comes later than this was not estimated from these rates
 WORTH: Final = 0.02  #: s; smaller disagreements are not worth a suggestion
 QUANTITIES: Final = {
     "p": "roll rate, measured or from the attitude",
@@ -191,6 +192,34 @@ def suggestions(recording: Recording, supply: Supply, place: str) -> list[str]:
                 f'{lag.correlation:.2f}): bring them together in {place} by [align."{other}"] with = "{one}"'
             )
     return notes
+
+
+def lateness(channels: Sequence[Channels]) -> str:
+    """Say by how much the attitude comes late against the body rates, where that is plain.
+
+    Parameters
+    ----------
+    channels : those that were taken, each on its own clock
+    """
+    rates = next((group for group in channels if {"p", "q", "r"} <= group.values.keys()), None)
+    attitude = next(
+        (g for g in channels if any(set(form) <= g.values.keys() for form in (QUATERNION, EULER))), None
+    )
+    if rates is None or attitude is None or rates.source == attitude.source:
+        return ""
+    lag = find_lag(_turning_of(attitude), _turning_of(rates), LATEST)
+    if lag is None or not lag.trusted or abs(lag.shift) < max(WORTH, 3.0 * lag.sigma):
+        return ""
+    way = "late" if lag.shift < 0.0 else "early"
+    return (
+        f"the attitude comes {abs(lag.shift):.3f} s {way} against the rates (shifted so, they correlate by "
+        f"{lag.correlation:.2f}): bring it to their clock in a mapping, by [align.{attitude.source}] "
+        f'with = "{rates.source}"'
+    )
+
+
+def _turning_of(group: Channels) -> dict[str, Signal]:
+    return {name: x for name, x in quantities([group]).items() if name in ("p", "q", "r")}
 
 
 def quantities(channels: Sequence[Channels]) -> dict[str, Signal]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,7 +16,7 @@ from stoop.flight.lag import Signal
 from stoop.flight.mapped import apply
 from stoop.flight.mapping import READY, ready, with_other_form
 from stoop.flight.measured import ALIKE, PAIRS, Line, growth, with_units
-from stoop.flight.names import recognized, without_unit
+from stoop.flight.names import Guess, recognized, without_unit
 from stoop.flight.variables import VARIABLES
 from stoop.logs import FloatArray, Recording
 from stoop.logs.read import is_bag_folder, kind
@@ -28,6 +29,7 @@ STEPS: Final = (
     ("us", 1.5e3, 1.5e6),
     ("ns", 1.5e6, np.inf),
 )  #: per sample
+_COMPONENT: Final = re.compile(r"xyz\[\d\]|[xyz]")
 MOST_LINES: Final = 400
 MOST_COMPARED: Final = 60  #: columns without a known name, that are compared with the angles
 MOST_NAMES: Final = 30
@@ -138,13 +140,21 @@ def _of_stream(recording: Recording, stream: str) -> Iterator[Line]:
     columns = recording.streams[stream].columns
     bodily = {"u", "w"} <= {without_unit(column)[0].lower() for column in columns}
     for column in columns:
-        guess = recognized(column, stated.get(column, ""))
+        guess = _guessed(stream, column, stated.get(column, ""))
         if guess is None or (bodily and without_unit(column)[0].lower() == "v"):
             continue  # u, v, w are the velocity along the body axes
         if guess.variable.partition("_")[2].isdigit() and not np.nan_to_num(columns[column]).any():
             continue  # an output that is not there
         doubts = (guess.doubt.removeprefix("unsure: "),) if guess.doubt else ()
         yield Line(guess.variable, stream, column, guess.unit, guess.scale, bool(guess.unit), doubts)
+
+
+def _guessed(stream: str, column: str, stated: str) -> Guess | None:
+    """Let the stream say what x, y and z are of."""
+    bare = _COMPONENT.fullmatch(column) is not None
+    return (recognized(f"{stream.partition('/')[0]} {column}", stated) if bare else None) or recognized(
+        column, stated
+    )
 
 
 def _best(lines: Sequence[Line]) -> list[Line]:

@@ -13,7 +13,7 @@ from stoop.errors import FlightError
 from stoop.flight.advice import advised, unit_faults
 from stoop.flight.build import build
 from stoop.flight.channels import Channels, SourceRate, tame
-from stoop.flight.clocks import suggestions
+from stoop.flight.clocks import lateness, suggestions
 from stoop.flight.consistency import rate_faults
 from stoop.flight.faults import Fault, recorded_faults, rest_faults, sign_faults, without_faulty
 from stoop.flight.flight import Flight
@@ -160,9 +160,11 @@ def _gridded(path: Path, recording: Recording, found: Mapped, rate: float) -> Fl
         *rest_faults(grid.time, data, rate),
         *advised([*sign_faults(grid.time, data), *rate_faults(grid.time, data, rate)], found.places),
     )
+    late = lateness(channels) if any(fault.kind == "inconsistent" for fault in faults) else ""
     notes = [
         *_defect_notes(recording, sources),
         *found.notes,
+        *([late] if late else []),
         *_gap_notes(sources),
         *(fault.message for fault in faults),
     ]

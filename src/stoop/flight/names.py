@@ -32,7 +32,8 @@ _SUFFIX: Final = re.compile(rf"[_ .]({'|'.join(_LONGEST)})(\[\d+\])?$", re.IGNOR
 _BRACKETS: Final = re.compile(r"\s*[(\[]\s*([^)\]]*?)\s*[)\]]\s*$")
 _ASKED: Final = re.compile(
     r"\b(des|desired|sp|setpoint|target|ref|reference|demand|dem|nav|raw|err|error|bias|std|var|cov)\b"
-)
+    r"|delta (?:heading|q|v|x|z|angle)"
+)  #: what was asked for, or left over: not what was measured
 _AXES: Final = (("x", "0", "r(?:oll)?", "1"), ("y", "1", "p(?:itch)?", "2"), ("z", "2", "y(?:aw)?", "3"))
 
 
@@ -129,7 +130,7 @@ def _rule(variable: str, words: str, scale: float = 1.0, doubt: str = "", *, alo
 def _triple(variables: tuple[str, str, str], what: str, doubt: str = "") -> list[_Rule]:
     rules = []
     for variable, (letter, index, turn, _) in zip(variables, _AXES, strict=True):
-        rules.append(_rule(variable, rf"(?:{what}) ?(?:{letter}|{turn}|at {index})", doubt=doubt))
+        rules.append(_rule(variable, rf"(?:{what})(?: xyz)? ?(?:{letter}|{turn}|at {index})", doubt=doubt))
         rules.append(_rule(variable, rf"(?:{letter}|{turn}) (?:{what})", doubt=doubt))
     return rules
 
@@ -144,18 +145,21 @@ _RULES: Final = [
     *_triple(("p_dot", "q_dot", "r_dot"), "angular acceleration|ang acc|gyro dot|omega dot"),
     _rule("p_dot", "p dot|pdot"), _rule("q_dot", "q dot|qdot"), _rule("r_dot", "r dot|rdot"),
     *_triple(("p", "q", "r"), _TURN),
-    _rule("p", "p|roll ?rate|rollspeed|roll speed|rate roll|phi ?dot|rollrate"),
-    _rule("q", "q|pitch ?rate|pitchspeed|pitch speed|rate pitch|pitchrate"),
-    _rule("r", "r|yaw ?rate|yawspeed|yaw speed|rate yaw|yawrate"),
+    _rule("p", "p", alone=True), _rule("q", "q", alone=True), _rule("r", "r", alone=True),
+    _rule("p", "roll ?rate|rollspeed|roll speed|rate roll|phi ?dot|rollrate"),
+    _rule("q", "pitch ?rate|pitchspeed|pitch speed|rate pitch|pitchrate"),
+    _rule("r", "yaw ?rate|yawspeed|yaw speed|rate yaw|yawrate"),
     *_triple(("ax", "ay", "az"), "a|acc|accel|acceleration|accelerometer|linear acceleration|lin acc|f|specific force"),
     _rule("az", "nz|n z", -1.0, "unsure: a load factor counts up"),
-    _rule("vn", "v ?n|vel n|v north|velocity north|north velocity|vel north|speed north|velocity n"),
-    _rule("ve", "v ?e|vel e|v east|velocity east|east velocity|vel east|speed east|velocity e"),
-    _rule("vd", "v ?d|vel d|v down|velocity down|down velocity|vel down|speed down|velocity d"),
+    _rule("vn", "v ?n", alone=True), _rule("ve", "v ?e", alone=True), _rule("vd", "v ?d", alone=True),
+    _rule("vn", "vel n|v north|velocity north|north velocity|vel north|speed north|velocity n"),
+    _rule("ve", "vel e|v east|velocity east|east velocity|vel east|speed east|velocity e"),
+    _rule("vd", "vel d|v down|velocity down|down velocity|vel down|speed down|velocity d"),
     _rule("vd", "climb|climb rate|vario|v up|vertical speed", -1.0),
     *_triple(("vn", "ve", "vd"), "v|vel|velocity", _GROUND),
-    _rule("pn", "p ?n|pos n|position north|north|pos north"), _rule("pe", "p ?e|pos e|position east|east|pos east"),
-    _rule("pd", "p ?d|pos d|position down|down|pos down"),
+    _rule("pn", "p ?n", alone=True), _rule("pe", "p ?e", alone=True), _rule("pd", "p ?d", alone=True),
+    _rule("pn", "pos n|position north|north|pos north"), _rule("pe", "pos e|position east|east|pos east"),
+    _rule("pd", "pos d|position down|down|pos down"),
     *_triple(("pn", "pe", "pd"), "pos|position|local position", _GROUND),
     _rule("pn", "x", doubt=_GROUND, alone=True), _rule("pe", "y", doubt=_GROUND, alone=True),
     _rule("pd", "z", doubt=_GROUND, alone=True),
@@ -163,9 +167,9 @@ _RULES: Final = [
     _rule("phi", "phi|roll|roll angle|bank|bank angle"), _rule("theta", "theta|pitch|pitch angle"),
     _rule("psi", "psi|yaw|heading|hdg|yaw angle|course"),
     _rule("wind_n", "wind n|wind north|windspeed north"), _rule("wind_e", "wind e|wind east|windspeed east"),
-    _rule("V", "v ?t|tas|true ?airspeed|true speed|v true|v tas|v"),
+    _rule("V", "v ?t|tas|true ?airspeed|true speed|v true|v tas"), _rule("V", "v", alone=True),
     _rule("airspeed_pitot", "airspeed|air speed|ias|cas|eas|pitot|indicated airspeed|aspd|arspd"),
-    _rule("altitude", "alt|altitude|h|height|h msl|alt msl|altitude msl|amsl"),
+    _rule("altitude", "h", alone=True), _rule("altitude", "alt|altitude|height|h msl|alt msl|altitude msl|amsl"),
     _rule("density", "rho|density|air density"), _rule("pressure", "pressure|baro|static pressure|p static|press|baro pressure"),
     _rule("temperature", "oat|temperature|temp|air temperature"),
     _rule("rotor_{n}", r"(?:rpm|rotors?|rotor speed|motor rpm|motor speed|esc rpm|propeller|prop) ?(?:at )?(\d+)"),
@@ -176,9 +180,11 @@ _RULES: Final = [
     _rule("pwm_{n}", r"(?:pwm|rcou c|servo out|pwm out|rc out|rcout|outputs?|out|ch|chan|channel|c) ?(?:at )?(\d+)"),
     _rule("motor_{n}", r"(?:motors?|motor cmd|motor m|m|mot|motor command|u motor|thrust cmd) ?(?:at )?(\d+)"),
     _rule("servo_{n}", r"(?:servos?|servo cmd|srv) ?(?:at )?(\d+)"),
-    _rule("elevator", "elevator|elev|delta e|de|elevator deflection|d elev"),
-    _rule("aileron", "aileron|ail|delta a|da|aileron deflection|d ail"),
-    _rule("rudder", "rudder|rudd|rud|delta r|dr|rudder deflection|d rud"),
-    _rule("flap", "flaps?|df|delta f"), _rule("throttle", "throttle|thr|dt|delta t|power lever"),
+    _rule("elevator", "de", alone=True), _rule("aileron", "da", alone=True), _rule("rudder", "dr", alone=True),
+    _rule("flap", "df", alone=True), _rule("throttle", "dt", alone=True),
+    _rule("elevator", "elevator|elev|delta e|elevator deflection|d elev"),
+    _rule("aileron", "aileron|ail|delta a|aileron deflection|d ail"),
+    _rule("rudder", "rudder|rudd|rud|delta r|rudder deflection|d rud"),
+    _rule("flap", "flaps?|delta f"), _rule("throttle", "throttle|thr|delta t|power lever"),
     _rule("thrust", "thrust|thrust force"),
 ]  # fmt: skip

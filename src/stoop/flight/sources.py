@@ -15,11 +15,11 @@ from stoop.units import FACTORS, KINDS, ZEROS
 
 MOST: Final = 64  #: names that one pair of braces may stand for
 _BRACES: Final = re.compile(r"\{(\d{1,3})\.\.(\d{1,3})\}")
-_ONE: Final = frozenset(
+LINE_KEYS: Final = frozenset(
     "stream file column unit scale offset valid stamp stamp_unit frame optional unused instance".split()  # noqa: SIM905
 )
-_SOURCE: Final = (_ONE - {"column", "file"}) | {"columns", "variables", "partial"}
-_GROUP: Final = _SOURCE | {"sources", "choose"}
+_SOURCE: Final = (LINE_KEYS - {"column", "file"}) | {"columns", "variables", "partial"}
+GROUP_KEYS: Final = _SOURCE | {"sources", "choose"}
 
 Instance = Literal["first", "most moved"]
 
@@ -84,7 +84,7 @@ def read_variable(place: str, name: str, entry: object) -> Group:
     where = f"variables.{name}"
     if not isinstance(entry, dict):
         raise LogError(f'{place}: {where} is not a table; write {name} = {{column = "...", unit = "..."}}')
-    only_keys(place, where, entry, _ONE)
+    only_keys(place, where, entry, LINE_KEYS)
     if name not in VARIABLES:
         raise FlightError(f"{place}: {where} is no variable of stoop; {nearest(name, VARIABLES)}")
     text_of(place, where, entry, "unit")
@@ -102,7 +102,7 @@ def read_group(place: str, name: str, table: object) -> Group:
     where = f"group.{name}"
     if not isinstance(table, dict):
         raise LogError(f"{place}: {where} is not a table; write variables and sources under [{where}]")
-    only_keys(place, where, table, _GROUP)
+    only_keys(place, where, table, GROUP_KEYS)
     sources = table.get("sources", [{}])
     if not isinstance(sources, list) or not all(isinstance(source, dict) for source in sources):
         raise LogError(f"{place}: {where}.sources is not a list of tables; write sources = [{{...}}, ...]")

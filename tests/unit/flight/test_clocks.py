@@ -10,7 +10,7 @@ import pytest
 from stoop.errors import FlightError, LogError
 from stoop.flight import load
 from stoop.flight.channels import Channels
-from stoop.flight.clocks import quantities, read_alignments
+from stoop.flight.clocks import lateness, quantities, read_alignments
 from stoop.flight.lag import Lag, find_lag, with_drift
 from stoop.logs import FloatArray
 
@@ -212,3 +212,14 @@ def test_other_motion_is_refused(tmp_path: Path) -> None:
     (folder / "mapping.toml").write_text(MAPPING + '[align."mocap.csv"]\nwith = "autopilot.csv"\n')
     with pytest.raises(FlightError, match="do not show the same motion"):
         load(folder)
+
+
+def test_a_late_attitude_is_told() -> None:
+    t, s = np.arange(0.0, 60.0, 0.005), np.arange(0.0, 60.0, 0.02)
+    rates = Channels("gyro", t, {"p": 0 * t, "q": 0 * t, "r": yaw_rate(t)})
+    parts = {"phi": 0 * s, "theta": 0 * s, "psi": heading(s)}
+    words = lateness([rates, Channels("filter", s + 0.15, parts)])
+    assert words.startswith("the attitude comes 0.150 s late against the rates")
+    assert '[align.filter] with = "gyro"' in words
+    assert lateness([rates, Channels("filter", s, parts)]) == ""
+    assert lateness([rates]) == ""
