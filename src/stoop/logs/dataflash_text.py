@@ -20,8 +20,10 @@ from stoop.logs.dataflash_content import assemble, is_wanted
 from stoop.logs.dataflash_format import TEXTS, Layout, Messages, make_layout
 from stoop.logs.recording import Defect, Recording
 
-MAX_BYTES: Final = 512 * 2**20  #: of text; an hour of flight takes 300 MiB
+MAX_BYTES: Final = 256 * 2**20  #: of text, twenty minutes of a busy log
 MAX_LINE: Final = 1024
+MAX_KINDS: Final = 256  #: ids of messages are bytes
+FEW: Final = 50  #: lines that are parsed before the parser of tables is even prepared
 _AGAIN: Final = "copy it again from the autopilot"
 
 
@@ -118,7 +120,13 @@ def _define(
 ) -> None:
     """Take a definition in: id, length, name, letters, columns; the first of a name counts."""
     cells = [cell.decode("latin-1").strip() for cell in rest.split(b",", 4)]
-    if len(cells) < 5 or not cells[0].isdigit() or cells[2] in kinds or cells[2] == "FMT":
+    if (
+        len(cells) < 5
+        or not cells[0].isdigit()
+        or cells[2] in kinds
+        or cells[2] == "FMT"
+        or len(kinds) == MAX_KINDS
+    ):
         return
     columns = ",".join(column.strip() for column in cells[4].split(","))
     layout = make_layout(int(cells[0][:9]), cells[2], cells[3], columns)
@@ -168,8 +176,8 @@ def _messages(name: str, lines: _Lines) -> tuple[Messages, list[Defect]]:
 
 def _fill_numbers(rows: npt.NDArray[Any], lines: _Lines) -> int:
     """Parse a table of numbers; return the cells without a number in the worst column."""
-    if not lines.cells:
-        return 0
+    if len(lines.cells) < FEW:
+        return _fill_mixed(rows, lines)
     import pandas as pd  # heavy, and only here
 
     table = pd.read_csv(
