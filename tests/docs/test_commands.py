@@ -119,10 +119,12 @@ def test_quick_start_runs(workplace: Path) -> None:
 
 
 def test_maneuver_page_runs(workplace: Path) -> None:
-    (workplace / "maneuver.toml").write_text(blocks(DOCS / "maneuver-file.md", "toml")[0], encoding="utf-8")
+    for name, text in zip(("maneuver", "rotors"), blocks(DOCS / "maneuver-file.md", "toml"), strict=True):
+        (workplace / f"{name}.toml").write_text(text, encoding="utf-8")
     for command in commands(DOCS / "maneuver-file.md"):
         run(command)
     assert (workplace / "flight.nc").exists()
+    assert (workplace / "hover.nc").exists()
 
 
 def test_demo_runs(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:

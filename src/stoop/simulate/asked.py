@@ -17,7 +17,7 @@ from stoop.simulate.steady import Trim
 FloatArray = NDArray[np.float64]
 GRAVITY: Final = 9.80665
 _SOON: Final = 0.4  #: s, in which a set-point is reached unless that takes too much
-_MOST: Final = np.array([3.0, 3.0, 1.5, 0.5])  #: m/s2 north, east, down, and rad/s of heading
+MOST: Final = np.array([3.0, 3.0, 1.5, 0.5])  #: m/s2 north, east, down, and rad/s of heading
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ def asked(signals: Mapping[str, FloatArray], point: Trim, count: int, dt: float)
     dt : float, s
     """
     none = np.zeros(count)
-    heading, turning = _followed(signals.get("heading", none)[:, None], _MOST[3:], dt)
+    heading, turning = _followed(signals.get("heading", none)[:, None], MOST[3:], dt)
     absolute = point.start["psi"] + heading[:, 0]
     forward, right = signals.get("forward", none), signals.get("right", none)
     wanted = np.column_stack(
@@ -70,7 +70,7 @@ def asked(signals: Mapping[str, FloatArray], point: Trim, count: int, dt: float)
             signals.get("down", none),
         ]
     )
-    change, acceleration = _followed(wanted, _MOST[:3], dt)
+    change, acceleration = _followed(wanted, MOST[:3], dt)
     velocity = np.asarray(point.velocity) + change
     q = _attitude(point, acceleration, heading[:, 0])
     return Asked(velocity, traveled(velocity, dt), q, matrix_of(q), turning[:, 0], -acceleration[:, 2])

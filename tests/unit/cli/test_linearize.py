@@ -78,3 +78,12 @@ def test_writes_a_file_but_not_over_another(tmp_path: Path, capsys: pytest.Captu
     assert "--overwrite" in capsys.readouterr().err
     assert main([*words, "--overwrite"]) == 0
     assert path.read_bytes() == first
+
+
+def test_a_hover_has_modes_and_units_of_its_own(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["linearize", "quad-x"]) == 0
+    out = capsys.readouterr().out
+    for name in ("pitch and speed", "roll and speed", "yaw", "heave", "lag"):
+        assert f"\n{name} " in out
+    assert "x: u m/s, v m/s, w m/s, p rad/s" in out
+    assert "m4.lag\n" in out

@@ -123,3 +123,16 @@ def test_input_that_a_flight_cannot_hold_is_refused(
     err = capsys.readouterr().err
     assert "v.toml: the input 'my_servo' is no variable of stoop" in err
     assert sorted(p.name for p in tmp_path.iterdir()) == ["v.toml"]
+
+
+def test_a_quadrotor_hovers_and_is_to_be_identified(
+    examples: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    target = tmp_path / "quad.nc"
+    words = ["simulate", "quad-x", "--maneuver", str(examples / "maneuver_quad.toml"), "-o", str(target)]
+    assert main(words) == 0
+    wrote, after = capsys.readouterr().out.splitlines()
+    assert wrote == f"wrote {target}: 60 s at 100 Hz, 24 channels, sensor noise of seed 0"
+    assert "--vehicle quad-x --maneuver 0:60" in after
+    flight = load(target)
+    assert {"vn", "ve", "vd", "pn", "pe", "pd", "motor_1", "motor_4"} <= set(flight.data.data_vars)

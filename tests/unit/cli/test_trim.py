@@ -92,3 +92,38 @@ def test_lateral_file_flies_at_the_trim_of_the_full_equations(
     path.write_text(text.replace("[mass]", '[model]\nreduce = "lateral"\n\n[mass]', 1))
     lateral, full = document(capsys, str(path)), document(capsys, "twin-boom")
     assert lateral["angles"] == pytest.approx(full["angles"], abs=1e-9)
+
+
+def test_a_hover_in_the_wind(capsys: pytest.CaptureFixture[str]) -> None:
+    found = document(
+        capsys, "quad-x", "--wind", "5", "0", "0", "--velocity", "0", "-1", "-1", "--heading", "90"
+    )
+    assert found["velocity"] == [0.0, -1.0, -1.0]
+    assert found["wind"] == [5.0, 0.0, 0.0]
+    assert found["heading"] == pytest.approx(math.pi / 2.0)
+    assert found["angles"]["phi"] > 0.01, "heading east, the wind from the right hand pushes left"
+    assert set(found["inputs"]) == {"motor_1", "motor_2", "motor_3", "motor_4"}
+    assert main(["trim", "quad-x", "--wind", "5", "0", "0"]) == 0
+    out = capsys.readouterr().out
+    assert "hover at 200 m, heading 0 deg, wind 5 0 0 m/s (north east down), standard atmosphere" in out
+    assert "Thrust" not in out
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (
+            ["quad-x", "--climb-angle", "5"],
+            "--climb-angle: quad-x flies on its rotors here; write --velocity",
+        ),
+        (["twin-boom", "--wind", "5", "0", "0"], "--wind: twin-boom flies on its wings here"),
+        (["twin-boom", "--velocity", "5", "0", "0"], "--velocity: twin-boom flies on its wings here"),
+        (["quad-x", "--airspeed", "9"], "quad-x: it has no wings to fly 9 m/s on"),
+        (["quad-x", "--wind", "30", "0", "0"], "and its range ends at 1; make it lighter"),
+    ],
+)
+def test_what_only_rotors_or_only_wings_can_do(
+    words: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["trim", *words]) == 2
+    assert says in capsys.readouterr().err

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stoop.errors import ManeuverError
-from stoop.simulate import load_maneuver, parse_maneuver
+from stoop.simulate import load_maneuver, maneuver, parse_maneuver
 
 WHERE = "folder/bad.toml"
 
@@ -200,3 +200,51 @@ def test_any_text_flies_or_is_refused_in_one_line(text: str) -> None:
         return
     assert said.startswith(f"{WHERE}: ")
     assert said.isprintable()
+
+
+def of(control: str, amplitude: float) -> str:
+    return shape(control=control, shape="doublet", start=1.0, step=0.5, amplitude=amplitude)
+
+
+def test_units_follow_the_control() -> None:
+    """Accelerations, speeds and channels may be larger than an angle; a surface and a heading are angles still."""
+    for control, amplitude in (("roll", 40.0), ("north", -12.0), ("motor_1", 0.2), ("pwm_3", 150.0)):
+        y = parse_maneuver(of(control, amplitude), WHERE).deflections()[control]
+        assert np.abs(y).max() == abs(amplitude)
+    assert maneuver.unit_of("heave") == "m/s2"
+    assert maneuver.unit_of("elevator") == "rad"
+    with pytest.raises(
+        ManeuverError, match=r"input.0.amplitude: 90 looks like degrees; write radians \(1.571\)"
+    ):
+        parse_maneuver(of("heading", 90.0), WHERE)
+    with pytest.raises(
+        ManeuverError, match=r"input.0.amplitude: 1e\+09 is beyond any size; write it in rad/s2"
+    ):
+        parse_maneuver(of("pitch", 1e9), WHERE)
+    slow = shape(control="yaw", shape="doublet", start=1.0, step=0.1, amplitude=9.0, slew=1.0)
+    with pytest.raises(ManeuverError, match="a slew of 1 rad/s2/s does not get from 0 to 9 rad/s2"):
+        parse_maneuver(slow, WHERE)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("wind = [1.0, 2.0]", "wind.2: too few entries; write one more"),
+        ("wind = [1.0, 2.0, 900.0]", "wind.2: it must be less than or equal to 200"),
+        ("wind = 4.0", "wind: this must be a list"),
+        ("velocity = [1.0, 2.0, nan]", "velocity.2: it must be a finite number"),
+        ("velocity = [0.0, 0.0, 0.0]\nairspeed = 10.0", "airspeed and velocity: one flies on wings"),
+        ("heading = 90.0", "heading: it must be less than or equal to 6.28"),
+        ("[battery]\nstart = 0.0", "battery.start: it must be greater than 0"),
+        ("[battery]\nfall = -1.0", "battery.fall: it must be greater than or equal to 0"),
+        (
+            "[battery]\nsagg = 1.0",
+            "battery.sagg: unknown key; remove it or correct its name (did you mean sag?)",
+        ),
+    ],
+)
+def test_what_rotors_add_is_checked(text: str, says: str) -> None:
+    with pytest.raises(ManeuverError) as caught:
+        parse_maneuver(f"duration = 9.0\n{text}", WHERE)
+    assert says in str(caught.value)
+    assert str(caught.value).startswith(f"{WHERE}: ")
