@@ -22,7 +22,7 @@ import numpy as np
 
 from stoop.errors import FlightError, LogError
 from stoop.flight.attitude import continuous, normalized, quaternions_of
-from stoop.flight.channels import Channels
+from stoop.flight.channels import WILD, Channels
 from stoop.flight.lag import Lag, Signal, find_lag, with_drift
 from stoop.flight.variables import EULER, QUATERNION
 from stoop.logs import FloatArray, Recording
@@ -87,7 +87,9 @@ def _alignment(place: str, stream: str, table: object) -> Alignment:
     only_keys(place, where, table, frozenset({"with", "using", "longest", "drift"}))
     reference = text_of(place, where, table, "with")
     using = table.get("using", [])
-    if not isinstance(using, list) or any(name not in QUANTITIES for name in using):
+    if not isinstance(using, list) or any(
+        not isinstance(name, str) or name not in QUANTITIES for name in using
+    ):
         raise LogError(f"{place}: {where}.using is a list of some of {', '.join(QUANTITIES)}")
     longest = number_of(place, where, table, "longest", 0.0) if "longest" in table else np.inf
     drift = table.get("drift", False)
@@ -224,7 +226,11 @@ def _turning_of(group: Channels) -> dict[str, Signal]:
 
 def quantities(channels: Sequence[Channels]) -> dict[str, Signal]:
     """Return what channels of one stream tell of the motion, by the names of `QUANTITIES`."""
-    signals = {name: (group.time, x) for group in channels for name, x in group.values.items()}
+    signals = {
+        name: (group.time, np.where(np.abs(x) < WILD, x, np.nan))
+        for group in channels
+        for name, x in group.values.items()
+    }
     return {**_turning(signals), **_moving(signals)}
 
 

@@ -9,25 +9,22 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stoop import logs
-from stoop.errors import FlightError
 from stoop.flight.advice import advised, unit_faults
+from stoop.flight.between import following_rates
 from stoop.flight.build import build
-from stoop.flight.channels import Channels, SourceRate, tame
-from stoop.flight.clocks import lateness, suggestions
+from stoop.flight.channels import SourceRate, tame
+from stoop.flight.chosen import channels_of, mapping_of, topics_of
+from stoop.flight.clocks import lateness
 from stoop.flight.consistency import rate_faults
 from stoop.flight.faults import Fault, recorded_faults, rest_faults, sign_faults, without_faulty
 from stoop.flight.flight import Flight
 from stoop.flight.grid import Grid
 from stoop.flight.make import dataset, named, with_attitude
-from stoop.flight.mapped import Mapped, apply
-from stoop.flight.mapping import READY, read_flight_mapping, ready
+from stoop.flight.mapped import Mapped
 from stoop.flight.plausible import check_radians
 from stoop.flight.store import restore
-from stoop.flight.variables import EULER, QUATERNION, VARIABLES, nearest
+from stoop.flight.variables import EULER, QUATERNION, VARIABLES
 from stoop.logs import FloatArray, Recording
-from stoop.logs.mapping import is_first_edition, read_toml
-from stoop.logs.read import kind
-from stoop.logs.table import beside
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -62,8 +59,8 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = DEFA
         When it holds no known variable, or degrees where radians belong.
     """
     path = Path(path)
-    place = _place(path, Path(mapping) if mapping is not None else None)
-    recording = logs.read(path, place if mapping is not None else None, _topics(path, place))
+    place = mapping_of(path, Path(mapping) if mapping is not None else None)
+    recording = logs.read(path, place if mapping is not None else None, topics_of(path, place))
     if recording.format == "stoop-netcdf":
         return restore(recording, named(path))
     named_channels = channels_of(recording, place)
@@ -76,81 +73,6 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = DEFA
     )
 
 
-def _place(path: Path, mapping: Path | None) -> Path | None:
-    """Return the mapping that counts: the one that was given, else the one beside the log."""
-    if mapping is not None:
-        return mapping
-    try:
-        there = beside(path)
-        return there if there.is_file() else None
-    except (OSError, ValueError):  # the reader says it better
-        return None
-
-
-def _topics(path: Path, place: Path | None) -> frozenset[str] | None:
-    """Return the streams that are needed, where that is known before the log is read."""
-    if not path.is_file():
-        return None
-    known = READY.get(kind(path))
-    if place is None and known is None:
-        return None
-    streams = (read_flight_mapping(place) if place is not None else ready(known or "")).streams
-    return None if "" in streams else streams
-
-
-def channels_of(recording: Recording, place: Path | None = None) -> Mapped:
-    """Name the channels of a recording by the registry.
-
-    Parameters
-    ----------
-    recording : of any format
-    place : mapping; None takes the ready one of the format
-
-    Raises
-    ------
-    FlightError
-        When the mapping names a variable that is not in the registry, or there is no mapping for this format.
-    LogError
-        When the mapping cannot be read, or names what is not in the log.
-    """
-    if recording.format == "table" and place is not None and is_first_edition(read_toml(place)):
-        return _first_edition(recording, place)
-    if place is None and recording.format not in READY:
-        start = beside(recording.path)
-        raise FlightError(
-            f"{recording.path}: this kind of log needs a mapping of its columns; "
-            f"draft one by stoop map {recording.path} -o {start}, and correct it"
-        )
-    mapping = read_flight_mapping(place) if place is not None else ready(READY[recording.format])
-    found = apply(mapping, recording)
-    apart = [] if recording.format in READY or mapping.alignments else _suggested(recording, found, place)
-    return replace(found, notes=[*found.notes, *apart])
-
-
-def _first_edition(recording: Recording, place: Path) -> Mapped:
-    """Take the variables as the reader of tables named them."""
-    for stream in recording.streams.values():
-        for name in stream.columns:
-            if name not in VARIABLES:
-                raise FlightError(
-                    f"{place}: variables.{name} is no variable of stoop; {nearest(name, VARIABLES)}"
-                )
-    channels = [Channels(name, stream.time, stream.columns) for name, stream in recording.streams.items()]
-    places = {name: f"{place}: variables.{name}" for group in channels for name in group.values}
-    found = Mapped(channels, [], recording.unread, places)
-    return replace(found, notes=_suggested(recording, found, place))
-
-
-def _suggested(recording: Recording, found: Mapped, place: Path | None) -> list[str]:
-    """Say whether clocks of several files disagree."""
-    if len(recording.streams) < 2:
-        return []
-    by_stream: dict[str, list[Channels]] = {}
-    for group in found.channels:
-        by_stream.setdefault(group.source, []).append(group)
-    return suggestions(recording, lambda _, name: by_stream.get(name, []), str(place or "the mapping"))
-
-
 def _gridded(path: Path, recording: Recording, found: Mapped, rate: float) -> Flight:
     channels = found.channels
     grid, data, sources = _with_attitude(*build(channels, rate, str(path)))
@@ -160,11 +82,13 @@ def _gridded(path: Path, recording: Recording, found: Mapped, rate: float) -> Fl
         *rest_faults(grid.time, data, rate),
         *advised([*sign_faults(grid.time, data), *rate_faults(grid.time, data, rate)], found.places),
     )
-    late = lateness(channels) if any(fault.kind == "inconsistent" for fault in faults) else ""
+    doubted = any(fault.kind == "inconsistent" for fault in faults)
+    late = lateness(channels) if doubted else ""
+    data, followed = (data, "") if doubted else following_rates(grid, data, sources, channels)
     notes = [
         *_defect_notes(recording, sources),
         *found.notes,
-        *([late] if late else []),
+        *(told for told in (late, followed) if told),
         *_gap_notes(sources),
         *(fault.message for fault in faults),
     ]

@@ -163,8 +163,9 @@ def _whole(source: Source, stream: Stream) -> bool:
 
 def _value(stream: Stream, source: Source, i: int) -> FloatArray:
     """Return one variable in SI, NaN where its flag says so; a log without the flag is believed."""
-    total = sum(weight * stream.columns[name] for name, weight in source.columns[i].items())
-    values = np.asarray(total) * source.factors[i] + source.offsets[i]
+    with np.errstate(over="ignore", invalid="ignore"):  # what is beyond any size is dropped and told later
+        total = sum(weight * stream.columns[name] for name, weight in source.columns[i].items())
+        values = np.asarray(total) * source.factors[i] + source.offsets[i]
     good = stream.columns.get(source.valid[i]) if source.valid[i] else None
     return values if good is None else np.where(good > 0.0, values, np.nan)
 

@@ -31,7 +31,7 @@ READY: Final[dict[str, str]] = {
     "crazyflie": "crazyflie",
 }  #: format of a recording -> the mapping that comes with the package
 _TABLES: Final = frozenset(
-    {"extends", "time", "clock", "variables", "group", "calibration", "surface", "mixer", "align"}
+    {"extends", "files", "time", "clock", "variables", "group", "calibration", "surface", "mixer", "align"}
 )
 
 
@@ -63,6 +63,7 @@ class FlightMapping:
     clocks : stream -> a clock of its own
     surfaces : calibrations and mixers
     alignments : of clocks that disagree
+    files : name -> file beside the log, that is read as well
     """
 
     place: str
@@ -71,6 +72,7 @@ class FlightMapping:
     clocks: Mapping[str, Clock] = field(default_factory=dict)
     surfaces: Surfaces = field(default_factory=Surfaces)
     alignments: tuple[Alignment, ...] = ()
+    files: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def streams(self) -> frozenset[str]:
@@ -127,6 +129,11 @@ def _parse(place: str, content: Mapping[str, Any]) -> FlightMapping:
         {name: _clock(place, f"clock.{name}", x) for name, x in _sub(place, content, "clock").items()},
         surfaces,
         alignments,
+        {
+            name: text_of(place, "files", table, name)
+            for table in [_sub(place, content, "files")]
+            for name in table
+        },
     )
 
 

@@ -28,12 +28,13 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.errors import LogError
-from stoop.flight.channels import Channels
+from stoop.flight.channels import WILD, Channels
 from stoop.flight.variables import VARIABLES
 from stoop.logs import FloatArray
 from stoop.logs.mapping import factor_of, number_of, only_keys, text_of
 
 LARGEST: Final = 0.5 * np.pi  #: rad; no surface turns further
+FINEST: Final = 1e-6  #: apart must inputs of a table be
 CHECKED: Final = 200  #: places between the ends of a fitted calibration where its slope is looked at
 MOVED: Final = ("elevator", "aileron", "rudder", "flap", "throttle")  #: what a calibration can lead to
 MIXERS: Final[dict[str, dict[str, tuple[float, float]]]] = {
@@ -179,8 +180,8 @@ def _points(place: str, where: str, given: object) -> FloatArray:
     numbers = [[number_of(place, where, {"points": x}, "points", 0.0) for x in row] for row in pairs]
     table = np.array(sorted(numbers))
     steps = np.diff(table, axis=0)
-    if not (steps[:, 0] > 0.0).all():
-        twice = next(a[0] for a, b in pairwise(table.tolist()) if a[0] == b[0])
+    if not (steps[:, 0] > FINEST).all():
+        twice = next(a[0] for a, b in pairwise(table.tolist()) if b[0] - a[0] <= FINEST)
         raise LogError(f"{place}: {where}.points holds the input {twice:g} twice; keep one of them")
     if not ((steps[:, 1] > 0.0).all() or (steps[:, 1] < 0.0).all()):
         raise LogError(
@@ -201,7 +202,7 @@ def _curve(
         )
     fitted = np.polynomial.Polynomial.fit(x, y, degree)
     slope = fitted.deriv()(np.linspace(x[0], x[-1], CHECKED))
-    if slope.min() * slope.max() <= 0.0:
+    if not ((slope > 0.0).all() or (slope < 0.0).all()):
         raise LogError(f"{place}: {where}: the fitted curve turns back between the points; lower its degree")
     return tuple(float(c) for c in fitted.coef)
 
@@ -274,7 +275,7 @@ def _deflection(
 
 def _driven(name: str, group: Channels) -> FloatArray:
     """Return an output with NaN where it was not driven: a pulse of no length is none."""
-    x = group.values[name]
+    x = np.where(np.abs(group.values[name]) < WILD, group.values[name], np.nan)
     return np.where(x > 0.0, x, np.nan) if name.startswith("pwm_") else x
 
 

@@ -21,7 +21,6 @@ SI value = number in the column * unit * scale + offset; scale is 1 and offset i
 from __future__ import annotations
 
 import difflib
-import math
 import tomllib
 from collections.abc import Mapping as TextMapping
 from dataclasses import dataclass
@@ -32,9 +31,10 @@ from stoop.errors import LogError
 from stoop.units import FACTORS, ZEROS
 
 TIME_UNITS: Final = ("s", "ms", "us", "ns")
+LARGEST: Final = 1e300  #: number that a mapping may hold
 MAX_BYTES: Final = 2**20
 _KEYS: Final = frozenset({"column", "unit", "scale", "offset", "file"})
-_SECOND: Final = frozenset({"extends", "group", "calibration", "surface", "mixer", "align"})
+_SECOND: Final = frozenset({"extends", "files", "group", "calibration", "surface", "mixer", "align"})
 PULSES: Final = {
     "pwm": 1.0,
     "us": 1.0,
@@ -156,7 +156,7 @@ def text_of(place: Path | str, where: str, table: TextMapping[str, Any], key: st
 def number_of(place: Path | str, where: str, table: TextMapping[str, Any], key: str, default: float) -> float:
     """Return a finite number, or the default."""
     value = table.get(key, default)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LARGEST:
         raise LogError(f"{place}: {where}.{key} is not a number; write {key} = {default:g} or leave it out")
     return float(value)
 

@@ -223,3 +223,27 @@ def test_a_late_attitude_is_told() -> None:
     assert '[align.filter] with = "gyro"' in words
     assert lateness([rates, Channels("filter", s, parts)]) == ""
     assert lateness([rates]) == ""
+
+
+def test_a_file_of_another_kind_beside_the_log(tmp_path: Path) -> None:
+    """A MATLAB log, and the CSV of a motion-capture system on a clock of its own."""
+    from scipy.io import savemat
+
+    t, s = np.arange(0.0, 60.0, 0.01), np.arange(0.0, 40.0, 0.02)
+    savemat(tmp_path / "f.mat", {"t": t, "gz": yaw_rate(t)})
+    rows = np.column_stack([1e3 * s, np.degrees(heading(s + 3.7))])
+    np.savetxt(tmp_path / "mocap.csv", rows, delimiter=",", header="ms,yaw", comments="")
+    text = (
+        '[files]\nmocap = "mocap.csv"\n[clock.mocap]\ncolumn = "ms"\nunit = "ms"\n[align.mocap]\nwith = "data"\n'
+        '[variables]\nr = {stream = "data", column = "gz", unit = "rad/s"}\n'
+        'psi = {stream = "mocap", column = "yaw", unit = "deg"}\n'
+    )
+    (tmp_path / "f.mat.toml").write_text(text)
+    flight = load(tmp_path / "f.mat")
+    assert any(note.startswith("clock of mocap moved by +3.70") for note in flight.notes)
+    inside = np.isfinite(flight.column("psi"))
+    np.testing.assert_allclose(flight.column("psi")[inside], heading(flight.time[inside]), atol=2e-3)
+    for wrong in ("film.csv", "../mocap.csv"):
+        (tmp_path / "f.mat.toml").write_text(text.replace("mocap.csv", wrong))
+        with pytest.raises(LogError, match=r"files\.mocap = .* put it beside the log"):
+            load(tmp_path / "f.mat")
