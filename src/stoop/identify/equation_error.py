@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.cost import Layout, Piece
+from stoop.identify.regression.accelerations import fitted
 from stoop.identify.regression.domain import Time
 from stoop.identify.regression.estimate import boxed, regressed
 from stoop.identify.regression.measured import complete
@@ -23,8 +24,10 @@ MEASURED: Final = 0.9  #: share of the samples that must be whole
 def equation_error(layout: Layout, pieces: Sequence[Piece]) -> FloatArray | None:
     """Return free parameters (D,) in the unit box, or None where states were not all measured.
 
-    Numbers that are no aerodynamic terms stay as in the file.
+    Numbers that are no aerodynamic terms stay as in the file, unless the vehicle has rotors.
     """
+    if layout.vehicle.hovers:
+        return _of_accelerations(layout, pieces)
     if not all(complete(layout.vehicle, p).mean() > MEASURED for p in pieces):
         return None
     found = regressed(layout, pieces, Time(), boxed)
@@ -33,3 +36,8 @@ def equation_error(layout: Layout, pieces: Sequence[Piece]) -> FloatArray | None
     values = np.array([p.value for p in layout.parameters])
     values[list(found.places)] = found.solved.values
     return layout.unit(values) if np.isfinite(values).all() else None
+
+
+def _of_accelerations(layout: Layout, pieces: Sequence[Piece]) -> FloatArray | None:
+    found = fitted(layout, pieces, Time(), boxed(layout.parameters))
+    return None if found is None else layout.unit(found[1].values[: layout.dimension])

@@ -116,9 +116,9 @@ def _deflection(
 
 def lagged(command: FloatArray, lag: float, dt: float) -> FloatArray:
     """Return a first-order lag's response (n,) to a command that is linear between samples, at rest at first."""
-    from scipy.signal import lsim
+    from scipy.signal import lfilter
 
-    rate = np.array([[1.0 / lag]])
-    system = (-rate, rate, np.eye(1), np.zeros((1, 1)))
-    time = dt * np.arange(len(command))
-    return np.asarray(lsim(system, command, time, X0=command[:1])[1]).ravel()
+    left = float(np.exp(-dt / lag))
+    mean = -float(np.expm1(-dt / lag)) * lag / dt  # of the decay over a sample
+    begin = [mean * float(command[0])]  # so that the first value is the first command
+    return np.asarray(lfilter([1.0 - mean, mean - left], [1.0, -left], command, zi=begin)[0])

@@ -60,12 +60,15 @@ class Reduced:
         The eliminated states, first to last.
     gain : float
         What the moves of the windows' states alone take off the cost.
+    logdet : float
+        Of the information about the states.
     """
 
     normal: FloatArray
     gradient: FloatArray
     nodes: tuple[Node, ...]
     gain: float
+    logdet: float = 0.0
 
     def moves(self, step: FloatArray) -> FloatArray:
         """Return the moves (w, e) of the windows' states for a step (j,); the first window's is zero."""
@@ -81,7 +84,7 @@ def reduced(windows: Sequence[Weighted], damping: float) -> Reduced:
     """Eliminate the states of all windows but the first, whose state is the search vector's."""
     normal, gradient, blocks = _assembled(windows)
     nodes: list[Node] = []
-    gain = 0.0
+    gain = logdet = 0.0
     for w in range(len(windows) - 1, 0, -1):
         A, B, c, before = blocks[w]
         A = A + damping * np.diag(np.diag(A))
@@ -91,8 +94,9 @@ def reduced(windows: Sequence[Weighted], damping: float) -> Reduced:
         if w > 1:
             a, b, d, further = blocks[w - 1]
             blocks[w - 1] = (a - before.T @ back, b - before.T @ unknowns, d - before.T @ own, further)
+        logdet += float(np.linalg.slogdet(A)[1])
         nodes.append(Node(own, unknowns, back if w > 1 else np.zeros_like(A)))
-    return Reduced(0.5 * (normal + normal.T), gradient, tuple(reversed(nodes)), gain)
+    return Reduced(0.5 * (normal + normal.T), gradient, tuple(reversed(nodes)), gain, logdet)
 
 
 Block = tuple[FloatArray, FloatArray, FloatArray, FloatArray]

@@ -23,6 +23,7 @@ from stoop.identify.shooting.evidence import evidence
 from stoop.identify.shooting.first import is_poor, searched, windowed
 from stoop.identify.shooting.search import LOOSE, STRICTNESS, End, Meeting, Place, scales_of, search
 from stoop.identify.shooting.states import measured_states
+from stoop.identify.shooting.wander import wandering
 from stoop.identify.shooting.windows import Shots, edges, residual
 from stoop.identify.windows import Window
 from stoop.optimize.minimize import Status
@@ -92,7 +93,9 @@ class MultipleShooting:
         self, problem: Misfit, prepared: Prepared, meeting: Meeting, options: Options, afar: _Afar
     ) -> Fit:
         """Step from the best start; search first where all are poor, or where the steps led nowhere."""
-        nodes = tuple(measured_states(shots) for shots in meeting.shots)
+        nodes = tuple(
+            np.pad(measured_states(shots), [(0, len(shots.blown)), (0, 0)]) for shots in meeting.shots
+        )
         firsts = starts(meeting.problem)
         far = afar.outcome(firsts) if afar.wanted(firsts) else None
         begins = [np.concatenate([x, np.zeros(problem.extra)]) for x in firsts] if far is None else [far.z]
@@ -166,6 +169,7 @@ class _Refined:
 def _refined(meeting: Meeting, place: Place, options: Options) -> _Refined:
     """Alternate search and noise estimate until both rest."""
     schedule = LOOSE if meeting.problem.layout.vehicle.hovers else STRICTNESS
+    meeting = replace(meeting, strictness=schedule[-1])
     spent, before, rested, interrupted = 0, np.inf, False, False
     end = End(place, False, 0)
     try:
@@ -179,12 +183,12 @@ def _refined(meeting: Meeting, place: Place, options: Options) -> _Refined:
             if rested:
                 break
             before, meeting = now, meeting.weighted(Weights.of(_variance(meeting, end.place)))
+            meeting = wandering(meeting, end.place)
             end = replace(end, place=meeting.place(end.place.z, end.place.nodes))
     except KeyboardInterrupt:
         interrupted = True
     status: Status = "interrupted" if interrupted else "converged" if end.converged else "generations"
-    settled = replace(meeting, strictness=schedule[-1])
-    return _Refined(settled, end, spent, status, rested)
+    return _Refined(meeting, end, spent, status, rested)
 
 
 @dataclass(frozen=True, eq=False)

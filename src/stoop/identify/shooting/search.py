@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from stoop.cost import Misfit, Weights
 from stoop.identify.shooting.condense import Reduced, Weighted, reduced
 from stoop.identify.shooting.windows import Shots, Window, residual
-from stoop.kernels import filtering
 from stoop.optimize.normal import solve_damped
 from stoop.simulate import parameter_rows
 from stoop.simulate.initial import commanded
+from stoop.vehicle.schema import WIND
 
 FloatArray = NDArray[np.float64]
 ITERATIONS: Final = 60
@@ -39,6 +39,7 @@ _HOVERING: Final = {
     "r": 0.5,
 }  #: likewise, of vehicles that hover
 _TURN: Final = 0.2  #: rad, likewise
+WANDERS: Final = 0.2  #: m/s from one window to the next, before it is estimated
 _SPIN: Final = 1e-3  #: of a rotor's largest x: no gust moves that
 
 
@@ -49,7 +50,7 @@ class Place:
     Attributes
     ----------
     z : (D + E,)
-    nodes : tuple of (n_x, w)
+    nodes : tuple of (n_x, w) or, with winds, (n_x + 3, w)
         States that the windows of each piece begin with.
     cost : float
         Gaps included, as strictly as the problem takes them.
@@ -173,7 +174,8 @@ def scales_of(problem: Misfit) -> FloatArray:
     own, turn = (_HOVERING, _TURN) if vehicle.hovers else (_SCALES, _SCALE)
     usual = [_GUST if n.startswith("gust.") else own.get(n, turn) for n in vehicle.moves]
     spins = {f"{rotor}.lag": _SPIN * largest_spin(problem, rotor) for rotor in vehicle.rotors}
-    return np.array([spins.get(n, size) for n, size in zip(vehicle.moves, usual, strict=True)])
+    winds = [WANDERS] * len(WIND) if vehicle.hovers else []
+    return np.array([*(spins.get(n, size) for n, size in zip(vehicle.moves, usual, strict=True)), *winds])
 
 
 def largest_spin(problem: Misfit, rotor: str) -> float:
@@ -252,12 +254,12 @@ def _free(meeting: Meeting, place: Place, gradient: FloatArray) -> NDArray[np.in
 
 def _better(meeting: Meeting, place: Place, step: FloatArray, found: Sequence[Reduced]) -> Place | None:
     """Return the place after a step, if it costs less."""
-    d, kernel = meeting.problem.dimension, meeting.problem.layout.vehicle.kernel()
+    d = meeting.problem.dimension
     z = place.z + step
     z[:d] = np.clip(z[:d], 0.0, 1.0)
     nodes = [
-        filtering.move(kernel, own, np.ascontiguousarray(r.moves(z - place.z).T)) if r.nodes else own
-        for own, r in zip(place.nodes, found, strict=True)
+        shots.moved(own, r.moves(z - place.z).T) if r.nodes else own
+        for shots, own, r in zip(meeting.shots, place.nodes, found, strict=True)
     ]
     after = meeting.place(z, nodes)
     return after if after.cost < place.cost else None

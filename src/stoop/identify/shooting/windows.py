@@ -16,6 +16,7 @@ from stoop.identify.filter_error.points import move_steps, moves_of
 from stoop.kernels import filtering
 from stoop.kernels.windows import windows
 from stoop.simulate.delays import input_delays, late_inputs
+from stoop.vehicle.schema import WIND
 
 FloatArray = NDArray[np.float64]
 STEP: Final = 1e-7  #: of the search vector
@@ -59,6 +60,9 @@ class Shots:
         Of the piece.
     edges : tuple of int
         First sample of each window, then the number of samples.
+
+    Of a vehicle that hovers the wind differs from window to window: rows below the states say by how much, m/s north,
+    east, down, and they are moved like states.
     """
 
     problem: Misfit
@@ -75,18 +79,38 @@ class Shots:
         """Number of windows."""
         return len(self.edges) - 1
 
-    def flown(self, z: FloatArray, nodes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return readings (n, n_y), gaps (w - 1, e), and ends (n_x, w - 1), for states (n_x, w) of the beginnings.
+    @property
+    def blown(self) -> tuple[int, ...]:
+        """Readings that the wind of a window adds to, by column; none of a vehicle that does not hover."""
+        vehicle = self.problem.layout.vehicle
+        return tuple(vehicle.outputs.index(c) for c in WIND) if vehicle.hovers else ()
 
-        The first of the states is that of the search vector.
+    def apart(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return states (n_x, w) and winds (m, w) of nodes."""
+        many = len(self.problem.layout.vehicle.states)
+        return np.ascontiguousarray(nodes[:many]), nodes[many:]
+
+    def moved(self, nodes: FloatArray, moves: FloatArray) -> FloatArray:
+        """Return nodes after moves (e, w)."""
+        states, winds = self.apart(nodes)
+        kernel = self.problem.layout.vehicle.kernel()
+        own, blown = moves[: kernel.moves], moves[kernel.moves :]
+        return np.concatenate([filtering.move(kernel, states, np.ascontiguousarray(own)), winds + blown])
+
+    def flown(self, z: FloatArray, nodes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return readings (n, n_y), gaps (w - 1, e), and ends (n_x, w - 1), for nodes: what windows begin with.
+
+        The first of them is the search vector's.
         """
+        nodes, winds = self.apart(nodes)
         rows, start = self.problem.candidates(z[None, :], self.index)
         begins = np.concatenate([start, nodes[:, 1:]], axis=1)
         out, last = self.fly(np.repeat(rows, self.count, axis=1), begins, np.arange(self.count))
         ends = np.ascontiguousarray(last[:, :-1])
         gaps = np.einsum("exw,xw->we", self.back(nodes), ends - nodes[:, 1:])
+        out[:, :, self.blown] += winds.T[:, None, :]
         readings = np.concatenate([own[:n] for own, n in zip(out, np.diff(self.edges), strict=True)])
-        return readings, gaps, ends
+        return readings, np.concatenate([gaps, -np.diff(winds, axis=1).T], axis=1), ends
 
     def differentiated(self, z: FloatArray, nodes: FloatArray) -> list[Window]:
         """Return every window with its derivatives, by differences."""
@@ -94,12 +118,30 @@ class Shots:
         starts = [j for j, n in self.problem.own[self.index] if not n.is_bias]
         first = np.array([*range(self.problem.dimension), *entries], dtype=np.int64)
         later = np.array([j for j in first if j not in starts], dtype=np.int64)
+        nodes, winds = self.apart(nodes)
         back = self.back(nodes)
         out = self.some(z, nodes, back, range(1), first)
         together = max(1, LANES // (1 + len(later) + len(self.problem.layout.vehicle.moves)))
         for w in range(1, self.count, together):
             out += self.some(z, nodes, back, range(w, min(w + together, self.count)), later)
-        return out
+        return [self._in_wind(window, winds, w) for w, window in enumerate(out)] if self.blown else out
+
+    def _in_wind(self, window: Window, winds: FloatArray, w: int) -> Window:
+        """Return a window in its own wind, which counts as more moves of its state."""
+        n, ny, e = window.by_state.shape
+        m = len(self.blown)
+        seen = np.isfinite(self.piece.measured[self.edges[w] : self.edges[w + 1]])
+        by_state = np.zeros((n, ny, e + m))
+        by_state[:, :, :e] = window.by_state
+        by_state[:, self.blown, e + np.arange(m)] = 1.0
+        residual = window.residual.copy()
+        residual[:, self.blown] += winds[:, w] * seen[:, self.blown]
+        gap, by_unknown, gap_by_state = window.gap, window.gap_by_unknown, np.empty((0, e + m))
+        if w + 1 < self.count:
+            gap = np.concatenate([gap, winds[:, w] - winds[:, w + 1]])
+            by_unknown = np.concatenate([by_unknown, np.zeros((m, by_unknown.shape[1]))])
+            gap_by_state = np.block([[window.gap_by_state, np.zeros((e, m))], [np.zeros((m, e)), np.eye(m)]])
+        return Window(residual, window.by_unknown, by_state, gap, by_unknown, gap_by_state)
 
     def some(
         self, z: FloatArray, nodes: FloatArray, back: FloatArray, which: range, entries: NDArray[np.int64]
