@@ -130,7 +130,7 @@ def _check_thrust(vehicle: Vehicle, axes: dict[str, NDArray[np.float64]], where:
             f"{where}rotors.T2: thrust does not rise with the command ({half:.3g} N at half, {most:.3g} N at full); "
             f"write a first guess, e.g. T2 = {4.0 * share_of_weight(numbers) / top**2:.2g}"
         )
-    upward = sum(max(-axis[2], 0.0) * _factor(vehicle, name) for name, axis in axes.items())
+    upward = sum(max(-float(axis[2]), 0.0) * _factor(vehicle, name) for name, axis in axes.items())
     weight = vehicle.value("mass.mass") * vehicle.value("environment.gravity")
     if vehicle.file.reference is None and upward * most < weight:
         raise VehicleError(

@@ -29,6 +29,7 @@ _PLAIN: Final = {
     "nominal_voltage": "V", "lag": "s", "delay": "s", "torque_ratio": "m", "inertia": "kg m2",
     "linear": "N s/m", "quadratic": "N s2/m2", "rotation": "N m s", "position": "m",
 }  # fmt: skip
+_LARGEST: Final = 1e9  #: that a size is taken to be, so that no box overflows
 _POSITIVE: Final = ("T2", "Q2", "torque_ratio", "lag", "gain", "inertia", "factor", "torque_factor")
 
 
@@ -74,7 +75,7 @@ def hover_command(numbers: Mapping[str, Quantity], thrust: float) -> float | Non
     if t2 <= 0.0:
         return missing / t1 if t1 > 0.0 and missing > 0.0 else None
     root = (math.sqrt(max(t1 * t1 + 4.0 * t2 * missing, 0.0)) - t1) / (2.0 * t2)
-    return root if root > 0.0 else None
+    return root if 0.0 < root < math.inf else None
 
 
 def share_of_weight(numbers: Mapping[str, Quantity]) -> float:
@@ -86,8 +87,9 @@ def share_of_weight(numbers: Mapping[str, Quantity]) -> float:
 
 def _sizes(numbers: Mapping[str, Quantity]) -> dict[str, float]:
     """Return what a coefficient of each name would be if it were all of the thrust, torque or drag."""
-    thrust = share_of_weight(numbers)
+    thrust = min(share_of_weight(numbers), _LARGEST)
     x = hover_command(numbers, thrust) or 0.5 * abs(_value(numbers, "rotors.gain", 1.0)) or 0.5
+    x = min(max(x, 1.0 / _LARGEST), _LARGEST)
     lever = 0.05  # m: torque over thrust of small propellers is 0.01 to 0.03
     count = sum(name.endswith(".position.x") and name.startswith("rotor.") for name in numbers)
     weight = thrust * count

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 from importlib.resources import files
 
 import pytest
@@ -135,3 +137,15 @@ def test_inertia_of_another_size_is_doubted() -> None:
     (said,) = inertia_doubts(quad, {"mass.inertia.xx": 0.5})
     assert "implausibly large" in said
     assert "of the largest distance between rotors" in said
+
+
+@pytest.mark.parametrize("value", ["1e308", "-1e308", "1e-320", "0.0", "{ value = 1e308, free = true }"])
+@pytest.mark.parametrize(
+    "line", ["mass = 1.5", "T1 = 2.5", "T2 = 6.0", "lag = 0.05", "inflow = 0.25", "drag = 0.08"]
+)
+def test_numbers_of_any_size_are_taken_or_refused(line: str, value: str) -> None:
+    """Sizes of boxes and checks of thrust do not overflow on the way (warnings are errors here)."""
+    text = QUAD.replace(line, f"{line.partition('=')[0]}= {value}")
+    with contextlib.suppress(VehicleError):
+        found = parse_vehicle(text, "extreme").parameters
+        assert all(math.isfinite(p.upper - p.lower) for p in found if p.free)
