@@ -29,7 +29,7 @@ STEPS: Final = (
     ("us", 1.5e3, 1.5e6),
     ("ns", 1.5e6, np.inf),
 )  #: per sample
-_COMPONENT: Final = re.compile(r"xyz\[\d\]|[xyz]")
+_COMPONENT: Final = re.compile(r"(?:.*\.)?(xyz\[\d\]|[xyz])")
 MOST_LINES: Final = 400
 MOST_COMPARED: Final = 60  #: columns without a known name, that are compared with the angles
 MOST_NAMES: Final = 30
@@ -150,11 +150,12 @@ def _of_stream(recording: Recording, stream: str) -> Iterator[Line]:
 
 
 def _guessed(stream: str, column: str, stated: str) -> Guess | None:
-    """Let the stream say what x, y and z are of."""
-    bare = _COMPONENT.fullmatch(column) is not None
-    return (recognized(f"{stream.partition('/')[0]} {column}", stated) if bare else None) or recognized(
-        column, stated
-    )
+    """Recognize a column; where it is a bare x, y or z, the stream says of what."""
+    known = recognized(column, stated)
+    component = _COMPONENT.fullmatch(column)
+    if component is None or (known is not None and "." in column):
+        return known
+    return recognized(f"{re.sub(r'/[0-9]+$', '', stream)} {component.group(1)}", stated) or known
 
 
 def _best(lines: Sequence[Line]) -> list[Line]:

@@ -136,7 +136,7 @@ def _triple(variables: tuple[str, str, str], what: str, doubt: str = "") -> list
 
 
 _TURN: Final = "gyro|gyr|gyroscope|omega|w|angular velocity|ang vel|angular rate|body ?rate|rates?"
-_GROUND: Final = "unsure: whether x is north, and z down"
+_GROUND: Final = "unsure: whether x is north and z down, or they are along the body"
 _RULES: Final = [
     _rule("q0", r"(?:q|quat|quaternion|att q|orientation) ?(?:w|at 0|0)"),
     _rule("q1", r"(?:q|quat|quaternion|orientation) ?(?:x|at 1|1)"),
@@ -163,6 +163,7 @@ _RULES: Final = [
     *_triple(("pn", "pe", "pd"), "pos|position|local position", _GROUND),
     _rule("pn", "x", doubt=_GROUND, alone=True), _rule("pe", "y", doubt=_GROUND, alone=True),
     _rule("pd", "z", doubt=_GROUND, alone=True),
+    *_triple(("phi", "theta", "psi"), "euler|euler angles?|rpy|attitude"),
     _rule("alpha", "alpha|aoa|angle of attack"), _rule("beta", "beta|ssa|aos|sideslip|angle of sideslip"),
     _rule("phi", "phi|roll|roll angle|bank|bank angle"), _rule("theta", "theta|pitch|pitch angle"),
     _rule("psi", "psi|yaw|heading|hdg|yaw angle|course"),

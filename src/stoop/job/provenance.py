@@ -33,7 +33,7 @@ def input_hashes(
 def flight_files(flights: Iterable[Flight]) -> list[Path]:
     """Return the files or folders of flights, and the mappings that are found beside them."""
     logs = [flight.path for flight in flights if flight.path is not None]
-    mappings = [beside(path) for path in logs if path.is_file() and path.name.lower().endswith(_TABLES)]
+    mappings = [beside(path) for path in logs if path.is_file()]
     return [path for path in [*logs, *mappings] if path.exists()]
 
 

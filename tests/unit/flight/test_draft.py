@@ -183,6 +183,17 @@ def test_a_draft_is_valid_whatever_the_columns_are_called(columns: dict[str, flo
     assert all(entry["unit"] in FACTORS for entry in parsed["variables"].values())
 
 
+def test_the_stream_says_what_its_components_are_of() -> None:
+    """As in bags of ROS, where every vector has x, y and z."""
+    turn = {name: Stream(T, {"point.x": flown()[x], "point.y": flown()[y]}) for name, x, y in (
+        ("/plane/euler", "phi", "theta"), ("/plane/bodyrate", "p", "q"), ("/rompc/att_error", "phi", "theta"))}  # fmt: skip
+    found = tomllib.loads(draft_of(Recording(Path("x.bag"), "rosbag", turn)).text)["variables"]
+    assert {name: (entry["stream"], entry["column"], entry["unit"]) for name, entry in found.items()} == {
+        "phi": ("/plane/euler", "point.x", "rad"), "theta": ("/plane/euler", "point.y", "rad"),
+        "p": ("/plane/bodyrate", "point.x", "rad/s"), "q": ("/plane/bodyrate", "point.y", "rad/s"),
+    }  # fmt: skip
+
+
 def test_growth_is_the_factor_between_an_angle_and_its_rate() -> None:
     angle, rate = np.sin(T), np.cos(T)
     for factor in (1.0, -1.0, 57.3):
