@@ -4,25 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
+from stoop.flight.aloft import airborne, flying
+from stoop.flight.commands import Axis, Command, commands
 from stoop.flight.flight import Flight
 from stoop.flight.segments import runs
 from stoop.logs import FloatArray
 
-Axis = Literal["roll", "pitch", "yaw"]
+__all__ = ["Axis", "Maneuver", "airborne", "find_maneuvers"]
 
-CONTROLS: Final[dict[str, Axis]] = {
-    "aileron": "roll",
-    "elevator": "pitch",
-    "rudder": "yaw",
-    "control_roll": "roll",
-    "control_pitch": "pitch",
-    "control_yaw": "yaw",
-}
 WINDOW: Final = 2.0  #: s over which the activity of a control is judged
 USUAL: Final = 4.0  #: times the median activity of the flight that is out of the usual
 STRONGEST: Final = 0.25  #: of the strongest activity of this control
@@ -31,7 +25,6 @@ LEAD, TAIL = 0.5, 1.0  #: s of calm kept before, and of response after
 CALM: Final = 5.0  #: s beside a burst, from which the position of rest is taken
 SWINGS: Final = 2  #: a doublet has two, a 3-2-1-1 four
 HYSTERESIS: Final = 0.3  #: of the largest excursion
-TOUCH: Final = 3.0  #: s around take-off and landing that are left alone
 
 
 @dataclass(frozen=True)
@@ -40,8 +33,8 @@ class Maneuver:
 
     Attributes
     ----------
-    axis : about which the aircraft was excited
-    variable : control channel that says so
+    axis : about which the vehicle was excited
+    variable : control channel that says so, or the outputs whose direction does
     start, stop : s, on the log's own clock
     amplitude : largest excursion from the mean, in the unit of the channel
     swings : how often the control went to one side
@@ -70,8 +63,8 @@ def find_maneuvers(flight: Flight) -> list[Maneuver]:
     Where several controls were moved at a time (a mixed command, or crosstalk), the most unusual one names
     the axis.
     """
-    flying = airborne(flight)
-    found = [m for name in CONTROLS if name in flight.data for m in _in_control(flight, name, flying)]
+    up = flying(flight)
+    found = [m for command in commands(flight) for m in _in_control(flight, command, up)]
     found.sort(key=lambda m: -m.strength)
     kept: list[Maneuver] = []
     for candidate in found:
@@ -80,42 +73,20 @@ def find_maneuvers(flight: Flight) -> list[Maneuver]:
     return sorted(kept, key=lambda m: m.start)
 
 
-def airborne(flight: Flight) -> npt.NDArray[np.bool_]:
-    """Tell where the vehicle flies, by its speed; everywhere when no speed is known."""
-    speed = _speed(flight)
-    known = np.isfinite(speed)
-    if known.sum() < 2:
-        return np.ones(speed.size, dtype=bool)
-    speed = np.interp(flight.time, flight.time[known], speed[known])
-    fast = speed > max(2.0, 0.4 * float(np.quantile(speed, 0.9)))
-    edge = round(TOUCH * flight.rate)
-    for run in runs(fast):
-        if run.start > 0:
-            fast[run.start : run.start + edge] = False
-        if run.stop < fast.size:
-            fast[max(run.stop - edge, 0) : run.stop] = False
-    return fast
-
-
-def _speed(flight: Flight) -> FloatArray:
-    if {"vn", "ve", "vd"} <= set(flight.data):
-        return np.asarray(np.sqrt(np.sum([flight.column(name) ** 2 for name in ("vn", "ve", "vd")], axis=0)))
-    name = next((name for name in ("V", "airspeed_pitot") if name in flight.data), None)
-    return flight.column(name) if name else np.full(flight.time.size, np.nan)
-
-
-def _in_control(flight: Flight, name: str, flying: npt.NDArray[np.bool_]) -> Iterator[Maneuver]:
-    u = flight.column(name)
+def _in_control(flight: Flight, command: Command, up: npt.NDArray[np.bool_]) -> Iterator[Maneuver]:
+    u = command.u
     activity = _activity(u, round(WINDOW * flight.rate))
-    judged = activity[flying & np.isfinite(activity)]
+    judged = activity[up & np.isfinite(activity)]
     if not judged.size or judged.max() == 0.0:
         return
     usual = float(np.median(judged))
     threshold = max(USUAL * usual, STRONGEST * float(judged.max()))
-    busy = flying & (np.nan_to_num(activity) > threshold)
+    busy = up & (np.nan_to_num(activity) > threshold)
     busy &= np.isfinite(u)
     for run in _joined(runs(busy), round(JOIN * flight.rate)):
-        maneuver = _judged(flight, name, run, float(np.nanmax(activity[run])) / max(usual, 1e-3 * threshold))
+        maneuver = _judged(
+            flight, command, run, float(np.nanmax(activity[run])) / max(usual, 1e-3 * threshold)
+        )
         if maneuver.swings >= SWINGS:
             yield maneuver
 
@@ -141,11 +112,11 @@ def _joined(pieces: list[slice], nearest: int) -> list[slice]:
     return joined
 
 
-def _judged(flight: Flight, name: str, run: slice, strength: float) -> Maneuver:
+def _judged(flight: Flight, command: Command, run: slice, strength: float) -> Maneuver:
     """Narrow the window to where the control moves, and count its swings."""
-    t, u = flight.time[run], flight.column(name)[run]
+    t, u = flight.time[run], command.u[run]
     around = round(CALM * flight.rate)
-    calm = float(np.nanmedian(flight.column(name)[max(run.start - around, 0) : run.stop + around]))
+    calm = float(np.nanmedian(command.u[max(run.start - around, 0) : run.stop + around]))
     swing = u - calm
     amplitude = float(np.nanmax(np.abs(swing)))
     moving = np.flatnonzero(np.nan_to_num(np.abs(swing)) > HYSTERESIS * amplitude)
@@ -153,9 +124,11 @@ def _judged(flight: Flight, name: str, run: slice, strength: float) -> Maneuver:
     stop = min(float(t[moving[-1]]) + TAIL, float(flight.time[-1]))
     start, stop = np.ceil(start * 10.0 - 1.0) / 10.0, np.floor(stop * 10.0 + 1.0) / 10.0
     inside = (flight.time >= start) & (flight.time <= stop)
-    whole = float(np.mean(np.isfinite(flight.column(name)[inside])))
+    whole = float(np.mean(np.isfinite(command.u[inside])))
     swings = int(np.count_nonzero(np.diff(np.sign(swing[moving])))) + 1
-    return Maneuver(CONTROLS[name], name, float(start), float(stop), amplitude, swings, strength, whole)
+    return Maneuver(
+        command.axis, command.variable, float(start), float(stop), amplitude, swings, strength, whole
+    )
 
 
 def _overlap(a: Maneuver, b: Maneuver) -> float:
