@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from naive.aircraft import Numbers, rotation, skew, standard_density
 
@@ -58,6 +59,9 @@ class Multirotor:
         climb = float(here @ tip)
         sideways = here - climb * tip
         share = n(f"rotor.{name}.factor", 1.0) * rho / 1.225
+        area = math.pi * n("rotors.radius") ** 2
+        drawn = self.drawn(name, x, climb, float(np.linalg.norm(sideways)), area) if area else 0.0
+        climb += drawn
         thrust = share * (
             n("rotors.T0")
             + n("rotors.T1") * x
@@ -65,7 +69,10 @@ class Multirotor:
             - n("rotors.inflow") * x * climb
             + n("rotors.translational") * float(sideways @ sideways)
         )
-        force = thrust * tip - share * n("rotors.drag") * x * sideways
+        force = thrust * tip - share * (n("rotors.drag") * x + n("rotors.drag_inflow") * climb) * sideways
+        if area and abs(drawn) > 1.0:  # the momentum that the thrust takes, in whatever density
+            taken = 2.0 * rho * area * drawn * math.hypot(climb, float(np.linalg.norm(sideways)))
+            np.testing.assert_allclose(thrust, taken, rtol=1e-4)
         if "torque_ratio" in self.shared:
             torque = n("rotors.torque_ratio") * thrust
         else:
@@ -75,6 +82,22 @@ class Multirotor:
         turning = tip if table["spin"] == "ccw" else -tip
         momentum_rate = n("rotors.inertia") * (xdot * turning + np.cross(omega, x * turning))
         return force, np.cross(arm, force) - torque * turning - momentum_rate
+
+    def drawn(self, name: str, x: float, climb: float, sideways: float, area: float) -> float:
+        """Return the velocity that a disc draws, by bisection of thrust against momentum."""
+        n = self.n
+        rest = (
+            n("rotors.T0")
+            + n("rotors.T1") * x
+            + n("rotors.T2") * x**2
+            + n("rotors.translational") * sideways**2
+        )
+
+        def excess(v: float) -> float:
+            thrust = n(f"rotor.{name}.factor", 1.0) * (rest - n("rotors.inflow") * x * (climb + v))
+            return 2.0 * 1.225 * area * v * math.sqrt((climb + v) ** 2 + sideways**2 + 0.05**2) - thrust
+
+        return float(brentq(excess, max(0.0, -climb), 100.0, xtol=1e-13))
 
     def loads(
         self, velocity: np.ndarray, omega: np.ndarray, x: np.ndarray, xdot: np.ndarray, rho: float

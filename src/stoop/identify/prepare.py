@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +74,7 @@ def prepare(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[W
 def _pieces(vehicle: Vehicle, flight: Flight, window: Window, index: int) -> tuple[list[Piece], list[str]]:
     inputs = list(vehicle.recorded)
     extras = _extras(vehicle, flight)
+    flight = with_average_voltage(vehicle, flight)
     found, notes = segments(flight, window.start, window.stop, inputs, vehicle.outputs, extras)
     if not any(np.isfinite(s.z).any() for s in found):
         raise FlightError(
@@ -90,6 +91,25 @@ def _pieces(vehicle: Vehicle, flight: Flight, window: Window, index: int) -> tup
             f"{window}: nowhere {SHORTEST:g} s in which its whole state was measured; choose another window"
         )
     return out, notes
+
+
+def with_average_voltage(vehicle: Vehicle, flight: Flight) -> Flight:
+    """Return the flight with a voltage as slow as the vehicle's rotors take it (`rotors.voltage_average`).
+
+    A battery sags while motors pull. That goes with the command and is in the thrust's polynomial already; and it is
+    quicker than most logs hold the voltage. What is left over many seconds is how far the battery is drained.
+    """
+    rotors = vehicle.file.rotors
+    if rotors is None or rotors.voltage_average is None or "voltage" not in flight.data:
+        return flight
+    volts = flight.column("voltage")
+    there = np.isfinite(volts)
+    sums = np.concatenate([[[0.0, 0.0]], np.cumsum(np.column_stack([np.nan_to_num(volts), there]), axis=0)])
+    half = round(0.5 * rotors.voltage_average * flight.rate)
+    k = np.arange(len(volts))
+    total, count = (sums[np.minimum(k + half + 1, len(volts))] - sums[np.maximum(k - half, 0)]).T
+    mean = np.where(there, total / np.maximum(count, 1.0), np.nan)
+    return replace(flight, data=flight.data.assign(voltage=("time", mean, flight.data["voltage"].attrs)))
 
 
 def _piece(

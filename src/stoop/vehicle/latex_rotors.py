@@ -8,6 +8,7 @@ from stoop.vehicle.vehicle import Vehicle
 
 _SHARED = {
     "T0": "T_{0}", "T1": "T_{1}", "T2": "T_{2}", "inflow": r"k_{v}", "translational": r"k_{h}", "drag": r"k_{d}",
+    "drag_inflow": r"k_{n}", "radius": "R",
     "Q0": "Q_{0}", "Q1": "Q_{1}", "Q2": "Q_{2}", "torque_ratio": r"c_{Q}", "inertia": "J", "lag": r"\tau", "gain": "g",
     "idle": r"u_{\mathrm{idle}}", "nominal_voltage": r"U_{0}", "delay": r"t_{d}",
 }  # fmt: skip
@@ -43,7 +44,12 @@ def rotor_equations(vehicle: Vehicle) -> tuple[str, ...]:
     out = [_command(present)]
     if "lag" in present:
         out.append(r"\dot{x}_{i} = \frac{x_{c,i} - x_{i}}{\tau}")
-    out += [_thrust(vehicle, present), _inplane(vehicle, present), _torque(vehicle, present)]
+    out += [
+        _thrust(vehicle, present),
+        _momentum(present),
+        _inplane(vehicle, present),
+        _torque(vehicle, present),
+    ]
     out += [r"F = \sum_{i} \left( T_{i}\, n_{i} + H_{i} \right) + F_{\mathrm{body}}", _moment(present)]
     return (*(line for line in out if line), *_body(vehicle))
 
@@ -67,15 +73,29 @@ def _factors(vehicle: Vehicle, *kinds: str) -> str:
 
 def _thrust(vehicle: Vehicle, present: set[str]) -> str:
     inside = " + ".join(_polynomial("T", present))
-    inside += r" - k_{v}\,x_{i}\,v_{n,i}" if "inflow" in present else ""
+    inside += rf" - k_{{v}}\,x_{{i}}\,{_through(present)}" if "inflow" in present else ""
     inside += r" + k_{h} \left| v_{h,i} \right|^{2}" if "translational" in present else ""
     return rf"T_{{i}} = {_factors(vehicle, 'factor')} \left( {inside} \right)"
 
 
 def _inplane(vehicle: Vehicle, present: set[str]) -> str:
-    if "drag" not in present:
+    terms = [r"k_{d}\, x_{i}"] if "drag" in present else []
+    terms += [r"k_{n}\, " + _through(present)] if "drag_inflow" in present else []
+    if not terms:
         return ""
-    return rf"H_{{i}} = -{_factors(vehicle, 'factor')}\, k_{{d}}\, x_{{i}}\, v_{{h,i}}"
+    inside = terms[0] if len(terms) == 1 else r"\left( " + " + ".join(terms) + r" \right)"
+    return rf"H_{{i}} = -{_factors(vehicle, 'factor')}\, {inside}\, v_{{h,i}}"
+
+
+def _through(present: set[str]) -> str:
+    return r"\left( v_{n,i} + v_{d,i} \right)" if "radius" in present else "v_{n,i}"
+
+
+def _momentum(present: set[str]) -> str:
+    if "radius" not in present:
+        return ""
+    flow = r"\sqrt{\left| v_{h,i} \right|^{2} + \left( v_{n,i} + v_{d,i} \right)^{2}}"
+    return rf"T_{{i}} = 2 \rho \pi R^{{2}}\, v_{{d,i}}\, {flow}"
 
 
 def _torque(vehicle: Vehicle, present: set[str]) -> str:

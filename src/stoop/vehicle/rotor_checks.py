@@ -11,7 +11,14 @@ from stoop.errors import VehicleError
 from stoop.vehicle.rotor_numbers import share_of_weight, thrust_at
 from stoop.vehicle.vehicle import Vehicle, leaves
 
-_POSITIVE = ("rotors.gain", "rotors.nominal_voltage", "rotors.lag", "rotors.inertia", "turbulence.airspeed")
+_POSITIVE = (
+    "rotors.gain",
+    "rotors.nominal_voltage",
+    "rotors.lag",
+    "rotors.inertia",
+    "rotors.radius",
+    "turbulence.airspeed",
+)
 _FULL = {
     "motor_": 1.0,
     "servo_": 1.0,

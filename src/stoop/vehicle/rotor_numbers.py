@@ -16,21 +16,22 @@ PLACES: Final = ("rotors.", "rotor.", "body_drag.")
 _FREE: Final = frozenset(
     f"rotors.{name}"
     for name in (
-        "T0", "T1", "T2", "inflow", "translational", "drag", "Q0", "Q1", "Q2", "torque_ratio",
+        "T0", "T1", "T2", "inflow", "translational", "drag", "drag_inflow", "Q0", "Q1", "Q2", "torque_ratio",
     )
 )  # fmt: skip
 #: units where x is a command, and where it is a speed
 _COEFFICIENTS: Final = {
     "T0": ("N", "N"), "T1": ("N", "N s/rad"), "T2": ("N", "N s2/rad2"), "inflow": ("N s/m", "N s2/(m rad)"),
     "drag": ("N s/m", "N s2/(m rad)"), "translational": ("N s2/m2", "N s2/m2"), "Q0": ("N m", "N m"),
+    "drag_inflow": ("N s2/m2", "N s2/m2"),
     "Q1": ("N m", "N m s/rad"), "Q2": ("N m", "N m s2/rad2"), "gain": ("1", "rad/s per unit"),
 }  # fmt: skip
 _PLAIN: Final = {
-    "nominal_voltage": "V", "lag": "s", "delay": "s", "torque_ratio": "m", "inertia": "kg m2",
+    "nominal_voltage": "V", "lag": "s", "delay": "s", "torque_ratio": "m", "inertia": "kg m2", "radius": "m",
     "linear": "N s/m", "quadratic": "N s2/m2", "rotation": "N m s", "position": "m",
 }  # fmt: skip
 _LARGEST: Final = 1e9  #: that a size is taken to be, so that no box overflows
-_POSITIVE: Final = ("T2", "Q2", "torque_ratio", "lag", "gain", "inertia", "factor", "torque_factor")
+_POSITIVE: Final = ("T2", "Q2", "torque_ratio", "lag", "gain", "inertia", "radius", "factor", "torque_factor")
 
 
 def free_by_default(name: str) -> bool:
@@ -98,7 +99,8 @@ def _sizes(numbers: Mapping[str, Quantity]) -> dict[str, float]:
     }
     return {
         "T0": thrust, "T1": thrust / x, "T2": thrust / x**2, "inflow": thrust / (5.0 * x), "drag": thrust / (10.0 * x),
-        "translational": thrust / 100.0, "Q0": lever * thrust, "Q1": lever * thrust / x, "Q2": lever * thrust / x**2,
+        "translational": thrust / 100.0, "drag_inflow": thrust / 100.0,
+        "Q0": lever * thrust, "Q1": lever * thrust / x, "Q2": lever * thrust / x**2,
         "linear": weight / 10.0, "quadratic": weight / 50.0,
         **{f"rotation.{a}": 20.0 * moment for a, moment in turning.items()},
     }  # fmt: skip
@@ -123,7 +125,7 @@ def _box(name: str, q: Quantity, sizes: Mapping[str, float]) -> tuple[float, flo
         low, high = (sizes[key] * r for r in _REACH.get(last, (-0.25, 1.0)))
     elif last in _FIXED:
         low, high = _FIXED[last]
-    elif last in ("lag", "inertia", "gain") and value > 0.0:
+    elif last in ("lag", "inertia", "gain", "radius") and value > 0.0:
         return 0.2 * value, 4.0 * value
     elif last == "delay":
         return 0.0, max(0.1, 3.0 * value)

@@ -105,6 +105,11 @@ position = [-0.1, -0.17, 0.0]
 axis = [0.0, -0.4, -1.0]
 spin = "ccw"
 """
+DRAWN = (
+    COMMANDED.replace("translational = 0.012", "radius = 0.12\ndrag_inflow = 0.002\ntranslational = 0.004")
+    .replace("T1 = 1.9", "T1 = 4.9")
+    .replace("T2 = 7.1", "T2 = 12.1")
+)
 MEASURED = TURNING.replace("gain = 1000.0\nlag = 0.04\n", "").replace("motor_", "rotor_")
 
 
@@ -112,10 +117,13 @@ MEASURED = TURNING.replace("gain = 1000.0\nlag = 0.04\n", "").replace("motor_", 
 class Case:
     text: str
     inputs: Mapping[str, tuple[float, float]]  #: how a channel's name begins -> mean and swing
+    rtol: float = 1e-9
+    spread: float = 1.0  #: of speeds and rates
 
 
 CASES = {
     "commanded": Case(COMMANDED, {"pwm": (1500.0, 400.0), "voltage": (15.0, 0.8)}),
+    "drawn": Case(DRAWN, {"pwm": (1600.0, 250.0), "voltage": (15.0, 0.8)}, 1e-2, 0.6),  # two steps, not all
     "turning": Case(TURNING, {"motor": (0.6, 0.3)}),
     "measured": Case(MEASURED, {"rotor": (600.0, 250.0)}),
     "octo": Case((files("stoop") / "data" / "octo_x.toml").read_text(), {"motor": (0.55, 0.3)}),
@@ -196,7 +204,7 @@ def test_single_points(name: str) -> None:
         "psi": 3.0,
         "h": 900.0,
     }
-    start = {k: s * rng.uniform(-1, 1, count) for k, s in spread.items()}
+    start = {k: s * spec.spread * rng.uniform(-1, 1, count) for k, s in spread.items()}
     u = np.array(
         [m + 1.2 * s * rng.uniform(-1, 1, count) for m, s in (means(spec, c) for c in vehicle.inputs)]
     )
@@ -207,17 +215,19 @@ def test_single_points(name: str) -> None:
     d, y = interpreted(vehicle)(rows, x, u)
     if name == "commanded":
         compiled = vehicle.kernel().evaluate(rows, x, u)
-        np.testing.assert_allclose(np.concatenate(compiled), np.concatenate([d, y]), rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(
+            np.concatenate(compiled), np.concatenate([d, y]), rtol=spec.rtol, atol=spec.rtol
+        )
     twin = Multirotor(spec.text, {})
     for b in range(count):
         named = dict(zip(vehicle.inputs, u[:, b].tolist(), strict=True))
         s = twin.start({k: float(v[b]) for k, v in start.items()}, named)
         s[16:] = x[lagged, b]
         rates = twin.rates(s, named)
-        np.testing.assert_allclose(d[:6, b], rates[:6], rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(d[10, b], rates[15], rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(d[lagged, b], rates[16:], rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(y[:, b], twin.readings(s, named), rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(d[:6, b], rates[:6], rtol=spec.rtol, atol=spec.rtol)
+        np.testing.assert_allclose(d[10, b], rates[15], rtol=spec.rtol, atol=spec.rtol)
+        np.testing.assert_allclose(d[lagged, b], rates[16:], rtol=spec.rtol, atol=spec.rtol)
+        np.testing.assert_allclose(y[:, b], twin.readings(s, named), rtol=spec.rtol, atol=spec.rtol)
 
 
 def test_a_quadplane_is_its_aeroplane_and_its_rotors() -> None:

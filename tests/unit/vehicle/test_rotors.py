@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 
 import numpy as np
 import pytest
 from naive.interpreted import Evaluate, interpreted
+from scipy.optimize import brentq
 
 from stoop.simulate import initial_states, parameter_rows
 from stoop.vehicle import Vehicle, parse_vehicle
@@ -144,6 +146,38 @@ def test_drag_opposes_motion_in_the_disc(single: tuple[Vehicle, Evaluate], axis:
     assert y[along] * 0.5 == pytest.approx(-0.15 * 0.5 * 4.0 * sign)
     assert y[across] == pytest.approx(0.0)
     assert y["az"] * 0.5 == pytest.approx(still["az"] * 0.5 - 0.02 * 16.0), "translational lift"
+
+
+def test_discs_draw_what_their_thrust_takes() -> None:
+    """Momentum theory, held by bisection of T = 2 rho A v sqrt(vh^2 + (va + v)^2) from descents to quick climbs."""
+    text = SINGLE.replace("translational = 0.02", "radius = 0.11").replace("T0 = 0.3\n", "")
+    vehicle = parse_vehicle(text.replace("T1 = 1.7", "T1 = 0.0").replace("T2 = 8.0", "T2 = 22.0"), "drawing")
+    evaluate, area = interpreted(vehicle), math.pi * 0.11**2
+    off = []
+    for x, climb, across in itertools.product(
+        (0.4, 0.6, 0.8), (-3.0, 0.0, 4.0, 12.0), (0.0, 3.0, 10.0, 20.0)
+    ):
+        _, y = rates(vehicle, evaluate, motors(vehicle, x), {"u": across, "w": -climb})
+
+        def excess(v: float, x: float = x, climb: float = climb, across: float = across) -> float:
+            thrust = 22.0 * x * x - 0.4 * x * (climb + v)
+            return 2.0 * 1.225 * area * v * math.hypot(climb + v, across) - thrust
+
+        exact = 22.0 * x * x - 0.4 * x * (climb + brentq(excess, -40.0 if across else max(0.0, -climb), 60.0))
+        off.append((-0.5 * y["az"] - exact) / (0.4 * x))
+    assert np.max(np.abs(off)) < 0.04
+    assert np.sqrt(np.mean(np.square(off))) < 0.01, "m/s of induced velocity"
+
+
+def test_forward_flight_lifts_where_discs_draw() -> None:
+    """The gain of thrust at speed follows from what climbs cost, without a coefficient of its own."""
+    text = SINGLE.replace("translational = 0.02", "radius = 0.11\ndrag_inflow = 0.01")
+    vehicle = parse_vehicle(text, "drawing")
+    evaluate = interpreted(vehicle)
+    fast, still = (rates(vehicle, evaluate, motors(vehicle, 0.5), {"u": u})[1] for u in (10.0, 0.0))
+    assert -fast["az"] > -still["az"] + 0.7
+    drawn = (-fast["ax"] * 0.5 - 0.15 * 0.5 * 10.0) / (0.01 * 10.0)
+    assert 1.0 < drawn < 6.0, "the drag of the flow through the disc"
 
 
 def test_climbing_reduces_thrust(single: tuple[Vehicle, Evaluate]) -> None:

@@ -4,14 +4,25 @@ Of the rotor's speed through the air, v_axial is the part along its axis (climbi
 disc against the thrust), v_inplane the rest. With x the command or the speed of rotation,
 
     T = (rho / 1.225) (T0 + T1 x + T2 x^2 - inflow x v_axial + translational |v_inplane|^2)
-    H = -(rho / 1.225) drag x v_inplane
+    H = -(rho / 1.225) (drag x + drag_inflow v_axial) v_inplane
+
+Where the radius of the discs is given, the air that a disc itself draws through, v_i, joins v_axial in both lines. It
+follows from the momentum that the thrust takes (Glauert's hypothesis, A the area of the disc):
+
+    T = 2 rho A v_i sqrt(v_inplane^2 + (v_axial + v_i)^2)
+
+so that one coefficient, inflow, tells both what a climb costs and what forward flight gains; translational is then what
+is left. From the solution of axial flight, which has a closed form, one step of the fixed point and one of Newton's
+method lead within 0.04 m/s of the solution for climbs from -3 to 12 m/s at up to 20 m/s sideways (0.003 m/s rms; a test
+holds this). More steps would only make the equations long.
 
 The terms are those of momentum and blade-element theory to first order in the speed over the tip speed, with
 coefficients that a flight can tell. No term divides by a speed, so all holds at hover.
 
 References
 ----------
-Leishman, Principles of Helicopter Aerodynamics, 2nd ed., sections 2.13 (climb), 3.5 (forward flight, H-force).
+Leishman, Principles of Helicopter Aerodynamics, 2nd ed., sections 2.13 (climb), 2.14 (Glauert, Newton's method), 3.5
+(forward flight, H-force).
 Mahony, Kumar, Corke, Multirotor Aerial Vehicles, IEEE Robotics and Automation Magazine 19(3), 2012 (drag of rotors).
 Svacha, Mohta, Kumar, Improving quadrotor trajectory tracking by compensating for aerodynamic effects, ICUAS 2017
 (T = k x^2 - k_z x v_z + k_h |v_h|^2).
@@ -19,8 +30,9 @@ Svacha, Mohta, Kumar, Improving quadrotor trajectory tracking by compensating fo
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 import sympy as sp
 
@@ -28,6 +40,7 @@ from stoop.vehicle.atmosphere import SEA_LEVEL_DENSITY
 from stoop.vehicle.symbolic.component import ZERO, Load, Surroundings
 from stoop.vehicle.symbolic.symbols import Numbers, Vector, add, cross, scale, subtract
 
+_STILL: Final = 0.05  #: m/s; keeps roots smooth where no air moves and no thrust is
 _UP: Vector = (sp.Integer(0), sp.Integer(0), sp.Integer(-1))
 
 
@@ -66,8 +79,26 @@ def _dot(a: Vector, b: Vector) -> Any:
 
 
 def _thrust(n: Numbers, x: Any, axial: Any, inplane2: Any) -> Any:
-    static = n.get("rotors.T0") + n.get("rotors.T1") * x + n.get("rotors.T2") * x * x
-    return static - n.get("rotors.inflow") * x * axial + n.get("rotors.translational") * inplane2
+    return _static(n, x) - n.get("rotors.inflow") * x * axial + n.get("rotors.translational") * inplane2
+
+
+def _static(n: Numbers, x: Any) -> Any:
+    return n.get("rotors.T0") + n.get("rotors.T1") * x + n.get("rotors.T2") * x * x
+
+
+def _through(n: Numbers, factor: Any, x: Any, axial: Any, inplane2: Any) -> Any:
+    """Return the speed of the air through a disc, m/s: that of the climb, and what the disc draws."""
+    if "rotors.radius" not in n:
+        return axial
+    area = 2 * math.pi * SEA_LEVEL_DENSITY * n["rotors.radius"] ** 2
+    given = factor * (_static(n, x) + n.get("rotors.translational") * inplane2) / area
+    lost = factor * n.get("rotors.inflow") * x / area
+    climbing = sp.sqrt((axial - lost) ** 2 / 4 + (given + sp.Abs(given)) / 2 + _STILL**2) + (axial - lost) / 2
+    drawn = (given - lost * axial) / (sp.sqrt(inplane2 + climbing**2 + _STILL**2) + lost)
+    through = axial + drawn
+    speed = sp.sqrt(inplane2 + through**2 + _STILL**2)
+    missing = drawn * speed - given + lost * through
+    return through - missing / (speed + drawn * through / speed + lost)
 
 
 def _torque(n: Numbers, x: Any, thrust: Any) -> Any:
@@ -83,12 +114,19 @@ def _one(s: Surroundings, name: str) -> Load:
     velocity = add(s.velocity, cross(s.omega, arm))
     axial = _dot(axis, velocity)
     inplane = subtract(velocity, scale(axial, axis))
-    thickness = n.get(f"rotor.{name}.factor", sp.Integer(1)) * s.density / SEA_LEVEL_DENSITY
-    thrust = _thrust(n, x, axial, _dot(inplane, inplane))
+    factor = n.get(f"rotor.{name}.factor", sp.Integer(1))
+    thickness = factor * s.density / SEA_LEVEL_DENSITY
+    inplane2 = _dot(inplane, inplane)
+    through = _through(n, factor, x, axial, inplane2)
+    thrust = _thrust(n, x, through, inplane2)
     torque = n.get(f"rotor.{name}.torque_factor", sp.Integer(1)) * thickness * _torque(n, x, thrust)
-    force = subtract(scale(thickness * thrust, axis), scale(thickness * n.get("rotors.drag") * x, inplane))
+    force = subtract(scale(thickness * thrust, axis), scale(thickness * _drag(n, x, through), inplane))
     moment = add(cross(arm, force), scale(-turns * torque, axis))
     return Load(force, add(moment, _reaction(s, name, scale(turns, axis))))
+
+
+def _drag(n: Numbers, x: Any, through: Any) -> Any:
+    return n.get("rotors.drag") * x + n.get("rotors.drag_inflow") * through
 
 
 def _turns(s: Surroundings, name: str) -> int:
