@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.cost import Misfit
+from stoop.identify.rotors_seen import rotor_warnings
 from stoop.simulate import parameter_rows
 from stoop.simulate.initial import commanded
 from stoop.units import DEGREE
@@ -39,6 +40,8 @@ def excitation_warnings(problem: Misfit, z: FloatArray, recorded_rate: float = n
     z : (D + E,), the estimate, whose motion stands for the measured one: it has no noise and no holes
     recorded_rate : Hz, at which the slowest of the compared channels was logged
     """
+    if problem.layout.vehicle.hovers:
+        return [*_few(problem, recorded_rate), *rotor_warnings(problem)]
     if not problem.layout.vehicle.controls:
         return []
     deflections, motions = _signals(problem, z)

@@ -16,6 +16,7 @@ from stoop.flight import Flight
 from stoop.identify.equation_error import equation_error
 from stoop.identify.noise import effective_variance, first_variance
 from stoop.identify.prepare import Prepared, nuisances, prepare
+from stoop.identify.rotors_seen import check_rotors
 from stoop.identify.windows import Window
 from stoop.optimize.ledger import Halt, blank
 from stoop.optimize.levenberg import FULL
@@ -81,11 +82,15 @@ class Evidence:
         Derivatives of what was subtracted from the measurements, likewise whitened, per SI unit.
     information : (k, k)
         What is known beside these residuals: priors, and what the size of the residuals tells.
+    edges : tuple of tuple of int
+        Where windows of each piece begin, and its length, where windows begin anew: residuals are then no stationary
+        noise, but the same from window to window. Else empty.
     """
 
     residuals: tuple[FloatArray, ...]
     jacobians: tuple[FloatArray, ...]
     information: FloatArray
+    edges: tuple[tuple[int, ...], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +158,8 @@ def pose(
         Nothing is free.
     """
     prepared = without_stuck_channels(vehicle, prepare(vehicle, flights, windows))
+    if vehicle.hovers:
+        check_rotors(vehicle, prepared.windows, prepared.pieces)
     layout = Layout.of(vehicle, nuisances(vehicle, prepared))
     if layout.dimension == 0:
         raise IdentificationError(f"{vehicle.where}: no number is free; set free = true or use --free NAME")

@@ -14,6 +14,7 @@ from stoop.errors import SimulationError
 from stoop.flight import Flight
 from stoop.identify.fit import Fit
 from stoop.identify.prepare import DEFAULTED, Prepared, prepare
+from stoop.identify.shooting.predict import BEGUN_ANEW, LENGTH, begun_anew
 from stoop.identify.start import FIRST
 from stoop.identify.windows import Window
 from stoop.simulate import START_NAMES, trim
@@ -81,6 +82,10 @@ def predicted(
     prepared = Prepared(tuple(windows), pieces, tuple(notes), tuple(doubts))
     weights = Weights.of(np.ones(len(vehicle.outputs)))  # a simulation weighs nothing
     problem = Misfit(replace(Layout.of(vehicle, ()), parameters=()), pieces, weights, horizon_ladder(pieces))
+    if vehicle.hovers:
+        said = tuple(BEGUN_ANEW.format(window=w, length=LENGTH) for w in windows)
+        prepared = replace(prepared, notes=(*prepared.notes, *said))
+        return prepared, [begun_anew(problem, i) for i in range(len(pieces))]
     return prepared, [problem.outputs(np.empty(0), i) for i in range(len(pieces))]
 
 
@@ -102,7 +107,7 @@ def _begun(vehicle: Vehicle, window: Window, piece: Piece) -> tuple[Piece, str]:
     early = piece.measured[piece.time <= piece.time[0] + FIRST]
     seen = dict(zip(vehicle.outputs, np.isfinite(early).any(axis=0), strict=True))
     missing = [c for c in vehicle.outputs if c in START_NAMES and not seen[c]]
-    if not missing:
+    if not missing or vehicle.hovers:
         return piece, ""
     steady = _steady(vehicle, piece)
     start = {**piece.start, **{c: steady[c] for c in missing if c in steady}}

@@ -100,6 +100,8 @@ def _cleaned(data: FloatArray, whole: FloatArray) -> FloatArray:
 def _flown(result: Result, fit: Fit) -> Flown:
     """Return the terms as the model flew them, and the controls and modes of the vehicle."""
     vehicle, layout = fit.problem.layout.vehicle, fit.problem.layout
+    if vehicle.hovers:
+        return Flown({}, frequencies=_frequencies(result))
     free = {p.name for p in layout.parameters}
     columns = [_columns(vehicle, fit, i, piece) for i, piece in enumerate(fit.problem.pieces)]
     known = set(terms.STATE_VARIABLES) | set(vehicle.file.controls)

@@ -10,6 +10,7 @@ from stoop.uncertainty.covariance import standard_errors
 from stoop.uncertainty.estimate import estimate_uncertainty
 from stoop.uncertainty.identifiability import Yardstick, identifiability
 from stoop.uncertainty.sensitivity import Sensitivity
+from stoop.uncertainty.windowed import windowed_covariance
 
 
 def error_bars(fit: Fit, _color: float) -> ErrorBars:
@@ -25,12 +26,18 @@ def error_bars(fit: Fit, _color: float) -> ErrorBars:
     held[:d] = (fit.z[:d] < AT_BOUND) | (fit.z[:d] > 1.0 - AT_BOUND)
     free = np.flatnonzero(~held)
     found = estimate_uncertainty(_segments(evidence, free), evidence.information[np.ix_(free, free)])
+    corrected = found.corrected
+    if evidence.edges:
+        windowed = windowed_covariance(
+            _segments(evidence, free), evidence.edges, evidence.information[np.ix_(free, free)]
+        )
+        corrected = corrected if windowed is None else windowed
     own = free[free < d]
     names = [p.name for p in fit.problem.layout.parameters]
     every = [names[e] if e < d else f"unknown {e}" for e in free]
-    judged = identifiability(every, found.information, found.corrected, _yardstick(fit, free))
+    judged = identifiability(every, found.information, corrected, _yardstick(fit, free))
     return ErrorBars(
-        covariance=spread(found.corrected, free, len(held))[:many, :many],
+        covariance=spread(corrected, free, len(held))[:many, :many],
         white=scattered(standard_errors(found.cramer_rao), free, len(held))[:many],
         held=held[:many],
         judged={j.name: j for j in judged[: len(own)]},

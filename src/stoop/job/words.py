@@ -10,6 +10,7 @@ from stoop.flight import Flight
 from stoop.identify.excitation import excitation_warnings
 from stoop.identify.fit import Fit
 from stoop.identify.result import ManeuverResult, ParameterEstimate
+from stoop.identify.rotors_seen import strange_motors
 from stoop.job.errorbars import ErrorBars
 from stoop.vehicle import Vehicle
 from stoop.vehicle.plausible import inertia_doubts
@@ -54,6 +55,8 @@ def warnings(
     out += _faults(fit, flights, maneuvers)
     out += inertia_doubts(fit.problem.layout.vehicle, fit.estimates)
     out += _not_measured(fit, maneuvers)
+    if fit.problem.layout.vehicle.hovers:
+        out += strange_motors(fit.problem.layout.vehicle, flights, fit.prepared.windows)
     out += excitation_warnings(fit.problem, fit.z, slowest_rate(fit, flights))
     held = [name for name, p in parameters.items() if p.at_bound]
     if held:

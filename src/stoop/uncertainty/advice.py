@@ -215,6 +215,8 @@ def _shared(names: Sequence[str]) -> str:
 def _of_vehicle(name: str, flown: Flown) -> str:
     """Return what to do about a number that is no aerodynamic term."""
     head = name.split(".")[0]
+    if head in ("rotors", "rotor", "body_drag"):
+        return _of_rotors(name)
     if ".inertia." in name or name.startswith("mass"):
         return "Maneuvers see moments only in ratio to inertia: weigh and swing the aircraft, and fix it or narrow its prior."
     if head == "propulsion":
@@ -227,6 +229,45 @@ def _of_vehicle(name: str, flown: Flown) -> str:
             "A calibration, or straight flight at several speeds and headings, tells an instrument's error."
         )
     return "Measure it on the ground, and fix it or narrow its prior."
+
+
+_ROTORS: Final = {
+    (
+        "T0",
+        "T1",
+        "T2",
+        "gain",
+        "idle",
+    ): "Steps of thrust (heave) between half and full power tell the polynomial's shape.",
+    ("inflow",): "Climbs and descents at several speeds tell it from thrust.",
+    (
+        "drag",
+        "translational",
+        "linear",
+        "quadratic",
+    ): "Flight at several airspeeds, forward, sideways and vertical, tells it.",
+    ("Q0", "Q1", "Q2", "torque_ratio", "torque_factor"): "Yaw doublets, sharp-edged, tell torque.",
+    (
+        "lag",
+        "delay",
+        "inertia",
+    ): "Sharp-edged inputs (doublets of 0.1 to 0.2 s) logged at 100 Hz or more tell it.",
+    (
+        "factor",
+        "x",
+        "y",
+        "z",
+    ): "Steady hover beside doublets of roll and pitch tells it from the others' and from the center of gravity.",
+    ("rotation",): "Roll, pitch and yaw doublets of different lengths tell it from inertia.",
+}
+
+
+def _of_rotors(name: str) -> str:
+    """Return what to fly for a number of rotors or of body drag."""
+    parts = name.split(".")
+    last = parts[-1] if parts[-1] not in ("x", "y", "z") or parts[0] == "rotor" else parts[-2]
+    told = next((said for names, said in _ROTORS.items() if last in names), "")
+    return told or "Measure it on the ground, and fix it or narrow its prior."
 
 
 def _what(term: Term) -> str:

@@ -44,7 +44,9 @@ NAMES: Final = (
     "vertical",
 )  #: accelerations, in the order of i
 MOMENTS: Final = NAMES[:3]
-LEAST: Final = 0.25  #: of a moment, that recorded commands must explain; below, they teach only how noise attenuates
+LEAST: Final = (
+    0.25  #: of a moment, that recorded commands must explain; below, they teach only how noise attenuates
+)
 _SPUN: Final = tuple(f"rotors.{n}" for n in ("lag", "delay", "gain", "idle", "nominal_voltage"))
 _MOTION: Final = (*WIND, *RATES, "phi", "theta", "psi")
 
@@ -128,7 +130,9 @@ class Stretch:
         rates, outputs = vehicle.kernel().evaluate(every, states, inputs)
         turning = rates[[vehicle.states.index(c) for c in RATES]].T
         felt = outputs[[vehicle.outputs.index(c) for c in FORCES]].T
-        lever = np.cross(self.measured[:, :3] - turning, _arm(vehicle, rows[:, 0]))  # turning as it was, not as foreseen
+        lever = np.cross(
+            self.measured[:, :3] - turning, _arm(vehicle, rows[:, 0])
+        )  # turning as it was, not as foreseen
         return np.concatenate([turning, felt + lever], axis=1)
 
     def _motion(self, vehicle: Vehicle, rows: FloatArray) -> dict[str, FloatArray]:
@@ -148,7 +152,9 @@ class Stretch:
 def _arm(vehicle: Vehicle, rows: FloatArray) -> FloatArray:
     """Return where the accelerometers are (3,), from the center of gravity, m."""
     names = ("sensors.accelerometer_position", "mass.center_of_gravity")
-    sensor, center = ([rows[vehicle.rows[f"{n}.{c}"]] if f"{n}.{c}" in vehicle.rows else 0.0 for c in "xyz"] for n in names)
+    sensor, center = (
+        [rows[vehicle.rows[f"{n}.{c}"]] if f"{n}.{c}" in vehicle.rows else 0.0 for c in "xyz"] for n in names
+    )
     return np.subtract(sensor, center) if f"{names[0]}.x" in vehicle.rows else np.zeros(3)
 
 

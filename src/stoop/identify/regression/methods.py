@@ -15,6 +15,7 @@ from stoop.identify.fit import Fit, Options, pose
 from stoop.identify.regressed import regressed_fit
 from stoop.identify.regression.domain import Band, Domain, Time
 from stoop.identify.regression.estimate import Regressed, regressed
+from stoop.identify.regression.rotor_method import of_rotors
 from stoop.identify.windows import Window
 from stoop.vehicle import Vehicle
 
@@ -33,6 +34,8 @@ def equation_error(
     vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window], options: Options, *_: Any
 ) -> Fit:
     """Fit the free terms to smoothed samples; a method of `stoop.identify.methods`."""
+    if vehicle.hovers:
+        return of_rotors(*pose(vehicle, flights, windows, options), options.method)
     return _fitted(vehicle, flights, windows, options, Time(), "on smoothed samples")
 
 
@@ -40,6 +43,10 @@ def frequency_domain(
     vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window], options: Options, *_: Any
 ) -> Fit:
     """Fit the free terms to Fourier coefficients of a band; a method of `stoop.identify.methods`."""
+    if vehicle.hovers:
+        raise IdentificationError(
+            f"{vehicle.where}: frequency-domain regression is for aircraft; use --method equation-error or multiple-shooting"
+        )
     band = Band()
     where = f"on Fourier coefficients from {band.low:g} to {band.high:g} Hz, where residuals count as white"
     return _fitted(vehicle, flights, windows, options, band, where)

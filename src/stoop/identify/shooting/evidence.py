@@ -36,7 +36,8 @@ def evidence(meeting: Meeting, place: Place) -> Evidence:
         residual = -np.concatenate([window.residual for window in windows])
         residuals.append(np.where(np.isfinite(shots.piece.measured), residual, np.nan))
         jacobians.append(np.concatenate(blocks))
-    return Evidence(tuple(residuals), tuple(jacobians), information)
+    anew = tuple(shots.edges for shots in meeting.shots) if layout.vehicle.hovers else ()
+    return Evidence(tuple(residuals), tuple(jacobians), information, anew)
 
 
 def _following(windows: Sequence[Weighted], scales: FloatArray) -> list[FloatArray]:

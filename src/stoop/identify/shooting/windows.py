@@ -102,12 +102,21 @@ class Shots:
 
         The first of them is the search vector's.
         """
-        nodes, winds = self.apart(nodes)
         rows, start = self.problem.candidates(z[None, :], self.index)
-        begins = np.concatenate([start, nodes[:, 1:]], axis=1)
+        nodes = nodes.copy()
+        nodes[: len(start), :1] = start
+        return self._flown(rows, nodes)
+
+    def flown_from(self, nodes: FloatArray) -> FloatArray:
+        """Return readings (n, n_y) for nodes, the first among them, of a problem that estimates nothing."""
+        rows, _ = self.problem.candidates(np.empty((1, 0)), self.index)
+        return self._flown(rows, nodes)[0]
+
+    def _flown(self, rows: FloatArray, nodes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        begins, winds = self.apart(nodes)
         out, last = self.fly(np.repeat(rows, self.count, axis=1), begins, np.arange(self.count))
         ends = np.ascontiguousarray(last[:, :-1])
-        gaps = np.einsum("exw,xw->we", self.back(nodes), ends - nodes[:, 1:])
+        gaps = np.einsum("exw,xw->we", self.back(begins), ends - begins[:, 1:])
         out[:, :, self.blown] += winds.T[:, None, :]
         readings = np.concatenate([own[:n] for own, n in zip(out, np.diff(self.edges), strict=True)])
         return readings, np.concatenate([gaps, -np.diff(winds, axis=1).T], axis=1), ends

@@ -1,0 +1,165 @@
+"""Whether a log tells anything of a vehicle with rotors: motors off, saturated, still or of another vehicle; no rates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.cost import Misfit, Piece
+from stoop.errors import IdentificationError
+from stoop.flight import Flight
+from stoop.identify.windows import Window
+from stoop.simulate import parameter_rows
+from stoop.simulate.initial import commanded
+from stoop.simulate.rotors import channel_range
+from stoop.units import DEGREE
+from stoop.vehicle import Vehicle
+
+FloatArray = NDArray[np.float64]
+OFF: Final = 0.1  #: of the largest x of all rotors, below which a rotor carries nothing
+RESTING: Final = 0.02  #: share of a window with the motors off that is worth a word
+GROUNDED: Final = 0.5  #: and that leaves nothing to fit
+END: Final = 1e-6  #: of the range of a channel
+CLIPPED: Final = 0.02  #: share of a window at an end of the range that is worth a word
+STILL: Final = 0.01  #: of the mean x: the rms of a change that is no input
+LOUD: Final = 3.0  #: times the noise of the file: a rate that moves
+RATES: Final = ("p", "q", "r")
+_AXES: Final = dict(zip(RATES, (("roll", "xx"), ("pitch", "yy"), ("yaw", "zz")), strict=True))
+
+
+def check_rotors(vehicle: Vehicle, windows: Sequence[Window], pieces: Sequence[Piece]) -> None:
+    """Refuse windows that tell nothing.
+
+    Raises
+    ------
+    IdentificationError
+        No rates, motors off, or channels that are no rotor's.
+    """
+    columns = [vehicle.outputs.index(c) for c in RATES]
+    for piece in pieces:
+        if not np.isfinite(piece.measured[:, columns]).any():
+            raise IdentificationError(
+                f"{windows[piece.maneuver]}: none of the rates p, q, r was recorded, and without them nothing tells moments "
+                "or lag; log the gyroscope, or name its columns in the mapping file ([variables] p = ..., see stoop map)"
+            )
+        off = _off(vehicle, piece)
+        if off.mean() > GROUNDED:
+            raise IdentificationError(
+                f"{windows[piece.maneuver]}: the motors are off in {off.mean():.0%} of it, so it is no flight; choose "
+                "--maneuver START:STOP where they carry the vehicle (stoop maneuvers), and check rotors.idle and rotors.gain "
+                f"in {vehicle.where}"
+            )
+    _check_channels(vehicle, pieces)
+
+
+def _check_channels(vehicle: Vehicle, pieces: Sequence[Piece]) -> None:
+    """Refuse rotors whose channels stand still while others move: the log of another vehicle."""
+    names = {rotor.channel for rotor in vehicle.file.rotor.values()}
+    moved = {
+        n: max(float(np.ptp(p.inputs[:, vehicle.inputs.index(n)])) for p in pieces) for n in sorted(names)
+    }
+    still = [n for n, size in moved.items() if size == 0.0]
+    if still and len(still) < len(moved):
+        rotors = [r for r, rotor in vehicle.file.rotor.items() if rotor.channel in still]
+        raise IdentificationError(
+            f"{vehicle.where}: {', '.join(still)} never change in the log while the other motors do; is it the log of "
+            f"another vehicle? The file has {len(vehicle.rotors)} rotors: check --vehicle, or channel in "
+            f"{', '.join(f'[rotor.{r}]' for r in rotors)}"
+        )
+
+
+def _spins(vehicle: Vehicle, piece: Piece) -> FloatArray:
+    """Return x of every rotor (rotors, n), before lag and delay."""
+    rows = np.repeat(parameter_rows(vehicle, piece.changes), len(piece.time), axis=1)
+    return np.array([commanded(vehicle, name, rows, piece.inputs.T) for name in vehicle.rotors])
+
+
+def _off(vehicle: Vehicle, piece: Piece) -> NDArray[np.bool_]:
+    """Return where no rotor carries anything (n,)."""
+    spins = _spins(vehicle, piece)
+    full = (
+        1.0
+        if vehicle.file.rotors is not None and vehicle.file.rotors.drive == "command"
+        else float(spins.max())
+    )
+    return np.asarray(spins.max(axis=0) <= OFF * max(full, 1e-12))
+
+
+def rotor_warnings(problem: Misfit) -> list[str]:
+    """Return in words what the fitted windows of a vehicle with rotors cannot tell."""
+    vehicle, pieces = problem.layout.vehicle, problem.pieces
+    return [*_resting(vehicle, pieces), *_clipped(vehicle, pieces), *_unexcited(vehicle, pieces)]
+
+
+def _resting(vehicle: Vehicle, pieces: Sequence[Piece]) -> Iterator[str]:
+    for piece in pieces:
+        off = _off(vehicle, piece)
+        if off.mean() > RESTING:
+            t = piece.time[~off]
+            yield (
+                f"The motors are off in {off.mean():.0%} of {piece.time[0]:.1f}:{piece.time[-1]:.1f}, and on the ground the "
+                f"equations do not hold: narrow --maneuver to within {t[0]:.1f}:{t[-1]:.1f}."
+            )
+
+
+def _clipped(vehicle: Vehicle, pieces: Sequence[Piece]) -> Iterator[str]:
+    area = channel_range(vehicle)
+    inputs = np.concatenate([p.inputs for p in pieces])
+    for name, column, low, high in zip(area.names, area.columns, area.idle, area.full, strict=True):
+        size = END * (high - low) if np.isfinite(high) else 0.0
+        share = float(np.mean(inputs[:, column] >= high - size)) if np.isfinite(high) else 0.0
+        bottom = float(np.mean(inputs[:, column] <= low + size))
+        if max(share, bottom) > CLIPPED:
+            end = "upper" if share > bottom else "lower"
+            yield (
+                f"{name} is at the {end} end of its range in {max(share, bottom):.0%} of the fitted windows: what the motor "
+                "did there is not what was commanded; fit windows without saturation, or gentler maneuvers."
+            )
+
+
+def _unexcited(vehicle: Vehicle, pieces: Sequence[Piece]) -> Iterator[str]:
+    for rate, (axis, moment) in _AXES.items():
+        column = np.concatenate([p.measured[:, vehicle.outputs.index(rate)] for p in pieces])
+        spread, sigma = float(np.nanstd(column)), getattr(vehicle.file.sensors, rate).sigma
+        if spread < LOUD * sigma:
+            yield (
+                f"There is no {axis} to speak of ({spread / DEGREE:.2g} deg/s rms, noise {sigma / DEGREE:.2g}): "
+                f"inertia.{moment}, lag, and what {axis} moments rest on cannot be told; fit a window with {axis} doublets."
+            )
+    total = [_spins(vehicle, p).sum(axis=0) for p in pieces]
+    mean = float(np.mean(np.concatenate(total)))
+    change = float(np.sqrt(np.mean(np.concatenate([t - np.mean(t) for t in total]) ** 2)))
+    if change < STILL * mean:
+        yield (
+            f"The sum of all motors hardly changes ({change / mean:.1%} rms): T0, T1 and T2 cannot be told apart, nor inflow "
+            "from them; fit a window with climbs, descents and steps of thrust, or --fix two of the three."
+        )
+
+
+def strange_motors(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> list[str]:
+    """Tell which motors of the log move though no rotor of the vehicle has them."""
+    known = {rotor.channel for rotor in vehicle.file.rotor.values()} | set(vehicle.recorded)
+    out = []
+    for name in dict.fromkeys(w.flight for w in windows):
+        flight = flights[name]
+        own = [w for w in windows if w.flight == name]
+        others = [
+            c
+            for c in map(str, flight.data.data_vars)
+            if c.startswith("motor_") and c not in known and _moves(flight, c, own)
+        ]
+        if others and any(c.startswith("motor_") for c in known):
+            out.append(
+                f"{name}: {', '.join(sorted(others))} move too, but no rotor of {vehicle.where} has them: check --vehicle, or "
+                "add a [rotor.NAME] table for each."
+            )
+    return out
+
+
+def _moves(flight: Flight, channel: str, windows: Sequence[Window]) -> bool:
+    values, time = flight.column(channel), flight.time
+    seen = [values[(time >= w.start) & (time <= w.stop)] for w in windows]
+    return any(np.isfinite(v).any() and float(np.nanmax(v) - np.nanmin(v)) > 0.0 for v in seen)
