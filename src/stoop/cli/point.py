@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 SEA_LEVEL_DENSITY: Final = 1.225  #: kg/m3, what `stoop.simulate.trim` assumes where the log would tell
 COMPILING: Final = "preparing the equations (some seconds the first time)"
-VEHICLE_HELP: Final = "vehicle file (TOML), or a built-in vehicle: twin-boom"
+VEHICLE_HELP: Final = (
+    "vehicle file (TOML), or a built-in vehicle: twin-boom, quad-x, quad-plus, hexa-x, octo-x, quadplane"
+)
 
 
 def add_point_arguments(parser: argparse.ArgumentParser) -> None:

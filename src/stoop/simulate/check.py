@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from stoop.errors import ManeuverError
 from stoop.simulate.maneuver import EXCITATIONS, SETPOINTS, Maneuver
 from stoop.vehicle import Vehicle
+
+MOST_ON_ROTORS: Final = 500_000  #: samples; an autopilot takes them one by one
 
 
 def on_rotors(vehicle: Vehicle, maneuver: Maneuver) -> bool:
@@ -31,6 +35,10 @@ def check_maneuver(vehicle: Vehicle, maneuver: Maneuver) -> None:
             raise ManeuverError(
                 f"{vehicle.where}: the maneuver moves '{spec.control}', but the controls are {names}; correct the maneuver file"
             )
+    if flies and len(maneuver.time) > MOST_ON_ROTORS:
+        raise ManeuverError(
+            f"duration times rate: more than {MOST_ON_ROTORS} samples under the autopilot; lower one of them"
+        )
     if maneuver.heading and vehicle.reduce == "longitudinal":
         raise ManeuverError(
             "heading: a longitudinal model flies north; remove the heading, or fly the full model"

@@ -17,7 +17,7 @@ from stoop.simulate.initial import commanded, initial_states, parameter_rows, ri
 from stoop.simulate.maneuver import Maneuver
 from stoop.simulate.mixing import mixed_inputs
 from stoop.simulate.on_rotors import fly_on_rotors
-from stoop.simulate.paths import ground_velocity, states_flown, traveled
+from stoop.simulate.paths import ground_velocity, readings_along, states_flown, traveled
 from stoop.simulate.rotors import channel_range
 from stoop.simulate.steady import Trim
 from stoop.simulate.trim import trim
@@ -122,9 +122,8 @@ def _on_rotors(vehicle: Vehicle, maneuver: Maneuver, point: Trim, gusts: np.rand
     """Fly with one."""
     dt, rows = 1.0 / maneuver.rate, parameter_rows(vehicle, point.changes)
     flight = fly_on_rotors(vehicle, maneuver, point, gust_start(vehicle, gusts), gusts)
-    every = np.repeat(rows, len(maneuver.time), axis=1)
-    _, truth = vehicle.kernel().evaluate(every, flight.states.T.copy(), flight.received.T.copy())
-    outputs = late_outputs(vehicle, truth.T[None].copy(), rows, dt)[0]
+    truth = readings_along(vehicle, rows, flight.states, flight.received)
+    outputs = late_outputs(vehicle, truth[None], rows, dt)[0]
     velocity = _over_ground(vehicle, point, flight.states)
     return Flown(point, maneuver.time, flight.inputs, outputs, velocity, flight.clipped)
 

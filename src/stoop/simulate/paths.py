@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from stoop.kernels.filtering import innovations, step
 from stoop.simulate.delays import late_inputs
-from stoop.simulate.turbulence import FINER, finer, gust_noise
+from stoop.simulate.turbulence import FINER, finer, gust_columns, gust_noise
 from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
+_AT_ONCE = 10_000  #: samples: each has all parameters beside it
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,8 +24,8 @@ class Stepper:
     ----------
     rows : (n_p, 1)
     dt : float, s
-    noise : (FINER (n - 1) + 1, n_u)
-        What drives the gusts; empty in still air.
+    noise : (FINER (n - 1) + 1, gusts)
+        What drives each of them.
     """
 
     vehicle: Vehicle
@@ -37,8 +38,7 @@ class Stepper:
         cls, vehicle: Vehicle, rows: FloatArray, count: int, dt: float, rng: np.random.Generator
     ) -> Stepper:
         """Draw the noise of a whole flight."""
-        fine = np.zeros((FINER * (count - 1) + 1 if vehicle.gusts else 0, len(vehicle.inputs)))
-        return cls(vehicle, rows, dt, gust_noise(vehicle, fine, dt, rng))
+        return cls(vehicle, rows, dt, gust_noise(vehicle, FINER * (count - 1) + 1, dt, rng))
 
     def step(self, k: int, state: FloatArray, now: FloatArray, following: FloatArray) -> FloatArray:
         """Return the state (n_x,) at sample k + 1; inputs (n_u,) go in straight lines."""
@@ -46,7 +46,8 @@ class Stepper:
         if not self.vehicle.gusts:
             after, _ = step(kernel, self.rows, state[:, None], now[:, None], following[:, None], self.dt)
             return np.asarray(after[:, 0])
-        fine = finer(np.stack([now, following]), FINER) + self.noise[FINER * k : FINER * (k + 1) + 1]
+        fine = finer(np.stack([now, following]), FINER)
+        fine[:, gust_columns(self.vehicle)] = self.noise[FINER * k : FINER * (k + 1) + 1]
         return np.asarray(states_along(self.vehicle, self.rows, state[:, None], fine, self.dt / FINER)[-1])
 
 
@@ -74,8 +75,21 @@ def states_flown(
     received = late_inputs(vehicle, inputs, rows, dt)
     if not vehicle.gusts:
         return states_along(vehicle, rows, start, received, dt)
-    fine = gust_noise(vehicle, finer(received, FINER), dt, rng)
+    fine = finer(received, FINER)
+    fine[:, gust_columns(vehicle)] = gust_noise(vehicle, len(fine), dt, rng)
     return np.asarray(states_along(vehicle, rows, start, fine, dt / FINER)[::FINER])
+
+
+def readings_along(
+    vehicle: Vehicle, rows: FloatArray, states: FloatArray, received: FloatArray
+) -> FloatArray:
+    """Return what instruments read (n, n_y) of states (n, n_x) and inputs (n, n_u) as they arrive."""
+    kernel, every = vehicle.kernel(), np.repeat(rows, min(len(states), _AT_ONCE), axis=1)
+    out = np.empty((len(states), len(vehicle.outputs)))
+    for a in range(0, len(states), _AT_ONCE):
+        x, u = states[a : a + _AT_ONCE].T.copy(), received[a : a + _AT_ONCE].T.copy()
+        out[a : a + _AT_ONCE] = kernel.evaluate(every[:, : x.shape[1]].copy(), x, u)[1].T
+    return out
 
 
 def ground_velocity(body: FloatArray, q: FloatArray) -> FloatArray:

@@ -56,16 +56,20 @@ def outputs_in_turbulence(
     rng : Generator
     """
     received = late_inputs(vehicle, inputs, rows, dt)
-    fine = gust_noise(vehicle, finer(received, FINER), dt, rng)
+    fine = finer(received, FINER)
+    fine[:, gust_columns(vehicle)] = gust_noise(vehicle, len(fine), dt, rng)
     return np.ascontiguousarray(vehicle.kernel().trajectories(rows, start, fine, dt / FINER)[:, ::FINER])
 
 
-def gust_noise(vehicle: Vehicle, fine: FloatArray, dt: float, rng: np.random.Generator) -> FloatArray:
-    """Fill the columns of noise of fine inputs (m, n_u) for a sample period, s; return them."""
-    for axis in vehicle.gusts:
-        column = vehicle.inputs.index(noise_input(axis))
-        fine[:, column] = rng.standard_normal(len(fine)) / np.sqrt(dt / FINER)  # unit intensity
-    return fine
+def gust_columns(vehicle: Vehicle) -> list[int]:
+    """Return the inputs that drive the gusts."""
+    return [vehicle.inputs.index(noise_input(axis)) for axis in vehicle.gusts]
+
+
+def gust_noise(vehicle: Vehicle, steps: int, dt: float, rng: np.random.Generator) -> FloatArray:
+    """Return noise (steps, gusts) of unit intensity for steps that are a sample period ``dt``, s, over `FINER`."""
+    drawn = [rng.standard_normal(steps) for _ in vehicle.gusts]
+    return np.asarray(np.column_stack([*drawn, np.empty((steps, 0))]) / np.sqrt(dt / FINER))
 
 
 def finer(inputs: FloatArray, times: int) -> FloatArray:

@@ -245,12 +245,13 @@ def test_gusts_push_and_the_autopilot_holds(quad: Vehicle) -> None:
         ),
         ({"airspeed": 12.0}, "no wings to fly 12 m/s on"),
         ({"airspeed": 12.0, "input": [pulse("roll", 1.0)]}, "moves 'roll', but the controls are motor_1"),
+        ({"duration": 30000.0}, "more than 500000 samples under the autopilot; lower one of them"),
         ({"noise": {"V": 0.1}}, "noise: 'V' is not observed; channels are vn, ve, vd"),
     ],
 )
 def test_what_cannot_be_flown(quad: Vehicle, given: dict[str, object], says: str) -> None:
     with pytest.raises((ManeuverError, SimulationError), match=says):
-        simulate_flight(quad, maneuver(2.0, **given))  # type: ignore[arg-type]
+        simulate_flight(quad, Maneuver.model_validate({"duration": 2.0} | given))
 
 
 def test_what_only_rotors_can_do(twin_boom: Vehicle, quad: Vehicle) -> None:
@@ -266,6 +267,20 @@ def test_what_only_rotors_can_do(twin_boom: Vehicle, quad: Vehicle) -> None:
 def test_a_flight_too_coarse_to_be_simulated(quad: Vehicle) -> None:
     with pytest.raises(SimulationError, match=r"diverges at .* s; raise the rate of the maneuver"):
         fly(quad, maneuver(400.0, pulse("roll", 1.0), rate=2.0))
+
+
+@pytest.mark.slow
+def test_a_quadplane_flies_on_its_wings_in_a_wind() -> None:
+    vehicle = builtin_vehicle("quadplane")
+    inputs = [{"control": "elevator", "shape": "doublet", "start": 1.0, "step": 0.4, "amplitude": 0.03}]
+    keys = {"airspeed": 18.0, "heading": 0.8, "wind": (3.0, -2.0, 0.0)}
+    flown = fly(vehicle, maneuver(4.0, *inputs, **keys))
+    still = fly(vehicle, maneuver(4.0, *inputs, **keys | {"wind": (0.0, 0.0, 0.0)}))
+    assert flown.velocity is not None
+    assert flown.velocity - still.velocity == pytest.approx(np.tile([3.0, -2.0, 0.0], (401, 1)), abs=1e-9)
+    assert flown.outputs[:, :3] == pytest.approx(flown.velocity, abs=1e-6)
+    assert still.velocity[0] == pytest.approx([18.0 * np.cos(0.8), 18.0 * np.sin(0.8), 0.0], abs=1e-6)
+    assert np.abs(replayed(vehicle, flown, 0.01) - flown.outputs).max() < 1e-9
 
 
 @pytest.mark.slow
