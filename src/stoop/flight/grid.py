@@ -17,6 +17,10 @@ CUTOFF: Final = (
 )
 ORDER: Final = 4  #: of the Butterworth filter, which runs forward and backward
 EDGE: Final = 1e-6  #: s; a grid point this close to the end of a stretch still belongs to it
+FASTEST: Final = 1e5  #: Hz; a clock that seems to run faster is not one of a sensor
+CLUMPED: Final = (
+    20.0  #: times as many uniform samples as there are; then the median period is not that of the clock
+)
 MAX_CELLS: Final = 100_000_000  #: numbers in a gridded flight (0.8 GB)
 
 
@@ -96,6 +100,8 @@ def resample(grid: Grid, time: FloatArray, values: FloatArray, *, smooth: bool) 
 def _one_stretch(grid: Grid, at: slice, t: FloatArray, x: FloatArray, smooth: bool) -> FloatArray:
     points = (grid.first + np.arange(at.start, at.stop)) / grid.rate
     rate = 1.0 / float(np.median(np.diff(t)))
+    if rate > FASTEST or (t[-1] - t[0]) * rate > CLUMPED * t.size:  # would fill memory, or divide by nothing
+        return _interpolate(points, t, x, smooth=False)
     if rate <= 1.02 * grid.rate:
         return _interpolate(points, t, x, smooth)
     return _decimate(points, t, x, rate, grid.rate)

@@ -7,6 +7,7 @@ as a table; a line with too few or too many cells is skipped and counted.
 from __future__ import annotations
 
 import io
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -52,7 +53,7 @@ def read_dataflash_text(path: Path, topics: frozenset[str] | None = None) -> Rec
     """
     try:
         with path.open("rb") as file:
-            content = file.read(MAX_BYTES + 1)
+            content = file.read(min(MAX_BYTES, os.fstat(file.fileno()).st_size) + 1)
     except OSError as error:
         raise LogError(
             f"{path}: cannot be read ({error.strerror}); check the name and its permissions"

@@ -91,13 +91,14 @@ def guarded(
             task = {"path": str(path.absolute()), "shown": str(path), "limits": asdict(bounds),
                     "topics": None if topics is None else sorted(topics)}  # fmt: skip
             (folder / _TASK).write_text(json.dumps(task))
-            _run(reader, path, folder, bounds)
+            launch(reader, path, folder, bounds)
             return _taken(path, folder)
     except OSError as error:
         raise LogError(f"{path}: cannot be read in a process of its own ({error}); free some space") from None
 
 
-def _run(reader: str, path: Path, folder: Path, limits: Limits) -> None:
+def launch(reader: str, path: Path, folder: Path, limits: Limits) -> None:
+    """Let a child do the task in a folder."""
     command = [sys.executable, "-P", "-m", "stoop.logs.guard", reader, str(folder)]
     try:
         done = subprocess.run(  # noqa: S603  our own interpreter, our own module
@@ -201,10 +202,14 @@ def _write(folder: Path, result: dict[str, Any]) -> None:
 def main(reader: str, where: str) -> None:
     """Read, in the child."""
     folder = Path(where)
+    _limit(Limits(**json.loads((folder / _TASK).read_text())["limits"]))
+    answer(reader, folder)
+
+
+def answer(reader: str, folder: Path) -> None:
+    """Do the task in a folder; whatever comes of it is written there."""
     task = json.loads((folder / _TASK).read_text())
-    limits = Limits(**task["limits"])
-    _limit(limits)
-    shown = task["shown"]
+    limits, shown = Limits(**task["limits"]), task["shown"]
     try:
         module, function = reader.split(":")
         if not module.startswith(ROOM):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -48,7 +49,7 @@ def read_netcdf(path: Path, topics: frozenset[str] | None = None) -> Recording:
 def _content(path: Path) -> bytes:
     try:
         with path.open("rb") as file:
-            content = file.read(MAX_BYTES + 1)
+            content = file.read(min(MAX_BYTES, os.fstat(file.fileno()).st_size) + 1)  # asks for what it reads
     except OSError as error:
         raise LogError(
             f"{path}: cannot be read ({error.strerror}); check the name and its permissions"

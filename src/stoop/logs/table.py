@@ -163,12 +163,13 @@ def _read(
 ) -> tuple[Stream, list[Defect], tuple[str, ...]]:
     """Read one file; return its stream, what was wrong, and the columns that the mapping does not name."""
     table, defects = read_table(file)
-    time = _pick(file, table, mapping.time_column, f"{mapping.path}: time") * mapping.time_factor
-    values = {
-        c.variable: _pick(file, table, c.column, f"{mapping.path}: variables.{c.variable}") * c.factor
-        + c.offset
-        for c in columns
-    }
+    with np.errstate(over="ignore", invalid="ignore"):  # what is beyond any size is dropped and told later
+        time = _pick(file, table, mapping.time_column, f"{mapping.path}: time") * mapping.time_factor
+        values = {
+            c.variable: _pick(file, table, c.column, f"{mapping.path}: variables.{c.variable}") * c.factor
+            + c.offset
+            for c in columns
+        }
     stream, order = clean_stream(file.name, time, values)
     if stream.time.size < 2:
         raise LogError(

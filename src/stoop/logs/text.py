@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import zlib
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Final
@@ -59,7 +60,8 @@ def _unpack(path: Path) -> tuple[bytes, tuple[Defect, ...]]:
         with path.open("rb") as file:
             if path.suffix == ".gz":
                 return _gunzip(path, file)
-            return _bounded(path, file.read(MAX_BYTES + 1)), ()
+            size = min(MAX_BYTES, os.fstat(file.fileno()).st_size)
+            return _bounded(path, file.read(size + 1)), ()
     except OSError as error:
         raise LogError(
             f"{path}: cannot be read ({error.strerror}); check the name and its permissions"

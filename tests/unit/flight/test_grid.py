@@ -144,3 +144,17 @@ def test_an_impossible_rate(rate: float) -> None:
 def test_a_record_of_years() -> None:
     with pytest.raises(FlightError, match="too long for a grid"):
         make_grid(0.0, 1e9, 100.0, 1, "f")
+
+
+@pytest.mark.parametrize("step", [5e-324, 1e-300, 1e-12, 1e-8])
+def test_a_clock_that_no_sensor_has(step: float) -> None:
+    """Its median period says billions of samples a second, which neither memory nor filters can hold."""
+    time = np.cumsum(np.concatenate([np.full(30, step), [0.04, 0.04]]))
+    out = resample(make_grid(0.0, 0.08, 100.0, 1, "here"), time, np.ones((time.size, 1)), smooth=True)
+    np.testing.assert_array_equal(out[1:], 1.0)
+
+
+def test_bursts_are_not_filled_with_samples_that_are_not_there() -> None:
+    time = np.concatenate([k * 0.04 + 2e-5 * np.arange(20) for k in range(50)])
+    out = resample(make_grid(0.0, 1.9, 100.0, 1, "here"), time, np.full((time.size, 1), 2.0), smooth=True)
+    np.testing.assert_array_equal(out, 2.0)

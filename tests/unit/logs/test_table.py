@@ -152,3 +152,8 @@ def test_defects_of_columns_in_use_only(tmp_path: Path) -> None:
     log = "t_ms,roll rate,acc,T,remark\n1000,90,x,20,hello\n1010,-45,2,21,you\n1005,1,1,1,z\n"
     defects = read(*write(tmp_path, log=log)).defects
     assert [(d.kind, d.place) for d in defects] == [("text", "f.csv acc"), ("time order", "f.csv")]
+
+
+def test_numbers_beyond_any_size_are_infinite_without_a_warning(tmp_path: Path) -> None:
+    recording = read(*write(tmp_path, log=LOG + "1020,1e308,1e308,1e308\n", mapping=GOOD.replace("-1", "-9")))
+    assert recording.streams["f.csv"].columns["az"][-1] == -math.inf
