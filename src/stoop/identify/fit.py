@@ -16,6 +16,7 @@ from stoop.flight import Flight
 from stoop.identify.equation_error import equation_error
 from stoop.identify.noise import effective_variance, first_variance
 from stoop.identify.prepare import Prepared, nuisances, prepare
+from stoop.identify.ratios import with_mass_held
 from stoop.identify.rotors_seen import check_rotors
 from stoop.identify.windows import Window
 from stoop.optimize.ledger import Halt, blank
@@ -157,6 +158,7 @@ def pose(
     IdentificationError
         Nothing is free.
     """
+    vehicle = with_mass_held(vehicle) if vehicle.hovers else vehicle
     prepared = without_stuck_channels(vehicle, prepare(vehicle, flights, windows))
     if vehicle.hovers:
         check_rotors(vehicle, prepared.windows, prepared.pieces)

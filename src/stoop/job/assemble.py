@@ -14,6 +14,7 @@ from stoop.identify.excitation import too_few
 from stoop.identify.fit import Fit, Options
 from stoop.identify.noise import noise_variance
 from stoop.identify.predict import predict
+from stoop.identify.ratios import ratios
 from stoop.identify.result import (
     AirDataTrace,
     Covariance,
@@ -73,11 +74,21 @@ def assemble(
         convergence=fit.outcome.history,
         units=_units(vehicle.outputs, vehicle.inputs, vehicle.controls),
         symbols=symbols(vehicle),
-        statements=(*fit.statements, *statements(vehicle, flights, color)),
+        statements=(
+            *fit.statements,
+            *_ratios(fit, result),
+            *statements(vehicle, flights, color),
+        ),
         air_data=_air_data(flights),
         notes=_notes(flights, groups),
         command=command,
     )
+
+
+def _ratios(fit: Fit, result: Result) -> tuple[str, ...]:
+    found = {name: (p.estimate, p.std_error) for name, p in result.parameters.items()}
+    said = ratios(fit.problem.layout.vehicle, found)
+    return (said,) if said else ()
 
 
 def _flown(fit: Fit, flights: Mapping[str, Flight], predicted: Sequence[Window]) -> list[Flown]:

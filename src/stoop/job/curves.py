@@ -119,9 +119,27 @@ def baseline_maneuver(vehicle: Vehicle, role: Role, pieces: Sequence[Piece]) -> 
     columns = [(name, vehicle.inputs.index(name)) for name in controls]
     segments = []
     for piece in pieces:
+        mixed = mixed_rotors(vehicle, piece)
         measured = {
             name: _unwrapped(piece, piece.measured, i, name in WRAPPED)[0]
             for i, name in enumerate(vehicle.outputs)
         }
-        segments.append(BaselineSegment({name: piece.inputs[:, i] for name, i in columns}, measured))
+        commands = {name: piece.inputs[:, i] for name, i in columns}
+        segments.append(BaselineSegment(commands | mixed, measured))
     return BaselineManeuver(role, tuple(segments), 1.0 / pieces[0].dt)
+
+
+def mixed_rotors(vehicle: Vehicle, piece: Piece) -> dict[str, FloatArray]:
+    """Return what rotors are commanded to do about each axis, and together, (n,) each: sums by lever and spin."""
+    rotors = vehicle.file.rotor
+    if not rotors:
+        return {}
+    u = np.array([piece.inputs[:, vehicle.inputs.index(r.channel)] for r in rotors.values()])
+    at = np.array([[vehicle.value(f"rotor.{name}.position.{a}") for a in "xy"] for name in rotors])
+    about = np.array([1.0 if r.spin == "ccw" else -1.0 for r in rotors.values()])
+    return {
+        "rotors_roll": -at[:, 1] @ u,
+        "rotors_pitch": at[:, 0] @ u,
+        "rotors_yaw": about @ u,
+        "rotors_heave": u.sum(axis=0),
+    }

@@ -22,10 +22,19 @@ from stoop.validation.runs import FloatArray, join
 ROLL: Final = ("control_roll", "aileron")
 PITCH: Final = ("control_pitch", "elevator")
 YAW: Final = ("control_yaw", "rudder")
-OWN_COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
+_MIXED: Final = {
+    **dict.fromkeys(("p", "phi", "ve", "ay"), "rotors_roll"),
+    **dict.fromkeys(("q", "theta", "vn", "ax"), "rotors_pitch"),
+    **dict.fromkeys(("r", "psi"), "rotors_yaw"),
+    **dict.fromkeys(("vd", "az"), "rotors_heave"),
+}
+_SURFACES: Final[Mapping[str, tuple[str, ...]]] = {
     **dict.fromkeys(("p", "phi"), ROLL),
     **dict.fromkeys(("q", "V", "alpha", "theta", "ax", "az"), PITCH),
     **dict.fromkeys(("r", "beta", "psi", "ay"), YAW),
+}
+OWN_COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
+    c: (*_SURFACES.get(c, ()), *((_MIXED[c],) if c in _MIXED else ())) for c in (*_SURFACES, *_MIXED)
 }  #: channel -> its axis's command, the first that there is
 SAME_RATE: Final = 1e-6  #: in parts; two clocks read back from a file
 

@@ -126,7 +126,7 @@ class Stretch:
         states = kernel_states(vehicle, rigid_states(self._motion(vehicle, rows[:, 0])), {}, every, inputs)
         for i, name in enumerate(vehicle.states):
             if name.endswith(".lag"):
-                states[i] = _spin(vehicle, self.piece, name.removesuffix(".lag"), rows, seen)[self.samples]
+                states[i] = spin(vehicle, self.piece, name.removesuffix(".lag"), rows, seen)[self.samples]
         rates, outputs = vehicle.kernel().evaluate(every, states, inputs)
         turning = rates[[vehicle.states.index(c) for c in RATES]].T
         felt = outputs[[vehicle.outputs.index(c) for c in FORCES]].T
@@ -158,7 +158,7 @@ def _arm(vehicle: Vehicle, rows: FloatArray) -> FloatArray:
     return np.subtract(sensor, center) if f"{names[0]}.x" in vehicle.rows else np.zeros(3)
 
 
-def _spin(
+def spin(
     vehicle: Vehicle, piece: Piece, name: str, rows: FloatArray, seen: dict[bytes, FloatArray]
 ) -> FloatArray:
     """Return the lagged x of a rotor, or deflection of a surface, along a whole piece (n,)."""
