@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from stoop.errors import ManeuverError
-from stoop.simulate.maneuver import EXCITATIONS, SETPOINTS, Maneuver
+from stoop.simulate.maneuver import EXCITATIONS, SETPOINTS, Battery, Maneuver
 from stoop.vehicle import Vehicle
 
 MOST_ON_ROTORS: Final = 500_000  #: samples; an autopilot takes them one by one
@@ -24,18 +24,8 @@ def check_maneuver(vehicle: Vehicle, maneuver: Maneuver) -> None:
     ManeuverError
         An input that it does not have, a velocity for what cannot hover, or a battery that nothing feels.
     """
-    flies = on_rotors(vehicle, maneuver)
-    channels = set(vehicle.recorded) - {"voltage", "density"} if vehicle.hovers else set()
-    known = dict.fromkeys(
-        (*((*EXCITATIONS, *SETPOINTS) if flies else ()), *vehicle.controls, *sorted(channels))
-    )
-    for spec in maneuver.input:
-        if spec.control not in known:
-            names = ", ".join(known) or "none"
-            raise ManeuverError(
-                f"{vehicle.where}: the maneuver moves '{spec.control}', but the controls are {names}; correct the maneuver file"
-            )
-    if flies and len(maneuver.time) > MOST_ON_ROTORS:
+    _check_inputs(vehicle, maneuver)
+    if on_rotors(vehicle, maneuver) and len(maneuver.time) > MOST_ON_ROTORS:
         raise ManeuverError(
             f"duration times rate: more than {MOST_ON_ROTORS} samples under the autopilot; lower one of them"
         )
@@ -47,8 +37,31 @@ def check_maneuver(vehicle: Vehicle, maneuver: Maneuver) -> None:
         raise ManeuverError(
             f"velocity: {vehicle.where} has no rotors to hover on; write airspeed, and wind for the speed over ground"
         )
-    if maneuver.battery is not None and not (flies and "rotors.nominal_voltage" in vehicle.rows):
+    if maneuver.battery is not None:
+        _check_battery(vehicle, maneuver, maneuver.battery)
+
+
+def _check_inputs(vehicle: Vehicle, maneuver: Maneuver) -> None:
+    names = (*EXCITATIONS, *SETPOINTS) if on_rotors(vehicle, maneuver) else ()
+    channels = set(vehicle.recorded) - {"voltage", "density"} if vehicle.hovers else set()
+    known = dict.fromkeys((*names, *vehicle.controls, *sorted(channels)))
+    for spec in maneuver.input:
+        if spec.control not in known:
+            raise ManeuverError(
+                f"{vehicle.where}: the maneuver moves '{spec.control}', but the controls are {', '.join(known) or 'none'}; "
+                "correct the maneuver file"
+            )
+
+
+def _check_battery(vehicle: Vehicle, maneuver: Maneuver, battery: Battery) -> None:
+    rotors = vehicle.file.rotors
+    if rotors is None or rotors.nominal_voltage is None or not on_rotors(vehicle, maneuver):
         raise ManeuverError(
             f"battery: no rotor of {vehicle.where} feels the voltage in this flight; write nominal_voltage into [rotors] "
             "of the vehicle file, or remove it"
+        )
+    if battery.sag and rotors.voltage_average:
+        raise ManeuverError(
+            f"battery.sag: the rotors of {vehicle.where} take the voltage over {rotors.voltage_average:g} s (voltage_average), "
+            "so sag is part of their thrust; remove one of the two"
         )

@@ -259,6 +259,11 @@ def test_what_only_rotors_can_do(twin_boom: Vehicle, quad: Vehicle) -> None:
         fly(twin_boom, maneuver(2.0, velocity=(1.0, 0.0, 0.0)))
     with pytest.raises(ManeuverError, match=r"battery: no rotor of .* feels the voltage"):
         fly(twin_boom, maneuver(2.0, battery={"fall": 0.1}))
+    slow = parse_vehicle(quad.text.replace("[rotors]", "[rotors]\nvoltage_average = 30.0"), "slow.toml")
+    with pytest.raises(
+        ManeuverError, match=r"battery.sag: .* take the voltage over 30 s \(voltage_average\)"
+    ):
+        fly(slow, maneuver(2.0, battery={"sag": 0.5}))
     with pytest.raises(ManeuverError, match="moves 'heave', but the controls are elevator"):
         fly(twin_boom, maneuver(2.0, pulse("heave", 1.0)))
     assert fly(quad, maneuver(0.5, velocity=(1.0, 0.0, 0.0))).velocity[0] == pytest.approx([1.0, 0.0, 0.0])
