@@ -217,6 +217,7 @@ def tell(job: Job, folder: Path) -> None:
         doubts_by_phrase,
         estimates_table,
         figures_table,
+        forces_table,
         methods_table,
         repeatability_lines,
     )
@@ -239,6 +240,9 @@ def tell(job: Job, folder: Path) -> None:
         out.bullets(advised)
     out.heading("fit and prediction")
     print(figures_table(result.maneuvers))
+    if job.forces:
+        out.heading("specific force below 5 Hz, measured motion in: rms residual, m/s2")
+        print(forces_table(job.forces))
     if result.repeatability.maneuvers:
         out.heading("repeatability: each maneuver fitted alone")
         out.bullets(repeatability_lines(result.repeatability))

@@ -12,6 +12,7 @@ from stoop.errors import FlightError
 from stoop.flight import Flight, load, without, without_faults
 from stoop.identify import methods
 from stoop.identify.fit import Fit, Options
+from stoop.identify.forces import ForceFigures, force_figures
 from stoop.identify.predict import identified_vehicle
 from stoop.identify.prepare import prepare
 from stoop.identify.result import Identification
@@ -41,6 +42,8 @@ class Job:
         What was read; :meth:`save` never writes over it.
     attachments : mapping of str to bytes
         Further files for the folder, by name.
+    forces : tuple of ForceFigures
+        Of a vehicle with rotors: the specific force beside the flight, window by window.
     """
 
     identification: Identification
@@ -49,6 +52,7 @@ class Job:
     fit: Fit
     files: tuple[Path, ...] = ()
     attachments: Mapping[str, bytes] = field(default_factory=dict)
+    forces: tuple[ForceFigures, ...] = ()
 
     def assess(self, *assessments: Assessment, watch: Callable[[str], None] | None = None) -> Job:
         """Return this job with further statements of its uncertainty.
@@ -165,6 +169,7 @@ def finish(done: Search) -> Job:
         tuple(done.flights.values()),
         done.fit,
         done.files,
+        forces=force_figures(done.fit, done.flights, done.predicted),
     )
 
 

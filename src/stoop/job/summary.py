@@ -6,11 +6,12 @@ import math
 from collections.abc import Mapping, Sequence
 
 from stoop.identify.evidence import Sight
+from stoop.identify.forces import ForceFigures
 from stoop.identify.result import ManeuverResult, Repeatability, Result
 from stoop.report.repeatability import comparison
 
 BASIC = ("corrected", "cramer_rao")  #: methods that every result has
-_SHOWN = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "ax", "ay", "az")
+_SHOWN = ("vn", "ve", "vd", "V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "ax", "ay", "az")
 
 
 def _number(value: float, width: int = 11) -> str:
@@ -63,6 +64,18 @@ def doubts_by_phrase(seen: Mapping[str, Sight]) -> dict[str, list[str]]:
         doubt: [f"{', '.join(names)}: {advice}" for advice, names in by_advice.items()]
         for doubt, by_advice in shared.items()
     }
+
+
+def forces_table(figures: Sequence[ForceFigures]) -> str:
+    """Return the residuals of the specific force below 5 Hz: of the model, a constant, static thrust, m/s2."""
+    lines = [f"{'window':24} {'role':10} {'axis':4} {'model':>8} {'constant':>9} {'static thrust':>13}"]
+    for one in figures:
+        where = f"{one.window.start:g}:{one.window.stop:g}"
+        lines += [
+            f"{where:24} {one.role:10} {axis:4} {a.model:8.3f} {a.constant:9.3f} {a.static:13.3f}"
+            for axis, a in one.axes.items()
+        ]
+    return "\n".join(lines)
 
 
 def repeatability_lines(found: Repeatability) -> list[str]:

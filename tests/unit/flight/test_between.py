@@ -53,7 +53,7 @@ def test_rates_are_integrated() -> None:
 def test_quick_motion_between_slow_samples() -> None:
     channels = recorded(np.arange(0.0, 20.0, 0.2), np.arange(0.0, 20.0, 0.004), bias=0.01)
     before, after = off(channels, False)[0], off(channels, True)
-    assert before > 0.2
+    assert before > 0.1
     assert after[0] < 0.03, "the ends of filtered rates are the worst"
     assert after[1] == "the attitude was logged at 5 Hz; between its samples it follows the rates"
 

@@ -16,7 +16,7 @@ from stoop.identify.noise import variance_of
 from stoop.identify.prepare import Prepared
 from stoop.identify.regression.accelerations import Unknowns, fitted
 from stoop.identify.regression.domain import Time
-from stoop.identify.regression.estimate import unbounded
+from stoop.identify.regression.estimate import boxed
 from stoop.identify.regression.least_squares import Solved
 from stoop.identify.shooting.predict import LENGTH, begun_anew
 from stoop.optimize.minimize import Status
@@ -44,7 +44,7 @@ def of_rotors(problem: Misfit, prepared: Prepared, name: str) -> Fit:
         Nowhere was the motion measured whole.
     """
     layout = problem.layout
-    found = fitted(layout, problem.pieces, Time(), unbounded(layout.parameters))
+    found = fitted(layout, problem.pieces, Time(), boxed(layout.parameters))
     if found is None:
         raise IdentificationError(
             f"{layout.vehicle.where}: no regression is possible: velocity over ground, rates, attitude and accelerations must "
