@@ -1,0 +1,110 @@
+"""Known truth, sensor noise, wind and light turbulence: a quadrotor and a hexacopter with a weak rotor, all come back.
+
+Mass is known; inertia, center of gravity, lag, delay, thrust, torque, drag and the factor of the weak rotor are free and
+start up to 20 % off. Each window's wind is constant, so gusts that change within it are noise of the method: squares of
+(estimate - truth) / standard error average one in calm air and somewhat more in gusts.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from stoop.identify.fit import Fit, Options
+from stoop.identify.shooting.method import fit
+from stoop.identify.windows import Window
+from stoop.job.judged import judged
+from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+
+SECONDS = 40.0
+SEEDS = (0, 1, 2)
+FREE = (
+    "rotors.lag",
+    "rotors.delay",
+    "rotor.m3.factor",
+    "mass.center_of_gravity.x",
+    "mass.center_of_gravity.y",
+)
+GUSTS = """
+[turbulence]
+airspeed = 5.0
+u = {{ intensity = {0}, length = 50.0 }}
+v = {{ intensity = {0}, length = 50.0 }}
+w = {{ intensity = {0}, length = 20.0 }}
+"""
+
+
+def maneuver() -> str:
+    """Return doublets about each axis, steps of thrust, and legs in all directions, four times."""
+    out = [f"duration = {SECONDS}\nrate = 100.0\nwind = [2.0, -1.0, 0.0]\n"]
+    for k in range(4):
+        t, sign = 10.0 * k, (-1) ** k
+        for control, shape, start, step, amplitude in (
+            ("roll", "doublet", 1.0, 0.15, 8.0), ("pitch", "doublet", 2.0, 0.15, 8.0),
+            ("yaw", "doublet", 3.0, 0.4, 1.5), ("heave", "3-2-1-1", 4.0, 0.25, 2.0),
+            ("north", "doublet", 4.5, 2.0, 2.5 * sign), ("east", "doublet", 5.0, 2.0, 2.5),
+            ("down", "doublet", 5.5, 2.0, 1.0), ("heading", "doublet", 6.0, 1.5, 0.6),
+        ):  # fmt: skip
+            out.append(
+                f'[[input]]\ncontrol = "{control}"\nshape = "{shape}"\nstart = {t + start}\nstep = {step}\n'
+                f"amplitude = {amplitude}\n"
+            )
+    return "".join(out)
+
+
+def vehicles(name: str, gusts: float) -> tuple[Vehicle, Vehicle]:
+    """Return the truth, in gusts, and the same in calm air; one rotor is weak, the center of gravity off."""
+    text = resolve_vehicle(name).text.replace("lag = ", "delay = 0.012\nlag = ", 1)
+    text = re.sub(r"(\[rotor\.m3\][^\n]*\n)", r"\1factor = 0.85\n", text)
+    text = text.replace("[rotors]", "center_of_gravity = [0.01, -0.006, 0.0]\n\n[rotors]", 1)
+    blown = text + GUSTS.format(gusts) if gusts else text
+    return parse_vehicle(blown, name), parse_vehicle(text, name)
+
+
+def misled(vehicle: Vehicle, seed: int) -> tuple[Vehicle, dict[str, float]]:
+    """Return a start up to 20 % off, and the truth."""
+    rng = np.random.default_rng(seed + 100)
+    inertia = tuple(f"mass.inertia.{a}" for a in ("xx", "yy", "zz"))
+    own = [p.name for p in vehicle.parameters if p.free and not p.name.startswith("sensors.")]
+    truth = {n: vehicle.value(n) for n in (*own, *FREE, *inertia)}
+    changes = {n: {"free": True, "value": v * rng.uniform(0.8, 1.2)} for n, v in truth.items()}
+    for n in inertia:
+        changes[n]["bounds"] = (truth[n] / 3.0, truth[n] * 3.0)
+    for a in "xy":
+        changes[f"mass.center_of_gravity.{a}"]["bounds"] = (-0.05, 0.05)
+    return vehicle.with_numbers(changes), truth
+
+
+def sigmas_off(found: Fit, truth: dict[str, float]) -> np.ndarray:
+    std = judged(found, Options(method="multiple-shooting")).std
+    errors = [found.estimates[p.name] - truth[p.name] for p in found.problem.layout.parameters]
+    return np.array(errors) / std[: len(errors)]
+
+
+def flown(name: str, gusts: float, seed: int) -> np.ndarray:
+    true, calm = vehicles(name, gusts)
+    flight = simulate_flight(true, parse_maneuver(maneuver(), "legs"), seed=seed, name="sim")
+    start, truth = misled(calm, seed)
+    found = fit(start, {"sim": flight}, [Window("sim", 0.0, SECONDS)], Options(seed=seed))
+    assert found.outcome.status == "converged"
+    return sigmas_off(found, truth)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["quad-x", "hexa-x"])
+def test_in_calm_air_error_bars_are_right(name):
+    z = np.array([flown(name, 0.0, seed) for seed in SEEDS])
+    assert np.abs(z).max() < 3.5  # of 48
+    assert 0.6 < np.mean(z**2) < 1.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["quad-x", "hexa-x"])
+def test_in_wind_and_light_turbulence_the_truth_comes_back(name):
+    z = np.array([flown(name, 0.1, seed) for seed in SEEDS])
+    assert np.abs(z).max() < 4.0
+    assert 0.6 < np.mean(z**2) < 2.0
