@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Final
 
 import numpy as np
 
@@ -12,6 +13,11 @@ from stoop.flight.channels import Channels, SourceRate, source_rate, stretches
 from stoop.flight.grid import Grid, complete, make_grid, resample
 from stoop.flight.variables import EULER, QUATERNION, VARIABLES, WRAPPED
 from stoop.logs import FloatArray
+
+EMPTY: Final = 1000.0  #: points of the grid for each sample that was recorded
+EMPTY_LEAST: Final = (
+    200  #: samples; a grid of that many times EMPTY points is never refused for its emptiness
+)
 
 Gridded = dict[str, FloatArray]
 
@@ -41,12 +47,24 @@ def build(
         )
     width = sum(len(c.values) for c in channels) + len(EULER)
     grid = make_grid(min(t[0] for t in clocks), max(t[-1] for t in clocks), rate, width, place)
+    _refuse_emptiness(clocks, rate, place)
     data: Gridded = {}
     sources: dict[str, SourceRate] = {}
     for group in channels:
         data.update(_grid_group(grid, group))
         sources.update(_sources(group))
     return grid, _in_registry_order(data), sources
+
+
+def _refuse_emptiness(clocks: Sequence[FloatArray], rate: float, place: str) -> None:
+    """Refuse a grid on which next to nothing was recorded: damaged clocks make small logs large."""
+    duration = float(max(t[-1] for t in clocks) - min(t[0] for t in clocks))
+    samples = sum(t.size for t in clocks)
+    if duration * rate > EMPTY * max(samples, EMPTY_LEAST):
+        raise FlightError(
+            f"{place}: only {samples} samples in {duration:.0f} s: a clock is damaged, or in another unit; "
+            "check the unit of the time, or cut the log"
+        )
 
 
 def _sources(group: Channels) -> Mapping[str, SourceRate]:

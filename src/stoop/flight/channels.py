@@ -13,6 +13,9 @@ from stoop.logs import FloatArray
 
 GAP: Final = 0.05  #: s; a longer hole in an input ends a segment
 WILD: Final = 1e9  #: SI; no quantity of the registry is that large
+ALONE: Final = 60.0  #: s; the least distance from the rest at which a few samples are strays
+FAR: Final = 100.0  #: median periods; the same for channels logged slowly
+FEW: Final = 3  #: samples
 SLOW_GAP: Final = 2.5  #: median periods; for channels logged too slowly for `GAP`
 
 
@@ -59,7 +62,7 @@ class SourceRate:
 
 
 def tame(group: Channels) -> tuple[Channels, list[str]]:
-    """Count impossibly large numbers as missing, and say so.
+    """Drop strays at both ends of the record, count impossibly large numbers as missing, and say so.
 
     Parameters
     ----------
@@ -67,12 +70,13 @@ def tame(group: Channels) -> tuple[Channels, list[str]]:
 
     Returns
     -------
-    group : the same, with NaN in their place
-    notes : one for each variable that had any
+    group : the same, without the strays, and with NaN in place of what is too large
+    notes : one for the strays, and one for each variable that had large numbers
     """
+    group, told = _without_strays(group)
     wild = {name: int(np.sum(np.abs(x) > WILD)) for name, x in group.values.items()}
     if not any(wild.values()):
-        return group, []
+        return group, told
     values = {
         name: np.where(np.abs(x) <= WILD, x, np.nan) if wild[name] else x for name, x in group.values.items()
     }
@@ -81,7 +85,25 @@ def tame(group: Channels) -> tuple[Channels, list[str]]:
         for name, n in wild.items()
         if n
     ]
-    return Channels(group.source, group.time, values), notes
+    return Channels(group.source, group.time, values), [*told, *notes]
+
+
+def _without_strays(group: Channels) -> tuple[Channels, list[str]]:
+    """Drop a few samples before or after all others: one damaged time stamp makes a flight of hours, all of it a gap."""
+    time = group.time
+    if time.size <= FEW:
+        return group, []
+    steps = np.diff(time)
+    cuts = np.flatnonzero(steps > max(ALONE, FAR * float(np.median(steps)))) + 1
+    pieces = [(a, b) for a, b in pairwise([0, *cuts.tolist(), time.size]) if b - a > FEW]
+    if not cuts.size or not pieces:
+        return group, []
+    kept = slice(pieces[0][0], pieces[-1][1])
+    lost = int(time.size - (kept.stop - kept.start))
+    if not lost:
+        return group, []
+    note = f"{group.source}: {lost} samples more than {ALONE:g} s before or after all others were dropped"
+    return Channels(group.source, time[kept], {name: x[kept] for name, x in group.values.items()}), [note]
 
 
 def longest_allowed(time: FloatArray) -> float:

@@ -68,9 +68,13 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = DEFA
     channels = [group for group, _ in tamed]
     check_radians(channels, str(path), str(place or ""), named_channels.places)
     flight = with_air(_gridded(path, recording, replace(named_channels, channels=channels), rate))
-    return replace(
-        flight, notes=(*(note for _, told in tamed for note in told), *flight.notes, *_warnings(flight))
-    )
+    notes = (*(note for _, told in tamed for note in told), *flight.notes, *_warnings(flight))
+    return replace(flight, notes=tuple(map(_printable, notes)))
+
+
+def _printable(note: str) -> str:
+    """Return a note on one line, whatever names of the log it quotes."""
+    return "".join(c if c.isprintable() else " " for c in note)
 
 
 def _gridded(path: Path, recording: Recording, found: Mapped, rate: float) -> Flight:

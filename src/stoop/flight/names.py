@@ -83,7 +83,7 @@ def _by_words(text: str) -> tuple[str, float, str] | None:
     for variable, pattern, scale, doubt in _RULES:
         found = pattern.search(text)
         if found is not None:
-            number = next((int(n) for n in found.groups() if n is not None and n.isdigit()), None)
+            number = next((int(n) for n in found.groups() if n is not None and n.isdecimal()), None)
             name = _numbered(variable, number, text)
             return None if name is None else (name, scale, doubt)
     return None

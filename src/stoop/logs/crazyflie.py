@@ -140,10 +140,9 @@ class _Cursor:
         end = self._data.find(b"\0", self.at, self.at + 256)
         self._need(end + 1 if end >= 0 else len(self._data) + 1)
         raw, self.at = self._data[self.at : end], end + 1
-        try:
-            return raw.decode("ascii")
-        except UnicodeDecodeError:
-            raise self.fault("a name is not text") from None
+        if not raw.isascii() or not (name := raw.decode("ascii")).isprintable():
+            raise self.fault("a name is not text")
+        return name
 
     def fault(self, what: str) -> LogError:
         return LogError(

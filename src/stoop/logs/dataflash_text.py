@@ -123,7 +123,7 @@ def _define(
     cells = [cell.decode("latin-1").strip() for cell in rest.split(b",", 4)]
     if (
         len(cells) < 5
-        or not cells[0].isdigit()
+        or not cells[0].isdecimal()
         or cells[2] in kinds
         or cells[2] == "FMT"
         or len(kinds) == MAX_KINDS

@@ -12,6 +12,7 @@ from stoop.flight import OUTPUTS, VARIABLES, Flight, from_columns, load
 from stoop.flight.load import with_air, without
 from stoop.flight.make import named
 from stoop.flight.variables import variable
+from stoop.logs.ulog_write import Topic, ulog
 from stoop.units import FACTORS
 
 MAPPING = """[time]
@@ -266,3 +267,21 @@ def test_angles_of_several_turns_are_brought_onto_the_circle() -> None:
     np.testing.assert_allclose(several.column("psi"), psi, atol=1e-12)
     np.testing.assert_allclose(several.column("phi"), one.column("phi"), atol=1e-12)
     assert np.array_equal(from_columns("f", t, {"psi": psi}).column("psi"), psi)
+
+
+def test_one_wild_stamp_makes_no_flight_of_hours(tmp_path: Path) -> None:
+    time = 2.0 + 0.02 * np.arange(60)
+    time[-1] = 34_359.0
+    rates = Topic("vehicle_angular_velocity", time, {f"xyz[{i}]": np.ones(60, "f4") for i in range(3)})
+    (tmp_path / "a.ulg").write_bytes(ulog([rates]))
+    flight = load(tmp_path / "a.ulg")
+    assert flight.time[-1] < 4.0
+    assert any("1 samples more than 60 s before or after all others were dropped" in n for n in flight.notes)
+
+
+def test_a_few_samples_in_many_hours_are_no_flight(tmp_path: Path) -> None:
+    time = 1000.0 * np.arange(30)
+    rates = Topic("vehicle_angular_velocity", time, {f"xyz[{i}]": np.ones(30, "f4") for i in range(3)})
+    (tmp_path / "a.ulg").write_bytes(ulog([rates]))
+    with pytest.raises(FlightError, match="only 30 samples in 29000 s: a clock is damaged"):
+        load(tmp_path / "a.ulg")

@@ -148,3 +148,9 @@ def test_nothing_but_unknown_events_ends_soon() -> None:
     hostile = head + (b"\x01\x00" + b"\xff" * 8 + b"\x07\x00") * 50_000
     recording = parse_crazyflie(hostile, PATH)
     assert len(recording.defects) < 30
+
+
+def test_a_name_that_cannot_be_printed_is_damage(tmp_path: Path) -> None:
+    event = Event(1, np.arange(3.0), {"a": np.zeros(3, "f4")})
+    with pytest.raises(LogError, match="a name is not text"):
+        parse_crazyflie(crazyflie_bytes({"fix\x06d": event}), tmp_path / "a.usd")

@@ -215,3 +215,9 @@ def test_any_bytes(content: bytes) -> None:
     for parse in BASES:
         with suppress(LogError):
             parse(HERE, content)
+
+
+def test_a_digit_that_is_no_number_defines_nothing(tmp_path: Path) -> None:
+    lines = "FMT, \u00b2, 50, BAD, QB, TimeUS,I\nFMT, 2, 50, ATT, QB, TimeUS,I\nATT, 1000, 2\nATT, 2000, 3\n"
+    recording = parse_dataflash_text(tmp_path / "a.log", lines.encode("latin-1"))
+    assert set(recording.streams) == {"ATT"}
