@@ -1,8 +1,8 @@
-"""Known truth, sensor noise, wind and light turbulence: a quadrotor and a hexacopter with a weak rotor, all come back.
+"""Known truth, sensor noise, wind and turbulence: a quadrotor and a hexacopter with a weak rotor, all come back.
 
 Mass is known; inertia, center of gravity, lag, delay, thrust, torque, drag and the factor of the weak rotor are free and
-start up to 20 % off. Each window's wind is constant, so gusts that change within it are noise of the method: squares of
-(estimate - truth) / standard error average one in calm air and somewhat more in gusts.
+start up to 20 % off. Each window's wind is constant, so gusts that change within it are noise of the method, which the
+error bars know: squares of (estimate - truth) / standard error average about one in calm air and in gusts of 0.5 m/s.
 """
 
 from __future__ import annotations
@@ -99,12 +99,12 @@ def flown(name: str, gusts: float, seed: int) -> np.ndarray:
 def test_in_calm_air_error_bars_are_right(name):
     z = np.array([flown(name, 0.0, seed) for seed in SEEDS])
     assert np.abs(z).max() < 3.5  # of 48
-    assert 0.6 < np.mean(z**2) < 1.5
+    assert 0.5 < np.mean(z**2) < 1.5
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["quad-x", "hexa-x"])
-def test_in_wind_and_light_turbulence_the_truth_comes_back(name):
-    z = np.array([flown(name, 0.1, seed) for seed in SEEDS])
+def test_in_wind_and_turbulence_the_truth_comes_back(name):
+    z = np.array([flown(name, 0.5, seed) for seed in SEEDS])
     assert np.abs(z).max() < 4.0
-    assert 0.6 < np.mean(z**2) < 2.0
+    assert 0.5 < np.mean(z**2) < 1.8

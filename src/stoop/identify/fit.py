@@ -17,7 +17,7 @@ from stoop.identify.equation_error import equation_error
 from stoop.identify.noise import effective_variance, first_variance
 from stoop.identify.prepare import Prepared, nuisances, prepare
 from stoop.identify.ratios import with_mass_held
-from stoop.identify.rotors_seen import check_rotors
+from stoop.identify.rotors_seen import check_motors, check_rotors
 from stoop.identify.windows import Window
 from stoop.optimize.ledger import Halt, blank
 from stoop.optimize.levenberg import FULL
@@ -86,12 +86,15 @@ class Evidence:
     edges : tuple of tuple of int
         Where windows of each piece begin, and its length, where windows begin anew: residuals are then no stationary
         noise, but the same from window to window. Else empty.
+    gaps : tuple of ((w - 1, e), (w - 1, e, k))
+        Residuals and derivatives, whitened, of how each piece's windows meet, where `edges` are; in `information` too.
     """
 
     residuals: tuple[FloatArray, ...]
     jacobians: tuple[FloatArray, ...]
     information: FloatArray
     edges: tuple[tuple[int, ...], ...] = ()
+    gaps: tuple[tuple[FloatArray, FloatArray], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,6 +162,8 @@ def pose(
         Nothing is free.
     """
     vehicle = with_mass_held(vehicle) if vehicle.hovers else vehicle
+    if vehicle.hovers:
+        check_motors(vehicle, flights, windows)
     prepared = without_stuck_channels(vehicle, prepare(vehicle, flights, windows))
     if vehicle.hovers:
         check_rotors(vehicle, prepared.windows, prepared.pieces)

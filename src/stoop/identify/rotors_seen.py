@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.cost import Misfit, Piece
-from stoop.errors import IdentificationError
+from stoop.errors import FlightError, IdentificationError
 from stoop.flight import Flight
 from stoop.identify.windows import Window
 from stoop.simulate import parameter_rows
@@ -28,6 +28,25 @@ STILL: Final = 0.01  #: of the mean x: the rms of a change that is no input
 LOUD: Final = 3.0  #: times the noise of the file: a rate that moves
 RATES: Final = ("p", "q", "r")
 _AXES: Final = dict(zip(RATES, (("roll", "xx"), ("pitch", "yy"), ("yaw", "zz")), strict=True))
+
+
+def check_motors(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> None:
+    """Refuse a log that lacks some of the motors: most often that of another vehicle.
+
+    Raises
+    ------
+    FlightError
+        Some, but not all, of the rotors' channels are missing.
+    """
+    for name in dict.fromkeys(w.flight for w in windows):
+        there = set(map(str, flights[name].data.data_vars))
+        missing = {r: rotor.channel for r, rotor in vehicle.file.rotor.items() if rotor.channel not in there}
+        if missing and len(missing) < len(vehicle.rotors):
+            raise FlightError(
+                f"{name}: no {', '.join(dict.fromkeys(missing.values()))} in this log, but {vehicle.where} has "
+                f"{len(vehicle.rotors)} rotors; is it the log of another vehicle? Check --vehicle, or channel in "
+                f"{', '.join(f'[rotor.{r}]' for r in missing)}"
+            )
 
 
 def check_rotors(vehicle: Vehicle, windows: Sequence[Window], pieces: Sequence[Piece]) -> None:

@@ -10,7 +10,7 @@ from stoop.uncertainty.covariance import standard_errors
 from stoop.uncertainty.estimate import estimate_uncertainty
 from stoop.uncertainty.identifiability import Yardstick, identifiability
 from stoop.uncertainty.sensitivity import Sensitivity
-from stoop.uncertainty.windowed import windowed_covariance
+from stoop.uncertainty.windowed import widened, windowed_covariance
 
 
 def error_bars(fit: Fit, _color: float) -> ErrorBars:
@@ -28,10 +28,10 @@ def error_bars(fit: Fit, _color: float) -> ErrorBars:
     found = estimate_uncertainty(_segments(evidence, free), evidence.information[np.ix_(free, free)])
     corrected = found.corrected
     if evidence.edges:
-        windowed = windowed_covariance(
-            _segments(evidence, free), evidence.edges, evidence.information[np.ix_(free, free)]
-        )
-        corrected = corrected if windowed is None else windowed
+        gaps = [(gap, slopes[:, :, free]) for gap, slopes in evidence.gaps]
+        prior = evidence.information[np.ix_(free, free)]
+        windowed = windowed_covariance(_segments(evidence, free), evidence.edges, gaps, prior)
+        corrected = corrected if windowed is None else widened(windowed, corrected)
     own = free[free < d]
     names = [p.name for p in fit.problem.layout.parameters]
     every = [names[e] if e < d else f"unknown {e}" for e in free]

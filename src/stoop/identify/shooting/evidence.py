@@ -25,19 +25,23 @@ def evidence(meeting: Meeting, place: Place) -> Evidence:
     layout = meeting.problem.layout
     prior = layout.prior_jacobian() / layout.scales
     information = prior.T @ prior
-    residuals, jacobians = [], []
+    residuals, jacobians, gaps = [], [], []
     for shots, windows in zip(meeting.shots, meeting.linear(place), strict=True):
         follow = _following([meeting.weigh(window) for window in windows], layout.scales)
         blocks = [
             window.by_unknown / layout.scales + window.by_state @ own
             for window, own in zip(windows, follow, strict=True)
         ]
-        information = information + _met(meeting, windows, follow)
+        gaps.append(_met(meeting, windows, follow))
+        rows = gaps[-1][1].reshape(-1, len(layout.scales))
+        information = information + rows.T @ rows
         residual = -np.concatenate([window.residual for window in windows])
         residuals.append(np.where(np.isfinite(shots.piece.measured), residual, np.nan))
         jacobians.append(np.concatenate(blocks))
-    anew = tuple(shots.edges for shots in meeting.shots) if layout.vehicle.hovers else ()
-    return Evidence(tuple(residuals), tuple(jacobians), information, anew)
+    found = tuple(residuals), tuple(jacobians), information
+    if not layout.vehicle.hovers:
+        return Evidence(*found)
+    return Evidence(*found, tuple(shots.edges for shots in meeting.shots), tuple(gaps))
 
 
 def _following(windows: Sequence[Weighted], scales: FloatArray) -> list[FloatArray]:
@@ -49,12 +53,14 @@ def _following(windows: Sequence[Weighted], scales: FloatArray) -> list[FloatArr
     return out
 
 
-def _met(meeting: Meeting, windows: Sequence[Window], follow: Sequence[FloatArray]) -> FloatArray:
-    """Return what the gaps between windows say of the search vector (j, j)."""
-    scales = meeting.problem.layout.scales
-    total = np.zeros((len(scales), len(scales)))
-    for w, window in enumerate(windows[:-1]):
-        moved = window.gap_by_unknown / scales + window.gap_by_state @ follow[w] - follow[w + 1]
-        rows = meeting.closeness[:, None] * moved
-        total += rows.T @ rows
-    return total
+def _met(
+    meeting: Meeting, windows: Sequence[Window], follow: Sequence[FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Return residuals (w - 1, e) of the gaps between windows, and how they depend on the search vector (w - 1, e, j)."""
+    scales, close = meeting.problem.layout.scales, meeting.closeness
+    moved = [
+        window.gap_by_unknown / scales + window.gap_by_state @ follow[w] - follow[w + 1]
+        for w, window in enumerate(windows[:-1])
+    ]
+    gaps = np.array([-close * window.gap for window in windows[:-1]]).reshape(-1, len(close))
+    return gaps, np.array([close[:, None] * m for m in moved]).reshape(*gaps.shape, len(scales))

@@ -201,7 +201,7 @@ def test_saturation_and_stillness_are_said(start, flight):
 
 def test_the_log_of_another_vehicle_is_recognized(start, flight):
     hexa = resolve_vehicle("hexa-x")
-    with pytest.raises(FlightError, match="motor_5"):
+    with pytest.raises(FlightError, match=r"no motor_5, motor_6 in this log.*\[rotor\.m5\]"):
         pose(hexa, {"sim": flight}, WINDOW, Options())
     constant = {n: np.full(len(flight.time), 0.0) for n in ("motor_5", "motor_6")}
     with pytest.raises(
