@@ -55,8 +55,20 @@ EXPERIMENTS: Final[Mapping[str, Entry]] = {
         "stoop.study.verify.jsbsim_truth.experiment:JsbsimTruth",
         "stock aircraft of JSBSim identified from their outputs (10 flights each)",
     ),
+    "multirotor": Entry(
+        "stoop.study.verify.multirotor.experiment:Multirotor",
+        "JSBSim's F450 identified from its outputs (10 flights, by speeds and by commands)",
+    ),
+    "hexacopter": Entry(
+        "stoop.study.verify.hexacopter.experiment:Hexacopter",
+        "forces of a real hexacopter predicted in sprints, beside its owners' model; reads --data DIR",
+    ),
     "propellers": Entry(
         "stoop.study.verify.propellers.experiment:Propellers",
         "cut propellers and added weights on real quadrotors; reads --data DIR",
+    ),
+    "readers": Entry(
+        "stoop.study.verify.readers.experiment:Readers",
+        "damaged logs over all readers: no crash, hang or hunger (29 runs of 250 each)",
     ),
 }
