@@ -75,7 +75,9 @@ def _check_signs(vehicle: Vehicle, where: str) -> None:
         if name in vehicle.rows and not vehicle.value(name) > 0.0:
             advice = "remove it for no lag" if name.endswith("lag") else "write its true value in SI units"
             raise VehicleError(f"{where}{name}: {vehicle.value(name):g} is not positive; {advice}")
-    for name in (n for n in vehicle.rows if n.endswith(("factor", "rotors.delay", "torque_ratio"))):
+    measured = vehicle.file.rotors is not None and vehicle.file.rotors.drive == "speed"
+    sized = ("factor", "torque_ratio") if measured else ("factor", "rotors.delay", "torque_ratio")
+    for name in (n for n in vehicle.rows if n.endswith(sized)):  # a measured speed may be told late
         if vehicle.value(name) < 0.0:
             raise VehicleError(
                 f"{where}{name}: {vehicle.value(name):g} is negative; write its size, spin says the sign"

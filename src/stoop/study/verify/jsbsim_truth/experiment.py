@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from stoop.campaign import Plan, Run
 from stoop.report.sheet import Prose, Section, Table
 from stoop.study.findings import Claim, Findings, FloatArray, Results, Setting, counted, holds, number
 from stoop.study.tables import Cell
-from stoop.study.verify.jsbsim_truth.aircraft import FLEET, Stock
+from stoop.study.verify.jsbsim_truth.aircraft import FLEET
 from stoop.study.verify.jsbsim_truth.case import WORK
 from stoop.study.verify.jsbsim_truth.flight import DURATION
 from stoop.study.verify.jsbsim_truth.machine import RATE
@@ -41,19 +41,38 @@ chance. The last column is the difference of the mean over all flights, in stand
 averages out."""
 
 
+class Subject(Protocol):
+    """What was identified: its name in keys and tables, its name on the page, what is to be minded."""
+
+    @property
+    def model(self) -> str:
+        """In keys and tables."""
+        ...
+
+    @property
+    def title(self) -> str:
+        """On the page."""
+        ...
+
+    @property
+    def words(self) -> str:
+        """What is to be minded."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class Identified:
     """Estimates of one aircraft over all seeds.
 
     Attributes
     ----------
-    stock : Stock
+    stock : Subject
     names : tuple of str
     truth : (k,)
     estimates, sigmas : (n, k)
     """
 
-    stock: Stock
+    stock: Subject
     names: tuple[str, ...]
     truth: FloatArray
     estimates: FloatArray
@@ -141,7 +160,7 @@ def key(model: str, seed: int) -> str:
     return f"{model}/{seed:06d}"
 
 
-def identified(stock: Stock, told: Sequence[Mapping[str, Any]]) -> Identified:
+def identified(stock: Subject, told: Sequence[Mapping[str, Any]]) -> Identified:
     """Collect the results of one aircraft."""
     truth: Mapping[str, float] = told[0]["truth"]
     names = tuple(truth)
@@ -151,11 +170,11 @@ def identified(stock: Stock, told: Sequence[Mapping[str, Any]]) -> Identified:
     return Identified(stock, names, np.array([truth[n] for n in names]), *columns)
 
 
-def claims(found: Identified) -> Iterator[Claim]:
+def claims(found: Identified, what: str = "derivative") -> Iterator[Claim]:
     """Give what is claimed of an aircraft."""
     agree, title = found.agree, found.stock.title
     yield holds(
-        f"{title}: the mean over the flights is within 3 standard errors or 2 % of JSBSim's own value, for every derivative",
+        f"{title}: the mean over the flights is within 3 standard errors or 2 % of JSBSim's own value, for every {what}",
         bool((np.abs(found.mean_errors) <= found.reach.mean(axis=0)).all()),
         f"largest difference that is above 2 %: {_worst(found)}",
     )
