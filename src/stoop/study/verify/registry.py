@@ -59,10 +59,6 @@ EXPERIMENTS: Final[Mapping[str, Entry]] = {
         "stoop.study.verify.multirotor.experiment:Multirotor",
         "JSBSim's F450 identified from its outputs (10 flights, by speeds and by commands)",
     ),
-    "multirotor": Entry(
-        "stoop.study.verify.multirotor.experiment:Multirotor",
-        "JSBSim's F450 identified from its outputs (10 flights, by speeds and by commands)",
-    ),
     "hexacopter": Entry(
         "stoop.study.verify.hexacopter.experiment:Hexacopter",
         "forces of a real hexacopter predicted in sprints, beside its owners' model; reads --data DIR",
