@@ -13,6 +13,7 @@ import tomlkit
 from numpy.typing import NDArray
 
 from stoop.cost import Layout
+from stoop.errors import IdentificationError
 from stoop.files import write_text_atomic
 from stoop.flight import Flight
 from stoop.identify.regression.candidates import parameter_name
@@ -75,6 +76,11 @@ def structure(
     StoopError
         One line that says what is wrong and what to do.
     """
+    if vehicle.hovers:
+        raise IdentificationError(
+            f"{vehicle.where}: it has rotors, and terms are chosen of aerodynamic coefficients only; use stoop identify, "
+            "and --fix what it finds at a bound or not identifiable"
+        )
     windows = [parse_window(text, flights) for text in maneuvers]
     found = determine(vehicle, flights, windows, candidates, choose, domain)
     names = {c: _names(vehicle, c, chosen.terms) for c, chosen in found.chosen.items()}

@@ -69,7 +69,8 @@ def widened(covariance: FloatArray, other: FloatArray) -> FloatArray:
     with np.errstate(invalid="ignore", divide="ignore"):
         stretch = np.where(least > own, least / own, 1.0)
     stretch = np.where(np.isfinite(stretch) & (own > 0.0), stretch, 1.0)
-    return covariance * np.outer(stretch, stretch)
+    wide: FloatArray = covariance * np.outer(stretch, stretch)
+    return wide
 
 
 def _scores(
