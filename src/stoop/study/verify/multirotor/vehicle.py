@@ -70,7 +70,8 @@ def vehicle_of(
     share = craft.mass * flown.gravity / 4.0
     text = FILE.format(
         mass=craft.mass, **GUESSED, zz=truth["mass.inertia.zz"], gravity=gravity(craft, flown),
-        channel=BY_SPEED if motor is None else BY_COMMAND.format(**motor), T2_start=share / x**2, drag=truth["body_drag.quadratic.z"],
+        channel=BY_SPEED if motor is None else BY_COMMAND.format(**motor), T2_start=share / x**2,
+        drag=truth["body_drag.quadratic.z"],
         T1=[-3.0 * share / x, 3.0 * share / x], turning=TURNING,
     )  # fmt: skip
     return parse_vehicle(

@@ -1,0 +1,123 @@
+"""What is taken for the truth of JSBSim's F450, against JSBSim's own numbers and against our equations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stoop.simulate import initial_states, parameter_rows
+from stoop.study.verify.multirotor import flight
+from stoop.study.verify.multirotor.bench import climbs, fitted_lag, lagged, motor_curve, step_response, truth
+from stoop.study.verify.multirotor.case import COMMANDS, SPEEDS, Case
+from stoop.study.verify.multirotor.craft import FOOT_POUND, RATE, Craft
+from stoop.study.verify.multirotor.flight import LIFTS, MOTORS, TURNS, TWISTS, Recording, fly
+from stoop.study.verify.multirotor.vehicle import KNOWN, vehicle_of
+
+MORE = {
+    **{f"{a}_dot": (f"accelerations/{a}idot-rad_sec2", 1.0) for a in "pqr"},
+    **{f"{a}_moment": (f"moments/{a}-prop-lbsft", FOOT_POUND) for a in "lmn"},
+    **{f"advance_{i}": (f"propulsion/engine[{i}]/advance-ratio", 1.0) for i in range(4)},
+}
+
+
+@pytest.fixture(scope="module")
+def craft() -> Craft:
+    return Craft()
+
+
+@pytest.fixture(scope="module")
+def flown() -> Recording:
+    """A short flight, with more of what JSBSim knows."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(flight, "DURATION", 6.0)
+        patch.setattr(flight, "READ", {**flight.READ, **MORE})
+        return fly(Craft())
+
+
+def short_case(craft: Craft, flown: Recording, recorded: str) -> Case:
+    middle = float(np.mean([flown.columns[c].mean() for c in MOTORS]))
+    motor = None if recorded == SPEEDS else motor_curve(craft, middle)
+    found = truth(craft, flown, motor)
+    return Case(recorded, vehicle_of(craft, flown, found, motor), flown, found)
+
+
+def test_balances_are_at_the_arms(craft: Craft, flown: Recording) -> None:
+    """Thrust times arm, the reaction of the rotors and their gyroscopic moment are what turns JSBSim's body."""
+    known = flown.columns
+    lift, twist, turn = (np.stack([known[c] for c in names]) for names in (LIFTS, TWISTS, TURNS))
+    x, y, _ = np.array([craft.position(i) for i in range(4)]).T[:, :, None]
+    signs = np.array([1.0 if craft.sense(i) == "ccw" else -1.0 for i in range(4)])
+    up = 6.05e-5 * signs @ turn
+    assert -(y * lift).sum(axis=0) + known["q"] * up == pytest.approx(known["l_moment"], abs=2e-5)
+    assert (x * lift).sum(axis=0) - known["p"] * up == pytest.approx(known["m_moment"], abs=2e-5)
+    assert -twist.sum(axis=0) == pytest.approx(known["n_moment"], abs=1e-9)
+
+
+def test_hubs_move_as_the_body_turns(craft: Craft, flown: Recording) -> None:
+    known = flown.columns
+    diameter = 9.4 * 0.0254
+    for i, climb in enumerate(climbs(craft, flown)):
+        seen = known[f"advance_{i}"] * known[TURNS[i]] / (2.0 * np.pi) * diameter
+        assert np.std(seen - climb) < 0.01 * np.std(climb)
+        assert np.std(seen + known["w"]) > 0.03 * np.std(climb), "the turning counts"
+
+
+def test_the_lag_is_that_of_a_step(craft: Craft, flown: Recording) -> None:
+    middle = float(np.mean([flown.columns[c].mean() for c in MOTORS]))
+    motor = motor_curve(craft, middle)
+    lag = fitted_lag(flown, climbs(craft, flown), motor)
+    assert lag == pytest.approx(step_response(craft, middle), rel=0.03)
+    off = lagged(flown, motor, lag) - np.stack([flown.columns[c] for c in TURNS])
+    assert np.std(off[:, 50:]) < 0.1 * np.std(flown.columns[TURNS[0]])
+
+
+def test_a_lag_is_that_of_small_steps() -> None:
+    """The closed form on straight lines against Euler's rule in 1000 steps a sample."""
+    time = np.arange(60) / RATE
+    commands = {c: 0.4 + 0.1 * np.sin(20.0 * time + i) for i, c in enumerate(MOTORS)}
+    motor, lag = {"gain": 1000.0, "idle": 0.1}, 0.05
+    x = lagged(Recording(time, commands, 9.8), motor, lag)
+    fine = np.linspace(0.0, time[-1], 59 * 1000 + 1)
+    wanted = 1000.0 * (np.interp(fine, time, commands[MOTORS[0]]) - 0.1)
+    slow = [wanted[0]]
+    for one in wanted[1:]:
+        slow.append(slow[-1] + (one - slow[-1]) * (fine[1] / lag))
+    assert x[0] == pytest.approx(np.array(slow)[::1000], rel=1e-4)
+
+
+def test_equations_agree_at_the_states_flown(craft: Craft, flown: Recording) -> None:
+    """No fit: with JSBSim's numbers our equations give JSBSim's accelerations at its own states."""
+    case = short_case(craft, flown, SPEEDS)
+    known, told = flown.columns, {n: {"value": v} for n, v in case.truth.items() if n not in KNOWN}
+    vehicle = case.vehicle.with_numbers(told)
+    rows = parameter_rows(vehicle, {}, len(flown.time))
+    turns = np.stack([known[c] for c in TURNS])
+    ahead = turns + vehicle.value("rotors.lag") * np.gradient(turns, 1.0 / RATE, axis=1)
+    states = {c: known[c] for c in ("u", "v", "w", "p", "q", "r", "phi", "theta", "psi")}
+    start = initial_states(vehicle, {**states, "h": known["altitude"]}, rows, np.ascontiguousarray(ahead))
+    start[[vehicle.states.index(f"{n}.lag") for n in vehicle.rotors]] = turns
+    rates, readings = vehicle.kernel().evaluate(rows, start, np.ascontiguousarray(ahead))
+    near = dict.fromkeys(("p_dot", "q_dot", "r_dot", "az"), 0.05) | dict.fromkeys(("ax", "ay"), 0.15)
+    for name, share in near.items():  # what is left is that tables bend and that a plate is braked by |V| v
+        ours = rates[vehicle.states.index(name[0])] if name in MORE else readings[vehicle.outputs.index(name)]
+        off = (ours - known[name])[2:-2]
+        assert np.sqrt(np.mean(off**2)) < share * np.std(known[name]), name
+
+
+def test_what_is_told_holds_no_answer(craft: Craft, flown: Recording) -> None:
+    for recorded in (SPEEDS, COMMANDS):
+        case = short_case(craft, flown, recorded)
+        free = {p.name: p.value for p in case.vehicle.parameters if p.free}
+        answers = {n for n in case.truth if n not in KNOWN}
+        assert answers <= set(free)
+        far = {n for n in answers if case.truth[n] and abs(free[n] / case.truth[n] - 1.0) > 0.2}
+        assert {"rotors.inflow", "rotors.torque_ratio", "rotors.inertia", "mass.inertia.xx"} <= far
+
+
+def test_flights_are_the_same_again_and_quiet(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(flight, "DURATION", 1.0)
+    first, second = (fly(Craft()) for _ in range(2))
+    assert all(np.array_equal(first.columns[c], second.columns[c]) for c in first.columns)
+    assert "".join(capfd.readouterr()) == "", "JSBSim greets on stdout unless it is told not to"
