@@ -12,7 +12,7 @@ from stoop.cli.numbers import count
 from stoop.cli.outputs import add_overwrite, check_target
 from stoop.cli.page import busy, page
 from stoop.cli.point import COMPILING, VEHICLE_HELP
-from stoop.errors import ManeuverError, OutputError, VehicleError
+from stoop.errors import ManeuverError, VehicleError
 
 if TYPE_CHECKING:
     from stoop.flight import Flight
@@ -24,7 +24,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("vehicle", metavar="VEHICLE", help=VEHICLE_HELP)
     add("--maneuver", metavar="M.toml", type=Path, required=True, help="what the pilot does (TOML)")
-    add("-o", "--output", metavar="FLIGHT.nc", type=Path, required=True, help="the flight file to write")
+    add(
+        "-o",
+        "--output",
+        metavar="FLIGHT",
+        type=Path,
+        required=True,
+        help="the flight file to write: .nc, or a log",
+    )
     add("--no-noise", action="store_true", help="perfect sensors")
     add("--seed", metavar="N", type=count, default=0, help="of sensor noise and gusts (default: 0)")
     add_overwrite(parser)
@@ -33,9 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Fly, write, and say what to do next."""
     target: Path = arguments.output
-    _check_ending(target)
-    check_target(target, arguments.overwrite)
-    from stoop.flight import save
+    _check_target(target, arguments.overwrite)
+    from stoop.export.flight_file import save_flight_as
     from stoop.simulate import load_maneuver, numbers_set, simulate_flight
     from stoop.simulate.fly import flown_trim
     from stoop.vehicle.builtin import resolve_vehicle
@@ -46,9 +52,9 @@ def run(arguments: argparse.Namespace) -> int:
     with _naming(arguments.maneuver), busy(COMPILING):
         flight = simulate_flight(vehicle, maneuver, arguments.seed, not arguments.no_noise, target.stem)
         flown = numbers_set(vehicle, flown_trim(vehicle, maneuver))
-    save(flight, target)
+    mapping = save_flight_as(flight, target)
     noise = "no sensor noise" if arguments.no_noise else f"sensor noise of seed {arguments.seed}"
-    _tell(flight, target, noise)
+    _tell(flight, target, noise, mapping)
     _tell_next(flight, target, arguments.vehicle, vehicle, flown)
     return 0
 
@@ -62,10 +68,15 @@ def _naming(path: Path) -> Iterator[None]:
         raise ManeuverError(f"{path}: {error}") from None
 
 
-def _check_ending(target: Path) -> None:
-    """Refuse a name by which the file could not be read again."""
-    if target.suffix.lower() != ".nc":
-        raise OutputError(f"{target}: a flight file is netCDF; end its name in .nc")
+def _check_target(target: Path, overwrite: bool) -> None:
+    """Refuse a name by which the file could not be read again, and one that is taken, its mapping's too."""
+    from stoop.export.flight_file import OWN, check_ending
+    from stoop.logs.table import beside
+
+    check_ending(target)
+    check_target(target, overwrite)
+    if target.suffix.lower() != OWN:
+        check_target(beside(target), overwrite)
 
 
 def _check_channels(vehicle: Vehicle) -> None:
@@ -78,11 +89,13 @@ def _check_channels(vehicle: Vehicle) -> None:
             raise VehicleError(f"{vehicle.where}: the input '{channel}' is no variable of stoop; {advice}")
 
 
-def _tell(flight: Flight, target: Path, noise: str) -> None:
+def _tell(flight: Flight, target: Path, noise: str, mapping: Path | None) -> None:
     start, stop = float(flight.time[0]), float(flight.time[-1])
     size = f"{stop - start:g} s at {flight.rate:g} Hz, {len(flight.data.data_vars)} channels"
     out = page()
     out.line(f"wrote {target}: {size}, {noise}")
+    if mapping is not None:
+        out.line(f"wrote {mapping}: the mapping of what the autopilot has no place for, or calls otherwise")
     out.bullets(note for note in flight.notes if note != "simulated flight")
 
 

@@ -18,6 +18,7 @@ SPAN: Final = 0.2  #: s over which the attitude is differenced
 LEAST: Final = 200  #: samples that say anything
 TURNING: Final = 3.0 * DEGREE  #: rad/s rms; less turning tells nothing
 OFF: Final = 0.15  #: of the gain, that good gyros do not have
+NORMAL: Final = 1.4826  #: standard deviation over the median of sizes, of normal numbers
 FOLLOWS: Final = 0.8  #: share of the turning that a matching pair explains
 
 
@@ -36,7 +37,8 @@ def rate_faults(time: FloatArray, data: Mapping[str, FloatArray], rate: float) -
     if len(kept) < LEAST:
         return []
     span = (float(time[kept[0]]), float(time[kept[-1]]))
-    told = [_judged(i, implied, measured) for i in range(3)]
+    noise = _noise(data) * np.sqrt(2.0) * rate / max(2, round(SPAN * rate))
+    told = [_judged(i, implied, measured, noise[i]) for i in range(3)]
     return [
         Fault("inconsistent", name, float(gain), *span, words)
         for name, (gain, words) in zip(RATES, told, strict=True)
@@ -68,14 +70,30 @@ def _turned(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(vector * (sign * angle / np.maximum(sine, 1e-12))[:, None])
 
 
-def _judged(i: int, implied: FloatArray, measured: FloatArray) -> tuple[float, str]:
-    """Return the gain between one rate and the attitude, and what is wrong with it, if anything."""
+def _noise(data: Mapping[str, FloatArray]) -> FloatArray:
+    """Return (3,) how far the attitude about each body axis scatters from sample to sample, rad.
+
+    Second differences show white noise alone: no vehicle turns back and forth within two samples. The median passes
+    over those that do.
+    """
+    e = np.column_stack([data[name] for name in QUATERNION])
+    jumps = _turned(e[1:-1], e[2:]) - _turned(e[:-2], e[1:-1])
+    known = jumps[complete(jumps)]
+    return NORMAL * np.median(np.abs(known), axis=0) / np.sqrt(6.0) if len(known) else np.zeros(3)
+
+
+def _judged(i: int, implied: FloatArray, measured: FloatArray, noise: float) -> tuple[float, str]:
+    """Return the gain between one rate and the attitude, and what is wrong with it, if anything.
+
+    Noise [rad/s] of the rate that the attitude implies is not taken for turning.
+    """
     name = RATES[i]
     y, x = implied[:, i] - implied[:, i].mean(), measured - measured.mean(axis=0)
     size = float(np.sqrt(np.mean(y**2)))
-    if size < TURNING:
+    turning = np.sqrt(max(size**2 - noise**2, 0.0))
+    if turning < max(TURNING, noise):
         return 1.0, ""
-    likeness = [_correlation(y, column) for column in x.T]
+    likeness = [_correlation(y, column) * size / turning for column in x.T]
     best = int(np.argmax(np.abs(likeness)))
     if abs(likeness[i]) ** 2 < FOLLOWS:
         return likeness[i], _unlike(name, i, best, likeness)

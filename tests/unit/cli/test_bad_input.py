@@ -198,7 +198,7 @@ def test_unknown_noise_names_the_file(refused: Callable[..., str]) -> None:
 @pytest.mark.parametrize(
     ("target", "complaint"),
     [
-        ("flight.csv", "end its name in .nc"),
+        ("flight.txt", "end its name in .nc"),
         ("flight", "end its name in .nc"),
         ("", "end its name in .nc"),
         ("nowhere/flight.nc", "there is no folder nowhere; make it first"),

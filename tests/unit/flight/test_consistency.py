@@ -1,0 +1,45 @@
+"""Attitude against rates: noise is not turning, and what is wrong is seen through noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stoop.flight.attitude import quaternions_of
+from stoop.flight.consistency import rate_faults
+from stoop.flight.variables import QUATERNION
+from stoop.logs import FloatArray
+
+RATE = 100.0  #: Hz
+TIME = np.arange(3000) / RATE
+NOISE = 0.01  #: rad, of the attitude: what the built-in vehicles have
+
+
+def record(size: float, seed: int, swap: bool = False) -> dict[str, FloatArray]:
+    """Return a vehicle that rolls back and forth, its attitude noisy; nothing else turns."""
+    rng = np.random.default_rng(seed)
+    angles = np.zeros((TIME.size, 3))
+    angles[:, 0] = size * np.sin(2.0 * TIME)
+    rates = np.zeros((TIME.size, 3))
+    rates[:, 1 if swap else 0] = 2.0 * size * np.cos(2.0 * TIME)
+    e = quaternions_of(angles + NOISE * rng.standard_normal(angles.shape))
+    rates += 0.01 * rng.standard_normal(rates.shape)
+    return dict(zip(QUATERNION, e.T, strict=True)) | dict(zip("pqr", rates.T, strict=True))
+
+
+@pytest.mark.parametrize("size", [0.0, 0.005, 0.02, 0.05, 0.3])
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_accuses_nobody(size: float, seed: int) -> None:
+    assert rate_faults(TIME, record(size, seed), RATE) == []
+
+
+def test_swapped_axes_are_seen_through_noise() -> None:
+    faults = rate_faults(TIME, record(0.3, 0, swap=True), RATE)
+    assert [(f.variable, "axes are swapped" in f.message) for f in faults] == [("p", True)]
+
+
+def test_a_wrong_scale_is_seen_through_noise() -> None:
+    data = record(0.3, 0)
+    faults = rate_faults(TIME, data | {"p": 0.5 * data["p"]}, RATE)
+    assert [f.variable for f in faults] == ["p"]
+    assert "2.0" in faults[0].message
