@@ -28,7 +28,7 @@ from stoop.logs.recording import Defect, Recording, Stream, increasing
 
 ROOM: Final = "stoop.logs."  #: readers are called from here only
 MAX_RESULT: Final = 2**32  #: bytes of all arrays that are taken back
-_TASK, _RESULT = "task.json", "result.json"
+TASK, _RESULT = "task.json", "result.json"
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def guarded(
             folder = Path(name)
             task = {"path": str(path.absolute()), "shown": str(path), "limits": asdict(bounds),
                     "topics": None if topics is None else sorted(topics)}  # fmt: skip
-            (folder / _TASK).write_text(json.dumps(task))
+            (folder / TASK).write_text(json.dumps(task))
             launch(reader, path, folder, bounds)
             return _taken(path, folder)
     except OSError as error:
@@ -202,13 +202,13 @@ def _write(folder: Path, result: dict[str, Any]) -> None:
 def main(reader: str, where: str) -> None:
     """Read, in the child."""
     folder = Path(where)
-    _limit(Limits(**json.loads((folder / _TASK).read_text())["limits"]))
+    _limit(Limits(**json.loads((folder / TASK).read_text())["limits"]))
     answer(reader, folder)
 
 
 def answer(reader: str, folder: Path) -> None:
     """Do the task in a folder; whatever comes of it is written there."""
-    task = json.loads((folder / _TASK).read_text())
+    task = json.loads((folder / TASK).read_text())
     limits, shown = Limits(**task["limits"]), task["shown"]
     try:
         module, function = reader.split(":")
