@@ -47,8 +47,6 @@ class Rotors(Table):
     def _consistent(self) -> Rotors:
         if self.T0 is None and self.T1 is None and self.T2 is None:
             raise ValueError("there is no thrust; write T2 (and T1, T0), e.g. T2 = 30.0")
-        if self.voltage_average is not None and self.nominal_voltage is None:
-            raise ValueError("voltage_average says nothing without nominal_voltage; write both or none")
         own = next((q for q in ("Q0", "Q1", "Q2") if getattr(self, q) is not None), None)
         if own is not None and self.torque_ratio is not None:
             raise ValueError(f"{own} and torque_ratio both say the torque; remove one of them")
