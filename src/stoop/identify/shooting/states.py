@@ -20,6 +20,7 @@ from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
 SMOOTH: Final = 0.1  #: s over which readings are averaged where a window begins
+BENT: Final = 3  #: numbers of a parabola
 
 
 def measured_states(shots: Shots) -> FloatArray:
@@ -47,9 +48,23 @@ def _smoothed(piece: Piece, vehicle: Vehicle, at: NDArray[np.int64]) -> dict[str
     for i, channel in enumerate(vehicle.outputs):
         column = piece.measured[:, i]
         if channel in state_channels(vehicle) and np.isfinite(column).any():
-            smooth = np.pad(filled(unwrapped(column)), width, mode="edge")
+            whole = filled(unwrapped(column))
+            if vehicle.hovers:
+                out[channel] = np.array([_parabola(whole, a, width) for a in at])
+                continue
+            smooth = np.pad(whole, width, mode="edge")
             out[channel] = np.array([smooth[a : a + 2 * width + 1].mean() for a in at])
     return out
+
+
+def _parabola(column: FloatArray, at: int, width: int) -> float:
+    """Return a parabola through the readings about a sample, there: rates of a multirotor turn within a tenth of a second."""
+    first = max(0, at - width)
+    near = column[first : at + width + 1]
+    if len(near) < 2 * BENT:
+        return float(near.mean())
+    powers = np.vander(np.arange(len(near)) - float(at - first), BENT)
+    return float(np.linalg.lstsq(powers, near, rcond=None)[0][-1])
 
 
 def _over_ground(vehicle: Vehicle, piece: Piece, readings: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
