@@ -18,7 +18,7 @@ from stoop.study.verify.readers.trial import BAD, CONTAINED, FLIGHT, GOOD, GUARD
 from stoop.study.verify.readers.work import CASES
 
 WORK: Final = "stoop.study.verify.readers.work:tried"
-APART: Final = 6  #: cases of a run with the reader in its own process: each starts an interpreter
+APART: Final = 1  #: the same with the reader in its own process: each starts an interpreter
 HEAD: Final = ("reader", "damage", "cases", *GOOD, *BAD)
 NAMES: Final = {
     "refused": "an error of ours, in one line",
@@ -72,12 +72,12 @@ class Readers:
     def plan(self, setting: Setting) -> Plan:
         """Return some hundred cases of each reader per run, and a few in processes of their own."""
         plain = [
-            Run(f"{reader}/{seed:04d}", WORK, _arguments(reader, seed, setting, CASES))
+            Run(f"{reader}/{seed:04d}", WORK, _arguments(reader, seed, setting, CASES, False))
             for reader in SAMPLES
             for seed in setting.seeds
         ]
         apart = [
-            Run(f"{reader} apart/{seed:04d}", WORK, _arguments(reader, seed, setting, APART))
+            Run(f"{reader} apart/{seed:04d}", WORK, _arguments(reader, seed, setting, APART, True))
             for reader in GUARDED
             for seed in setting.seeds
         ]
@@ -107,9 +107,9 @@ class Readers:
 Counts = Mapping[str, Counter[tuple[str, str, str]]]  #: reader -> (way, damage, outcome) -> cases
 
 
-def _arguments(reader: str, seed: int, setting: Setting, cases: int) -> dict[str, Any]:
+def _arguments(reader: str, seed: int, setting: Setting, cases: int, guarded: bool) -> dict[str, Any]:
     data = "" if setting.data is None else str(setting.data)
-    return {"reader": reader, "seed": seed, "cases": cases, "guarded": cases == APART, "data": data}
+    return {"reader": reader, "seed": seed, "cases": cases, "guarded": guarded, "data": data}
 
 
 def counted_by_reader(results: Results) -> dict[str, Counter[tuple[str, str, str]]]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from stoop.errors import StoopError
+from stoop.study.verify.readers.forms import ULOG_HEAD, ulog_messages
 from stoop.study.verify.readers.sample import Sample, single
 
 LINES: Final = 12  #: of a table
@@ -30,7 +31,10 @@ def real(reader: str, data: Path) -> list[Sample]:
 
 
 def _ulog(data: Path) -> Sample:
-    return single("a.ulg", _begin(data / "px4-ulog-reader-samples" / "sample_log_small.ulg", 70_000), "ulog")
+    """Leave out parameters and hardware, which are half of the beginning."""
+    whole = _begin(data / "px4-ulog-reader-samples" / "sample_log_small.ulg", 70_000)
+    kept = (whole[a:b] for a, b in ulog_messages(whole) if whole[a + 2 : a + 3] not in (b"P", b"M"))
+    return single("a.ulg", whole[:ULOG_HEAD] + b"".join(kept), "ulog")
 
 
 def _dataflash(data: Path) -> Sample:
