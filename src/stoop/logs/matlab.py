@@ -19,7 +19,7 @@ from stoop.errors import LogError
 from stoop.logs.guard import guarded, need
 from stoop.logs.hdf5 import is_hdf5, read_hdf5
 from stoop.logs.recording import Defect, Recording
-from stoop.logs.tabular import MAX_ARRAYS, Array, assemble, typed
+from stoop.logs.tabular import MAX_ARRAYS, Array, assemble, most_values, typed
 
 MAX_DEPTH: Final = 16
 MAX_BYTES: Final = 2**31
@@ -58,6 +58,7 @@ def _read_old(path: Path) -> tuple[list[Array], list[Defect]]:
     arrays: list[Array] = []
     skipped: list[str] = []
     defects: list[Defect] = []
+    most = most_values(path)
     for at, variable in _variables(content):
         try:
             found = _loaded(variable)
@@ -72,6 +73,8 @@ def _read_old(path: Path) -> tuple[list[Array], list[Defect]]:
         for name, value in found.items():
             for place, leaf in _leaves((name,), value) if not name.startswith("__") else ():
                 _take(path, arrays, skipped, place, leaf)
+        if sum(array.values.size for array in arrays) > most:
+            raise LogError(f"{path}: more than {most} numbers, for a file that short; save only the flight")
     if not arrays and defects:
         raise LogError(f"{path}: nothing can be read ({defects[0]}); save it again")
     return arrays, [*defects[:MAX_DEFECTS], *listed(path, skipped)]

@@ -20,7 +20,7 @@ from stoop.errors import LogError
 from stoop.logs.guard import guarded, need
 from stoop.logs.recording import Defect, FloatArray, Recording, Stream, clean_stream
 from stoop.logs.ros_layout import FieldDefinitions, UnreadableError, Walker, plan
-from stoop.logs.tabular import MAX_VALUES, typed
+from stoop.logs.tabular import most_values, typed
 
 STAMP: Final = ("header.stamp.sec", "header.stamp.nanosec")
 SAME_CLOCK: Final = 1e6  #: s; stamps farther from the time of recording are of another clock
@@ -167,13 +167,13 @@ def _messages(reader: Any, connections: list[Any]) -> Iterator[tuple[str, int, b
 
 def _fill(path: Path, messages: Iterator[tuple[str, int, bytes]], topics: dict[str, _Topic]) -> list[Defect]:
     """Take all messages in; where the bag breaks, what came before is kept."""
-    numbers = 0
+    numbers, most = 0, most_values(path)
     try:
         for topic, stamp, raw in messages:
             numbers += topics[topic].take(stamp, raw)
-            if numbers > MAX_VALUES:
+            if numbers > most:
                 raise LogError(
-                    f"{path}: more than {MAX_VALUES} numbers; name the topics in a mapping, or cut the bag"
+                    f"{path}: more than {most} numbers; name the topics in a mapping, or cut the bag"
                 )
     except (LogError, MemoryError):
         raise

@@ -12,6 +12,7 @@ import numpy as np
 
 from stoop.errors import LogError
 from stoop.logs.recording import Defect, FloatArray
+from stoop.logs.tabular import most_values
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,6 +46,8 @@ def read_table(path: Path) -> tuple[dict[str, FloatArray], tuple[Defect, ...]]:
     header = _header(path, text)
     if text.count(b"\n") > MAX_ROWS:
         raise LogError(f"{path}: more than {MAX_ROWS} lines; cut the log to the flight of interest")
+    if len(header) * text.count(b"\n") > most_values(path):
+        raise LogError(f"{path}: more than {most_values(path)} numbers, for a file that short; damaged?")
     table = _parse(path, text)
     columns, texts = _numbers(path, table, header)
     return columns, (*defects, *cut, *texts)

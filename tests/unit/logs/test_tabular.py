@@ -239,3 +239,11 @@ def test_a_short_file_that_claims_many_numbers(tmp_path: Path) -> None:
         file.create_dataset("time", (10**9,), "f8", chunks=(10**6,), compression="gzip")
     with pytest.raises(LogError, match="numbers; save only the flight"):
         foreign_netcdf.load(tmp_path / "bomb.nc")
+
+
+def test_a_short_file_of_many_numbers(tmp_path: Path) -> None:
+    """Zeros pack a thousand to one: half a megabyte would take gigabytes."""
+    path = tmp_path / "a.mat"
+    savemat(path, {"t": TIME, "x": np.zeros(7_000_000)}, do_compression=True)
+    with pytest.raises(LogError, match="for a file that short"):
+        matlab.load(path)

@@ -158,3 +158,10 @@ def test_header_is_stripped(tmp_path: Path) -> None:
 def test_a_folder_in_place_of_a_file(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="cannot be read"):
         read_table(tmp_path)
+
+
+def test_a_short_archive_of_many_numbers(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv.gz"
+    path.write_bytes(gzip.compress(b"a,b,c,d\n" + b",,,\n" * 2_000_000))
+    with pytest.raises(LogError, match="for a file that short"):
+        read_table(path)
