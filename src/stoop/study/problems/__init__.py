@@ -29,6 +29,8 @@ _FAMILIES: Final = {
     "lateral": "equation_1",
     "bbob": "bbob",
     "flight": "flight",
+    "multirotor": "multirotor",
+    "hexacopter": "hexacopter",
 }  #: first part of a name -> the module that poses it; imported when asked for
 
 

@@ -29,7 +29,19 @@ from stoop.study.problems.experiment import MANEUVER, NOISE, SAMPLES, TABLE_1
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
-__all__ = ["MANEUVER", "NEAR", "NOISE", "SAMPLES", "SIGMA", "TABLE_1", "Paper", "box", "paper", "pose"]
+__all__ = [
+    "MANEUVER",
+    "NEAR",
+    "NOISE",
+    "SAMPLES",
+    "SIGMA",
+    "TABLE_1",
+    "Paper",
+    "box",
+    "optimum",
+    "paper",
+    "pose",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -126,10 +138,7 @@ class Paper:
     def optimum(self, problem: Misfit) -> float:
         """Return the least cost about the truth, where a dive from it ends."""
         names = [p.name for p in problem.layout.parameters]
-        z = problem.layout.unit(np.array([self.vehicle.value(n) for n in names]))
-        z = np.concatenate([z, np.zeros(problem.extra)])
-        ledger = optimize.Ledger(problem, blank(problem))
-        return optimize.dive(ledger, z, len(problem.prices) - 1, PATIENT).cost
+        return optimum(problem, np.array([self.vehicle.value(n) for n in names]))
 
     def posed(self, problem: Misfit, noise: bool) -> Posed:
         """Return a problem with its target: near zero without noise, near the optimum at the truth with it."""
@@ -144,6 +153,13 @@ class Paper:
             parameters=names,
             values=lambda x: problem.layout.physical(x[None, : problem.dimension])[0],
         )
+
+
+def optimum(problem: Misfit, truth: FloatArray) -> float:
+    """Return the cost where a dive from the truth (D,), SI, in the problem's own order, ends."""
+    z = np.concatenate([problem.layout.unit(truth), np.zeros(problem.extra)])
+    ledger = optimize.Ledger(problem, blank(problem))
+    return optimize.dive(ledger, z, len(problem.prices) - 1, PATIENT).cost
 
 
 def box(kind: str, seed: int, truth: FloatArray) -> tuple[FloatArray, FloatArray]:
