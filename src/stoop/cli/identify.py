@@ -51,7 +51,8 @@ def _add_data(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_windows(parser: argparse.ArgumentParser) -> None:
-    fit, predict = "windows to fit, seconds of the log's clock", "windows to predict; nothing is fitted there"
+    fit = "windows to fit, seconds of the log's clock, or the windows.toml of stoop maneuvers"
+    predict = "windows to predict; nothing is fitted there (default: those of windows.toml)"
     parser.add_argument("--maneuver", metavar=_WINDOW, nargs="+", action="extend", required=True, help=fit)
     parser.add_argument("--validate", metavar=_WINDOW, nargs="+", action="extend", default=[], help=predict)
 
@@ -92,6 +93,7 @@ def _add_output(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Identify, write, and say what was found."""
     _check_output(arguments)
+    _expand(arguments)
     from stoop.cli.progress import Watch
 
     vehicle, flights, options = _read(arguments)
@@ -106,12 +108,21 @@ def run(arguments: argparse.Namespace) -> int:
     return _INTERRUPTED if stopped else 0
 
 
+def _expand(arguments: argparse.Namespace) -> None:
+    """Replace windows.toml by the windows that are accepted in it."""
+    from stoop.identify.windows_file import expanded
+
+    arguments.maneuver, arguments.validate = expanded(arguments.maneuver, arguments.validate)
+
+
 def _check_output(arguments: argparse.Namespace) -> None:
     from stoop.flight.make import named
+    from stoop.identify.windows_file import files_among
     from stoop.job.outputs import check_folder
 
     names = [named(path) for path in arguments.flight]
-    inputs = [Path(arguments.vehicle), *arguments.flight, *_others(arguments)]
+    windows = files_among([*arguments.maneuver, *arguments.validate])
+    inputs = [Path(arguments.vehicle), *arguments.flight, *windows, *_others(arguments)]
     replaced = arguments.overwrite or arguments.resume
     check_folder(arguments.output, names, replaced, inputs, assessments.files(arguments))
 

@@ -185,6 +185,10 @@ def _print_maneuvers(out: Page, summary: FlightSummary, source: Sequence[str]) -
     )
     out.line()
     out.command("next: ", _next_command(source, found))
+    out.command(
+        "or, chosen by what they tell: ",
+        ["stoop", "maneuvers", *source, "--vehicle", "V.toml", "-o", "windows"],
+    )
 
 
 def _times(strength: float) -> str:

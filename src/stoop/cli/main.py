@@ -21,6 +21,7 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
     "demo": ("stoop.cli.demo", "simulate a flight, identify it, truth beside estimate; needs no file"),
     "info": ("stoop.cli.info", "show what a flight log holds: channels, gaps, faults, maneuvers"),
     "map": ("stoop.cli.map", "draft which column of a log is which variable, in which unit"),
+    "maneuvers": ("stoop.cli.maneuvers", "which windows of a flight to fit and to predict, by information"),
     "compatibility": ("stoop.cli.compatibility", "biases, scales and delays of all sensors: do they agree?"),
     "identify": ("stoop.cli.identify", "estimate a vehicle's coefficients from flight logs, with error bars"),
     "validate": ("stoop.cli.validate", "predict flights that were not fitted, with a fitted model"),

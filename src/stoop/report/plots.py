@@ -69,6 +69,16 @@ class Strip:
 
 
 @dataclass(frozen=True)
+class Shade:
+    """A stretch of the x axis that stands out, with a short name above it; `kind` is its class."""
+
+    start: float
+    stop: float
+    name: str
+    kind: Literal["fitted", "predicted", "declined"]
+
+
+@dataclass(frozen=True)
 class Mark:
     """A named point of a contour plot."""
 
@@ -110,8 +120,19 @@ def plot(
     return _with_keys(whole, {one.name: (looks[one.name], one.kind) for one in series})
 
 
-def stacked_plots(strips: Sequence[Strip], x_label: str, description: str) -> Markup:
-    """Return several plots, one below another, over one straight x axis, with one legend."""
+def stacked_plots(
+    strips: Sequence[Strip], x_label: str, description: str, shades: Sequence[Shade] = ()
+) -> Markup:
+    """Return several plots, one below another, over one straight x axis, with one legend.
+
+    Parameters
+    ----------
+    strips : sequence of Strip
+    x_label : str, with unit
+    description : str, the drawing in words
+    shades : sequence of Shade
+        Drawn behind the curves of every strip; named above the first.
+    """
     every = [one for strip in strips for one in strip.series]
     looks = _looks([one.name for one in every])
     x = _axis([one.x for one in every], False, None, 0.0, WIDTH - LEFT - RIGHT)
@@ -120,6 +141,8 @@ def stacked_plots(strips: Sequence[Strip], x_label: str, description: str) -> Ma
     for strip in strips:
         box = Box(LEFT, top, WIDTH - LEFT - RIGHT, STRIP)
         y = _axis([one.y for one in strip.series], False, None, STRIP, 0.0)
+        parts.append(_inside(box, [_shade(one, x, STRIP) for one in shades]))
+        parts += _shade_names(shades, x, box) if strip is strips[0] else []
         parts += [*_levels(box, y, _enough(y, 3)), *_columns(box, x, 10, labels=strip is strips[-1])]
         parts += _labels(box, x_label if strip is strips[-1] else "", strip.label)
         parts.append(_inside(box, [_drawn(one, looks[one.name], x, y) for one in strip.series]))
@@ -244,6 +267,25 @@ def _inside(box: Box, parts: Sequence[Markup]) -> Markup:
     """Return parts moved into the box, and cut at its edges."""
     content = Markup("").join(parts) or " "
     return element("svg", content, x=box.left, y=box.top, width=box.width, height=box.height, class_="clip")
+
+
+def _shade(one: Shade, x: AnyScale, height: float) -> Markup:
+    left, right = x.at(one.start), x.at(one.stop)
+    return element(
+        "rect", x=left, y=0.0, width=max(right - left, 1.5), height=height, class_=f"shade {one.kind}"
+    )
+
+
+def _shade_names(shades: Sequence[Shade], x: AnyScale, box: Box) -> list[Markup]:
+    """Return the names above their stretches, those that would meet another left out."""
+    parts: list[Markup] = []
+    free = -np.inf
+    for one in sorted(shades, key=lambda s: s.start):
+        place, half = box.left + 0.5 * (x.at(one.start) + x.at(one.stop)), 4.5 * len(one.name)
+        if place - half >= free:
+            parts.append(element("text", one.name, x=place, y=box.top + 13, class_="shade-name mid"))
+            free = place + half
+    return parts
 
 
 def _drawn(one: Series, look: int, x: AnyScale, y: AnyScale) -> Markup:

@@ -1,0 +1,137 @@
+"""`stoop maneuvers`: which windows of a flight to fit, and which to predict."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stoop.cli.freed import freed
+from stoop.cli.outputs import check_targets
+from stoop.cli.page import Page, busy, page
+from stoop.cli.point import COMPILING, VEHICLE_HELP
+from stoop.cli.tables import fixed, numbers, points, words
+from stoop.errors import FlightError
+
+if TYPE_CHECKING:
+    from stoop.design.windows import Found
+    from stoop.flight import Flight
+    from stoop.vehicle import Vehicle
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this verb."""
+    add = parser.add_argument
+    add("flight", metavar="FLIGHT", nargs="+", type=Path, help="flight log(s) of one vehicle, of any kind")
+    without = "without it windows are chosen that move each axis by itself"
+    add("--vehicle", metavar="V.toml", default="", help=f"{VEHICLE_HELP}; {without}")
+    add("--mapping", metavar="M.toml", type=Path, help="which column is which variable")
+    add(
+        "--free", metavar="NAME", action="append", default=[], help="estimate this number of the vehicle file"
+    )
+    add("--fix", metavar="NAME", action="append", default=[], help="hold this number")
+    add(
+        "-o",
+        "--output",
+        metavar="DIR",
+        type=Path,
+        required=True,
+        help="folder for windows.toml and windows.html",
+    )
+    add("--overwrite", action="store_true", help="replace earlier windows in DIR")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Find, write, and say what was found."""
+    from stoop.job.windows import FILES, write_windows
+
+    check_targets(arguments.output, FILES, arguments.overwrite, _inputs(arguments))
+    from stoop.design.windows import find_windows
+    from stoop.flight import load, without_faults
+
+    vehicle = _vehicle(arguments)
+    with busy("reading the log"):
+        flights = _by_name([without_faults(load(path, arguments.mapping)) for path in arguments.flight])
+    with busy(COMPILING if vehicle is not None else "looking for maneuvers"):
+        found = find_windows(flights, vehicle)
+    command, following = shlex.join(["stoop", *sys.argv[1:]]), _next(arguments)
+    write_windows(
+        found, flights, "" if vehicle is None else vehicle.name, arguments.output, command, following
+    )
+    _tell(page(), found, arguments.output, following)
+    return 0
+
+
+def _inputs(arguments: argparse.Namespace) -> list[Path]:
+    named = [Path(arguments.vehicle)] if arguments.vehicle else []
+    return [*arguments.flight, *named, *([arguments.mapping] if arguments.mapping else [])]
+
+
+def _vehicle(arguments: argparse.Namespace) -> Vehicle | None:
+    from stoop.vehicle.builtin import resolve_vehicle
+
+    if not arguments.vehicle:
+        return None
+    return freed(resolve_vehicle(arguments.vehicle), arguments.free, arguments.fix)
+
+
+def _by_name(flights: Sequence[Flight]) -> dict[str, Flight]:
+    out = {flight.name: flight for flight in flights}
+    if len(out) < len(flights):
+        raise FlightError("maneuvers: two flights have the same name; rename one of the files")
+    return out
+
+
+def _next(arguments: argparse.Namespace) -> list[str]:
+    from stoop.identify.windows_file import NAME
+
+    mapping = ["--mapping", str(arguments.mapping)] if arguments.mapping else []
+    numbers_ = [word for name in arguments.free for word in ("--free", name)]
+    numbers_ += [word for name in arguments.fix for word in ("--fix", name)]
+    vehicle, windows = arguments.vehicle or "V.toml", str(arguments.output / NAME)
+    flights = [str(path) for path in arguments.flight]
+    return [
+        "stoop", "identify", *flights, *mapping, "--vehicle", vehicle, *numbers_, "--maneuver", windows, "-o", "result",
+    ]  # fmt: skip
+
+
+def _tell(out: Page, found: Found, folder: Path, following: Sequence[str]) -> None:
+    from stoop.identify.windows_file import NAME
+    from stoop.job.windows import kind_of, numbered, percent
+
+    rows = numbered(found)
+    several = len({w.flight for _, w in rows}) > 1
+    name = [f"{w.flight}@" if several else "" for _, w in rows]
+    out.table(
+        [
+            fixed("", [i for i, _ in rows], 0),
+            words(
+                "window s", [f"{n}{w.start:.1f}:{w.stop:.1f}" for n, (_, w) in zip(name, rows, strict=True)]
+            ),
+            words("use", [kind_of(w) for _, w in rows]),
+            words("axis", [w.axis for _, w in rows]),
+            fixed("information", [w.information for _, w in rows], 2),
+            points("gain", [f"{w.gain:.2f}" if w.gain else "-" for _, w in rows]),
+            words("why", [w.why for _, w in rows], wraps=True),
+        ]
+    )
+    if found.expected:
+        out.heading("expected of the windows to be fitted")
+        out.table(
+            [
+                words("", [e.name for e in found.expected]),
+                numbers("about", [e.value for e in found.expected]),
+                numbers("std error", [e.std_error for e in found.expected]),
+                points("of its size", [percent(e.relative) for e in found.expected]),
+            ]
+        )
+    if found.notes:
+        out.heading("notes")
+        out.bullets(found.notes)
+    out.line()
+    out.line(f"edit: {folder / NAME}")
+    out.line(f"page: {folder / 'windows.html'}")
+    out.command("next: ", following)
