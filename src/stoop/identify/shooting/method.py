@@ -33,6 +33,7 @@ from stoop.vehicle import Vehicle
 FloatArray = NDArray[np.float64]
 DEFAULTS: Final = Options()
 LENGTH: Final = 1.0  #: s of a window: no aircraft runs far in that
+AGAIN: Final = 3000.0  #: trajectories of a search after steps from a fair start led nowhere
 ADVICE: Final = {
     "converged": "",
     "generations": "the windows do not meet at an optimum; begin nearer, or fix what the data cannot tell",
@@ -101,7 +102,7 @@ class MultipleShooting:
         begins = [np.concatenate([x, np.zeros(problem.extra)]) for x in firsts] if far is None else [far.z]
         found = self._from(meeting, nodes, begins, options, far)
         if far is None and found.status == "generations" and problem.layout.vehicle.hovers:
-            far = afar.outcome(firsts)
+            far = afar.limited(AGAIN).outcome(firsts)
             again = self._from(meeting, nodes, [far.z], options, far)
             found = again if again.status == "converged" else found
         return self._found(problem, prepared, found, far)
@@ -200,6 +201,10 @@ class _Afar:
     options: Options
     callback: Callable[[Any], None] | None
     state: Any
+
+    def limited(self, budget: float) -> _Afar:
+        """Return the same search with no more than a budget, trajectories."""
+        return replace(self, options=replace(self.options, budget=min(budget, self.options.budget)))
 
     @cached_property
     def windowed(self) -> Misfit:

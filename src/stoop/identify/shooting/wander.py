@@ -28,6 +28,7 @@ from stoop.identify.shooting.windows import Window
 FloatArray = NDArray[np.float64]
 RANGE: Final = (1e-3, 3.0)  #: m/s
 ROUNDS: Final = 2
+UNSEEN: Final = 1e-12  #: of the greatest eigenvalue: rounding
 PARTS: Final = ((-3, -2), (-1,))  #: of the scales: level, vertical
 
 
@@ -71,10 +72,16 @@ def _unlikely(meeting: Meeting, place: Place, linear: Sequence[Sequence[Window]]
         found = reduced(weighed, 0.0)
         cost += sum(float(w.gap @ w.gap) for w in weighed) - found.gain
         normal, gradient, logdet = normal + found.normal, gradient + found.gradient, logdet + found.logdet
+    told = np.diag(normal) > 0.0  # what no window sees has no part in it
+    normal, gradient = normal[np.ix_(told, told)], gradient[told]
     size = np.sqrt(np.diag(normal))
-    scaled = normal / np.outer(size, size)
-    step = np.linalg.lstsq(scaled, gradient / size, rcond=1e-12)[0]
-    total = logdet + float(np.linalg.slogdet(scaled)[1]) + 2.0 * float(np.sum(np.log(size)))
+    values, vectors = np.linalg.eigh(normal / np.outer(size, size))
+    kept = np.maximum(values, UNSEEN * values[-1])
+    along = vectors.T @ (gradient / size)
+    total = logdet + float(np.sum(np.log(kept))) + 2.0 * float(np.sum(np.log(size)))
     return (
-        cost - float(gradient / size @ step) + total + 2.0 * gaps * float(np.sum(np.log(meeting.scales[-3:])))
+        cost
+        - float(np.sum(along**2 / kept))
+        + total
+        + 2.0 * gaps * float(np.sum(np.log(meeting.scales[-3:])))
     )
