@@ -75,7 +75,7 @@ def truth(craft: Craft, flown: Recording, motor: Mapping[str, float] | None) -> 
         lags, x = {"rotors.lag": lag}, lagged(flown, motor, lag)
     xx, yy, zz = craft.inertia
     return {
-        **thrust(flown, x, climb), **torque_ratio(flown), **lags, "rotors.inertia": ROTOR_INERTIA, **airframe(flown),
+        **thrust(flown, x, climb), **torque_ratio(craft, flown), **lags, "rotors.inertia": ROTOR_INERTIA, **airframe(flown),
         **{f"body_drag.rotation.{a}": 0.0 for a in "xyz"},
         "mass.inertia.xx": xx, "mass.inertia.yy": yy, "mass.inertia.zz": zz,
     }  # fmt: skip
@@ -100,7 +100,7 @@ def lagged(flown: Recording, motor: Mapping[str, float], lag: float) -> FloatArr
 
 
 def _thrust_terms(x: FloatArray, climb: FloatArray) -> FloatArray:
-    return np.stack([x, x * x, -x * climb], axis=-1)[:, SETTLED:].reshape(-1, 3)
+    return np.stack([x * x, -x * climb], axis=-1)[:, SETTLED:].reshape(-1, 2)
 
 
 def _lifts(flown: Recording) -> FloatArray:
@@ -122,13 +122,18 @@ def fitted_lag(flown: Recording, climb: FloatArray, motor: Mapping[str, float]) 
 def thrust(flown: Recording, x: FloatArray, climb: FloatArray) -> dict[str, float]:
     """Return the coefficients of the thrust over x (4, n)."""
     found = _solved(_thrust_terms(x, climb), _lifts(flown)[:, SETTLED:].ravel())
-    return dict(zip((f"rotors.{n}" for n in ("T1", "T2", "inflow")), map(float, found), strict=True))
+    return dict(zip((f"rotors.{n}" for n in ("T2", "inflow")), map(float, found), strict=True))
 
 
-def torque_ratio(flown: Recording) -> dict[str, float]:
-    """Return torque over thrust, m."""
-    lifts, twists = (np.concatenate([flown.columns[c] for c in names]) for names in (LIFTS, TWISTS))
-    return {"rotors.torque_ratio": float(lifts @ np.abs(twists) / (lifts @ lifts))}
+def torque_ratio(craft: Craft, flown: Recording) -> dict[str, float]:
+    """Return torque over thrust, m, of what is left over when four rotors turn against each other.
+
+    That is what a flight shows: torques that are alike cancel. Of the tables it is the ratio of slopes over the speed.
+    """
+    turns = [1.0 if craft.sense(i) == "ccw" else -1.0 for i in range(4)]
+    lift = np.einsum("i,it->t", turns, [flown.columns[c] for c in LIFTS])
+    twist = sum(flown.columns[c] for c in TWISTS)  # along the thrust, with its sign
+    return {"rotors.torque_ratio": float(-(lift @ twist) / (lift @ lift))}
 
 
 def airframe(flown: Recording) -> dict[str, float]:

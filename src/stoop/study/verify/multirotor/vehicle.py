@@ -40,7 +40,6 @@ gravity = {gravity!r}
 drive = "speed"
 {channel}
 inertia = {{ value = 2e-5, free = true, bounds = [1e-6, 3e-4] }}
-T1 = {{ value = 0.0, bounds = {T1} }}
 T2 = {T2_start!r}
 inflow = 0.0
 translational = 0.0
@@ -72,7 +71,7 @@ def vehicle_of(
         mass=craft.mass, **GUESSED, zz=truth["mass.inertia.zz"], gravity=gravity(craft, flown),
         channel=BY_SPEED if motor is None else BY_COMMAND.format(**motor), T2_start=share / x**2,
         drag=truth["body_drag.quadratic.z"],
-        T1=[-3.0 * share / x, 3.0 * share / x], turning=TURNING,
+        turning=TURNING,
     )  # fmt: skip
     return parse_vehicle(
         "\n".join([text, *_rotors(craft, TURNS if motor is None else MOTORS), _sensors()]), "jsbsim F450"
