@@ -161,7 +161,7 @@ def _arm(vehicle: Vehicle, rows: FloatArray) -> FloatArray:
 def spin(
     vehicle: Vehicle, piece: Piece, name: str, rows: FloatArray, seen: dict[bytes, FloatArray]
 ) -> FloatArray:
-    """Return the lagged x of a rotor, or deflection of a surface, along a whole piece (n,)."""
+    """Return the lagged x of a rotor, or deflection of a surface, along a whole piece (n,); as commanded without a lag."""
     prefix = "rotors" if name in vehicle.rotors else f"controls.{name}"
     made_of = _SPUN if name in vehicle.rotors else tuple(n for n in vehicle.rows if n.startswith(prefix))
     involved = [vehicle.rows[number] for number in made_of if number in vehicle.rows]
@@ -169,7 +169,8 @@ def spin(
     if key not in seen:
         late = late_inputs(vehicle, piece.inputs, rows, piece.dt)
         command = commanded(vehicle, name, np.repeat(rows, len(late), axis=1), late.T)
-        seen[key] = lagged(command, float(rows[vehicle.rows[f"{prefix}.lag"], 0]), piece.dt)
+        lag = vehicle.rows.get(f"{prefix}.lag")
+        seen[key] = command if lag is None else lagged(command, float(rows[lag, 0]), piece.dt)
     return seen[key]
 
 
