@@ -96,10 +96,10 @@ def _outcomes(monkeypatch: pytest.MonkeyPatch, bad: Any, reader: str = "csv") ->
     real = trial.try_case
     worst = make_case(Series(reader, 5), 1).broken
 
-    def one(case: Case) -> Verdict:
+    def one(case: Case, folder: Path) -> Verdict:
         if case.broken == worst and case.way != GUARD:
             bad()
-        return real(case)
+        return real(case, folder)
 
     monkeypatch.setattr(child, "try_case", one)
     work.prepare(reader, "")
@@ -142,12 +142,14 @@ def test_others_code_that_dies_is_contained(monkeypatch: pytest.MonkeyPatch) -> 
 @pytest.mark.parametrize(
     "raised", [ValueError("x"), ZeroDivisionError(), LogError(""), MemoryError(), RecursionError()]
 )
-def test_what_is_no_error_of_ours_is_a_fault(monkeypatch: pytest.MonkeyPatch, raised: BaseException) -> None:
+def test_what_is_no_error_of_ours_is_a_fault(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, raised: BaseException
+) -> None:
     def ask(*_: object) -> None:
         raise raised
 
     monkeypatch.setattr(trial, "ask", ask)
-    assert trial.try_case(make_case(Series("csv", 1), 0)).outcome in BAD
+    assert trial.try_case(make_case(Series("csv", 1), 0), tmp_path).outcome in BAD
 
 
 @pytest.mark.parametrize(
@@ -161,12 +163,12 @@ def test_what_is_no_error_of_ours_is_a_fault(monkeypatch: pytest.MonkeyPatch, ra
     ],
 )
 def test_a_recording_that_breaks_its_promises_is_a_fault(
-    monkeypatch: pytest.MonkeyPatch, streams: dict[str, Stream]
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, streams: dict[str, Stream]
 ) -> None:
     monkeypatch.setattr(trial.logs, "read", lambda path, _: Recording(path, "table", streams))
     cases = (make_case(Series("csv", 1), n) for n in range(99))
     case = next(c for c in cases if c.way == READ)
-    assert trial.try_case(case).outcome == "fault"
+    assert trial.try_case(case, tmp_path).outcome == "fault"
 
 
 def test_an_impatient_guard_leaves_its_child_less_time(

@@ -15,6 +15,8 @@ import signal
 import warnings
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final
 
 from stoop.errors import StoopError
@@ -61,28 +63,30 @@ def try_all(series: Series, count: int) -> Iterator[Tried]:
         raise StoopError("verify readers: needs a system that can copy processes; run it on Linux or macOS")
     number = 0
     while number < count:
-        for tried in _until_death(series, range(number, count)):
-            contained = series.reader in GUARDED and not series.guarded and tried.outcome in BAD
-            yield _apart(series, tried) if contained else tried
-            number = tried.number + 1
+        with TemporaryDirectory(prefix="stoop-") as place:  # not the child's, which may die
+            for tried in _until_death(series, range(number, count), Path(place)):
+                contained = series.reader in GUARDED and not series.guarded and tried.outcome in BAD
+                yield _apart(series, tried) if contained else tried
+                number = tried.number + 1
 
 
 def _apart(series: Series, tried: Tried) -> Tried:
     """Try a case again as users do: others' code in a process of its own, which may die."""
     one = range(tried.number, tried.number + 1)
-    (again,) = _until_death(replace(series, guarded=True), one)
+    with TemporaryDirectory(prefix="stoop-") as place:
+        (again,) = _until_death(replace(series, guarded=True), one, Path(place))
     if again.outcome in BAD:
         return again
     return replace(tried, outcome=CONTAINED, said=f"{tried.outcome}: {tried.said}; {again.said}")
 
 
-def _until_death(series: Series, numbers: range) -> Iterator[Tried]:
+def _until_death(series: Series, numbers: range, folder: Path) -> Iterator[Tried]:
     """Try cases until all are done, or one takes the process along."""
     end, begin = os.pipe()
     child = os.fork()
     if child == 0:
         os.close(end)
-        _work(begin, series, numbers)  # never comes back
+        _work(begin, series, numbers, folder)  # never comes back
     os.close(begin)
     number = numbers.start
     with os.fdopen(end, "rb") as pipe:
@@ -122,7 +126,7 @@ def _death(status: int, silent: bool) -> Verdict:
     return Verdict("crash", f"the process ended with {os.waitstatus_to_exitcode(status)}")
 
 
-def _work(pipe: int, series: Series, numbers: range) -> None:
+def _work(pipe: int, series: Series, numbers: range, folder: Path) -> None:
     """Try cases and tell each; then end the process, whatever happens."""
     try:
         _be_silent()
@@ -133,7 +137,7 @@ def _work(pipe: int, series: Series, numbers: range) -> None:
                 _limit_time()
                 case = make_case(series, number)
                 before = _peak()
-                verdict = try_case(case)
+                verdict = try_case(case, folder)
                 if _peak() - before > SWELL and not series.guarded:
                     verdict = Verdict("memory", f"{_peak() - before >> 20} MiB; {verdict.said}")
                 told = asdict(Tried(number, case.way, case.damage, verdict.outcome, verdict.said))

@@ -110,21 +110,21 @@ def make_case(series: Series, number: int) -> Case:
     return Case(series, index, replace(sound, files={**sound.files, name: content}), way, damage)
 
 
-def try_case(case: Case) -> Verdict:
-    """Read a damaged log."""
-    with TemporaryDirectory(prefix="stoop-") as name:
-        folder = Path(name)
-        path, mapping = case.broken.write(folder)
-        try:
-            told = ask(path, mapping, case.way)
-        except StoopError as error:
-            return _refusal(str(error).replace(name, ""))
-        except MemoryError:
-            return Verdict("memory", "MemoryError")
-        except BrokenPromiseError as error:
-            return Verdict("fault", f"broken promise: {error}")
-        except Exception as error:
-            return Verdict("fault", _trace(error))
+def try_case(case: Case, folder: Path) -> Verdict:
+    """Read a damaged log in an empty folder, and leave that empty."""
+    try:
+        told = ask(*case.broken.write(folder), case.way)
+    except StoopError as error:
+        return _refusal(str(error).replace(str(folder), ""))
+    except MemoryError:
+        return Verdict("memory", "MemoryError")
+    except BrokenPromiseError as error:
+        return Verdict("fault", f"broken promise: {error}")
+    except Exception as error:
+        return Verdict("fault", _trace(error))
+    finally:
+        for file in folder.iterdir():
+            file.unlink()
     return _held(told, _sound(case.series, case.index, FLIGHT if case.way == FLIGHT else READ))
 
 
