@@ -23,7 +23,6 @@ NOTCH: Final = 0.03  #: steps of the command on the stand
 LAGS: Final = (0.02, 0.2)  #: s, among which the lag is
 SETTLED: Final = 50  #: samples after which the start of a lag is forgotten
 SEA_LEVEL: Final = 1.225  #: kg/m3, to which the coefficients of rotors belong
-ROTOR_INERTIA: Final = 6.05e-5  #: kg m2, `ixx` in JSBSim's file of the propeller
 
 
 def motor_curve(craft: Craft, command: float) -> dict[str, float]:
@@ -75,7 +74,7 @@ def truth(craft: Craft, flown: Recording, motor: Mapping[str, float] | None) -> 
         lags, x = {"rotors.lag": lag}, lagged(flown, motor, lag)
     xx, yy, zz = craft.inertia
     return {
-        **thrust(flown, x, climb), **torque_ratio(craft, flown), **lags, "rotors.inertia": ROTOR_INERTIA, **airframe(flown),
+        **thrust(flown, x, climb), **torque_ratio(craft, flown), **lags, **airframe(flown),
         **{f"body_drag.rotation.{a}": 0.0 for a in "xyz"},
         "mass.inertia.xx": xx, "mass.inertia.yy": yy, "mass.inertia.zz": zz,
     }  # fmt: skip
@@ -126,14 +125,16 @@ def thrust(flown: Recording, x: FloatArray, climb: FloatArray) -> dict[str, floa
 
 
 def torque_ratio(craft: Craft, flown: Recording) -> dict[str, float]:
-    """Return torque over thrust, m, of what is left over when four rotors turn against each other.
+    """Return torque over thrust, m, and the inertia of a rotor, kg m2, from what four rotors leave over in yaw.
 
-    That is what a flight shows: torques that are alike cancel. Of the tables it is the ratio of slopes over the speed.
+    That is what a flight shows: torques that are alike cancel, so of the tables it is the ratio of slopes over the
+    speed. A motor's torque, which JSBSim tells, also speeds its rotor up.
     """
-    turns = [1.0 if craft.sense(i) == "ccw" else -1.0 for i in range(4)]
-    lift = np.einsum("i,it->t", turns, [flown.columns[c] for c in LIFTS])
-    twist = sum(flown.columns[c] for c in TWISTS)  # along the thrust, with its sign
-    return {"rotors.torque_ratio": float(-(lift @ twist) / (lift @ lift))}
+    turns = np.array([1.0 if craft.sense(i) == "ccw" else -1.0 for i in range(4)])
+    lift, speed = (turns @ np.stack([flown.columns[c] for c in names]) for names in (LIFTS, TURNS))
+    twist = -np.sum([flown.columns[c] for c in TWISTS], axis=0)  # JSBSim has the sign of the turning in it
+    ratio, inertia = _solved(np.column_stack([lift, np.gradient(speed, 1.0 / RATE)]), twist)
+    return {"rotors.torque_ratio": float(ratio), "rotors.inertia": float(inertia)}
 
 
 def airframe(flown: Recording) -> dict[str, float]:
