@@ -15,7 +15,7 @@ BEFORE: Final = 6.0  #: s, in which it takes off and climbs; not recorded
 DURATION: Final = 24.0  #: s, recorded
 CLIMB: Final = 3.0  #: m/s: propellers are told apart from still air only where the air comes from one side
 WANTED: Final = {0: (6.0, 0.06, 6, 0), 1: (6.0, 0.06, 6, 2), 2: (1.4, 0.05, 7, 5)}
-SHAKEN: Final = {0: (2.5, 0.4, 9, 1), 1: (2.5, 0.4, 9, 2), 2: (1.6, 0.3, 8, 3), 3: (1.5, 1.0, 6, 4)}
+SHAKEN: Final = {0: (2.5, 0.4, 9, 1), 1: (2.5, 0.4, 9, 2), 2: (1.0, 0.3, 8, 3), 3: (1.5, 1.0, 6, 4)}
 #: axis -> amplitude (m/s, rad/s2, m/s2), lowest frequency (Hz), how many sines, which phases
 MOTORS, TURNS, LIFTS, TWISTS = (
     tuple(f"{of}_{i + 1}" for i in range(4)) for of in ("motor", "rotor", "thrust", "torque")
