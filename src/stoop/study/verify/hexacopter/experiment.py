@@ -122,11 +122,13 @@ def _span(span: tuple[float, float]) -> str:
 def without(setting: Setting, log: Log) -> tuple[tuple[str, Mapping[str, Against]], ...]:
     """Return the prediction without one part of the model each."""
     whole = vehicle()
+    wind = {f"sensors.{c}.bias": {"free": True, "prior": 3.0} for c in ("vn", "ve")}
     still = {f"sensors.accelerometer_position.{c}": {"value": 0.0, "free": False} for c in "xyz"}
     cases = {
         "the attitude brought to the clock of the gyros": (read_log(setting.data, mapped=False), whole),
         "induced velocity (climb alone)": (log, whole.with_numbers({"rotors.radius": {"value": 100.0}})),
         "average of the voltage": (log, vehicle(("voltage_average = 30.0", "voltage_average = 0.1"))),
+        "calm air (the wind is estimated)": (log, whole.with_numbers(wind)),
         "lever of the accelerometers": (log, whole.with_numbers(still)),
         "drag with the flow through the disc": (
             log,
@@ -186,7 +188,7 @@ def _rows(judged: Judged, published: Mapping[str, float]) -> list[tuple[Cell, ..
     out: list[tuple[Cell, ...]] = []
     for axis, found in judged.ours.items():
         numbers = (found.model, found.constant, found.static, judged.theirs[axis], published[axis])
-        out.append((judged.fit, _span(judged.window), axis, *(round(n, 4) for n in numbers)))
+        out.append((judged.fit, _span(judged.window), axis, *(round(n, 5) for n in numbers)))
     return out
 
 
@@ -277,7 +279,7 @@ def _coefficient_table(rows: Sequence[tuple[Cell, ...]]) -> Table:
 
 
 def _without_row(name: str, found: Mapping[str, Against]) -> tuple[Cell, ...]:
-    return (name, *(round(found[a].model, 4) for a in AXES))
+    return (name, *(round(found[a].model, 5) for a in AXES))
 
 
 def _without_table(lacking: Sequence[tuple[str, Mapping[str, Against]]]) -> Table:
