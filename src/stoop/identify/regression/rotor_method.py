@@ -14,7 +14,7 @@ from stoop.errors import IdentificationError
 from stoop.identify.fit import Fit
 from stoop.identify.noise import variance_of
 from stoop.identify.prepare import Prepared
-from stoop.identify.regression.accelerations import Unknowns, fitted
+from stoop.identify.regression.accelerations import LEAST, MOMENTS, Unknowns, fitted
 from stoop.identify.regression.domain import Time
 from stoop.identify.regression.estimate import boxed
 from stoop.identify.regression.least_squares import Solved
@@ -31,6 +31,10 @@ HOW: Final = (
 EXPLAINED: Final = "Share of each acceleration's motion that the equations explain: {shares}."
 LITTLE: Final = (
     "{name} acceleration: the equations explain {share:.0%} of its motion; what rests on it is doubtful"
+)
+LEFT_OUT: Final = (
+    "{names}: the recorded commands explain less than {least:.0%} of the angular acceleration, so it was left out: it would teach "
+    "only how noise attenuates. Log the motors as fast as the autopilot commands them to fit moments too."
 )
 FAIR: Final = 0.5  #: of the motion explained
 
@@ -60,6 +64,8 @@ def of_rotors(problem: Misfit, prepared: Prepared, name: str) -> Fit:
     outcome = optimize.Outcome(z, 0.0, 0.0, 0, status, "", np.empty((0, 2)), None, name)
     covariance, white = (_spread(unknowns, c, len(z)) for c in (solved.covariance, solved.white))
     warnings = [LITTLE.format(name=n, share=max(s, 0.0)) for n, s in solved.r2.items() if s < FAIR]
+    left = [n for n in MOMENTS if n not in solved.r2]
+    warnings += [LEFT_OUT.format(names=", ".join(left), least=LEAST)] if left else []
     shares = ", ".join(f"{n} {100.0 * s:.1f} %" for n, s in solved.r2.items())
     return Fit(
         problem,
