@@ -33,8 +33,8 @@ LITTLE: Final = (
     "{name} acceleration: the equations explain {share:.0%} of its motion; what rests on it is doubtful"
 )
 LEFT_OUT: Final = (
-    "{names}: the recorded commands explain less than {least:.0%} of the angular acceleration, so it was left out: it would teach "
-    "only how noise attenuates. Log the motors as fast as the autopilot commands them to fit moments too."
+    "{names}: the recorded commands explain less than {least:.0%} of the angular acceleration, so it was left out: it would "
+    "teach only how noise attenuates. Log the motors as fast as the autopilot commands them to fit moments too."
 )
 FAIR: Final = 0.5  #: of the motion explained
 
