@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import runpy
+import sys
+import types
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -197,3 +202,27 @@ def test_counts_are_those_of_the_cases() -> None:
     assert sum(counted_by_reader({run.key: result})["csv"].values()) == 40
     assert all(c.verdict == "holds" for c in findings.claims)
     assert sum(int(row[2] or 0) for row in findings.rows) == 40
+
+
+@pytest.mark.parametrize("reader", ["csv", "mapping"])
+def test_the_script_that_is_guided_by_coverage(monkeypatch: pytest.MonkeyPatch, reader: str) -> None:
+    """With a stand-in for atheris, which need not be installed: it damages what the script has put into the corpus."""
+    calls: list[Any] = []
+
+    def fuzz() -> None:
+        (_, corpus), read, mutate = calls
+        logs = [path.read_bytes() for path in sorted(Path(corpus).iterdir())]
+        for seed in range(40):
+            read(mutate(logs[seed % len(logs)], 4096, seed))
+
+    fake = types.SimpleNamespace(
+        instrument_imports=lambda include: contextlib.nullcontext(),
+        Mutate=lambda data, most: data[: most // 2],
+        Setup=lambda argv, read, custom_mutator: calls.extend((argv, read, custom_mutator)),
+        Fuzz=fuzz,
+    )
+    monkeypatch.setitem(sys.modules, "atheris", fake)
+    script = runpy.run_path(str(Path(__file__).parents[4] / "scripts" / "fuzz_readers.py"))
+    with warnings.catch_warnings():
+        script["main"](reader, [])
+    assert len(calls) == 3
