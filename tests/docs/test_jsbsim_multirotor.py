@@ -1,0 +1,55 @@
+"""The page on JSBSim's quadrotor says what the committed table says, and the table what is claimed."""
+
+from __future__ import annotations
+
+import csv
+
+import pytest
+
+from docs.pages import DOCS, table
+from stoop.study.verify.jsbsim_truth.experiment import SHARE, SIGMAS, cells
+from stoop.study.verify.multirotor.experiment import HEAD, RECORDS, Multirotor, Record
+from stoop.study.verify.multirotor.vehicle import NOISE
+
+PAGE = DOCS / "jsbsim.md"
+WORDS, COUNTS = ("recorded", "parameter", "agrees"), ("flights", "flights_that_agree")
+
+
+def records(model: str) -> list[dict[str, str]]:
+    with (DOCS / "verify" / "multirotor.csv").open(newline="") as file:
+        return [row for row in csv.DictReader(file) if row["recorded"] == model]
+
+
+def told(record: dict[str, str]) -> tuple[str, ...]:
+    """Return what the page shows of a record of the table."""
+    values = [
+        record[k] if k in WORDS else int(record[k]) if k in COUNTS else float(record[k] or "nan")
+        for k in HEAD
+    ]
+    return cells(
+        [None if v != v else v == "yes" if k == "agrees" else v for k, v in zip(HEAD, values, strict=True)]
+    )
+
+
+@pytest.mark.parametrize("record", RECORDS, ids=lambda r: r.model)
+def test_the_tables_are_those_that_were_written(record: Record) -> None:
+    assert list(table(PAGE, record.title, "parameter").rows) == [told(r) for r in records(record.model)]
+
+
+@pytest.mark.parametrize("record", RECORDS, ids=lambda r: r.model)
+def test_what_is_said_of_them(record: Record) -> None:
+    rows = records(record.model)
+    flights = int(rows[0]["flights"])
+    assert flights == Multirotor().runs
+    agree = sum(int(r["flights_that_agree"]) for r in rows)
+    square = sum(float(r["rms_difference_in_sigma"]) ** 2 for r in rows) / len(rows)
+    summary = next(r for r in table(PAGE, "A quadrotor", "recorded").rows if r[0] == record.title)
+    assert summary[1:] == (str(len(rows)), f"{agree} of {flights * len(rows)}", f"{square:.2f}")
+    for r in rows:
+        off = abs(float(r["mean_estimate"]) - float(r["jsbsim"]))
+        assert off <= max(SIGMAS * float(r["sigma"]), SHARE * abs(float(r["jsbsim"]))), r["parameter"]
+
+
+def test_noise() -> None:
+    shown = dict(table(PAGE, "A quadrotor", "channels").rows)
+    assert {c: float(cell.split()[0]) for cs, cell in shown.items() for c in cs.split(", ")} == NOISE
