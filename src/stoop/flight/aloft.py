@@ -64,7 +64,9 @@ def lift(flight: Flight) -> FloatArray | None:
 def motors_ran(flight: Flight) -> bool:
     """Tell whether any rotor was ever told to turn, as far as the log says."""
     told = lift(flight)
-    return told is None or float(np.nanmax(np.append(told, 0.0))) > RAN
+    if told is None:
+        return not {"motor_1", "rotor_1"} & {str(name) for name in flight.data.data_vars}
+    return float(np.nanmax(np.append(told, 0.0))) > RAN
 
 
 def _moving(flight: Flight, kind: str, size: int) -> list[str]:

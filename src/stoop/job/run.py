@@ -13,6 +13,7 @@ from stoop.flight import Flight, load, without, without_faults
 from stoop.identify import methods
 from stoop.identify.fit import Fit, Options
 from stoop.identify.forces import ForceFigures, force_figures
+from stoop.identify.mismatch import check_inputs
 from stoop.identify.predict import identified_vehicle
 from stoop.identify.prepare import prepare
 from stoop.identify.result import Identification
@@ -153,6 +154,8 @@ def search(
     method = methods.find(options.method)
     known = _by_name(_each(flights))
     fitted, predicted = _windows(maneuvers, validate, known)
+    for name in dict.fromkeys(w.flight for w in (*fitted, *predicted)):
+        check_inputs(vehicle, known[name])
     inputs = input_hashes(vehicle, known, files)
     known = {name: without_faults(without(flight, _spans(name, predicted))) for name, flight in known.items()}
     prepare(vehicle, known, predicted)  # so that its errors come before the search

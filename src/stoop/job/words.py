@@ -9,13 +9,14 @@ import numpy as np
 from stoop.flight import Flight
 from stoop.identify.excitation import excitation_warnings
 from stoop.identify.fit import Fit
+from stoop.identify.mismatch import unlike
 from stoop.identify.result import ManeuverResult, ParameterEstimate
 from stoop.identify.rotors_seen import strange_motors
 from stoop.job.errorbars import ErrorBars
 from stoop.vehicle import Vehicle
 from stoop.vehicle.plausible import inertia_doubts
 
-_WHOLE = ("wrong sign", "inconsistent")  #: faults of a sensor that hold wherever it is read
+_WHOLE = ("wrong sign", "wrong unit", "inconsistent")  #: faults of a sensor that hold wherever it is read
 _DROPPED = dict.fromkeys(("clipped", "stuck"), "; counted as not measured there")
 COLORED = 2.0  #: correlation time in samples from which residuals count as colored
 
@@ -53,6 +54,7 @@ def warnings(
     if fit.outcome.status not in ("converged", "target"):
         out.append(f"The search ended without a confirmed optimum: {fit.outcome.advice}.")
     out += _faults(fit, flights, maneuvers)
+    out += unlike(fit.problem.layout.vehicle, flights)
     out += inertia_doubts(fit.problem.layout.vehicle, fit.estimates)
     out += _not_measured(fit, maneuvers)
     if fit.problem.layout.vehicle.hovers:

@@ -10,6 +10,7 @@ from stoop.errors import FlightError
 from stoop.flight import Flight
 from stoop.flight.aloft import flying, lift, motors_ran
 from stoop.flight.commands import RATES, commands
+from stoop.identify.mismatch import check_inputs
 from stoop.vehicle import Vehicle
 
 
@@ -44,6 +45,7 @@ def require_inputs(flight: Flight, vehicle: Vehicle) -> None:
     FlightError
         Names the channels.
     """
+    check_inputs(vehicle, flight)
     if vehicle.hovers and not motors_ran(flight):
         raise FlightError(f"{flight.name}: {motors_off(flight)}")
 

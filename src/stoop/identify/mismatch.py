@@ -1,0 +1,83 @@
+"""Whether flights and vehicle file are of one vehicle: what drives it, what carries it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+
+from stoop.errors import FlightError
+from stoop.flight import Flight
+from stoop.flight.aloft import flying, lift, lifting
+from stoop.vehicle import Vehicle
+
+DRIVEN: Final = (
+    "elevator",
+    "aileron",
+    "rudder",
+    "flap",
+    "control_",
+    "motor_",
+    "servo_",
+    "pwm_",
+    "rotor_",
+    "thr",
+)
+UNLIKE: Final = 0.25  #: difference of the usual lift commands of two flights, over their mean
+
+
+def check_inputs(vehicle: Vehicle, flight: Flight) -> None:
+    """Refuse a flight that lacks what drives the vehicle.
+
+    Raises
+    ------
+    FlightError
+        Names the channels, what the flight has instead, and what to change.
+    """
+    missing = [name for name in vehicle.recorded if name not in flight.data]
+    if not missing:
+        return
+    there = [str(name) for name in flight.data.data_vars if str(name).startswith(DRIVEN)]
+    other = ""
+    if vehicle.hovers and not lifting(flight):
+        other = f"{vehicle.where} flies on rotors, but no rotors are in this log: is it of another vehicle? "
+    elif lifting(flight) and not vehicle.hovers:
+        other = (
+            f"rotors carry the vehicle of this log, but {vehicle.where} has none: is it of another vehicle? "
+        )
+    raise FlightError(
+        f"{flight.name}: input {', '.join(repr(name) for name in missing)} is not in this flight, which is driven by "
+        f"{', '.join(there) or 'nothing that was recorded'}; {other}Check --vehicle, the channels in it, or the mapping"
+    )
+
+
+def unlike(vehicle: Vehicle, flights: Mapping[str, Flight]) -> list[str]:
+    """Say in words why a flight is hardly of this vehicle, or two flights of one."""
+    carried = {name: lifting(flight) for name, flight in flights.items()}
+    out = [
+        f"{name}: rotors carry the vehicle of this log, but {vehicle.where} has none: is it of another vehicle? Check --vehicle."
+        for name, on_rotors in carried.items()
+        if on_rotors and not vehicle.hovers
+    ]
+    levels = {
+        name: _level(flights[name]) for name, on_rotors in carried.items() if on_rotors and vehicle.hovers
+    }
+    known = {name: level for name, level in levels.items() if level > 0.0}
+    if len(known) > 1:
+        low, high = min(known, key=lambda n: known[n]), max(known, key=lambda n: known[n])
+        if known[high] - known[low] > UNLIKE * 0.5 * (known[high] + known[low]):
+            out.append(
+                f"{low} is carried by {known[low]:.2f} of full command and {high} by {known[high]:.2f}: another mass, other "
+                "propellers or another vehicle; fit them apart, or name the mass that was flown: START:STOP#LOADING."
+            )
+    return out
+
+
+def _level(flight: Flight) -> float:
+    """Return the usual command that carries a vehicle; zero where nothing says."""
+    told = lift(flight)
+    if told is None:
+        return 0.0
+    seen = told[flying(flight) & np.isfinite(told)]
+    return float(np.median(seen)) if seen.size else 0.0

@@ -1,0 +1,130 @@
+"""`stoop maneuvers` as a user meets it: known maneuvers are found, edited windows are fitted, bad logs are told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.cli.main import main
+from stoop.flight import Flight, from_columns, load, save
+from stoop.identify.windows_file import read_windows
+from stoop.logs import FloatArray
+
+QUAD = """
+format = "stoop-maneuver/1"
+duration = 40.0
+rate = 100.0
+altitude = 200.0
+[[input]]
+control = "roll"
+shape = "3-2-1-1"
+start = 10.0
+step = 0.15
+amplitude = 15.0
+[[input]]
+control = "yaw"
+shape = "3-2-1-1"
+start = 25.0
+step = 0.4
+amplitude = 1.0
+"""
+MOTORS = tuple(f"motor_{n}" for n in range(1, 5))
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("maneuvers")
+    (folder / "m.toml").write_text(QUAD)
+    words = ["simulate", "quad-x", "--maneuver", str(folder / "m.toml"), "-o", str(folder / "quad.nc")]
+    assert main(words) == 0
+    return folder
+
+
+def changed(place: Path, name: str, change: Callable[[str, FloatArray], FloatArray | None]) -> Path:
+    """Write the flight with channels changed, or left out where `change` returns None."""
+    flight: Flight = load(place / "quad.nc")
+    columns = {str(n): change(str(n), flight.column(str(n))) for n in flight.data.data_vars}
+    kept = {n: x for n, x in columns.items() if x is not None and n not in ("q0", "q1", "q2", "q3")}
+    save(from_columns(name, flight.time, kept), place / f"{name}.nc")
+    return place / f"{name}.nc"
+
+
+def test_known_maneuvers_are_proposed_and_the_file_can_be_edited(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["maneuvers", str(place / "quad.nc"), "-o", str(place / "w")]) == 0
+    said = capsys.readouterr().out
+    assert "next: stoop identify" in said
+    entries = read_windows(place / "w" / "windows.toml")
+    assert any(e.start <= 10.0 and e.stop >= 11.05 for e in entries if e.accept)
+    assert any(e.start <= 25.0 and e.stop >= 27.8 for e in entries if e.accept)
+    assert sum(e.stop - e.start for e in entries if e.accept) < 20.0
+    page = (place / "w" / "windows.html").read_text()
+    assert "shade fitted" in page
+    assert "http://" not in page.replace("http://www.w3.org", "")
+
+
+def refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    assert main(words) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    return error
+
+
+def off(name: str, x: FloatArray) -> FloatArray:
+    return np.zeros(x.size) if name in MOTORS else x
+
+
+def silent(name: str, x: FloatArray) -> FloatArray | None:
+    return None if name in ("p", "q", "r") else x
+
+
+def still(name: str, x: FloatArray) -> FloatArray:
+    return np.full(x.size, np.median(x)) if name in MOTORS else x
+
+
+@pytest.mark.parametrize(
+    ("change", "advice"),
+    [
+        (off, "the motors never ran"),
+        (silent, "p, q, r were not recorded"),
+        (still, "no command was recorded that moves"),
+    ],
+)
+def test_logs_that_tell_nothing(
+    place: Path,
+    change: Callable[[str, FloatArray], FloatArray | None],
+    advice: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = changed(place, change.__name__, change)
+    assert advice in refused(["maneuvers", str(path), "-o", str(place / "bad")], capsys)
+    assert not (place / "bad").exists()
+
+
+@pytest.mark.parametrize("verb", ["maneuvers", "identify"])
+def test_logs_of_other_vehicles(
+    place: Path, flight_file: Path, verb: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    more = ["--maneuver", "1:9"] if verb == "identify" else []
+    out = ["-o", str(place / "bad")]
+    wings = refused([verb, str(flight_file), "--vehicle", "quad-x", *more, *out], capsys)
+    assert "'motor_1'" in wings
+    assert "no rotors are in this log" in wings
+    rotors = refused([verb, str(place / "quad.nc"), "--vehicle", "twin-boom", *more, *out], capsys)
+    assert "rotors carry the vehicle of this log" in rotors
+    hexa = refused([verb, str(place / "quad.nc"), "--vehicle", "hexa-x", *more, *out], capsys)
+    assert "motor_5" in hexa
+    assert "another vehicle" in hexa or "Check --vehicle" in hexa
+
+
+def test_an_edited_file_that_accepts_nothing(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = place / "none.toml"
+    path.write_text(
+        'format = "stoop-windows/1"\n[[window]]\nflight = "quad"\nstart = 9.0\nstop = 14.0\naccept = false\n'
+    )
+    words = ["identify", str(place / "quad.nc"), "--vehicle", "quad-x", "--maneuver", str(path)]
+    assert "set accept = true" in refused([*words, "-o", str(place / "bad")], capsys)
