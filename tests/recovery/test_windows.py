@@ -1,0 +1,71 @@
+"""Windows found in calm flight with known maneuvers, and what was foretold of the error bars, over seeds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stoop.design.windows import Found, find_windows
+from stoop.flight import Flight
+from stoop.identify.fit import Options
+from stoop.job import identify
+from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+
+HEAD = 'format = "stoop-maneuver/1"\nduration = {seconds}\nrate = 100.0\naltitude = 200.0\n{more}'
+INPUT = '[[input]]\ncontrol = "{}"\nshape = "{}"\nstart = {}\nstep = {}\namplitude = {}\n'
+QUAD = (
+    ("roll", "3-2-1-1", 10.0, 0.15, 15.0),
+    ("pitch", "doublet", 24.0, 0.2, 15.0),
+    ("yaw", "3-2-1-1", 38.0, 0.4, 1.0),
+)
+AIRCRAFT = (
+    ("elevator", "3-2-1-1", 8.0, 0.3, 0.03),
+    ("rudder", "doublet", 28.0, 0.8, 0.1),
+    ("aileron", "doublet", 46.0, 0.5, 0.05),
+)
+SWINGS = {"3-2-1-1": 7, "doublet": 2}
+
+
+def flown(
+    name: str, inputs: tuple[tuple[str, str, float, float, float], ...], seed: int
+) -> tuple[Vehicle, Flight]:
+    more = "" if name == "quad-x" else "airspeed = 35.0\n"
+    text = HEAD.format(seconds=60.0, more=more) + "".join(INPUT.format(*one) for one in inputs)
+    vehicle = resolve_vehicle(name)
+    return vehicle, simulate_flight(vehicle, parse_maneuver(text, "test"), seed=seed, name="sim")
+
+
+def recalled(found: Found, inputs: tuple[tuple[str, str, float, float, float], ...]) -> float:
+    """Return the share of the maneuvers that lie whole in an accepted window."""
+    kept = [w for w in found.windows if w.accept]
+    spans = [(start, start + SWINGS[shape] * step) for _, shape, start, step, _ in inputs]
+    return float(np.mean([any(w.start <= a and w.stop >= b for w in kept) for a, b in spans]))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("name", "inputs"), [("quad-x", QUAD), ("twin-boom", AIRCRAFT)])
+def test_known_maneuvers_are_found_and_calm_flight_is_not(
+    name: str, inputs: tuple[tuple[str, str, float, float, float], ...], seed: int
+) -> None:
+    _, flight = flown(name, inputs, seed)
+    found = find_windows({"sim": flight})
+    assert recalled(found, inputs) == 1.0
+    fitted = [w for w in found.windows if w.accept and w.use == "fit"]
+    moved = [any(w.start < a + 7.0 * s and w.stop > a for _, _, a, s, _ in inputs) for w in fitted]
+    assert np.mean(moved) >= 0.75
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "inputs"), [("quad-x", QUAD), ("twin-boom", AIRCRAFT)])
+def test_error_bars_come_out_as_foretold(
+    name: str, inputs: tuple[tuple[str, str, float, float, float], ...]
+) -> None:
+    vehicle, flight = flown(name, inputs, 1)
+    found = find_windows({"sim": flight}, vehicle)
+    job = identify(vehicle, flight, found.texts("fit"), options=Options(budget=5000.0))
+    told = job.identification.result.parameters
+    ratios = [told[e.name].std_error / e.std_error for e in found.expected if told[e.name].identifiable]
+    assert len(ratios) > 3
+    assert 0.5 < float(np.median(ratios)) < 2.0
