@@ -196,7 +196,7 @@ def _curve(
     if "degree" not in entry:
         return ()
     degree = entry["degree"]
-    if not isinstance(degree, int) or not 1 <= degree < x.size:
+    if type(degree) is not int or not 1 <= degree < x.size:  # true is an int too
         raise LogError(
             f"{place}: {where}.degree is to be a whole number from 1 to {x.size - 1} for {x.size} points"
         )

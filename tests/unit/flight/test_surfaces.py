@@ -94,6 +94,7 @@ def test_leaving_the_table_is_told() -> None:
         ("[calibration.pwm_3]\npoints = [[1100, -0.4], [1900, nan]]", "points is not a number"),
         ("[calibration.pwm_33]\n" + POINTS, "'pwm_33' is no variable of stoop"),
         ("[calibration.pwm_3]\ndegree = 3\n" + POINTS, "degree is to be a whole number from 1 to 2 for 3 points"),
+        ("[calibration.pwm_3]\ndegree = true\n" + POINTS, "degree is to be a whole number"),
         ("[calibration.pwm_3]\ndegree = 3\npoints = [[0, 0.0], [1, 0.4], [9, 0.41], [10, 0.9]]", "curve turns back between"),
         ("[surface.elevator]\nfrom = {pwm_3 = 1}", r"mixed from pwm_3, which has no calibration; add \[calibration\.pwm_3\]"),
         ("[calibration.pwm_3]\n" + POINTS + "[surface.wing]\nfrom = {pwm_3 = 1}", "leads to one of elevator"),
