@@ -218,8 +218,9 @@ class _Oscillation:
         return np.asarray(min(ends, key=lambda end: float(end.cost)).x, dtype=np.float64)
 
     def polished(self, x: FloatArray) -> FloatArray:
-        """Return the optimum near `x`."""
-        end = least_squares(self.residuals, x, bounds=self._box, x_scale=(0.1, 0.1))
+        """Return the optimum near `x`, which may lie beyond what this record can tell."""
+        inside = np.clip(x, *self._box)
+        end = least_squares(self.residuals, inside, bounds=self._box, x_scale=(0.1, 0.1))
         return np.asarray(end.x, dtype=np.float64)
 
     def part(self, first: float, last: float) -> _Oscillation:

@@ -120,3 +120,12 @@ def test_controls_that_never_rest_leave_nothing() -> None:
     free = free_response(TIME, control, {"r": np.zeros(len(TIME))})
     assert free.duration < 0.1
     assert "not identified" in measured_mode("Dutch roll", 0, free, 3.0).remark
+
+
+def test_a_part_too_short_for_the_mode_of_the_whole_is_no_error() -> None:
+    from stoop.validation.response import _Oscillation
+
+    t = np.arange(0.0, 4.0, 0.01)
+    part = _Oscillation(t, np.cos(t)[:, None], np.ones((len(t), 1))).part(0.0, 0.5)
+    too_slow = np.array([part._box[0][0] - 0.3, 0.1])
+    assert part.polished(too_slow) == pytest.approx([0.0, 0.0], abs=1e-6)
