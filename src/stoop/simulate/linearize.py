@@ -173,7 +173,7 @@ def modes_of(A: FloatArray, names: tuple[str, ...]) -> tuple[Mode, ...]:
     """Name the modes by the states that take part in them."""
     keep = [i for i, n in enumerate(names) if n not in ("psi", "h")]  # pure integrators of the rest
     values, vectors = np.linalg.eig(A[np.ix_(keep, keep)])
-    left = np.linalg.inv(vectors)
+    left = _inverse(vectors)
     kept = [names[i] for i in keep]
     found = []
     for i, s in enumerate(values):
@@ -193,6 +193,14 @@ def modes_of(A: FloatArray, names: tuple[str, ...]) -> tuple[Mode, ...]:
             )
         )
     return tuple(sorted(found, key=lambda m: -m.frequency))
+
+
+def _inverse(vectors: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return left eigenvectors; a vehicle without drag is a chain of integrators, which has too few of its own."""
+    try:
+        return np.asarray(np.linalg.inv(vectors))
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.pinv(vectors, rcond=1e-9))
 
 
 def _mode_on_rotors(share: Callable[..., float], lags: list[str], oscillates: bool) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from stoop.simulate import LinearModel, Trim, initial_states, linearize, parameter_rows, trim
+from stoop.simulate.linearize import modes_of
 from stoop.simulate.mixing import mixed_inputs
 from stoop.vehicle import Vehicle
 
@@ -181,3 +182,12 @@ def test_the_linear_model_predicts_a_small_doublet(twin_boom: Vehicle) -> None:
         size = np.abs(expected[:, i]).max()
         if channel in ("V", "alpha", "q", "theta", "ax", "az"):
             np.testing.assert_allclose(moved[:, i], expected[:, i], atol=2e-3 * size, err_msg=channel)
+
+
+def test_a_chain_of_integrators_has_modes() -> None:
+    """Thrust turns, turning tilts, tilt accelerates: without drag nothing comes back, and eigenvectors coincide."""
+    A = np.zeros((4, 4))
+    A[0, 2], A[2, 3] = -9.81, 1.0  # u' = -g theta, theta' = q
+    found = modes_of(A, ("u", "w", "theta", "q"))
+    assert [m.eigenvalue for m in found] == [0.0] * 4
+    assert sorted(m.name for m in found) == ["heave", "pitch", "pitch", "pitch"]
