@@ -164,6 +164,35 @@ def test_what_asymmetry_terms_absorb() -> None:
     assert biases < 1e-3, "altogether"
 
 
+def test_multirotors_are_those_that_were_written() -> None:
+    last = {(r["case"], r["method"]): r for r in records("multirotor")}
+    assert list(table(PAGE, "Multirotors", "case").rows) == [
+        (
+            case, SHOWN[method], r["iterations"], f"{r['reached_target']} of {r['runs']}",
+            format(100.0 * float(r["mean_error"]), ".2g") if r["mean_error"] else "",
+            f"{float(r['median_fitness']):.6g}", rounded(r["median_evaluations_to_target"], ".0f"),
+        )
+        for (case, method), r in last.items()
+    ]  # fmt: skip
+
+
+def test_what_is_said_of_multirotors() -> None:
+    rows = records("multirotor-parameters")
+
+    def rms(method: str) -> float:
+        own = [r["rms_relative_error"] for r in rows if (r["case"], r["method"]) == ("noise", method)]
+        return 100.0 * float(np.sqrt(np.mean(np.square([float(e) for e in own]))))
+
+    real = {r["parameter"]: r for r in rows if (r["case"], r["method"]) == ("real", "ps-gde-lm")}
+    assert f"off by {rms('ps-gde-lm'):.1f} % (root mean square of all ten)" in text()
+    assert f"multiple shooting of the same flights by {rms('multiple-shooting'):.1f} %" in text()
+    for name, said in (("rotors.lag", "lag of {:.3f} ± {:.3f} s"), ("rotors.T2", "T2 of {:.1f} ± {:.1f} N")):
+        values = [float(real[name][c]) for c in ("truth_or_best", "deviation")]
+        assert said.format(*values) in text()
+    page = (DOCS / "reproduce" / "multirotor.html").read_text(encoding="utf-8")
+    assert "--data ../shared/data" in page
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_pages_are_those_of_the_commands_and_tell_nothing_of_the_machine(name: str) -> None:
     page = (DOCS / "reproduce" / f"{name}.html").read_text(encoding="utf-8")

@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 HERE = Path("stoop-reproduce")
 NAMES = (
     "table1", "figure1", "figure2", "figure3", "lateral", "longitudinal-full", "sweep", "ablation", "noise",
+    "multirotor",
 )  # fmt: skip
+_READ = ("multirotor",)  #: those that read published data
 WHAT = """\
   table1             GA, PSO, PS-GDE and the default at 500 to 2000 iterations (50 runs each)
   figure1            the logistic map, and what it is worth as a first population
@@ -27,6 +29,7 @@ WHAT = """\
   sweep              NC, pr, F and CR about the paper's values
   ablation           which idea of PS-GDE helps
   noise              scatter against the Cramer-Rao bound (200 seeds)
+  multirotor         the four optimizers on a simulated quadrotor, and with --data on a real hexacopter
   all                each of these, and an index"""
 
 
@@ -35,6 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_experiment_arguments(parser, NAMES, WHAT, HERE)
     bounds = "bounds: N as wide as each value, W eight times, S from zero (default: N; noise: W)"
     parser.add_argument("--box", choices=("N", "S", "W"), help=bounds)
+    data = "folder of published data (multirotor: the log of the hexacopter; left out without it)"
+    parser.add_argument("--data", metavar="DIR", type=Path, help=data)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -60,4 +65,5 @@ def run(arguments: argparse.Namespace) -> int:
 def _setting(arguments: argparse.Namespace, experiment: PaperExperiment) -> Setting:
     from stoop.study.findings import Setting
 
-    return Setting(arguments.runs or experiment.runs, arguments.seed, arguments.box or experiment.box)
+    data = arguments.data if experiment.name in _READ else None
+    return Setting(arguments.runs or experiment.runs, arguments.seed, arguments.box or experiment.box, data)

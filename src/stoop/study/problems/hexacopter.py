@@ -85,7 +85,7 @@ def pose(name: str, seed: int, **arguments: object) -> Posed:
 @functools.cache
 def settled(data: str) -> Posed:
     """Pose the problem with the Q that dives from the file's own values settle; once in a process."""
-    problem = _posed(vehicle(), _mixed(_flight(Path(data))))
+    problem = _posed(vehicle(), mixed(_flight(Path(data))))
     z = problem.layout.unit(np.array([p.value for p in problem.layout.parameters]))
     for _ in range(ROUNDS):
         z = _dive(problem, z)
@@ -125,7 +125,7 @@ def _flight(data: Path) -> Flight:
         return load(place, mapping, RATE)
 
 
-def _mixed(flight: Flight) -> Flight:
+def mixed(flight: Flight) -> Flight:
     """Return the flight with outputs as PX4's mixer makes them of moments and thrust."""
     moments = np.array([flight.column(c) for c in ("control_roll", "control_pitch", "control_yaw")])
     level = flight.column("control_throttle") + MIXER @ moments

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from typing import Final, Protocol
 
 from stoop.report.sheet import Prose, Section
@@ -18,14 +19,15 @@ class PaperExperiment(Experiment, Protocol):
         """Which bounds when none are asked for."""
 
 
-def _box(setting: Setting) -> str:
-    return f" --box {setting.box}"
+def _options(setting: Setting) -> str:
+    data = "" if setting.data is None else f" --data {shlex.quote(str(setting.data))}"
+    return f" --box {setting.box}{data}"
 
 
 SUITE: Final = Suite(
     "reproduce",
     "The PS-GDE paper, run again",
     "Every table and figure of the paper, what it claims in passing, and what its experiment leaves out.",
-    _box,
+    _options,
     (Section("What the paper leaves open, and how it is read here", (Prose(RECONSTRUCTIONS),)),),
 )
