@@ -32,7 +32,8 @@ LEAD: Final = """\
 The paper's title promises multirotors, its experiment flies an airplane. Here GA, PSO, PS-GDE and stoop's default \
 identify a simulated quadrotor of known truth, without noise and with the noise of the paper's problem, and a real \
 hexacopter. Bounds, budget and the cost J = (Z - Y)' Q (Z - Y) of all twelve channels are the same for each. The count \
-is that of table 1: one evaluation is one trajectory of the whole record."""
+is that of table 1: one evaluation is one trajectory of the whole record. How the paper's airplane is read, at the end \
+of the page, says where boxes, Q and the settings of the optimizers come from."""
 OPEN_LOOP: Final = """\
 A vehicle on rotors is unstable: simulated open loop it leaves any record after a second or two, whatever the numbers. So \
 J is summed over short windows, each of which begins in its measured state, {length}. Nothing else is done for the \
@@ -46,7 +47,7 @@ Windows begin in noisy readings, so that even the truth costs more than noise al
 bound, which is that of known beginnings. All four minimize the same J: how near they come to its optimum (1e-6, where a \
 dive from the truth ends) is the optimizer's part, the rest is the cost's. The last column is of the same flights, noise and \
 bounds: multiple shooting, the method of stoop identify for vehicles on rotors, estimates the states in which windows \
-begin, and the speeds of the motors, too. Box S begins at zero and ends at 2 to 8 times the truth; the sign alone is known."""
+begin, and the speeds of the motors, too; it starts from the center of the box. Box S begins at zero and ends at 2 to 8 times the truth; the sign alone is known."""
 REAL_WORDS: Final = """\
 140 to 214 s of PX4's log 18: hover, two climbs of 6 m/s and slow descents. Q is what the residuals of a dive from the \
 file's own values say, colored as they are, and is then held; that dive is also what counts as reached (its J and 0.1 %). \
