@@ -47,7 +47,8 @@ Windows begin in noisy readings, so that even the truth costs more than noise al
 bound, which is that of known beginnings. All four minimize the same J: how near they come to its optimum (1e-6, where a \
 dive from the truth ends) is the optimizer's part, the rest is the cost's. The last column is of the same flights, noise and \
 bounds: multiple shooting, the method of stoop identify for vehicles on rotors, estimates the states in which windows \
-begin, and the speeds of the motors, too; it starts from the center of the box. Box S begins at zero and ends at 2 to 8 times the truth; the sign alone is known."""
+begin, and the speeds of the motors, too; it starts from the center of the box. Box S begins at \
+zero and ends at 2 to 8 times the truth; the sign alone is known."""
 REAL_WORDS: Final = """\
 140 to 214 s of PX4's log 18: hover, two climbs of 6 m/s and slow descents. Q is what the residuals of a dive from the \
 file's own values say, colored as they are, and is then held; that dive is also what counts as reached (its J and 0.1 %). \
