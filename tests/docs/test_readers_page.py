@@ -1,0 +1,88 @@
+"""The page on damaged logs says what the committed table says, and the limits that the readers have."""
+
+from __future__ import annotations
+
+import csv
+
+from docs.pages import DOCS, table
+from stoop.flight import build, grid
+from stoop.logs import (
+    crazyflie,
+    dataflash_content,
+    dataflash_text,
+    guard,
+    hdf5,
+    mapping,
+    matlab,
+    netcdf,
+    ros_layout,
+    tabular,
+    text,
+    ulog,
+    ulog_scan,
+)
+from stoop.logs.scan import dataflash as scan
+from stoop.study.verify.readers.damage import DAMAGES
+from stoop.study.verify.readers.samples import SAMPLES
+from stoop.study.verify.readers.trial import BAD, GOOD, GUARDED
+
+PAGE = DOCS / "robustness.md"
+
+
+def records(name: str) -> list[dict[str, str]]:
+    with (DOCS / "verify" / name).open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def sums(reader: str) -> list[int]:
+    rows = [r for r in records("readers.csv") if reader in ("all", r["reader"])]
+    return [sum(int(r[key]) for r in rows) for key in ("cases", *GOOD)]
+
+
+def test_the_table_is_the_one_that_was_written() -> None:
+    shown = table(PAGE, "Measured", "reader").rows
+    assert [cells[0] for cells in shown] == [*SAMPLES, "all"]
+    for cells in shown:
+        assert [int(cell.replace(" ", "")) for cell in cells[1:]] == sums(cells[0])
+
+
+def test_there_are_as_many_as_were_asked_for_and_none_is_bad() -> None:
+    rows = records("readers.csv")
+    assert len(rows) == len(SAMPLES) * len(DAMAGES)
+    assert sum(int(r["cases"]) for r in rows) >= 100_000
+    assert all(int(r["cases"]) > 0 for r in rows)
+    assert not any(int(r[outcome]) for r in rows for outcome in BAD)
+
+
+def test_what_others_code_did_was_contained() -> None:
+    found = records("readers-found.csv")
+    assert {r["outcome"] for r in found} <= {"contained"}
+    assert {r["reader"] for r in found} <= set(GUARDED)
+    assert len(found) == sum(int(r["contained"]) for r in records("readers.csv"))
+
+
+def test_the_limits_are_those_of_the_code() -> None:
+    limits = {cells[0]: " ".join(cells[1:]) for cells in table(PAGE, "Limits", "reader").rows}
+    told = {
+        "ULog": [f"{ulog.MAX_BYTES >> 30} GiB", f"{ulog_scan.MAX_KEPT >> 30} GiB of",
+                 f"{ulog_scan.MOST_STREAMS // 1000} 000 topics", f"{ulog.MAX_FIELDS // 1000} 000 columns"],
+        "DataFlash `.bin`": [f"{scan.MAX_LAYOUTS} kinds", f"{dataflash_content.MAX_INSTANCES} instances",
+                             f"{dataflash_content.MAX_PARAMETERS // 1000} 000 parameters"],
+        "DataFlash `.log`": [f"{dataflash_text.MAX_BYTES >> 20} MiB", f"{dataflash_text.MAX_KINDS} kinds",
+                             f"{dataflash_text.MAX_LINE >> 10} KiB"],
+        "Crazyflie": [f"{crazyflie.MAX_BYTES >> 20} MiB", f"{crazyflie.MAX_VARIABLES} variables"],
+        "CSV, plain or packed": [f"{text.MAX_BYTES >> 20} MiB", f"{text.MAX_ROWS // 10**6} million lines",
+                                 f"{text.MAX_COLUMNS} columns"],
+        "mapping": [f"{mapping.MAX_BYTES >> 20} MiB"],
+        "a flight of stoop's own": [f"{netcdf.MAX_BYTES >> 30} GiB"],
+        "MATLAB, netCDF": [f"{matlab.MAX_BYTES >> 30} GiB", f"{tabular.MAX_ARRAYS} arrays", f"{hdf5.MAX_DEPTH} deep"],
+        "Parquet": [f"{tabular.MAX_ARRAYS} columns"],
+        "ROS bag": [f"{ros_layout.MAX_WIDTH} numbers", f"{ros_layout.MAX_PARTS // 1000} 000 parts"],
+        "all of the last three rows": [f"{guard.Limits.memory >> 30} GiB", f"{guard.Limits.seconds} s of"],
+        "the grid of a flight": [f"{grid.MAX_CELLS // 10**6} million", f"{build.EMPTY:.0f} points",
+                                 f"{build.EMPTY * build.EMPTY_LEAST / 1000:.0f} 000 are"],
+    }  # fmt: skip
+    assert set(told) == set(limits)
+    for reader, words in told.items():
+        assert all(word in limits[reader] for word in words), reader
+    assert f"at most {tabular.MAX_VALUES // 10**6} million" in PAGE.read_text(encoding="utf-8")
