@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from stoop.cli.outputs import add_overwrite, check_targets
 from stoop.cli.page import Page, busy, page
+from stoop.cli.point import LOG_HELP, MAPPING_HELP
 from stoop.cli.spans import add_window, spans
 
 if TYPE_CHECKING:
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
     add = parser.add_argument
-    add("flight", metavar="FLIGHT", type=Path, help="flight log: .ulg, PX4 CSV folder, .nc, .csv")
-    add("--mapping", metavar="M.toml", type=Path, help="columns and units of a CSV log")
+    add("flight", metavar="FLIGHT", type=Path, help=f"flight log: {LOG_HELP}")
+    add("--mapping", metavar="M.toml", type=Path, help=MAPPING_HELP)
     add_window(parser, "what is compared (default: the airborne part)")
     folder = "folder for compatibility.html, compatibility.json and the corrected flight.nc"
     add("-o", "--output", metavar="DIR", type=Path, help=folder)

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Final
 
 from stoop.cli.page import busy, page
-from stoop.cli.point import COMPILING, airspeed, altitude, climb_angle
+from stoop.cli.point import BUILT_IN_HELP, COMPILING, airspeed, altitude, climb_angle
 
 TARGETS: Final = ("jsbsim", "state-space", "simulink")
 SUBJECT_HELP: Final = (
-    "folder (or result.json) of stoop identify, or a vehicle file (TOML), or a built-in vehicle: twin-boom"
+    f"folder (or result.json) of stoop identify, or a vehicle file (TOML), or {BUILT_IN_HELP}"
 )
 
 
@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--airspeed",
         metavar="V",
         type=airspeed,
-        help="of the steady flight, m/s (default: the vehicle's reference)",
+        help="of the steady flight, m/s (default: the vehicle's reference; a vehicle with rotors hovers)",
     )
     add("--altitude", metavar="H", type=altitude, help="m above sea level (default: the flight's, else 200)")
     add("--climb-angle", metavar="DEG", type=climb_angle, default=0.0, help="degrees (default: 0)")

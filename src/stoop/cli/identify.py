@@ -13,7 +13,7 @@ from stoop.cli import assessments
 from stoop.cli.freed import freed
 from stoop.cli.numbers import at_least_one, count, finite, positive
 from stoop.cli.page import page
-from stoop.cli.point import VEHICLE_HELP
+from stoop.cli.point import LOG_HELP, MAPPING_HELP, VEHICLE_HELP
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -44,10 +44,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _add_data(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    logs = "flight log(s): .ulg, PX4 CSV folder, .nc, .csv"
+    logs = f"flight log(s): {LOG_HELP}"
     add("flight", metavar="FLIGHT", nargs="+", type=Path, help=logs)
     add("--vehicle", metavar="V.toml", required=True, help=VEHICLE_HELP)
-    add("--mapping", metavar="M.toml", type=Path, help="columns and units of a CSV log")
+    add("--mapping", metavar="M.toml", type=Path, help=MAPPING_HELP)
 
 
 def _add_windows(parser: argparse.ArgumentParser) -> None:

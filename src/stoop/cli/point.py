@@ -16,9 +16,10 @@ if TYPE_CHECKING:
 
 SEA_LEVEL_DENSITY: Final = 1.225  #: kg/m3, what `stoop.simulate.trim` assumes where the log would tell
 COMPILING: Final = "preparing the equations (some seconds the first time)"
-VEHICLE_HELP: Final = (
-    "vehicle file (TOML), or a built-in vehicle: twin-boom, quad-x, quad-plus, hexa-x, octo-x, quadplane"
-)
+BUILT_IN_HELP: Final = "a built-in vehicle: twin-boom, quad-x, quad-plus, hexa-x, octo-x, quadplane"
+VEHICLE_HELP: Final = f"vehicle file (TOML), or {BUILT_IN_HELP}"
+LOG_HELP: Final = ".ulg, .bin, .log, .usd, .nc, .mat, .parquet, .csv, a ROS bag, or a folder of CSV files"
+MAPPING_HELP: Final = "TOML: columns, units and axes of the log (drafted by stoop map)"
 
 
 def add_point_arguments(parser: argparse.ArgumentParser) -> None:

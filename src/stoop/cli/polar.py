@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from stoop.cli.numbers import positive
 from stoop.cli.outputs import add_overwrite, check_targets
 from stoop.cli.page import Page, busy, page
+from stoop.cli.point import LOG_HELP, MAPPING_HELP
 from stoop.cli.spans import add_window, spans
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
     add = parser.add_argument
-    add("flight", metavar="FLIGHT", type=Path, help="flight log: .ulg, PX4 CSV folder, .nc, .csv")
+    add("flight", metavar="FLIGHT", type=Path, help=f"flight log: {LOG_HELP}")
     add("--mass", metavar="KG", type=positive, required=True, help="of the aircraft as flown")
     add("--area", metavar="M2", type=positive, required=True, help="of the wing, the reference of CL and CD")
     efficiency = "of motor, controller and blades, and its standard error (default: 0.7 0.1)"
@@ -28,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     disc = "diameter of the propeller's disc (default: unknown, about 0.35 of the root of the area)"
     add("--disc", metavar="M", type=positive, help=disc)
     add_window(parser, "what is used (default: the airborne part)")
-    add("--mapping", metavar="M.toml", type=Path, help="columns and units of a CSV log")
+    add("--mapping", metavar="M.toml", type=Path, help=MAPPING_HELP)
     add("-o", "--output", metavar="DIR", type=Path, help="folder for polar.html and polar.json")
     add_overwrite(parser)
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from stoop.cli.outputs import check_targets
 from stoop.cli.page import busy, page
-from stoop.cli.point import COMPILING, VEHICLE_HELP
+from stoop.cli.point import COMPILING, LOG_HELP, MAPPING_HELP, VEHICLE_HELP
 from stoop.cli.tables import numbers, words
 from stoop.errors import IdentificationError
 
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FLIGHT",
         nargs="+",
         type=Path,
-        help="flight log(s): .ulg, PX4 CSV folder, .nc, .csv",
+        help=f"flight log(s): {LOG_HELP}",
     )
     window = "windows to use, seconds of the log's clock"
     add(
@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         help=window,
     )
-    add("--mapping", metavar="M.toml", type=Path, help="columns and units of a CSV log")
+    add("--mapping", metavar="M.toml", type=Path, help=MAPPING_HELP)
     what = (
         "file of candidates, or lines such as 'Cm: alpha, q, alpha^2' (default: those of docs/structure.md)"
     )

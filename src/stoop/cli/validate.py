@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from stoop.cli.outputs import check_targets
 from stoop.cli.page import busy, page
+from stoop.cli.point import MAPPING_HELP
 
 if TYPE_CHECKING:
     from stoop.job.validate import Validated
@@ -24,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("result", metavar="RESULT", type=Path, help="folder of stoop identify, or its result.json")
     add("flight", metavar="FLIGHT", nargs="+", type=Path, help="flight log(s) that were not fitted")
     add("--maneuver", metavar=_WINDOW, nargs="+", action="extend", default=[], help=windows)
-    add("--mapping", metavar="M.toml", type=Path, help="columns and units of a CSV log")
+    add("--mapping", metavar="M.toml", type=Path, help=MAPPING_HELP)
     add("-o", "--output", metavar="DIR", type=Path, required=True, help="folder for page and figures")
     add("--overwrite", action="store_true", help="replace a validation in DIR")
 
