@@ -18,12 +18,17 @@
 from __future__ import annotations
 
 
+def one_line(text: str) -> str:
+    """Return a text on one line that steers no terminal, ends no comment and fits into any file: names in logs hold anything."""
+    return "".join(c if c.isprintable() else " " for c in text)
+
+
 class StoopError(Exception):
     """Base of all errors that the user can mend; the message is one line with the fix."""
 
     def __str__(self) -> str:
         """Return the message on one line, whatever keys and file names are quoted in it."""
-        return "".join(c if c.isprintable() else " " for c in super().__str__())
+        return one_line(super().__str__())
 
 
 class LogError(StoopError):

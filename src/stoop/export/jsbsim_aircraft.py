@@ -11,11 +11,10 @@ from typing import Final
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element, SubElement
 
-from stoop.errors import VehicleError
+from stoop.errors import VehicleError, one_line
 from stoop.export.jsbsim_control import delays, flight_control
 from stoop.export.jsbsim_function import leaf, number
 from stoop.export.jsbsim_model import THRUST, Physics, aerodynamics, pounds
-from stoop.export.text import one_line
 from stoop.units import FOOT, INCH, SLUG
 from stoop.vehicle import Vehicle
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Final
 from xml.etree.ElementTree import Element, SubElement
 
+from stoop.errors import one_line
 from stoop.export.flown import Record, sortie
 from stoop.export.jsbsim_aircraft import aircraft, document
 from stoop.export.jsbsim_flight import FRAME_RATE, INTEGRATORS, START
 from stoop.export.jsbsim_function import leaf, number
 from stoop.export.names import file_name
-from stoop.export.text import one_line
 from stoop.units import FOOT
 from stoop.vehicle import Vehicle
 

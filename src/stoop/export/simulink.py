@@ -13,10 +13,10 @@ import numpy as np
 import sympy as sp
 from sympy.printing.octave import OctaveCodePrinter
 
+from stoop.errors import one_line
 from stoop.export.names import identifier
 from stoop.export.state_space import StateSpace, cells, numbers, unit
 from stoop.export.state_space import variables as linear_variables
-from stoop.export.text import one_line
 from stoop.simulate import Trim, initial_states, parameter_rows
 from stoop.vehicle import Vehicle
 from stoop.vehicle.symbolic import build_model

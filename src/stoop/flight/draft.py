@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from stoop import logs
-from stoop.errors import LogError
+from stoop.errors import LogError, one_line
 from stoop.flight.lag import Signal
 from stoop.flight.mapped import apply
 from stoop.flight.mapping import READY, ready, with_other_form
@@ -179,7 +179,11 @@ def _signal(recording: Recording, line: Line) -> Signal:
 def _clocks(recording: Recording) -> tuple[list[str], Recording]:
     """Return the tables that name the clocks, and the recording on them."""
     if recording.format != "table":
-        chosen = [f"# {key}: {text}" for key, text in recording.info.items() if key.startswith("clock of ")]
+        chosen = [
+            one_line(f"# {key}: {text}")
+            for key, text in recording.info.items()
+            if key.startswith("clock of ")
+        ]
         return chosen, recording
     lines: list[str] = []
     told: set[tuple[str, str]] = set()
@@ -246,9 +250,7 @@ def _toml(line: Line, with_stream: bool = True) -> str:
     parts += [f"scale = {line.scale!r}"] if line.scale != 1.0 else []
     words = [f"unsure: {doubt}" for doubt in line.doubts] or list(line.remarks)
     comment = f"  # {'; '.join(words)}" if words else ""
-    return f"{line.variable} = {{{', '.join(parts)}}}" + "".join(
-        c if c.isprintable() else " " for c in comment
-    )
+    return f"{line.variable} = {{{', '.join(parts)}}}{one_line(comment)}"
 
 
 def _calibrations(variables: Sequence[str]) -> list[str]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stoop import logs
+from stoop.errors import one_line
 from stoop.flight.advice import advised, unit_faults
 from stoop.flight.between import following_rates
 from stoop.flight.build import build
@@ -69,12 +70,7 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = DEFA
     check_radians(channels, str(path), str(place or ""), named_channels.places)
     flight = with_air(_gridded(path, recording, replace(named_channels, channels=channels), rate))
     notes = (*(note for _, told in tamed for note in told), *flight.notes, *_warnings(flight))
-    return replace(flight, notes=tuple(map(_printable, notes)))
-
-
-def _printable(note: str) -> str:
-    """Return a note on one line, whatever names of the log it quotes."""
-    return "".join(c if c.isprintable() else " " for c in note)
+    return replace(flight, notes=tuple(map(one_line, notes)))
 
 
 def _gridded(path: Path, recording: Recording, found: Mapped, rate: float) -> Flight:

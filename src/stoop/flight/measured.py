@@ -244,7 +244,7 @@ def growth(angle: Signal, rate: Signal) -> tuple[float, float]:
         return math.nan, 0.0
     turned = np.concatenate([[0.0], np.cumsum(0.5 * (w[1:] + w[:-1]) * np.diff(s))])
     integral = np.interp(t, s, turned, left=np.nan, right=np.nan)
-    steps = max(1, round(SPAN / float(np.median(np.diff(t)))))
+    steps = max(1, round(min(SPAN / float(np.median(np.diff(t))), t.size)))
     change = x[steps:] - x[:-steps]
     if np.abs(x).max() < 10.0:  # radians: a jump of a turn is none
         change = wrap(change)

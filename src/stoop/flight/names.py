@@ -27,6 +27,9 @@ UNITS: Final[dict[str, str]] = {
     "percent": "percent", "norm": "1", "-": "1", "1": "1", "pwm": "pwm", "usec": "us",
 }  #: as files and people write them -> as stoop does  # fmt: skip
 
+LONGEST_NAME: Final = (
+    200  #: letters; no name that tells anything is longer, and matching takes the square of it
+)
 _LONGEST: Final = sorted(map(re.escape, UNITS), key=len, reverse=True)
 _SUFFIX: Final = re.compile(rf"[_ .]({'|'.join(_LONGEST)})(\[\d+\])?$", re.IGNORECASE)
 _BRACKETS: Final = re.compile(r"\s*[(\[]\s*([^)\]]*?)\s*[)\]]\s*$")
@@ -63,6 +66,8 @@ def recognized(column: str, stated: str = "") -> Guess | None:
     column : its name
     stated : unit that the file states
     """
+    if len(column) > LONGEST_NAME:
+        return None
     bare, unit = without_unit(column)
     unit = UNITS.get(stated.strip().lower(), "") or unit
     found = _by_words(_words(bare)) or (_by_words(_words(column)) if len(unit) == 1 else None)
@@ -100,6 +105,8 @@ def _numbered(variable: str, number: int | None, text: str) -> str | None:
 
 def without_unit(column: str) -> tuple[str, str]:
     """Split a unit off a name, whether in brackets or as an ending; the unit is empty when there is none."""
+    if len(column) > LONGEST_NAME:
+        return column, ""
     found = _BRACKETS.search(column)
     if found and found.group(1).lower() in UNITS and not found.group(1).isdigit():
         return column[: found.start()], UNITS[found.group(1).lower()]

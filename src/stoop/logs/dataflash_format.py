@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from stoop.errors import one_line
 from stoop.logs.recording import FloatArray
 
 Bytes = npt.NDArray[np.uint8]
@@ -90,7 +91,7 @@ def text(content: bytes) -> str:
         decoded = written.decode()
     except UnicodeDecodeError:
         decoded = written.decode("latin-1")
-    return "".join(c if c.isprintable() else " " for c in decoded)
+    return one_line(decoded)
 
 
 def unit(label: str, multiplier: float) -> str:

@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from stoop.errors import LogError
+from stoop.errors import LogError, one_line
 from stoop.logs.dataflash_content import assemble, is_wanted
 from stoop.logs.dataflash_format import TEXTS, Layout, Messages, make_layout
 from stoop.logs.recording import Defect, Recording
@@ -154,7 +154,7 @@ def _strangers(place: str, unknown: dict[bytes, int], first: dict[bytes, int]) -
         message = f"{damaged} lines are no message and were skipped"
         defects.append(Defect("corrupt", f"{place} byte {first[b'']}", message))
     for name, count in list(unknown.items())[:10]:
-        shown = "".join(c if c.isprintable() else " " for c in name[:16].decode("latin-1"))
+        shown = one_line(name[:16].decode("latin-1"))
         message = f"{count} lines of the undefined kind '{shown}' skipped"
         defects.append(Defect("skipped", f"{place} byte {first[name]}", message))
     if len(unknown) > 10:

@@ -24,7 +24,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.errors import LogError, StoopError
-from stoop.logs.recording import Defect, Recording, Stream, increasing
+from stoop.logs.recording import Defect, Recording, Stream, bytes_of, increasing
 
 ROOM: Final = "stoop.logs."  #: readers are called from here only
 MAX_RESULT: Final = 2**32  #: bytes of all arrays that are taken back
@@ -49,8 +49,7 @@ class Limits:
     @classmethod
     def of(cls, path: Path) -> Limits:
         """Return limits for a log: a short one that takes long goes round in circles."""
-        files = path.iterdir() if path.is_dir() else [path]
-        megabytes = sum(file.stat().st_size for file in files) >> 20
+        megabytes = bytes_of(path) >> 20
         return cls(seconds=30 + 2 * megabytes, wall=120 + 8 * megabytes)
 
 
@@ -141,7 +140,7 @@ def _taken(path: Path, folder: Path) -> Recording:
         parts = {key: dict(result[key]) for key in ("attributes", "parameters", "info", "units")}
         unread = {str(name): tuple(map(str, columns)) for name, columns in result["unread"].items()}
         return Recording(path, str(result["format"]), streams, defects, **parts, unread=unread)
-    except (ValueError, TypeError, KeyError, IndexError, OSError, EOFError) as error:
+    except (ValueError, TypeError, LookupError, AttributeError, OSError, EOFError, MemoryError) as error:
         what = " ".join(str(error).split())[:120] or type(error).__name__
         raise LogError(f"{path}: its reader left nonsense ({what}); copy the log again") from None
 

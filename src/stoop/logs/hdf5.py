@@ -14,11 +14,18 @@ import numpy as np
 
 from stoop.errors import LogError
 from stoop.logs.recording import Defect
-from stoop.logs.tabular import MAX_ARRAYS, Array, most_values
+from stoop.logs.tabular import MAX_ARRAYS, Array, left_out, most_values
 
 MAGIC: Final = b"\x89HDF\r\n\x1a\n"
 PLACES: Final = (0, 512)  #: where the mark stands; MATLAB puts a head of its own before
 MAX_DEPTH: Final = 16
+DAMAGE: Final = (
+    OSError,
+    RuntimeError,
+    ValueError,
+    TypeError,
+    KeyError,
+)  #: what h5py raises where it meets any
 _NO_VARIABLE: Final = "This is a netCDF dimension but not a netCDF variable"
 
 
@@ -57,7 +64,7 @@ def read_hdf5(path: Path, matlab: bool) -> tuple[list[Array], list[Defect]]:
     defects: list[Defect] = []
     total, most = 0, most_values(path)
     with h5py.File(path, "r") as file:
-        for place, dataset in _datasets(h5py, file, ()):
+        for place, dataset in _datasets(h5py, file, (), defects):
             total += int(dataset.size or 0)
             if len(arrays) == MAX_ARRAYS or total > most:
                 raise LogError(
@@ -65,19 +72,25 @@ def read_hdf5(path: Path, matlab: bool) -> tuple[list[Array], list[Defect]]:
                 )
             try:
                 array = _array(place, dataset, matlab)
-            except (OSError, RuntimeError, ValueError) as error:
-                why = " ".join(str(error).split())[:80]
-                defects.append(Defect("corrupt", ".".join(place), f"damaged and skipped ({why})"))
+            except DAMAGE as error:
+                defects.append(_damaged(place, error))
                 continue
             if array is not None:
                 arrays.append(array)
             elif not _is_text(dataset):
                 skipped.append(".".join(place))
-    return arrays, [*defects, *_listed(path, skipped)]
+    return arrays, [*defects, *left_out(path, skipped, "no vectors or matrices of numbers")]
 
 
-def _datasets(h5py: Any, group: Any, place: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Go down into groups, along links within the file only."""
+def _damaged(place: tuple[str, ...], error: Exception) -> Defect:
+    why = " ".join(str(error).split())[:80]
+    return Defect("corrupt", ".".join(place), f"damaged and skipped ({why})")
+
+
+def _datasets(
+    h5py: Any, group: Any, place: tuple[str, ...], defects: list[Defect]
+) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Go down into groups, along links within the file only; note the members that cannot be opened."""
     for name in group:
         if (
             len(place) > MAX_DEPTH
@@ -85,9 +98,13 @@ def _datasets(h5py: Any, group: Any, place: tuple[str, ...]) -> Iterator[tuple[t
             or not isinstance(group.get(name, getlink=True), h5py.HardLink)
         ):
             continue
-        item = group[name]
+        try:
+            item = group[name]
+        except DAMAGE as error:
+            defects.append(_damaged((*place, name), error))
+            continue
         if isinstance(item, h5py.Group):
-            yield from _datasets(h5py, item, (*place, name))
+            yield from _datasets(h5py, item, (*place, name), defects)
         elif isinstance(item, h5py.Dataset):
             yield (*place, name), item
 
@@ -132,10 +149,3 @@ def _word(dataset: Any, name: str) -> str:
     value = dataset.attrs.get(name, "")
     value = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
     return value if isinstance(value, str) else ""
-
-
-def _listed(path: Path, skipped: list[str]) -> list[Defect]:
-    if not skipped:
-        return []
-    some = ", ".join(skipped[:10]) + (f" and {len(skipped) - 10} more" if len(skipped) > 10 else "")
-    return [Defect("skipped", path.name, f"{some}: no vectors or matrices of numbers")]

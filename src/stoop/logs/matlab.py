@@ -19,12 +19,13 @@ from stoop.errors import LogError
 from stoop.logs.guard import guarded, need
 from stoop.logs.hdf5 import is_hdf5, read_hdf5
 from stoop.logs.recording import Defect, Recording
-from stoop.logs.tabular import MAX_ARRAYS, Array, assemble, most_values, typed
+from stoop.logs.tabular import MAX_ARRAYS, Array, assemble, left_out, most_values, typed
 
 MAX_DEPTH: Final = 16
 MAX_BYTES: Final = 2**31
 MAX_DEFECTS: Final = 20
 HEAD: Final = 128  #: bytes before the first variable
+WHY: Final = "neither numbers nor structures of numbers (cells, objects, tables); save plain arrays"
 MAX_ELEMENTS: Final = 1000  #: of an array of structures
 
 
@@ -77,7 +78,7 @@ def _read_old(path: Path) -> tuple[list[Array], list[Defect]]:
             raise LogError(f"{path}: more than {most} numbers, for a file that short; save only the flight")
     if not arrays and defects:
         raise LogError(f"{path}: nothing can be read ({defects[0]}); save it again")
-    return arrays, [*defects[:MAX_DEFECTS], *listed(path, skipped)]
+    return arrays, [*defects[:MAX_DEFECTS], *left_out(path, skipped, WHY)]
 
 
 def _variables(content: bytes) -> Iterator[tuple[int, bytes]]:
@@ -110,15 +111,6 @@ def _take(path: Path, arrays: list[Array], skipped: list[str], place: tuple[str,
         arrays.append(Array(place, leaf))
     elif not (isinstance(leaf, np.ndarray) and leaf.dtype.kind == "U"):  # texts are of no use
         skipped.append(".".join(place))
-
-
-def listed(path: Path, skipped: list[str]) -> list[Defect]:
-    """Return one defect for all that could not be read."""
-    if not skipped:
-        return []
-    some = ", ".join(skipped[:10]) + (f" and {len(skipped) - 10} more" if len(skipped) > 10 else "")
-    why = "neither numbers nor structures of numbers (cells, objects, tables); save plain arrays"
-    return [Defect("skipped", path.name, f"{some}: {why}")]
 
 
 def _leaves(place: tuple[str, ...], value: Any) -> Iterator[tuple[tuple[str, ...], Any]]:

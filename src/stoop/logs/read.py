@@ -113,14 +113,6 @@ def _read_file(path: Path, mapping: Path | None, topics: Topics) -> Recording:
     )
 
 
-def read_unmapped(path: Path) -> Recording:
-    """Read a file for which a mapping is still to be drafted; a table of text has its own way, see `read_header`."""
-    known = kind(path)
-    if not known:
-        raise LogError(f"{path}: unknown format; name a log that stoop reads")
-    return _reader(known)(path, None)
-
-
 def _reader(known: str) -> Reader:
     module, function = READERS[known]
     reader: Reader = getattr(importlib.import_module(module), function)

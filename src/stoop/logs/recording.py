@@ -11,6 +11,8 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from stoop.errors import one_line
+
 MOST_SORTED: Final = 2_000_000  #: samples, an hour at 400 Hz and more; sorting takes 100 bytes for each
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
@@ -52,7 +54,7 @@ class Defect:
 
     def __str__(self) -> str:
         """Return the defect on one line, whatever the names in it hold."""
-        return "".join(c if c.isprintable() else " " for c in f"{self.place}: {self.message}")
+        return one_line(f"{self.place}: {self.message}")
 
 
 @dataclass(frozen=True)
@@ -112,6 +114,12 @@ class Numbers(Mapping[str, FloatArray]):
     def nbytes(self) -> int:
         """Bytes of the columns as they are kept."""
         return sum(values.nbytes for values in self._raw.values())
+
+
+def bytes_of(path: Path) -> int:
+    """Return the size of a log: a file, or the files of a folder."""
+    files = path.iterdir() if path.is_dir() else [path]
+    return sum(file.stat().st_size for file in files)
 
 
 def clean_stream(

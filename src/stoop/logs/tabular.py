@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stoop.errors import LogError
-from stoop.logs.recording import Defect, FloatArray, Recording, Stream, clean_stream
+from stoop.logs.recording import Defect, FloatArray, Recording, Stream, bytes_of, clean_stream
 
 CLOCK: Final = re.compile(
     r"(t|times?|time[_ ]?stamp|sys_?time|rec_?time|sec|seconds)"
@@ -65,8 +65,15 @@ class _Group:
 
 def most_values(path: Path) -> int:
     """Return how many numbers a file may unfold to: a short one that claims many is damaged or meant to do harm."""
-    files = path.iterdir() if path.is_dir() else [path]
-    return min(MAX_VALUES, 5_000_000 + 20 * sum(file.stat().st_size for file in files))
+    return min(MAX_VALUES, 5_000_000 + 20 * bytes_of(path))
+
+
+def left_out(path: Path, names: Sequence[str], why: str) -> list[Defect]:
+    """Return one defect for all arrays that could not be read."""
+    if not names:
+        return []
+    some = ", ".join(names[:10]) + (f" and {len(names) - 10} more" if len(names) > 10 else "")
+    return [Defect("skipped", path.name, f"{some}: {why}")]
 
 
 def typed(path: Path, what: str, read: Callable[[], _T]) -> _T:

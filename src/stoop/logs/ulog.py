@@ -122,7 +122,7 @@ def _streams(path: Path, found: Scan) -> tuple[dict[str, Stream], list[Defect]]:
             )
             break
         stream, told = _stream(name, rows, found.formats)
-        fields += len(stream.columns) if stream else 1
+        fields += len(stream.columns) if stream else rows.width  # the columns of what fails were built too
         defects.extend(told)
         if stream is not None and stream.time.size:
             streams[name] = stream

@@ -15,6 +15,7 @@ BASIC: Final = {
 SIZES: Final = {name: np.dtype(code).itemsize for name, code in BASIC.items()}
 MAX_NESTING: Final = 16
 MAX_ROW: Final = 65533  #: bytes of data in a message at most
+MAX_LOOKED: Final = 5_000_000  #: fields gone through for the sizes of formats; a real log has some thousands
 PADDING: Final = "_padding"
 
 
@@ -43,6 +44,7 @@ class Formats:
     def __init__(self) -> None:
         self._fields: dict[str, tuple[Field, ...]] = {}
         self._whole: dict[str, int] = {}
+        self._looked = 0
 
     def add(self, body: bytes) -> None:
         """Read NAME:TYPE NAME;TYPE[N] NAME;...
@@ -58,7 +60,6 @@ class Formats:
         fields = tuple(_field(text) for text in rest.split(";") if text)
         if self._fields.setdefault(name, fields) != fields:
             raise BodyError(f"format '{name[:80]}' is given twice")
-        self._whole.clear()
 
     def sizes(self, name: str) -> tuple[int, int]:
         """Return how many bytes a row has without its padding at the end, and with it.
@@ -87,6 +88,9 @@ class Formats:
                 raise BodyError(f"there is no format '{kind[:80]}'")
             if depth > MAX_NESTING:
                 raise BodyError("formats are nested without end")
+            self._looked += len(self._fields[kind])
+            if self._looked > MAX_LOOKED:
+                raise BodyError("formats that are not there were asked for too often")
             parts = (max(f.size, 1) * self._size(f.kind, depth + 1) for f in self._fields[kind])
             self._whole[kind] = sum(parts)
         if not 0 < self._whole[kind] <= MAX_ROW:

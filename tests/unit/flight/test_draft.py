@@ -201,3 +201,19 @@ def test_growth_is_the_factor_between_an_angle_and_its_rate() -> None:
         assert found == pytest.approx(factor, rel=0.01)
         assert abs(likeness) > 0.99
     assert growth((T[:5], angle[:5]), (T, rate))[1] == 0.0
+
+
+def test_what_a_log_says_of_its_clock_stays_a_comment() -> None:
+    info = {"clock of a": 'x\n[variables]\nq = {column = "evil", unit = "rad"}'}
+    recording = Recording(Path("log.mat"), "mat", {"a": Stream(T, {"p": np.sin(T)})}, info=info)
+    assert set(tomllib.loads(draft_of(recording).text)["variables"]) == {"p"}
+
+
+@pytest.mark.parametrize("name", ["(" * 50_000, "a" + " " * 50_000 + "b", "motor " + "9" * 5000])
+def test_a_name_of_any_length_is_looked_at_in_no_time(name: str) -> None:
+    assert recognized(name) is None
+
+
+def test_a_clock_that_hardly_moves_tells_no_rate() -> None:
+    tiny = np.arange(100) * 5e-324
+    assert growth((tiny, np.sin(T[:100])), (tiny, np.cos(T[:100])))[1] == 0.0

@@ -247,3 +247,18 @@ def test_a_short_file_of_many_numbers(tmp_path: Path) -> None:
     savemat(path, {"t": TIME, "x": np.zeros(7_000_000)}, do_compression=True)
     with pytest.raises(LogError, match="for a file that short"):
         matlab.load(path)
+
+
+def test_damage_to_one_array_of_hdf5_costs_no_other(tmp_path: Path) -> None:
+    path = tmp_path / "flight.mat"
+    with h5py.File(path, "w", libver="latest") as file:
+        file["t"] = np.arange(100) / 10.0
+        file["good"] = np.sin(np.arange(100.0))
+        file["bad"] = np.arange(77.0)
+    content = bytearray(path.read_bytes())
+    heads = [place for place in range(len(content)) if content.startswith(b"OHDR", place)]
+    content[heads[3]] ^= 1  # after those of the file, t and good
+    path.write_bytes(content)
+    recording = matlab.load(path)
+    assert [str(defect)[:4] for defect in recording.defects if defect.kind == "corrupt"] == ["bad:"]
+    assert recording.streams["data"].columns["good"][50] == np.sin(50.0)

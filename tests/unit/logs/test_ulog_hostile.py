@@ -120,3 +120,24 @@ def test_a_format_with_a_name_twice() -> None:
     formats.add(b"a:uint8_t x;uint8_t x;")
     with pytest.raises(BodyError, match="one name"):
         formats.row("a")
+
+
+def test_sizes_of_formats_are_not_gone_through_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stoop.logs.ulog_formats.MAX_LOOKED", 1100)
+    formats = Formats()
+    formats.add(b"long:" + b"".join(b"uint8_t a%d;" % i for i in range(500)) + b"missing b;")
+    for n in range(2):
+        with pytest.raises(BodyError, match="there is no format"):
+            formats.sizes("long")
+        formats.add(b"more%d:uint8_t a;" % n)
+    with pytest.raises(BodyError, match="too often"):
+        formats.sizes("long")
+
+
+def test_a_format_that_comes_late_is_still_taken() -> None:
+    formats = Formats()
+    formats.add(b"outer:uint64_t timestamp;inner x;")
+    with pytest.raises(BodyError):
+        formats.sizes("outer")
+    formats.add(b"inner:float y;")
+    assert formats.sizes("outer") == (12, 12)
