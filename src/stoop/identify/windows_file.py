@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from stoop.errors import FlightError
+from stoop.errors import FlightError, one_line
 from stoop.flight.variables import nearest
+from stoop.logs.table import quoted
 from stoop.vehicle.source import parse_source, read_source
 
 FORMAT: Final = "stoop-windows/1"
@@ -55,7 +55,9 @@ class Entry:
     @property
     def text(self) -> str:
         """The window as the command line takes it."""
-        return f"{self.flight}@{self.start:g}:{self.stop:g}" + (f"#{self.loading}" if self.loading else "")
+        return f"{self.flight}@{self.start:.13g}:{self.stop:.13g}" + (
+            f"#{self.loading}" if self.loading else ""
+        )
 
 
 def written(entries: Sequence[Entry], command: str, notes: Sequence[str] = ()) -> str:
@@ -68,18 +70,18 @@ def written(entries: Sequence[Entry], command: str, notes: Sequence[str] = ()) -
     notes : more comments, one line each
     """
     blocks = [_block(entry) for entry in entries]
-    said = [f"# {''.join(c if c.isprintable() else ' ' for c in note)}" for note in notes]
-    head = HEAD.format(command=command) + "".join(f"{line}\n" for line in said)
-    return "\n".join([f"{head}format = {json.dumps(FORMAT)}", *blocks, ""])
+    said = [f"# {one_line(note)}" for note in notes]
+    head = HEAD.format(command=one_line(command)) + "".join(f"{line}\n" for line in said)
+    return "\n".join([f"{head}format = {quoted(FORMAT)}", *blocks, ""])
 
 
 def _block(entry: Entry) -> str:
-    lines = ["", "[[window]]", f"flight = {json.dumps(entry.flight)}"]
-    lines += [f"start = {entry.start:.10g}", f"stop = {entry.stop:.10g}"]
-    lines += [f"loading = {json.dumps(entry.loading)}"] if entry.loading else []
-    lines += [f"axis = {json.dumps(entry.axis)}", f"why = {json.dumps(entry.why)}"]
+    lines = ["", "[[window]]", f"flight = {quoted(entry.flight)}"]
+    lines += [f"start = {entry.start:.13g}", f"stop = {entry.stop:.13g}"]
+    lines += [f"loading = {quoted(entry.loading)}"] if entry.loading else []
+    lines += [f"axis = {quoted(entry.axis)}", f"why = {quoted(entry.why)}"]
     lines += [f"information = {entry.information:.3f}", f"gain = {entry.gain:.3f}"]
-    lines += [f"accept = {str(entry.accept).lower()}", f"use = {json.dumps(entry.use)}"]
+    lines += [f"accept = {str(entry.accept).lower()}", f"use = {quoted(entry.use)}"]
     return "\n".join(lines)
 
 

@@ -83,3 +83,12 @@ def test_an_edited_file_is_refused_in_one_line(tmp_path: Path, text: str, advice
 def test_a_missing_file_is_told() -> None:
     with pytest.raises(FlightError, match=r"none\.toml: cannot read the windows file"):
         expanded(["none.toml"], [])
+
+
+def test_any_name_and_any_clock_come_back(tmp_path: Path) -> None:
+    path = tmp_path / "windows.toml"
+    flown = Entry("\U0001f681 \x7f\n[[window]]", 1_700_000_123.456, 1_700_000_125.25)
+    path.write_text(written([flown], "stoop identify 'a\nb'"), encoding="utf-8")
+    (back,) = read_windows(path)
+    assert (back.flight, back.start, back.stop) == (flown.flight, flown.start, flown.stop)
+    assert flown.text.endswith("@1700000123.456:1700000125.25")
