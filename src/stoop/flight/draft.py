@@ -19,7 +19,7 @@ from stoop.flight.measured import ALIKE, PAIRS, Line, growth, with_units
 from stoop.flight.names import Guess, recognized, without_unit
 from stoop.flight.variables import VARIABLES
 from stoop.logs import FloatArray, Recording
-from stoop.logs.read import is_bag_folder, kind
+from stoop.logs.read import is_bag_folder, kind, read_unmapped
 from stoop.logs.table import guess_clock, key_of, quoted, read_raw_csv
 from stoop.units import FACTORS
 
@@ -80,7 +80,9 @@ def _recording(path: Path) -> Recording:
             return read_px4_folder(path)
         except LogError:
             return read_raw_csv(path)
-    table = path.is_file() and not kind(path) and path.name.lower().endswith((".csv", ".csv.gz", ".txt"))
+    if path.is_file() and kind(path):
+        return read_unmapped(path)
+    table = path.is_file() and path.name.lower().endswith((".csv", ".csv.gz", ".txt"))
     return read_raw_csv(path) if table else logs.read(path)
 
 

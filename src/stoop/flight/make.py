@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -109,9 +109,14 @@ def _attributes(name: str) -> dict[str, str]:
     return {key: value for key, value in words.items() if value}
 
 
+ENDINGS: Final = (
+    ".gz", ".csv", ".ulg", ".ulog", ".nc", ".cdf", ".bin", ".log", ".usd", ".mat", ".parquet", ".pq", ".bag", ".mcap", ".db3",
+)  #: of logs; what stands before them is the name of the flight  # fmt: skip
+
+
 def named(flight_path: Path) -> str:
     """Return the name by which a maneuver refers to a flight: the path's last part without endings."""
     stem = flight_path.resolve().name
-    for ending in (".gz", ".csv", ".ulg", ".ulog", ".nc", ".bin", ".log", ".usd", ".mat", ".parquet", ".bag"):
+    for ending in ENDINGS:
         stem = stem.removesuffix(ending)
     return stem

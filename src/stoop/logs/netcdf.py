@@ -33,7 +33,8 @@ def read_netcdf(path: Path, topics: frozenset[str] | None = None) -> Recording:
     attributes, columns, traces = _parse(path, content)
     if attributes.get("stoop_format") != FORMAT:
         raise LogError(
-            f"{path}: not a flight written by stoop (format '{FORMAT}'); read the original log instead"
+            f"{path}: not a flight written by stoop (format '{FORMAT}'); read the original log instead, "
+            f"or, where others wrote it so, draft its mapping by stoop map {path} -o {path}.toml"
         )
     time = columns.pop("time", None)
     if time is None or not time.size or increasing(time).size != time.size:

@@ -113,6 +113,11 @@ def _read_file(path: Path, mapping: Path | None, topics: Topics) -> Recording:
     )
 
 
+def read_unmapped(path: Path) -> Recording:
+    """Read a file of a known kind for which a mapping is still to be drafted, all of it as it stands there."""
+    return _reader(kind(path))(path, None)
+
+
 def _reader(known: str) -> Reader:
     module, function = READERS[known]
     reader: Reader = getattr(importlib.import_module(module), function)

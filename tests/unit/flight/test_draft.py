@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.io import netcdf_file
 
 from stoop.flight import VARIABLES, load
 from stoop.flight.draft import draft, draft_of
@@ -217,3 +218,14 @@ def test_a_name_of_any_length_is_looked_at_in_no_time(name: str) -> None:
 def test_a_clock_that_hardly_moves_tells_no_rate() -> None:
     tiny = np.arange(100) * 5e-324
     assert growth((tiny, np.sin(T[:100])), (tiny, np.cos(T[:100])))[1] == 0.0
+
+
+def test_a_mapping_is_drafted_for_netcdf_3_of_others(tmp_path: Path) -> None:
+    path = tmp_path / "log.nc"
+    with netcdf_file(path, "w") as file:
+        file.createDimension("time", T.size)
+        for name, x in {"time": T, "roll_rate": np.sin(T)}.items():
+            file.createVariable(name, "d", ("time",))[:] = x
+    made = draft(path)
+    path.with_name("log.nc.toml").write_text(made.text)
+    np.testing.assert_allclose(load(path).column("p")[200:-200], np.sin(load(path).time)[200:-200], atol=1e-3)
