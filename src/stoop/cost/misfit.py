@@ -51,6 +51,16 @@ class Piece:
         """Sample period, s."""
         return float(self.time[1] - self.time[0])
 
+    def part(self, first: int, behind: int, start: Mapping[str, float]) -> Piece:
+        """Return the samples from one to before another, with the state that they begin in."""
+        return replace(
+            self,
+            time=self.time[first:behind],
+            inputs=np.ascontiguousarray(self.inputs[first:behind]),
+            measured=np.ascontiguousarray(self.measured[first:behind]),
+            start=start,
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Misfit:

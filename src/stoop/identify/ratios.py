@@ -10,11 +10,10 @@ from __future__ import annotations
 from typing import Any, Final
 
 from stoop.vehicle import Parameter, Vehicle
+from stoop.vehicle.rotor_numbers import AERODYNAMIC
 
 MASS: Final = "mass.mass"
-_FORCES: Final = frozenset(
-    f"rotors.{n}" for n in ("T0", "T1", "T2", "inflow", "translational", "drag", "Q0", "Q1", "Q2", "inertia")
-)
+_FORCES: Final = AERODYNAMIC - {"rotors.torque_ratio"} | {"rotors.inertia"}
 
 
 def in_ratio(vehicle: Vehicle) -> tuple[Parameter, ...]:

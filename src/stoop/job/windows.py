@@ -35,7 +35,6 @@ which a window alone shrinks the error bars (0.69 halves them); gain, likewise, 
 EXPECTED: Final = """\
 Standard errors that the windows to be fitted will give, as far as the vehicle file is right in kind: the Cramer-Rao bound \
 with initial states and biases unknown, for the residuals that a first linear step leaves in this flight."""
-UNKNOWN: Final = 0.5  #: relative error above which a number is hardly told
 
 
 def write_windows(

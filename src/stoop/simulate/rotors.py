@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from stoop.errors import SimulationError
 from stoop.simulate.initial import initial_states, parameter_rows
 from stoop.vehicle import Vehicle
+from stoop.vehicle.rotor_numbers import full_command
 
 FloatArray = NDArray[np.float64]
 AXES: Final = ("roll", "pitch", "yaw", "heave")
 """Angular accelerations, rad/s2, and specific force up the body, m/s2; the order of every allocation."""
-_FULL = {"motor_": 1.0, "pwm_": 2000.0}  #: of a channel, by how its name begins
 _WEAK = 1e-7  #: of the strongest: an acceleration that rotors do not give
 
 
@@ -51,7 +51,7 @@ def channel_range(vehicle: Vehicle) -> Range:
     names = tuple(dict.fromkeys(rotor.channel for rotor in vehicle.file.rotor.values()))
     gain, idle = vehicle.value("rotors.gain"), vehicle.value("rotors.idle")
     by_drive = idle + 1.0 / gain if rotors.drive == "command" and gain > 0.0 else np.inf
-    by_name = [min((f for h, f in _FULL.items() if n.startswith(h)), default=np.inf) for n in names]
+    by_name = [full_command(n) or np.inf for n in names]
     full = np.minimum(by_drive, by_name)
     columns = np.array([vehicle.inputs.index(n) for n in names])
     return Range(names, columns, np.full(len(names), idle), full)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.errors import VehicleError
-from stoop.vehicle.rotor_numbers import share_of_weight, thrust_at
+from stoop.vehicle.rotor_numbers import full_command, share_of_weight, thrust_at
 from stoop.vehicle.vehicle import Vehicle, leaves
 
 _POSITIVE = (
@@ -19,12 +19,6 @@ _POSITIVE = (
     "rotors.radius",
     "turbulence.airspeed",
 )
-_FULL = {
-    "motor_": 1.0,
-    "servo_": 1.0,
-    "control_": 1.0,
-    "pwm_": 2000.0,
-}  #: of a channel, by how its name begins
 _FARTHEST = 20.0  #: m
 _HALF = 0.5
 
@@ -156,7 +150,7 @@ def _factor(vehicle: Vehicle, rotor: str) -> float:
 def _full(vehicle: Vehicle, rotor: str) -> float | None:
     """Return x at full command; None where the channel does not say what full is."""
     channel = vehicle.file.rotor[rotor].channel
-    full = next((value for head, value in _FULL.items() if channel.startswith(head)), None)
+    full = full_command(channel)
     if full is None:
         return None
     x = vehicle.value("rotors.gain") * (full - vehicle.value("rotors.idle"))

@@ -13,12 +13,13 @@ from typing import Final
 from stoop.vehicle.quantity import Quantity
 
 PLACES: Final = ("rotors.", "rotor.", "body_drag.")
-_FREE: Final = frozenset(
+AERODYNAMIC: Final = frozenset(
     f"rotors.{name}"
     for name in (
         "T0", "T1", "T2", "inflow", "translational", "drag", "drag_inflow", "Q0", "Q1", "Q2", "torque_ratio",
     )
 )  # fmt: skip
+"""Coefficients of what the air does to rotors."""
 #: units where x is a command, and where it is a speed
 _COEFFICIENTS: Final = {
     "T0": ("N", "N"), "T1": ("N", "N s/rad"), "T2": ("N", "N s2/rad2"), "inflow": ("N s/m", "N s2/(m rad)"),
@@ -30,13 +31,24 @@ _PLAIN: Final = {
     "nominal_voltage": "V", "lag": "s", "delay": "s", "torque_ratio": "m", "inertia": "kg m2", "radius": "m",
     "linear": "N s/m", "quadratic": "N s2/m2", "rotation": "N m s", "position": "m",
 }  # fmt: skip
+FULL: Final = {
+    "motor_": 1.0,
+    "servo_": 1.0,
+    "control_": 1.0,
+    "pwm_": 2000.0,
+}  #: of a rotor's channel, by how its name begins
 _LARGEST: Final = 1e9  #: that a size is taken to be, so that no box overflows
 _POSITIVE: Final = ("T2", "Q2", "torque_ratio", "lag", "gain", "inertia", "radius", "factor", "torque_factor")
 
 
+def full_command(channel: str) -> float | None:
+    """Return the value of a channel at full command; None where its name does not say."""
+    return next((value for head, value in FULL.items() if channel.startswith(head)), None)
+
+
 def free_by_default(name: str) -> bool:
     """Tell whether a number is estimated unless the file says otherwise: what the air does, not the geometry."""
-    return name in _FREE or name.startswith("body_drag.")
+    return name in AERODYNAMIC or name.startswith("body_drag.")
 
 
 def unit(name: str, drive: str) -> str:

@@ -195,13 +195,7 @@ def _short(vehicle: Vehicle, piece: Piece) -> Iterator[Piece]:
         start, missing = guess_start(vehicle, piece.time[a:b], readings, "")
         if missing:
             continue  # its state was not measured there, and a guess falls out of the sky
-        yield replace(
-            piece,
-            time=piece.time[a:b],
-            inputs=np.ascontiguousarray(piece.inputs[a:b]),
-            measured=np.ascontiguousarray(piece.measured[a:b]),
-            start={**start, "h": piece.start.get("h", 0.0)},
-        )
+        yield piece.part(a, b, {**start, "h": piece.start.get("h", 0.0)})
 
 
 def judged(vehicle: Vehicle, posed: Sequence[Posed]) -> Sensitive:

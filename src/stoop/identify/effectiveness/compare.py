@@ -36,9 +36,6 @@ from stoop.identify.effectiveness.hover import Hover
 
 USUAL: Final = (0.02, 0.01, 0.01, 0.01)  #: standard deviations between flights, in units of d
 FIRMNESS: Final = 6.0  #: flights' worth of belief in them
-BATTERY: Final = (
-    0.3  #: what a correction for the battery leaves wrong of the lift, per relative difference of voltage
-)
 
 
 @dataclass(frozen=True)

@@ -38,13 +38,7 @@ def windowed(problem: Misfit, shots: Sequence[Shots]) -> Misfit:
 def _pieces(shots: Shots) -> list[Piece]:
     starts, piece = measured_starts(shots), shots.piece
     return [
-        replace(
-            piece,
-            time=piece.time[a:b],
-            inputs=np.ascontiguousarray(piece.inputs[a:b]),
-            measured=np.ascontiguousarray(piece.measured[a:b]),
-            start={name: float(values[w]) for name, values in starts.items()},
-        )
+        piece.part(a, b, {name: float(values[w]) for name, values in starts.items()})
         for w, (a, b) in enumerate(zip(shots.edges, shots.edges[1:], strict=False))
     ]
 

@@ -9,7 +9,6 @@ sought is unknown; optimizers that know no nuisances search the same problem as 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -45,17 +44,8 @@ def windows(vehicle: Vehicle, piece: Piece, length: float, beside: Mapping[str, 
     state = through_air({n: read[n] for n in ("vn", "ve", "vd", "phi", "theta", "psi")})
     state |= {n: read[n] for n in RATES} | dict(beside)
     cuts = edges(len(piece.time), max(2, round(length / piece.dt)))
-    return [_window(piece, state, a, b) for a, b in pairwise(cuts)]
-
-
-def _window(piece: Piece, state: Mapping[str, FloatArray], a: int, b: int) -> Piece:
-    return replace(
-        piece,
-        time=piece.time[a:b],
-        inputs=np.ascontiguousarray(piece.inputs[a:b]),
-        measured=np.ascontiguousarray(piece.measured[a:b]),
-        start={**piece.start, **{name: float(values[a]) for name, values in state.items()}},
-    )
+    begins = ({**piece.start, **{n: float(values[a]) for n, values in state.items()}} for a in cuts[:-1])
+    return [piece.part(a, b, start) for (a, b), start in zip(pairwise(cuts), begins, strict=True)]
 
 
 def posed(vehicle: Vehicle, pieces: Sequence[Piece], weights: Weights) -> Misfit:

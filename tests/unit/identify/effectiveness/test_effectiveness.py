@@ -104,14 +104,15 @@ def test_loads_are_those_of_the_equations() -> None:
 def flown(balance: Balance, rng: np.random.Generator, name: str, **truth: float) -> Hover:
     """A flight at rest whose controller commands what its rotors must be commanded, with the usual scatter.
 
-    Truth: rotor name -> share that it loses, "mass" -> share of the weight taped to the rotor named by `near`.
+    Truth: rotor name -> share that it loses, "mass" -> share of the weight taped to the rotor named by `near`, "scatter"
+    -> times the usual one.
     """
     n = len(balance.rotors)
     near = int(truth.pop("near", 0))
-    taped = truth.pop("mass", 0.0)
+    taped, scatter = truth.pop("mass", 0.0), truth.pop("scatter", 1.0)
     weight, ratio = 1.0, 0.01
     unit = np.array([weight, weight * balance.arm, weight * balance.arm, weight * ratio])
-    needed = np.array([weight, 0.0, 0.0, 0.0]) + unit * np.array(USUAL) * rng.normal(size=4)
+    needed = np.array([weight, 0.0, 0.0, 0.0]) + scatter * unit * np.array(USUAL) * rng.normal(size=4)
     needed += taped * weight * balance.of_thrust[:, near] * np.array([1.0, 1.0, 1.0, 0.0])
     share = np.array([1.0 - truth.get(rotor, 0.0) for rotor in balance.rotors])
     acts = balance.of_thrust + ratio * balance.of_torque
@@ -125,8 +126,10 @@ def _mixed(acts: np.ndarray, share: np.ndarray, needed: np.ndarray) -> np.ndarra
     return mixer @ np.linalg.solve(acts * share @ mixer, needed)
 
 
-def healthy(balance: Balance, rng: np.random.Generator, count: int) -> Reference:
-    return Reference(balance, tuple(flown(balance, rng, f"healthy {i}") for i in range(count)))
+def healthy(balance: Balance, rng: np.random.Generator, count: int, scatter: float = 1.0) -> Reference:
+    return Reference(
+        balance, tuple(flown(balance, rng, f"healthy {i}", scatter=scatter) for i in range(count))
+    )
 
 
 @pytest.mark.parametrize("count", [1, 3, 8])
@@ -137,6 +140,20 @@ def test_healthy_flights_are_accused_as_often_as_stated(quad: Balance, count: in
         reference = healthy(quad, rng, count)
         accused += judge(assess(flown(quad, rng, "new"), reference), 0.05).kind != "healthy"
     assert accused / 800 < 0.05 + 0.01 + 3.0 * np.sqrt(0.06 / 800)  # 1 % are called odd besides
+
+
+@pytest.mark.parametrize(("count", "share"), [(1, 0.26), (3, 0.23), (8, 0.14)])
+def test_more_are_accused_where_flights_scatter_twice_as_much(
+    quad: Balance, count: int, share: float
+) -> None:
+    """The shares are those of docs/propellers.md."""
+    rng, new = np.random.default_rng(count), "new"
+    verdicts = [
+        judge(assess(flown(quad, rng, new, scatter=2.0), healthy(quad, rng, count, 2.0)), 0.05)
+        for _ in range(400)
+    ]
+    accused = sum(bool(v.rotors) for v in verdicts) / len(verdicts)
+    assert accused == pytest.approx(share, abs=3.0 * np.sqrt(share * (1.0 - share) / len(verdicts)))
 
 
 @pytest.mark.parametrize("rotor", ["M1", "M3"])

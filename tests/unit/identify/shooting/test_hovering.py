@@ -160,6 +160,15 @@ def test_without_mass_and_inertia_ratios_are_told(quad, flight):
     assert "mass.inertia.xx" in names
     said = ratios(problem.layout.vehicle, {"rotors.T2": (12.0, 0.3)})
     assert "rotors.T2 4 +/- 0.1 N/kg" in said
+    free_of = "drag_inflow = { value = 0.001, free = %s }"
+    told, held = (
+        parse_vehicle(quad.text.replace("[rotors]", f"[rotors]\n{free_of % word}", 1), "quad").with_numbers(
+            free
+        )
+        for word in ("true", "false")
+    )
+    assert "rotors.drag_inflow" in {p.name for p in in_ratio(told)}
+    assert not in_ratio(held)  # a force that is known tells the mass
     weighed = unknown.with_numbers({"mass.mass": {"value": 1.5, "prior": 0.1}})
     assert not in_ratio(weighed)
     known = quad.with_numbers({"mass.mass": {"free": True}})  # inertia is known, and tells it
