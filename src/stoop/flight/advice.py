@@ -110,6 +110,9 @@ def _line(fault: Fault, places: Mapping[str, str]) -> str:
         return ""
     if "the sign of one of them" in fault.message:
         return f"; if it is {fault.variable}'s, write scale = -1{at}"
+    for unit in ("rad/s", "deg/s"):
+        if fault.message.endswith(f"is in {unit}"):
+            return f'; write unit = "{unit}"{at}'
     if "axes are swapped" in fault.message:
         return f"; exchange the columns{at}"
     return f": there is the line{at}" if fault.kind == "wrong sign" else f"; look at the column and unit{at}"

@@ -18,6 +18,7 @@ SPAN: Final = 0.2  #: s over which the attitude is differenced
 LEAST: Final = 200  #: samples that say anything
 TURNING: Final = 3.0 * DEGREE  #: rad/s rms; less turning tells nothing
 OFF: Final = 0.15  #: of the gain, that good gyros do not have
+BAND: Final = 1.5  #: a gain this close to a degree, or to a degree's inverse, is taken for it
 NORMAL: Final = 1.4826  #: standard deviation over the median of sizes, of normal numbers
 FOLLOWS: Final = 0.8  #: share of the turning that a matching pair explains
 
@@ -100,6 +101,12 @@ def _judged(i: int, implied: FloatArray, measured: FloatArray, noise: float) -> 
     gain = float(y @ x[:, i]) / float(x[:, i] @ x[:, i])
     if gain < 0.0:
         return gain, f"{name} and the attitude turn against each other: the sign of one of them is wrong"
+    for unit, factor in (("rad/s", 1.0 / DEGREE), ("deg/s", DEGREE)):
+        if 1.0 / BAND < gain / factor < BAND:
+            return (
+                gain,
+                f"the attitude turns {gain:.3g} times as fast as {name} says: the column of {name} is in {unit}",
+            )
     if abs(gain - 1.0) > OFF:
         return gain, (
             f"the attitude turns {gain:.2f} times as fast as {name} says: {name} is clipped, filtered or badly scaled, "

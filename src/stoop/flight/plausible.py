@@ -11,6 +11,7 @@ import numpy as np
 
 from stoop.errors import FlightError
 from stoop.flight.channels import Channels, stretches
+from stoop.flight.guilty import declared, guilty
 from stoop.logs import FloatArray
 from stoop.units import DEGREE
 
@@ -33,8 +34,13 @@ RATES: Final = ("p", "q", "r")
 PAIRS: Final = (
     ("phi", "p"),
     ("theta", "q"),
+    ("psi", "r"),
     ("alpha", "q"),
 )  #: angle, and the rate that is nearly its derivative
+SPANS: Final = (
+    0.1,
+    0.5,
+)  #: s over which the angle is differenced, to keep noise down; the shortest that tells
 LIKENESS: Final = 0.8  #: correlation above which the factor between a pair means something
 BAND: Final = 2.0  #: a factor this close to 57.3 is taken for it
 
@@ -59,8 +65,11 @@ def check_radians(
     fix = _Fix(mapping, places or {})
     values = {name: (group.time, x) for group in channels for name, x in group.values.items()}
     for angle, rate in PAIRS:
-        if angle in values and rate in values:
-            _check_pair(angle, rate, _factor(values[angle], values[rate]), place, fix)
+        if angle in values and rate in values and not _many_turns(angle, values[angle][1]):
+            factor = _factor(values[angle], values[rate])
+            if any(_near(factor, degree) for degree in (DEGREE, 1.0 / DEGREE)):
+                accused = guilty(angle, rate, factor, values, declared(mapping))
+                raise FlightError(f"{place}: {_accusation(angle, rate, factor, *accused, fix)}")
     for name, limit in LIMITS.items():
         size = _size(values[name][1]) if name in values else 0.0
         if size > limit and not (name == "psi" and _turns_like_r(values)):
@@ -77,13 +86,13 @@ class _Fix:
     mapping: str
     places: Mapping[str, str]
 
-    def of(self, name: str) -> str:
-        unit = "deg/s" if name in RATES else "deg"
+    def of(self, name: str, unit: str = "") -> str:
+        unit = unit or ("deg/s" if name in RATES else "deg")
         _, _, key = self.places.get(name, "").rpartition(": ")
         if self.mapping and key:
             return f'write unit = "{unit}" for {key} in {self.mapping}'
         if self.mapping:
-            return f"write its unit as deg or deg/s in {self.mapping}"
+            return f"write its unit as {unit} in {self.mapping}"
         if key:
             return f'convert it, or write a mapping that extends the ready one and says unit = "{unit}" for {name}'
         return "convert it and read the log again"
@@ -94,18 +103,24 @@ def _size(x: FloatArray) -> float:
     return float(np.quantile(known, QUANTILE)) if known.size else 0.0
 
 
-def _check_pair(angle: str, rate: str, factor: float, place: str, fix: _Fix) -> None:
-    """Accuse the angle when the factor is near 57.3, the rate when it is near 1 / 57.3."""
-    if factor * DEGREE > 1.0 / BAND and factor * DEGREE < BAND:
-        accused, other = angle, rate
-    elif factor / DEGREE > 1.0 / BAND and factor / DEGREE < BAND:
-        accused, other = rate, angle
-    else:
-        return
-    raise FlightError(
-        f"{place}: '{angle}' changes {factor:.3g} times as fast as '{rate}' says: "
-        f"'{accused}' is in degrees, '{other}' in radians; {fix.of(accused)}"
+def _near(factor: float, degree: float) -> bool:
+    return 1.0 / BAND < factor * degree < BAND
+
+
+def _accusation(angle: str, rate: str, factor: float, accused: str, unit: str, fix: _Fix) -> str:
+    other = rate if accused == angle else angle
+    within, beside = ("degrees", "radians") if unit.startswith("deg") else ("radians", "degrees")
+    is_said = f"'{accused}' is in {within}, '{other}' in radians"
+    if within == "radians":
+        is_said = f"'{accused}' is in radians, but mapped as {beside}"
+    return (
+        f"'{angle}' changes {factor:.3g} times as fast as '{rate}' says: {is_said}; {fix.of(accused, unit)}"
     )
+
+
+def _many_turns(angle: str, x: FloatArray) -> bool:
+    """Tell whether a heading is too large for its jumps to be told from turns; its size is judged instead."""
+    return angle == "psi" and _size(x) > LIMITS["psi"]
 
 
 def _turns_like_r(values: dict[str, tuple[FloatArray, FloatArray]]) -> bool:
@@ -115,10 +130,17 @@ def _turns_like_r(values: dict[str, tuple[FloatArray, FloatArray]]) -> bool:
 
 def _factor(angle: tuple[FloatArray, FloatArray], rate: tuple[FloatArray, FloatArray]) -> float:
     """Return how many times faster the angle changes than the rate says; NaN when they are unlike."""
+    found = (_factor_over(span, angle, rate) for span in SPANS)
+    return next((factor for factor in found if np.isfinite(factor)), math.nan)
+
+
+def _factor_over(
+    span: float, angle: tuple[FloatArray, FloatArray], rate: tuple[FloatArray, FloatArray]
+) -> float:
     t, x = _finite(*angle)
     change, turned = [], []
     for part in stretches(t, x):
-        steps = max(1, round(0.1 / float(np.median(np.diff(t[part])))))  # over 0.1 s, to keep noise down
+        steps = max(1, round(span / float(np.median(np.diff(t[part])))))
         integral = _integral(t[part], *_finite(*rate))
         change.append(x[part][steps:] - x[part][:-steps])
         turned.append(integral[steps:] - integral[:-steps])

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stoop.flight.aloft import motors_ran
 from stoop.flight.faults import Fault
 from stoop.flight.flight import Flight
 from stoop.flight.maneuvers import Maneuver, find_maneuvers
@@ -89,8 +90,26 @@ def describe(flight: Flight) -> FlightSummary:
         maneuvers=tuple(find_maneuvers(flight)),
         air=flight.air,
         unmapped=flight.unmapped,
-        notes=flight.notes,
+        notes=(*flight.notes, *_useless(flight)),
     )
+
+
+def _useless(flight: Flight) -> list[str]:
+    """Say why nothing can be identified from a flight, whatever the vehicle."""
+    missing = [
+        name
+        for name in ("p", "q", "r")
+        if name not in flight.data or not np.isfinite(flight.column(name)).any()
+    ]
+    out = [
+        f"{', '.join(missing)} not recorded: without body rates nothing tells moments or damping; log the gyros, or name "
+        "their columns in the mapping ([variables] p, q, r)"
+    ]
+    off = (
+        "the motors never ran: nothing flew in this log; give a log of a flight, or look at the columns and units of the "
+        "motor channels in the mapping"
+    )
+    return [*(out if missing else []), *([] if motors_ran(flight) else [off])]
 
 
 def _row(flight: Flight, name: str) -> ChannelRow:

@@ -46,9 +46,15 @@ def check_inputs(vehicle: Vehicle, flight: Flight) -> None:
         other = (
             f"rotors carry the vehicle of this log, but {vehicle.where} has none: is it of another vehicle? "
         )
+    elif vehicle.hovers:
+        rotors = [r for r, rotor in vehicle.file.rotor.items() if rotor.channel in missing]
+        tables = f", or channel in {', '.join(f'[rotor.{r}]' for r in rotors)}" if rotors else ""
+        other = (
+            f"{vehicle.where} has {len(vehicle.rotors)} rotors: is this the log of another vehicle{tables}? "
+        )
     raise FlightError(
         f"{flight.name}: input {', '.join(repr(name) for name in missing)} is not in this flight, which is driven by "
-        f"{', '.join(there) or 'nothing that was recorded'}; {other}Check --vehicle, the channels in it, or the mapping"
+        f"{', '.join(there) or 'nothing that was recorded'}; {other}check --vehicle, the channels in it, or the mapping"
     )
 
 

@@ -24,6 +24,8 @@ RESTING: Final = 0.02  #: share of a window with the motors off that is worth a 
 GROUNDED: Final = 0.5  #: and that leaves nothing to fit
 END: Final = 1e-6  #: of the range of a channel
 CLIPPED: Final = 0.02  #: share of a window at an end of the range that is worth a word
+ALIVE: Final = 20  #: different values of a command that is no switch
+CONTRAST: Final = 5  #: times as many samples at a plateau as at the value next to it
 STILL: Final = 0.01  #: of the mean x: the rms of a change that is no input
 LOUD: Final = 3.0  #: times the noise of the file: a rate that moves
 RATES: Final = ("p", "q", "r")
@@ -110,7 +112,12 @@ def _off(vehicle: Vehicle, piece: Piece) -> NDArray[np.bool_]:
 def rotor_warnings(problem: Misfit) -> list[str]:
     """Return in words what the fitted windows of a vehicle with rotors cannot tell."""
     vehicle, pieces = problem.layout.vehicle, problem.pieces
-    return [*_resting(vehicle, pieces), *_clipped(vehicle, pieces), *_unexcited(vehicle, pieces)]
+    return [
+        *_resting(vehicle, pieces),
+        *_clipped(vehicle, pieces),
+        *_plateaus(vehicle, pieces),
+        *_unexcited(vehicle, pieces),
+    ]
 
 
 def _resting(vehicle: Vehicle, pieces: Sequence[Piece]) -> Iterator[str]:
@@ -137,6 +144,23 @@ def _clipped(vehicle: Vehicle, pieces: Sequence[Piece]) -> Iterator[str]:
                 f"{name} is at the {end} end of its range in {max(share, bottom):.0%} of the fitted windows: what the motor "
                 "did there is not what was commanded; fit windows without saturation, or gentler maneuvers."
             )
+
+
+def _plateaus(vehicle: Vehicle, pieces: Sequence[Piece]) -> Iterator[str]:
+    """Tell which commands stop again and again at one number inside their range: something between limits them."""
+    area = channel_range(vehicle)
+    for name, column, low, high in zip(area.names, area.columns, area.idle, area.full, strict=True):
+        x = np.concatenate([p.inputs[:, column] for p in pieces])
+        values, counts = np.unique(x, return_counts=True)
+        for end, beside, word in ((-1, -2, "above"), (0, 1, "below")):
+            at, share = float(values[end]), float(counts[end]) / x.size
+            inside = low < at < high and values.size > ALIVE
+            if inside and share > CLIPPED and counts[end] > CONTRAST * counts[beside]:
+                yield (
+                    f"{name} never goes {word} {at:.3g}, where it is in {share:.0%} of the fitted windows: it was limited there, "
+                    "or its column is clipped; fit windows in which it moves freely, or look at the column that the mapping "
+                    f"names for {name} and at the limits of the autopilot."
+                )
 
 
 def _unexcited(vehicle: Vehicle, pieces: Sequence[Piece]) -> Iterator[str]:

@@ -107,14 +107,23 @@ def _faults(fit: Fit, flights: Mapping[str, Flight], maneuvers: Sequence[Maneuve
 def _not_measured(fit: Fit, maneuvers: Sequence[ManeuverResult]) -> list[str]:
     """Say what a missing airspeed means: every coefficient is divided by its square."""
     vehicle = fit.problem.layout.vehicle
-    if "V" not in vehicle.outputs or any(
-        np.isfinite(p.measured[:, vehicle.outputs.index("V")]).any() for p in fit.problem.pieces
-    ):
-        return []
+    seen = {
+        name
+        for i, name in enumerate(vehicle.outputs)
+        if any(np.isfinite(p.measured[:, i]).any() for p in fit.problem.pieces)
+    }
+    unseen = [name for name in ("p", "q", "r") if name in vehicle.outputs and name not in seen]
+    silent = [
+        f"{', '.join(unseen)} not recorded in any fitted window: damping and moments rest on differences of angles; log "
+        "the gyroscope, or name its columns in the mapping ([variables] p, q, r)."
+    ]
+    if "V" not in vehicle.outputs or "V" in seen:
+        return silent if unseen else []
     return [
+        *(silent if unseen else []),
         f"No airspeed was measured: it was guessed about V* = {vehicle.value('reference.airspeed'):g} m/s, and every "
         "coefficient is wrong by twice what the guess is off in percent; give air data, or a flight they can be "
-        "reconstructed from."
+        "reconstructed from.",
     ]
 
 

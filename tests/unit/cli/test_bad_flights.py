@@ -1,0 +1,250 @@
+"""What is wrong with a flight or its mapping is said in words, with the line to change: simulated flights, damaged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.cli.main import main
+from stoop.units import DEGREE, STANDARD_GRAVITY
+
+HEAD = 'format = "stoop-maneuver/1"\nrate = 100.0\n'
+INPUT = '[[input]]\ncontrol = "{}"\nshape = "{}"\nstart = {}\nstep = {}\namplitude = {}\n'
+HOVER = (
+    HEAD
+    + "duration = 8.0\naltitude = 200.0\n"
+    + "".join(
+        INPUT.format(*x)
+        for x in (
+            ("roll", "3-2-1-1", 1.0, 0.15, 15.0),
+            ("pitch", "3-2-1-1", 3.0, 0.15, 15.0),
+            ("yaw", "doublet", 5.0, 0.4, 1.0),
+        )
+    )
+)
+CRUISE = (
+    HEAD
+    + "duration = 10.0\nairspeed = 35.0\n"
+    + "".join(
+        INPUT.format(*x)
+        for x in (
+            ("elevator", "3-2-1-1", 1.0, 0.3, 0.1),
+            ("aileron", "doublet", 5.0, 0.5, 0.1),
+            ("rudder", "doublet", 7.0, 0.6, 0.1),
+        )
+    )
+)
+FLOWN = {"quad": ("quad-x", HOVER), "twin": ("twin-boom", CRUISE)}
+RATES, ANGLES, FORCE = ("p", "q", "r"), ("phi", "theta", "psi"), ("ax", "ay", "az")
+MOTORS = tuple(f"motor_{n}" for n in range(1, 5))
+Columns = dict[str, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("bad")
+    for name, (vehicle, maneuver) in FLOWN.items():
+        (folder / f"{name}.toml").write_text(maneuver)
+        words = [
+            "simulate",
+            vehicle,
+            "--maneuver",
+            str(folder / f"{name}.toml"),
+            "-o",
+            str(folder / f"{name}.csv"),
+        ]
+        assert main(words) == 0
+    return folder
+
+
+@pytest.fixture
+def here(place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the folder of the flights; commands run in an empty one, so that names in messages are short."""
+    monkeypatch.chdir(tmp_path)
+    return place
+
+
+def put(
+    place: Path, name: str, change: Callable[[Columns], Columns], units: dict[str, str], out: str = "x"
+) -> None:
+    """Write a flight with its columns changed, and its mapping with other units, into the working folder."""
+    table = np.genfromtxt(place / f"{name}.csv", delimiter=",", names=True)
+    columns = change({key: table[key].copy() for key in table.dtype.names or ()})
+    rows, head = np.column_stack(list(columns.values())), ",".join(columns)
+    np.savetxt(f"{out}.csv", rows, delimiter=",", header=head, comments="", fmt="%.9g")
+    lines = (place / f"{name}.csv.toml").read_text().splitlines()
+    kept = [line for line in lines if " = { column" not in line or line.split()[0] in columns]
+    for key, unit in units.items():
+        kept = [
+            f'{key} = {{ column = "{key}", unit = "{unit}" }}' if line.startswith(f"{key} = ") else line
+            for line in kept
+        ]
+    mapped = {line.split()[0] for line in kept if line}
+    added = [
+        f'{key} = {{ column = "{key}", unit = "1" }}' for key in columns if key != "t" and key not in mapped
+    ]
+    Path(f"{out}.csv.toml").write_text("\n".join([*kept, *added, ""]))
+
+
+def scaled(names: tuple[str, ...], by: float) -> Callable[[Columns], Columns]:
+    return lambda c: {key: by * x if key in names else x for key, x in c.items()}
+
+
+def said(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    """Return all that a command prints, on one line; a refusal is one line already."""
+    code = main(list(words))
+    out, err = capsys.readouterr()
+    assert code in (0, 2)
+    assert code == 0 or err.count("\n") == 1
+    return " ".join((out + err).split())
+
+
+UNITS = [
+    *(
+        (n, (key,), 1.0, "deg/s", f'write unit = "rad/s" for variables.{key} in x.csv.toml')
+        for n in FLOWN
+        for key in RATES
+    ),
+    *(
+        (n, (key,), 1 / DEGREE, "rad/s", f'write unit = "deg/s" for variables.{key} in x.csv.toml')
+        for n in FLOWN
+        for key in RATES
+    ),
+    ("quad", ("phi",), 1.0, "deg", 'write unit = "rad" for variables.phi in x.csv.toml'),
+    ("twin", ("phi",), 1 / DEGREE, "rad", 'write unit = "deg" for variables.phi in x.csv.toml'),
+    ("quad", RATES, 1.0, "deg/s", 'write unit = "rad/s" for variables.p in x.csv.toml'),
+    ("quad", RATES, 1 / DEGREE, "rad/s", 'write unit = "deg/s" for variables.p in x.csv.toml'),
+    ("quad", ANGLES, 1.0, "deg", 'write unit = "rad" for variables.phi in x.csv.toml'),
+    (
+        "quad",
+        ("az",),
+        1 / STANDARD_GRAVITY,
+        "m/s2",
+        'looks like g: write unit = "g" for variables.az in x.csv.toml',
+    ),
+    (
+        "twin",
+        FORCE,
+        1 / STANDARD_GRAVITY,
+        "m/s2",
+        'looks like g: write unit = "g" for variables.az in x.csv.toml',
+    ),
+    ("quad", ("p",), -1.0, "rad/s", "write scale = -1 for variables.p in x.csv.toml"),
+]  #: flight, columns, their factor, the unit that the mapping says, what is said
+
+
+@pytest.mark.parametrize(("name", "keys", "by", "unit", "words"), UNITS)
+def test_a_wrong_unit_names_its_own_line(
+    here: Path,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    keys: tuple[str, ...],
+    by: float,
+    unit: str,
+    words: str,
+) -> None:
+    put(here, name, scaled(keys, by), dict.fromkeys(keys, unit))
+    assert words in said(capsys, "info", "x.csv")
+
+
+def still(c: Columns) -> Columns:
+    return {key: x[c["t"] < 0.95] for key, x in c.items()}
+
+
+def clipped(c: Columns) -> Columns:
+    return {key: np.minimum(x, 0.63) if key in MOTORS else x for key, x in c.items()}
+
+
+def silent(c: Columns) -> Columns:
+    return {key: x for key, x in c.items() if key not in RATES}
+
+
+def hexa(c: Columns) -> Columns:
+    return {**c, "motor_5": c["motor_1"], "motor_6": c["motor_2"]}
+
+
+def same(c: Columns) -> Columns:
+    return c
+
+
+FITS = [
+    (
+        "quad",
+        scaled(FORCE, 1 / STANDARD_GRAVITY),
+        "quad-x",
+        'write unit = "g" for variables.az in x.csv.toml',
+    ),
+    ("quad", clipped, "quad-x", "motor_1 never goes above 0.63"),
+    ("quad", still, "quad-x", "There is no roll to speak of"),
+    ("quad", scaled(MOTORS, 0.0), "quad-x", "the motors are off in 100%"),
+    ("quad", silent, "quad-x", "none of the rates p, q, r was recorded"),
+    ("twin", silent, "twin-boom", "rates, attitude and accelerations measured together"),
+    ("quad", hexa, "quad-x", "motor_5, motor_6 move too, but no rotor of quad-x has them"),
+    (
+        "quad",
+        same,
+        "hexa-x",
+        "hexa-x has 6 rotors: is this the log of another vehicle, or channel in [rotor.m5], [rotor.m6]?",
+    ),
+    ("quad", hexa, "twin-boom", "rotors carry the vehicle of this log, but twin-boom has none"),
+    ("twin", same, "quad-x", "quad-x flies on rotors, but no rotors are in this log"),
+]  #: flight, what happened to it, vehicle file, what is said
+
+
+@pytest.mark.parametrize(("name", "change", "vehicle", "words"), FITS)
+def test_stoop_identify_tells_what_is_wrong(
+    here: Path,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    change: Callable[[Columns], Columns],
+    vehicle: str,
+    words: str,
+) -> None:
+    put(here, name, change, {})
+    window = "0:0.9" if change is still else "0.5:7.5"
+    fast = ["--method", "equation-error", "--budget", "50", "--generations", "1"]
+    assert words in said(
+        capsys, "identify", "x.csv", "--vehicle", vehicle, "--maneuver", window, *fast, "-o", "out"
+    )
+
+
+def test_an_airplane_that_stands_still_without_rates(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    put(here, "twin", lambda c: silent(still(c)), {})
+    few = ["--maneuver", "0:0.9", "--budget", "20", "--generations", "1", "-o", "out"]
+    told = said(capsys, "identify", "x.csv", "--vehicle", "twin-boom", *few)
+    assert "p, q, r not recorded in any fitted window" in told
+    assert "elevator hardly moves in the fitted windows" in told
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "words"),
+    [("quad-x", "twin: input 'motor_1'"), ("twin-boom", "quad: input 'elevator', 'aileron', 'rudder'")],
+)
+def test_two_logs_of_unlike_vehicles(
+    here: Path, capsys: pytest.CaptureFixture[str], vehicle: str, words: str
+) -> None:
+    logs = [str(here / f"{name}.csv") for name in FLOWN]
+    windows = [f"{name}@0.5:7.5" for name in FLOWN]
+    told = said(capsys, "identify", *logs, "--vehicle", vehicle, "--maneuver", *windows, "-o", "out")
+    assert words in told
+    assert "is it of another vehicle? check --vehicle" in told
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [(scaled(MOTORS, 0.0), "the motors never ran"), (silent, "p, q, r not recorded: without body rates")],
+)
+def test_stoop_info_tells_a_log_that_shows_nothing(
+    here: Path, capsys: pytest.CaptureFixture[str], change: Callable[[Columns], Columns], words: str
+) -> None:
+    put(here, "quad", change, {})
+    assert words in said(capsys, "info", "x.csv")
+
+
+def test_flights_as_flown_are_not_accused(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in FLOWN:
+        put(here, name, same, {})
+        assert "Suspected faults - none seen" in said(capsys, "info", "x.csv")
