@@ -61,6 +61,7 @@ _UNITS = {
 }  # fmt: skip
 _EQUATION_SOURCES = (  #: beside all of symbolic/
     "vehicle.py", "terms.py", "atmosphere.py", "schema.py", "defaults.py", "quantity.py", "rotors_schema.py",
+    "rotor_numbers.py", "table.py",
 )  # fmt: skip
 _CHANNEL_UNITS = {
     "V": "m/s",
@@ -107,7 +108,14 @@ def _structure(node: Any, path: str = "") -> Any:
     if isinstance(node, Quantity):
         return f"={node.tie}" if node.tie else "number"
     if isinstance(node, BaseModel):
-        skipped = ("name", "notes", "loadings", "sigma", "estimate_biases", "voltage_average")  # these make no kernel row
+        skipped = (
+            "name",
+            "notes",
+            "loadings",
+            "sigma",
+            "estimate_biases",
+            "voltage_average",
+        )  # these make no kernel row
         kept = [n for n in type(node).model_fields if n not in skipped]
         absent = {n for n in kept if n in _LATER and not getattr(node, n)}  # as before there was any
         return {n: _structure(getattr(node, n)) for n in kept if n not in absent}
