@@ -21,7 +21,8 @@ STOOP = [
     (page, part.strip()) for page, line in WRITTEN for part in line.split("&&") if "stoop " in f"{part} "
 ]
 OTHER = re.compile(
-    r"^(\.venv/bin/)?(mv|python3? -m venv|pip install|pytest|python3? scripts/(test|fuzz_readers)\.py|python3? (-m )?benchmarks)\b"
+    r"^(\.venv/bin/)?(mv|python3? -m venv|pip install|pytest|"
+    r"python3? scripts/(test|fuzz_readers)\.py|python3? (-m )?benchmarks)\b"
 )
 
 

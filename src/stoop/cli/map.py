@@ -11,7 +11,9 @@ from stoop.cli.page import busy, page
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
-    parser.add_argument("log", metavar="FLIGHT", type=Path, help="a log of any kind, or a folder of CSV files")
+    parser.add_argument(
+        "log", metavar="FLIGHT", type=Path, help="a log of any kind, or a folder of CSV files"
+    )
     parser.add_argument("-o", "--output", metavar="M.toml", type=Path, help="where to write it")
     add_overwrite(parser)
 

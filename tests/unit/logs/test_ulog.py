@@ -112,5 +112,3 @@ def test_many_subscriptions_of_a_wide_format(tmp_path: Path) -> None:
     log += b"".join(message("A", struct.pack("<BH", 0, n) + b"w") for n in range(300))
     with pytest.raises(LogError):
         read(write(tmp_path, log))
-
-
