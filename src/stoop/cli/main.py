@@ -28,6 +28,7 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
     "polar": ("stoop.cli.polar", "drag polar of a flight without surface channels, with intervals"),
     "rotors": ("stoop.cli.rotors", "which rotor is weak: hover flights against those of the healthy vehicle"),
     "structure": ("stoop.cli.structure", "choose which terms a vehicle needs, from flights"),
+    "vehicle": ("stoop.cli.vehicle", "list the built-in vehicles, or copy the file of one to edit"),
     "simulate": ("stoop.cli.simulate", "fly a maneuver and write a flight file"),
     "trim": ("stoop.cli.trim", "find the controls of a steady straight flight"),
     "linearize": ("stoop.cli.linearize", "linear model and modes about a steady flight"),

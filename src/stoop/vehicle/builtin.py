@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import tomllib
 from importlib.resources import files
 from pathlib import Path
 from typing import Final
@@ -46,8 +47,25 @@ def resolve_vehicle(name_or_path: str | Path) -> Vehicle:
 
 def builtin_vehicle(name: str) -> Vehicle:
     """Return a vehicle of the package; messages name it, not where the package happens to lie."""
-    text = (files("stoop.data") / BUILT_IN[name]).read_text(encoding="utf-8")
-    return parse_vehicle(text, name)
+    return parse_vehicle(builtin_text(name), name)
+
+
+def builtin_text(name: str) -> str:
+    """Return the file of a vehicle of the package as it stands, comments included.
+
+    Raises
+    ------
+    VehicleError
+        There is no such vehicle.
+    """
+    if name not in BUILT_IN:
+        raise VehicleError(f"{name}: there is no such built-in vehicle; {_advice(name)}")
+    return (files("stoop.data") / BUILT_IN[name]).read_text(encoding="utf-8")
+
+
+def builtin_title(name: str) -> str:
+    """Return in one line what a vehicle of the package is."""
+    return str(tomllib.loads(builtin_text(name))["name"])
 
 
 def _advice(name: str) -> str:
