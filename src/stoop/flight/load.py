@@ -11,6 +11,7 @@ import numpy as np
 from stoop import logs
 from stoop.errors import one_line
 from stoop.flight.advice import advised, unit_faults
+from stoop.flight.aloft import lifting
 from stoop.flight.between import following_rates
 from stoop.flight.build import build
 from stoop.flight.channels import SourceRate, tame
@@ -137,11 +138,16 @@ def _gap_notes(sources: Mapping[str, SourceRate]) -> list[str]:
 
 
 def with_air(flight: Flight) -> Flight:
-    """Reconstruct what air data were not measured, where there is no vane but ground velocity and attitude."""
+    """Reconstruct what air data were not measured, where there is no vane but ground velocity and attitude.
+
+    What hovers through the whole log has none, and needs none.
+    """
     there = {str(name) for name in flight.data.data_vars}
     if there & {"alpha", "beta"} or not there >= _INERTIAL or _empty(flight, _INERTIAL):
         return flight
     columns, air = _reconstructed(flight)
+    if air.method == "none" and lifting(flight):
+        return flight
     velocity = flight.sources["vn"]
     new = columns.keys() - (there if _measured_speed(flight) is not None else there - {"V"})
     sources = {name: replace(velocity, source=RECONSTRUCTED) for name in new}
@@ -232,7 +238,7 @@ def _warnings(flight: Flight) -> list[str]:
             "too slow for the roll mode and the short period of most aircraft"
             + ("; is the unit of the log's time right?" if min(slow.values()) < WRONG_CLOCK else "")
         )
-    if not {"V", "alpha", "beta"} & {str(name) for name in flight.data.data_vars}:
+    if not {"V", "alpha", "beta"} & {str(name) for name in flight.data.data_vars} and not lifting(flight):
         notes.append(
             "no air data: neither airspeed and vanes, nor ground velocity and attitude to reconstruct it; "
             "V, alpha and beta are missing"

@@ -27,7 +27,7 @@ def statements(vehicle: Vehicle, flights: Mapping[str, Flight], color: float) ->
         f"{flight.name}: {_rebuilt(flight)} are reconstructed from inertial velocity, attitude and a steady wind "
         f"({flight.air.method}), not measured by a vane; agreement with them is agreement with that reconstruction."
         for flight in flights.values()
-        if flight.air is not None and flight.air.method != "none"
+        if flight.air is not None and flight.air.method != "none" and not vehicle.hovers
     ]
     colored = (
         f"Residuals are correlated over about {color:.0f} samples (median channel): the fit weighs them as that "

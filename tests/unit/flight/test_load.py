@@ -234,6 +234,23 @@ def test_an_airspeed_that_was_not_measured_is_reconstructed_anew() -> None:
     assert not any("as measured" in note for note in again.notes)
 
 
+def test_what_hovers_needs_no_air_data(tmp_path: Path) -> None:
+    time = 0.01 * np.arange(2400)
+    still = {name: np.zeros(time.size) for name in ("phi", "theta", "psi", "vn", "ve", "vd")}
+    sway = 0.5 + 0.01 * np.sin(time)
+    rotors = {f"motor_{n}": sway for n in range(1, 5)}
+    assert with_air(from_columns("hover", time, {**still, **rotors})).notes == ()
+    assert "less than 5 s" in with_air(from_columns("parked", time, still)).notes[0]
+    names = ("motor_1", "motor_2", "motor_3")
+    mapping = '[time]\ncolumn = "t"\nunit = "s"\n[variables]\n' + "".join(
+        f'{name} = {{column = "{name}", unit = "1"}}\n' for name in names
+    )
+    (tmp_path / "m.toml").write_text(mapping)
+    table = np.column_stack([time, *(rotors[name] for name in names)])
+    np.savetxt(tmp_path / "a.csv", table, "%.17g", ",", header=",".join(("t", *names)), comments="")
+    assert not any("no air data" in note for note in load(tmp_path / "a.csv", tmp_path / "m.toml").notes)
+
+
 def test_an_attitude_in_two_files_is_whole(tmp_path: Path) -> None:
     whole = turning(speed=False)
     split = {"a": (1, ("phi", "theta")), "b": (2, ("psi", "vn", "ve", "vd"))}
