@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from pathlib import Path
 
 from docs.pages import DOCS, ROOT, table
@@ -58,3 +59,14 @@ def test_what_is_said_of_them() -> None:
 def test_the_example_is_what_was_verified() -> None:
     example = ROOT / "examples" / "crazyflie.toml"
     assert example.read_bytes() == (Path(package).parent / "crazyflie.toml").read_bytes()
+
+
+def test_the_page_of_the_command_shows_the_same_digits() -> None:
+    html = (DOCS / "verify" / "propellers.html").read_text(encoding="utf-8")
+    shown = [re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row) for row in re.findall(r"<tr>(.*?)</tr>", html)]
+    flights = [cells for cells in shown if len(cells) == 10 and cells[0] != "airframe"]
+    told = table(PAGE, "Every flight", "airframe").rows
+    assert flights == [[*c[:6], f"{c[6]} ± {c[7]}", *c[8:]] for c in told]
+    treatments = [cells for cells in shown if len(cells) == 8 and cells[0] != "airframe"]
+    told = table(PAGE, "Real flights", "airframe").rows
+    assert treatments == [[*c[:4], f"{c[4]} ± {c[5]}", *c[6:]] for c in told]

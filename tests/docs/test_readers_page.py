@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import csv
+import re
 
-from docs.pages import DOCS, table
+from docs.pages import DOCS, ROOT, table
 from stoop.flight import build, grid
 from stoop.logs import (
     crazyflie,
@@ -22,7 +23,9 @@ from stoop.logs import (
     ulog_scan,
 )
 from stoop.logs.scan import dataflash as scan
+from stoop.report.sheet import Sheet, render_sheet
 from stoop.study.verify.readers.damage import DAMAGES
+from stoop.study.verify.readers.experiment import LEAD
 from stoop.study.verify.readers.samples import SAMPLES
 from stoop.study.verify.readers.trial import BAD, GOOD, GUARDED
 
@@ -86,3 +89,24 @@ def test_the_limits_are_those_of_the_code() -> None:
     for reader, words in told.items():
         assert all(word in limits[reader] for word in words), reader
     assert f"at most {tabular.MAX_VALUES // 10**6} million" in PAGE.read_text(encoding="utf-8")
+
+
+def test_the_page_of_the_command_is_as_the_code_writes_it() -> None:
+    html = (DOCS / "verify" / "readers.html").read_text(encoding="utf-8")
+    assert str(render_lead(LEAD)) in html
+    assert "`" not in html
+    rows = re.findall(r'<th scope="row">all</th>(.*?)</tr>', html)
+    shown = [[int(n) for n in re.findall(r">(\d+)<", row)] for row in rows]
+    assert [*sums("all")] in [cells[: 1 + len(GOOD)] for cells in shown]
+
+
+def render_lead(text: str) -> str:
+    """Return the paragraph that a page begins with."""
+    page = render_sheet(Sheet("", text, ()))
+    return page.partition('<div class="lead">')[2].partition("</div>")[0].strip()
+
+
+def test_what_goes_unnoticed_is_told_first() -> None:
+    """The README says how many damaged logs were read with other numbers and no word."""
+    cases, unnoticed = (sum(int(r[key]) for r in records("readers.csv")) for key in ("cases", "unnoticed"))
+    assert f"{unnoticed:,} of {cases:,} unnoticed" in (ROOT / "README.md").read_text(encoding="utf-8")

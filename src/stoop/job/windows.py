@@ -30,11 +30,15 @@ saturated motors. Edit {name} beside this page to accept, move or turn down, the
 BY_VEHICLE: Final = "what they tell of the free numbers of {vehicle} (Fisher's information, D-optimality)"
 BY_COMMAND: Final = "how strongly, and how independently of each other, commands and rates move in them"
 KEY: Final = """\
-Blue: to be fitted. Orange: to be predicted. Grey: a maneuver that is not proposed. Information is the mean logarithm by \
-which a window alone shrinks the error bars (0.69 halves them); gain, likewise, beside the windows chosen before it."""
+Blue: to be fitted. Orange: to be predicted. Grey with dashed edges: a maneuver that is not proposed, behind those that are. \
+Information is the mean logarithm by which a window alone shrinks the error bars (0.69 halves them); gain, likewise, beside \
+the windows chosen before it."""
 EXPECTED: Final = """\
 Standard errors that the windows to be fitted will give, as far as the vehicle file is right in kind: the Cramer-Rao bound \
-with initial states and biases unknown, for the residuals that a first linear step leaves in this flight."""
+with initial states and biases unknown, for the residuals that a first linear step leaves in this flight. {guess}"""
+FIRST_GUESS: Final = """\
+The first guess is where the errors were worked out: the file's value, or a rough first step. It is no estimate; the fit \
+replaces it."""
 
 
 def write_windows(
@@ -84,7 +88,9 @@ def windows_sheet(
     ]
     sections.append(Section("Windows", (Prose(KEY), _table(found))))
     if found.expected:
-        sections.append(Section("What they will tell", (Prose(EXPECTED), _expected(found))))
+        sections.append(
+            Section("What they will tell", (Prose(EXPECTED.format(guess=FIRST_GUESS)), _expected(found)))
+        )
     if found.notes:
         sections.append(Section("What to mind", (Prose("\n".join(f"- {note}" for note in found.notes)),)))
     sections.append(Section("Next", (Code(shlex.join(following)), Prose("Made by"), Code(command))))
@@ -151,11 +157,10 @@ def _shown(unit: str) -> tuple[float, str]:
 
 
 def _worth(own: Sequence[tuple[int, Proposed]]) -> Strip:
-    """Return the information of each window as a level over its stretch."""
-    ends = (own[0][1].start, own[-1][1].stop) if own else (0.0, 1.0)
-    x = np.array([*ends, np.nan, *(v for _, w in own for v in (w.start, w.stop, np.nan))])
-    y = np.array([0.0, 0.0, np.nan, *(v for _, w in own for v in (w.information, w.information, np.nan))])
-    return Strip("information", (Series("information", x, y),))
+    """Return the information of each window as a level over its stretch, and nothing between them."""
+    x = np.array([v for _, w in own for v in (w.start, w.stop, np.nan)])
+    y = np.array([v for _, w in own for v in (w.information, w.information, np.nan)])
+    return Strip("information", (Series("information", x, y),), zero=True)
 
 
 def _table(found: Found) -> Table:
@@ -180,7 +185,7 @@ def _expected(found: Found) -> Table:
         )
         for e in found.expected
     ]
-    return Table("", ("parameter", "about", "standard error", "of its size"), tuple(rows))
+    return Table("", ("parameter", "first guess", "standard error", "of its size"), tuple(rows))
 
 
 def percent(share: float) -> str:

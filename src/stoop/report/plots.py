@@ -62,10 +62,11 @@ class Series:
 
 @dataclass(frozen=True, eq=False)
 class Strip:
-    """One of several plots over a common x axis: what it shows, with the unit, and its series."""
+    """One of several plots over a common x axis: what it shows, with the unit, its series, and whether zero is in sight."""
 
     label: str
     series: tuple[Series, ...]
+    zero: bool = False
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,7 @@ def plot(
     x_range: Span | None = None,
     y_range: Span | None = None,
     looks: Mapping[str, int] | None = None,
+    x_ticks: Sequence[float] = (),
 ) -> Markup:
     """Return series over one pair of axes, the legend below.
 
@@ -108,13 +110,16 @@ def plot(
     log_x, log_y : bool, logarithmic axes; what is not positive is left out
     x_range, y_range : (low, high), data units; by default what the series span
     looks : mapping of name to number, optional
-        Gives a series the same color and dash in several drawings; by default in order of appearance.
+        Gives series the same color and dash, in several drawings or in one; by default in order of appearance.
+    x_ticks : sequence of float, optional
+        Where the x axis is labeled, for quantities that have few values; by default round numbers.
     """
     looks = looks or _looks([one.name for one in series])
     x = _axis([one.x for one in series], log_x, x_range, 0.0, WIDTH - LEFT - RIGHT)
     y = _axis([one.y for one in series], log_y, y_range, HEIGHT, 0.0)
     box = Box(LEFT, TOP, WIDTH - LEFT - RIGHT, HEIGHT)
-    parts = [*_levels(box, y, 6), *_columns(box, x, 8), *_labels(box, x_label, y_label)]
+    marked = [(x.at(value), f"{value:g}") for value in x_ticks] or _ticks(x, 8)
+    parts = [*_levels(box, y, 6), *_columns(box, marked), *_labels(box, x_label, y_label)]
     parts += [_inside(box, [_drawn(one, looks[one.name], x, y) for one in series])]
     whole = drawing(WIDTH, TOP + HEIGHT + FLOOR, description, parts)
     return _with_keys(whole, {one.name: (looks[one.name], one.kind) for one in series})
@@ -131,7 +136,7 @@ def stacked_plots(
     x_label : str, with unit
     description : str, the drawing in words
     shades : sequence of Shade
-        Drawn behind the curves of every strip; named above the first.
+        Drawn behind the curves of every strip, one that is declined behind the others; named above the first.
     """
     every = [one for strip in strips for one in strip.series]
     looks = _looks([one.name for one in every])
@@ -140,10 +145,11 @@ def stacked_plots(
     top = TOP
     for strip in strips:
         box = Box(LEFT, top, WIDTH - LEFT - RIGHT, STRIP)
-        y = _axis([one.y for one in strip.series], False, None, STRIP, 0.0)
-        parts.append(_inside(box, [_shade(one, x, STRIP) for one in shades]))
+        seen = [one.y for one in strip.series] + ([np.zeros(1)] if strip.zero else [])
+        y = _axis(seen, False, None, STRIP, 0.0)
+        parts.append(_inside(box, _shaded(shades, x, STRIP)))
         parts += _shade_names(shades, x, box) if strip is strips[0] else []
-        parts += [*_levels(box, y, _enough(y, 3)), *_columns(box, x, 10, labels=strip is strips[-1])]
+        parts += [*_levels(box, y, _enough(y, 3)), *_columns(box, _ticks(x, 10), strip is strips[-1])]
         parts += _labels(box, x_label if strip is strips[-1] else "", strip.label)
         parts.append(_inside(box, [_drawn(one, looks[one.name], x, y) for one in strip.series]))
         top += STRIP + BETWEEN
@@ -186,7 +192,7 @@ def contour_plot(
     inside = [*lines, *([] if path is None else _trail(across(path[:, 0]), up(path[:, 1])))]
     looks = _looks(["path", *(mark.name for mark in marks)])
     inside += [_spot(across.at(m.x), up.at(m.y), looks[m.name], 5.0) for m in marks]
-    parts = [*_levels(box, up, 6), *_columns(box, across, 8), *_labels(box, x_label, y_label)]
+    parts = [*_levels(box, up, 6), *_columns(box, _ticks(across, 8)), *_labels(box, x_label, y_label)]
     whole = drawing(WIDTH, TOP + box.height + FLOOR, description, [*parts, _inside(box, inside)])
     return _with_keys(whole, {mark.name: (looks[mark.name], "points") for mark in marks}, fewest=1)
 
@@ -244,10 +250,10 @@ def _levels(box: Box, scale: AnyScale, most: int) -> list[Markup]:
     return parts
 
 
-def _columns(box: Box, scale: AnyScale, most: int, labels: bool = True) -> list[Markup]:
+def _columns(box: Box, marked: Sequence[tuple[float, str]], labels: bool = True) -> list[Markup]:
     parts: list[Markup] = []
     floor = box.top + box.height
-    for place, text in _ticks(scale, most):
+    for place, text in marked:
         x = box.left + place
         parts.append(element("line", x1=x, x2=x, y1=box.top, y2=floor, class_="grid"))
         if labels:
@@ -267,6 +273,16 @@ def _inside(box: Box, parts: Sequence[Markup]) -> Markup:
     """Return parts moved into the box, and cut at its edges."""
     content = Markup("").join(parts) or " "
     return element("svg", content, x=box.left, y=box.top, width=box.width, height=box.height, class_="clip")
+
+
+def _shaded(shades: Sequence[Shade], x: AnyScale, height: float) -> list[Markup]:
+    """Return stretches whose colors never mix, and the edges of all of them, so that neighbors and covered ones show."""
+    behind_first = sorted(shades, key=lambda one: one.kind != "declined")
+    return [_shade(one, x, height) for one in behind_first] + [
+        element("line", x1=x.at(end), x2=x.at(end), y1=0.0, y2=height, class_=f"brink {one.kind}")
+        for one in behind_first
+        for end in (one.start, one.stop)
+    ]
 
 
 def _shade(one: Shade, x: AnyScale, height: float) -> Markup:

@@ -16,12 +16,17 @@ from stoop.report.templating import environment
 ITEM: Final = "- "  #: begins a line of a list
 NUMERIC: Final = re.compile(r"[<>≤≥≈~±×]?\s?[−+-]?(\d|[.]\d|∞|nan\b|inf\b)")
 WORD: Final = re.compile(r"[^\W\d_]{4,}")  #: a cell with a word in it is text, whatever it begins with
+QUOTED: Final = re.compile(r"`([^`\n]+)`")
+LONG: Final = (
+    34  #: characters of a cell that may go on in the next line; `td.wrap` of the style sheet is as wide
+)
+BESIDE: Final = 3  #: columns that a narrow page has room for
 EMPTY: Final = ("", "–", "—", "-")
 
 
 @dataclass(frozen=True)
 class Prose:
-    """Plain text: a blank line ends a paragraph, lines that begin with ``- `` are a list."""
+    """Plain text: a blank line ends a paragraph, lines that begin with ``- `` are a list, `names` stand in backticks."""
 
     text: str
 
@@ -52,6 +57,17 @@ class Table:
     def numeric(self) -> tuple[bool, ...]:
         """Whether each column holds numbers, nothing but dashes between them."""
         return tuple(_numeric([row[i] for row in self.rows]) for i in range(len(self.head)))
+
+    @property
+    def wraps(self) -> tuple[bool, ...]:
+        """Whether each column holds text so long that it may go on in further lines."""
+        longest = [max((len(row[i]) for row in self.rows), default=0) for i in range(len(self.head))]
+        return tuple(n > LONG for n in longest)
+
+    @property
+    def folds(self) -> bool:
+        """Whether a narrow page sets the last column below the others, for which there is no room beside them."""
+        return len(self.head) > BESIDE and self.wraps[-1] and sum(self.wraps) == 1
 
 
 @dataclass(frozen=True)
@@ -116,17 +132,24 @@ def _part(part: Prose | Code | Table | Figure) -> tuple[str, Any]:
     return ("table" if isinstance(part, Table) else "figure"), part
 
 
-def _blocks(text: str) -> list[tuple[str, list[str]]]:
+def _blocks(text: str) -> list[tuple[str, list[Markup]]]:
     """Return paragraphs and lists: ("text", [paragraph]) or ("list", items)."""
-    blocks: list[tuple[str, list[str]]] = []
+    blocks: list[tuple[str, list[Markup]]] = []
     for piece in re.split(r"\n\s*\n", text.strip()):
         lines = [line.strip() for line in piece.splitlines()]
         for listed, group in groupby(lines, lambda line: line.startswith(ITEM)):
             found = list(group)
-            blocks.append(
-                ("list", [line[len(ITEM) :] for line in found]) if listed else ("text", [" ".join(found)])
-            )
+            said = [line[len(ITEM) :] for line in found] if listed else [" ".join(found)]
+            blocks.append(("list" if listed else "text", [_with_names(line) for line in said]))
     return blocks
+
+
+def _with_names(text: str) -> Markup:
+    """Return the text, escaped, with what stands in backticks as code."""
+    parts = QUOTED.split(text)  # what is quoted has odd places
+    return Markup("").join(
+        Markup("<code>{}</code>").format(part) if i % 2 else part for i, part in enumerate(parts)
+    )
 
 
 def _anchors(sheet: Sheet) -> list[str]:

@@ -18,6 +18,7 @@ from stoop.report.plots import (
     WIDTH,
     Mark,
     Series,
+    Shade,
     Strip,
     contour_plot,
     plot,
@@ -152,3 +153,39 @@ def test_a_contour_plot_names_its_marks() -> None:
     marks = (Mark("start", 0.1, 0.2), Mark("end", 0.9, 0.8))
     html = contour_plot(axis, axis, values, np.array([[0.1, 0.2], [0.9, 0.8]]), marks, "a", "b", "d")
     assert ["".join(e.itertext()) for e in tree(html).iter("li")] == ["start", "end"]
+
+
+def test_what_is_declined_lies_behind_and_every_stretch_has_its_edges() -> None:
+    one = Series("a", np.array([0.0, 10.0]), np.array([0.0, 1.0]))
+    shades = [
+        Shade(0.0, 4.0, "1", "fitted"),
+        Shade(2.0, 6.0, "2", "declined"),
+        Shade(4.0, 8.0, "3", "fitted"),
+    ]
+    html = stacked_plots([Strip("a", (one,))], "x", "d", shades)
+    kinds = [e.get("class") for e in tree(html).iter("rect")]
+    assert kinds == ["shade declined", "shade fitted", "shade fitted"]
+    brinks = [e for e in tree(html).iter("line") if "brink" in e.get("class", "")]
+    at = {
+        kind: [float(e.get("x1", "")) for e in brinks if kind in e.get("class", "")]
+        for kind in ("fitted", "declined")
+    }
+    assert at["fitted"] == pytest.approx([BOX * s for s in _shares(0.0, 4.0, 4.0, 8.0)], abs=0.01)
+    assert at["declined"] == pytest.approx([BOX * s for s in _shares(2.0, 6.0)], abs=0.01)
+
+
+def _shares(*values: float) -> list[float]:
+    """Return places on an axis of 0 to 10 with its margins of 4 %."""
+    return [(v + 0.4) / 10.8 for v in values]
+
+
+def test_zero_is_in_sight_where_it_is_asked_for() -> None:
+    one = (Series("a", np.array([0.0, 1.0]), np.array([4.0, 5.0])),)
+    assert "0" in texts(stacked_plots([Strip("a", one, zero=True)], "x, s", "d"), "end")
+    assert "0" not in texts(stacked_plots([Strip("a", one)], "x, s", "d"), "end")
+
+
+def test_ticks_stand_where_values_are() -> None:
+    lengths = np.array([39.0, 41.0, 47.0])
+    html = plot([Series("a", lengths, lengths)], "x", "y", "d", x_ticks=[39.0, 41.0, 47.0])
+    assert [t for t in texts(html, "tick") if t in texts(html, "mid")][-3:] == ["39", "41", "47"]

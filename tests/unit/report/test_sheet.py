@@ -93,3 +93,38 @@ def test_the_same_sheet_gives_the_same_bytes(tmp_path: Path) -> None:
 def test_a_folder_that_is_not_there_is_said(tmp_path: Path) -> None:
     with pytest.raises(OutputError):
         write_sheet(sheet(), tmp_path / "no" / "page.html")
+
+
+def test_names_in_backticks_are_code() -> None:
+    section = body(render_sheet(sheet(Prose("Ask `a <b>` or `c`.\n- one ` alone")))).find(".//section")
+    assert section is not None
+    assert [e.text for e in section.iter("code")] == ["a <b>", "c"]
+    assert [e.text for e in section.iter("li")] == ["one ` alone"]
+
+
+def test_a_column_wraps_as_a_whole() -> None:
+    table = Table("", ("verdict", "what"), (("holds", "short"), ("holds", "long " * 12)))
+    cells = list(body(render_sheet(sheet(table))).iter("td"))
+    assert [cell.get("class") for cell in cells] == ["wrap", "wrap"]
+    named = Table("", ("way", "n"), (("long " * 9, "1"), ("short", "2")))
+    heads = [cell for cell in body(render_sheet(sheet(named))).iter("th") if cell.get("scope") == "row"]
+    assert [cell.get("class") for cell in heads] == ["wrap", "wrap"]
+
+
+@pytest.mark.parametrize(
+    ("row", "folds"),
+    [
+        (("1", "roll", "2.1", "long " * 9), True),
+        (("1", "roll", "long " * 9), False),  # there is room beside two columns
+        (("1", "roll", "2.1", "short"), False),
+        (("1", "long " * 9, "2.1", "long " * 9), False),
+        (("1", "long " * 9, "2.1", "4"), False),
+    ],
+)
+def test_a_long_last_column_stands_below_the_others_where_the_page_is_narrow(
+    row: tuple[str, ...], folds: bool
+) -> None:
+    table = Table("", ("a",) * len(row), (row,))
+    (drawn,) = body(render_sheet(sheet(table))).iter("table")
+    assert ("folds" in str(drawn.get("class"))) == folds
+    assert drawn.get("style") == (f"--beside: {len(row) - 1}" if folds else None)

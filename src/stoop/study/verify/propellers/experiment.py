@@ -37,6 +37,7 @@ The factor is thrust and torque of M3 per command, 1 in the normal flights, if M
 holds the scatter between flights of one configuration and the scatter within the flight. Chance is how often a healthy \
 flight makes any of the four rotors this suspect. What is left over, in squares of three standard deviations, compares two \
 explanations: a weak rotor, whose torque falls with its thrust, and a mass, which needs lift but no torque."""
+DIGITS: Final = 6  #: decimals of the tables, so many that rounding them again gives what the page shows
 HEAD: Final = (
     "airframe", "condition", "log", "voltage", "suspected", "chance", "factor_m3", "std_error", "left_if_weak",
     "mass_share", "mass_std_error", "left_if_mass", "verdict",
@@ -265,9 +266,8 @@ def _yaw(weighted: Sequence[Condition]) -> Claim:
 def _row(j: Judged) -> tuple[Cell, ...]:
     m3, mass = _m3(j.found), j.found.mass_near(GUILTY)
     return (
-        j.flown.airframe, j.flown.condition, j.flown.log, round(j.found.voltage, 3), j.found.suspected.rotor,
-        round(j.found.chance, 4), round(1.0 - m3.size, 4), round(m3.std, 4), round(m3.left, 2), round(mass.size, 4),
-        round(mass.std, 4), round(mass.left, 2), j.verdict.words,
+        j.flown.airframe, j.flown.condition, j.flown.log, *_rounded(j.found.voltage), j.found.suspected.rotor,
+        *_rounded(j.found.chance, 1.0 - m3.size, m3.std, m3.left, mass.size, mass.std, mass.left), j.verdict.words,
     )  # fmt: skip
 
 
@@ -275,10 +275,14 @@ def _condition_row(c: Condition) -> tuple[Cell, ...]:
     factors = [j.factor for j in c.flights]
     return (
         c.flown.airframe, c.flown.condition, c.flown.length, len(c.flights), c.found.suspected.rotor,
-        round(c.found.chance, 4), round(c.factor, 4), round(_m3(c.found).std, 4), round(min(factors), 4),
-        round(max(factors), 4), sum(j.found.suspected.rotor == GUILTY for j in c.flights),
+        *_rounded(c.found.chance, c.factor, _m3(c.found).std, min(factors), max(factors)),
+        sum(j.found.suspected.rotor == GUILTY for j in c.flights),
         sum(j.verdict.rotors == (GUILTY,) for j in c.flights), c.verdict.words,
     )  # fmt: skip
+
+
+def _rounded(*values: float) -> tuple[float, ...]:
+    return tuple(round(value, DIGITS) for value in values)
 
 
 def _condition_table(found: Sequence[Condition]) -> Table:
@@ -329,20 +333,23 @@ def _table(judged: Sequence[Judged]) -> Table:
 
 
 def _figure(found: Sequence[Condition]) -> Figure:
-    series = []
-    for airframe in _airframes(found):
+    series: list[Series] = []
+    looks: dict[str, int] = {}
+    for look, airframe in enumerate(_airframes(found)):
         cut = [c for c in found if c.flown.airframe == airframe and not c.flown.weight]
         lengths = np.array([WHOLE, *(c.flown.length for c in cut)], dtype=np.float64)
         series.append(Series(airframe, lengths, np.array([1.0, *(c.factor for c in cut)])))
         single = [j for c in cut for j in c.flights]
         at = np.array([j.flown.length for j in single], dtype=np.float64)
-        series.append(
-            Series(f"{airframe}, single flights", at, np.array([j.factor for j in single]), "points")
-        )
+        alone = f"{airframe}, single flights"
+        series.append(Series(alone, at, np.array([j.factor for j in single]), "points"))
+        looks |= {airframe: look, alone: look}
     drawn = plot(
         series,
         "length of the propeller M3, mm",
         "thrust per command, normal = 1",
         "The factor of M3 falls with the cut",
+        looks=looks,
+        x_ticks=sorted({WHOLE, *(c.flown.length for c in found if not c.flown.weight)}),
     )
     return Figure("Thrust of M3 per command over its length", drawn)
