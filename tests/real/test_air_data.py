@@ -80,3 +80,10 @@ def test_a_healthy_pitot_is_left_healthy(shared_data: Path) -> None:
     assert abs(air.pitot_scale - 1.0) < 2.5 * air.pitot_scale_std
     assert abs(air.pitot_offset) < 2.5 * air.pitot_offset_std
     assert any("cross-check" in note and " agrees " in note for note in air.notes)
+
+
+def test_a_hexacopter_has_no_wing_that_tells_the_wind(shared_data: Path) -> None:
+    mapping = Path(__file__).parents[2] / "examples" / "hexacopter_mapping.toml"
+    flight = load(shared_data / "altlnt-hexacopter-px4", mapping)
+    assert not {"V", "alpha", "beta"} & set(flight.data.data_vars)
+    assert not any("wind" in note or "air data" in note for note in flight.notes)

@@ -45,7 +45,7 @@ def airborne(flight: Flight) -> BoolArray:
 def lifting(flight: Flight) -> bool:
     """Tell whether rotors carry the vehicle: several motors, or it stood still in the air for a while."""
     several = max(len(_moving(flight, "motor", MOTORS)), len(_moving(flight, "rotor", ROTORS)))
-    return several >= CARRIES or _hovered(flight)
+    return several >= CARRIES or hovered(flight)
 
 
 def lift(flight: Flight) -> FloatArray | None:
@@ -76,7 +76,7 @@ def _moving(flight: Flight, kind: str, size: int) -> list[str]:
     return [name for name in there if np.nanmax(np.abs(np.append(flight.column(name), 0.0))) > 0.0]
 
 
-def _hovered(flight: Flight) -> bool:
+def hovered(flight: Flight) -> bool:
     """Tell whether it stood still in the air while its rotors pulled."""
     there, told = {str(name) for name in flight.data.data_vars}, lift(flight)
     if told is None or not np.isfinite(told).any() or not {"vn", "ve", "altitude", "ax", "ay", "az"} <= there:

@@ -11,7 +11,7 @@ import numpy as np
 from stoop import logs
 from stoop.errors import one_line
 from stoop.flight.advice import advised, unit_faults
-from stoop.flight.aloft import lifting
+from stoop.flight.aloft import hovered, lifting
 from stoop.flight.between import following_rates
 from stoop.flight.build import build
 from stoop.flight.channels import SourceRate, tame
@@ -140,13 +140,13 @@ def _gap_notes(sources: Mapping[str, SourceRate]) -> list[str]:
 def with_air(flight: Flight) -> Flight:
     """Reconstruct what air data were not measured, where there is no vane but ground velocity and attitude.
 
-    What hovers through the whole log has none, and needs none.
+    What hovers and has no pitot has none, and needs none.
     """
     there = {str(name) for name in flight.data.data_vars}
     if there & {"alpha", "beta"} or not there >= _INERTIAL or _empty(flight, _INERTIAL):
         return flight
     columns, air = _reconstructed(flight)
-    if air.method == "none" and lifting(flight):
+    if _carried_by_rotors(flight, air):
         return flight
     velocity = flight.sources["vn"]
     new = columns.keys() - (there if _measured_speed(flight) is not None else there - {"V"})
@@ -161,6 +161,11 @@ def with_air(flight: Flight) -> Flight:
         sources={**flight.sources, **sources},
         notes=(*(note for note in flight.notes if note not in told), *air.notes),
     )
+
+
+def _carried_by_rotors(flight: Flight, air: AirData) -> bool:
+    """Tell whether no air data belong here: no wing weathercocks, and no pitot tells the wind."""
+    return (air.method == "none" and lifting(flight)) or (air.method == "sideslip" and hovered(flight))
 
 
 def _reconstructed(
