@@ -6,6 +6,7 @@ import argparse
 import shlex
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ from stoop.cli.freed import freed
 from stoop.cli.outputs import check_targets
 from stoop.cli.page import Page, busy, page
 from stoop.cli.point import COMPILING, VEHICLE_HELP
+from stoop.cli.progress import Watch
 from stoop.cli.tables import fixed, numbers, points, words
 from stoop.errors import FlightError
 
@@ -49,19 +51,23 @@ def run(arguments: argparse.Namespace) -> int:
     from stoop.job.windows import FILES, write_windows
 
     check_targets(arguments.output, FILES, arguments.overwrite, _inputs(arguments))
-    from stoop.design.windows import find_windows
+    from stoop.design.windows import doubts, find_windows
     from stoop.flight import load, without_faults
 
     vehicle = _vehicle(arguments)
     with busy("reading the log"):
         flights = _by_name([without_faults(load(path, arguments.mapping)) for path in arguments.flight])
-    with busy(COMPILING if vehicle is not None else "looking for maneuvers"):
-        found = find_windows(flights, vehicle)
+    with Watch(COMPILING if vehicle is not None else "looking for maneuvers") as watch:
+        warned = doubts(flights, vehicle) if vehicle is not None else []
+        for doubt in warned:
+            watch.warn(doubt)
+        found = find_windows(flights, vehicle, watch.turn_to)
     command, following = shlex.join(["stoop", *sys.argv[1:]]), _next(arguments)
     write_windows(
         found, flights, "" if vehicle is None else vehicle.name, arguments.output, command, following
     )
-    _tell(page(), found, arguments.output, following)
+    left = tuple(note for note in found.notes if note not in warned)
+    _tell(page(), replace(found, notes=left), arguments.output, following)
     return 0
 
 
@@ -100,7 +106,7 @@ def _next(arguments: argparse.Namespace) -> list[str]:
 
 def _tell(out: Page, found: Found, folder: Path, following: Sequence[str]) -> None:
     from stoop.identify.windows_file import NAME
-    from stoop.job.windows import kind_of, numbered, percent
+    from stoop.job.windows import FIRST_GUESS, kind_of, numbered, percent
 
     rows = numbered(found)
     several = len({w.flight for _, w in rows}) > 1
@@ -120,10 +126,11 @@ def _tell(out: Page, found: Found, folder: Path, following: Sequence[str]) -> No
     )
     if found.expected:
         out.heading("expected of the windows to be fitted")
+        out.line(FIRST_GUESS)
         out.table(
             [
                 words("", [e.name for e in found.expected]),
-                numbers("about", [e.value for e in found.expected]),
+                numbers("first guess", [e.value for e in found.expected]),
                 numbers("std error", [e.std_error for e in found.expected]),
                 points("of its size", [percent(e.relative) for e in found.expected]),
             ]

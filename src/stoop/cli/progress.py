@@ -19,7 +19,8 @@ QUIET = 5.0  #: s between lines of a plain log
 class Watch:
     """Shows generation, cost and speed."""
 
-    def __init__(self) -> None:
+    def __init__(self, first: str = "settling the weights") -> None:
+        self._first = first
         self._before = 0.0
         self._began = time.perf_counter()
         self._said = 0.0
@@ -30,7 +31,7 @@ class Watch:
         if sys.stderr.isatty():
             from rich.console import Console
 
-            self._status = Console(stderr=True).status("settling the weights")
+            self._status = Console(stderr=True).status(self._first)
             self._status.start()
         return self
 

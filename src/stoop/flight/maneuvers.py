@@ -126,9 +126,8 @@ def _judged(flight: Flight, command: Command, run: slice, strength: float) -> Ma
     inside = (flight.time >= start) & (flight.time <= stop)
     whole = float(np.mean(np.isfinite(command.u[inside])))
     swings = int(np.count_nonzero(np.diff(np.sign(swing[moving])))) + 1
-    return Maneuver(
-        command.axis, command.variable, float(start), float(stop), amplitude, swings, strength, whole
-    )
+    begin = float(max(start, flight.time[0])) + 0.0  # no -0.0
+    return Maneuver(command.axis, command.variable, begin, float(stop), amplitude, swings, strength, whole)
 
 
 def _overlap(a: Maneuver, b: Maneuver) -> float:

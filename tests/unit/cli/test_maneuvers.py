@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 
 from stoop.cli.main import main
+from stoop.design.windows import doubts, find_windows
+from stoop.design.windows.candidates import candidates
 from stoop.flight import Flight, from_columns, load, save
 from stoop.identify.windows_file import read_windows
 from stoop.logs import FloatArray
+from stoop.vehicle.builtin import resolve_vehicle
 
 QUAD = """
 format = "stoop-maneuver/1"
@@ -65,6 +68,48 @@ def test_known_maneuvers_are_proposed_and_the_file_can_be_edited(
     page = (place / "w" / "windows.html").read_text()
     assert "shade fitted" in page
     assert "http://" not in page.replace("http://www.w3.org", "")
+
+
+def test_why_speaks_of_the_axis_and_times_have_no_sign_of_their_own(place: Path) -> None:
+    flight = load(place / "quad.nc")
+    found = find_windows({flight.name: flight}).windows
+    assert len(found) > 1
+    assert all(w.why.startswith(f"{w.axis} command ") for w in found if w.axis != "motion")
+    starts = [one.start for one in candidates(flight, MOTORS)]
+    assert min(starts) == 0.0
+    assert not np.signbit(starts).any()
+
+
+def test_motors_that_no_rotor_has_are_told_before_the_search(place: Path) -> None:
+    flight = load(place / "quad.nc")
+    assert doubts({flight.name: flight}, resolve_vehicle("quad-x")) == []
+    columns = {str(n): flight.column(str(n)) for n in flight.data.data_vars}
+    more = from_columns("hexa", flight.time, {**columns, "motor_5": columns["motor_1"]})
+    (doubt,) = doubts({"hexa": more}, resolve_vehicle("quad-x"))
+    assert "motor_5 move too, but no rotor of quad-x has them" in doubt
+
+
+@pytest.mark.parametrize("vehicle", ["", "quad-x"])
+def test_a_hover_in_which_nobody_moved_anything(
+    place: Path, vehicle: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng = np.random.default_rng(0)
+    (place / "hover.toml").write_text(QUAD.partition("[[input]]")[0].replace("40.0", "12.0"))
+    words = ["simulate", "quad-x", "--maneuver", str(place / "hover.toml"), "--overwrite"]
+    assert main([*words, "-o", str(place / "hover.nc")]) == 0
+    flight = load(place / "hover.nc")
+    columns = {
+        str(n): flight.column(str(n)) for n in flight.data.data_vars if n not in ("q0", "q1", "q2", "q3")
+    }
+    noisy = {n: columns[n] + 1e-4 * rng.normal(size=flight.time.size) for n in MOTORS}
+    noisy = {
+        f"control_{axis}": x for axis, x in zip(("roll", "pitch", "yaw"), noisy.values(), strict=False)
+    } | noisy
+    save(from_columns("calm", flight.time, {**columns, **noisy}), place / "calm.nc")
+    more = ["--vehicle", vehicle] if vehicle else []
+    said = refused(["maneuvers", str(place / "calm.nc"), *more, "-o", str(place / "bad")], capsys)
+    assert "no maneuver here" in said
+    assert ("free numbers" in said) == bool(vehicle)
 
 
 def refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:

@@ -9,7 +9,7 @@ A vehicle with rotors is unstable: its windows are cut into short ones that each
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -159,9 +159,16 @@ def _eliminated(information: FloatArray, kept: int) -> FloatArray:
     return np.asarray(0.5 * (out + out.T))
 
 
-def by_vehicle(sensitive: Sensitive, posed: Sequence[Posed | None]) -> tuple[Evidence, list[int]]:
+def by_vehicle(
+    sensitive: Sensitive, posed: Sequence[Posed | None], tell: Callable[[str], None] = lambda _: None
+) -> tuple[Evidence, list[int]]:
     """Return what each candidate tells, and which candidates tell anything."""
-    told = {i: m for i, one in enumerate(posed) if one and (m := sensitive.information(one)) is not None}
+    told = {}
+    for i, one in enumerate(posed):
+        tell(f"what window {i + 1} of {len(posed)} tells")
+        matrix = sensitive.information(one) if one else None
+        if matrix is not None:
+            told[i] = matrix
     known = sensitive.priors + BOX * np.eye(len(sensitive.unit))
     return Evidence(known, tuple(told.values())), list(told)
 

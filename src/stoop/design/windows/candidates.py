@@ -116,7 +116,7 @@ def _cut(
     if last - first < SHORTEST or share < WHOLE:
         return None
     low, high = np.ceil(first * 10.0 - 1e-6) / 10.0, np.floor(last * 10.0 + 1e-6) / 10.0
-    return Candidate(flight.name, float(low), float(high), maneuver)
+    return Candidate(flight.name, float(low) + 0.0, float(high), maneuver)  # no -0.0
 
 
 def _apart(found: Iterable[Candidate]) -> list[Candidate]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
@@ -13,9 +13,12 @@ from stoop.design.windows.by_command import Motion, by_command
 from stoop.design.windows.by_vehicle import Posed, Sensitive, by_vehicle, judged, of_flights
 from stoop.design.windows.candidates import Candidate, candidates
 from stoop.design.windows.choice import Choice, Evidence, choose
-from stoop.design.windows.refuse import nothing_found, require_commands, require_inputs
+from stoop.design.windows.refuse import no_maneuver, nothing_found, require_commands, require_inputs
 from stoop.flight import Flight
-from stoop.flight.commands import commands, families
+from stoop.flight.commands import Axis, commands, families
+from stoop.identify.mismatch import unlike
+from stoop.identify.rotors_seen import strange_motors
+from stoop.identify.windows import Window
 from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
@@ -26,7 +29,10 @@ REST: Final = "motion"  #: of windows in which no command stands out
 SHARPER: Final = 0.8  #: of an error bar before; a parameter that falls below is named as a reason
 NAMED: Final = 3
 DECLINED: Final = 6  #: windows that are shown beside those that are proposed
-TURNED_DOWN: Final = "adds little to the windows above"
+TURNED_DOWN: Final = "adds little to the windows chosen"
+UNTOLD: Final = (
+    0.5  #: share of the free numbers, unknown to their own size, that leaves a calm flight nothing to fit
+)
 OVERLAPS: Final = "shares samples with a proposed window"
 
 
@@ -63,7 +69,7 @@ class Expected:
     Attributes
     ----------
     name : of the parameter
-    value : where the sensitivities were taken, SI
+    value : first guess, where the sensitivities were taken, SI; the fit replaces it
     std_error : predicted for the proposed windows together, SI; infinite where they do not tell
     """
 
@@ -97,13 +103,25 @@ class Found:
         return [f"{w.flight}@{w.start:g}:{w.stop:g}" for w in self.windows if w.accept and w.use == use]
 
 
-def find_windows(flights: Mapping[str, Flight], vehicle: Vehicle | None = None) -> Found:
+def doubts(flights: Mapping[str, Flight], vehicle: Vehicle) -> list[str]:
+    """Say in words why a flight is hardly of this vehicle; quick, and worth saying before any window is looked for."""
+    whole = [Window(f.name, float(f.time[0]), float(f.time[-1])) for f in flights.values()]
+    strange = strange_motors(vehicle, flights, whole) if vehicle.hovers else []
+    return [*strange, *unlike(vehicle, flights)]
+
+
+def find_windows(
+    flights: Mapping[str, Flight],
+    vehicle: Vehicle | None = None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Found:
     """Propose windows by excitation and by the information in them.
 
     Parameters
     ----------
     flights : name -> flight, of one vehicle
     vehicle : whose free numbers the windows are to tell; without one, windows that move each axis by itself
+    tell : is told what is done at the moment
 
     Raises
     ------
@@ -122,12 +140,17 @@ def find_windows(flights: Mapping[str, Flight], vehicle: Vehicle | None = None) 
     if vehicle is None:
         evidence, sensitive = by_command(flights, _alike(motions), found), None
     else:
-        found, evidence, sensitive = _judged(vehicle, flights, found)
+        found, evidence, sensitive = _judged(vehicle, flights, found, tell)
     choice = choose(found, evidence)
     if not choice.fitted:
         raise nothing_found(flights, vehicle)
     words = _Words(flights, motions, found, evidence, sensitive)
-    return Found(tuple(words.windows(choice)), tuple(words.expected(choice)), tuple(_notes(choice)))
+    expected = words.expected(choice)
+    untold = [e.name for e in expected if not e.relative < 1.0]
+    if words.calm() and len(untold) >= UNTOLD * len(expected):
+        raise no_maneuver(flights, untold, len(expected))
+    notes = [*(doubts(flights, vehicle) if vehicle is not None else []), *_notes(choice)]
+    return Found(tuple(words.windows(choice)), tuple(expected), tuple(notes))
 
 
 def _of_flight(flight: Flight, vehicle: Vehicle | None, motion: Motion | None) -> list[Candidate]:
@@ -146,14 +169,17 @@ def _of_flight(flight: Flight, vehicle: Vehicle | None, motion: Motion | None) -
 
 
 def _judged(
-    vehicle: Vehicle, flights: Mapping[str, Flight], found: Sequence[Candidate]
+    vehicle: Vehicle,
+    flights: Mapping[str, Flight],
+    found: Sequence[Candidate],
+    tell: Callable[[str], None],
 ) -> tuple[list[Candidate], Evidence, Sensitive]:
     posed = of_flights(vehicle, flights, found)
     there = [(c, p) for c, p in zip(found, posed, strict=True) if p is not None]
     if not there:
         raise nothing_found(flights, vehicle)
     sensitive = judged(vehicle, _disjoint(there))
-    evidence, told = by_vehicle(sensitive, [p for _, p in there])
+    evidence, told = by_vehicle(sensitive, [p for _, p in there], tell)
     if not told:
         raise nothing_found(flights, vehicle)
     return [there[i][0] for i in told], evidence, sensitive
@@ -233,28 +259,29 @@ class _Words:
             shown.append((i, f"{self._moved(i)}; {OVERLAPS if clash else TURNED_DOWN}"))
         return shown
 
-    def _axis(self, index: int) -> str:
-        one = self.found[index]
-        if one.maneuver is not None:
-            return one.maneuver.axis
-        axis, strength = self._strongest(index)
-        return axis if strength > ACTIVE else REST
+    def calm(self) -> bool:
+        """Whether nothing anywhere in the flights is a maneuver or looks like one."""
+        return not any(self._named(i) for i in range(len(self.found)))
 
-    def _strongest(self, index: int) -> tuple[str, float]:
+    def _axis(self, index: int) -> str:
+        return next(iter(self._named(index)), REST)
+
+    def _named(self, index: int) -> list[Axis]:
+        """Return the axes that moved, that of a maneuver first, then the strongest."""
+        one, sizes = self.found[index], self._strengths(index)
+        strongest = [a for a in sorted(sizes, key=lambda a: -sizes[a])[:1] if sizes[a] > ACTIVE]
+        own: list[Axis] = [one.maneuver.axis] if one.maneuver is not None else []
+        return list(dict.fromkeys([*own, *strongest]))
+
+    def _strengths(self, index: int) -> Mapping[Axis, float]:
         one = self.found[index]
         motion = self.motions.get(one.flight)
-        if motion is None:
-            return REST, 0.0
-        strengths = motion.strengths(self.flights[one.flight], one)
-        axis = max(strengths, key=lambda a: strengths[a], default=None)
-        return (axis, strengths[axis]) if axis is not None else (REST, 0.0)
+        return motion.strengths(self.flights[one.flight], one) if motion is not None else {}
 
     def _moved(self, index: int) -> str:
-        axis, strength = self._strongest(index)
-        if strength <= ACTIVE:
-            return "no command stands out"
-        size = f"{strength:.1f}" if strength < 100.0 else "over 100"
-        return f"{axis} command {size} times the usual"
+        sizes = self._strengths(index)
+        said = [f"{axis} command {_times(sizes.get(axis, 0.0))}" for axis in self._named(index)]
+        return f"{', '.join(said)} times the usual" if said else "no command stands out"
 
     def _why(self, index: int, base: FloatArray) -> str:
         words = self._moved(index)
@@ -268,3 +295,7 @@ class _Words:
         best = [int(i) for i in np.argsort(ratio)[:NAMED] if ratio[i] < SHARPER]
         tells = ", ".join(self.sensitive.names[i] for i in best)
         return f"{words}; tells {tells}" if tells else words
+
+
+def _times(strength: float) -> str:
+    return f"{strength:.1f}" if strength < 100.0 else "over 100"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Final
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from stoop.flight.aloft import flying, lift, motors_ran
 from stoop.flight.commands import RATES, commands
 from stoop.identify.mismatch import check_inputs
 from stoop.vehicle import Vehicle
+
+NAMED: Final = 3
 
 
 def require_commands(flight: Flight) -> None:
@@ -74,6 +77,16 @@ def nothing_found(flights: Mapping[str, Flight], vehicle: Vehicle | None) -> Fli
         f"{name}: no {'window' if vehicle is None else 'window in which the inputs' + need} "
         f"{'moves the vehicle out of the usual' if vehicle is None else 'and the state were measured tells anything'}; "
         "fly doublets about each axis (stoop design proposes them), or name windows yourself: --maneuver START:STOP"
+    )
+
+
+def no_maneuver(flights: Mapping[str, Flight], untold: Sequence[str], free: int) -> FlightError:
+    """Return the error for flights in which nobody moved anything: windows there are, but they tell next to nothing."""
+    some = ", ".join(untold[:NAMED]) + (f" and {len(untold) - NAMED} more" if len(untold) > NAMED else "")
+    known = f", and {len(untold)} of {free} free numbers would not be known to their own size ({some})"
+    return FlightError(
+        f"{', '.join(flights)}: no maneuver here: no command moves out of the usual{known if untold else ''}; fly doublets "
+        "about each axis (stoop design proposes them), or name windows yourself: --maneuver START:STOP"
     )
 
 
