@@ -104,7 +104,15 @@ class Found:
 
 
 def doubts(flights: Mapping[str, Flight], vehicle: Vehicle) -> list[str]:
-    """Say in words why a flight is hardly of this vehicle; quick, and worth saying before any window is looked for."""
+    """Say in words why a flight is hardly of this vehicle; quick, and worth saying before any window is looked for.
+
+    Raises
+    ------
+    FlightError
+        A flight lacks what drives the vehicle: then nothing else needs saying.
+    """
+    for flight in flights.values():
+        require_inputs(flight, vehicle)
     whole = [Window(f.name, float(f.time[0]), float(f.time[-1])) for f in flights.values()]
     strange = strange_motors(vehicle, flights, whole) if vehicle.hovers else []
     return [*strange, *unlike(vehicle, flights)]
