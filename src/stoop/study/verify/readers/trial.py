@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import json
 import warnings
@@ -110,10 +111,19 @@ def make_case(series: Series, number: int) -> Case:
     return Case(series, index, replace(sound, files={**sound.files, name: content}), way, damage)
 
 
+def _asked(case: Case, folder: Path) -> Told:
+    """Ask, and ask again without the garbage of the cases before, which is none of this one's memory."""
+    try:
+        return ask(*case.broken.write(folder), case.way)
+    except MemoryError:
+        gc.collect()
+    return ask(*case.broken.write(folder), case.way)
+
+
 def try_case(case: Case, folder: Path) -> Verdict:
     """Read a damaged log in an empty folder, and leave that empty."""
     try:
-        told = ask(*case.broken.write(folder), case.way)
+        told = _asked(case, folder)
     except StoopError as error:
         return _refusal(str(error).replace(str(folder), ""))
     except MemoryError:
