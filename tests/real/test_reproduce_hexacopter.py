@@ -25,6 +25,11 @@ def test_outputs_mixed_of_moments_are_those_that_were_logged(shared_data: Path) 
     mapping = Path(hexacopter.__file__).parent / "hexacopter_mapping.toml"
     flight = load(shared_data / hexacopter.FOLDER, mapping, hexacopter.RATE)
     mixed, used = hexacopter.mixed(flight), (flight.time > 140.0) & (flight.time < 214.0)
+    holes = np.array(
+        [np.isnan([f.column(f"pwm_{i}") for i in range(1, 7)]).any(axis=0) for f in (flight, mixed)]
+    )
+    assert holes[0].any()
+    assert not (holes[0] & ~holes[1]).any(), "no number where no output was recorded"
     for i in range(1, 7):
         both = np.stack([flight.column(f"pwm_{i}"), mixed.column(f"pwm_{i}")])[:, used]
         both = both[:, np.isfinite(both).all(axis=0)]

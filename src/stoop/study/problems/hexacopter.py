@@ -126,10 +126,12 @@ def _flight(data: Path) -> Flight:
 
 
 def mixed(flight: Flight) -> Flight:
-    """Return the flight with outputs as PX4's mixer makes them of moments and thrust."""
+    """Return the flight with outputs as PX4's mixer makes them of moments and thrust; recorded holes stay holes."""
     moments = np.array([flight.column(c) for c in ("control_roll", "control_pitch", "control_yaw")])
     level = flight.column("control_throttle") + MIXER @ moments
     pulses = np.clip(IDLE + SPAN * level, IDLE, IDLE + SPAN)
+    recorded = [flight.column(f"pwm_{i}") for i in range(1, len(MIXER) + 1)]
+    pulses[:, ~np.isfinite(recorded).all(axis=0)] = np.nan  # moments are held across them
     kept = {f"pwm_{i}": ("time", p, flight.data[f"pwm_{i}"].attrs) for i, p in enumerate(pulses, 1)}
     return replace(flight, data=flight.data.assign(kept))
 

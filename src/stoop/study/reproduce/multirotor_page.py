@@ -75,7 +75,7 @@ class Multirotor:
     """The paper's comparison, on multirotors."""
 
     name: str = "multirotor"
-    runs: int = 10
+    runs: int = 20
     box: str = "N"
     parts: tuple[str, ...] = ("parameters",)
 
