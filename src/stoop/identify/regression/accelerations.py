@@ -11,7 +11,7 @@ Axes: k = sample, i = acceleration (p', q', r', ax, ay, az), j = unknown, b = ca
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -233,7 +233,24 @@ def _rounds(
             return None
         if np.max(np.abs(values - before) / unknowns.scales) < RESTED:
             break
-    return solved
+    return solved and replace(solved, r2=_shares(unknowns, found, solved.values, domain, kept))
+
+
+def _shares(
+    unknowns: Unknowns, found: Sequence[Stretch], values: FloatArray, domain: Domain, kept: Sequence[str]
+) -> dict[str, float]:
+    """Return the share of each acceleration's motion, about its mean over all stretches, that the equations explain.
+
+    The rows that are solved are no measure of it: they contain what the equations say where they are linearized.
+    """
+    off = [s.measured - s.foreseen(unknowns, values, {}) for s in found]
+    left, seen = (
+        np.concatenate([domain.rows(x, s.piece.dt) for s, x in zip(found, each, strict=True)])
+        for each in (off, [s.measured for s in found])
+    )
+    about = np.sum((seen - seen.mean(axis=0)) ** 2, axis=0)
+    share = 1.0 - np.sum(left**2, axis=0) / np.where(about > 0.0, about, np.nan)
+    return {n: float(share[i]) for i, n in enumerate(NAMES) if n in kept}
 
 
 def _blocks(unknowns: Unknowns, stretch: Stretch, values: FloatArray, domain: Domain) -> list[Block]:
