@@ -16,6 +16,7 @@ from stoop.errors import ManeuverError, VehicleError
 
 if TYPE_CHECKING:
     from stoop.flight import Flight
+    from stoop.simulate.maneuver import Maneuver
     from stoop.vehicle import Vehicle
 
 
@@ -55,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
     mapping = save_flight_as(flight, target)
     noise = "no sensor noise" if arguments.no_noise else f"sensor noise of seed {arguments.seed}"
     _tell(flight, target, noise, mapping)
-    _tell_next(flight, target, arguments.vehicle, vehicle, flown)
+    _tell_next(target, arguments, vehicle, maneuver, flown)
     return 0
 
 
@@ -100,21 +101,45 @@ def _tell(flight: Flight, target: Path, noise: str, mapping: Path | None) -> Non
 
 
 def _tell_next(
-    flight: Flight, target: Path, given: str, vehicle: Vehicle, flown: Mapping[str, float]
+    target: Path,
+    arguments: argparse.Namespace,
+    vehicle: Vehicle,
+    maneuver: Maneuver,
+    flown: Mapping[str, float],
 ) -> None:
-    """Print the fit of this flight: with the file's number for what the trim set, it would find another drag."""
-    out, free = page(), []
+    """Print the fit of this flight, and what must go before it."""
+    from stoop.design.planned import planned
+
+    windows, out = planned(maneuver, vehicle.hovers), page()
+    if not windows.fit:
+        out.line(f"no input moves the vehicle: to identify it, add [[input]] tables to {arguments.maneuver}")
+        out.command("next: ", ["stoop", "info", str(target)])
+        return
+    firsts, free = _set_by_trim(vehicle, flown)
+    for first in firsts:
+        out.line(first)
+    validate = ["--validate", *windows.validate] if windows.validate else []
+    out.command(
+        "next: ",
+        [
+            "stoop", "identify", str(target), "--vehicle", arguments.vehicle, "--maneuver", *windows.fit, *validate,
+            *(word for name in free for word in ("--free", name)), "-o", f"{target.stem}-result",
+        ],
+    )  # fmt: skip
+
+
+def _set_by_trim(vehicle: Vehicle, flown: Mapping[str, float]) -> tuple[list[str], list[str]]:
+    """Return what to write into the file, and names to free: with the file's own number it would find another drag."""
+    firsts, free = [], []
     for name, value in flown.items():
         own = vehicle.parameters[vehicle.rows[name]]
         if own.free:
             continue
         if own.lower < own.upper and own.lower <= value <= own.upper:
-            free += ["--free", name]
+            free.append(name)
         else:
-            out.line(
+            firsts.append(
                 f"first: write {name.rpartition('.')[2]} = {value:.7g} into [{name.partition('.')[0]}] of the vehicle "
                 "file; with its own number the fit puts the difference into the drag"
             )
-    span = f"{float(flight.time[0]):g}:{float(flight.time[-1]):g}"
-    command = ["stoop", "identify", str(target), "--vehicle", given, "--maneuver", span, *free]
-    out.command("next: ", [*command, "-o", f"{target.stem}-result"])
+    return firsts, free

@@ -133,6 +133,17 @@ def test_a_quadrotor_hovers_and_is_to_be_identified(
     assert main(words) == 0
     wrote, after = capsys.readouterr().out.splitlines()
     assert wrote == f"wrote {target}: 60 s at 100 Hz, 24 channels, sensor noise of seed 0"
-    assert "--vehicle quad-x --maneuver 0:60" in after
+    assert "--vehicle quad-x --maneuver 4:58 --validate 0:3.05 -o quad-result" in after
     flight = load(target)
     assert {"vn", "ve", "vd", "pn", "pe", "pd", "motor_1", "motor_4"} <= set(flight.data.data_vars)
+
+
+def test_a_flight_without_inputs_is_not_to_be_identified(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, target = tmp_path / "hover.toml", tmp_path / "hover.nc"
+    file.write_text('format = "stoop-maneuver/1"\nduration = 5.0\n')
+    assert main(["simulate", "quad-x", "--maneuver", str(file), "-o", str(target)]) == 0
+    *_, why, after = capsys.readouterr().out.splitlines()
+    assert why == f"no input moves the vehicle: to identify it, add [[input]] tables to {file}"
+    assert after == f"next: stoop info {target}"

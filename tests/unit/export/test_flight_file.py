@@ -174,4 +174,4 @@ def test_a_mapping_of_yours_is_not_replaced(tmp_path: Path, capsys: pytest.Captu
     assert "flight.ulg.toml: exists already; add --overwrite" in capsys.readouterr().err
     assert not (tmp_path / "flight.ulg").exists()
     assert main([*words, "--overwrite"]) == 0
-    assert "next: stoop identify" in capsys.readouterr().out
+    assert "next: stoop info" in capsys.readouterr().out

@@ -22,6 +22,7 @@ SHORTEST: Final = 2.0  #: s
 WHOLE: Final = 0.6  #: share of a window that must be usable; pieces between holes are fitted apart
 NEAR: Final = 0.002  #: of its range, from which a command is at its limit
 HELD: Final = 5  #: samples in a row there that make it saturated
+LEVELS: Final = 20  #: different values of a command that is set by hand or by a plan, and limited by nothing
 LIMITED: Final = ("motor_", "pwm_", "rotor_")  #: outputs that end at full power and at idle
 FELT: Final = ("p", "q", "r", "ax", "ay", "az", "phi", "theta", "V", "alpha", "beta")
 
@@ -82,13 +83,19 @@ def usable(flight: Flight, channels: Sequence[str]) -> BoolArray:
 
 
 def saturated(x: FloatArray, up: BoolArray) -> BoolArray:
-    """Tell where a command (n,) rests at the end of its range while the vehicle flies."""
+    """Tell where a command (n,) is held by the end of its range while the vehicle flies.
+
+    One that mostly rests at its lower end is off there, as the pusher of a quadplane; one of a few levels is a switch.
+    """
     seen = x[up & np.isfinite(x)]
     out = np.zeros(x.size, dtype=bool)
-    if not seen.size or np.ptp(seen) == 0.0:
+    if np.unique(seen).size <= LEVELS:
         return out
     near = NEAR * float(np.ptp(seen))
-    for held in (x >= seen.max() - near, x <= seen.min() + near):
+    ends = [x >= seen.max() - near]
+    if np.median(seen) > seen.min() + near:
+        ends.append(x <= seen.min() + near)
+    for held in ends:
         for run in runs(held & up):
             if run.stop - run.start >= HELD:
                 out[run] = True

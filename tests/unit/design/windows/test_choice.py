@@ -79,3 +79,16 @@ def test_a_command_that_rests_at_its_end_is_saturated_and_a_peak_is_not() -> Non
     found = saturated(held, np.ones(400, dtype=bool))
     assert found[held == 0.7].all()
     assert not found[np.abs(held - 0.5) < 0.1].any()
+
+
+def test_a_pusher_that_rests_or_is_pulsed_is_not_saturated() -> None:
+    flying = np.ones(400, dtype=bool)
+    rng = np.random.default_rng(0)
+    pulse = np.zeros(400)
+    pulse[100:200] = 0.4
+    assert not saturated(pulse, flying).any()
+    ridden = np.zeros(400)
+    ridden[100:200] = 0.3 + 0.1 * rng.random(100)
+    assert not saturated(ridden, flying).any()
+    starved = np.maximum(0.5 + 0.3 * np.sin(np.arange(400) / 20.0), 0.3)
+    assert saturated(starved, flying)[starved == 0.3].all()
