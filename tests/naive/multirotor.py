@@ -117,8 +117,16 @@ class Multirotor:
     def _turning(self, s: np.ndarray, u: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
         told = self.commanded(u)
         if "lag" not in self.shared:
-            return told, np.zeros(len(told))
+            return told, self._faster(u)
         return s[16:], (told - s[16:]) / self.n("rotors.lag")
+
+    def _faster(self, u: Mapping[str, float]) -> np.ndarray:
+        """Return how fast commands change, by what they are a moment before and after."""
+        moment = 1e-4
+        before, after = (
+            {c: v + side * moment * u.get(f"{c}.slope", 0.0) for c, v in u.items()} for side in (-1.0, 1.0)
+        )
+        return (self.commanded(after) - self.commanded(before)) / (2.0 * moment)
 
     def accelerations(
         self, s: np.ndarray, u: Mapping[str, float]

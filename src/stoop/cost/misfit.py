@@ -272,7 +272,7 @@ class Misfit:
 
     @cached_property
     def _late(self) -> bool:
-        return bool(input_delays(self.layout.vehicle))
+        return bool(input_delays(self.layout.vehicle) or self.layout.vehicle.sloped)
 
     def _trajectories(self, Z: FloatArray, index: int, count: int) -> FloatArray:
         piece, vehicle = self.pieces[index], self.layout.vehicle

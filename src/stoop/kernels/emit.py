@@ -131,6 +131,7 @@ class Emitted:
     outputs: int
     wrapped: tuple[bool, ...]
     groups: int  #: of lanes, whose steps are taken in turn
+    held: tuple[int, ...] = ()  #: inputs that keep a sample's value until the next
     moves: int = 0
     correction: str = ""  #: source of the move of a state; empty for a model that no filter takes
 
@@ -178,7 +179,7 @@ def emit(model: SymbolicModel) -> Emitted:
     )
     return Emitted(
         source, nx, len(u), len(p), len(names), len(model.outputs), model.wrapped, groups(source, "derive"),
-        len(model.moves), _correction(model),
+        model.held, len(model.moves), _correction(model),
     )  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stoop.kernels.lanes import header, indent, input_tuples, stepping, tuple_of
+from stoop.kernels.lanes import header, indent, input_tuples, next_inputs, stepping, tuple_of
 
 if TYPE_CHECKING:
     from stoop.kernels.emit import Emitted
@@ -128,7 +128,7 @@ def run_step(P, X, U, N, dt, D):
         c = prepare(load_parameters(P, b))
         x = {tuple_of("X[{i}, b]", e.states)}
         a = {tuple_of("U[{i}, b]", e.inputs)}
-        n = {tuple_of("N[{i}, b]", e.inputs)}
+        n = ({"".join(f"{one}, " for one in next_inputs(e, "U[{i}, b]", "N[{i}, b]"))})
         y = observe(x, a, c)
         after = advance((x,), (y,), (c,), (middle(a, n),), (n,), 0.5 * dt, dt, dt / 6.0)[0]
 {indent([f"D[{i}, b] = {v}" for i, v in enumerate(results)], 8)}

@@ -97,7 +97,7 @@ class Kernel:
         parameters : (n_p, B) array, SI
         initial : (n_x, B) array, SI
         inputs : (n, n_u) array, shared by all candidates, or (n, n_u, B) array
-            Linear between samples.
+            Linear between samples; those that the model holds are steps.
         measured, weights : (n, n_y) arrays
             A weight of zero hides a sample; a NaN measurement must come with weight zero.
         dt : float, s

@@ -43,6 +43,11 @@ def tuple_of(pattern: str, count: int) -> str:
     return "(" + "".join(pattern.format(i=i) + ", " for i in range(count)) + ")"
 
 
+def next_inputs(e: Emitted, here: str, there: str) -> list[str]:
+    """Write each input at the end of a step: its value there, or here where it is held; ``{i}`` is the index."""
+    return [(here if i in e.held else there).format(i=i) for i in range(e.inputs)]
+
+
 def _rows(e: Emitted, first: int, count: int) -> str:
     return "(" + "".join(f"S[{(first + i) * lanes(e)} + j], " for i in range(count)) + ")"
 
@@ -147,7 +152,7 @@ def _inputs(e: Emitted, per_lane: bool) -> tuple[str, str]:
         lines = [
             "k1 = min(k + 1, rows - 1)",
             f"a = {tuple_of('U[k, {i}]', e.inputs)}",
-            f"b = {tuple_of('U[k1, {i}]', e.inputs)}",
+            f"b = ({''.join(f'{one}, ' for one in next_inputs(e, 'U[k, {i}]', 'U[k1, {i}]'))})",
             "m = middle(a, b)",
             *(f"u{name} = {tuple_of(name, e.groups)}" for name in "amb"),
         ]
@@ -169,7 +174,8 @@ def _inputs(e: Emitted, per_lane: bool) -> tuple[str, str]:
 
 
 def _input_loads(e: Emitted) -> str:
-    first = _scratch(e)[1]
+    first, apart = _scratch(e)[1], lanes(e)
+    following = [(first + i + (0 if i in e.held else e.inputs)) * apart for i in range(e.inputs)]
     return f"""
 @inline
 def load_inputs(S, j):
@@ -178,7 +184,7 @@ def load_inputs(S, j):
 
 @inline
 def load_next_inputs(S, j):
-    return {_rows(e, first + e.inputs, e.inputs)}
+    return ({"".join(f"S[{row} + j], " for row in following)})
 """
 
 

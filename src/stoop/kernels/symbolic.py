@@ -22,6 +22,8 @@ class SymbolicModel:
         Registry name of each output.
     wrapped : tuple of bool
         True for an output that is an angle on the whole circle; its residual is taken to (-pi, pi].
+    held : tuple of int
+        Inputs that keep a sample's value until the next one; all others go in straight lines.
     moves : tuple of sympy.Symbol
         Numbers of a small move of the state, as a filter makes it; none for a model that no filter takes.
     moved : tuple of sympy.Expr
@@ -35,5 +37,6 @@ class SymbolicModel:
     outputs: tuple[Any, ...]
     output_names: tuple[str, ...]
     wrapped: tuple[bool, ...]
+    held: tuple[int, ...] = ()
     moves: tuple[Any, ...] = ()
     moved: tuple[Any, ...] = ()

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from stoop.kernels.lanes import header, indent, stepping
+from stoop.kernels.lanes import header, indent, next_inputs, stepping
 
 if TYPE_CHECKING:
     from stoop.kernels.emit import Emitted
@@ -49,7 +49,7 @@ def windows(
     kernel : Kernel
     parameters, initial : (n_p, B), (n_x, B)
     record : (rows, n_u) array
-        Inputs, linear between rows; several records may stand one below the other.
+        Inputs, linear between rows (those that the model holds are steps); several records may stand one below the other.
     first, end : (B,) array of int
         The row at which a window begins, and the one behind its record; the last row holds from there on.
     steps : (B,) array of int
@@ -99,7 +99,8 @@ def _loop(e: Emitted) -> str:
     now = results + e.outputs
     after, size = now + e.inputs, now + 2 * e.inputs
     gather = [f"S[{(now + i) * WIDTH} + j] = U[row, {i}]" for i in range(e.inputs)]
-    gather += [f"S[{(after + i) * WIDTH} + j] = U[next, {i}]" for i in range(e.inputs)]
+    ahead = next_inputs(e, "U[row, {i}]", "U[next, {i}]")
+    gather += [f"S[{(after + i) * WIDTH} + j] = {one}" for i, one in enumerate(ahead)]
     keep = [f"S[{(results + i) * WIDTH} + j] = y[{e.states + i}]" for i in range(e.outputs)]
     return f"""
 @compiled

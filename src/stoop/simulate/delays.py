@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from stoop.flight.variables import WRAPPED
 from stoop.vehicle import Vehicle
+from stoop.vehicle.vehicle import slope_input
 
 FloatArray = NDArray[np.float64]
 
@@ -78,7 +79,7 @@ def output_delays(vehicle: Vehicle) -> list[tuple[int, int]]:
 
 
 def late_inputs(vehicle: Vehicle, inputs: FloatArray, rows: FloatArray, dt: float) -> FloatArray:
-    """Return inputs as the surfaces receive them.
+    """Return inputs as surfaces and rotors receive them, slopes of channels among them.
 
     Parameters
     ----------
@@ -93,17 +94,39 @@ def late_inputs(vehicle: Vehicle, inputs: FloatArray, rows: FloatArray, dt: floa
     (n, n_u) array, or (n, n_u, B) where candidates differ in a delay
     """
     late = input_delays(vehicle)
-    if not late:
+    if not late and not vehicle.sloped:
         return inputs
     if all(np.ptp(rows[row]) == 0.0 for _, row in late):
         out = inputs.astype(float)
         for channel, row in late:
             out[:, channel] = delayed(inputs[:, channel], float(rows[row, 0]) / dt)
-        return out
+        return with_slopes(vehicle, out, dt)
     lanes = np.repeat(inputs[:, :, None], rows.shape[1], axis=2)
     for channel, row in late:
         lanes[:, channel] = delayed_lanes(inputs[:, channel], rows[row] / dt)
-    return lanes
+    return with_slopes(vehicle, lanes, dt)
+
+
+def with_slopes(vehicle: Vehicle, inputs: FloatArray, dt: float) -> FloatArray:
+    """Write into inputs (n, n_u, ...) the slopes of channels that go in straight lines; return them.
+
+    A slope holds from its sample to the next, so that what is integrated of it is what the channel has moved by.
+    """
+    for channel in vehicle.sloped:
+        to, of = (vehicle.inputs.index(name) for name in (slope_input(channel), channel))
+        slopes = np.diff(inputs[:, of], axis=0) / dt
+        inputs[:, to] = np.concatenate([slopes, slopes[-1:]]) if len(slopes) else 0.0
+    return inputs
+
+
+def at_samples(vehicle: Vehicle, inputs: FloatArray) -> FloatArray:
+    """Return inputs (n, n_u) as they are at their samples alone: slopes are the mean of those before and after."""
+    columns = [vehicle.inputs.index(slope_input(channel)) for channel in vehicle.sloped]
+    if not columns:
+        return inputs
+    out = inputs.copy()
+    out[1:, columns] = 0.5 * (inputs[1:, columns] + inputs[:-1, columns])
+    return out
 
 
 def late_outputs(vehicle: Vehicle, outputs: FloatArray, rows: FloatArray, dt: float) -> FloatArray:

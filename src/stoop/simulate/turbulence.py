@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from stoop.simulate.delays import late_inputs
+from stoop.simulate.delays import late_inputs, with_slopes
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import GUST_STATES, noise_input
 
@@ -56,7 +56,7 @@ def outputs_in_turbulence(
     rng : Generator
     """
     received = late_inputs(vehicle, inputs, rows, dt)
-    fine = finer(received, FINER)
+    fine = with_slopes(vehicle, finer(received, FINER), dt / FINER)
     fine[:, gust_columns(vehicle)] = gust_noise(vehicle, len(fine), dt, rng)
     return np.ascontiguousarray(vehicle.kernel().trajectories(rows, start, fine, dt / FINER)[:, ::FINER])
 

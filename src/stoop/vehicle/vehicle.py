@@ -59,27 +59,25 @@ _UNITS = {
     "x": "m", "y": "m", "z": "m", "pitch": "rad", "speed_gain": "rev/s per unit", "intensity": "m/s",
     "length": "m",
 }  # fmt: skip
+_NO_ROWS = ("name", "notes", "loadings", "sigma", "estimate_biases", "voltage_average")  #: of the kernel
 _EQUATION_SOURCES = (  #: beside all of symbolic/
     "vehicle.py", "terms.py", "atmosphere.py", "schema.py", "defaults.py", "quantity.py", "rotors_schema.py",
     "rotor_numbers.py", "table.py",
 )  # fmt: skip
 _CHANNEL_UNITS = {
-    "V": "m/s",
-    "vn": "m/s",
-    "ve": "m/s",
-    "vd": "m/s",
-    "p": "rad/s",
-    "q": "rad/s",
-    "r": "rad/s",
-    "ax": "m/s2",
-    "ay": "m/s2",
-    "az": "m/s2",
-}
+    **dict.fromkeys(("V", "vn", "ve", "vd"), "m/s"), **dict.fromkeys(("p", "q", "r"), "rad/s"),
+    **dict.fromkeys(("ax", "ay", "az"), "m/s2"),
+}  # fmt: skip
 
 
 def noise_input(axis: str) -> str:
     """Return the name of the white noise (unit intensity) that drives the gust along a body axis."""
     return f"gust.{axis}.noise"
+
+
+def slope_input(channel: str) -> str:
+    """Return the name of the slope of a recorded channel, per s."""
+    return f"{channel}.slope"
 
 
 def _join(prefix: str, name: str) -> str:
@@ -108,15 +106,7 @@ def _structure(node: Any, path: str = "") -> Any:
     if isinstance(node, Quantity):
         return f"={node.tie}" if node.tie else "number"
     if isinstance(node, BaseModel):
-        skipped = (
-            "name",
-            "notes",
-            "loadings",
-            "sigma",
-            "estimate_biases",
-            "voltage_average",
-        )  # these make no kernel row
-        kept = [n for n in type(node).model_fields if n not in skipped]
+        kept = [n for n in type(node).model_fields if n not in _NO_ROWS]
         absent = {n for n in kept if n in _LATER and not getattr(node, n)}  # as before there was any
         return {n: _structure(getattr(node, n)) for n in kept if n not in absent}
     if isinstance(node, Mapping):
@@ -293,12 +283,22 @@ class Vehicle:
 
     @functools.cached_property
     def inputs(self) -> tuple[str, ...]:
-        """All that drives the equations, in the order of the kernel's inputs: recorded channels, then noise.
+        """All that drives the equations, in the order of the kernel's inputs: recorded channels, noise, slopes.
 
         Noise that drives gusts is zero except in simulated turbulence. Without any recorded channel ``none``
-        stands for them.
+        stands for them. Slopes are those of :attr:`sloped`; each is held from a sample to the next.
         """
-        return (*(self.recorded or ("none",)), *(noise_input(axis) for axis in self.gusts))
+        noise, slopes = map(noise_input, self.gusts), map(slope_input, self.sloped)
+        return (*(self.recorded or ("none",)), *noise, *slopes)
+
+    @functools.cached_property
+    def sloped(self) -> tuple[str, ...]:
+        """Recorded channels whose slopes drive the equations: of rotors that have inertia, and no lag that knows it."""
+        rotors = self.file.rotors
+        if rotors is None or rotors.inertia is None or rotors.lag is not None:
+            return ()
+        voltage = ("voltage",) if rotors.nominal_voltage is not None else ()
+        return tuple(dict.fromkeys((*(r.channel for r in self.file.rotor.values()), *voltage)))
 
     @functools.cached_property
     def recorded(self) -> tuple[str, ...]:

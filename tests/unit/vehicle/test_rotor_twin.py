@@ -111,6 +111,7 @@ DRAWN = (
     .replace("T2 = 7.1", "T2 = 12.1")
 )
 MEASURED = TURNING.replace("gain = 1000.0\nlag = 0.04\n", "").replace("motor_", "rotor_")
+UNLAGGED = TURNING.replace("lag = 0.04", "idle = 0.1\nnominal_voltage = 15.2")
 
 
 @dataclass(frozen=True)
@@ -119,13 +120,15 @@ class Case:
     inputs: Mapping[str, tuple[float, float]]  #: how a channel's name begins -> mean and swing
     rtol: float = 1e-9
     spread: float = 1.0  #: of speeds and rates
+    slope: float = 0.0  #: swing of the slopes of channels, per s
 
 
 CASES = {
     "commanded": Case(COMMANDED, {"pwm": (1500.0, 400.0), "voltage": (15.0, 0.8)}),
     "drawn": Case(DRAWN, {"pwm": (1600.0, 250.0), "voltage": (15.0, 0.8)}, 1e-2, 0.6),  # two steps, not all
     "turning": Case(TURNING, {"motor": (0.6, 0.3)}),
-    "measured": Case(MEASURED, {"rotor": (600.0, 250.0)}),
+    "measured": Case(MEASURED, {"rotor": (600.0, 250.0)}, slope=4000.0),
+    "unlagged": Case(UNLAGGED, {"motor": (0.6, 0.5), "voltage": (15.0, 0.8)}, slope=4.0),
     "octo": Case((files("stoop") / "data" / "octo_x.toml").read_text(), {"motor": (0.55, 0.3)}),
 }
 START = {
@@ -143,6 +146,8 @@ START = {
 
 
 def means(spec: Case, channel: str) -> tuple[float, float]:
+    if channel.endswith(".slope"):
+        return 0.0, spec.slope
     return next(v for head, v in spec.inputs.items() if channel.startswith(head))
 
 
@@ -212,6 +217,7 @@ def test_single_points(name: str) -> None:
     x = initial_states(vehicle, start, rows, u)
     lagged = [i for i, s in enumerate(vehicle.states) if s.endswith(".lag")]
     x[lagged] *= rng.uniform(0.7, 1.3, (len(lagged), count))
+    assert any(channel.endswith(".slope") for channel in vehicle.inputs) == (spec.slope > 0.0)
     d, y = interpreted(vehicle)(rows, x, u)
     if name == "commanded":
         compiled = vehicle.kernel().evaluate(rows, x, u)

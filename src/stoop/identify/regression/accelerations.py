@@ -26,7 +26,7 @@ from stoop.identify.regression.least_squares import Block, Priors, Solved, solve
 from stoop.identify.regression.measured import FORCES, RATES, lagged
 from stoop.identify.start import through_air
 from stoop.simulate import parameter_rows
-from stoop.simulate.delays import late_inputs
+from stoop.simulate.delays import at_samples, late_inputs
 from stoop.simulate.initial import commanded, kernel_states, rigid_states
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND
@@ -121,7 +121,8 @@ class Stretch:
         vehicle = unknowns.layout.vehicle
         rows = unknowns.rows(self.piece, values)
         own = slice(None), self.samples
-        inputs = np.ascontiguousarray(late_inputs(vehicle, self.piece.inputs, rows, self.piece.dt).T[own])
+        late = at_samples(vehicle, late_inputs(vehicle, self.piece.inputs, rows, self.piece.dt))
+        inputs = np.ascontiguousarray(late.T[own])
         every = np.repeat(rows, inputs.shape[1], axis=1)
         states = kernel_states(vehicle, rigid_states(self._motion(vehicle, rows[:, 0])), {}, every, inputs)
         for i, name in enumerate(vehicle.states):

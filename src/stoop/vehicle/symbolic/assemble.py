@@ -12,7 +12,7 @@ from stoop.vehicle.symbolic import component, forces, instruments, moves, rigid_
 from stoop.vehicle.symbolic.atmosphere import symbolic_density
 from stoop.vehicle.symbolic.frames import air, attitude, over_ground, quaternion_rate, slow_air
 from stoop.vehicle.symbolic.symbols import Numbers, Vector, scale
-from stoop.vehicle.vehicle import RIGID_STATES, Vehicle
+from stoop.vehicle.vehicle import RIGID_STATES, Vehicle, slope_input
 
 _WRAPPED = ("phi", "psi")
 
@@ -65,7 +65,8 @@ def full_model(
     through_air = turbulence.relative(n, velocity, x)
     turned, wind = attitude(e), (slow_air if vehicle.hovers else air)(through_air)
     deflections, lag_rates = _lags(n, x, _commands(n, u))
-    spins, spin_rates = rotors.spins(n, x, rotors.commands(n, u))
+    spins, lagging = rotors.spins(n, x, rotors.commands(n, u))
+    spin_rates = lagging or rotors.slopes(n, u)
     density = _density(n, x["h"], u)
     s = component.Surroundings(n, wind, density, omega, deflections, u, through_air, spins, spin_rates)
     load = forces.total(s)
@@ -79,9 +80,7 @@ def full_model(
         truth = instruments.ground_truth(over_ground(e, velocity), omega, turned, felt)
     else:
         truth = instruments.truth(wind.V, instruments.vane(n, through_air, omega), omega, turned, felt)
-    further_rates = (
-        lag_rates | {f"{r}.lag": rate for r, rate in spin_rates.items()} | turbulence.rates(n, x, u)
-    )
+    further_rates = lag_rates | {f"{r}.lag": rate for r, rate in lagging.items()} | turbulence.rates(n, x, u)
     return (
         x,
         u,
@@ -115,6 +114,7 @@ def build_model(vehicle: Vehicle) -> SymbolicModel:
     return SymbolicModel(
         states=tuple(x[s] for s in vehicle.states),
         inputs=tuple(u[c] for c in vehicle.inputs),
+        held=tuple(vehicle.inputs.index(slope_input(c)) for c in vehicle.sloped),
         parameters=n.symbols,
         derivatives=tuple(derivatives),
         outputs=tuple(outputs),

@@ -26,7 +26,9 @@ class Surroundings:
     channels: Mapping[str, Any]  #: recorded channels
     velocity: Vector = ZERO  #: of the body through the air, m/s
     spins: Mapping[str, Any] = field(default_factory=dict)  #: x per rotor: its command, or rad/s
-    spin_rates: Mapping[str, Any] = field(default_factory=dict)  #: of lagged rotors, per s
+    spin_rates: Mapping[str, Any] = field(
+        default_factory=dict
+    )  #: of rotors, per s; absent where inertia does not ask for them
 
 
 @dataclass(frozen=True)

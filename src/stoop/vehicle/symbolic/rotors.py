@@ -39,8 +39,10 @@ import sympy as sp
 from stoop.vehicle.atmosphere import SEA_LEVEL_DENSITY
 from stoop.vehicle.symbolic.component import ZERO, Load, Surroundings
 from stoop.vehicle.symbolic.symbols import Numbers, Vector, add, cross, scale, subtract
+from stoop.vehicle.vehicle import slope_input
 
 _STILL: Final = 0.05  #: m/s; keeps roots smooth where no air moves and no thrust is
+_STOPPED: Final = 1e-9  #: rad/s; tells rotors that turn from those that stand
 _UP: Vector = (sp.Integer(0), sp.Integer(0), sp.Integer(-1))
 
 
@@ -64,6 +66,23 @@ def spins(
         return dict(commanded), {}
     now = {name: states[f"{name}.lag"] for name in commanded}
     return now, {name: (commanded[name] - x) / n["rotors.lag"] for name, x in now.items()}
+
+
+def slopes(n: Numbers, channels: Mapping[str, Any]) -> dict[str, Any]:
+    """Return how fast x of each rotor changes where no lag says it: as fast as the recorded channels do."""
+    if not n.vehicle.sloped:
+        return {}
+    nominal = n.get("rotors.nominal_voltage", sp.Integer(1))
+    volts, gained = nominal, sp.Integer(0)
+    if "rotors.nominal_voltage" in n:
+        volts, gained = channels["voltage"], channels[slope_input("voltage")]
+    out = {}
+    for name, rotor in n.vehicle.file.rotor.items():
+        raw = n["rotors.gain"] * (channels[rotor.channel] - n["rotors.idle"])
+        turns = (raw + sp.Abs(raw) + _STOPPED) / (2 * sp.Abs(raw) + _STOPPED)  # one, or zero below idle
+        faster = n["rotors.gain"] * channels[slope_input(rotor.channel)]
+        out[name] = turns * (volts * faster + gained * raw) / nominal
+    return out
 
 
 def _axis(n: Numbers, name: str) -> Vector:
