@@ -18,8 +18,8 @@ from stoop.flight import Flight, segments
 from stoop.flight.load import RECONSTRUCTED
 from stoop.flight.maneuvers import airborne
 from stoop.flight.segments import runs
-from stoop.flight.smoother import rotation_matrices
-from stoop.simulate.initial import quaternion, rigid_states
+from stoop.rotations import matrices_of, quaternions_of
+from stoop.simulate.initial import rigid_states
 
 FloatArray = NDArray[np.float64]
 LONGEST: Final = 10.0  #: s of one piece: integrated rates drift, and a new initial state stops that
@@ -158,7 +158,7 @@ def _start(at: Mapping[str, float]) -> dict[str, float]:
     """Guess the initial state from the first sample; body velocity over ground, or through the air."""
     turned = {name: at[name] for name in EULER}
     if {"vn", "ve", "vd"} <= at.keys():
-        rotation = rotation_matrices(quaternion(*turned.values())[None, :])[0]
+        rotation = matrices_of(quaternions_of(np.array(list(turned.values()))))
         u, v, w = np.array([at["vn"], at["ve"], at["vd"]]) @ rotation
     else:
         speed = at.get("V", at.get("airspeed_pitot", 0.0))

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from stoop.compatibility.equations import INPUTS, OUTPUTS, PARAMETERS, SCALED, kernel
 from stoop.compatibility.unknowns import DELAYED, RATES_DELAY, Unknown
 from stoop.cost import on_circle
-from stoop.flight.variables import WRAPPED
+from stoop.flight.variables import EULER, WRAPPED
 from stoop.kernels import Kernel
 from stoop.optimize import forward_jacobian
+from stoop.rotations import quaternions_of
 from stoop.simulate.delays import delayed
-from stoop.simulate.initial import quaternion
 
 FloatArray = NDArray[np.float64]
 STEP: Final = 1e-6  #: of a prior's standard deviation
@@ -177,7 +177,7 @@ class Problem:
     def _start(self, Z: FloatArray, index: int) -> FloatArray:
         guess, own = self.pieces[index].start, Z[:, self._own(index)]
         at = {name: guess[name] + std * own[:, j] for j, (name, std) in enumerate(START.items())}
-        turned = quaternion(at["phi"], at["theta"], at["psi"])
+        turned = quaternions_of(np.column_stack([at[name] for name in EULER])).T
         motion = [at[name] for name in ("u", "v", "w")]
         return np.array([*motion, *turned, *(at[name] for name in ("pn", "pe", "pd"))])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +15,14 @@ from stoop.export import jsbsim_flight
 from stoop.export.jsbsim_control import delays, lag_start, lagged
 from stoop.export.jsbsim_control import start as start_of
 from stoop.export.jsbsim_model import channel, constant_thrust
-from stoop.flight.variables import WRAPPED
+from stoop.flight.variables import EULER, WRAPPED
+from stoop.rotations import quaternions_of
 from stoop.simulate import initial_states, parameter_rows
 from stoop.simulate.delays import late_inputs, late_outputs
-from stoop.simulate.initial import commanded, quaternion, rigid_states
+from stoop.simulate.initial import commanded, rigid_states
 from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
-_ANGLES: Final = ("phi", "theta", "psi")
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,7 @@ def sortie(
     """Return what JSBSim is to fly."""
     vehicle = record.vehicle
     rigid = {k: float(v[0]) for k, v in rigid_states(record.start).items() if k in (*"uvwpqr", "h")}
-    start = rigid | {a: float(record.start.get(a, 0.0)) for a in _ANGLES}
+    start = rigid | {a: float(record.start.get(a, 0.0)) for a in EULER}
     columns = {n: record.inputs[:, i] for i, n in enumerate(vehicle.inputs) if n != "none"}
     held = {start_of(n): float(columns[n][0]) for n in delays(vehicle)}
     frames = jsbsim_flight.frames_per_sample(record.dt, rate)
@@ -164,7 +164,8 @@ def instruments(vehicle: Vehicle) -> Any:
 
     def apply(flown: Mapping[str, FloatArray]) -> FloatArray:
         force = dict(zip("XYZ", jsbsim_flight.specific_force(flown), strict=True))
-        turn = dict(zip(names[-4:], quaternion(*(flown[a] for a in _ANGLES)), strict=True))
+        angles = np.column_stack([flown[a] for a in EULER])
+        turn = dict(zip(names[-4:], quaternions_of(angles).T, strict=True))
         known = {**flown, **force, **turn}
         columns = function(*(known[name] for name in names))
         return np.stack([np.broadcast_to(c, flown["u"].shape) for c in columns])

@@ -12,17 +12,16 @@ from typing import Final
 
 import numpy as np
 
-from stoop.flight.attitude import continuous, euler_angles, normalized
 from stoop.flight.channels import Channels, SourceRate
 from stoop.flight.grid import Grid, complete, resample
 from stoop.flight.segments import runs
 from stoop.flight.variables import EULER, QUATERNION
 from stoop.logs import FloatArray
+from stoop.rotations import conjugate, continuous, euler_angles, normalized, product, quaternions_about
 
 SLOW: Final = 20.0  #: Hz; an attitude that is faster is not touched
 FASTER: Final = 5.0  #: times, that the rates must have been logged
 RATES: Final = ("p", "q", "r")
-_CONJUGATE: Final = np.array([1.0, -1.0, -1.0, -1.0])
 
 
 def following_rates(
@@ -68,7 +67,7 @@ def _followed(grid: Grid, data: Mapping[str, FloatArray], logged: Channels) -> F
             continue
         turned = integrated(rates[run], grid.rate)
         there = normalized(_at(own, turned, time[inside]))
-        off = continuous(product(parts[inside], there * _CONJUGATE))
+        off = continuous(product(parts[inside], conjugate(there)))
         whole = Grid(grid.first + run.start, run.stop - run.start, grid.rate)
         rest = normalized(resample(whole, time[inside], off, smooth=False))
         found = product(rest, turned)
@@ -90,25 +89,9 @@ def integrated(rates: FloatArray, rate: float) -> FloatArray:
     flight takes as many passes as its length has binary digits.
     """
     angle = 0.5 * (rates[1:] + rates[:-1]) / rate
-    size = np.linalg.norm(angle, axis=1, keepdims=True)
-    steps = np.column_stack([np.cos(size / 2.0), 0.5 * np.sinc(size / (2.0 * np.pi)) * angle])
-    out = np.concatenate([[[1.0, 0.0, 0.0, 0.0]], steps])
+    out = np.concatenate([[[1.0, 0.0, 0.0, 0.0]], quaternions_about(angle)])
     reach = 1
     while reach < len(out):
         out[reach:] = product(out[:-reach], out[reach:])
         reach *= 2
     return continuous(normalized(out))
-
-
-def product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return quaternion products (n, 4): the rotation b, then a."""
-    w, x, y, z = a.T
-    W, X, Y, Z = b.T
-    return np.column_stack(
-        [
-            w * W - x * X - y * Y - z * Z,
-            w * X + x * W + y * Z - z * Y,
-            w * Y - x * Z + y * W + z * X,
-            w * Z + x * Y - y * X + z * W,
-        ]
-    )

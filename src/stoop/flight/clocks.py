@@ -21,12 +21,12 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from stoop.errors import FlightError, LogError
-from stoop.flight.attitude import continuous, normalized, quaternions_of
 from stoop.flight.channels import WILD, Channels
 from stoop.flight.lag import Lag, Signal, find_lag, with_drift
 from stoop.flight.variables import EULER, QUATERNION
 from stoop.logs import FloatArray, Recording
 from stoop.logs.mapping import number_of, only_keys, text_of
+from stoop.rotations import conjugate, continuous, euler_angles, normalized, product, quaternions_of
 from stoop.units import STANDARD_GRAVITY
 
 HOPELESS: Final = 0.5  #: correlation below which a shift means nothing
@@ -260,11 +260,8 @@ def _turn_of_attitude(signals: Mapping[str, Signal]) -> dict[str, Signal]:
     if t.size < 3:
         return {}
     q = continuous(normalized(columns if names == QUATERNION else quaternions_of(columns)))
-    (w, x, y, z), (dw, dx, dy, dz) = q.T, np.gradient(q, t, axis=0).T
-    p = 2.0 * (w * dx - x * dw - y * dz + z * dy)
-    pitch = 2.0 * (w * dy + x * dz - y * dw - z * dx)
-    r = 2.0 * (w * dz - x * dy + y * dx - z * dw)
-    heading = np.unwrap(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+    p, pitch, r = 2.0 * product(conjugate(q), np.gradient(q, t, axis=0)).T[1:]
+    heading = np.unwrap(euler_angles(q)[:, 2])
     return {"p": (t, p), "q": (t, pitch), "r": (t, r), "psi_dot": _slope(t, heading)}
 
 

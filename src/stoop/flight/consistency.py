@@ -11,6 +11,7 @@ from stoop.flight.faults import Fault
 from stoop.flight.grid import complete
 from stoop.flight.variables import QUATERNION
 from stoop.logs import FloatArray
+from stoop.rotations import conjugate, product, vectors_of
 from stoop.units import DEGREE
 
 RATES: Final = ("p", "q", "r")
@@ -58,17 +59,12 @@ def _pairs(
     first = np.arange(len(e) - steps)
     first = first[gone[first + steps + 1] == gone[first]]
     mean = (running[first + steps + 1] - running[first] - 0.5 * (omega[first] + omega[first + steps])) / steps
-    return _turned(e[first], e[first + steps]) * rate / steps, mean, first
+    return _turn(e[first], e[first + steps]) * rate / steps, mean, first
 
 
-def _turned(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the rotation vector (n, 3) rad in body axes from attitude a to b: conj(a) * b."""
-    scalar = np.sum(a * b, axis=1)
-    vector = a[:, :1] * b[:, 1:] - b[:, :1] * a[:, 1:] - np.cross(a[:, 1:], b[:, 1:])
-    sign = np.where(scalar < 0.0, -1.0, 1.0)
-    sine = np.linalg.norm(vector, axis=1)
-    angle = 2.0 * np.arctan2(sine, np.abs(scalar))
-    return np.asarray(vector * (sign * angle / np.maximum(sine, 1e-12))[:, None])
+def _turn(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the rotation vector (n, 3) rad in body axes from attitude a to b."""
+    return vectors_of(product(conjugate(a), b))
 
 
 def _noise(data: Mapping[str, FloatArray]) -> FloatArray:
@@ -78,7 +74,7 @@ def _noise(data: Mapping[str, FloatArray]) -> FloatArray:
     over those that do.
     """
     e = np.column_stack([data[name] for name in QUATERNION])
-    jumps = _turned(e[1:-1], e[2:]) - _turned(e[:-2], e[1:-1])
+    jumps = _turn(e[1:-1], e[2:]) - _turn(e[:-2], e[1:-1])
     known = jumps[complete(jumps)]
     return NORMAL * np.median(np.abs(known), axis=0) / np.sqrt(6.0) if len(known) else np.zeros(3)
 

@@ -16,9 +16,9 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from stoop.errors import LogError
-from stoop.flight.attitude import euler_angles, quaternions_of
 from stoop.flight.variables import EULER, QUATERNION
 from stoop.logs import FloatArray
+from stoop.rotations import euler_angles, product, quaternions_of
 
 Frame: TypeAlias = tuple[str, ...]
 BODY: Final = ("frd", "flu")
@@ -133,21 +133,8 @@ def _angles(values: Mapping[str, FloatArray], body: str, ground: str) -> dict[st
 
 def _quaternion(values: Mapping[str, FloatArray], body: str, ground: str) -> dict[str, FloatArray]:
     """Turn a quaternion that takes body into ground coordinates: ground' * q * body'."""
-    q = np.stack([values[name] for name in QUATERNION])
-    out = _product(np.asarray(_GROUND_TURNS[ground])[:, None], q)
+    q = np.column_stack([values[name] for name in QUATERNION])
+    out = product(np.array(_GROUND_TURNS[ground]), q)
     if body == "flu":  # half a turn about the forward axis, which is its own inverse but for the sign
-        out = _product(out, np.array([0.0, 1.0, 0.0, 0.0])[:, None])
-    return dict(zip(QUATERNION, out, strict=True))
-
-
-def _product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Hamilton product of quaternions (4, n), scalar first."""
-    (w, x, y, z), (s, i, j, k) = a, b
-    return np.stack(
-        [
-            w * s - x * i - y * j - z * k,
-            w * i + x * s + y * k - z * j,
-            w * j - x * k + y * s + z * i,
-            w * k + x * j - y * i + z * s,
-        ]
-    )
+        out = product(out, np.array([0.0, 1.0, 0.0, 0.0]))
+    return dict(zip(QUATERNION, out.T, strict=True))

@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 
 from stoop.errors import LogError
-from stoop.flight.attitude import quaternions_of
 from stoop.flight.variables import EULER
 from stoop.logs import FloatArray
 from stoop.logs.mapping import read_toml
+from stoop.rotations import quaternions_of, to_ground
 from stoop.units import DEGREE
 
 RATES: Final = ("p", "q", "r")
@@ -95,10 +95,8 @@ def _residual(values: Values, angles: Sequence[str], scale: float) -> float:
         return np.nan
     x = {name: _at(time, *values[name]) for name in (*EULER, "ax", "ay", "az", "vn", "ve")}
     x.update({name: scale * x[name] for name in angles})
-    w, *v = quaternions_of(np.column_stack([x[name] for name in EULER])).T
-    axis, force = np.column_stack(v), np.column_stack([x[name] for name in ("ax", "ay", "az")])
-    across = np.cross(axis, force)
-    turned = force + 2.0 * (w[:, None] * across + np.cross(axis, across))
+    q = quaternions_of(np.column_stack([x[name] for name in EULER]))
+    turned = to_ground(q, np.column_stack([x[name] for name in ("ax", "ay", "az")]))
     sums = np.cumsum(turned[:, :2] * np.gradient(time)[:, None], axis=0)
     change = np.column_stack([x["vn"], x["ve"]]) - sums
     off = change[steps:] - change[:-steps]

@@ -23,9 +23,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stoop.flight.air_data import NAN, POOR, AirData, LogWind, notes
-from stoop.flight.attitude import normalized, quaternions_of
 from stoop.flight.grid import complete
-from stoop.flight.smoother import BoolArray, Record, Smoothed, rotation_matrices, smooth_velocity
+from stoop.flight.smoother import BoolArray, Record, Smoothed, smooth_velocity
 from stoop.flight.wind import (
     KAPPA,
     OFFSET,
@@ -43,6 +42,7 @@ from stoop.flight.wind import (
     fit,
 )
 from stoop.logs import FloatArray
+from stoop.rotations import matrices_of, normalized, quaternions_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -109,7 +109,7 @@ def reconstruct(
     missing = _missing(data)
     if missing:
         return data, AirData("none", notes=(f"no airspeed, alpha and beta: {missing}",))
-    rotation = rotation_matrices(_quaternion(data))
+    rotation = matrices_of(_quaternion(data))
     motion = _smoothed(data, rotation, velocity_rate)
     flying = _flying(motion.velocity, _column(data, "airspeed_pitot"))
     learnt = _airborne(motion.velocity, flying, _step(data)) & ~_inside(data, exclude)

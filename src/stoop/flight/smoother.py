@@ -129,26 +129,6 @@ def smooth_velocity(record: Record, rate: float, limit: float = 1.0) -> Smoothed
     )  # fmt: skip
 
 
-def rotation_matrices(quaternion: FloatArray) -> FloatArray:
-    """Rotation matrices of unit quaternions.
-
-    Parameters
-    ----------
-    quaternion : (N, 4), body -> NED, scalar first
-
-    Returns
-    -------
-    (N, 3, 3), v_ned = R v_body (Stevens, Lewis and Johnson, 3rd ed., eq. 1.8-15, transposed)
-    """
-    w, x, y, z = quaternion.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-
-
 def run_labels(valid: BoolArray) -> IntArray:
     """Give each run of valid samples its number, from 0; -1 elsewhere."""
     before = np.concatenate([[False], valid[:-1]])

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.errors import FlightError
-from stoop.flight.variables import WRAPPED
+from stoop.flight.variables import EULER, WRAPPED
+from stoop.rotations import quaternions_of, to_body
 from stoop.simulate import START_NAMES
-from stoop.simulate.initial import body_velocity
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND
 
@@ -80,8 +80,11 @@ def through_air(start: Mapping[str, Number]) -> dict[str, Number]:
 
     Each entry is a number or (n,): one instant, or many.
     """
-    ground = (start["vn"], start["ve"], start["vd"])
-    u, v, w = body_velocity(ground, start["phi"], start["theta"], start["psi"])
+    ground, angles = (
+        np.stack(np.broadcast_arrays(*(start[n] for n in names)), axis=-1)
+        for names in (("vn", "ve", "vd"), EULER)
+    )
+    u, v, w = to_body(quaternions_of(angles), ground).T
     kept: dict[str, Any] = {name: value for name, value in start.items() if name not in WIND}
     return kept | {
         name: value if value.ndim else float(value) for name, value in zip("uvw", (u, v, w), strict=True)

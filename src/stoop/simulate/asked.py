@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from stoop.simulate.autopilot import matrix_of, turned
-from stoop.simulate.initial import quaternion
+from stoop.flight.variables import EULER
+from stoop.rotations import matrices_of, product, quaternions_about, quaternions_of
 from stoop.simulate.paths import traveled
 from stoop.simulate.steady import Trim
 
@@ -73,7 +73,7 @@ def asked(signals: Mapping[str, FloatArray], point: Trim, count: int, dt: float)
     change, acceleration = _followed(wanted, MOST[:3], dt)
     velocity = np.asarray(point.velocity) + change
     q = _attitude(point, acceleration, heading[:, 0])
-    return Asked(velocity, traveled(velocity, dt), q, matrix_of(q), turning[:, 0], -acceleration[:, 2])
+    return Asked(velocity, traveled(velocity, dt), q, matrices_of(q), turning[:, 0], -acceleration[:, 2])
 
 
 def _followed(wanted: FloatArray, most: FloatArray, dt: float) -> tuple[FloatArray, FloatArray]:
@@ -92,10 +92,9 @@ def _followed(wanted: FloatArray, most: FloatArray, dt: float) -> tuple[FloatArr
 
 def _attitude(point: Trim, acceleration: FloatArray, heading: FloatArray) -> FloatArray:
     """Return quaternions (n, 4): the trim's, turned about its own down axis, then tilted about level axes."""
-    s = point.start
-    trim = quaternion(s["phi"], s["theta"], s["psi"])
+    trim = quaternions_of(np.array([point.start[name] for name in EULER]))
     around = np.column_stack([np.zeros((len(heading), 2)), heading])
-    yawed = turned(trim, around)
+    yawed = product(trim, quaternions_about(around))
     tilt = np.column_stack([acceleration[:, 1], -acceleration[:, 0], np.zeros(len(heading))]) / GRAVITY
     # A rotation about an axis of the Earth is one about that axis as the body sees it.
-    return turned(yawed, np.einsum("bji,bj->bi", matrix_of(yawed), tilt))
+    return product(yawed, quaternions_about(np.einsum("bji,bj->bi", matrices_of(yawed), tilt)))

@@ -2,7 +2,8 @@
 
 Small errors e are those of position, velocity over ground (both in the body axes of the attitude that is asked for),
 attitude (a rotation vector in body axes), rates, and the lags of the rotors. Commands m are the accelerations of
-:data:`~stoop.simulate.rotors.AXES`. Between samples commands go in straight lines, so over one sample
+:data:`~stoop.simulate.rotors.AXES`; their slopes count, too, where rotors have inertia and no lag. Between samples
+commands go in straight lines, so over one sample
 
     e[k+1] = F e[k] + G0 r[k] + G1 r[k+1],    s[k] = e[k] - G1 r[k],    s[k+1] = F s[k] + (F G1 + G0) r[k]
 
@@ -24,11 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.errors import SimulationError
-from stoop.simulate.hover import rotation
-from stoop.simulate.initial import initial_states, parameter_rows, quaternion
+from stoop.flight.variables import EULER
+from stoop.rotations import matrices_of, matrices_of_angles, product, quaternions_about, quaternions_of
+from stoop.simulate.initial import initial_states, parameter_rows
 from stoop.simulate.rotors import allocation, channel_range, effects
 from stoop.simulate.steady import Trim
 from stoop.vehicle import Vehicle
+from stoop.vehicle.vehicle import slope_input
 
 FloatArray = NDArray[np.float64]
 _EXCUSED: Final = np.repeat([1.0, 1.0, 0.25, 1.5], 3)  #: errors that count alike: m, m/s, rad, rad/s
@@ -38,10 +41,11 @@ _STEP: Final = 1e-5  #: of the errors, for derivatives
 
 @dataclass(frozen=True, eq=False)
 class LinearErrors:
-    """e' = A e + B m; axes as in the module."""
+    """e' = A e + B m + E m'; axes as in the module."""
 
     A: FloatArray
     B: FloatArray
+    E: FloatArray
     effect: FloatArray  #: (4, m): accelerations by channels
     mixing: FloatArray  #: (m, 4): channels by accelerations
 
@@ -65,26 +69,6 @@ class Gains:
         return np.asarray(-(self.errors @ e) - np.einsum("kij,kj->i", self.underway, underway))
 
 
-def turned(q: FloatArray, e: FloatArray) -> FloatArray:
-    """Return quaternions (4,) or (B, 4) after rotations e (B, 3) about body axes; (B, 4)."""
-    angle = np.linalg.norm(e, axis=1, keepdims=True)
-    d = np.hstack([np.cos(angle / 2.0), 0.5 * np.sinc(angle / (2.0 * np.pi)) * e])
-    a, b = np.broadcast_arrays(q, d)
-    scalar = a[:, :1] * b[:, :1] - np.sum(a[:, 1:] * b[:, 1:], axis=1, keepdims=True)
-    return np.hstack([scalar, a[:, :1] * b[:, 1:] + b[:, :1] * a[:, 1:] + np.cross(a[:, 1:], b[:, 1:])])
-
-
-def matrix_of(q: FloatArray) -> FloatArray:
-    """Return rotations (B, 3, 3), body to Earth, of unit quaternions (B, 4)."""
-    e0, e1, e2, e3 = q.T
-    rows = [
-        [1 - 2 * (e2**2 + e3**2), 2 * (e1 * e2 - e0 * e3), 2 * (e1 * e3 + e0 * e2)],
-        [2 * (e1 * e2 + e0 * e3), 1 - 2 * (e1**2 + e3**2), 2 * (e2 * e3 - e0 * e1)],
-        [2 * (e1 * e3 - e0 * e2), 2 * (e2 * e3 + e0 * e1), 1 - 2 * (e1**2 + e2**2)],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
-
-
 def linear_errors(vehicle: Vehicle, point: Trim) -> LinearErrors:
     """Return the linear model about a trim on rotors, by central differences of the compiled equations."""
     effect = effects(vehicle, point.start, point.inputs, point.changes)
@@ -95,13 +79,20 @@ def linear_errors(vehicle: Vehicle, point: Trim) -> LinearErrors:
     e = np.vstack([_STEP * np.eye(count), -_STEP * np.eye(count)])
     rates = _error_rates(vehicle, point, e, np.repeat(point.inputs[:, None], 2 * count, axis=1))
     A = (rates[:, :count] - rates[:, count:]) / (2.0 * _STEP)
-    step = 1e-4 * (np.abs(point.inputs[area.columns]) + 1e-3)
+    B = _by_inputs(vehicle, point, area.columns, 1e-4 * (np.abs(point.inputs[area.columns]) + 1e-3))
+    slopes = np.array([vehicle.inputs.index(slope_input(n)) for n in area.names if n in vehicle.sloped], int)
+    E = _by_inputs(vehicle, point, slopes, np.ones(len(slopes))) if len(slopes) else np.zeros_like(B)
+    return LinearErrors(A, B @ mixing, E @ mixing, effect, mixing)
+
+
+def _by_inputs(vehicle: Vehicle, point: Trim, columns: NDArray[np.intp], step: FloatArray) -> FloatArray:
+    """Return the derivatives (n_e, m) of the rates of no error by some of the channels."""
     moved = np.repeat(point.inputs[:, None], 2 * len(step), axis=1)
-    for i, column in enumerate(area.columns):
+    for i, column in enumerate(columns):
         moved[column, [2 * i, 2 * i + 1]] += [step[i], -step[i]]
-    rates = _error_rates(vehicle, point, np.zeros((moved.shape[1], count)), moved)
-    B = (rates[:, 0::2] - rates[:, 1::2]) / (2.0 * step)
-    return LinearErrors(A, B @ mixing, effect, mixing)
+    none = np.zeros((moved.shape[1], 12 + len(rotor_lags(vehicle))))
+    rates = _error_rates(vehicle, point, none, moved)
+    return np.asarray((rates[:, 0::2] - rates[:, 1::2]) / (2.0 * step))
 
 
 def rotor_lags(vehicle: Vehicle) -> list[int]:
@@ -113,10 +104,11 @@ def rotor_lags(vehicle: Vehicle) -> list[int]:
 def _error_rates(vehicle: Vehicle, point: Trim, e: FloatArray, inputs: FloatArray) -> FloatArray:
     """Return the rates (n_e, B) of errors (B, n_e) about a trim, for channels (n_u, B)."""
     s = point.start
-    reference = rotation(s["phi"], s["theta"], s["psi"])
+    angles = np.array([s[name] for name in EULER])
+    reference = matrices_of_angles(angles)
     ground, air = reference.T @ point.velocity, reference.T @ point.wind
-    q = turned(quaternion(s["phi"], s["theta"], s["psi"]), e[:, 6:9])
-    back = np.einsum("ij,bjk->bik", reference.T, matrix_of(q))  # body to the body of the reference
+    q = product(quaternions_of(angles), quaternions_about(e[:, 6:9]))
+    back = np.einsum("ij,bjk->bik", reference.T, matrices_of(q))  # body to the body of the reference
     rows = parameter_rows(vehicle, point.changes, len(e))
     states = np.repeat(initial_states(vehicle, s, rows[:, :1], point.inputs), len(e), axis=1)
     at = {name: vehicle.states.index(name) for name in ("u", "p", "e0")}
@@ -155,7 +147,7 @@ def design(vehicle: Vehicle, point: Trim, model: LinearErrors, dt: float, delay:
     with np.errstate(
         over="ignore", invalid="ignore"
     ):  # what leaves all bounds between samples is refused below
-        F, G0, G1 = _held(model.A, model.B, dt)
+        F, G0, G1 = _held(model.A, model.B, model.E, dt)
         drive = F @ G1 + G0
     K = _regulator(F, drive, _weights(vehicle, point, model))
     if not (np.isfinite(K).all() and np.abs(np.linalg.eigvals(F - drive @ K)).max() < 1.0):
@@ -186,13 +178,16 @@ def _regulator(F: FloatArray, drive: FloatArray, weights: tuple[FloatArray, Floa
         return np.full((4, len(F)), np.nan)
 
 
-def _held(A: FloatArray, B: FloatArray, dt: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _held(
+    A: FloatArray, B: FloatArray, E: FloatArray, dt: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return F, G0 and G1 for commands that go in straight lines from sample to sample."""
     from scipy.linalg import expm
 
     n, m = B.shape
     block = np.zeros((n + 2 * m, n + 2 * m))
     block[:n, :n], block[:n, n : n + m], block[n : n + m, n + m :] = A * dt, B * dt, np.eye(m)
+    block[:n, n + m :] = E  # a slope is the difference of two commands over a sample
     whole = expm(block)
     F, held, G1 = whole[:n, :n], whole[:n, n : n + m], whole[:n, n + m :]
     return F, held - G1, G1

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from stoop.errors import ManeuverError, SimulationError
 from stoop.flight import VARIABLES, Flight, from_columns
+from stoop.rotations import to_ground
 from stoop.simulate.check import check_maneuver, on_rotors
 from stoop.simulate.delays import late_inputs, late_outputs
 from stoop.simulate.hover import steady_wind
@@ -17,7 +18,7 @@ from stoop.simulate.initial import commanded, initial_states, parameter_rows, ri
 from stoop.simulate.maneuver import Maneuver
 from stoop.simulate.mixing import mixed_inputs
 from stoop.simulate.on_rotors import fly_on_rotors
-from stoop.simulate.paths import ground_velocity, readings_along, states_flown, traveled
+from stoop.simulate.paths import readings_along, states_flown, traveled
 from stoop.simulate.rotors import channel_range
 from stoop.simulate.steady import Trim
 from stoop.simulate.trim import trim
@@ -133,7 +134,7 @@ def _over_ground(vehicle: Vehicle, point: Trim, states: FloatArray) -> FloatArra
     x = dict(zip(vehicle.states, states.T, strict=True))
     zero = np.zeros(len(states))
     body, q = ([x.get(name, zero) for name in names] for names in ("uvw", ("e0", "e1", "e2", "e3")))
-    return np.asarray(ground_velocity(np.array(body), np.array(q)).T + np.asarray(point.wind))
+    return np.asarray(to_ground(np.column_stack(q), np.column_stack(body)) + np.asarray(point.wind))
 
 
 def _moving_air(

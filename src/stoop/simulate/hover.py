@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.errors import SimulationError
+from stoop.rotations import matrices_of_angles
 from stoop.simulate.rotors import accelerations, allocation, channel_range, effects
 from stoop.simulate.steady import TOLERANCE, Trim
 from stoop.vehicle import Vehicle
@@ -18,18 +19,6 @@ from stoop.vehicle.vehicle import WIND_NUMBERS
 FloatArray = NDArray[np.float64]
 _MOST = 1e6  #: of a channel without bound
 _STEPS = np.array([0.1, 0.1, 1.0, 1.0, 1.0, 1.0])  #: of the unknowns: rad, rad/s2, m/s2
-
-
-def rotation(phi: float, theta: float, psi: float) -> FloatArray:
-    """Return the rotation (3, 3) from body axes to north-east-down."""
-    (c1, c2, c3), (s1, s2, s3) = np.cos([phi, theta, psi]), np.sin([phi, theta, psi])
-    return np.array(
-        [
-            [c2 * c3, s1 * s2 * c3 - c1 * s3, c1 * s2 * c3 + s1 * s3],
-            [c2 * s3, s1 * s2 * s3 + c1 * c3, c1 * s2 * s3 - s1 * c3],
-            [-s2, s1 * c2, c1 * c2],
-        ]
-    )
 
 
 def steady_wind(vehicle: Vehicle, wind: Sequence[float] | None) -> FloatArray:
@@ -57,7 +46,8 @@ class Hover:
         phi, theta, *wanted = (x * _STEPS).tolist()
         area, inputs = channel_range(self.vehicle), self.level.copy()
         inputs[area.columns] += self.mixing @ wanted
-        u, v, w = (rotation(phi, theta, self.heading).T @ (self.velocity - self.wind)).tolist()
+        rotation = matrices_of_angles(np.array([phi, theta, self.heading]))
+        u, v, w = (rotation.T @ (self.velocity - self.wind)).tolist()
         start = {
             "u": u, "v": v, "w": w, "phi": phi, "theta": theta, "psi": self.heading, "h": self.altitude,
         }  # fmt: skip

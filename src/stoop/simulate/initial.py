@@ -7,25 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stoop.rotations import quaternions_of
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import AIR_START, GROUND_START
 
 FloatArray = NDArray[np.float64]
 START_NAMES = AIR_START  #: of a vehicle without rotors; Vehicle.start_names has those of any
-
-
-def quaternion(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> FloatArray:
-    """Return the unit quaternion (4, ...) of Euler angles in rad, body to Earth, scalar first."""
-    half = [np.asarray(angle, dtype=float) / 2.0 for angle in (phi, theta, psi)]
-    (c1, c2, c3), (s1, s2, s3) = [np.cos(h) for h in half], [np.sin(h) for h in half]
-    return np.stack(
-        [
-            c1 * c2 * c3 + s1 * s2 * s3,
-            s1 * c2 * c3 - c1 * s2 * s3,
-            c1 * s2 * c3 + s1 * c2 * s3,
-            c1 * c2 * s3 - s1 * s2 * c3,
-        ]
-    )
 
 
 def rigid_states(start: Mapping[str, ArrayLike]) -> dict[str, FloatArray]:
@@ -37,9 +24,9 @@ def rigid_states(start: Mapping[str, ArrayLike]) -> dict[str, FloatArray]:
     shapes = (np.shape(v) for k, v in start.items() if k in names)
     zero = np.zeros(np.broadcast_shapes(*shapes) or (1,))
     g = {name: zero + np.asarray(start.get(name, 0.0), dtype=float) for name in names}
-    e = quaternion(g["phi"], g["theta"], g["psi"])
+    e = quaternions_of(np.stack([g["phi"], g["theta"], g["psi"]], axis=-1))
     velocity = {axis: g[axis] for axis in "uvw"} if "u" in g else _through_air(g)
-    return velocity | {n: g[n] for n in "hpqr"} | {f"e{i}": e[i] for i in range(4)}
+    return velocity | {n: g[n] for n in "hpqr"} | {f"e{i}": e[..., i] for i in range(4)}
 
 
 def _through_air(g: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
@@ -49,30 +36,6 @@ def _through_air(g: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         "v": g["V"] * np.sin(g["beta"]),
         "w": plane * np.sin(g["alpha"]),
     }
-
-
-def body_velocity(
-    ground: tuple[ArrayLike, ArrayLike, ArrayLike], phi: ArrayLike, theta: ArrayLike, psi: ArrayLike
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return u, v, w of a velocity given north, east, down, all scalars or (n,)."""
-    e0, e1, e2, e3 = quaternion(phi, theta, psi)
-    north, east, down = (np.asarray(c, dtype=float) for c in ground)
-    u = (
-        (e0**2 + e1**2 - e2**2 - e3**2) * north
-        + 2 * (e1 * e2 + e0 * e3) * east
-        + 2 * (e1 * e3 - e0 * e2) * down
-    )
-    v = (
-        2 * (e1 * e2 - e0 * e3) * north
-        + (e0**2 - e1**2 + e2**2 - e3**2) * east
-        + 2 * (e2 * e3 + e0 * e1) * down
-    )
-    w = (
-        2 * (e1 * e3 + e0 * e2) * north
-        + 2 * (e2 * e3 - e0 * e1) * east
-        + (e0**2 - e1**2 - e2**2 + e3**2) * down
-    )
-    return u, v, w
 
 
 def commanded(vehicle: Vehicle, control: str, rows: FloatArray, inputs: FloatArray) -> FloatArray:

@@ -13,12 +13,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.rotations import to_ground
 from stoop.simulate.asked import Asked, asked
 from stoop.simulate.autopilot import Gains, design, linear_errors, rotor_lags
 from stoop.simulate.commands import Commands, Late
+from stoop.simulate.delays import with_slopes
 from stoop.simulate.initial import initial_states, parameter_rows
 from stoop.simulate.maneuver import SETPOINTS, Maneuver
-from stoop.simulate.paths import Stepper, ground_velocity
+from stoop.simulate.paths import Stepper
 from stoop.simulate.steady import Trim
 from stoop.vehicle import Vehicle
 
@@ -98,6 +100,7 @@ def _closed(
             wanted[3] += loop.goal.up[k + late.ahead]
             commands.give(k + late.ahead, wanted)
         received[k + 1] = late.received(commands.inputs, k + 1)
+        with_slopes(stepper.vehicle, received[k : k + 2], dt)
         states[k + 1] = stepper.step(k, states[k], received[k], received[k + 1])
         if not float(np.abs(states[k + 1]).max()) < _LOST:
             states[k + 1] = np.nan
@@ -134,7 +137,7 @@ class _Loop:
     def velocity(self, x: FloatArray) -> FloatArray:
         """Return the velocity over ground of a state (n_x,), m/s north-east-down."""
         u, _, e0 = self.first
-        return ground_velocity(x[u : u + 3], x[e0 : e0 + 4]) + self.wind
+        return to_ground(x[e0 : e0 + 4], x[u : u + 3]) + self.wind
 
     def errors(self, k: int, x: FloatArray, position: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return errors (n_e,) at a sample, and the velocity over ground."""
@@ -148,7 +151,7 @@ class _Loop:
 
 
 def _between(a: Sequence[float], b: Sequence[float]) -> list[float]:
-    """Return the rotation vector (3,), for small angles, from quaternion a to b, in the axes of a."""
+    """Return `rotations.vectors_of` of conj(a) b, for small angles: one sample at a time, fifty times as fast."""
     a0, a1, a2, a3 = a
     b0, b1, b2, b3 = b
     twice = 2.0 if a0 * b0 + a1 * b1 + a2 * b2 + a3 * b3 >= 0.0 else -2.0

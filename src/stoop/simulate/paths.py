@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.kernels.filtering import innovations, step
-from stoop.simulate.delays import late_inputs
+from stoop.simulate.delays import late_inputs, with_slopes
 from stoop.simulate.turbulence import FINER, finer, gust_columns, gust_noise
 from stoop.vehicle import Vehicle
 
@@ -46,7 +46,7 @@ class Stepper:
         if not self.vehicle.gusts:
             after, _ = step(kernel, self.rows, state[:, None], now[:, None], following[:, None], self.dt)
             return np.asarray(after[:, 0])
-        fine = finer(np.stack([now, following]), FINER)
+        fine = with_slopes(self.vehicle, finer(np.stack([now, following]), FINER), self.dt / FINER)
         fine[:, gust_columns(self.vehicle)] = self.noise[FINER * k : FINER * (k + 1) + 1]
         return np.asarray(states_along(self.vehicle, self.rows, state[:, None], fine, self.dt / FINER)[-1])
 
@@ -75,7 +75,7 @@ def states_flown(
     received = late_inputs(vehicle, inputs, rows, dt)
     if not vehicle.gusts:
         return states_along(vehicle, rows, start, received, dt)
-    fine = finer(received, FINER)
+    fine = with_slopes(vehicle, finer(received, FINER), dt / FINER)
     fine[:, gust_columns(vehicle)] = gust_noise(vehicle, len(fine), dt, rng)
     return np.asarray(states_along(vehicle, rows, start, fine, dt / FINER)[::FINER])
 
@@ -90,16 +90,6 @@ def readings_along(
         x, u = states[a : a + _AT_ONCE].T.copy(), received[a : a + _AT_ONCE].T.copy()
         out[a : a + _AT_ONCE] = kernel.evaluate(every[:, : x.shape[1]].copy(), x, u)[1].T
     return out
-
-
-def ground_velocity(body: FloatArray, q: FloatArray) -> FloatArray:
-    """Return velocities (3, ...) north-east-down, of those along body axes (3, ...) and unit quaternions (4, ...)."""
-    u, v, w = body
-    e0, e1, e2, e3 = q
-    a, b, c = 2.0 * (e2 * w - e3 * v), 2.0 * (e3 * u - e1 * w), 2.0 * (e1 * v - e2 * u)
-    return np.array(
-        [u + e0 * a + e2 * c - e3 * b, v + e0 * b + e3 * a - e1 * c, w + e0 * c + e1 * b - e2 * a]
-    )
 
 
 def traveled(velocity: FloatArray, dt: float) -> FloatArray:

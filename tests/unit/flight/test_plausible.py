@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stoop.errors import FlightError
-from stoop.flight.attitude import wrap
 from stoop.flight.channels import Channels
 from stoop.flight.plausible import check_radians
 from stoop.logs import FloatArray
+from stoop.rotations import wrap
 
 DEG = 180.0 / np.pi
 

@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from stoop.flight.attitude import quaternions_of
 from stoop.flight.reconstruction import reconstruct
 from stoop.flight.smoother import (
     BIAS_PRIOR,
@@ -23,9 +22,9 @@ from stoop.flight.smoother import (
     HEADING_WALK,
     UNKNOWN,
     Record,
-    rotation_matrices,
     smooth_velocity,
 )
+from stoop.rotations import matrices_of, quaternions_of
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 RATE = 100.0
@@ -69,13 +68,13 @@ class Truth:
 def ground_velocity(truth: Truth, t: Array, beta: Callable[[Array], Array]) -> Array:
     speed, alpha, slip = truth.speed(t), truth.alpha(t), beta(t)
     body = np.column_stack([np.cos(alpha) * np.cos(slip), np.sin(slip), np.sin(alpha) * np.cos(slip)])
-    rotation = rotation_matrices(quaternions_of(truth.attitude(t)))
+    rotation = matrices_of(quaternions_of(truth.attitude(t)))
     return np.einsum("nij,nj->ni", rotation, speed[:, None] * body) + np.array([*truth.wind, 0.0])
 
 
 def specific_force(truth: Truth, t: Array, beta: Callable[[Array], Array], h: float = 1e-4) -> Array:
     acceleration = (ground_velocity(truth, t + h, beta) - ground_velocity(truth, t - h, beta)) / (2.0 * h)
-    rotation = rotation_matrices(quaternions_of(truth.attitude(t)))
+    rotation = matrices_of(quaternions_of(truth.attitude(t)))
     return np.einsum("nij,ni->nj", rotation, acceleration - GRAVITY)
 
 
@@ -83,7 +82,7 @@ def weathercock(truth: Truth) -> Callable[[Array], Array]:
     """Sideslip that obeys a_y = V^2 beta / kappa: dv/dt = a_y - r u + p w + g cos(theta) sin(phi)."""
     t = np.arange(-1.0, truth.duration + 1.0, 0.005)
     rotation, speed, alpha = (
-        rotation_matrices(quaternions_of(truth.attitude(t))),
+        matrices_of(quaternions_of(truth.attitude(t))),
         truth.speed(t),
         truth.alpha(t),
     )
@@ -389,7 +388,7 @@ def test_smoother_equals_one_big_least_squares_problem() -> None:
     columns = [
         np.column_stack([data[n] for n in names]) for names in (("ax", "ay", "az"), ("vn", "ve", "vd"))
     ]
-    rotation = rotation_matrices(np.column_stack([data[f"q{i}"] for i in range(4)]))
+    rotation = matrices_of(np.column_stack([data[f"q{i}"] for i in range(4)]))
     force, velocity = columns
     force[70:80] = np.nan  # a gap
     velocity[:3] = velocity[70:80] = np.nan

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from stoop.errors import SimulationError
 from stoop.simulate import linearize, trim
-from stoop.simulate.autopilot import _held, design, linear_errors, matrix_of, turned
-from stoop.simulate.hover import rotation
-from stoop.simulate.initial import quaternion
+from stoop.simulate.autopilot import _held, design, linear_errors
 from stoop.vehicle import Vehicle
 
 WIND = (3.0, -2.0, 0.4)
@@ -33,10 +33,15 @@ def test_its_linear_model_is_that_of_the_exact_derivatives(quad: Vehicle) -> Non
 def test_commands_in_straight_lines_are_held_exactly() -> None:
     rng = np.random.default_rng(1)
     A, B, x = rng.standard_normal((5, 5)), rng.standard_normal((5, 2)), rng.standard_normal(5)
+    E = rng.standard_normal((5, 2))
     r0, r1, dt = rng.standard_normal(2), rng.standard_normal(2), 0.3
-    F, G0, G1 = _held(A, B, dt)
+    F, G0, G1 = _held(A, B, E, dt)
     flown = solve_ivp(
-        lambda t, y: A @ y + B @ (r0 + (r1 - r0) * t / dt), (0.0, dt), x, rtol=1e-11, atol=1e-12
+        lambda t, y: A @ y + B @ (r0 + (r1 - r0) * t / dt) + E @ (r1 - r0) / dt,
+        (0.0, dt),
+        x,
+        rtol=1e-11,
+        atol=1e-12,
     ).y[:, -1]
     assert F @ x + G0 @ r0 + G1 @ r1 == pytest.approx(flown, abs=1e-9)
 
@@ -50,7 +55,7 @@ def test_the_delayed_system_has_the_poles_of_the_one_without_delay(
     point = trim(quad, wind=WIND)
     model = linear_errors(quad, point)
     gains = design(quad, point, model, dt, delay)
-    F, G0, G1 = _held(model.A, model.B, dt)
+    F, G0, G1 = _held(model.A, model.B, model.E, dt)
     n, m = model.B.shape
     size = (
         n + (delay + 1) * m
@@ -75,19 +80,9 @@ def test_the_delayed_system_has_the_poles_of_the_one_without_delay(
     assert slow == pytest.approx(np.sort(np.abs(np.linalg.eigvals(F - drive @ K)))[::-1], abs=1e-6)
 
 
-def test_quaternions_turn_and_become_matrices() -> None:
-    angles = (0.3, -0.5, 2.0)
-    q = quaternion(*angles)
-    assert matrix_of(q[None])[0] == pytest.approx(rotation(*angles), abs=1e-15)
-    small = np.array([[0.02, 0.0, 0.0], [0.0, -0.3, 0.0], [0.0, 0.0, 0.0]])
-    after = matrix_of(turned(q, small))
-    for R, (x, y, z) in zip(after, small, strict=True):
-        assert pytest.approx(rotation(*angles) @ rotation(x, y, z), abs=1e-14) == R
-
-
 def test_a_vehicle_that_turns_over_between_samples_is_refused(quad: Vehicle) -> None:
     point = trim(quad)
     model = linear_errors(quad, point)
-    wild = type(model)(model.A + 1e4 * np.eye(len(model.A)), model.B, model.effect, model.mixing)
+    wild = replace(model, A=model.A + 1e4 * np.eye(len(model.A)))
     with pytest.raises(SimulationError, match="no autopilot was found that holds it at 1 Hz; raise the rate"):
         design(quad, point, wild, 1.0, 1)

@@ -11,7 +11,7 @@ from stoop.errors import ManeuverError, SimulationError
 from stoop.simulate import Maneuver, initial_states, parameter_rows, simulate_flight, trim
 from stoop.simulate.delays import delayed
 from stoop.simulate.fly import fly
-from stoop.simulate.initial import commanded, quaternion, rigid_states
+from stoop.simulate.initial import commanded, rigid_states
 from stoop.vehicle import Vehicle
 
 
@@ -140,16 +140,6 @@ def test_a_steady_flight_that_no_surface_can_hold(twin_boom: Vehicle) -> None:
 def test_no_steady_flight(twin_boom: Vehicle) -> None:
     with pytest.raises(SimulationError, match=r"no steady flight found at 6 m/s .*; try another airspeed"):
         trim(twin_boom, 6.0)
-
-
-@pytest.mark.parametrize("angles", [(0.3, -0.4, 2.0), (-3.0, 1.5, -3.1), (0.0, 0.0, 0.0), (3.1, -1.2, 0.5)])
-def test_quaternion_is_the_rotation_of_euler_angles(angles: tuple[float, float, float]) -> None:
-    from naive.aircraft import rotation
-
-    e0, *e = quaternion(*angles)
-    cross = np.array([[0, -e[2], e[1]], [e[2], 0, -e[0]], [-e[1], e[0], 0]])
-    R = np.eye(3) + 2 * e0 * cross + 2 * cross @ cross
-    assert pytest.approx(rotation(*angles), abs=1e-15) == R
 
 
 def test_starts_are_broadcast(twin_boom: Vehicle) -> None:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from naive.aircraft import rotation
 
 from stoop.simulate import initial_states, parameter_rows
 from stoop.simulate.delays import input_delays, late_inputs
-from stoop.simulate.initial import body_velocity, commanded, rigid_states
+from stoop.simulate.initial import commanded, rigid_states
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import BUILT_IN, builtin_vehicle
 
@@ -32,14 +31,6 @@ channel = "pwm_2"
 position = [0.0, -0.2, 0.0]
 spin = "cw"
 """
-
-
-def test_velocity_over_ground_in_body_axes() -> None:
-    rng = np.random.default_rng(1)
-    ground, angles = rng.uniform(-10, 10, (3, 30)), rng.uniform(-1.5, 1.5, (3, 30)) * [[2.0], [1.0], [2.0]]
-    found = np.array(body_velocity((ground[0], ground[1], ground[2]), *angles))
-    expected = [rotation(*angles[:, i]).T @ ground[:, i] for i in range(30)]
-    np.testing.assert_allclose(found, np.transpose(expected), atol=1e-12)
 
 
 def test_a_start_may_be_told_either_way() -> None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from naive.aircraft import rotation
 
 from stoop.errors import SimulationError
 from stoop.simulate import linearize, parameter_rows, trim
-from stoop.simulate.hover import hover_about, rotation
+from stoop.simulate.hover import hover_about
 from stoop.simulate.initial import initial_states
 from stoop.simulate.rotors import accelerations, channel_range, effects
 from stoop.simulate.steady import Trim

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from stoop.cost import Misfit, Piece
 from stoop.flight.variables import WRAPPED
+from stoop.rotations import quaternions_of
 from stoop.simulate import initial_states, parameter_rows
 from stoop.simulate.delays import delayed, output_delays
-from stoop.simulate.initial import quaternion
 from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
@@ -104,8 +104,8 @@ def _averaged(vehicle: Vehicle, states: FloatArray, points: IntArray) -> FloatAr
     down = mean(downs)
     phi = np.arctan2(down[:, :, 1], down[:, :, 2])
     theta = np.arctan2(-down[:, :, 0], np.hypot(down[:, :, 1], down[:, :, 2]))
-    level = quaternion(phi, theta, np.zeros_like(phi))
+    level = quaternions_of(np.stack([phi, theta, np.zeros_like(phi)], axis=-1))
     for i in range(4):
         if f"e{i}" in at:
-            out[at[f"e{i}"]] = level[i]
+            out[at[f"e{i}"]] = level[..., i]
     return np.ascontiguousarray(np.swapaxes(out, 1, 2))

@@ -13,10 +13,11 @@ import numpy as np
 import tomlkit
 
 from stoop.flight import Flight, from_columns
-from stoop.flight.smoother import rotation_matrices
+from stoop.flight.variables import EULER
 from stoop.identify.windows import Window
+from stoop.rotations import matrices_of, quaternions_of
 from stoop.simulate import Maneuver, simulate_flight, trim
-from stoop.simulate.initial import quaternion, rigid_states
+from stoop.simulate.initial import rigid_states
 from stoop.study.findings import FloatArray
 from stoop.study.verify.coverage.scene import BIASES, TRUTHS, Scene, biased, misled
 from stoop.study.verify.steps import maneuver
@@ -117,7 +118,7 @@ def late_sensors(seed: int) -> tuple[Flight, dict[str, float]]:
 def _moved(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """Add velocity over ground and position to what a vehicle's sensors read."""
     body = rigid_states({name: columns[name] for name in ("V", "alpha", "beta")})
-    rotation = rotation_matrices(quaternion(*(columns[name] for name in ("phi", "theta", "psi"))).T)
+    rotation = matrices_of(quaternions_of(np.column_stack([columns[name] for name in EULER])))
     air = np.column_stack([body[name] for name in "uvw"])
     ground = np.einsum("nij,nj->ni", rotation, air) + np.array(WIND)
     place = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (ground[1:] + ground[:-1]), axis=0) / FINE])

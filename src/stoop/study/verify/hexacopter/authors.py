@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from stoop.errors import StoopError
 from stoop.flight import Flight
-from stoop.simulate.initial import body_velocity
+from stoop.flight.variables import EULER
+from stoop.rotations import quaternions_of, to_body
 from stoop.units import FACTORS
 
 FloatArray = NDArray[np.float64]
@@ -104,8 +105,8 @@ def published(folder: Path) -> Published:
 
 def specific_force(flight: Flight, blades: Blades) -> FloatArray:
     """Return the specific force (n, 3) that their model gives on the flight's grid, m/s2; NaN in holes."""
-    north, east, down = (flight.column(c) for c in ("vn", "ve", "vd"))
-    u, v, w = body_velocity((north, east, down), *(flight.column(c) for c in ("phi", "theta", "psi")))
+    ground, angles = (np.column_stack([flight.column(c) for c in n]) for n in (("vn", "ve", "vd"), EULER))
+    u, v, w = to_body(quaternions_of(angles), ground).T
     tips = [(flight.column(f"pwm_{i}") - IDLE) / RANGE * FULL * RADIUS for i in range(1, ROTORS + 1)]
     lift = np.sum([blades.thrust(U, -w) for U in tips], axis=0)
     drag = np.sum([blades.drag(U, -w) for U in tips], axis=0)
