@@ -33,9 +33,10 @@ class _Lines:
     """Lines of one name: their cells, as one text, and what did not fit."""
 
     layout: Layout
-    place: int
+    wanted: bool
     cells: list[bytes] = field(default_factory=list)
     misfits: int = 0
+    unread: int = 0
 
 
 def read_dataflash_text(path: Path, topics: frozenset[str] | None = None) -> Recording:
@@ -70,12 +71,12 @@ def parse_dataflash_text(path: Path, content: bytes, topics: frozenset[str] | No
     kinds, defects = _sorted_lines(path.name, content, topics)
     messages = []
     for name, lines in kinds.items():
-        found, met = _messages(name, lines)
-        messages.append(found)
-        defects += met
-    unread: dict[str, tuple[str, ...]] = {n: () for n in kinds if not is_wanted(n, topics)}
-    wanted = [found for found in messages if found.layout.name not in unread]
-    return replace(assemble(path, wanted, defects), unread=unread)
+        if lines.wanted:
+            found, met = _messages(name, lines)
+            messages.append(found)
+            defects += met
+    names = sorted(name for name, lines in kinds.items() if lines.unread)
+    return replace(assemble(path, messages, defects), unread=dict.fromkeys(names, ()))
 
 
 def _sorted_lines(
@@ -85,18 +86,18 @@ def _sorted_lines(
     kinds: dict[str, _Lines] = {}
     unknown: dict[bytes, int] = {}
     first: dict[bytes, int] = {}
-    known: dict[bytes, _Lines | None] = {}
+    known: dict[bytes, _Lines] = {}
     for at, line in _lines(content):
         name, comma, rest = line.partition(b",")
         name = name.strip()
         if name == b"FMT":
-            _define(rest, at, kinds, known, topics)
+            _define(rest, kinds, known, topics)
         elif not comma or name not in known:
             key = name if comma and len(unknown) < 100 else b""
             unknown[key] = unknown.get(key, 0) + 1
             first.setdefault(key, at)
-        elif (lines := known[name]) is not None:
-            _take(lines, rest)
+        else:
+            _take(known[name], rest)
     return kinds, _strangers(place, unknown, first)
 
 
@@ -114,9 +115,8 @@ def _lines(content: bytes) -> Iterator[tuple[int, bytes]]:
 
 def _define(
     rest: bytes,
-    at: int,
     kinds: dict[str, _Lines],
-    known: dict[bytes, _Lines | None],
+    known: dict[bytes, _Lines],
     topics: frozenset[str] | None,
 ) -> None:
     """Take a definition in: id, length, name, letters, columns; the first of a name counts."""
@@ -133,13 +133,15 @@ def _define(
     layout = make_layout(int(cells[0][:9]), cells[2], cells[3], columns)
     if layout is not None:
         letters = "".join("Z" if letter in TEXTS else "d" for letter in layout.letters)
-        kinds[layout.name] = _Lines(replace(layout, letters=letters), at)
-        wanted = is_wanted(layout.name, topics)
-        known[layout.name.encode()] = kinds[layout.name] if wanted else None
+        lines = _Lines(replace(layout, letters=letters), is_wanted(layout.name, topics))
+        kinds[layout.name] = known[layout.name.encode()] = lines
 
 
 def _take(lines: _Lines, rest: bytes) -> None:
-    """Keep the cells of a line, if they are as many as there are columns; a text at the end may hold commas."""
+    """Keep the cells of a line that is wanted, if there is one for each column; a text at the end may hold commas."""
+    if not lines.wanted:
+        lines.unread += 1
+        return
     least = len(lines.layout.columns) - 1
     commas = rest.count(b",")
     if commas == least or (commas > least and lines.layout.letters[-1] == "Z"):

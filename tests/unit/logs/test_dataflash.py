@@ -62,6 +62,20 @@ def test_only_what_is_wanted(parse: Callable[..., Recording]) -> None:
     assert set(recording.unread) == {"IMU", "POS", "MODE", "TST"}
 
 
+def test_bytes_and_text_leave_the_same_unread() -> None:
+    silent = Table(
+        "RPM", "TimeUS,rpm1", "Qf", "sq", "F-", {"TimeUS": [], "rpm1": []}
+    )  # defined, and never sent
+    log = [*tables(), silent]
+    for topics in (None, frozenset({"ATT"}), frozenset({"ATT", "RPM"})):
+        both = (
+            parse_dataflash(HERE, dataflash_bytes(log), topics),
+            parse_dataflash_text(HERE, as_text(log), topics),
+        )
+        assert list(both[0].unread.items()) == list(both[1].unread.items())
+        assert "RPM" not in both[0].unread
+
+
 def test_text_holds_the_same(tmp_path: Path) -> None:
     log = tables()[1:]  # no units here, and thus no instances
     path = write(tmp_path, as_text(log), "a.log")
