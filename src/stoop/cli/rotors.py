@@ -46,7 +46,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare, and say what each flight shows."""
-    from stoop.identify.effectiveness import Balance, Reference, assess, leave_one_out, together
+    from stoop.identify.effectiveness import (
+        Balance,
+        Reference,
+        advice,
+        assess,
+        judge,
+        leave_one_out,
+        together,
+    )
     from stoop.vehicle.builtin import resolve_vehicle
 
     if arguments.chance >= 0.5:
@@ -61,11 +69,16 @@ def run(arguments: argparse.Namespace) -> int:
     reference = Reference(balance, healthy, repeats=(flown,) if one else ())
     out = page()
     _compare(out, "Healthy flights, each against the others", leave_one_out(reference), arguments.chance)
-    _compare(out, "Flights in question", [assess(h, reference) for h in flown], arguments.chance)
+    found = [assess(h, reference) for h in flown]
+    _compare(out, "Flights in question", found, arguments.chance)
     if one:
         _compare(out, "All in question as one", [assess(together(flown), reference)], arguments.chance)
     out.heading("What it rests on")
     out.bullets(_notes(reference, flown, arguments.chance))
+    advised = advice(reference, flown, [judge(f, arguments.chance) for f in found], arguments.chance)
+    if advised:
+        out.heading("What would make it sharper")
+        out.bullets(advised)
     return 0
 
 
@@ -87,7 +100,7 @@ def _compare(out: Page, title: str, found: Sequence[Assessment], chance: float) 
     out.table(
         [
             words("flight", [f.name for f in found]),
-            words("suspected", [s.rotor for s in suspects]),
+            words("suspected", [_named(f) for f in found]),
             fixed("factor", [1.0 - s.size for s in suspects], 3),
             fixed("std error", [s.std for s in suspects], 3),
             fixed("chance", [f.chance for f in found], 4),
@@ -96,14 +109,26 @@ def _compare(out: Page, title: str, found: Sequence[Assessment], chance: float) 
     )
 
 
+def _named(found: Assessment) -> str:
+    """Name the rotor whose loss explains most, and with it those that explain it nearly as well."""
+    from stoop.identify.effectiveness import alike
+
+    names = alike(found)
+    if len(names) == len(found.weak):
+        return "any"
+    return " or ".join(names) or "none"
+
+
 def _notes(reference: Reference, flown: Sequence[Hover], chance: float) -> list[str]:
     lift, roll, pitch, yaw = (100.0 * float(v) ** 0.5 for v in reference.variances)
+    count = len(reference.hovers)
     battery = reference.battery
     notes = [
-        "factor: thrust and torque per command, against the healthy flights, if this rotor alone has changed",
+        "suspected: whose loss explains most, and who explains it nearly as well; any: all of them do",
+        "factor: thrust and torque per command, against the healthy flights, if the first of them alone has changed",
         f"chance: how often a healthy flight makes any rotor this suspect; a rotor is accused below {chance:g}",
         f"between healthy flights lift scatters by {lift:.1f} %, roll and pitch by {roll:.1f} % and {pitch:.1f} % of "
-        f"weight times arm, yaw by {yaw:.1f} % of the rotors' torque ({len(reference.hovers)} flights, and what is usual)",
+        f"weight times arm, yaw by {yaw:.1f} % of the rotors' torque ({count} flight{'s' * (count > 1)}, and what is usual)",
         "a weak propeller and a mass near it differ in the yaw balance alone; what hangs in the wake of a rotor changes it too",
     ]
     if math.isfinite(reference.voltage):

@@ -3,7 +3,8 @@
 from stoop.identify.effectiveness.balance import Balance
 from stoop.identify.effectiveness.compare import Assessment, Reference, Suspect, assess, leave_one_out
 from stoop.identify.effectiveness.hover import Hover, hover, together
-from stoop.identify.effectiveness.verdict import Verdict, judge
+from stoop.identify.effectiveness.sharper import advice
+from stoop.identify.effectiveness.verdict import Verdict, alike, judge
 
 __all__ = [
     "Assessment",
@@ -12,6 +13,8 @@ __all__ = [
     "Reference",
     "Suspect",
     "Verdict",
+    "advice",
+    "alike",
     "assess",
     "hover",
     "judge",

@@ -118,11 +118,18 @@ class Reference:
 
     def covariance(self, hover: Hover) -> FloatArray:
         """Return that of the difference between one more healthy flight and the mean of these, (4, 4)."""
-        count = len(self.hovers)
-        between = self.variances * (1.0 + 1.0 / count)
-        between[0] += (self.battery.std * self._apart(hover)) ** 2
-        within = hover.covariance + sum(h.covariance for h in self.hovers) / count**2
-        return np.asarray(np.diag(between) + within / np.outer(self.units, self.units))
+        return self.between(hover, len(self.hovers)) + self.within(hover)
+
+    def between(self, hover: Hover, count: int) -> FloatArray:
+        """Return what flights differ by, (4, 4), were there so many healthy ones."""
+        variances = self.variances * (1.0 + 1.0 / count)
+        variances[0] += (self.battery.std * self._apart(hover)) ** 2
+        return np.diag(variances)
+
+    def within(self, hover: Hover) -> FloatArray:
+        """Return what the scatter within the flights adds, (4, 4)."""
+        scatter = hover.covariance + sum(h.covariance for h in self.hovers) / len(self.hovers) ** 2
+        return np.asarray(scatter / np.outer(self.units, self.units))
 
     def _apart(self, hover: Hover) -> float:
         """Return how far its voltage is from that of the healthy flights, relative; nothing where it is unknown."""

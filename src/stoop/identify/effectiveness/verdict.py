@@ -43,10 +43,8 @@ def judge(assessment: Assessment, chance: float = CHANCE) -> Verdict:
     """Decide what may be said of a flight when a healthy one is to be accused with the given chance at most."""
     if assessment.chance > chance:
         return _not_accused(assessment, chance)
-    best = assessment.suspected
-    rivals = [s for s in assessment.weak if s is not best and s.size > 0.0 and s.left - best.left < APART]
-    if rivals:
-        named = (best.rotor, *(s.rotor for s in sorted(rivals, key=lambda s: s.left)))
+    best, named = assessment.suspected, alike(assessment)
+    if len(named) > 1:
         words = f"{' or '.join(named)}: which of them cannot be told"
         return Verdict("several", named, assessment.chance, words)
     mass = assessment.mass_near(best.rotor)
@@ -56,11 +54,25 @@ def judge(assessment: Assessment, chance: float = CHANCE) -> Verdict:
     return Verdict("weak or mass", (best.rotor,), assessment.chance, f"propeller or mass near {best.rotor}")
 
 
+def alike(assessment: Assessment) -> tuple[str, ...]:
+    """Return the rotor whose loss explains most, and after it those that explain it nearly as well; none where none loses."""
+    best = assessment.suspected
+    if not best.size > 0.0:
+        return ()
+    rivals = [s for s in assessment.weak if s is not best and s.size > 0.0 and s.left - best.left < APART]
+    return best.rotor, *(s.rotor for s in sorted(rivals, key=lambda s: s.left))
+
+
 def least_seen(assessment: Assessment, chance: float = CHANCE) -> float:
     """Return the loss of thrust of the best-observed rotor that would be seen four times in five."""
-    t = stats.t(assessment.degrees)
-    needed = t.isf(chance / len(assessment.weak)) + t.isf(1.0 - SEEN)
-    return float(needed * min(s.std for s in assessment.weak))
+    best = min(s.std for s in assessment.weak)
+    return needed(assessment.degrees, len(assessment.weak), chance) * best
+
+
+def needed(degrees: float, rotors: int, chance: float) -> float:
+    """Return how many standard errors a loss has that is seen four times in five."""
+    t = stats.t(degrees)
+    return float(t.isf(chance / rotors) + t.isf(1.0 - SEEN))
 
 
 def odd(assessment: Assessment, left: float, freedom: int) -> bool:

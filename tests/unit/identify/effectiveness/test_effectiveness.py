@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,8 @@ from stoop.identify.effectiveness import (
     Balance,
     Hover,
     Reference,
+    advice,
+    alike,
     assess,
     hover,
     judge,
@@ -23,6 +27,7 @@ from stoop.identify.effectiveness import (
 )
 from stoop.identify.effectiveness.battery import Battery, battery
 from stoop.identify.effectiveness.compare import USUAL
+from stoop.identify.effectiveness.verdict import least_seen
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
@@ -307,3 +312,47 @@ def test_a_rotor_that_was_never_commanded_is_no_suspect(quad: Balance) -> None:
     found = assess(idle, healthy(quad, rng, 3))
     assert found.weak[2].sigmas == 0.0
     assert judge(found).kind != "healthy"
+
+
+def test_rotors_that_explain_it_nearly_as_well_are_named_with_it(hexa: Balance, quad: Balance) -> None:
+    """A rotor of six and its neighbor differ by less than flights do, until the loss is large."""
+    rng = np.random.default_rng(14)
+    reference, rotor = healthy(hexa, rng, 3), hexa.rotors[0]
+    small = assess(flown(hexa, rng, "small", **{rotor: 0.15}), reference)
+    assert len(alike(small)) > 1
+    assert alike(small)[0] == small.suspected.rotor
+    assert rotor in alike(small)
+    plain = assess(flown(quad, rng, "large", M3=0.4), healthy(quad, rng, 3))
+    assert alike(plain) == ("M3",)
+    gains = assess(flown(quad, rng, "gains", M1=-0.3, M2=-0.3, M3=-0.3, M4=-0.3), healthy(quad, rng, 3))
+    assert alike(gains) == ()
+
+
+def test_what_is_advised_brings_what_is_promised(quad: Balance) -> None:
+    """In the mean, eight healthy flights show what flights of three were told that eight would."""
+    rng = np.random.default_rng(15)
+    promised, kept = [], []
+    for _ in range(60):
+        few, many, new = healthy(quad, rng, 3), healthy(quad, rng, 8), flown(quad, rng, "new")
+        promised += [float(re.findall(r"to (\d+) %", words)[0]) for words in advice(few, [new], [], 0.05)]
+        kept.append(100.0 * least_seen(assess(new, many)))
+        assert advice(many, [new], [], 0.05) == []
+    assert len(promised) > 50
+    assert np.mean(kept) == pytest.approx(np.mean(promised), abs=0.5)
+
+
+def test_a_restless_flight_is_to_be_a_plain_hover(quad: Balance) -> None:
+    rng = np.random.default_rng(16)
+    reference, new = healthy(quad, rng, 8), flown(quad, rng, "new")
+    restless = replace(new, covariance=np.diag(np.square(0.02 * reference.units)))
+    (calm,) = advice(reference, [restless], [], 0.05)
+    before, after = (round(100.0 * least_seen(assess(h, reference))) for h in (restless, new))
+    assert "a plain hover: the commands vary much within these flights" in calm
+    assert f"from {before} % to {after} %" in calm
+
+
+def test_an_accused_propeller_is_to_be_swapped(quad: Balance) -> None:
+    rng = np.random.default_rng(17)
+    reference, new = healthy(quad, rng, 8), flown(quad, rng, "new", M3=0.3)
+    (swap,) = advice(reference, [new], [judge(assess(new, reference))], 0.05)
+    assert swap.startswith("swap the propeller of M3 with that of a rotor that turns the same way")
