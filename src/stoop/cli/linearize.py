@@ -42,6 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Linearize and print, or write."""
     from stoop.simulate import linearize
+    from stoop.simulate.linearize import left_out
 
     target: Path | None = arguments.json
     if target is not None and target != STDOUT:
@@ -51,6 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
     model = linearize(vehicle, point)
     if target is None:
         _print(page(), vehicle, model, condition(vehicle, point, arguments))
+        page().bullets(left_out(vehicle))
     else:
         _write(target, linear_document(vehicle, point, model, arguments.climb_angle))
     return 0

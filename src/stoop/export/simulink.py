@@ -20,6 +20,7 @@ from stoop.export.state_space import variables as linear_variables
 from stoop.simulate import Trim, initial_states, parameter_rows
 from stoop.vehicle import Vehicle
 from stoop.vehicle.symbolic import build_model
+from stoop.vehicle.vehicle import slope_input
 
 
 class _Printer(OctaveCodePrinter):  # type: ignore[misc]
@@ -46,7 +47,7 @@ def matlab(vehicle: Vehicle, point: Trim, linear: StateSpace) -> Matlab:
     name = identifier(vehicle.name)
     texts = {
         f"{name}_equations.m": equations(vehicle, name),
-        f"{name}_fly.m": _FLY.format(name=name),
+        f"{name}_fly.m": _flight(vehicle, name),
         f"{name}_simulink.m": _SIMULINK.format(name=name),
     }
     return Matlab(name, texts, _variables(vehicle, point, linear))
@@ -111,6 +112,23 @@ def state_unit(name: str, vehicle: Vehicle) -> str:
     return "1" if name in ("e0", "e1", "e2", "e3", "none") else unit(name, vehicle)
 
 
+def _flight(vehicle: Vehicle, name: str) -> str:
+    """Return the script that flies; slopes of channels are its own work."""
+    if not vehicle.sloped:
+        return _FLY.format(name=name, slopes="", hold="", turn="")
+    to, of = (
+        " ".join(str(1 + vehicle.inputs.index(n)) for n in names)
+        for names in (map(slope_input, vehicle.sloped), vehicle.sloped)
+    )
+    return _FLY.format(
+        name=name,
+        slopes=f"slopes = diff(u(:, [{of}])) / h;  % of channels that spin rotors up, held between samples\n"
+        f"u(:, [{to}]) = slopes([1:end end], :);\n",
+        hold=f"    b([{to}]) = a([{to}]);\n",
+        turn=f"    b([{to}]) = u(k + 1, [{to}])';\n",
+    )
+
+
 _FLY: Final = """\
 function [y, x] = {name}_fly(time, u, x0, p)
 % Fly given inputs from a given start by Runge-Kutta of order four, inputs linear between samples.
@@ -121,7 +139,7 @@ function [y, x] = {name}_fly(time, u, x0, p)
 %   y = {name}_fly(t, repmat(m.u0', numel(t), 1), m.x0, m.p);
 n = numel(time);
 h = time(2) - time(1);
-x = zeros(n, numel(x0));
+{slopes}x = zeros(n, numel(x0));
 x(1, :) = x0(:)';
 [~, first] = {name}_equations(x0, u(1, :)', p);
 y = zeros(n, numel(first));
@@ -130,13 +148,13 @@ for k = 1:n - 1
     s = x(k, :)';
     a = u(k, :)';
     b = u(k + 1, :)';
-    k1 = {name}_equations(s, a, p);
+{hold}    k1 = {name}_equations(s, a, p);
     k2 = {name}_equations(s + h / 2 * k1, (a + b) / 2, p);
     k3 = {name}_equations(s + h / 2 * k2, (a + b) / 2, p);
     k4 = {name}_equations(s + h * k3, b, p);
     s = s + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4);
     x(k + 1, :) = s';
-    [~, reading] = {name}_equations(s, b, p);
+{turn}    [~, reading] = {name}_equations(s, b, p);
     y(k + 1, :) = reading';
 end
 end

@@ -127,6 +127,9 @@ def unit(name: str, vehicle: Vehicle) -> str:
 
     if name in _UNITS:
         return _UNITS[name]
+    if name.endswith(".slope"):
+        own = unit(name.removesuffix(".slope"), vehicle)
+        return f"{own}2" if own.endswith("/s") else f"{own}/s"
     if vehicle.file.rotors is not None and name.removesuffix(".lag") in vehicle.rotors:
         return "rad/s" if vehicle.file.rotors.drive == "speed" else "1"
     return VARIABLES[name].unit if name in VARIABLES else "rad"

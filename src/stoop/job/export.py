@@ -18,7 +18,9 @@ from stoop.flight import VARIABLES
 from stoop.job.export_page import PAGE, Comparison, compare, page_text, verdict
 from stoop.job.export_subject import Maneuver, Subject
 from stoop.simulate import Trim, trim
+from stoop.simulate.linearize import left_out
 from stoop.vehicle import Vehicle
+from stoop.vehicle.vehicle import slope_input
 
 NOT_FLOWN: Final = "Not flown: the package jsbsim is not installed; pip install 'stoop[jsbsim]'."
 
@@ -166,7 +168,7 @@ def _state_space(subject: Subject, condition: Condition) -> Exported:
         f"{name}.json": state_space.json_text(found).encode("utf-8"),
         f"{name}.mat": state_space.mat_bytes(state_space.variables(found)),
     }
-    return Exported(files, f"{name}.json", subject.notes)
+    return Exported(files, f"{name}.json", (*subject.notes, *left_out(subject.vehicle)))
 
 
 def _simulink(subject: Subject, condition: Condition) -> Exported:
@@ -176,7 +178,16 @@ def _simulink(subject: Subject, condition: Condition) -> Exported:
         subject.vehicle, point, state_space.state_space(subject.vehicle, point, subject.known)
     )
     files = _encoded(found.texts) | {f"{found.name}.mat": state_space.mat_bytes(found.variables)}
-    return Exported(files, f"{found.name}_simulink.m", subject.notes)
+    return Exported(files, f"{found.name}_simulink.m", (*subject.notes, *_slopes(subject.vehicle)))
+
+
+def _slopes(vehicle: Vehicle) -> tuple[str, ...]:
+    """Say who gives the slopes that spin rotors up."""
+    if not vehicle.sloped:
+        return ()
+    named = ", ".join(map(slope_input, vehicle.sloped))
+    fed = f"{named}: the function that flies works them out; in Simulink feed them beside their channels."
+    return (fed, *left_out(vehicle))
 
 
 def _encoded(texts: Mapping[str, str]) -> dict[str, bytes]:

@@ -76,6 +76,16 @@ def linearize(vehicle: Vehicle, point: Trim) -> LinearModel:
     return _assemble(vehicle, _names(vehicle, point), _evaluate(vehicle, point))
 
 
+def left_out(vehicle: Vehicle) -> tuple[str, ...]:
+    """Say what a linear model x' = A x + B u does not have of a vehicle; nothing where it has all."""
+    if not vehicle.sloped:
+        return ()
+    return (
+        "Left out of A, B, C and D: that the body turns as rotors spin up, which the slopes of "
+        f"{', '.join(vehicle.sloped)} say; with rotors.lag it is in.",
+    )
+
+
 def state_matrix(vehicle: Vehicle, point: Trim) -> tuple[tuple[str, ...], FloatArray]:
     """Return the names of the states of the linear model, and A alone."""
     G, rates, *_ = _evaluate(vehicle, point)

@@ -20,8 +20,22 @@ from stoop.export.simulink import Matlab, equations, matlab
 from stoop.export.state_space import mat_bytes, state_space
 from stoop.simulate import Trim, initial_states, parameter_rows, trim
 from stoop.study.verify.export.aircraft import load
-from stoop.vehicle import Vehicle
+from stoop.vehicle import Vehicle, parse_vehicle
 
+FREE = """
+name = "free"
+[mass]
+mass = 1.0
+inertia = { xx = 0.02, yy = 0.02, zz = 0.03 }
+[rotors]
+drive = "speed"
+T2 = 1e-5
+inertia = 6e-5
+[rotor.one]
+channel = "rotor_1"
+position = [0.0, 0.0, 0.0]
+spin = "ccw"
+"""
 FUNCTIONS = {"sqrt": math.sqrt, "atan2": math.atan2, "abs": abs, "atan": math.atan}
 OPERATIONS: dict[type, Any] = {
     ast.Add: lambda a, b: a + b,
@@ -88,6 +102,34 @@ def check(vehicle: Vehicle, point: Trim, text: str) -> None:
 
 def test_the_function_computes_what_the_kernel_does(twin_boom: Vehicle, steady: Trim) -> None:
     check(twin_boom, steady, equations(twin_boom, "twin_boom"))
+
+
+def test_it_flies_with_the_slopes_of_channels_that_spin_rotors_up(twin_boom: Vehicle) -> None:
+    """The script's own steps, one for one in Python, keep the angular momentum of a free body."""
+    vehicle = parse_vehicle(FREE, "free")
+    still = Trim({"h": 100.0}, {}, {}, np.array([990.0, 0.0]), {}, 0.0)
+    found = files(vehicle, still)
+    script, function = found.texts["free_fly.m"], found.texts["free_equations.m"]
+    assert "u(2) rotor_1.slope, rad/s2" in function
+    for line in (
+        "slopes = diff(u(:, [1])) / h;  % of channels",
+        "u(:, [2]) = slopes([1:end end], :);",
+        "    b([2]) = a([2]);",
+        "    b([2]) = u(k + 1, [2])';",
+    ):
+        assert line in script
+    assert not any("slope" in text for text in files(twin_boom, trim(twin_boom)).texts.values())
+    u = np.zeros((4, 2))
+    u[:, 0], h = (990.0, 1010.0, 970.0, 1000.0), 0.01
+    u[:, 1] = (np.diff(u[:, 0]) / h)[[0, 1, 2, 2]]
+    p, s = parameter_rows(vehicle)[:, 0], initial_states(vehicle, {}, parameter_rows(vehicle), u[0])[:, 0]
+    for k in range(3):
+        a, b = u[k], np.array([u[k + 1, 0], u[k, 1]])
+        k1 = run(function, s, a, p)[0]
+        k2 = run(function, s + h / 2 * k1, (a + b) / 2, p)[0]
+        k3 = run(function, s + h / 2 * k2, (a + b) / 2, p)[0]
+        s = s + h / 6 * (k1 + 2 * k2 + 2 * k3 + run(function, s + h * k3, b, p)[0])
+        assert s[vehicle.states.index("r")] == pytest.approx(6e-5 / 0.03 * (u[k + 1, 0] - 990.0), abs=1e-12)
 
 
 @pytest.mark.slow
