@@ -173,14 +173,14 @@ class Sensors(Table):
 
 
 class Gust(Table):
-    """A Dryden gust along one body axis (MIL-F-8785C)."""
+    """A Dryden gust along one axis (MIL-F-8785C)."""
 
     intensity: Quantity  #: sigma, root mean square, m/s
     length: Quantity  #: scale length L, m
 
 
 class Turbulence(Table):
-    """Gusts along the body axes; an axis that is left out is calm."""
+    """Gusts along the body axes, of vehicles with rotors north, east and down; an axis that is left out is calm."""
 
     u: Gust | None = None
     v: Gust | None = None

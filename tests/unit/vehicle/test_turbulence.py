@@ -5,10 +5,12 @@ import json
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from stoop.errors import VehicleError
 from stoop.simulate import initial_states, parameter_rows
 from stoop.vehicle import parse_vehicle
+from stoop.vehicle.builtin import resolve_vehicle
 
 TABLE = """
 [turbulence]
@@ -63,6 +65,27 @@ def test_a_gust_is_felt_as_the_opposite_motion(twin_boom: str) -> None:
     x[at["gust.w.fast"], 1] = 0.7 / np.sqrt(3.0)
     _, readings = gusty.kernel().evaluate(np.repeat(rows, 2, axis=1), x, np.zeros((6, 2)))
     assert np.allclose(readings[:, 0], readings[:, 1], rtol=1e-12, atol=1e-12)
+
+
+def test_a_gust_does_not_turn_with_what_hovers() -> None:
+    """At rest in air that moves by (1, -0.7, 0.4) m/s north, east, down is the opposite motion through calm air."""
+    text = resolve_vehicle("quad-x").text + TABLE.replace("]", "]\nairspeed = 5.0", 1)
+    gusty = parse_vehicle(text, "gusty")
+    blown, turned = np.array([1.0, -0.7, 0.4]), {"phi": 0.3, "theta": -0.2, "psi": 1.9}
+    through_air = Rotation.from_euler("ZYX", [1.9, -0.2, 0.3]).inv().apply(-blown)
+    rows, u = parameter_rows(gusty), np.array([0.6, 0.55, 0.6, 0.62, 0.0, 0.0, 0.0])
+    still = initial_states(gusty, {"h": 50.0, **turned}, rows, u)
+    moving = initial_states(
+        gusty, {"h": 50.0, **turned, **dict(zip("uvw", through_air, strict=True))}, rows, u
+    )
+    at = dict(zip(gusty.states, range(len(gusty.states)), strict=True))
+    for axis, value in zip("uvw", blown, strict=True):
+        still[[i for name, i in at.items() if name.startswith(f"gust.{axis}")]] = value
+    both = np.concatenate([still, moving], axis=1)
+    rates, readings = gusty.kernel().evaluate(np.repeat(rows, 2, axis=1), both, np.tile(u[:, None], 2))
+    felt = [gusty.outputs.index(c) for c in ("ax", "ay", "az")]
+    assert readings[felt, 0] == pytest.approx(readings[felt, 1], abs=1e-12)
+    assert rates[[at[r] for r in "pqr"], 0] == pytest.approx(rates[[at[r] for r in "pqr"], 1], abs=1e-12)
 
 
 def test_an_intensity_can_be_estimated_and_tied(twin_boom: str) -> None:

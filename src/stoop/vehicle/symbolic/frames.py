@@ -122,3 +122,8 @@ def over_ground(e: tuple[Any, Any, Any, Any], velocity: Vector) -> Vector:
         + 2 * (e2 * e3 + e0 * e1) * v
         + (squares[0] - squares[1] - squares[2] + squares[3]) * w,
     )
+
+
+def to_body(e: tuple[Any, Any, Any, Any], earth: Vector) -> Vector:
+    """Return a vector in Earth axes in those of the body, for a quaternion of unit length."""
+    return over_ground((e[0], -e[1], -e[2], -e[3]), earth)

@@ -11,6 +11,8 @@ Flown through at the speed V*, with a = V*/L and white noise of unit intensity, 
 
 The second one has the states f' = -a f + sigma sqrt(a) n (fast) and g' = a (f - g) (slow), and the output
 sqrt(3) f + (1 - sqrt(3)) g. The speed is the reference airspeed: the filters are linear, their coefficients constant.
+They blow along the axes of the body, which an aircraft in flight keeps along its path. A vehicle that hovers turns on the
+spot, and the air does not turn with it: there u, v, w are the air's own velocity to the north, to the east and downward.
 Gusts over the span and the length (p_g, q_g, r_g) are left out: they are weak where the aircraft is small against L.
 
 References
@@ -26,6 +28,7 @@ from typing import Any
 
 import sympy as sp
 
+from stoop.vehicle.symbolic.frames import to_body
 from stoop.vehicle.symbolic.symbols import Numbers, Vector, subtract
 from stoop.vehicle.vehicle import GUST_STATES, noise_input
 
@@ -33,12 +36,15 @@ _ROOT3 = sp.sqrt(3).evalf(20)
 
 
 def relative(n: Numbers, velocity: Vector, states: Mapping[str, Any]) -> Vector:
-    """Return the velocity relative to the moving air: the body's, less the gusts."""
+    """Return the velocity relative to the moving air, body axes: the body's, less the gusts."""
     if not n.vehicle.gusts:
         return velocity
     gust = {axis: _gust(axis, states) for axis in n.vehicle.gusts}
     zero = sp.Integer(0)
-    return subtract(velocity, (gust.get("u", zero), gust.get("v", zero), gust.get("w", zero)))
+    blown: Vector = (gust.get("u", zero), gust.get("v", zero), gust.get("w", zero))
+    if n.vehicle.hovers:
+        blown = to_body((states["e0"], states["e1"], states["e2"], states["e3"]), blown)
+    return subtract(velocity, blown)
 
 
 def rates(n: Numbers, states: Mapping[str, Any], channels: Mapping[str, Any]) -> dict[str, Any]:
@@ -50,7 +56,7 @@ def rates(n: Numbers, states: Mapping[str, Any], channels: Mapping[str, Any]) ->
 
 
 def _gust(axis: str, states: Mapping[str, Any]) -> Any:
-    """Return the velocity of the air along a body axis, m/s."""
+    """Return the velocity of the air along an axis, m/s."""
     own = [states[s] for s in GUST_STATES[axis]]
     return own[0] if axis == "u" else _ROOT3 * own[0] + (1 - _ROOT3) * own[1]
 
