@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -10,10 +10,16 @@ import numpy as np
 
 from stoop.flight.channels import Channels
 from stoop.flight.faults import Fault
+from stoop.flight.guilty import declared
 from stoop.flight.mapping import READY
 from stoop.flight.variables import VARIABLES
+from stoop.logs import FloatArray
+from stoop.units import FACTORS
 
 LEAST: Final = 20  #: samples that say anything
+FORCE: Final = ("ax", "ay", "az")
+ALIKE: Final = 4.0  #: ratio of the noise of axes of one sensor and one unit
+BAND: Final = 2.0  #: a ratio of noise this close to that of two units is taken for it
 
 
 @dataclass(frozen=True)
@@ -37,9 +43,10 @@ RANGES: Final = {
     "pressure": Range(1.0e4, 1.2e5, (("hPa", 1e-2), ("kPa", 1e-3))),
     "temperature": Range(180.0, 340.0, (("degC", 0.0),)),
     "density": Range(0.2, 1.6, ()),
-    "airspeed_pitot": Range(0.0, 400.0, (("cm/s", 1e2), ("mm/s", 1e3))),
-    "V": Range(0.0, 400.0, (("cm/s", 1e2), ("mm/s", 1e3))),
-    **{name: Range(0.0, 400.0, (("cm/s", 1e2), ("mm/s", 1e3))) for name in ("vn", "ve", "vd")},
+    **{
+        name: Range(0.0, 400.0, (("cm/s", 1e2), ("mm/s", 1e3)))
+        for name in ("airspeed_pitot", "airspeed_equivalent", "V", "vn", "ve", "vd")
+    },
     "altitude": Range(0.0, 2.0e4, (("cm", 1e2), ("mm", 1e3))),
     **{f"rotor_{n}": Range(0.0, 6.0e3, (("rpm", 9.549),)) for n in range(1, 17)},
     **{f"pwm_{n}": Range(400.0, 3000.0, (("s", 1e-6), ("ms", 1e-3))) for n in range(1, 17)},
@@ -51,7 +58,7 @@ RANGES: Final = {
 
 
 def unit_faults(channels: Sequence[Channels], places: Mapping[str, str]) -> list[Fault]:
-    """Look for channels whose size no flight can have, and name the unit that would explain it.
+    """Look for channels whose size no flight can have, or not beside their siblings, and name the unit that explains it.
 
     Parameters
     ----------
@@ -60,14 +67,74 @@ def unit_faults(channels: Sequence[Channels], places: Mapping[str, str]) -> list
     """
     found = []
     for group in channels:
-        for name in RANGES.keys() & group.values.keys():
-            size = _size(name, group)
-            known = RANGES[name]
-            if size and not known.low <= size <= known.high:
-                at = (float(group.time[0]), float(group.time[-1]))
-                words = _words(name, size, known, places.get(name, ""))
-                found.append(Fault("wrong unit", name, size, *at, words))
+        units = {name: unit for name in group.values if (unit := _declared(places.get(name, ""), name))}
+        told = list(_impossible(group, places, units)) or list(_odd_force(group, places, units))
+        for name, size, words in told:
+            found.append(Fault("wrong unit", name, size, float(group.time[0]), float(group.time[-1]), words))
     return sorted(found, key=lambda fault: list(VARIABLES).index(fault.variable))
+
+
+def _declared(place: str, name: str) -> str:
+    """Return the unit that a mapping of the user's says for a variable; empty where there is none."""
+    return declared(place.rpartition(": ")[0]).get(name, "") if is_own(place) else ""
+
+
+def _impossible(
+    group: Channels, places: Mapping[str, str], units: Mapping[str, str]
+) -> Iterator[tuple[str, float, str]]:
+    for name in RANGES.keys() & group.values.keys():
+        size, known = _size(name, group), RANGES[name]
+        if size and not known.low <= size <= known.high:
+            alike = _alike(name, group, units)
+            at = _at(places.get(name, "")) + (f", and for {' and '.join(alike)}" if alike else "")
+            yield name, size, _words(name, size, known, units.get(name, ""), at)
+
+
+def _alike(name: str, group: Channels, units: Mapping[str, str]) -> list[str]:
+    """Return what shares a wrong unit: siblings of the vertical force that are said to be in it and scatter as it does."""
+    if name != "az" or name not in units:
+        return []
+    own = _scatter(group.values[name])
+    others = [n for n in FORCE if n != name and units.get(n) == units[name]]
+    return [n for n in others if own / ALIKE < _scatter(group.values[n]) < own * ALIKE]
+
+
+def _odd_force(
+    group: Channels, places: Mapping[str, str], units: Mapping[str, str]
+) -> Iterator[tuple[str, float, str]]:
+    """Tell an axis of the specific force with another unit than its siblings, if it scatters by as much more or less."""
+    if not set(FORCE) <= units.keys() or not {units[n] for n in FORCE} <= FACTORS.keys():
+        return
+    for name in FORCE:
+        one, two = (n for n in FORCE if n != name)
+        other = 0.5 * (_scatter(group.values[one]) + _scatter(group.values[two]))
+        ratio = _scatter(group.values[name]) / other if other > 0.0 else 0.0
+        meant = _unit_of_siblings(units[name], units[one], units[two], ratio)
+        if units[name] == units[one] == units[two] and name == "az" and _weightless(group.values[name]):
+            meant = "g" if 1.0 / BAND < ratio * FACTORS["g"] / FACTORS[units[name]] < BAND else ""
+        if meant:
+            words = (
+                f"{name} is mapped as {units[name]}, {one} as {units[one]} and {two} as {units[two]}, and {name} scatters "
+                f'{ratio:.3g} times as much as they do: write unit = "{meant}"{_at(places[name])}'
+            )
+            yield name, ratio, words
+
+
+def _unit_of_siblings(own: str, one: str, two: str, ratio: float) -> str:
+    """Return the unit of two axes where the third is said to have another, and scatters by the factor between them."""
+    if one != two or own == one:
+        return ""
+    return one if 1.0 / BAND < ratio * FACTORS[one] / FACTORS[own] < BAND else ""
+
+
+def _weightless(x: FloatArray) -> bool:
+    return abs(float(np.nanmedian(x))) < RANGES["az"].low if np.isfinite(x).any() else False
+
+
+def _scatter(x: FloatArray) -> float:
+    """Return the median size of the second differences: noise of the sensor, whatever the vehicle does."""
+    jumps = np.abs(np.diff(x[np.isfinite(x)], 2))
+    return float(np.median(jumps)) if jumps.size >= LEAST else 0.0
 
 
 def _size(name: str, group: Channels) -> float:
@@ -78,15 +145,18 @@ def _size(name: str, group: Channels) -> float:
     return float(np.median(seen)) if seen.size >= LEAST else 0.0
 
 
-def _words(name: str, size: float, known: Range, place: str) -> str:
+def _words(name: str, size: float, known: Range, said: str, at: str) -> str:
     unit = VARIABLES[name].unit
     what = "the specific force" if name == "az" else name
-    meant = next((u for u, many in known.units if many and known.low <= size / many <= known.high), "")
+    plain = [(unit, FACTORS[said])] if FACTORS.get(said, 1.0) != 1.0 else []  # as if no unit had been said
+    meant = next(
+        (u for u, many in (*plain, *known.units) if many and known.low <= size / many <= known.high), ""
+    )
     if name == "temperature" and size < 100.0:
         meant = "degC"
     fix = f"its column looks like {meant}: " if meant else "its column holds something else: "
     line = f'unit = "{meant}"' if meant else "another column"
-    return f"{what} is {size:.3g} {unit} in the median, which no flight has; {fix}write {line}{_at(place)}"
+    return f"{what} is {size:.3g} {unit} in the median, which no flight has; {fix}write {line}{at}"
 
 
 def _at(place: str) -> str:

@@ -67,7 +67,9 @@ def test_gravity_tells_the_unit_of_the_specific_force(tmp_path: Path) -> None:
         "the specific force is 1.02 m/s2 in the median, which no flight has; its column looks like g"
         in fault.message
     )
-    assert fault.message.endswith(f'write unit = "g" for variables.az in {tmp_path / "f.csv.toml"}')
+    assert fault.message.endswith(
+        f'write unit = "g" for variables.az in {tmp_path / "f.csv.toml"}, and for ax and ay'
+    )
 
 
 def test_swapped_axes(tmp_path: Path) -> None:
@@ -102,3 +104,45 @@ def test_units_that_explain_a_size() -> None:
     assert all(f'write unit = "{unit}"' in found[name] for name, unit in meant.items()), found
     assert "write another column" in found["density"]
     assert found["motor_1"].endswith("for variables.motor_1 in m.toml")
+
+
+def noisy(folder: Path, units: str, **factors: float) -> list[str]:
+    """Return what is told of a flight whose accelerometers are noisy and whose mapping says these units of them."""
+    rng = np.random.default_rng(0)
+    columns = motion()
+    for name in ("ax", "ay", "az"):
+        columns[name] = factors.get(name, 1.0) * (columns[name] + rng.normal(0.0, 0.1, T.size))
+    flight(folder, **columns)
+    file = folder / "f.csv.toml"
+    text = file.read_text()
+    for name, unit in zip(("ax", "ay", "az"), units.split(), strict=True):
+        text = text.replace(f'"{name}", unit = "m/s2"', f'"{name}", unit = "{unit}"')
+    file.write_text(text)
+    return [
+        f.message.replace(str(file), "M") for f in load(folder / "f.csv").faults if f.kind == "wrong unit"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("units", "factors", "fix"),
+    [
+        ("m/s2 m/s2 g", {}, 'write unit = "m/s2" for variables.az in M'),
+        ("g g g", {}, 'write unit = "m/s2" for variables.az in M, and for ax and ay'),
+        ("m/s2 m/s2 m/s2", {"az": 1 / 9.80665}, 'write unit = "g" for variables.az in M'),
+        ("g m/s2 m/s2", {}, 'write unit = "m/s2" for variables.ax in M'),
+        (
+            "g m/s2 g",
+            {"ax": 1 / 9.80665, "ay": 1 / 9.80665, "az": 1 / 9.80665},
+            'unit = "g" for variables.ay in M',
+        ),
+    ],
+)
+def test_g_and_metres_per_second_squared_are_told_apart(
+    tmp_path: Path, units: str, factors: dict[str, float], fix: str
+) -> None:
+    (told,) = noisy(tmp_path, units, **factors)
+    assert told.endswith(fix)
+
+
+def test_axes_in_units_of_their_own_are_right(tmp_path: Path) -> None:
+    assert noisy(tmp_path, "g m/s2 g", ax=1 / 9.80665, az=1 / 9.80665) == []
