@@ -80,6 +80,9 @@ def ardupilot_log(flight: Flight) -> tuple[bytes, str]:
 
 
 def _measure_air(streams: dict[str, Columns], left: Columns, beside: Beside) -> None:
+    if "airspeed_pitot" in left and "ARSP" not in streams:
+        streams["ARSP"] = {"Airspeed": left.pop("airspeed_pitot")}
+        beside.name("airspeed_pitot", "Airspeed", "m/s", "ARSP")
     if "V" in left and "ARSP" not in streams:
         streams["ARSP"] = {"Airspeed": left.pop("V")}
         beside.name("V", "Airspeed", "m/s", "ARSP")

@@ -18,7 +18,7 @@ from stoop.logs import FloatArray
 from stoop.units import STANDARD_GRAVITY
 
 WATCHED: Final = frozenset(
-    "V alpha beta p q r phi theta psi ax ay az vn ve vd q0 q1 q2 q3 airspeed_pitot".split()  # noqa: SIM905
+    "V alpha beta p q r phi theta psi ax ay az vn ve vd q0 q1 q2 q3 airspeed_pitot airspeed_equivalent".split()  # noqa: SIM905
 )  #: channels that move whenever the vehicle does
 STUCK_TIME: Final = 1.0  #: s
 STUCK_SAMPLES: Final = 25

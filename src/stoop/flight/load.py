@@ -18,6 +18,7 @@ from stoop.flight.channels import SourceRate, tame
 from stoop.flight.chosen import channels_of, mapping_of, topics_of
 from stoop.flight.clocks import lateness
 from stoop.flight.consistency import rate_faults
+from stoop.flight.equivalent import of_the_true_one, with_true_airspeed
 from stoop.flight.faults import Fault, recorded_faults, rest_faults, sign_faults, without_faulty
 from stoop.flight.flight import Flight
 from stoop.flight.grid import Grid
@@ -76,9 +77,10 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = DEFA
 
 def _gridded(path: Path, recording: Recording, found: Mapped, rate: float) -> Flight:
     channels = found.channels
-    grid, data, sources = _with_attitude(*build(channels, rate, str(path)))
+    grid, whole, known = _with_attitude(*build(channels, rate, str(path)))
+    data, sources, air = with_true_airspeed(whole, known)
     faults = (
-        *recorded_faults(channels),
+        *of_the_true_one(recorded_faults(channels), data),
         *unit_faults(channels, found.places),
         *rest_faults(grid.time, data, rate),
         *advised([*sign_faults(grid.time, data), *rate_faults(grid.time, data, rate)], found.places),
@@ -89,7 +91,7 @@ def _gridded(path: Path, recording: Recording, found: Mapped, rate: float) -> Fl
     notes = [
         *_defect_notes(recording, sources),
         *found.notes,
-        *(told for told in (late, followed) if told),
+        *(told for told in (late, followed, air) if told),
         *_gap_notes(sources),
         *(fault.message for fault in faults),
     ]

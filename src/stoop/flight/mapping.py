@@ -34,6 +34,11 @@ _TABLES: Final = frozenset(
     {"extends", "files", "time", "clock", "variables", "group", "calibration", "surface", "mixer", "align"}
 )
 
+_FORMS: Final = (
+    (frozenset(EULER), frozenset(QUATERNION)),
+    (frozenset({"airspeed_pitot"}), frozenset({"airspeed_equivalent"})),
+)
+
 
 @dataclass(frozen=True)
 class Clock:
@@ -157,9 +162,8 @@ def _left(base: Mapping[str, Group], own: Mapping[str, Group]) -> dict[str, Grou
 
 
 def with_other_form(taken: Set[str]) -> frozenset[str]:
-    """Count the other form of an attitude as taken too: both would contradict each other."""
-    forms = frozenset(EULER), frozenset(QUATERNION)
-    others = [other for form, other in (forms, forms[::-1]) if taken & form]
+    """Count the other form of an attitude, or of the pitot's airspeed, as taken too: both would contradict each other."""
+    others = [other for forms in _FORMS for form, other in (forms, forms[::-1]) if taken & form]
     return frozenset(taken).union(*others)
 
 

@@ -86,6 +86,13 @@ def _table() -> dict[str, Variable]:
         ("ad", "m/s2", "ned", "down", "acceleration over ground, without gravity"),
         ("altitude", "m", "", "up", "height above mean sea level"),
         ("airspeed_pitot", "m/s", "air", "forward", "true airspeed as the pitot reports it, uncorrected"),
+        (
+            "airspeed_equivalent",
+            "m/s",
+            "air",
+            "forward",
+            "equivalent airspeed as the pitot reports it, uncorrected",
+        ),
         ("wind_n", "m/s", "ned", "blowing towards north", "wind as logged (estimate of the autopilot)"),
         ("wind_e", "m/s", "ned", "blowing towards east", "wind as logged (estimate of the autopilot)"),
         ("density", "kg/m3", "", "", "density of the air"),

@@ -162,7 +162,8 @@ NAMES = {
     "p": "p roll_rate_dps GyrX gyro[0] angular_velocity.x rollspeed w_x",
     "az": "az AccZ accel[2] accelerometer_m_s2[2] imu.linear_acceleration.z acc_z",
     "q0": "q0 qw q[0] orientation.w quat_w", "phi": "phi roll bank_angle roll_deg", "psi": "psi yaw heading",
-    "V": "V vt TAS", "airspeed_pitot": "airspeed IAS", "rotor_3": "rpm3 esc[2].rpm motor3_rpm RPM[2]",
+    "V": "V vt TAS", "airspeed_pitot": "airspeed ARSPD", "airspeed_equivalent": "IAS EAS calibrated_airspeed",
+    "rotor_3": "rpm3 esc[2].rpm motor3_rpm RPM[2]",
     "motor_2": "motor2 motor.m2 motors[1]", "pwm_4": "pwm_4 C4 ch4 output[3]", "voltage": "vbat battery_voltage Volt",
     "": "DesRoll roll_setpoint lat FrameNumber status xyz[0] p1 checksum",
 }  # fmt: skip

@@ -144,7 +144,7 @@ def test_ardupilot() -> None:
     found = first("ardupilot", "dataflash", streams)
     expected = {
         "phi": math.radians(10), "theta": math.radians(-5), "psi": math.radians(350), "q": 0.2, "az": -9.8, "vd": 3.0,
-        "pe": 5.0, "wind_e": 2.5, "airspeed_pitot": 20.0, "temperature": 288.15, "pwm_14": 1014.0, "pwm_15": 1100.0,
+        "pe": 5.0, "wind_e": 2.5, "airspeed_equivalent": 20.0, "temperature": 288.15, "pwm_14": 1014.0, "pwm_15": 1100.0,
         "rotor_2": 200.0 * math.pi, "injected": 0.0, "control_roll": 1.0, "control_pitch": -0.5, "control_throttle": 0.4,
         "voltage": 15.9, "current": 7.0, "pressure": 101325.0, "altitude": 88.0,
     }  # fmt: skip
