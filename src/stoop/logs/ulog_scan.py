@@ -158,9 +158,9 @@ class _Scanner:
         if size <= SMALL:
             self._code: Any = plain  # a small file is read before Numba is loaded
         else:
-            from stoop.logs.scan import compiled
+            from stoop.logs.scan.compiled import ulog
 
-            self._code = compiled
+            self._code = ulog()
 
     def _arrays(self, size: int) -> None:
         view: Callable[[Any], Any] = memoryview if size <= SMALL else _same

@@ -150,7 +150,7 @@ def test_older_clocks() -> None:
 
 
 def test_compiled_and_plain_walk_find_the_same() -> None:
-    from stoop.logs.scan.compiled_dataflash import walk
+    from stoop.logs.scan.compiled import dataflash
 
     rng = np.random.default_rng(4)
     whole = np.frombuffer(small_log(20), np.uint8)
@@ -159,7 +159,7 @@ def test_compiled_and_plain_walk_find_the_same() -> None:
         data[rng.integers(0, data.size, 8)] = rng.integers(0, 256, 8)
         plain = scan.survey(data)
         rows = scan.gather(data, plain, [1, 2, 3])
-        with mock.patch.object(scan, "walk", walk):
+        with mock.patch.object(scan, "walk", dataflash().walk):
             again = scan.survey(data)
             np.testing.assert_array_equal(np.concatenate(list(map(np.ravel, vars(plain).values()))),
                                           np.concatenate(list(map(np.ravel, vars(again).values()))))  # fmt: skip

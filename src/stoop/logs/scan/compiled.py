@@ -1,33 +1,111 @@
-"""The walk, compiled: the one place beside the kernels that imports Numba.
+"""The walks, compiled: a flight of an hour holds twenty million messages, and Python looks at half a million a second.
 
-A flight of an hour holds twenty million messages; Python looks at half a million a second. Bounds are checked
-in compiled code too: a mistake in the walk would be an IndexError, not a read elsewhere.
+Compiled code is kept where kernels keep theirs and as they do (`stoop.kernels.cache`): in a folder of its own with checksums,
+so that a damaged file is compiled anew and never run. Bounds are checked in compiled code too: a mistake in a walk
+would be an IndexError, not a read elsewhere.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+import atexit
+import functools
+import hashlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any, Final
+
+from stoop.kernels import cache, environment
+from stoop.kernels.kernel import _import as import_generated
+from stoop.logs.scan import dataflash as dataflash_walk
+from stoop.logs.scan import walk as ulog_walk
+
+_BYTES, _READ, _WIDE, _NARROW = (
+    "uint8[::1]",
+    "Array(uint8, 1, 'C', readonly=True)",
+    "int64[::1]",
+    "int32[::1]",
+)
+_TOPICS: Final = f"{_NARROW}, {_NARROW}"
+_ULOG: Final = {
+    "walk": f"({_BYTES}, int64, int64, boolean, int64, {_BYTES}, {_TOPICS}, {_NARROW}, {_WIDE}, {_NARROW}, int64, {_WIDE})",
+    "seek": f"({_BYTES}, int64, int64, int64, {_TOPICS})",
+    "gather": f"({_BYTES}, {_WIDE}, {_NARROW}, int64, {_WIDE}, {_WIDE}, {_BYTES})",
+}  #: what is called -> its arguments
+_DATAFLASH: Final = {
+    "walk": f"(int64, int64, {_READ}, {_WIDE}, {_WIDE}, uint8[:, ::1], {_WIDE}, {_WIDE}, int64[:, ::1], {_WIDE}, {_WIDE}, "
+    f"{_WIDE}, {_BYTES})",
+}
+_PARTS: Final = {
+    "ulog": (
+        "named", "timely", "data_level", "sync_level", "key_level", "text_level", "short_level", "level", "chained", "seek",
+        "follows", "invented", "judge", "note", "remark",
+    ),
+    "dataflash": ("mark", "find", "define", "gap"),
+}  #: functions that those call  # fmt: skip
+_FOOT: Final = """
 
 from numba import njit
 from numba.extending import register_jitable
 
-from stoop.logs.scan import walk as plain
-
-
-def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    try:
-        return njit(cache=True, nogil=True, boundscheck=True)(function)
-    except RuntimeError:  # no folder where compiled code could be kept
-        return njit(nogil=True, boundscheck=True)(function)
-
-
-for _part in (
-    plain.named, plain.timely, plain.data_level, plain.sync_level, plain.key_level, plain.text_level, plain.short_level,
-    plain.level, plain.chained, plain.seek, plain.follows, plain.invented, plain.judge, plain.note, plain.remark,
-):  # fmt: skip
+for _part in ({parts},):
     register_jitable(_part)
+compiled = {{f.__name__: njit(cache=True, nogil=True, boundscheck=True)(f) for f in ({entries},)}}
+"""
 
-walk = _compiled(plain.walk)
-seek = _compiled(plain.seek)
-gather = _compiled(plain.gather)
+
+@functools.cache
+def ulog() -> Any:
+    """Return what has `walk`, `seek` and `gather` of `stoop.logs.scan.walk`, compiled."""
+    return _compiled("ulog", ulog_walk, _ULOG)
+
+
+@functools.cache
+def dataflash() -> Any:
+    """Return what has `walk` of `stoop.logs.scan.dataflash`, compiled."""
+    return _compiled("dataflash", dataflash_walk, _DATAFLASH)
+
+
+def _compiled(name: str, plain: ModuleType, entries: Mapping[str, str]) -> Any:
+    """Return the compiled functions, or the plain ones where nothing may be compiled or kept anywhere."""
+    from numba import config
+
+    if config.DISABLE_JIT:
+        return plain
+    source = Path(str(plain.__file__)).read_text(encoding="utf-8")
+    source += _FOOT.format(parts=", ".join(_PARTS[name]), entries=", ".join(entries))
+    key = hashlib.sha256("\n".join([source, *environment().values()]).encode()).hexdigest()[:32]
+
+    def opened(folder: Path) -> dict[str, Any]:
+        functions: dict[str, Any] = import_generated(folder, key, name).compiled
+        for entry, signature in entries.items():
+            functions[entry].compile(signature)
+            functions[entry].disable_compile()
+        return functions
+
+    final = cache.cache_folder() / f"{key}-{name}"
+    for start in (lambda: cache.start_build(final.parent), cache.private):
+        try:
+            return SimpleNamespace(**opened(_sealed(final, f"{name}.py", source, opened, start)))
+        except OSError:  # a full disk
+            continue
+    return plain
+
+
+def _sealed(
+    final: Path, file: str, source: str, opened: Callable[[Path], object], start: Callable[[], Path]
+) -> Path:
+    """Return the folder of compiled code: the one that is kept, if it is sound, else a new one."""
+    if cache.intact(final) and cache.writable(final):
+        return final
+    building = start()
+    try:
+        (building / file).write_text(source, encoding="utf-8")
+        opened(building)
+        sealed = cache.seal(building, final)
+    except OSError:
+        cache.discard(building)
+        raise
+    if sealed is building:  # for this process only
+        atexit.register(cache.discard, building)
+    return sealed

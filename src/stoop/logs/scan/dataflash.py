@@ -5,7 +5,7 @@ in its first two bytes). There is no checksum: whether a message is whole is tol
 
 The walk advances with every step, and what it searches it has then passed: time is linear in the size of the file.
 
-Plain functions, in the part of Python that Numba compiles too (`stoop.logs.scan.compiled_dataflash`); small logs do without.
+Plain functions, in the part of Python that Numba compiles too (`stoop.logs.scan.compiled`); small logs do without.
 """
 
 from __future__ import annotations
@@ -187,6 +187,7 @@ def _walked(
 def _walker(size: int) -> Callable[..., int]:
     if size < SMALL:
         return walk
-    from stoop.logs.scan.compiled_dataflash import walk as compiled
+    from stoop.logs.scan.compiled import dataflash
 
+    compiled: Callable[..., int] = dataflash().walk
     return compiled

@@ -1,0 +1,114 @@
+"""Compiled walks are kept with checksums: a damaged file of theirs is compiled anew, never run, never unpickled."""
+
+from __future__ import annotations
+
+import errno
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stoop.kernels import cache
+from stoop.logs.scan import compiled
+from stoop.logs.scan import dataflash as plain
+
+from .dataflash_case import small_log
+
+LOG = np.frombuffer(small_log(5), np.uint8)
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a cache that holds the walk over DataFlash logs."""
+    root = tmp_path_factory.mktemp("kept")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STOOP_CACHE_DIR", str(root))
+        compiled.dataflash.cache_clear()
+        compiled.dataflash()
+    compiled.dataflash.cache_clear()
+    return root
+
+
+@pytest.fixture
+def root(kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Return a copy of it, which is the cache of this process."""
+    shutil.copytree(kept, tmp_path / "cache")
+    monkeypatch.setenv("STOOP_CACHE_DIR", str(tmp_path / "cache"))
+    compiled.dataflash.cache_clear()
+    yield tmp_path / "cache"
+    compiled.dataflash.cache_clear()
+
+
+def the_only(root: Path, pattern: str) -> Path:
+    (found,) = root.rglob(pattern)
+    return found
+
+
+def counted(monkeypatch: pytest.MonkeyPatch, walk: Any) -> list[int]:
+    """Return how many messages of each kind a walk finds."""
+    with monkeypatch.context() as patch:
+        patch.setattr(plain, "walk", walk)
+        found = plain.survey(LOG)
+    return [*found.count.tolist(), found.damaged, found.lost]
+
+
+def test_what_is_kept_is_taken(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    expected = counted(monkeypatch, plain.walk)
+
+    def never(*_: object) -> Path:
+        raise AssertionError("compiled anew")
+
+    monkeypatch.setattr(cache, "start_build", never)
+    monkeypatch.setattr(cache, "private", never)
+    assert counted(monkeypatch, compiled.dataflash().walk) == expected
+    assert cache.intact(the_only(root, "*-dataflash"))
+
+
+@pytest.mark.parametrize(
+    ("pattern", "damage"),
+    [
+        (
+            "*.nbc",
+            lambda content: content[: len(content) // 2] + bytes(64) + content[len(content) // 2 + 64 :],
+        ),
+        ("*.nbi", lambda _: b"cos\nmkdir\n(S'unpickled'\ntR."),
+        ("dataflash.py", lambda content: content + b"\nraise SystemExit('run')\n"),
+    ],
+)
+def test_damage_is_compiled_anew(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pattern: str, damage: Any
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    file = the_only(root, pattern)
+    file.write_bytes(damage(file.read_bytes()))
+    assert not cache.intact(the_only(root, "*-dataflash"))
+    assert counted(monkeypatch, compiled.dataflash().walk) == counted(monkeypatch, plain.walk)
+    assert not (tmp_path / "unpickled").exists()
+    assert cache.intact(the_only(root, "*-dataflash"))
+    assert [p.name for p in root.iterdir()] == [the_only(root, "*-dataflash").name], "nothing is left behind"
+
+
+def test_the_manifest_lists_what_numba_wrote(root: Path) -> None:
+    manifest = json.loads(the_only(root, "manifest.json").read_text())
+    assert {Path(name).suffix for name in manifest} == {".py", ".nbi", ".nbc"}
+
+
+def test_without_room_anywhere_plain_python_walks(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> Path:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    shutil.rmtree(root)
+    monkeypatch.setattr(cache, "start_build", full)
+    monkeypatch.setattr(cache, "private", full)
+    assert compiled.dataflash() is plain
+
+
+def test_numba_told_not_to_compile(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from numba import config
+
+    monkeypatch.setattr(config, "DISABLE_JIT", 1)
+    assert compiled.dataflash() is plain
