@@ -74,7 +74,7 @@ def truth(craft: Craft, flown: Recording, motor: Mapping[str, float] | None) -> 
         lags, x = {"rotors.lag": lag}, lagged(flown, motor, lag)
     xx, yy, zz = craft.inertia
     return {
-        **thrust(flown, x, climb), **torque_ratio(craft, flown), **lags, **airframe(flown),
+        **thrust(flown, x, climb), **torque_ratio(craft, flown, x, climb), **lags, **airframe(flown),
         **{f"body_drag.rotation.{a}": 0.0 for a in "xyz"},
         "mass.inertia.xx": xx, "mass.inertia.yy": yy, "mass.inertia.zz": zz,
     }  # fmt: skip
@@ -99,6 +99,7 @@ def lagged(flown: Recording, motor: Mapping[str, float], lag: float) -> FloatArr
 
 
 def _thrust_terms(x: FloatArray, climb: FloatArray) -> FloatArray:
+    """Return what the coefficients of the thrust multiply, for the samples of all rotors after `SETTLED`."""
     return np.stack([x * x, -x * climb], axis=-1)[:, SETTLED:].reshape(-1, 2)
 
 
@@ -124,16 +125,20 @@ def thrust(flown: Recording, x: FloatArray, climb: FloatArray) -> dict[str, floa
     return dict(zip((f"rotors.{n}" for n in ("T2", "inflow")), map(float, found), strict=True))
 
 
-def torque_ratio(craft: Craft, flown: Recording) -> dict[str, float]:
+def torque_ratio(craft: Craft, flown: Recording, x: FloatArray, climb: FloatArray) -> dict[str, float]:
     """Return torque over thrust, m, and the inertia of a rotor, kg m2, from what four rotors leave over in yaw.
 
-    That is what a flight shows: torques that are alike cancel, so of the tables it is the ratio of slopes over the
-    speed. A motor's torque, which JSBSim tells, also speeds its rotor up.
+    That is what a flight shows: torques that are alike cancel, so of the tables it is the ratio of slopes over x (4, n).
+    The torque is JSBSim's, and the thrust what our coefficients make of x: where commands are recorded, that rises 2 %
+    less in yaw than JSBSim's, for two coefficients stand for level, command and climb. A motor's torque, which JSBSim
+    tells, also speeds its rotor up.
     """
     turns = np.array([1.0 if craft.sense(i) == "ccw" else -1.0 for i in range(4)])
-    lift, speed = (turns @ np.stack([flown.columns[c] for c in names]) for names in (LIFTS, TURNS))
+    told = (_thrust_terms(x, climb) @ list(thrust(flown, x, climb).values())).reshape(4, -1)
+    lift = turns @ told * flown.columns["density"][SETTLED:] / SEA_LEVEL
     twist = -np.sum([flown.columns[c] for c in TWISTS], axis=0)  # JSBSim has the sign of the turning in it
-    ratio, inertia = _solved(np.column_stack([lift, np.gradient(speed, 1.0 / RATE)]), twist)
+    faster = np.gradient(turns @ x, 1.0 / RATE)
+    ratio, inertia = _solved(np.column_stack([lift, faster[SETTLED:]]), twist[SETTLED:])
     return {"rotors.torque_ratio": float(ratio), "rotors.inertia": float(inertia)}
 
 

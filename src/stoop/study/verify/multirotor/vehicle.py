@@ -50,7 +50,6 @@ linear = [0.0, 0.0, {{ value = 0.0, free = false }}]
 quadratic = [0.0, 0.0, {{ value = {drag!r}, free = false }}]
 rotation = [{turning}, {turning}, {turning}]
 """
-BY_SPEED: Final = "lag = 0.005\ndelay = -0.005"
 BY_COMMAND: Final = """\
 lag = {{ value = 0.1, free = true, bounds = [0.005, 0.3] }}
 gain = {gain!r}
@@ -69,7 +68,7 @@ def vehicle_of(
     share = craft.mass * flown.gravity / 4.0
     text = FILE.format(
         mass=craft.mass, **GUESSED, zz=truth["mass.inertia.zz"], gravity=gravity(craft, flown),
-        channel=BY_SPEED if motor is None else BY_COMMAND.format(**motor), T2_start=share / x**2,
+        channel="" if motor is None else BY_COMMAND.format(**motor), T2_start=share / x**2,
         drag=truth["body_drag.quadratic.z"],
         turning=TURNING,
     )  # fmt: skip
