@@ -9,10 +9,11 @@ import pytest
 
 from stoop.errors import StoopError
 from stoop.flight import Flight, load
+from stoop.identify.methods import chosen
 from stoop.study.findings import Findings, Setting
 from stoop.study.verify.hexacopter.authors import Blades
 from stoop.study.verify.hexacopter.experiment import Hexacopter
-from stoop.study.verify.hexacopter.fits import FOLDER, read_log
+from stoop.study.verify.hexacopter.fits import FOLDER, METHOD, read_log, vehicle
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "verify"
 MAPPING = Path(__file__).parents[2] / "examples" / "hexacopter_mapping.toml"
@@ -49,6 +50,13 @@ def test_the_attitude_is_brought_to_the_gyros(flight: Flight) -> None:
     (moved,) = (n for n in flight.notes if n.startswith("clock of estimator_status"))
     assert abs(float(moved.split()[5]) + 0.168) < 0.01
     assert any("between its samples it follows the rates" in note for note in flight.notes)
+
+
+def test_its_motors_choose_the_method(flight: Flight) -> None:
+    """So that the command of the page needs none, and prints the verified table."""
+    found = chosen("", vehicle(), [flight])
+    assert found.name == METHOD
+    assert "logged at 43 Hz" in found.why
 
 
 def test_velocity_and_accelerometers_agree_then(shared_data: Path, flight: Flight) -> None:

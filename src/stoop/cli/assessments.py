@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING
 from stoop.cli.numbers import at_least_one
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from stoop.cli.progress import Watch
+    from stoop.flight import Flight
     from stoop.job import Job
     from stoop.job.case import Assessment
     from stoop.vehicle import Vehicle
@@ -37,7 +40,7 @@ def wanted(arguments: argparse.Namespace) -> bool:
     return bool(arguments.bootstrap or arguments.posterior or arguments.profile is not None)
 
 
-def check(arguments: argparse.Namespace, vehicle: Vehicle) -> None:
+def check(arguments: argparse.Namespace, vehicle: Vehicle, flights: Sequence[Flight]) -> None:
     """Refuse what cannot be done, before the search.
 
     Raises
@@ -52,7 +55,7 @@ def check(arguments: argparse.Namespace, vehicle: Vehicle) -> None:
     from stoop.job.profile import check_names
     from stoop.uncertainty.ensemble import libraries
 
-    check_method(chosen(arguments.method, vehicle))
+    check_method(chosen(arguments.method, vehicle, flights).name)
     if arguments.posterior:
         libraries()
     check_names([p.name for p in vehicle.parameters if p.free], arguments.profile or ())

@@ -6,6 +6,7 @@ import argparse
 import math
 import shlex
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -70,7 +71,7 @@ def _add_search(parser: argparse.ArgumentParser) -> None:
     add, many = parser.add_argument, "give up after so many (default: {})"
     methods = (
         "output-error, multiple-shooting or another of docs/method.md "
-        "(default: multiple-shooting for vehicles with rotors, output-error for others)"
+        "(default: output-error; with rotors multiple-shooting, or equation-error where motors were logged below 100 Hz)"
     )
     add("--method", metavar="NAME", default="", help=methods)
     names = "who searches: ps-gde-lm (default), ps-gde, scipy-least-squares or another of docs/optimizers.md"
@@ -138,18 +139,18 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
 
     vehicle = freed(resolve_vehicle(arguments.vehicle), arguments.free, arguments.fix)
     options = _options(arguments, vehicle)
-    assessments.check(arguments, vehicle)
-    return vehicle, [load(path, arguments.mapping) for path in arguments.flight], options
+    flights = [load(path, arguments.mapping) for path in arguments.flight]
+    assessments.check(arguments, vehicle, flights)
+    return vehicle, flights, options
 
 
 def _options(arguments: argparse.Namespace, vehicle: Vehicle) -> Options:
     from stoop.identify.fit import Options
     from stoop.identify.given import read_covariance
-    from stoop.identify.methods import chosen, find
+    from stoop.identify.methods import find
     from stoop.optimize import create
 
     find(arguments.method)
-    method = chosen(arguments.method, vehicle)
     create(arguments.optimizer)
     given = read_covariance(arguments.noise, vehicle.outputs) if arguments.noise is not None else None
     return Options(
@@ -159,7 +160,7 @@ def _options(arguments: argparse.Namespace, vehicle: Vehicle) -> Options:
         arguments.budget,
         arguments.target_cost,
         given,
-        method,
+        arguments.method,
     )
 
 
@@ -170,11 +171,13 @@ def _checkpoint(
     options: Options,
     warn: Callable[[str], None],
 ) -> Checkpoint:
+    from stoop.identify.methods import chosen
     from stoop.job.checkpoint import Checkpoint, identity
     from stoop.job.provenance import file_hashes, flight_files
 
     mapping = [arguments.mapping] if arguments.mapping is not None else []
     files = file_hashes([*flight_files(flights), *mapping])
+    options = replace(options, method=chosen(options.method, vehicle, flights).name)
     problem = identity(vehicle, files, arguments.maneuver, arguments.validate, options)
     return Checkpoint(arguments.output, problem, warn)
 

@@ -150,16 +150,19 @@ def search(
     """Do the long part of :func:`identify`: all that can be wrong with the input is said before it."""
     began = time.perf_counter()
     vehicle = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
-    options = replace(options, method=methods.chosen(options.method, vehicle))
-    method = methods.find(options.method)
+    methods.find(options.method)
     known = _by_name(_each(flights))
+    method = methods.chosen(options.method, vehicle, known.values())
+    options = replace(options, method=method.name)
     fitted, predicted = _windows(maneuvers, validate, known)
     for name in dict.fromkeys(w.flight for w in (*fitted, *predicted)):
         check_inputs(vehicle, known[name])
     inputs = input_hashes(vehicle, known, files)
     known = {name: without_faults(without(flight, _spans(name, predicted))) for name, flight in known.items()}
     prepare(vehicle, known, predicted)  # so that its errors come before the search
-    found = method.fitter()(vehicle, known, fitted, options, callback, state)
+    found = methods.find(method.name).fitter()(vehicle, known, fitted, options, callback, state)
+    if method.why:
+        found = replace(found, statements=(method.why, *found.statements))
     read = (Path(vehicle.where), *flight_files(known.values()), *files)
     return Search(found, known, predicted, options, inputs, read, began, command)
 

@@ -104,6 +104,14 @@ def test_what_was_not_fitted_is_predicted_window_by_window(job):
     assert any("windows of 1 s" in s for s in job.identification.statements)
 
 
+def test_motors_that_were_logged_slowly_are_fitted_by_their_accelerations(start, flight):
+    sources = {name: replace(s, rate=43.0) if "motor" in name else s for name, s in flight.sources.items()}
+    found = identify(start, replace(flight, sources=sources), ["0:16"]).identification
+    assert found.result.method == "equation-error"
+    assert found.statements[0].startswith("The motors were logged at 43 Hz")
+    assert "--method multiple-shooting insists" in found.statements[0]
+
+
 def test_the_folder_is_written_whole(job, tmp_path):
     job.save(tmp_path / "out")
     page = (tmp_path / "out" / "report.html").read_text()

@@ -1,0 +1,103 @@
+"""Motors that are shaken faster than they were logged: where `stoop.identify.methods.SLOW` lies.
+
+A quadrotor flies doublets while its motors are shaken between 30 and 200 Hz, as by an autopilot that answers the noise of
+its gyros. The log holds every n-th command. What was faster than half the rate of the log looks slow in it, so that the
+vehicle seems to answer less.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from stoop.flight import Flight
+from stoop.flight.build import build
+from stoop.flight.channels import Channels
+from stoop.flight.make import dataset
+from stoop.identify.fit import Options
+from stoop.identify.methods import SLOW, chosen, find
+from stoop.identify.windows import Window
+from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import builtin_vehicle
+
+SECONDS = 20.0
+FINE = 500.0  #: Hz, of the simulation
+SHAKEN = 1.5  #: rad/s2, of the commanded angular accelerations
+INERTIA = ("mass.inertia.xx", "mass.inertia.yy")
+WINDOWS, REGRESSION = "multiple-shooting", "equation-error"
+
+
+def maneuver() -> str:
+    """Return doublets about each axis and steps of thrust, shaken."""
+    out = [f"duration = {SECONDS}\nrate = {FINE}\n"]
+    for t in (0.0, 10.0):
+        for control, shape, start, step, amplitude in (
+            ("roll", "doublet", 1.0, 0.15, 8.0), ("pitch", "doublet", 2.5, 0.15, 8.0), ("yaw", "doublet", 4.0, 0.4, 1.5),
+            ("heave", "3-2-1-1", 5.5, 0.25, 2.0), ("roll", "doublet", 8.0, 0.15, -8.0), ("pitch", "doublet", 9.0, 0.15, -8.0),
+        ):  # fmt: skip
+            out.append(
+                f'[[input]]\ncontrol = "{control}"\nshape = "{shape}"\nstart = {t + start}\nstep = {step}\n'
+                f"amplitude = {amplitude}\n"
+            )
+    for i, control in enumerate(("roll", "pitch")):
+        out.append(
+            f'[[input]]\ncontrol = "{control}"\nshape = "multisine"\nstart = 0.0\nduration = {SECONDS}\n'
+            f"amplitude = {SHAKEN}\nband = 200.0\nfirst = {601 + i}\nstride = 7\n"
+        )
+    return "".join(out)
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """A flight at the rate of its simulation."""
+
+    vehicle: Vehicle
+    flown: Flight
+
+    def at(self, rate: float) -> Flight:
+        """Return what is read of a log whose motors came at a rate, Hz, and all else at 250 Hz."""
+        every = {c: self.flown.column(c) for c in map(str, self.flown.data.data_vars)}
+        motors = {c: every.pop(c) for c in list(every) if c.startswith("motor_")}
+        parts = [Channels("motion", *part(self.flown.time, every, 2))]
+        parts.append(Channels("motors", *part(self.flown.time, motors, round(FINE / rate))))
+        grid, data, sources = build(parts, 100.0, "log")
+        return Flight("log", None, dataset(grid.time, data), grid.rate, sources)
+
+    def off(self, rate: float, method: str) -> float:
+        """Return how far the moments of inertia are off, of their size; the larger."""
+        free = {name: {"free": True, "bounds": (1e-3, 1.0)} for name in INERTIA}
+        begun = self.vehicle.with_numbers(free)
+        window = Window("log", 0.2, SECONDS - 0.2)
+        found = find(method).fitter()(
+            begun, {"log": self.at(rate)}, [window], Options(method=method), None, None
+        )
+        return max(abs(found.estimates[n] / self.vehicle.value(n) - 1.0) for n in INERTIA)
+
+
+def part(
+    time: np.ndarray, columns: dict[str, np.ndarray], step: int
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Return one of so many samples."""
+    first = step // 2
+    return time[first::step], {c: x[first::step] for c, x in columns.items()}
+
+
+@pytest.fixture(scope="module")
+def log() -> Log:
+    vehicle = builtin_vehicle("quad-x")
+    return Log(vehicle, simulate_flight(vehicle, parse_maneuver(maneuver(), "shaken"), seed=1, name="log"))
+
+
+@pytest.mark.slow
+def test_half_the_threshold_is_too_slow_and_twice_is_not(log: Log) -> None:
+    """At 25, 50, 100, 125, 250 Hz: 2.44, 0.39, 0.13, 0.05, 0.01 by windows; 0.34, 0.24, 0.06, 0.03, 0.001 by regression."""
+    slow, fast = log.at(0.5 * SLOW), log.at(2.5 * SLOW)
+    assert chosen("", log.vehicle, [slow]).name == REGRESSION
+    assert chosen("", log.vehicle, [fast]).name == WINDOWS
+    assert log.off(2.5 * SLOW, WINDOWS) < 0.03
+    wrong = log.off(0.5 * SLOW, WINDOWS)
+    assert wrong > 0.2
+    assert log.off(0.5 * SLOW, REGRESSION) < 0.75 * wrong
