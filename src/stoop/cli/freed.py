@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from stoop.errors import IdentificationError
@@ -41,12 +41,27 @@ def _check(vehicle: Vehicle, option: str, name: str) -> None:
     """Refuse what would have no effect."""
     own = {p.name: i for i, p in enumerate(vehicle.parameters)}
     row = vehicle.rows.get(name)
+    if row is None and _unwritten(vehicle, name):
+        room, _, last = name.rpartition(".")
+        raise IdentificationError(
+            f"{option} {name}: {vehicle.where} does not say it; write {last} = {{ value = ..., bounds = [low, high] }} into "
+            f"[{room}]"
+        )
     if row is not None and name not in own:
         raise IdentificationError(f"{option} {name}: tied to {vehicle.parameters[row].name}; name that one")
     if name in own and not _in_equations(vehicle, name):
         raise IdentificationError(
             f"{option} {name}: the equations of {vehicle.where} ({vehicle.reduce}) do not contain it; leave it out"
         )
+
+
+def _unwritten(vehicle: Vehicle, name: str) -> bool:
+    """Tell whether a file may say a number that this one leaves out."""
+    *rooms, last = name.split(".")
+    here: Any = vehicle.file
+    for room in rooms:
+        here = here.get(room) if isinstance(here, Mapping) else getattr(here, room, None)
+    return last in getattr(type(here), "model_fields", ()) and getattr(here, last) is None
 
 
 def _in_equations(vehicle: Vehicle, name: str) -> bool:

@@ -16,7 +16,7 @@ from stoop.cli.page import Page, busy, page
 from stoop.cli.point import COMPILING, VEHICLE_HELP
 from stoop.cli.progress import Watch
 from stoop.cli.tables import fixed, numbers, points, words
-from stoop.errors import FlightError
+from stoop.errors import FlightError, VehicleError
 
 if TYPE_CHECKING:
     from stoop.design.windows import Found
@@ -80,6 +80,8 @@ def _vehicle(arguments: argparse.Namespace) -> Vehicle | None:
     from stoop.vehicle.builtin import resolve_vehicle
 
     if not arguments.vehicle:
+        if arguments.free or arguments.fix:
+            raise VehicleError("--free and --fix choose numbers of a vehicle file; name it with --vehicle")
         return None
     return freed(resolve_vehicle(arguments.vehicle), arguments.free, arguments.fix)
 

@@ -51,5 +51,7 @@ def check_targets(folder: Path, names: Sequence[str], overwrite: bool, inputs: S
                 f"{target}: exists already; add --overwrite to replace it, or name another folder"
             )
     parent = next(p for p in (folder, *folder.absolute().parents) if p.exists())
+    if not parent.is_dir():
+        raise OutputError(f"{folder}: {parent} is a file and holds no folder; name another one with -o")
     if not os.access(parent, os.W_OK):
         raise OutputError(f"{folder}: cannot be written; name another folder with -o")

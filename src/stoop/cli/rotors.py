@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stoop.cli.numbers import positive
-from stoop.cli.page import Page, busy, page
+from stoop.cli.page import Page, page
+from stoop.cli.progress import Watch
 from stoop.errors import FlightError
 
 if TYPE_CHECKING:
@@ -61,10 +62,11 @@ def run(arguments: argparse.Namespace) -> int:
         raise FlightError(
             f"--chance {arguments.chance:g}: half of all flights or more; write a small share, such as 0.05"
         )
+    _check_once([*arguments.flight, *arguments.healthy])
     balance = Balance(resolve_vehicle(arguments.vehicle))
-    with busy("reading the logs"):
-        healthy = _hovers(arguments.healthy, balance, arguments.mapping)
-        flown = _hovers(arguments.flight, balance, arguments.mapping)
+    with Watch("reading the logs") as watch:
+        healthy = _hovers(arguments.healthy, balance, arguments.mapping, watch)
+        flown = _hovers(arguments.flight, balance, arguments.mapping, watch)
     one = arguments.together and len(flown) > 1
     reference = Reference(balance, healthy, repeats=(flown,) if one else ())
     out = page()
@@ -82,11 +84,26 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _hovers(paths: Sequence[Path], balance: Balance, mapping: Path | None) -> tuple[Hover, ...]:
+def _check_once(paths: Sequence[Path]) -> None:
+    """Refuse a flight that would be compared with itself, or count twice."""
+    known = [path.resolve() for path in paths]
+    for path in paths:
+        if known.count(path.resolve()) > 1:
+            raise FlightError(f"{path}: given twice; name each flight once, in question or under --healthy")
+
+
+def _hovers(paths: Sequence[Path], balance: Balance, mapping: Path | None, watch: Watch) -> tuple[Hover, ...]:
     from stoop.flight import load
     from stoop.identify.effectiveness import hover
+    from stoop.identify.rotors_seen import strange_throughout
 
-    return tuple(hover(load(path, mapping), balance) for path in paths)
+    out = []
+    for path in paths:
+        flight = load(path, mapping)
+        out.append(hover(flight, balance))
+        for doubt in strange_throughout(balance.vehicle, {flight.name: flight}):
+            watch.warn(doubt)
+    return tuple(out)
 
 
 def _compare(out: Page, title: str, found: Sequence[Assessment], chance: float) -> None:

@@ -37,6 +37,7 @@ def check_inputs(vehicle: Vehicle, flight: Flight) -> None:
     """
     missing = [name for name in vehicle.recorded if name not in flight.data]
     if not missing:
+        _check_numbers(vehicle, flight)
         return
     there = [str(name) for name in flight.data.data_vars if str(name).startswith(DRIVEN)]
     other = ""
@@ -56,6 +57,15 @@ def check_inputs(vehicle: Vehicle, flight: Flight) -> None:
         f"{flight.name}: input {', '.join(repr(name) for name in missing)} is not in this flight, which is driven by "
         f"{', '.join(there) or 'nothing that was recorded'}; {other}check --vehicle, the channels in it, or the mapping"
     )
+
+
+def _check_numbers(vehicle: Vehicle, flight: Flight) -> None:
+    empty = [name for name in vehicle.recorded if not np.isfinite(flight.column(name)).any()]
+    if empty:
+        raise FlightError(
+            f"{flight.name}: input {', '.join(repr(name) for name in empty)} holds no number throughout; look at the "
+            "column that the mapping names for it, and at what the autopilot logs"
+        )
 
 
 def unlike(vehicle: Vehicle, flights: Mapping[str, Flight]) -> list[str]:

@@ -173,3 +173,27 @@ def test_an_edited_file_that_accepts_nothing(place: Path, capsys: pytest.Capture
     )
     words = ["identify", str(place / "quad.nc"), "--vehicle", "quad-x", "--maneuver", str(path)]
     assert "set accept = true" in refused([*words, "-o", str(place / "bad")], capsys)
+
+
+def test_what_cannot_be_looked_for_is_said_before_the_search(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    quad, file = str(place / "quad.nc"), place / "afile"
+    file.write_text("")
+    said = refused(["maneuvers", quad, "--free", "rotors.T1", "-o", str(place / "bad")], capsys)
+    assert "name it with --vehicle" in said
+    said = refused(["maneuvers", quad, "-o", str(file / "w")], capsys)
+    assert "afile is a file and holds no folder; name another one with -o" in said
+    nan = changed(place, "nan", lambda name, x: x * np.nan if name == "motor_2" else x)
+    for more in (["maneuvers"], ["identify", "--maneuver", "9:12"]):
+        said = refused(
+            [more[0], str(nan), "--vehicle", "quad-x", *more[1:], "-o", str(place / "bad")], capsys
+        )
+        assert "nan: input 'motor_2' holds no number throughout" in said
+    said = refused(
+        ["identify", quad, "--vehicle", "quad-x", "--maneuver", "9:9.1", "-o", str(place / "bad")], capsys
+    )
+    assert "0.1 s are too short; choose a window that holds 0.5 s without a hole" in said
+    free = ["--free", "rotor.m3.factor", "-o", str(place / "bad")]
+    said = refused(["maneuvers", quad, "--vehicle", "quad-x", *free], capsys)
+    assert "write factor = { value = ..., bounds = [low, high] } into [rotor.m3]" in said

@@ -68,6 +68,26 @@ def test_repeats_together_and_other_voltage(logs: dict[str, str], capsys: pytest
     assert "low: the battery's voltage is more than 5 % from that of the healthy flights" in out
 
 
+def test_a_flight_is_compared_once_and_with_others(
+    logs: dict[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    for words in (
+        [logs["a"], "--healthy", logs["a"]],
+        [logs["weak"], "--healthy", logs["a"], logs["a"]],
+    ):
+        assert main(["rotors", *words, "--vehicle", VEHICLE]) == 2
+        assert "a.usd: given twice" in capsys.readouterr().err
+
+
+def test_what_would_be_sharper_and_who_is_suspected(
+    logs: dict[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["rotors", logs["weak"], "--healthy", logs["a"], "--vehicle", VEHICLE]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "What would make it sharper - more healthy flights, on several days: with 8 the least loss" in out
+    assert "swap the propeller of M3 with that of a rotor that turns the same way" in out
+
+
 @pytest.mark.parametrize(
     ("more", "words"),
     [

@@ -17,8 +17,7 @@ from stoop.design.windows.refuse import no_maneuver, nothing_found, require_comm
 from stoop.flight import Flight
 from stoop.flight.commands import Axis, commands, families
 from stoop.identify.mismatch import unlike
-from stoop.identify.rotors_seen import strange_motors
-from stoop.identify.windows import Window
+from stoop.identify.rotors_seen import strange_throughout
 from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
@@ -113,9 +112,7 @@ def doubts(flights: Mapping[str, Flight], vehicle: Vehicle) -> list[str]:
     """
     for flight in flights.values():
         require_inputs(flight, vehicle)
-    whole = [Window(f.name, float(f.time[0]), float(f.time[-1])) for f in flights.values()]
-    strange = strange_motors(vehicle, flights, whole) if vehicle.hovers else []
-    return [*strange, *unlike(vehicle, flights)]
+    return [*strange_throughout(vehicle, flights), *unlike(vehicle, flights)]
 
 
 def find_windows(

@@ -96,7 +96,13 @@ def _commands(flight: Flight, balance: Balance) -> dict[str, FloatArray]:
         raise FlightError(
             f"{flight.name}: {', '.join(missing)} not recorded; log the commands of all rotors, or name them in a mapping"
         )
-    return {name: flight.column(name) for name in {*needed, *({"voltage"} & there)}}
+    commands = {name: flight.column(name) for name in {*needed, *({"voltage"} & there)}}
+    empty = [name for name in needed if not np.isfinite(commands[name]).any()]
+    if empty:
+        raise FlightError(
+            f"{flight.name}: {', '.join(empty)} holds no number throughout; look at the column that the mapping names for it"
+        )
+    return commands
 
 
 def _settled(flight: Flight, thrust: FloatArray) -> NDArray[np.bool_]:
