@@ -22,12 +22,15 @@ from stoop.identify.rotors_seen import rotor_warnings
 from stoop.simulate import parameter_rows
 from stoop.simulate.initial import commanded
 from stoop.units import DEGREE
+from stoop.vehicle.schema import WIND
+from stoop.vehicle.vehicle import WIND_NUMBERS
 
 FloatArray = NDArray[np.float64]
 AXES: Final = (("V", "alpha", "q"), ("beta", "p", "r"))  #: motions that the terms of one plane multiply
 STILL: Final = 0.2 * DEGREE  #: rad rms of a deflection, below which it is no input
 TOGETHER: Final = 0.9  #: correlation of two
 COMBINED: Final = 0.98  #: multiple correlation of a control with everything else in its plane
+HOVERING: Final = 0.5  #: of the reference airspeed, below which wings carry a quarter at most
 FEW: Final = 5.0  #: measurements per unknown below which a fit is next to interpolation
 
 
@@ -41,7 +44,7 @@ def excitation_warnings(problem: Misfit, z: FloatArray, recorded_rate: float = n
     recorded_rate : Hz, at which the slowest of the compared channels was logged
     """
     if problem.layout.vehicle.hovers:
-        return [*_few(problem, recorded_rate), *rotor_warnings(problem)]
+        return [*_few(problem, recorded_rate), *rotor_warnings(problem), *_slow(problem, z)]
     if not problem.layout.vehicle.controls:
         return []
     deflections, motions = _signals(problem, z)
@@ -53,6 +56,32 @@ def excitation_warnings(problem: Misfit, z: FloatArray, recorded_rate: float = n
         for name in still
     ]
     return [*_few(problem, recorded_rate), *lines, *collinear(moving, motions)]
+
+
+def _slow(problem: Misfit, z: FloatArray) -> list[str]:
+    """Tell that wings hardly carry in the fitted windows, where numbers of theirs are free."""
+    vehicle = problem.layout.vehicle
+    terms = {name for group in vehicle.terms.values() for name in group}
+    free = sum(p.name in terms for p in problem.layout.parameters)
+    fast = max(_fastest(problem, z, i) for i in range(len(problem.pieces)))
+    if not free or not fast < HOVERING * vehicle.value("reference.airspeed"):
+        return []
+    at = vehicle.value("reference.airspeed")
+    return [
+        f"The fitted windows are flown at up to {fast:.1f} m/s through the air, where wings feel {(fast / at) ** 2:.0%} of the "
+        f"pressure at reference.airspeed ({at:g} m/s): a hover tells little of aerodynamic coefficients, {free} of which are "
+        "free. Hold them (--fix NAME, or free = false in the file), or fit windows of forward flight, too."
+    ]
+
+
+def _fastest(problem: Misfit, z: FloatArray, index: int) -> float:
+    """Return the speed through the air that a piece stays below in 99 % of its time, m/s; the wind is the estimate's."""
+    vehicle, piece = problem.layout.vehicle, problem.pieces[index]
+    rows, _ = problem.candidates(z[None, :], index)
+    wind = [float(rows[vehicle.rows[name], 0]) for name in WIND_NUMBERS]
+    velocity = piece.measured[:, [vehicle.outputs.index(name) for name in WIND]] - wind
+    seen = np.isfinite(velocity).all(axis=1)
+    return float(np.quantile(np.linalg.norm(velocity[seen], axis=1), 0.99)) if seen.any() else np.inf
 
 
 def _signals(problem: Misfit, z: FloatArray) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
