@@ -9,6 +9,7 @@ A mapping that says `extends = "px4"` starts from a ready one and overrides what
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, field, replace
 from importlib.resources import files
@@ -87,6 +88,7 @@ class FlightMapping:
         return frozenset(name.partition("/")[0] for name in named)
 
 
+@functools.cache
 def ready(name: str) -> FlightMapping:
     """Return a mapping that comes with the package.
 

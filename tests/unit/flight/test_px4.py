@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.flight.px4 import px4_channels, px4_notes, sample_time
+from stoop.flight import mapped
+from stoop.flight.mapping import ready
 from stoop.logs import FloatArray, Recording, Stream
 
 
@@ -16,8 +17,16 @@ def stream(rate: float, *names: str, **columns: FloatArray) -> Stream:
     return Stream(time, {**{name: np.full(time.size, float(k)) for k, name in enumerate(names)}, **columns})
 
 
+def notes(recording: Recording) -> list[str]:
+    return mapped.apply(ready("px4"), recording).notes
+
+
+def sample_time(published: Stream) -> FloatArray:
+    return mapped.sample_time(published, "timestamp_sample", 1e-6)
+
+
 def named(**streams: Stream) -> dict[str, tuple[str, FloatArray]]:
-    channels = px4_channels(Recording(Path("log"), "px4-csv", streams))
+    channels = mapped.apply(ready("px4"), Recording(Path("log"), "px4-csv", streams)).channels
     return {name: (group.source, x) for group in channels for name, x in group.values.items()}
 
 
@@ -113,11 +122,11 @@ def test_pulses_of_the_instance_that_moves_most() -> None:
     found = named(**streams)
     assert set(found) == {"pwm_1"}
     assert found["pwm_1"][0] == "actuator_outputs/1"
-    (note,) = px4_notes(Recording(Path("log"), "ulog", streams))
+    (note,) = notes(Recording(Path("log"), "ulog", streams))
     assert "those of actuator_outputs were left out" in note
     assert named(**{"actuator_outputs/1": moved}).keys() == {"pwm_1"}
-    assert px4_notes(Recording(Path("log"), "ulog", {"actuator_outputs/1": moved})) == []
-    assert px4_notes(Recording(Path("log"), "ulog", {"actuator_outputs": idle})) == []
+    assert notes(Recording(Path("log"), "ulog", {"actuator_outputs/1": moved})) == []
+    assert notes(Recording(Path("log"), "ulog", {"actuator_outputs": idle})) == []
 
 
 def test_actuators_without_pulses() -> None:
