@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.kernels.filtering import innovations, step
-from stoop.simulate.delays import late_inputs, with_slopes
-from stoop.simulate.turbulence import FINER, finer, gust_columns, gust_noise
+from stoop.simulate.delays import late_inputs
+from stoop.simulate.turbulence import FINER, driven, gust_noise
 from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
@@ -38,7 +38,7 @@ class Stepper:
         cls, vehicle: Vehicle, rows: FloatArray, count: int, dt: float, rng: np.random.Generator
     ) -> Stepper:
         """Draw the noise of a whole flight."""
-        return cls(vehicle, rows, dt, gust_noise(vehicle, FINER * (count - 1) + 1, dt, rng))
+        return cls(vehicle, rows, dt, gust_noise(vehicle, count, dt, rng))
 
     def step(self, k: int, state: FloatArray, now: FloatArray, following: FloatArray) -> FloatArray:
         """Return the state (n_x,) at sample k + 1; inputs (n_u,) go in straight lines."""
@@ -46,8 +46,8 @@ class Stepper:
         if not self.vehicle.gusts:
             after, _ = step(kernel, self.rows, state[:, None], now[:, None], following[:, None], self.dt)
             return np.asarray(after[:, 0])
-        fine = with_slopes(self.vehicle, finer(np.stack([now, following]), FINER), self.dt / FINER)
-        fine[:, gust_columns(self.vehicle)] = self.noise[FINER * k : FINER * (k + 1) + 1]
+        noise = self.noise[FINER * k : FINER * (k + 1) + 1]
+        fine = driven(self.vehicle, np.stack([now, following]), noise, self.dt)
         return np.asarray(states_along(self.vehicle, self.rows, state[:, None], fine, self.dt / FINER)[-1])
 
 
@@ -75,8 +75,7 @@ def states_flown(
     received = late_inputs(vehicle, inputs, rows, dt)
     if not vehicle.gusts:
         return states_along(vehicle, rows, start, received, dt)
-    fine = with_slopes(vehicle, finer(received, FINER), dt / FINER)
-    fine[:, gust_columns(vehicle)] = gust_noise(vehicle, len(fine), dt, rng)
+    fine = driven(vehicle, received, gust_noise(vehicle, len(received), dt, rng), dt)
     return np.asarray(states_along(vehicle, rows, start, fine, dt / FINER)[::FINER])
 
 

@@ -56,9 +56,15 @@ def outputs_in_turbulence(
     rng : Generator
     """
     received = late_inputs(vehicle, inputs, rows, dt)
-    fine = with_slopes(vehicle, finer(received, FINER), dt / FINER)
-    fine[:, gust_columns(vehicle)] = gust_noise(vehicle, len(fine), dt, rng)
+    fine = driven(vehicle, received, gust_noise(vehicle, len(received), dt, rng), dt)
     return np.ascontiguousarray(vehicle.kernel().trajectories(rows, start, fine, dt / FINER)[:, ::FINER])
+
+
+def driven(vehicle: Vehicle, received: FloatArray, noise: FloatArray, dt: float) -> FloatArray:
+    """Return inputs, as they arrive (n, n_u), at `FINER` steps a sample, with the noise that drives the gusts."""
+    fine = with_slopes(vehicle, finer(received, FINER), dt / FINER)
+    fine[:, gust_columns(vehicle)] = noise
+    return fine
 
 
 def gust_columns(vehicle: Vehicle) -> list[int]:
@@ -66,8 +72,9 @@ def gust_columns(vehicle: Vehicle) -> list[int]:
     return [vehicle.inputs.index(noise_input(axis)) for axis in vehicle.gusts]
 
 
-def gust_noise(vehicle: Vehicle, steps: int, dt: float, rng: np.random.Generator) -> FloatArray:
-    """Return noise (steps, gusts) of unit intensity for steps that are a sample period ``dt``, s, over `FINER`."""
+def gust_noise(vehicle: Vehicle, count: int, dt: float, rng: np.random.Generator) -> FloatArray:
+    """Return noise (FINER (count - 1) + 1, gusts) of unit intensity for a record of samples ``dt``, s, apart."""
+    steps = FINER * (count - 1) + 1
     drawn = [rng.standard_normal(steps) for _ in vehicle.gusts]
     return np.asarray(np.column_stack([*drawn, np.empty((steps, 0))]) / np.sqrt(dt / FINER))
 
