@@ -17,10 +17,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 
 def one_line(text: str) -> str:
     """Return a text on one line that steers no terminal, ends no comment and fits into any file: names in logs hold anything."""
     return "".join(c if c.isprintable() else " " for c in text)
+
+
+def listed(names: Iterable[str], most: int = 40) -> str:
+    """Return names with commas, those beyond the most that one line takes counted."""
+    known = list(names)
+    return ", ".join(known[:most]) + (f" and {len(known) - most} more" if len(known) > most else "")
 
 
 class StoopError(Exception):

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from stoop.errors import LogError
+from stoop.errors import LogError, listed
 from stoop.flight.channels import WILD, Channels
 from stoop.flight.clocks import align
 from stoop.flight.frames import turned
@@ -114,7 +114,7 @@ def _retimed(
         if clock is not None and name in mapping.clocks:
             raise LogError(
                 f"{mapping.place}: clock.{name}.column = '{clock.column}' is not in {name}; "
-                f"its columns are {_listed(stream.columns)}"
+                f"its columns are {listed(stream.columns)}"
             )
         return stream, []
     time = stream.columns[clock.column] * clock.factor + clock.offset
@@ -183,7 +183,7 @@ def instances(recording: Recording, source: Source) -> list[str]:
         if len(holding) > 1 and source.required:
             column = next(iter(source.columns[0]))
             raise LogError(
-                f"{source.place}.column = '{column}' is in {_listed(holding)}; name one of them by stream"
+                f"{source.place}.column = '{column}' is in {listed(holding)}; name one of them by stream"
             )
         return holding
     if source.instance == "first":
@@ -243,15 +243,12 @@ def _missing(recording: Recording, source: Source) -> str:
     column = next(iter(source.columns[0]))
     stream = recording.streams.get(source.stream)
     if stream is not None:
-        return f"{source.place}.column = '{column}' is not in {source.stream}; its columns are {_listed(stream.columns)}"
+        return f"{source.place}.column = '{column}' is not in {source.stream}; its columns are {listed(stream.columns)}"
     if source.stream:
-        return f"{source.place}.stream = '{source.stream}' is not in the log; it holds {_listed(recording.streams)}"
-    return f"{source.place}.column = '{column}' is in no stream of the log; it holds {_listed(recording.streams)}"
-
-
-def _listed(names: Mapping[str, object] | list[str], most: int = 40) -> str:
-    known = list(names)
-    return ", ".join(known[:most]) + (f" and {len(known) - most} more" if len(known) > most else "")
+        return f"{source.place}.stream = '{source.stream}' is not in the log; it holds {listed(recording.streams)}"
+    return (
+        f"{source.place}.column = '{column}' is in no stream of the log; it holds {listed(recording.streams)}"
+    )
 
 
 def _contradicted(mapping: FlightMapping, recording: Recording) -> list[str]:

@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stoop.errors import LogError
-from stoop.logs.recording import Defect, Recording, Stream, clean_stream
+from stoop.logs.recording import Defect, Recording, Stream, clean_stream, unreadable
 from stoop.units import FACTORS
 
 MAGIC: Final = b"\xbc"
@@ -112,9 +112,7 @@ def _bytes(path: Path) -> bytes:
             )
         return path.read_bytes()
     except OSError as error:
-        raise LogError(
-            f"{path}: cannot be read ({error.strerror}); check the name and its permissions"
-        ) from None
+        raise unreadable(path, error) from None
 
 
 def _checksum_fits(data: bytes) -> bool:

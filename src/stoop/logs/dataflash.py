@@ -17,10 +17,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from stoop.errors import LogError
+from stoop.errors import LogError, listed
 from stoop.logs.dataflash_content import assemble, is_wanted
 from stoop.logs.dataflash_format import Layout, Messages, parse_layout
-from stoop.logs.recording import Defect, Recording
+from stoop.logs.recording import Defect, Recording, unreadable
 from stoop.logs.scan.dataflash import gather, ignore, survey
 
 MAX_PLACES: Final = 10  #: damaged places that are listed; the rest is counted
@@ -47,9 +47,7 @@ def read_dataflash(path: Path, topics: frozenset[str] | None = None) -> Recordin
                 raise LogError(f"{path}: the log is empty; {_AGAIN}")
             content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)  # goes with the last array over it
     except OSError as error:
-        raise LogError(
-            f"{path}: cannot be read ({error.strerror}); check the name and its permissions"
-        ) from None
+        raise unreadable(path, error) from None
     return parse_dataflash(path, content, topics)
 
 
@@ -67,7 +65,7 @@ def parse_dataflash(
     defects += _damage(path.name, found.gaps.tolist(), found.damaged, found.lost, found.cut)
     unknown = [f"{kind} ({count})" for kind, count in enumerate(found.unknown.tolist()) if count]
     if unknown:
-        message = f"messages of undefined kinds skipped: {_some(unknown)}"
+        message = f"messages of undefined kinds skipped: {listed(unknown, 10)}"
         defects.append(Defect("skipped", path.name, message))
     names = sorted(layout.name for k, layout in layouts.items() if k not in wanted)
     return replace(assemble(path, kinds, defects), unread=dict.fromkeys(names, ()))
@@ -122,7 +120,3 @@ def _damage(place: str, gaps: list[list[int]], damaged: int, lost: int, cut: int
     if cut >= 0:
         defects.append(Defect("truncated", f"{place} byte {cut}", "the last message is cut"))
     return defects
-
-
-def _some(names: list[str], most: int = 10) -> str:
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")

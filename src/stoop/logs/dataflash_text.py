@@ -19,7 +19,7 @@ import numpy.typing as npt
 from stoop.errors import LogError, one_line
 from stoop.logs.dataflash_content import assemble, is_wanted
 from stoop.logs.dataflash_format import TEXTS, Layout, Messages, make_layout
-from stoop.logs.recording import Defect, Recording
+from stoop.logs.recording import Defect, Recording, unreadable
 
 MAX_BYTES: Final = 256 * 2**20  #: of text, twenty minutes of a busy log
 MAX_LINE: Final = 1024
@@ -56,9 +56,7 @@ def read_dataflash_text(path: Path, topics: frozenset[str] | None = None) -> Rec
         with path.open("rb") as file:
             content = file.read(min(MAX_BYTES, os.fstat(file.fileno()).st_size) + 1)
     except OSError as error:
-        raise LogError(
-            f"{path}: cannot be read ({error.strerror}); check the name and its permissions"
-        ) from None
+        raise unreadable(path, error) from None
     return parse_dataflash_text(path, content, topics)
 
 

@@ -6,6 +6,7 @@ Vectors and matrices of numbers are read; units, fill values, scales and offsets
 from __future__ import annotations
 
 import io
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -35,11 +36,8 @@ def read_foreign_netcdf(path: Path, topics: frozenset[str] | None = None) -> Rec
 
 def load(path: Path, topics: frozenset[str] | None = None) -> Recording:
     """Read a .nc file in this very process; see `read_foreign_netcdf`."""
-    if is_hdf5(path):
-        arrays, defects = typed(path, "netCDF file", lambda: read_hdf5(path, matlab=False))
-    else:
-        arrays, defects = typed(path, "netCDF file", lambda: _read_classic(path))
-    return assemble(path, "netcdf", arrays, defects, topics)
+    read = partial(read_hdf5, matlab=False) if is_hdf5(path) else _read_classic
+    return assemble(path, "netcdf", *typed(path, "netCDF file", read), topics)
 
 
 def _read_classic(path: Path) -> tuple[list[Array], list[Defect]]:

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.errors import LogError
-from stoop.logs.recording import Defect
+from stoop.logs.recording import Defect, unreadable
 from stoop.logs.tabular import MAX_ARRAYS, Array, left_out, most_values
 
 MAGIC: Final = b"\x89HDF\r\n\x1a\n"
@@ -41,9 +41,7 @@ def is_hdf5(path: Path) -> bool:
         with path.open("rb") as file:
             head = file.read(PLACES[-1] + len(MAGIC))
     except OSError as error:
-        raise LogError(
-            f"{path}: cannot be read ({error.strerror}); check the name and its permissions"
-        ) from None
+        raise unreadable(path, error) from None
     if not head:
         raise LogError(f"{path}: the file is empty; export it again")
     return any(head[place:].startswith(MAGIC) for place in PLACES)

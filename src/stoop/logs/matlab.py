@@ -10,6 +10,7 @@ import io
 import struct
 import warnings
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -44,11 +45,8 @@ def read_matlab(path: Path, topics: frozenset[str] | None = None) -> Recording:
 
 def load(path: Path, topics: frozenset[str] | None = None) -> Recording:
     """Read a .mat file in this very process; see `read_matlab`."""
-    if is_hdf5(path):
-        arrays, defects = typed(path, "MATLAB file", lambda: read_hdf5(path, matlab=True))
-    else:
-        arrays, defects = typed(path, "MATLAB file", lambda: _read_old(path))
-    return assemble(path, "mat", arrays, defects, topics)
+    read = partial(read_hdf5, matlab=True) if is_hdf5(path) else _read_old
+    return assemble(path, "mat", *typed(path, "MATLAB file", read), topics)
 
 
 def _read_old(path: Path) -> tuple[list[Array], list[Defect]]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from stoop.errors import LogError
-from stoop.logs.recording import FloatArray, Recording, Stream, increasing
+from stoop.logs.recording import FloatArray, Recording, Stream, increasing, unreadable
 
 if TYPE_CHECKING:
     from scipy.io import netcdf_file
@@ -52,9 +52,7 @@ def _content(path: Path) -> bytes:
         with path.open("rb") as file:
             content = file.read(min(MAX_BYTES, os.fstat(file.fileno()).st_size) + 1)  # asks for what it reads
     except OSError as error:
-        raise LogError(
-            f"{path}: cannot be read ({error.strerror}); check the name and its permissions"
-        ) from None
+        raise unreadable(path, error) from None
     if not content:
         raise LogError(f"{path}: the file is empty; write the flight again")
     if content[:3] != b"CDF":

@@ -31,7 +31,7 @@ def read_parquet(path: Path, topics: frozenset[str] | None = None) -> Recording:
 
 def load(path: Path, topics: frozenset[str] | None = None) -> Recording:
     """Read a .parquet file in this very process; see `read_parquet`."""
-    arrays, defects = typed(path, "Parquet file", lambda: _read(path))
+    arrays, defects = typed(path, "Parquet file", _read)
     return assemble(path, "parquet", arrays, defects, topics)
 
 

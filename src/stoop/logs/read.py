@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final, TypeAlias
 
 from stoop.errors import LogError
-from stoop.logs.recording import Recording
+from stoop.logs.recording import Recording, unreadable
 
 Topics: TypeAlias = frozenset[str] | None
 Reader: TypeAlias = Callable[[Path, Topics], Recording]
@@ -139,9 +139,7 @@ def _head(path: Path) -> bytes:
         with path.open("rb") as file:
             return file.read(HEAD)
     except OSError as error:
-        raise LogError(
-            f"{path}: cannot be read ({error.strerror}); check the name and its permissions"
-        ) from None
+        raise unreadable(path, error) from None
 
 
 def _by_content(path: Path, head: bytes) -> str:

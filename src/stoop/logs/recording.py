@@ -11,7 +11,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from stoop.errors import one_line
+from stoop.errors import LogError, one_line
 
 MOST_SORTED: Final = 2_000_000  #: samples, an hour at 400 Hz and more; sorting takes 100 bytes for each
 
@@ -146,6 +146,11 @@ def clean_stream(
         return Stream(time, Numbers(columns)), ()
     message = f"{lost} of {time.size} samples dropped: time stands still or runs back"
     return Stream(time[keep], Numbers(columns, keep)), (Defect("time order", place, message),)
+
+
+def unreadable(path: Path, error: OSError) -> LogError:
+    """Return what to say of a file that cannot be opened."""
+    return LogError(f"{path}: cannot be read ({error.strerror}); check the name and its permissions")
 
 
 def increasing(time: FloatArray) -> npt.NDArray[np.intp]:

@@ -68,7 +68,7 @@ def read_rosbag(path: Path, topics: frozenset[str] | None = None) -> Recording:
 
 def load(path: Path, topics: frozenset[str] | None = None) -> Recording:
     """Read a bag in this very process; see `read_rosbag`."""
-    return typed(path, "ROS bag", lambda: _load(path, topics))
+    return typed(path, "ROS bag", lambda file: _load(file, topics))
 
 
 def _load(path: Path, topics: frozenset[str] | None) -> Recording:

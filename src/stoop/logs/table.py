@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.errors import LogError
+from stoop.errors import LogError, listed
 from stoop.logs.mapping import Column, Mapping, is_first_edition, read_mapping, read_toml
 from stoop.logs.recording import Defect, FloatArray, Recording, Stream, clean_stream
 from stoop.logs.text import read_header, read_table
@@ -183,13 +183,8 @@ def _read(
 
 def _pick(file: Path, table: dict[str, FloatArray], column: str, where: str) -> FloatArray:
     if column not in table:
-        raise LogError(f"{where}.column = '{column}' is not in {file}; its columns are {_listed(table)}")
+        raise LogError(f"{where}.column = '{column}' is not in {file}; its columns are {listed(table)}")
     return table[column]
-
-
-def _listed(names: object, most: int = 40) -> str:
-    known = list(names)  # type: ignore[call-overload]
-    return ", ".join(known[:most]) + (f" and {len(known) - most} more" if len(known) > most else "")
 
 
 def _without_mapping(path: Path) -> str:

@@ -16,7 +16,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from stoop.errors import LogError
+from stoop.errors import LogError, listed
 from stoop.logs.recording import Defect, FloatArray, Recording, Stream, bytes_of, clean_stream
 
 CLOCK: Final = re.compile(
@@ -72,14 +72,13 @@ def left_out(path: Path, names: Sequence[str], why: str) -> list[Defect]:
     """Return one defect for all arrays that could not be read."""
     if not names:
         return []
-    some = ", ".join(names[:10]) + (f" and {len(names) - 10} more" if len(names) > 10 else "")
-    return [Defect("skipped", path.name, f"{some}: {why}")]
+    return [Defect("skipped", path.name, f"{listed(names, 10)}: {why}")]
 
 
-def typed(path: Path, what: str, read: Callable[[], _T]) -> _T:
+def typed(path: Path, what: str, read: Callable[[Path], _T]) -> _T:
     """Call a parser that meets damage by any of a dozen exceptions, all of which mean the same."""
     try:
-        return read()
+        return read(path)
     except LogError:
         raise
     except MemoryError:

@@ -11,7 +11,7 @@ from typing import IO, TYPE_CHECKING, Final
 import numpy as np
 
 from stoop.errors import LogError
-from stoop.logs.recording import Defect, FloatArray
+from stoop.logs.recording import Defect, FloatArray, unreadable
 from stoop.logs.tabular import most_values
 
 if TYPE_CHECKING:
@@ -66,9 +66,7 @@ def _unpack(path: Path) -> tuple[bytes, tuple[Defect, ...]]:
             size = min(MAX_BYTES, os.fstat(file.fileno()).st_size)
             return _bounded(path, file.read(size + 1)), ()
     except OSError as error:
-        raise LogError(
-            f"{path}: cannot be read ({error.strerror}); check the name and its permissions"
-        ) from None
+        raise unreadable(path, error) from None
 
 
 def _bounded(path: Path, text: bytes) -> bytes:

@@ -14,8 +14,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from stoop.errors import LogError
-from stoop.logs.recording import Defect, Recording, Stream, clean_stream
+from stoop.errors import LogError, listed
+from stoop.logs.recording import Defect, Recording, Stream, clean_stream, unreadable
 from stoop.logs.scan.walk import DROPOUTS, DROPPED, STRANGERS, UNKNOWN
 from stoop.logs.ulog_formats import PADDING, BodyError, Formats
 from stoop.logs.ulog_scan import MAX_KEPT, Rows, Scan, TooMuchError, scan
@@ -69,9 +69,7 @@ def _check_head(path: Path) -> int:
             head = file.read(len(MAGIC))
         size = path.stat().st_size
     except OSError as error:
-        raise LogError(
-            f"{path}: cannot be read ({error.strerror}); check the name and its permissions"
-        ) from None
+        raise unreadable(path, error) from None
     if not size:
         raise LogError(f"{path}: the log is empty; copy it again from the autopilot")
     if head != MAGIC:
@@ -105,9 +103,8 @@ def _scan(path: Path, size: int, topics: frozenset[str] | None) -> Scan:
 def _empty(path: Path, found: Scan, topics: frozenset[str] | None) -> str:
     if found.streams or not found.topics or topics is None:
         return f"{path}: no topic holds data; the log was cut before the first sample, record again"
-    there = sorted(found.topics)
-    more = f" and {len(there) - 12} more" if len(there) > 12 else ""
-    return f"{path}: the log holds none of the topics wanted, but {', '.join(there[:12])}{more}; log others, or map these"
+    there = listed(sorted(found.topics), 12)
+    return f"{path}: the log holds none of the topics wanted, but {there}; log others, or map these"
 
 
 def _streams(path: Path, found: Scan) -> tuple[dict[str, Stream], list[Defect]]:

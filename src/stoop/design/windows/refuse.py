@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.errors import FlightError
+from stoop.errors import FlightError, listed
 from stoop.flight import Flight
 from stoop.flight.aloft import flying, lift, motors_ran
 from stoop.flight.commands import RATES, commands
@@ -82,8 +82,7 @@ def nothing_found(flights: Mapping[str, Flight], vehicle: Vehicle | None) -> Fli
 
 def no_maneuver(flights: Mapping[str, Flight], untold: Sequence[str], free: int) -> FlightError:
     """Return the error for flights in which nobody moved anything: windows there are, but they tell next to nothing."""
-    some = ", ".join(untold[:NAMED]) + (f" and {len(untold) - NAMED} more" if len(untold) > NAMED else "")
-    known = f", and {len(untold)} of {free} free numbers would not be known to their own size ({some})"
+    known = f", and {len(untold)} of {free} free numbers would not be known to their own size ({listed(untold, NAMED)})"
     return FlightError(
         f"{', '.join(flights)}: no maneuver here: no command moves out of the usual{known if untold else ''}; fly doublets "
         "about each axis (stoop design proposes them), or name windows yourself: --maneuver START:STOP"
