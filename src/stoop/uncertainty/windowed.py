@@ -9,8 +9,13 @@ every window's residuals with every window's sensitivities, so that few windows 
 with D the information, P that of the priors, and covariances of neighbors added with weights that fall to zero. How far a
 window's end is from the next one's beginning counts among its residuals: what blows through a window moves both.
 
+A fit takes up part of the noise, and most where few windows tell much, so a window's residuals are taken as a fit to all
+the others would have left them, r + S (D - S'S)^-1 S' r (Bell and McCaffrey's correction, in the form of the jackknife).
+
 References
 ----------
+R. M. Bell and D. F. McCaffrey, "Bias reduction in standard errors for linear regression with multi-stage samples", *Survey
+Methodology* 28(2), 2002, pp. 169-181.
 W. K. Newey and K. D. West, "A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent covariance
 matrix", *Econometrica* 55(3), 1987, pp. 703-708.
 """
@@ -27,6 +32,9 @@ from stoop.uncertainty.sensitivity import FloatArray, Sensitivity
 
 NEIGHBORS: Final = 3  #: windows whose residuals may still be correlated
 FEWEST: Final = 12  #: windows, below which a mean over them says little
+ALONE: Final = (
+    0.5  #: of the information about a direction; of what one window tells so much of, others foresee nothing
+)
 
 
 def windowed_covariance(
@@ -50,13 +58,15 @@ def windowed_covariance(
     """
     if sum(len(e) - 1 for e in edges) < FEWEST:
         return None
-    information, middle = prior.copy(), prior.copy()
-    for segment, own, gap in zip(segments, edges, gaps, strict=True):
-        residual, jacobian = segment.filled()
-        rows, met = (a.reshape(-1, a.shape[2]) for a in (jacobian, gap[1]))
-        information += rows.T @ rows
-        middle += _scores(residual, jacobian, own, gap) - met.T @ met
-    inverse = invert(information)
+    filled = [segment.filled() for segment in segments]
+    inverse = invert(prior + sum(_gram(j.reshape(-1, j.shape[2])) for _, j in filled))
+    middle = prior.copy()
+    for (residual, jacobian), own, gap in zip(filled, edges, gaps, strict=True):
+        met = gap[1].reshape(-1, gap[1].shape[2])
+        r, S = _stacked(residual, jacobian, own, gap)
+        middle += _scores(
+            np.stack([_foreseen(*one, inverse.factor) for one in zip(r, S, strict=True)]), S
+        ) - _gram(met)
     return marked(inverse.matrix @ middle @ inverse.matrix, inverse.determined)
 
 
@@ -73,22 +83,43 @@ def widened(covariance: FloatArray, other: FloatArray) -> FloatArray:
     return wide
 
 
-def _scores(
+def _stacked(
     residual: FloatArray, jacobian: FloatArray, edges: Sequence[int], gap: tuple[FloatArray, FloatArray]
-) -> FloatArray:
-    """Return the covariance (k, k) of the sum of the scores of one piece."""
-    length, count = int(np.min(np.diff(edges))), len(edges) - 1
-    starts = edges[:-1]
+) -> tuple[FloatArray, FloatArray]:
+    """Return residuals (w, m) of the windows of a piece, with how they meet, and their derivatives (w, m, k)."""
+    length, starts = int(np.min(np.diff(edges))), edges[:-1]
     r = np.stack([residual[a : a + length].ravel() for a in starts])
     S = np.stack([jacobian[a : a + length].reshape(r.shape[1], -1) for a in starts])
     r = np.concatenate([r, np.pad(gap[0], [(0, 1), (0, 0)])], axis=1)
-    S = np.concatenate([S, np.pad(gap[1], [(0, 1), (0, 0), (0, 0)])], axis=1)
+    return r, np.concatenate([S, np.pad(gap[1], [(0, 1), (0, 0), (0, 0)])], axis=1)
+
+
+def _foreseen(r: FloatArray, S: FloatArray, factor: FloatArray) -> FloatArray:
+    """Return the residuals (m,) of a window as a fit to all other windows leaves them.
+
+    With `factor` (k, r) unknowns are such that the whole information is the unit matrix.
+    """
+    own = S @ factor
+    share, along = np.linalg.eigh(_gram(own))
+    others = np.where(share < ALONE, 1.0 / (1.0 - np.minimum(share, ALONE)), 0.0)
+    whole: FloatArray = r + own @ (along @ (others * (along.T @ (own.T @ r))))
+    return whole
+
+
+def _scores(r: FloatArray, S: FloatArray) -> FloatArray:
+    """Return the covariance (k, k) of the sum of the scores of one piece, of residuals (w, m) and derivatives (w, m, k)."""
     crossed = np.matmul(r, S)  # window of the sensitivity, window of the residual, unknown
-    total = _products(crossed, crossed) / count
-    for apart in range(1, min(NEIGHBORS, count - 2) + 1):
-        pair = _products(crossed[:-apart, :-apart], crossed[apart:, apart:]) / (count - apart)
+    total = _products(crossed, crossed)
+    for apart in range(1, min(NEIGHBORS, len(r) - 2) + 1):
+        pair = _products(crossed[:-apart, :-apart], crossed[apart:, apart:])
         total += (1.0 - apart / (NEIGHBORS + 1.0)) * (pair + pair.T)
-    return total
+    mean: FloatArray = total / len(r)  # of all lags alike: no variance is negative then
+    return mean
+
+
+def _gram(rows: FloatArray) -> FloatArray:
+    product: FloatArray = rows.T @ rows
+    return product
 
 
 def _products(a: FloatArray, b: FloatArray) -> FloatArray:
