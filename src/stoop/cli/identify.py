@@ -99,6 +99,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     vehicle, flights, options = _read(arguments)
     with Watch() as watch:
+        for doubt in _doubts(arguments, vehicle, flights):
+            watch.warn(doubt)
         checkpoint = _checkpoint(arguments, vehicle, flights, options, watch.warn)
         job, stopped = _identify(arguments, vehicle, flights, options, checkpoint, watch)
         if assessments.wanted(arguments) and not stopped:
@@ -107,6 +109,15 @@ def run(arguments: argparse.Namespace) -> int:
             checkpoint.forget(job.fit.outcome)
     tell(job, arguments.output)
     return _INTERRUPTED if stopped else 0
+
+
+def _doubts(arguments: argparse.Namespace, vehicle: Vehicle, flights: Sequence[Flight]) -> list[str]:
+    """Say what speaks against the vehicle before a search that may be long; the report says it again."""
+    from stoop.identify.mismatch import doubts
+    from stoop.identify.windows import parse_window
+
+    known = {flight.name: flight for flight in flights}
+    return doubts(vehicle, known, [parse_window(text, known) for text in arguments.maneuver])
 
 
 def _expand(arguments: argparse.Namespace) -> None:

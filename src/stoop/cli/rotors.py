@@ -95,13 +95,15 @@ def _check_once(paths: Sequence[Path]) -> None:
 def _hovers(paths: Sequence[Path], balance: Balance, mapping: Path | None, watch: Watch) -> tuple[Hover, ...]:
     from stoop.flight import load
     from stoop.identify.effectiveness import hover
-    from stoop.identify.rotors_seen import strange_throughout
+    from stoop.identify.rotors_seen import strange_motors
+    from stoop.identify.windows import whole
 
     out = []
     for path in paths:
         flight = load(path, mapping)
         out.append(hover(flight, balance))
-        for doubt in strange_throughout(balance.vehicle, {flight.name: flight}):
+        known = {flight.name: flight}
+        for doubt in strange_motors(balance.vehicle, known, whole(known)):
             watch.warn(doubt)
     return tuple(out)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -10,6 +10,8 @@ import numpy as np
 from stoop.errors import FlightError
 from stoop.flight import Flight
 from stoop.flight.aloft import flying, lift, lifting
+from stoop.identify.rotors_seen import strange_motors
+from stoop.identify.windows import Window
 from stoop.vehicle import Vehicle
 
 DRIVEN: Final = (
@@ -24,6 +26,7 @@ DRIVEN: Final = (
     "rotor_",
     "thr",
 )
+WRONG: Final = ("wrong unit", "wrong sign")  #: faults of a mapping, which hold wherever the channel is read
 UNLIKE: Final = 0.25  #: difference of the usual lift commands of two flights, over their mean
 
 
@@ -66,6 +69,30 @@ def _check_numbers(vehicle: Vehicle, flight: Flight) -> None:
             f"{flight.name}: input {', '.join(repr(name) for name in empty)} holds no number throughout; look at the "
             "column that the mapping names for it, and at what the autopilot logs"
         )
+
+
+def doubts(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> list[str]:
+    """Say in words what speaks against this vehicle in these windows; quick, and worth saying before any search.
+
+    Raises
+    ------
+    FlightError
+        A flight lacks what drives the vehicle: then nothing else needs saying.
+    """
+    for name in dict.fromkeys(w.flight for w in windows):
+        check_inputs(vehicle, flights[name])
+    strange = strange_motors(vehicle, flights, windows) if vehicle.hovers else []
+    return [*strange, *_wrong_units(vehicle, flights), *unlike(vehicle, flights)]
+
+
+def _wrong_units(vehicle: Vehicle, flights: Mapping[str, Flight]) -> list[str]:
+    read = {*vehicle.outputs, *vehicle.recorded}
+    return [
+        f"{flight.name}: {fault.message}."
+        for flight in flights.values()
+        for fault in flight.faults
+        if fault.kind in WRONG and fault.variable in read
+    ]
 
 
 def unlike(vehicle: Vehicle, flights: Mapping[str, Flight]) -> list[str]:

@@ -202,12 +202,6 @@ def strange_motors(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Seq
     return out
 
 
-def strange_throughout(vehicle: Vehicle, flights: Mapping[str, Flight]) -> list[str]:
-    """Tell likewise of whole flights."""
-    whole = [Window(f.name, float(f.time[0]), float(f.time[-1])) for f in flights.values()]
-    return strange_motors(vehicle, flights, whole) if vehicle.hovers else []
-
-
 def _moves(flight: Flight, channel: str, windows: Sequence[Window]) -> bool:
     values, time = flight.column(channel), flight.time
     seen = [values[(time >= w.start) & (time <= w.stop)] for w in windows]

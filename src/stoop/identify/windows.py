@@ -33,6 +33,11 @@ class Window:
         return f"{self.flight}@{self.start:g}:{self.stop:g}"
 
 
+def whole(flights: Mapping[str, Flight]) -> list[Window]:
+    """Return one window for each flight, all of it."""
+    return [Window(f.name, float(f.time[0]), float(f.time[-1])) for f in flights.values()]
+
+
 def parse_window(text: str, flights: Mapping[str, Flight]) -> Window:
     """Read a window; the flight's name may be left out when there is one flight.
 

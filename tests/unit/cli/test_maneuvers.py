@@ -197,3 +197,20 @@ def test_what_cannot_be_looked_for_is_said_before_the_search(
     free = ["--free", "rotor.m3.factor", "-o", str(place / "bad")]
     said = refused(["maneuvers", quad, "--vehicle", "quad-x", *free], capsys)
     assert "write factor = { value = ..., bounds = [low, high] } into [rotor.m3]" in said
+
+
+def test_another_vehicles_motors_are_told_before_the_search_of_a_fit(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The search is refused right after: what was told by then was told before it."""
+    flight = load(place / "quad.nc")
+    columns = {
+        str(n): flight.column(str(n)) for n in flight.data.data_vars if n not in ("q0", "q1", "q2", "q3")
+    }
+    more = {"motor_5": columns["motor_1"], "motor_6": columns["motor_2"], "az": -columns["az"]}
+    save(from_columns("hexa", flight.time, {**columns, **more}), place / "hexa.nc")
+    words = ["identify", str(place / "hexa.nc"), "--vehicle", "quad-x", "--maneuver", "9:12"]
+    assert main([*words, "--validate", "11:14", "-o", str(place / "hexa")]) == 2
+    motors, *_, refused = capsys.readouterr().err.splitlines()
+    assert motors.startswith("stoop: hexa: motor_5, motor_6 move too, but no rotor of quad-x has them")
+    assert "overlaps the fitted" in refused

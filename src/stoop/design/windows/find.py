@@ -16,8 +16,8 @@ from stoop.design.windows.choice import Choice, Evidence, choose
 from stoop.design.windows.refuse import no_maneuver, nothing_found, require_commands, require_inputs
 from stoop.flight import Flight
 from stoop.flight.commands import Axis, commands, families
-from stoop.identify.mismatch import unlike
-from stoop.identify.rotors_seen import strange_throughout
+from stoop.identify import mismatch
+from stoop.identify.windows import whole
 from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]
@@ -112,7 +112,7 @@ def doubts(flights: Mapping[str, Flight], vehicle: Vehicle) -> list[str]:
     """
     for flight in flights.values():
         require_inputs(flight, vehicle)
-    return [*strange_throughout(vehicle, flights), *unlike(vehicle, flights)]
+    return mismatch.doubts(vehicle, flights, whole(flights))
 
 
 def find_windows(
