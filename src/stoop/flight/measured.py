@@ -180,10 +180,23 @@ def _paired(known: dict[str, Line], columns: Columns) -> dict[str, Line]:
     for angle, rate in PAIRS:
         if angle in out and rate in out and {angle, rate} <= columns.keys():
             out[angle], out[rate] = _pair(out[angle], out[rate], columns[angle], columns[rate])
+    for siblings in zip(*PAIRS, strict=True):
+        out = _as_siblings(out, siblings)
     for name in ("phi", "theta", "psi", "p", "q", "r", "alpha", "beta"):
         if name in out and not _is_sure(out[name]) and name in columns:
             out[name] = out[name].doubted(_smallness(out[name], columns[name][1]))
     return out
+
+
+def _as_siblings(known: dict[str, Line], siblings: Sequence[str]) -> dict[str, Line]:
+    """Give what nothing tells of the unit of its siblings, which are of one sensor."""
+    there = [known[name] for name in siblings if name in known]
+    told = [line for line in there if line.said or line.remarks]
+    if len({line.unit for line in told}) != 1:
+        return known
+    unit, names = told[0].unit, " and ".join(line.variable for line in told)
+    new = [replace(line, unit=unit).doubted(f"{unit} as {names}") for line in there if line not in told]
+    return known | {line.variable: line for line in new}
 
 
 def _is_sure(line: Line) -> bool:

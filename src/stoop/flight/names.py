@@ -144,6 +144,7 @@ def _triple(variables: tuple[str, str, str], what: str, doubt: str = "") -> list
 
 _TURN: Final = "gyro|gyr|gyroscope|omega|w|angular velocity|ang vel|angular rate|body ?rate|rates?"
 _GROUND: Final = "unsure: whether x is north and z down, or they are along the body"
+_G: Final = "unsure: a gyro by its name, or gravity"
 _RULES: Final = [
     _rule("q0", r"(?:q|quat|quaternion|att q|orientation) ?(?:w|at 0|0)"),
     _rule("q1", r"(?:q|quat|quaternion|orientation) ?(?:x|at 1|1)"),
@@ -152,6 +153,7 @@ _RULES: Final = [
     *_triple(("p_dot", "q_dot", "r_dot"), "angular acceleration|ang acc|gyro dot|omega dot"),
     _rule("p_dot", "p dot|pdot"), _rule("q_dot", "q dot|qdot"), _rule("r_dot", "r dot|rdot"),
     *_triple(("p", "q", "r"), _TURN),
+    _rule("p", "g ?x", doubt=_G, alone=True), _rule("q", "g ?y", doubt=_G, alone=True), _rule("r", "g ?z", doubt=_G, alone=True),
     _rule("p", "p", alone=True), _rule("q", "q", alone=True), _rule("r", "r", alone=True),
     _rule("p", "roll ?rate|rollspeed|roll speed|rate roll|phi ?dot|rollrate"),
     _rule("q", "pitch ?rate|pitchspeed|pitch speed|rate pitch|pitchrate"),

@@ -230,3 +230,16 @@ def test_a_mapping_is_drafted_for_netcdf_3_of_others(tmp_path: Path) -> None:
     made = draft(path)
     path.with_name("log.nc.toml").write_text(made.text)
     np.testing.assert_allclose(load(path).column("p")[200:-200], np.sin(load(path).time)[200:-200], atol=1e-3)
+
+
+def test_a_rate_that_nothing_tells_has_the_unit_of_its_siblings(tmp_path: Path) -> None:
+    """A heading that hardly changes tells nothing of the unit of its rate."""
+    columns = {
+        "roll": np.degrees(flown()["phi"]), "pitch": np.degrees(flown()["theta"]), "yaw": 5.0 * np.sin(0.7 * T),
+        "gx": np.degrees(flown()["p"]), "gy": np.degrees(flown()["q"]), "gz": 0.2 * np.sin(5.0 * T),
+    }  # fmt: skip
+    made = draft(written(tmp_path, columns))
+    lines = tomllib.loads(made.text)["variables"]
+    assert {name: lines[name]["column"] for name in "pqr"} == {"p": "gx", "q": "gy", "r": "gz"}
+    assert {lines[name]["unit"] for name in "pqr"} == {"deg/s"}
+    assert "deg/s as p and q" in made.text
