@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import importlib
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from stoop import optimize
 from stoop.errors import IdentificationError
 
-__all__ = ["Posed", "names", "pose"]
+__all__ = ["Posed", "names", "pose", "take_none"]
 
 FloatArray = NDArray[np.float64]
 
@@ -88,6 +88,18 @@ def pose(name: str, seed: int, **arguments: Any) -> Posed:
         raise IdentificationError(f"problem {name}: there is none of that name; use one of {_listed()}")
     posed: Posed = _module(module).pose(name, seed, **arguments)
     return posed
+
+
+def take_none(name: str, arguments: Mapping[str, object]) -> None:
+    """Refuse arguments that a problem does not have.
+
+    Raises
+    ------
+    IdentificationError
+        There are some.
+    """
+    if arguments:
+        raise IdentificationError(f"problem {name}: knows no {', '.join(sorted(arguments))}; leave it out")
 
 
 def _module(name: str) -> Any:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from stoop.errors import IdentificationError
 from stoop.optimize.scalar import Scalar
-from stoop.study.problems import Posed
+from stoop.study.problems import Posed, take_none
 
 FloatArray = NDArray[np.float64]
 
@@ -81,8 +81,7 @@ def pose(name: str, seed: int, **arguments: object) -> Posed:
     IdentificationError
         Arguments, of which these problems have none; an instance below 1; ``ioh`` is not installed.
     """
-    if arguments:
-        raise IdentificationError(f"problem {name}: knows no {', '.join(sorted(arguments))}; leave it out")
+    take_none(name, arguments)
     if seed < 1:
         raise IdentificationError(f"problem {name}: there is no instance {seed}; take seeds from 1 on")
     problem = Bbob(int(name.removeprefix("bbob-")), seed)

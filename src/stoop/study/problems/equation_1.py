@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import functools
 
-from stoop.errors import IdentificationError
 from stoop.simulate import parse_maneuver
 from stoop.simulate.fly import fly
-from stoop.study.problems import Posed
+from stoop.study.problems import Posed, take_none
 from stoop.study.problems.experiment import LATERAL, LATERAL_MANEUVER, LEFT_OUT, LONGITUDINAL, MANEUVER
 from stoop.study.problems.paper import Paper
 from stoop.vehicle import Vehicle
@@ -60,8 +59,7 @@ def pose(name: str, seed: int, box: str = "N", **arguments: object) -> Posed:
     IdentificationError
         Another argument than ``box``, or another box.
     """
-    if arguments:
-        raise IdentificationError(f"problem {name}: knows no {', '.join(sorted(arguments))}; leave it out")
+    take_none(name, arguments)
     kind, *more = name.split("+")
     case = lateral() if kind == "lateral" else longitudinal()
     noise = "noise" in more

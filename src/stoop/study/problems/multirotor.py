@@ -13,13 +13,12 @@ from typing import Final
 import numpy as np
 
 from stoop.cost import Misfit, Piece, Weights
-from stoop.errors import IdentificationError
 from stoop.simulate import initial_states, parameter_rows, parse_maneuver
 from stoop.simulate.fly import Flown, fly
 from stoop.simulate.initial import commanded
 from stoop.simulate.paths import readings_along, states_flown
-from stoop.study.problems import Posed
-from stoop.study.problems.paper import NEAR, FloatArray, box, optimum
+from stoop.study.problems import Posed, take_none
+from stoop.study.problems.paper import FloatArray, box, of_known_truth
 from stoop.study.problems.quad import LENGTH, MANEUVER, NOISE, SOUGHT
 from stoop.study.problems.short import posed, windows
 from stoop.vehicle import Vehicle
@@ -116,18 +115,6 @@ def pose(name: str, seed: int, box: str = "N", **arguments: object) -> Posed:
     IdentificationError
         Another argument than ``box``, or another box.
     """
-    if arguments:
-        raise IdentificationError(f"problem {name}: knows no {', '.join(sorted(arguments))}; leave it out")
+    take_none(name, arguments)
     case, noise = quad(), name.endswith("+noise")
-    problem = case.problem(box, seed, noise)
-    sought = tuple(p.name for p in problem.layout.parameters)
-    truth = np.array([case.vehicle.value(n) for n in sought])
-    reference = problem.reference(0)
-    return Posed(
-        problem=problem,
-        target=optimum(problem, truth) * (1.0 + NEAR) if noise else NEAR * reference,
-        reference=reference,
-        truth=truth,
-        parameters=sought,
-        values=lambda x: problem.layout.physical(x[None, :])[0],
-    )
+    return of_known_truth(case.vehicle, case.problem(box, seed, noise), noise)

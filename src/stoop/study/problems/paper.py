@@ -24,7 +24,7 @@ from stoop.errors import IdentificationError
 from stoop.optimize.ledger import blank
 from stoop.simulate import parse_maneuver
 from stoop.simulate.fly import Flown, fly
-from stoop.study.problems import Posed
+from stoop.study.problems import Posed, take_none
 from stoop.study.problems.experiment import MANEUVER, NOISE, SAMPLES, TABLE_1
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
@@ -38,6 +38,7 @@ __all__ = [
     "TABLE_1",
     "Paper",
     "box",
+    "of_known_truth",
     "optimum",
     "paper",
     "pose",
@@ -141,18 +142,23 @@ class Paper:
         return optimum(problem, np.array([self.vehicle.value(n) for n in names]))
 
     def posed(self, problem: Misfit, noise: bool) -> Posed:
-        """Return a problem with its target: near zero without noise, near the optimum at the truth with it."""
-        reference = problem.reference(len(problem.prices) - 1)
-        target = self.optimum(problem) * (1.0 + NEAR) if noise else NEAR * reference
-        names = tuple(p.name for p in problem.layout.parameters)
-        return Posed(
-            problem=problem,
-            target=target,
-            reference=reference,
-            truth=np.array([self.vehicle.value(n) for n in names]),
-            parameters=names,
-            values=lambda x: problem.layout.physical(x[None, : problem.dimension])[0],
-        )
+        """Return a problem with its target, see `of_known_truth`."""
+        return of_known_truth(self.vehicle, problem, noise)
+
+
+def of_known_truth(vehicle: Vehicle, problem: Misfit, noise: bool) -> Posed:
+    """Return a problem whose answer the vehicle is: near zero without noise, near the optimum at the truth with it."""
+    reference = problem.reference(len(problem.prices) - 1)
+    names = tuple(p.name for p in problem.layout.parameters)
+    truth = np.array([vehicle.value(n) for n in names])
+    return Posed(
+        problem=problem,
+        target=optimum(problem, truth) * (1.0 + NEAR) if noise else NEAR * reference,
+        reference=reference,
+        truth=truth,
+        parameters=names,
+        values=lambda x: problem.layout.physical(x[None, : problem.dimension])[0],
+    )
 
 
 def optimum(problem: Misfit, truth: FloatArray) -> float:
@@ -201,8 +207,7 @@ def pose(name: str, seed: int, **arguments: object) -> Posed:
     IdentificationError
         Arguments, of which this problem has none.
     """
-    if arguments:
-        raise IdentificationError(f"problem {name}: knows no {', '.join(sorted(arguments))}; leave it out")
+    take_none(name, arguments)
     kind, *more = name.removeprefix("paper-").split("+")
     noise, case = "noise" in more, paper()
     return case.posed(case.problem(kind, seed, noise, FEW if "few" in more else None), noise)
