@@ -12,13 +12,11 @@ import struct
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from stoop.files import write_bytes_atomic
 from stoop.logs.ulog_formats import BASIC
 from stoop.logs.ulog_notes import LEVELS
 from stoop.units import MICROSECOND
@@ -48,23 +46,6 @@ class Topic:
     time: npt.NDArray[np.float64]
     columns: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
     instance: int = 0
-
-
-def write_ulog(
-    path: Path,
-    topics: Sequence[Topic],
-    parameters: Mapping[str, float] | None = None,
-    info: Mapping[str, str | int] | None = None,
-    texts: Iterable[tuple[float, str, str]] = (),
-) -> None:
-    """Write a log, all or nothing; see `ulog`.
-
-    Raises
-    ------
-    OutputError
-        When it cannot be written.
-    """
-    write_bytes_atomic(path, ulog(topics, parameters, info, texts))
 
 
 def ulog(

@@ -13,7 +13,7 @@ import pytest
 from stoop.errors import LogError
 from stoop.logs import Recording, read, ulog_scan
 from stoop.logs.ulog import MAGIC
-from stoop.logs.ulog_write import Topic, definitions, dropout, message, rows, text, write_ulog
+from stoop.logs.ulog_write import Topic, definitions, dropout, message, rows, text, ulog
 
 SYNC = bytes([0x2F, 0x73, 0x13, 0x20, 0x25, 0x0C, 0xBB, 0x12])
 
@@ -253,7 +253,7 @@ def test_what_is_written_is_read_by_both(tmp_path: Path) -> None:
         Topic("flag", time[:5], {"on": np.array([True, False, True, True, False])}),
     ]  # fmt: skip
     path = tmp_path / "w.ulg"
-    write_ulog(path, topics, {"N": 4, "X": 0.1}, {"sys_name": "PX4", "n": 3}, [(5.0, "ERROR", "ouch")])
+    path.write_bytes(ulog(topics, {"N": 4, "X": 0.1}, {"sys_name": "PX4", "n": 3}, [(5.0, "ERROR", "ouch")]))
     ours = read(path)
     same_rows(ours, path)
     assert ours.defects == ()
