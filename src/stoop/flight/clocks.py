@@ -22,7 +22,7 @@ import numpy as np
 
 from stoop.errors import FlightError, LogError
 from stoop.flight.channels import WILD, Channels
-from stoop.flight.lag import Lag, Signal, find_lag, with_drift
+from stoop.flight.lag import Lag, Signal, find_lag, finite, with_drift
 from stoop.flight.variables import EULER, QUATERNION
 from stoop.logs import FloatArray, Recording
 from stoop.logs.mapping import number_of, only_keys, text_of
@@ -237,7 +237,7 @@ def quantities(channels: Sequence[Channels]) -> dict[str, Signal]:
 def _turning(signals: Mapping[str, Signal]) -> dict[str, Signal]:
     found: dict[str, Signal] = dict(_turn_of_attitude(signals))
     if "psi" in signals and "psi_dot" not in found:
-        t, x = _filled(*signals["psi"])
+        t, x = finite(*signals["psi"])
         found["psi_dot"] = _slope(t, np.unwrap(x))
     found |= {name: signals[name] for name in ("p", "q", "r") if name in signals}
     if "r" in found and "psi_dot" not in found:
@@ -271,9 +271,9 @@ def _moving(signals: Mapping[str, Signal]) -> dict[str, Signal]:
         if speed in signals:
             found[speed] = signals[speed]
         elif place in signals:
-            found[speed] = _slope(*_filled(*signals[place]))
+            found[speed] = _slope(*finite(*signals[place]))
     if "altitude" in signals and "vd" not in found:
-        t, x = _filled(*signals["altitude"])
+        t, x = finite(*signals["altitude"])
         found["vd"] = _slope(t, -x)
     load = _load(signals)
     return {**found, **({} if load is None else {"load": load})}
@@ -293,11 +293,6 @@ def _load(signals: Mapping[str, Signal]) -> Signal | None:
             parts = [x, y, z - pull]
         return t, np.sqrt(parts[0] ** 2 + parts[1] ** 2 + parts[2] ** 2)
     return None
-
-
-def _filled(t: FloatArray, x: FloatArray) -> Signal:
-    good = np.isfinite(x)
-    return t[good], x[good]
 
 
 def _slope(t: FloatArray, x: FloatArray) -> Signal:

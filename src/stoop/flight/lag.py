@@ -206,7 +206,7 @@ def _rival(total: FloatArray, top: int) -> float:
 
 def _correlation(moving: Signal, fixed: Signal, middle: float, longest: float) -> _Curve | None:
     """Correlate two signals at all shifts of a grid; NaN where too little of them meets."""
-    signals = [_known(*signal) for signal in (moving, fixed)]
+    signals = [finite(*signal) for signal in (moving, fixed)]
     if any(t.size < 10 for t, _ in signals):
         return None
     spans = [float(t[-1] - t[0]) for t, _ in signals]
@@ -228,7 +228,8 @@ def _correlation(moving: Signal, fixed: Signal, middle: float, longest: float) -
     return _Curve(shift[kept], np.where(inside, values, np.nan)[kept], counts[kept] / rate, speed, finest)
 
 
-def _known(t: FloatArray, x: FloatArray) -> Signal:
+def finite(t: FloatArray, x: FloatArray) -> Signal:
+    """Return the samples that are finite."""
     good = np.isfinite(x)
     return t[good], x[good]
 
