@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -12,6 +11,7 @@ from stoop.campaign import Plan, Run
 from stoop.study.findings import FloatArray, Results, Setting
 from stoop.study.problems import Posed, pose
 from stoop.study.reproduce.bound import deviations, unit_deviations
+from stoop.study.reproduce.groups import Group
 from stoop.study.reproduce.plans import planned, searched
 from stoop.study.reproduce.table1 import EXACT, ITERATIONS, METHODS, SUCCESS
 
@@ -61,46 +61,13 @@ class Case:
         """Return how many runs have every value within a relative error."""
         return int((self.errors(group) <= limit).all(axis=1).sum())
 
+    def spread(self, group: Group) -> FloatArray:
+        """Return the standard deviation (D,) of the values over seeds."""
+        return np.asarray(group.values.std(axis=0, ddof=min(1, len(group.values) - 1)))
+
     def rms(self, group: Group) -> FloatArray:
         """Return the root mean square (D,) of the relative errors over seeds."""
         return np.asarray(np.sqrt(np.mean(self.errors(group) ** 2, axis=0)))
-
-
-@dataclass(frozen=True, eq=False)
-class Group:
-    """The runs of one method up to one number of iterations.
-
-    Attributes
-    ----------
-    method : str
-    iterations : int
-    values : (n, D)
-    costs, hits, evaluations : (n,)
-        Fitness J; evaluations up to the target, inf where it was not reached; evaluations spent.
-    """
-
-    method: str
-    iterations: int
-    values: FloatArray
-    costs: FloatArray
-    hits: FloatArray
-    evaluations: FloatArray
-
-    @property
-    def reached(self) -> int:
-        """How many runs came to the target."""
-        return int(np.isfinite(self.hits).sum())
-
-    @property
-    def median_hit(self) -> float:
-        """Median evaluations of those; NaN where there is none."""
-        reached = self.hits[np.isfinite(self.hits)]
-        return float(np.median(reached)) if reached.size else np.nan
-
-    @property
-    def spread(self) -> FloatArray:
-        """Standard deviation (D,) of the values over seeds."""
-        return np.asarray(self.values.std(axis=0, ddof=min(1, len(self.values) - 1)))
 
 
 def plan(setting: Setting) -> Plan:
@@ -150,7 +117,7 @@ def _case(case: str, setting: Setting, results: Results) -> Case:
     name, more = _asked(case, setting)
     posed = pose(name, setting.seed, **more)
     groups = tuple(
-        _group(method, stop, [results[_key(case, method, s, stop)] for s in seeds(case, setting)])
+        Group.of(method, stop, [results[_key(case, method, s, stop)] for s in seeds(case, setting)])
         for method in METHODS
         for stop in STOPS[case]
     )
@@ -166,17 +133,6 @@ def _errors(posed: Posed, values: FloatArray) -> FloatArray:
     zero = posed.values(np.zeros(len(values)))
     width = posed.values(np.ones(len(values))) - zero
     return width * unit_deviations(posed.problem, np.clip((values - zero) / width, 0.0, 1.0))
-
-
-def _group(method: str, stop: int, told: Sequence[Mapping[str, Any]]) -> Group:
-    return Group(
-        method,
-        stop,
-        np.array([t["values"] for t in told], dtype=float),
-        np.array([t["cost"] for t in told], dtype=float),
-        np.array([np.inf if t["hit"] is None else t["hit"] for t in told]),
-        np.array([t["evaluations"] for t in told], dtype=float),
-    )
 
 
 def counts(case: Case, group: Group) -> tuple[int, int]:

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from stoop.campaign import Plan
-from stoop.report.plots import Series, plot
+from stoop.report.plots import HUES, Series, plot
 from stoop.report.sheet import Code, Figure, Prose, Section, Table
 from stoop.study.findings import (
     Claim,
@@ -23,7 +23,8 @@ from stoop.study.findings import (
     reproduces,
 )
 from stoop.study.problems.quad import MANEUVER
-from stoop.study.reproduce.multirotor import NOISY_BOX, Case, Group, counts, found, plan
+from stoop.study.reproduce.groups import Group
+from stoop.study.reproduce.multirotor import NOISY_BOX, Case, counts, found, plan
 from stoop.study.reproduce.shots import shots
 from stoop.study.reproduce.table1 import EXACT, METHODS, SUCCESS
 from stoop.study.tables import Cell
@@ -68,6 +69,9 @@ HEAD: Final = (
 PARAMETERS_HEAD: Final = (
     "case", "method", "iterations", "parameter", "truth_or_best", "deviation", "mean", "spread", "rms_relative_error",
 )  # fmt: skip
+LOOKS: Final = {
+    m: i + HUES * (m == "default") for i, m in enumerate(METHODS)
+}  #: the default in dashes, where others lie below
 
 
 @dataclass(frozen=True)
@@ -152,7 +156,7 @@ def _cheaper(clean: Case) -> Claim:
     hits = {m: clean.last(m) for m in METHODS}
     least = hits["default"].median_hit
     others = [g.median_hit for m, g in hits.items() if m != "default" and g.reached]
-    shown = ", ".join(f"{m} {_hits(g)}" for m, g in hits.items())
+    shown = ", ".join(f"{m} {g.hits_told}" for m, g in hits.items())
     return holds(
         "The default reaches 1e-6 of J0 with a tenth of the evaluations of any other, or fewer",
         all(least <= 0.1 * other for other in others),
@@ -187,7 +191,7 @@ def _rms(errors: FloatArray) -> FloatArray:
 
 
 def _settled(real: Case, method: str) -> Claim:
-    ratio = real.last(method).spread / real.sigma
+    ratio = real.spread(real.last(method)) / real.sigma
     at = int(np.argmax(ratio))
     return holds(
         f"{method}, real flight: where it ends scatters over seeds by less than a tenth of the standard errors",
@@ -210,6 +214,7 @@ def _clean(case: Case) -> Section:
         "median fitness J",
         "Median fitness by method",
         log_y=True,
+        looks=LOOKS,
     )
     return Section(
         "A simulated quadrotor, without noise",
@@ -218,6 +223,7 @@ def _clean(case: Case) -> Section:
             Prose(QUAD),
             _summary(case),
             Figure("Median fitness of all runs", drawn),
+            Prose("Its maneuver, on top of what the autopilot does (`stoop simulate quad-x --maneuver`):"),
             Code(MANEUVER.strip()),
         ),
     )
@@ -247,7 +253,7 @@ def _summary(case: Case) -> Table:
             *(counted(n, len(g.costs)) for n in counts(case, g)),
             _percent(float(case.errors(g).mean())),
             number(float(np.median(g.costs))),
-            _hits(g),
+            g.hits_told,
             f"{g.evaluations.mean():.0f}",
         )
         for g in case.groups
@@ -272,7 +278,7 @@ def _endings(case: Case, where: str) -> Table:
             counted(g.reached, len(g.costs)),
             number(float(np.median(g.costs)), 6),
             number(float(g.costs.max()), 6),
-            _hits(g),
+            g.hits_told,
             f"{g.evaluations.mean():.0f}",
         )
         for g in case.groups
@@ -301,7 +307,7 @@ def _estimates(case: Case) -> Table:
             name,
             _with_error(float(case.values[i]), float(case.sigma[i])),
             *(
-                _with_error(float(case.last(m).values[:, i].mean()), float(case.last(m).spread[i]))
+                _with_error(float(case.last(m).values[:, i].mean()), float(case.spread(case.last(m))[i]))
                 for m in METHODS
             ),
         )
@@ -313,10 +319,6 @@ def _estimates(case: Case) -> Table:
 
 def _with_error(value: float, error: float) -> str:
     return f"{number(value, 4)} ± {number(error, 2)}"
-
-
-def _hits(group: Group) -> str:
-    return "–" if not group.reached else f"{group.median_hit:.0f} ({group.reached})"
 
 
 def _percent(share: float) -> str:
@@ -340,7 +342,7 @@ def _parameter_rows(case: Case) -> Iterator[tuple[Cell, ...]]:
             rms = float(case.rms(g)[i]) if case.name != "real" else None
             yield (
                 case.name, METHODS[m], g.iterations, name, float(case.values[i]), float(case.sigma[i]),
-                float(g.values[:, i].mean()), float(g.spread[i]), rms,
+                float(g.values[:, i].mean()), float(case.spread(g)[i]), rms,
             )  # fmt: skip
 
 

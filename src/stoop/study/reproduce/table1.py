@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from stoop.campaign import Plan
 from stoop.study.findings import FloatArray, Results, Setting
 from stoop.study.problems.experiment import TABLE_1
 from stoop.study.problems.paper import paper
+from stoop.study.reproduce import groups
 from stoop.study.reproduce.plans import planned, searched
 from stoop.study.reproduce.printed import MISPRINT, PRINTED
 
@@ -27,29 +27,8 @@ EXACT: Final = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
-    """The runs of one method up to one number of iterations.
-
-    Attributes
-    ----------
-    method : str
-    iterations : int
-    values : (n, 10)
-        Best of each run, in the order of `TABLE_1`.
-    costs : (n,)
-        Fitness J of each.
-    hits : (n,)
-        Evaluations up to 1e-6 J0; inf where that was not reached.
-    evaluations : (n,)
-        Spent.
-    """
-
-    method: str
-    iterations: int
-    values: FloatArray
-    costs: FloatArray
-    hits: FloatArray
-    evaluations: FloatArray
+class Group(groups.Group):
+    """The runs of one method up to one number of iterations: ten values each, in the order of `TABLE_1`."""
 
     @property
     def errors(self) -> FloatArray:
@@ -86,12 +65,6 @@ class Group:
         chosen = self.values[(self.errors <= SUCCESS).all(axis=1)]
         return chosen.mean(axis=0) if len(chosen) else np.full(len(TABLE_1), np.nan)
 
-    @property
-    def median_hit(self) -> float:
-        """Median evaluations to 1e-6 J0 of the runs that got there; NaN where none did."""
-        reached = self.hits[np.isfinite(self.hits)]
-        return float(np.median(reached)) if reached.size else np.nan
-
 
 def truth() -> FloatArray:
     """Return the true values (10,), in the order of `TABLE_1`."""
@@ -116,23 +89,12 @@ def key(method: str, seed: int, stop: int) -> str:
 
 def grouped(setting: Setting, results: Results) -> list[Group]:
     """Return the runs by method and iterations."""
+    order = columns()
     return [
-        _group(method, stop, [results[key(method, seed, stop)] for seed in setting.seeds])
+        Group.of(method, stop, [results[key(method, seed, stop)] for seed in setting.seeds], order)
         for method in METHODS
         for stop in ITERATIONS
     ]
-
-
-def _group(method: str, stop: int, told: list[Mapping[str, Any]]) -> Group:
-    order = columns()
-    return Group(
-        method,
-        stop,
-        np.array([t["values"] for t in told], dtype=float)[:, order],
-        np.array([t["cost"] for t in told], dtype=float),
-        np.array([np.inf if t["hit"] is None else t["hit"] for t in told]),
-        np.array([t["evaluations"] for t in told]),
-    )
 
 
 def columns() -> list[int]:

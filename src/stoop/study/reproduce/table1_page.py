@@ -226,17 +226,12 @@ def _summary(groups: Sequence[Group]) -> Table:
             _percent(g.mean_error),
             _percent(float(g.error_of_means.mean())),
             number(float(g.costs.mean())),
-            _hits(g),
+            g.hits_told,
             f"{g.evaluations.mean():.0f}",
         )
         for g in groups
     )
     return Table("All methods; evaluations are the median of those that got there, and the mean", head, rows)
-
-
-def _hits(group: Group) -> str:
-    reached = int(np.isfinite(group.hits).sum())
-    return "–" if not reached else f"{group.median_hit:.0f} ({reached})"
 
 
 def _values(groups: Sequence[Group], iterations: int) -> Section:
@@ -310,7 +305,7 @@ def _rows(groups: Sequence[Group]) -> list[tuple[Cell, ...]]:
         (
             METHODS[g.method], g.iterations, len(g.costs), g.successful, g.within(EXACT), g.mean_error,
             float(g.error_of_means.mean()), float(g.costs.mean()), float(np.median(g.costs)),
-            int(np.isfinite(g.hits).sum()), _given(g.median_hit), float(g.evaluations.mean()),
+            g.reached, _given(g.median_hit), float(g.evaluations.mean()),
             *(float(v) for v in g.mean), *(_given(float(v)) for v in g.mean_of_successful),
         )
         for g in groups
