@@ -10,7 +10,7 @@ from stoop.errors import FlightError, LogError
 from stoop.flight.channels import Channels
 from stoop.flight.clocks import suggestions
 from stoop.flight.mapped import Mapped, apply
-from stoop.flight.mapping import READY, FlightMapping, read_flight_mapping, ready
+from stoop.flight.mapping import READY, FlightMapping, flight_mapping, read_flight_mapping, ready
 from stoop.flight.variables import VARIABLES, nearest
 from stoop.logs import Recording
 from stoop.logs.mapping import is_first_edition, read_toml
@@ -56,7 +56,9 @@ def channels_of(recording: Recording, place: Path | None = None) -> Mapped:
     LogError
         When the mapping cannot be read, or names what is not in the log.
     """
-    if recording.format == "table" and place is not None and is_first_edition(read_toml(place)):
+    content = None if place is None else read_toml(place)
+    table = recording.format == "table"
+    if table and place is not None and content is not None and is_first_edition(content):
         return _first_edition(recording, place)
     if place is None and recording.format not in READY:
         start = beside(recording.path)
@@ -64,7 +66,7 @@ def channels_of(recording: Recording, place: Path | None = None) -> Mapped:
             f"{recording.path}: this kind of log needs a mapping of its columns; "
             f"draft one by stoop map {recording.path} -o {start}, and correct it"
         )
-    mapping = read_flight_mapping(place) if place is not None else ready(READY[recording.format])
+    mapping = ready(READY[recording.format]) if content is None else flight_mapping(str(place), content)
     whole = with_files(recording, mapping)
     found = apply(mapping, whole)
     one_clock = recording.format in READY and not mapping.files

@@ -100,7 +100,7 @@ def ready(name: str) -> FlightMapping:
     if name not in READY.values():
         raise LogError(f"there is no ready mapping '{name}'; {nearest(name, sorted(set(READY.values())))}")
     text = (files("stoop.data") / "mappings" / f"{name}.toml").read_text("utf-8")
-    return _parse(name, parse_toml(f"{name}.toml", text.encode()))
+    return flight_mapping(name, parse_toml(f"{name}.toml", text.encode()))
 
 
 def read_flight_mapping(path: Path) -> FlightMapping:
@@ -113,10 +113,11 @@ def read_flight_mapping(path: Path) -> FlightMapping:
     FlightError
         When it names a variable that is not in the registry.
     """
-    return _parse(str(path), read_toml(path))
+    return flight_mapping(str(path), read_toml(path))
 
 
-def _parse(place: str, content: Mapping[str, Any]) -> FlightMapping:
+def flight_mapping(place: str, content: Mapping[str, Any]) -> FlightMapping:
+    """Return the mapping that a file of this content is; see `read_flight_mapping`."""
     for key in content:
         if key not in _TABLES:
             raise LogError(f"{place}: unknown table '{key}'; a mapping has {', '.join(sorted(_TABLES))}")

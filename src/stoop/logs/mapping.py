@@ -81,7 +81,11 @@ def read_mapping(path: Path) -> Mapping:
     LogError
         When the file is missing, is no TOML, or says something unknown; names the key and the fix.
     """
-    content = read_toml(path)
+    return mapping_of(path, read_toml(path))
+
+
+def mapping_of(path: Path, content: TextMapping[str, Any]) -> Mapping:
+    """Return the mapping that a file of this content is; see `read_mapping`."""
     for key in content:
         if key not in ("time", "variables"):
             raise LogError(f"{path}: unknown table '{key}'; a mapping has [time] and [variables]")
@@ -130,7 +134,7 @@ def is_first_edition(content: TextMapping[str, Any]) -> bool:
     return not later and not own and not content.keys() & _SECOND
 
 
-def _table(path: Path, content: dict[str, Any], key: str) -> dict[str, Any]:
+def _table(path: Path, content: TextMapping[str, Any], key: str) -> dict[str, Any]:
     table = content.get(key)
     if not isinstance(table, dict) or not table:
         example = 'column = "t", unit = "s"' if key == "time" else 'p = {column = "p", unit = "rad/s"}'

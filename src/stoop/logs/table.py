@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.errors import LogError, listed
-from stoop.logs.mapping import Column, Mapping, is_first_edition, read_mapping, read_toml
+from stoop.logs.mapping import Column, Mapping, is_first_edition, mapping_of, read_toml
 from stoop.logs.recording import Defect, FloatArray, Recording, Stream, clean_stream
 from stoop.logs.text import read_header, read_table
 from stoop.units import FACTORS
@@ -45,7 +45,7 @@ def read_csv(path: Path, mapping: Path | None) -> Recording:
     content = read_toml(place)
     if not is_first_edition(content):
         return _second_edition(path, content)
-    known = read_mapping(place)
+    known = mapping_of(place, content)
     unread: dict[str, tuple[str, ...]] = {}
     streams: dict[str, Stream] = {}
     defects: list[Defect] = []
