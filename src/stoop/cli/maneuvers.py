@@ -63,11 +63,10 @@ def run(arguments: argparse.Namespace) -> int:
             watch.warn(doubt)
         found = find_windows(flights, vehicle, watch.turn_to)
     command, following = shlex.join(["stoop", *sys.argv[1:]]), _next(arguments)
-    write_windows(
-        found, flights, "" if vehicle is None else vehicle.name, arguments.output, command, following
-    )
-    left = tuple(note for note in found.notes if note not in warned)
-    _tell(page(), replace(found, notes=left), arguments.output, following)
+    written = replace(found, notes=(*warned, *found.notes))
+    name = "" if vehicle is None else vehicle.name
+    write_windows(written, flights, name, arguments.output, command, following)
+    _tell(page(), found, arguments.output, following)
     return 0
 
 

@@ -87,3 +87,9 @@ class ChannelFigures:
     theil_shares: TheilShares = TheilShares()
     whiteness: Whiteness = Whiteness()
     baseline: BaselineFigures = BaselineFigures()
+
+    @property
+    def lost(self) -> bool:
+        """Whether a first-order lag does as well; not where residuals are white: only noise is left, and chance decides."""
+        compared = math.isfinite(self.baseline_theil)
+        return compared and not self.theil < self.baseline_theil and self.whiteness.verdict != "white"

@@ -236,7 +236,7 @@ def _doubts(identified: Identified, maneuvers: Sequence[ManeuverResult]) -> tupl
 
 def _weak(maneuvers: Sequence[ManeuverResult]) -> tuple[str, ...]:
     """Return where the lag is as good."""
-    lost = {_where(m): [c for c, f in m.channels.items() if f.theil >= f.baseline_theil] for m in maneuvers}
+    lost = {_where(m): [c for c, f in m.channels.items() if f.lost] for m in maneuvers}
     return tuple(f"{w}: no better than a first-order lag in {', '.join(c)}." for w, c in lost.items() if c)
 
 

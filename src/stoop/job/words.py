@@ -72,7 +72,7 @@ def warnings(
         )
     out += _untold(parameters, bars)
     for m in maneuvers:
-        weak = [c for c, f in m.channels.items() if f.theil > f.baseline_theil]
+        weak = [c for c, f in m.channels.items() if f.lost]
         if weak:
             out.append(
                 f"{m.flight} {m.start:g}:{m.stop:g} ({m.role}): no better than a first-order lag in {', '.join(weak)}."

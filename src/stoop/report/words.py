@@ -119,9 +119,10 @@ def _against_lag(result: Result, role: Role) -> str:
     compared = [one for m in result.maneuvers if m.role == role for one in _compared(m)]
     if not compared:
         return ""
-    lost = _lost(result, role)
-    score = f"{len(compared) - len(lost)} of {count(len(compared), 'comparison')}"
-    said = f"the model beats a trivial first-order lag in {score}"
+    lost, better = _lost(result, role), sum(better for _, better in compared)
+    said = f"the model beats a trivial first-order lag in {better} of {count(len(compared), 'comparison')}"
+    drawn = len(compared) - better - len(lost)
+    said += f" and leaves but noise in {drawn} more" if drawn else ""
     return f"{said}, not in {listed(lost)}" if lost else said
 
 
@@ -139,6 +140,6 @@ def _lost(result: Result, role: Role) -> list[str]:
         f"{name} ({window(m.start, m.stop)})"
         for m in result.maneuvers
         if m.role == role
-        for name, better in _compared(m)
-        if not better
+        for name, one in m.channels.items()
+        if one.lost
     ]

@@ -12,7 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stoop.identify.evidence import Identifiable, Sight
-from stoop.identify.result import AirDataTrace, ChannelFigures, ManeuverResult, ParameterEstimate, Result
+from stoop.identify.result import (
+    AirDataTrace,
+    ChannelFigures,
+    ManeuverResult,
+    ParameterEstimate,
+    Result,
+    Whiteness,
+)
 from stoop.report.air import air_panels
 from stoop.report.charts import holes
 from stoop.report.formula import mathml
@@ -221,6 +228,26 @@ def test_a_good_verdict(examples: ModuleType) -> None:
     assert found.level == "good"
     assert "all of them seen by the data" in " ".join(found.sentences)
     assert "beats a trivial first-order lag in 1 of 1 comparison" in found.sentences[2]
+
+
+@pytest.mark.parametrize(("left", "level"), [("white", "good"), ("colored", "caution"), ("", "caution")])
+def test_a_channel_in_which_only_noise_is_left_is_not_lost(
+    examples: ModuleType, left: str, level: str
+) -> None:
+    """A window that does not move the yaw shows its noise, which no model matches; chance decides who is closer."""
+    moved, still = (
+        ChannelFigures(0.1, 0.1, 0.9, 0.2),
+        ChannelFigures(0.1, 0.65, 0.0, 0.63, whiteness=Whiteness(verdict=left)),
+    )
+    maneuvers = tuple(
+        dataclasses.replace(m, channels={"p": moved, "r": still}) for m in good(examples).maneuvers
+    )
+    found = verdict(dataclasses.replace(good(examples), maneuvers=maneuvers))
+    assert found.level == level
+    drawn = "and leaves but noise in 1 more" in found.sentences[2]
+    assert drawn == (left == "white")
+    assert ("not in r (0–1 s)" in found.sentences[2]) == (left != "white")
+    assert ChannelFigures(math.nan, math.nan, math.nan, 0.6).lost, "it diverged"
 
 
 def test_how_many_parameters_are_known_only_together(examples: ModuleType) -> None:

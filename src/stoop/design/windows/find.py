@@ -120,7 +120,7 @@ def find_windows(
     vehicle: Vehicle | None = None,
     tell: Callable[[str], None] = lambda _: None,
 ) -> Found:
-    """Propose windows by excitation and by the information in them.
+    """Propose windows by excitation and by the information in them; what is doubtful of the flights, `doubts` says.
 
     Parameters
     ----------
@@ -154,8 +154,7 @@ def find_windows(
     untold = [e.name for e in expected if not e.relative < 1.0]
     if words.calm() and len(untold) >= UNTOLD * len(expected):
         raise no_maneuver(flights, untold, len(expected))
-    notes = [*(doubts(flights, vehicle) if vehicle is not None else []), *_notes(choice)]
-    return Found(tuple(words.windows(choice)), tuple(expected), tuple(notes))
+    return Found(tuple(words.windows(choice)), tuple(expected), tuple(_notes(choice)))
 
 
 def _of_flight(flight: Flight, vehicle: Vehicle | None, motion: Motion | None) -> list[Candidate]:
