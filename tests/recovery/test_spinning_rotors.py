@@ -1,0 +1,72 @@
+"""Rotors whose reaction is known from the slope of what was recorded: inertia, torque and delay come back together."""
+
+from __future__ import annotations
+
+import pytest
+
+from stoop.flight import Flight
+from stoop.identify.fit import Options
+from stoop.job import identify
+from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.vehicle import Vehicle, parse_vehicle
+
+QUAD = """
+name = "quad"
+[mass]
+mass = 1.4
+inertia = { xx = 0.019, yy = 0.019, zz = 0.03 }
+[rotors]
+drive = "speed"
+gain = 1000.0
+delay = 0.013
+T2 = 1.3e-5
+inflow = 3e-4
+torque_ratio = 0.019
+inertia = 6e-5
+""" + "".join(
+    f'[rotor.m{i}]\nchannel = "motor_{i}"\nposition = [{x}, {y}, 0.0]\nspin = "{spin}"\n'
+    for i, x, y, spin in (
+        (1, 0.15, 0.15, "ccw"),
+        (2, -0.15, -0.15, "ccw"),
+        (3, 0.15, -0.15, "cw"),
+        (4, -0.15, 0.15, "cw"),
+    )
+)
+MANEUVER = "duration = 16.0\nrate = 100.0\n" + "".join(
+    f'[[input]]\ncontrol = "{control}"\nshape = "{shape}"\nstart = {start}\nstep = {step}\namplitude = {amplitude}\n'
+    for control, shape, start, step, amplitude in (
+        ("roll", "doublet", 1.0, 0.15, 8.0),
+        ("pitch", "doublet", 2.0, 0.15, 8.0),
+        ("yaw", "doublet", 3.0, 0.4, 1.5),
+        ("heave", "3-2-1-1", 4.0, 0.25, 2.0),
+        ("yaw", "doublet", 7.0, 0.2, 2.0),
+        ("north", "doublet", 8.0, 2.0, 2.5),
+        ("east", "doublet", 11.0, 2.0, 2.5),
+    )
+)
+WRONG = {
+    "rotors.inertia": {"value": 2e-5, "free": True, "bounds": (1e-6, 3e-4)},
+    "rotors.delay": {"value": 0.005, "free": True, "bounds": (0.0, 0.05)},
+    "rotors.torque_ratio": {"value": 0.012},
+    "rotors.T2": {"value": 1.2e-5},
+}
+
+
+@pytest.fixture(scope="module")
+def true() -> Vehicle:
+    return parse_vehicle(QUAD, "quad")
+
+
+@pytest.fixture(scope="module")
+def flight(true: Vehicle) -> Flight:
+    return simulate_flight(true, parse_maneuver(MANEUVER, "m"), seed=3, name="sim")
+
+
+@pytest.mark.parametrize("method", ["equation-error", pytest.param("", marks=pytest.mark.slow)])
+def test_what_spins_rotors_up_is_found(true: Vehicle, flight: Flight, method: str) -> None:
+    found = identify(true.with_numbers(WRONG), flight, ["0:16"], options=Options(method=method))
+    parameters = found.identification.result.parameters
+    assert set(WRONG) <= set(parameters)
+    for name, p in parameters.items():
+        assert abs(p.estimate - true.value(name)) < 3.5 * p.std_error, name
+        assert p.std_error < 0.05 * true.value(name), name
