@@ -19,6 +19,7 @@ import numpy as np
 
 from stoop.flight.channels import SourceRate
 from stoop.flight.faults import Fault
+from stoop.flight.variables import VARIABLES
 from stoop.logs import FloatArray
 from stoop.units import STANDARD_GRAVITY
 
@@ -84,7 +85,7 @@ def with_true_airspeed(
         else f"{TRUE} is the equivalent airspeed of {source.source}, as if in air of {middle:g} kg/m3: neither pressure nor "
         "altitude tells the density"
     )
-    return columns, {**sources, TRUE: source}, words
+    return {name: columns[name] for name in VARIABLES if name in columns}, {**sources, TRUE: source}, words
 
 
 def _density(data: Mapping[str, FloatArray]) -> tuple[FloatArray, str]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.flight import Flight, load
+from stoop.flight import VARIABLES, Flight, load
 from stoop.flight.equivalent import density_at_altitude, density_at_pressure, density_of_gas
 from stoop.flight.load import without_faults
 from stoop.logs.dataflash_write import Table, dataflash_bytes
@@ -78,6 +78,7 @@ def test_true_airspeed_in_2000_m(tmp_path: Path, others: list[Table], by: str) -
         "airspeed_pitot is 1.103 times the equivalent airspeed of ARSP: air of 1.00"
     )
     assert told(flight).endswith(by)
+    assert list(flight.data) == [name for name in VARIABLES if name in flight.data]
     assert flight.sources["airspeed_pitot"] == flight.sources["airspeed_equivalent"]
 
 
