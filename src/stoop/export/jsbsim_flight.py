@@ -28,7 +28,6 @@ INTEGRATORS: Final = {
     "simulation/integrator/position/rotational": 5.0,
     "simulation/integrator/position/translational": 5.0,
 }  #: Adams-Bashforth of order four
-_FORCE: Final = POUND_FORCE / SLUG
 READ: Final[dict[str, tuple[str, float]]] = {
     "u": ("velocities/u-aero-fps", FOOT), "v": ("velocities/v-aero-fps", FOOT), "w": ("velocities/w-aero-fps", FOOT),
     "p": ("velocities/p-rad_sec", 1.0), "q": ("velocities/q-rad_sec", 1.0), "r": ("velocities/r-rad_sec", 1.0),

@@ -28,6 +28,7 @@ TIED: Final = 0.95  #: correlation from which two regressors are tied
 #: the natural frequency as its step that frequency lies in the upper half of the band
 STEP_ANGLE: Final = 1.6
 ANGLES: Final = ("alpha", "beta")
+GROUND: Final = "Measure it on the ground, and fix it or narrow its prior."
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,46 +229,28 @@ def _of_vehicle(name: str, flown: Flown) -> str:
         return (
             "A calibration, or straight flight at several speeds and headings, tells an instrument's error."
         )
-    return "Measure it on the ground, and fix it or narrow its prior."
+    return GROUND
 
 
-_ROTORS: Final = {
-    (
-        "T0",
-        "T1",
-        "T2",
-        "gain",
-        "idle",
-    ): "Steps of thrust (heave) between half and full power tell the polynomial's shape.",
-    ("inflow",): "Climbs and descents at several speeds tell it from thrust.",
-    (
-        "drag",
-        "translational",
-        "linear",
-        "quadratic",
-    ): "Flight at several airspeeds, forward, sideways and vertical, tells it.",
-    ("Q0", "Q1", "Q2", "torque_ratio", "torque_factor"): "Yaw doublets, sharp-edged, tell torque.",
-    (
-        "lag",
-        "delay",
-        "inertia",
-    ): "Sharp-edged inputs (doublets of 0.1 to 0.2 s) logged at 100 Hz or more tell it.",
-    (
-        "factor",
-        "x",
-        "y",
-        "z",
-    ): "Steady hover beside doublets of roll and pitch tells it from the others' and from the center of gravity.",
-    ("rotation",): "Roll, pitch and yaw doublets of different lengths tell it from inertia.",
-}
+_TELLING: Final = {
+    "T0 T1 T2 gain idle": "Steps of thrust (heave) between half and full power tell the polynomial's shape.",
+    "inflow": "Climbs and descents at several speeds tell it from thrust.",
+    "drag translational linear quadratic": "Flight at several airspeeds, forward, sideways and vertical, tells it.",
+    "Q0 Q1 Q2 torque_ratio torque_factor": "Yaw doublets, sharp-edged, tell torque.",
+    "lag delay inertia": "Sharp-edged inputs (doublets of 0.1 to 0.2 s) logged at 100 Hz or more tell it.",
+    "factor x y z": (
+        "Steady hover beside doublets of roll and pitch tells it from the others' and from the center of gravity."
+    ),
+    "rotation": "Roll, pitch and yaw doublets of different lengths tell it from inertia.",
+}  #: numbers of rotors and of body drag, by the last part of the name
+_ROTORS: Final = {name: said for names, said in _TELLING.items() for name in names.split()}
 
 
 def _of_rotors(name: str) -> str:
     """Return what to fly for a number of rotors or of body drag."""
     parts = name.split(".")
     last = parts[-1] if parts[-1] not in ("x", "y", "z") or parts[0] == "rotor" else parts[-2]
-    told = next((said for names, said in _ROTORS.items() if last in names), "")
-    return told or "Measure it on the ground, and fix it or narrow its prior."
+    return _ROTORS.get(last, GROUND)
 
 
 def _what(term: Term) -> str:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import solve_triangular
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -41,12 +40,6 @@ class Sensitivity:
         if there.all():
             return self.residual, self.jacobian
         return np.where(there, self.residual, 0.0), np.where(there[:, :, None], self.jacobian, 0.0)
-
-
-def whitening(noise_covariance: FloatArray) -> FloatArray:
-    """Return W (ny, ny) with W' W the inverse of the noise covariance (ny, ny), for complete samples."""
-    lower = np.linalg.cholesky(noise_covariance)
-    return np.asarray(solve_triangular(lower, np.eye(len(lower)), lower=True), dtype=np.float64)
 
 
 def data_information(segments: Sequence[Sensitivity]) -> FloatArray:

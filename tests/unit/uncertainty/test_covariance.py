@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from stoop.uncertainty.covariance import correlation, intervals_95, invert, marked, standard_errors
-from stoop.uncertainty.sensitivity import Sensitivity, data_information, prior_information, whitening
+from stoop.uncertainty.sensitivity import Sensitivity, data_information, prior_information
 
 
 def information(seed: int, size: int) -> np.ndarray:
@@ -72,12 +72,6 @@ def test_missing_measurements_carry_no_information() -> None:
     whole = data_information([Sensitivity(residual, jacobian)])
     rows = np.delete(jacobian.reshape(-1, 3), 9, axis=0)
     assert_allclose(whole, rows.T @ rows)
-
-
-def test_whitening() -> None:
-    noise = information(4, 3)
-    weight = whitening(noise)
-    assert_allclose(weight.T @ weight, np.linalg.inv(noise), rtol=1e-9)
 
 
 def test_correlation_and_intervals() -> None:

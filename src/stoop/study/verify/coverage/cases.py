@@ -10,7 +10,6 @@ from typing import Final, cast
 from stoop.study.verify.coverage.scene import Scene
 
 Range = tuple[float, float]
-NOMINAL: Final = 0.95
 
 
 @dataclass(frozen=True)
