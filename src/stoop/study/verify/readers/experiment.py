@@ -89,7 +89,7 @@ class Readers:
         found = [(key.partition("/")[0], *_told(f)) for key, r in results.items() for f in r["found"]]
         total = sum(sum(c.values()) for c in counts.values())
         return Findings(
-            f"{total} damaged logs over all readers",
+            f"{total:,} damaged logs over all readers",
             LEAD,
             claims(counts),
             (
@@ -136,14 +136,14 @@ def claims(counts: Counts) -> tuple[Claim, ...]:
             ("hang", f"No case takes more than {SECONDS} s of processor time"),
             ("memory", f"No case takes more than {SWELL >> 20} MiB"))),
         holds("Others' code that dies or runs on takes nobody along", _is_contained(counts),
-              f"{total[CONTAINED]} such cases of {cases}, all of them told in one line, or read, by the reader in its own "
-              f"process; {apart} further cases were read so from the beginning"),
-        holds("The whole way to a flight is as safe", not _bad(_outcomes(counts.values(), FLIGHT)), f"{whole} cases"),
+              f"{total[CONTAINED]} such cases of {cases:,}, all of them told in one line, or read, by the reader in its own "
+              f"process; {apart:,} further cases were read so from the beginning"),
+        holds("The whole way to a flight is as safe", not _bad(_outcomes(counts.values(), FLIGHT)), f"{whole:,} cases"),
     )  # fmt: skip
 
 
 def _none(total: Counter[str], outcome: str, words: str) -> Claim:
-    return holds(words, not total[outcome], f"{total[outcome]} of {sum(total.values())}")
+    return holds(words, not total[outcome], f"{total[outcome]:,} of {sum(total.values()):,}")
 
 
 def _is_contained(counts: Counts) -> bool:
