@@ -6,7 +6,7 @@ import csv
 from importlib.resources import files
 
 from docs.pages import DOCS, ROOT, table
-from stoop.study.verify.hexacopter.fits import PACKAGE
+from stoop.study.verify.hexacopter.fits import MAPPED, MAPPING, PACKAGE
 
 PAGE = DOCS / "hexacopter.md"
 AXES = ("ax", "ay", "az")
@@ -53,10 +53,9 @@ def test_what_is_said_of_them() -> None:
 
 
 def test_the_examples_are_what_was_verified() -> None:
-    for example, own in (("hexacopter.toml", "hexacopter.toml"), ("hexacopter_mapping.toml", "mapping.toml")):
-        verified = files(PACKAGE).joinpath(own).read_bytes()
-        assert (ROOT / "examples" / example).read_bytes() == verified
-        if own == "mapping.toml":
-            assert verified.decode().partition('extends = "px4"')[2].strip() in PAGE.read_text(
-                encoding="utf-8"
-            ).replace("   ", "")
+    for package, name in ((PACKAGE, "hexacopter.toml"), (MAPPED, MAPPING)):
+        assert (ROOT / "examples" / name).read_bytes() == files(package).joinpath(name).read_bytes()
+    clocks = (
+        files(MAPPED).joinpath(MAPPING).read_text(encoding="utf-8").partition('extends = "px4"')[2].strip()
+    )
+    assert clocks in PAGE.read_text(encoding="utf-8").replace("   ", "")

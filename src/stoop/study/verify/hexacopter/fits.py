@@ -24,6 +24,7 @@ from stoop.vehicle import Vehicle, parse_vehicle
 FloatArray = NDArray[np.float64]
 FOLDER: Final = "altlnt-hexacopter-px4"
 PACKAGE: Final = "stoop.study.verify.hexacopter"
+MAPPED, MAPPING = "stoop.study.problems", "hexacopter_mapping.toml"  #: package and file
 LEARNED: Final = (140.0, 214.0)  #: s: hover, two climbs of 6 m/s, slow descents
 SPRINTS: Final = (214.0, 260.0)  #: s: forth and back at 10 m/s
 WHOLE: Final = (140.0, 281.0)  #: s, all that was in the air
@@ -68,7 +69,7 @@ def read_log(folder: Path | None, mapped: bool = True) -> Log:
         It is not there, or cannot be read.
     """
     place = _place(folder)
-    with as_file(files(PACKAGE).joinpath("mapping.toml")) as mapping:
+    with as_file(files(MAPPED).joinpath(MAPPING)) as mapping:
         flight = load(place, mapping if mapped else None)
     return Log(flight, published(place))
 
