@@ -25,12 +25,12 @@ def error_bars(fit: Fit, _color: float) -> ErrorBars:
     held = np.zeros(len(evidence.information), dtype=np.bool_)
     held[:d] = (fit.z[:d] < AT_BOUND) | (fit.z[:d] > 1.0 - AT_BOUND)
     free = np.flatnonzero(~held)
-    found = estimate_uncertainty(_segments(evidence, free), evidence.information[np.ix_(free, free)])
+    segments, prior = _segments(evidence, free), evidence.information[np.ix_(free, free)]
+    found = estimate_uncertainty(segments, prior)
     corrected = found.corrected
     if evidence.edges:
         gaps = [(gap, slopes[:, :, free]) for gap, slopes in evidence.gaps]
-        prior = evidence.information[np.ix_(free, free)]
-        windowed = windowed_covariance(_segments(evidence, free), evidence.edges, gaps, prior)
+        windowed = windowed_covariance(segments, evidence.edges, gaps, prior)
         corrected = corrected if windowed is None else widened(windowed, corrected)
     own = free[free < d]
     names = [p.name for p in fit.problem.layout.parameters]

@@ -22,6 +22,7 @@ matrix", *Econometrica* 55(3), 1987, pp. 703-708.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from typing import Final
 
@@ -97,7 +98,7 @@ def _stacked(
 def _foreseen(r: FloatArray, S: FloatArray, factor: FloatArray) -> FloatArray:
     """Return the residuals (m,) of a window as a fit to all other windows leaves them.
 
-    With `factor` (k, r) unknowns are such that the whole information is the unit matrix.
+    With `factor` (k, d) the unknowns are d such that the whole information is the unit matrix.
     """
     own = S @ factor
     share, along = np.linalg.eigh(_gram(own))
@@ -108,21 +109,19 @@ def _foreseen(r: FloatArray, S: FloatArray, factor: FloatArray) -> FloatArray:
 
 def _scores(r: FloatArray, S: FloatArray) -> FloatArray:
     """Return the covariance (k, k) of the sum of the scores of one piece, of residuals (w, m) and derivatives (w, m, k)."""
-    crossed = np.matmul(r, S)  # window of the sensitivity, window of the residual, unknown
-    total = _products(crossed, crossed)
-    for apart in range(1, min(NEIGHBORS, len(r) - 2) + 1):
-        pair = _products(crossed[:-apart, :-apart], crossed[apart:, apart:])
-        total += (1.0 - apart / (NEIGHBORS + 1.0)) * (pair + pair.T)
+    lags = min(NEIGHBORS, len(r) - 2)
+    total: FloatArray = np.zeros((S.shape[2], S.shape[2]))
+    recent: deque[FloatArray] = deque(maxlen=1 + max(0, lags))
+    for own in S:
+        crossed = r @ own  # window of the residual, unknown
+        recent.appendleft(crossed)
+        for apart, before in enumerate(recent):
+            pair = before[: len(r) - apart].T @ crossed[apart:]
+            total += pair if apart == 0 else (1.0 - apart / (NEIGHBORS + 1.0)) * (pair + pair.T)
     mean: FloatArray = total / len(r)  # of all lags alike: no variance is negative then
     return mean
 
 
 def _gram(rows: FloatArray) -> FloatArray:
     product: FloatArray = rows.T @ rows
-    return product
-
-
-def _products(a: FloatArray, b: FloatArray) -> FloatArray:
-    k = a.shape[-1]
-    product: FloatArray = a.reshape(-1, k).T @ b.reshape(-1, k)
     return product
