@@ -74,7 +74,7 @@ def segments(
     pieces, cut = _pieces(flight, t, complete(u))
     if not pieces and t.size and t[-1] - t[0] < SHORTEST - 0.5 / flight.rate:
         raise FlightError(
-            f"{flight.name} {start:g}:{stop:g}: {t[-1] - t[0]:.2g} s are too short; choose a window that holds "
+            f"{flight.name} {start:g}:{stop:g}: {t[-1] - t[0]:.2g} s are too short; choose another window, one that holds "
             f"{SHORTEST:g} s without a hole"
         )
     if not pieces:
