@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stoop.cli.page import Page, busy, page, print_json
+from stoop.cli.point import LOG_HELP, MAPPING_HELP
 from stoop.cli.tables import alike, fixed, numbers, points, shown_unit, words
 
 if TYPE_CHECKING:
@@ -25,9 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "flight",
         metavar="FLIGHT",
         type=Path,
-        help="a log of any kind that stoop reads, or a folder of CSV files",
+        help=f"flight log: {LOG_HELP}",
     )
-    parser.add_argument("--mapping", metavar="M.toml", type=Path, help="which column is which variable")
+    parser.add_argument("--mapping", metavar="M.toml", type=Path, help=MAPPING_HELP)
     parser.add_argument("--json", action="store_true", help="print JSON (SI units, rad) instead of tables")
 
 

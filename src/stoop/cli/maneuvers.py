@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 from stoop.cli.freed import freed
 from stoop.cli.outputs import check_targets
 from stoop.cli.page import Page, busy, page
-from stoop.cli.point import COMPILING, VEHICLE_HELP
+from stoop.cli.point import COMPILING, LOG_HELP, MAPPING_HELP, VEHICLE_HELP
 from stoop.cli.progress import Watch
-from stoop.cli.tables import fixed, numbers, points, words
+from stoop.cli.tables import Column, fixed, numbers, points, words
 from stoop.errors import FlightError, VehicleError
 
 if TYPE_CHECKING:
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
     add = parser.add_argument
-    add("flight", metavar="FLIGHT", nargs="+", type=Path, help="flight log(s) of one vehicle, of any kind")
+    add("flight", metavar="FLIGHT", nargs="+", type=Path, help=f"flight log(s) of one vehicle: {LOG_HELP}")
     without = "without it windows are chosen that move each axis by itself"
     add("--vehicle", metavar="V.toml", default="", help=f"{VEHICLE_HELP}; {without}")
-    add("--mapping", metavar="M.toml", type=Path, help="which column is which variable")
+    add("--mapping", metavar="M.toml", type=Path, help=MAPPING_HELP)
     add(
         "--free", metavar="NAME", action="append", default=[], help="estimate this number of the vehicle file"
     )
@@ -107,35 +107,10 @@ def _next(arguments: argparse.Namespace) -> list[str]:
 
 def _tell(out: Page, found: Found, folder: Path, following: Sequence[str]) -> None:
     from stoop.identify.windows_file import NAME
-    from stoop.job.windows import FIRST_GUESS, kind_of, numbered, percent
 
-    rows = numbered(found)
-    several = len({w.flight for _, w in rows}) > 1
-    name = [f"{w.flight}@" if several else "" for _, w in rows]
-    out.table(
-        [
-            fixed("", [i for i, _ in rows], 0),
-            words(
-                "window s", [f"{n}{w.start:.1f}:{w.stop:.1f}" for n, (_, w) in zip(name, rows, strict=True)]
-            ),
-            words("use", [kind_of(w) for _, w in rows]),
-            words("axis", [w.axis for _, w in rows]),
-            fixed("information", [w.information for _, w in rows], 2),
-            points("gain", [f"{w.gain:.2f}" if w.gain else "-" for _, w in rows]),
-            words("why", [w.why for _, w in rows], wraps=True),
-        ]
-    )
+    out.table(_windows(found))
     if found.expected:
-        out.heading("expected of the windows to be fitted")
-        out.line(FIRST_GUESS)
-        out.table(
-            [
-                words("", [e.name for e in found.expected]),
-                numbers("first guess", [e.value for e in found.expected]),
-                numbers("std error", [e.std_error for e in found.expected]),
-                points("of its size", [percent(e.relative) for e in found.expected]),
-            ]
-        )
+        _tell_expected(out, found)
     if found.notes:
         out.heading("notes")
         out.bullets(found.notes)
@@ -143,3 +118,33 @@ def _tell(out: Page, found: Found, folder: Path, following: Sequence[str]) -> No
     out.line(f"edit: {folder / NAME}")
     out.line(f"page: {folder / 'windows.html'}")
     out.command("next: ", following)
+
+
+def _windows(found: Found) -> list[Column]:
+    from stoop.job.windows import kind_of, numbered, span_of
+
+    rows = numbered(found)
+    return [
+        fixed("", [i for i, _ in rows], 0),
+        words("window s", [span_of(w, found) for _, w in rows]),
+        words("use", [kind_of(w) for _, w in rows]),
+        words("axis", [w.axis for _, w in rows]),
+        fixed("information", [w.information for _, w in rows], 2),
+        points("gain", [f"{w.gain:.2f}" if w.gain else "-" for _, w in rows]),
+        words("why", [w.why for _, w in rows], wraps=True),
+    ]
+
+
+def _tell_expected(out: Page, found: Found) -> None:
+    from stoop.job.windows import FIRST_GUESS, percent
+
+    out.heading("expected of the windows to be fitted")
+    out.line(FIRST_GUESS)
+    out.table(
+        [
+            words("", [e.name for e in found.expected]),
+            numbers("first guess", [e.value for e in found.expected]),
+            numbers("std error", [e.std_error for e in found.expected]),
+            points("of its size", [percent(e.relative) for e in found.expected]),
+        ]
+    )

@@ -7,13 +7,12 @@ from pathlib import Path
 
 from stoop.cli.outputs import add_overwrite, check_target
 from stoop.cli.page import busy, page
+from stoop.cli.point import LOG_HELP
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
-    parser.add_argument(
-        "log", metavar="FLIGHT", type=Path, help="a log of any kind, or a folder of CSV files"
-    )
+    parser.add_argument("log", metavar="FLIGHT", type=Path, help=f"flight log: {LOG_HELP}")
     parser.add_argument("-o", "--output", metavar="M.toml", type=Path, help="where to write it")
     add_overwrite(parser)
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from stoop.cli.numbers import positive
 from stoop.cli.page import Page, page
+from stoop.cli.point import MAPPING_HELP
 from stoop.cli.progress import Watch
 from stoop.errors import FlightError
 
@@ -42,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     chance = "how often a healthy flight may be accused (default: 0.05)"
     add("--chance", metavar="P", type=positive, default=CHANCE, help=chance)
-    add("--mapping", metavar="M.toml", type=Path, help="columns and units of the logs")
+    add("--mapping", metavar="M.toml", type=Path, help=MAPPING_HELP)
 
 
 def run(arguments: argparse.Namespace) -> int:

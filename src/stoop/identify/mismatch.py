@@ -81,8 +81,11 @@ def doubts(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Wi
     """
     for name in dict.fromkeys(w.flight for w in windows):
         check_inputs(vehicle, flights[name])
-    strange = strange_motors(vehicle, flights, windows) if vehicle.hovers else []
-    return [*strange, *_wrong_units(vehicle, flights), *unlike(vehicle, flights)]
+    return [
+        *strange_motors(vehicle, flights, windows),
+        *_wrong_units(vehicle, flights),
+        *unlike(vehicle, flights),
+    ]
 
 
 def _wrong_units(vehicle: Vehicle, flights: Mapping[str, Flight]) -> list[str]:

@@ -183,7 +183,9 @@ def _unexcited(vehicle: Vehicle, pieces: Sequence[Piece]) -> Iterator[str]:
 
 
 def strange_motors(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> list[str]:
-    """Tell which motors of the log move though no rotor of the vehicle has them."""
+    """Tell which motors of the log move though no rotor of a vehicle that hovers has them."""
+    if not vehicle.hovers:
+        return []
     known = {rotor.channel for rotor in vehicle.file.rotor.values()} | set(vehicle.recorded)
     out = []
     for name in dict.fromkeys(w.flight for w in windows):

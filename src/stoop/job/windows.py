@@ -60,19 +60,11 @@ def write_windows(
     folder.mkdir(parents=True, exist_ok=True)
     entries = [
         Entry(
-            w.flight,
-            w.start,
-            w.stop,
-            w.accept,
-            w.use,
-            "",
-            w.axis,
-            w.why,
-            round(w.information, 3),
-            round(w.gain, 3),
+            w.flight, w.start, w.stop, w.accept, w.use, axis=w.axis, why=w.why, information=round(w.information, 3),
+            gain=round(w.gain, 3),
         )
         for w in found.windows
-    ]
+    ]  # fmt: skip
     write_text_atomic(folder / NAME, written(entries, shlex.join(following), found.notes))
     write_sheet(windows_sheet(found, flights, vehicle, command, following), folder / "windows.html")
 
@@ -107,6 +99,12 @@ def kind_of(window: Proposed) -> str:
     if not window.accept:
         return "not used"
     return "fit" if window.use == "fit" else "predict"
+
+
+def span_of(window: Proposed, found: Found) -> str:
+    """Return start and stop of a window, s, and its flight where there are several."""
+    several = len({w.flight for w in found.windows}) > 1
+    return f"{window.flight}@" * several + f"{window.start:.1f}:{window.stop:.1f}"
 
 
 def _flight(found: Found, flight: Flight) -> Iterator[Figure]:
@@ -164,11 +162,9 @@ def _worth(own: Sequence[tuple[int, Proposed]]) -> Strip:
 
 
 def _table(found: Found) -> Table:
-    several = len({w.flight for w in found.windows}) > 1
     rows = [
         (
-            str(i), f"{w.flight}@{w.start:.1f}:{w.stop:.1f}" if several else f"{w.start:.1f}:{w.stop:.1f}", kind_of(w),
-            w.axis, f"{w.information:.2f}", f"{w.gain:.2f}" if w.gain else "–", w.why,
+            str(i), span_of(w, found), kind_of(w), w.axis, f"{w.information:.2f}", f"{w.gain:.2f}" if w.gain else "–", w.why,
         )
         for i, w in numbered(found)
     ]  # fmt: skip

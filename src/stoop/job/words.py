@@ -57,8 +57,7 @@ def warnings(
     out += unlike(fit.problem.layout.vehicle, flights)
     out += inertia_doubts(fit.problem.layout.vehicle, fit.estimates)
     out += _not_measured(fit, maneuvers)
-    if fit.problem.layout.vehicle.hovers:
-        out += strange_motors(fit.problem.layout.vehicle, flights, fit.prepared.windows)
+    out += strange_motors(fit.problem.layout.vehicle, flights, fit.prepared.windows)
     out += excitation_warnings(fit.problem, fit.z, slowest_rate(fit, flights))
     held = [name for name, p in parameters.items() if p.at_bound]
     if held:
