@@ -27,7 +27,9 @@ EQUIVALENT: Final = "airspeed_equivalent"
 TRUE: Final = "airspeed_pitot"
 GAS: Final = 287.05287  #: J/(kg K), of dry air
 LAPSE: Final = 0.0065  #: K/m of geopotential altitude
-SEA_LEVEL: Final = (101325.0, 288.15, 1.225)  #: Pa, K, kg/m3
+SEA_LEVEL_PRESSURE: Final = 101325.0  #: Pa
+SEA_LEVEL_TEMPERATURE: Final = 288.15  #: K
+SEA_LEVEL_DENSITY: Final = 1.225  #: kg/m3
 EARTH_RADIUS: Final = 6356766.0  #: m, the standard's nominal one
 EXPONENT: Final = STANDARD_GRAVITY / (GAS * LAPSE)  #: of the pressure's ratio over the temperature's
 BELIEVED: Final = {
@@ -41,12 +43,14 @@ BELIEVED: Final = {
 def density_at_altitude(altitude: FloatArray) -> FloatArray:
     """Return the standard density, kg/m3, at heights above the sea, m."""
     geopotential = EARTH_RADIUS * altitude / (EARTH_RADIUS + altitude)
-    return np.asarray(SEA_LEVEL[2] * (1.0 - LAPSE * geopotential / SEA_LEVEL[1]) ** (EXPONENT - 1.0))
+    return np.asarray(
+        SEA_LEVEL_DENSITY * (1.0 - LAPSE * geopotential / SEA_LEVEL_TEMPERATURE) ** (EXPONENT - 1.0)
+    )
 
 
 def density_at_pressure(pressure: FloatArray) -> FloatArray:
     """Return the standard density, kg/m3, where the static pressure is this one, Pa."""
-    return np.asarray(SEA_LEVEL[2] * (pressure / SEA_LEVEL[0]) ** (1.0 - 1.0 / EXPONENT))
+    return np.asarray(SEA_LEVEL_DENSITY * (pressure / SEA_LEVEL_PRESSURE) ** (1.0 - 1.0 / EXPONENT))
 
 
 def density_of_gas(pressure: FloatArray, temperature: FloatArray) -> FloatArray:
@@ -75,11 +79,11 @@ def with_true_airspeed(
     if EQUIVALENT not in data or {TRUE, "V"} & data.keys():
         return dict(data), dict(sources), ""
     density, how = _density(data)
-    source, factor = sources[EQUIVALENT], np.sqrt(SEA_LEVEL[2] / density)
+    source, factor = sources[EQUIVALENT], np.sqrt(SEA_LEVEL_DENSITY / density)
     columns = {**data, TRUE: data[EQUIVALENT] * factor}
     middle = float(np.median(density))
     words = (
-        f"{TRUE} is {np.sqrt(SEA_LEVEL[2] / middle):.3f} times the equivalent airspeed of {source.source}: air of "
+        f"{TRUE} is {np.sqrt(SEA_LEVEL_DENSITY / middle):.3f} times the equivalent airspeed of {source.source}: air of "
         f"{middle:.3f} kg/m3 in the median, {how}"
         if how
         else f"{TRUE} is the equivalent airspeed of {source.source}, as if in air of {middle:g} kg/m3: neither pressure nor "
@@ -97,7 +101,7 @@ def _density(data: Mapping[str, FloatArray]) -> tuple[FloatArray, str]:
             seen = np.flatnonzero(np.isfinite(found))
             if seen.size:
                 return np.interp(np.arange(count), seen, found[seen]), words
-    return np.full(count, SEA_LEVEL[2]), ""
+    return np.full(count, SEA_LEVEL_DENSITY), ""
 
 
 def _believed(name: str, x: FloatArray) -> FloatArray:

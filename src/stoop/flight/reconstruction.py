@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stoop.flight.air_data import NAN, POOR, AirData, LogWind, notes
+from stoop.flight.equivalent import SEA_LEVEL_DENSITY
 from stoop.flight.grid import complete
 from stoop.flight.smoother import BoolArray, Record, Smoothed, smooth_velocity
 from stoop.flight.wind import (
@@ -63,7 +64,6 @@ REST_SPEED: Final = 0.5  #: m/s
 REST_RATE: Final = 0.1  #: rad/s
 LOG_WIND_STD: Final = 0.5  #: m/s; no logged wind is believed more than this
 FLYING: Final = 0.4  #: of the highest speed; slower is not flying
-SEA_LEVEL_DENSITY: Final = 1.225  #: kg/m3, standard atmosphere
 STEADY: Final = 0.15  #: rad; a larger scatter of the sideslip says that the vehicle does not weathercock
 
 _HOW: Final = "reconstructed from inertial data and a steady wind"
