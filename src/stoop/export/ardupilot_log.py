@@ -80,12 +80,10 @@ def ardupilot_log(flight: Flight) -> tuple[bytes, str]:
 
 
 def _measure_air(streams: dict[str, Columns], left: Columns, beside: Beside) -> None:
-    if "airspeed_pitot" in left and "ARSP" not in streams:
-        streams["ARSP"] = {"Airspeed": left.pop("airspeed_pitot")}
-        beside.name("airspeed_pitot", "Airspeed", "m/s", "ARSP")
-    if "V" in left and "ARSP" not in streams:
-        streams["ARSP"] = {"Airspeed": left.pop("V")}
-        beside.name("V", "Airspeed", "m/s", "ARSP")
+    for name in ("airspeed_pitot", "V"):
+        if name in left and "ARSP" not in streams:
+            streams["ARSP"] = {"Airspeed": left.pop(name)}
+            beside.name(name, "Airspeed", "m/s", "ARSP")
     if {"alpha", "beta"} <= left.keys():
         streams["AOA"] = {"AOA": left.pop("alpha") / DEGREE, "SSA": left.pop("beta") / DEGREE}
         beside.name("alpha", "AOA", "deg", "AOA")

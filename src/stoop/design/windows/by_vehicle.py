@@ -213,7 +213,7 @@ def judged(vehicle: Vehicle, posed: Sequence[Posed]) -> Sensitive:
     IdentificationError
         Nothing is free, or none of the windows can be flown.
     """
-    sample = [one for one in posed if one is not None][:SAMPLED]
+    sample = posed[:SAMPLED]
     layout = Layout.of(vehicle, ())
     if not layout.dimension:
         raise IdentificationError(f"{vehicle.where}: no number is free; set free = true or use --free NAME")
