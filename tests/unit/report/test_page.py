@@ -224,3 +224,13 @@ def test_a_result_that_does_not_say_has_no_section_on_uncertainty(examples: Modu
     bare = dataclasses.replace(one.result, uncertainty={})
     page = render(dataclasses.replace(one, result=bare))
     assert "Uncertainty, by method" not in page
+
+
+def test_what_is_not_known_of_the_sensitivities_leaves_no_hole_in_a_sentence(examples: ModuleType) -> None:
+    full = examples.example()
+    seen = dataclasses.replace(full.result.identifiability, singular_values=())
+    without = dataclasses.replace(full, result=dataclasses.replace(full.result, identifiability=seen))
+    words = "The sensitivities to all unknowns have"
+    assert f"{words} " in render(full)
+    assert words not in render(without)
+    assert "With a multiple correlation of nearly 1" in render(without)
