@@ -7,6 +7,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from math import isfinite, nan
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -144,7 +145,7 @@ def _tell_expected(out: Page, found: Found) -> None:
         [
             words("", [e.name for e in found.expected]),
             numbers("first guess", [e.value for e in found.expected]),
-            numbers("std error", [e.std_error for e in found.expected]),
+            numbers("std error", [e.std_error if isfinite(e.std_error) else nan for e in found.expected]),
             points("of its size", [percent(e.relative) for e in found.expected]),
         ]
     )

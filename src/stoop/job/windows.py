@@ -35,7 +35,8 @@ Information is the mean logarithm by which a window alone shrinks the error bars
 the windows chosen before it."""
 EXPECTED: Final = """\
 Standard errors that the windows to be fitted will give, as far as the vehicle file is right in kind: the Cramer-Rao bound \
-with initial states and biases unknown, for the residuals that a first linear step leaves in this flight. {guess}"""
+with initial states and biases unknown, for the residuals that a first linear step leaves in this flight. A dash: the \
+windows do not tell. {guess}"""
 FIRST_GUESS: Final = """\
 The first guess is where the errors were worked out: the file's value, or a rough first step. It is no estimate; the fit \
 replaces it."""
@@ -176,7 +177,7 @@ def _expected(found: Found) -> Table:
         (
             e.name,
             number(e.value, 4),
-            number(e.std_error, 3) if math.isfinite(e.std_error) else "unknown",
+            number(e.std_error, 3) if math.isfinite(e.std_error) else "–",
             percent(e.relative),
         )
         for e in found.expected
@@ -188,4 +189,4 @@ def percent(share: float) -> str:
     """Return a share in percent; what is beyond its own size is not told at all."""
     if not math.isfinite(share):
         return "–"
-    return f"{100.0 * share:.1f} %" if share < 10.0 else "over 1000 %"
+    return f"{100.0 * share:.1f} %" if share < 10.0 else "> 1000 %"

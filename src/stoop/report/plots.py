@@ -293,14 +293,14 @@ def _shade(one: Shade, x: AnyScale, height: float) -> Markup:
 
 
 def _shade_names(shades: Sequence[Shade], x: AnyScale, box: Box) -> list[Markup]:
-    """Return the names above their stretches, those that would meet another left out."""
+    """Return the names above their stretches; those that would meet another are left out, first what is declined."""
     parts: list[Markup] = []
-    free = -np.inf
-    for one in sorted(shades, key=lambda s: s.start):
+    taken: list[tuple[float, float]] = []
+    for one in sorted(shades, key=lambda s: (s.kind == "declined", s.start)):
         place, half = box.left + 0.5 * (x.at(one.start) + x.at(one.stop)), 4.5 * len(one.name)
-        if place - half >= free:
+        if all(abs(place - other) >= half + wide for other, wide in taken):
             parts.append(element("text", one.name, x=place, y=box.top + 13, class_="shade-name mid"))
-            free = place + half
+            taken.append((place, half))
     return parts
 
 

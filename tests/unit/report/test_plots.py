@@ -189,3 +189,14 @@ def test_ticks_stand_where_values_are() -> None:
     lengths = np.array([39.0, 41.0, 47.0])
     html = plot([Series("a", lengths, lengths)], "x", "y", "d", x_ticks=[39.0, 41.0, 47.0])
     assert [t for t in texts(html, "tick") if t in texts(html, "mid")][-3:] == ["39", "41", "47"]
+
+
+def test_the_name_of_a_window_that_is_used_goes_before_one_that_is_declined() -> None:
+    x = np.linspace(0.0, 100.0, 5)
+    shades = [
+        Shade(30.0, 52.0, "6", "declined"),
+        Shade(40.0, 42.0, "7", "fitted"),
+        Shade(70.0, 80.0, "8", "fitted"),
+    ]
+    html = stacked_plots([Strip("a", (Series("s", x, x),))], "x", "d", shades)
+    assert re.findall(r'class="shade-name mid">(\d)<', html) == ["7", "8"]
