@@ -146,6 +146,6 @@ def _tell_expected(out: Page, found: Found) -> None:
             words("", [e.name for e in found.expected]),
             numbers("first guess", [e.value for e in found.expected]),
             numbers("std error", [e.std_error if isfinite(e.std_error) else nan for e in found.expected]),
-            points("of its size", [percent(e.relative) for e in found.expected]),
+            Column("of its size", tuple(percent(e.relative) for e in found.expected), right=True),
         ]
     )
