@@ -27,6 +27,10 @@ CLIPPED: Final = 0.02  #: share of a window at an end of the range that is worth
 ALIVE: Final = 20  #: different values of a command that is no switch
 CONTRAST: Final = 5  #: times as many samples at a plateau as at the value next to it
 STILL: Final = 0.01  #: of the mean x: the rms of a change that is no input
+SPINS: Final = ("motor", "rotor")  #: channels that turn a rotor and nothing else
+LIKENESS: Final = (
+    3.0  #: times the rotors' scatter, by which an output may lie beside them, and scatter more or less
+)
 LOUD: Final = 3.0  #: times the noise of the file: a rate that moves
 RATES: Final = ("p", "q", "r")
 _AXES: Final = dict(zip(RATES, (("roll", "xx"), ("pitch", "yy"), ("yaw", "zz")), strict=True))
@@ -186,25 +190,50 @@ def strange_motors(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Seq
     """Tell which motors of the log move though no rotor of a vehicle that hovers has them."""
     if not vehicle.hovers:
         return []
-    known = {rotor.channel for rotor in vehicle.file.rotor.values()} | set(vehicle.recorded)
     out = []
     for name in dict.fromkeys(w.flight for w in windows):
-        flight = flights[name]
         own = [w for w in windows if w.flight == name]
-        others = [
-            c
-            for c in map(str, flight.data.data_vars)
-            if c.startswith("motor_") and c not in known and _moves(flight, c, own)
-        ]
-        if others and any(c.startswith("motor_") for c in known):
+        others = list(_others(vehicle, flights[name], own))
+        if others:
             out.append(
-                f"{name}: {', '.join(sorted(others))} move too, but no rotor of {vehicle.where} has them: check --vehicle, or "
+                f"{name}: {', '.join(others)} move too, but no rotor of {vehicle.where} has them: check --vehicle, or "
                 "add a [rotor.NAME] table for each."
             )
     return out
 
 
-def _moves(flight: Flight, channel: str, windows: Sequence[Window]) -> bool:
-    values, time = flight.column(channel), flight.time
-    seen = [values[(time >= w.start) & (time <= w.stop)] for w in windows]
-    return any(np.isfinite(v).any() and float(np.nanmax(v) - np.nanmin(v)) > 0.0 for v in seen)
+def _others(vehicle: Vehicle, flight: Flight, windows: Sequence[Window]) -> Iterator[str]:
+    """Return channels of the rotors' kind that no rotor has: motors that move, and outputs that move as the rotors' do."""
+    known = {rotor.channel for rotor in vehicle.file.rotor.values()}
+    there = [str(c) for c in flight.data.data_vars]
+    usual = [_level(flight, c, windows) for c in known if c in there]
+    for channel in there:
+        if channel in known or channel in vehicle.recorded or _kind(channel) not in map(_kind, known):
+            continue
+        middle, spread = _level(flight, channel, windows)
+        if spread > 0.0 and (_kind(channel) in SPINS or _is_alike(middle, spread, usual)):
+            yield channel
+
+
+def _kind(channel: str) -> str:
+    return channel.rpartition("_")[0]
+
+
+def _is_alike(middle: float, spread: float, usual: Sequence[tuple[float, float]]) -> bool:
+    """Tell whether an output, which may move a surface as well, is where rotors are, and moves as much."""
+    middles, spreads = np.array(usual).T
+    near = LIKENESS * float(np.median(spreads))
+    inside = middles.min() - near <= middle <= middles.max() + near
+    return bool(inside and 1.0 / LIKENESS < spread / max(float(np.median(spreads)), 1e-12) < LIKENESS)
+
+
+def _level(flight: Flight, channel: str, windows: Sequence[Window]) -> tuple[float, float]:
+    """Return the median of a channel in windows, and how far it scatters; zeros where it was not recorded."""
+    inside = np.zeros(flight.time.size, dtype=bool)
+    for w in windows:
+        inside |= (flight.time >= w.start) & (flight.time <= w.stop)
+    seen = flight.column(channel)[inside]
+    seen = seen[np.isfinite(seen)]
+    if not seen.size or np.ptp(seen) == 0.0:  # rounding gives what is constant a scatter
+        return (float(seen[0]) if seen.size else 0.0), 0.0
+    return float(np.median(seen)), float(np.std(seen))

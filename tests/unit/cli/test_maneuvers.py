@@ -14,6 +14,7 @@ from stoop.design.windows.candidates import candidates
 from stoop.flight import Flight, from_columns, load, save
 from stoop.identify.windows_file import read_windows
 from stoop.logs import FloatArray
+from stoop.vehicle import load_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
 QUAD = """
@@ -214,3 +215,21 @@ def test_another_vehicles_motors_are_told_before_the_search_of_a_fit(
     motors, *_, refused = capsys.readouterr().err.splitlines()
     assert motors.startswith("stoop: hexa: motor_5, motor_6 move too, but no rotor of quad-x has them")
     assert "overlaps the fitted" in refused
+
+
+def test_outputs_that_move_as_motors_do_are_told_and_a_gimbal_is_not(place: Path, tmp_path: Path) -> None:
+    """An autopilot that logs pulses does not say which of them turn rotors."""
+    assert main(["vehicle", "quad-x", "-o", str(tmp_path / "pwm.toml")]) == 0
+    text = (tmp_path / "pwm.toml").read_text().replace('"motor_', '"pwm_')
+    (tmp_path / "pwm.toml").write_text(text.replace("[rotors]", "[rotors]\nidle = 1000.0\ngain = 0.001"))
+    flight = load(place / "quad.nc")
+    columns = {
+        str(n): flight.column(str(n)) for n in flight.data.data_vars if not str(n).startswith(("motor", "q"))
+    }
+    pulses = {f"pwm_{n}": 1000.0 + 1000.0 * flight.column(f"motor_{n}") for n in range(1, 5)}
+    gimbal = 1500.0 + 400.0 * np.sin(flight.time)
+    vehicle = load_vehicle(tmp_path / "pwm.toml")
+    for more, told in (({"pwm_5": pulses["pwm_1"] + 5.0, "pwm_7": gimbal}, True), ({"pwm_7": gimbal}, False)):
+        log = from_columns("log", flight.time, {**columns, "q": flight.column("q"), **pulses, **more})
+        found = doubts({"log": log}, vehicle)
+        assert [d.partition(" move too")[0] for d in found] == ["log: pwm_5"] * told
