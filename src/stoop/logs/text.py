@@ -137,6 +137,10 @@ def _parse(path: Path, text: bytes) -> pd.DataFrame:
             io.BytesIO(text), skiprows=1, header=None, on_bad_lines="error",
             skip_blank_lines=True, low_memory=False, index_col=False, engine="c",
         )  # fmt: skip
+    except pd.errors.EmptyDataError:
+        raise LogError(
+            f"{path}: not a table of numbers, nothing stands below its header; record again or name another file"
+        ) from None
     except (ValueError, OverflowError, MemoryError) as error:  # pandas.errors derive from ValueError
         raise LogError(
             f"{path}: not a table of numbers ({_one_line(error)}); mend or replace the file"

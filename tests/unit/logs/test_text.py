@@ -108,7 +108,7 @@ def test_a_damaged_archive_raises_nothing_else(tmp_path: Path, place: int, byte:
     [
         (b"", "empty"),
         (b"\n\n", "empty"),
-        (b"a,b\n", "not a table of numbers"),
+        (b"a,b\n", "not a table of numbers, nothing stands below its header"),
         (b"a,b\n1,2,3\n4,5\n6,7,8,9\n", "not a table of numbers"),
         (b"\xff\xfe\x00\n1\n", "not a text table"),
         (b"a" * (2**20 + 10) + b"\n1\n", "4096 columns"),
