@@ -33,7 +33,11 @@ def tried(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[dic
 
 @cache
 def prepare(reader: str, data: str) -> None:
-    """Load what a reader needs once, so that copies of this process need not."""
+    """Load what a reader needs once, so that copies of this process need not.
+
+    Texts of pandas may be Arrow's, whose allocator takes a GiB of addresses when it is first asked: not from a case's room.
+    """
     for name in (*_LIBRARIES, GUARDED.get(reader, "pandas")):
         importlib.import_module(name)
+    importlib.import_module("pandas").Series(["text"]).isna()
     samples(reader, data)
