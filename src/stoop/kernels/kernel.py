@@ -273,7 +273,8 @@ def _beside_source() -> Iterator[None]:
         config.CACHE_DIR = wanted
 
 
-def _import(folder: Path, key: str, name: str) -> ModuleType:
+def import_generated(folder: Path, key: str, name: str) -> ModuleType:
+    """Return the module ``name.py`` of a folder, imported under a name of its own, with Numba's files beside it."""
     unique = f"_stoop_kernel_{key}_{name}"  # Numba's files hold this name: it may not depend on the folder
     loader = _SourceLoader(unique, str(folder / f"{name}.py"))
     module = ModuleType(unique)
@@ -286,7 +287,7 @@ def _import(folder: Path, key: str, name: str) -> ModuleType:
 
 def _open(folder: Path, key: str, name: str) -> ModuleType:
     """Import a generated module and compile its entry points, or take them from Numba's files beside it."""
-    module = _import(folder, key, name)
+    module = import_generated(folder, key, name)
     for entry, signature in _signatures(name).items():
         dispatcher = getattr(module, entry)
         dispatcher.compile(signature)

@@ -16,7 +16,7 @@ from types import ModuleType, SimpleNamespace
 from typing import Any, Final
 
 from stoop.kernels import cache, environment
-from stoop.kernels.kernel import _import as import_generated
+from stoop.kernels.kernel import import_generated
 from stoop.logs.scan import dataflash as dataflash_walk
 from stoop.logs.scan import walk as ulog_walk
 
