@@ -22,9 +22,10 @@ CHECKS = {
     "format": ["ruff", "format", "--check", "."],
     "types": ["mypy"],
     "layers": ["lint-imports"],
-    "tests": ["pytest", "-q", "--durations=10"],
+    "tests": ["pytest", "-q", "--durations=10", "-n", "2", "--dist", "loadfile", "--no-loadscope-reorder"],
     "docs": ["sphinx-build", "-q", "-W", "--keep-going", "docs", "{scratch}/site"],
 }  #: name -> command of the environment; {scratch} is thrown away
+# Two files of tests at a time, each with several GB of compiled kernels, and in order: the long ones come first.
 
 
 def main() -> int:
