@@ -15,8 +15,8 @@ from stoop.compatibility.problem import Piece
 from stoop.compatibility.unknowns import AIR, GROUND
 from stoop.errors import FlightError
 from stoop.flight import Flight, segments
+from stoop.flight.aloft import flying
 from stoop.flight.load import RECONSTRUCTED
-from stoop.flight.maneuvers import airborne
 from stoop.flight.segments import runs
 from stoop.rotations import matrices_of, quaternions_of
 from stoop.simulate.initial import rigid_states
@@ -76,14 +76,15 @@ def prepare(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> Prep
     inputs = [name for name in INPUTS if name in logged]
     pieces: list[Piece] = []
     notes: list[str] = []
-    for start, stop in windows or _airborne(flight):
+    spans = windows or _airborne(flight)
+    for start, stop in spans:
         cut, said = _pieces(flight, logged, inputs, start, stop)
         pieces += cut
         notes += said
     if not pieces:
-        raise FlightError(
-            f"{flight.name}: no {SHORTEST:g} s without a hole in {', '.join(inputs)}; choose another window"
-        )
+        holes = f"no {SHORTEST:g} s without a hole in {', '.join(inputs)}; choose another window"
+        grounded = f"by speed and lift it is in the air for no {SHORTEST:g} s; choose a window"
+        raise FlightError(f"{flight.name}: {holes if spans else grounded}")
     kept, said = _liveliest(pieces)
     return Prepared(flight, logged, kept, (*dict.fromkeys(notes), *said))
 
@@ -107,7 +108,7 @@ def _taking_part(flight: Flight, measured: tuple[str, ...]) -> tuple[str, ...]:
 def _airborne(flight: Flight) -> list[tuple[float, float]]:
     return [
         (float(flight.time[run.start]), float(flight.time[run.stop - 1]))
-        for run in runs(airborne(flight))
+        for run in runs(flying(flight))
         if run.stop - run.start > SHORTEST * flight.rate
     ]
 

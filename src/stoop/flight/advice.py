@@ -156,7 +156,8 @@ def _words(name: str, size: float, known: Range, said: str, at: str) -> str:
         meant = "degC"
     fix = f"its column looks like {meant}: " if meant else "its column holds something else: "
     line = f'unit = "{meant}"' if meant else "another column"
-    return f"{what} is {size:.3g} {unit} in the median, which no flight has; {fix}write {line}{at}"
+    shown = f"{size:.3g}" if unit == "1" else f"{size:.3g} {unit}"
+    return f"{what} is {shown} in the median, which no flight has; {fix}write {line}{at}"
 
 
 def _at(place: str) -> str:

@@ -245,7 +245,9 @@ def _warnings(flight: Flight) -> list[str]:
             "too slow for the roll mode and the short period of most aircraft"
             + ("; is the unit of the log's time right?" if min(slow.values()) < WRONG_CLOCK else "")
         )
-    if not {"V", "alpha", "beta"} & {str(name) for name in flight.data.data_vars} and not lifting(flight):
+    there = {str(name) for name in flight.data.data_vars}
+    said = flight.air is not None and bool(flight.air.notes)  # the reconstruction knows better why
+    if not {"V", "alpha", "beta"} & there and not lifting(flight) and not said:
         notes.append(
             "no air data: neither airspeed and vanes, nor ground velocity and attitude to reconstruct it; "
             "V, alpha and beta are missing"

@@ -9,6 +9,7 @@ import pytest
 
 from stoop.compatibility.corrected import corrected_flight
 from stoop.compatibility.equations import INPUTS, OUTPUTS, PARAMETERS, SCALED, STATES, kernel
+from stoop.compatibility.prepare import prepare
 from stoop.compatibility.result import check
 from stoop.errors import FlightError
 from stoop.flight import from_columns
@@ -100,3 +101,17 @@ def test_a_delay_beyond_what_pieces_have_to_spare_is_no_number() -> None:
     assert not any(w.startswith("attitude is late") for w in result.warnings)
     early = corrected_flight(found).column("phi")
     np.testing.assert_allclose(np.std(early - flight.column("phi")), 0.0, atol=0.02)  # it was not shifted
+
+
+def test_what_hovers_is_in_the_air_at_any_speed() -> None:
+    """Rotors that carry it tell that it flies; a speed over ground near zero does not tell that it stands."""
+    time = np.arange(800) / 100.0
+    still = np.zeros(time.size)
+    columns = dict.fromkeys(("p", "q", "r", "phi", "theta", "psi", "ax", "ay", "vn", "ve", "vd"), still)
+    motors = {f"motor_{n}": still + 0.6 for n in range(1, 5)}
+    hovering = from_columns("f", time, {**columns, "az": still - 9.8, **motors})
+    spans = [(piece.time[0], piece.time[-1]) for piece in prepare(hovering).pieces]
+    assert spans == [(0.0, time[-1])]
+    grounded = from_columns("f", time, {**columns, "az": still - 9.8})
+    with pytest.raises(FlightError, match="in the air for no 3 s; choose a window"):
+        prepare(grounded)

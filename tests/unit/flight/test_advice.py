@@ -146,3 +146,8 @@ def test_g_and_metres_per_second_squared_are_told_apart(
 
 def test_axes_in_units_of_their_own_are_right(tmp_path: Path) -> None:
     assert noisy(tmp_path, "g m/s2 g", ax=1 / 9.80665, az=1 / 9.80665) == []
+
+
+def test_a_plain_number_has_no_unit() -> None:
+    (found,) = unit_faults([Channels("f", T, {"motor_1": 67.0 + 0.0 * T})], {})
+    assert found.message.startswith("motor_1 is 67 in the median")

@@ -251,6 +251,17 @@ def test_what_hovers_needs_no_air_data(tmp_path: Path) -> None:
     assert not any("no air data" in note for note in load(tmp_path / "a.csv", tmp_path / "m.toml").notes)
 
 
+def test_why_there_are_no_air_data_is_told_once(tmp_path: Path) -> None:
+    names = ("p", "q", "r", "phi", "theta", "psi", "vn", "ve", "vd")
+    time = np.arange(400) / 100.0
+    lines = "".join(f'{name} = {{column = "{name}", unit = "{VARIABLES[name].unit}"}}\n' for name in names)
+    (tmp_path / "m.toml").write_text(f'[time]\ncolumn = "t"\nunit = "s"\n[variables]\n{lines}')
+    table = np.column_stack([time, *np.full((len(names), time.size), 0.1)])
+    np.savetxt(tmp_path / "a.csv", table, "%.17g", ",", header=",".join(("t", *names)), comments="")
+    told = [note for note in load(tmp_path / "a.csv", tmp_path / "m.toml").notes if "alpha" in note]
+    assert told == ["no airspeed, alpha and beta: less than 5 s of flight with attitude and velocity"]
+
+
 def test_an_attitude_in_two_files_is_whole(tmp_path: Path) -> None:
     whole = turning(speed=False)
     split = {"a": (1, ("phi", "theta")), "b": (2, ("psi", "vn", "ve", "vd"))}
