@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stoop.flight.flight import Flight
+from stoop.flight.pulses import rotor_pulses
 from stoop.flight.segments import runs
 from stoop.flight.variables import MOTORS, OUTPUT_PINS, ROTORS
 from stoop.logs import FloatArray
@@ -43,9 +44,9 @@ def airborne(flight: Flight) -> BoolArray:
 
 
 def lifting(flight: Flight) -> bool:
-    """Tell whether rotors carry the vehicle: several motors, or it stood still in the air for a while."""
+    """Tell whether rotors carry the vehicle: several motors, or it stood still in the air for a while, or its pulses."""
     several = max(len(_moving(flight, "motor", MOTORS)), len(_moving(flight, "rotor", ROTORS)))
-    return several >= CARRIES or hovered(flight)
+    return several >= CARRIES or hovered(flight) or bool(rotor_pulses(flight))
 
 
 def lift(flight: Flight) -> FloatArray | None:
@@ -54,7 +55,7 @@ def lift(flight: Flight) -> FloatArray | None:
     if np.nanmax(np.append(np.abs(throttle), 0.0)) > 0.0:
         return throttle
     for kind, size in (("motor", MOTORS), ("rotor", ROTORS), ("pwm", OUTPUT_PINS)):
-        names = _moving(flight, kind, size)
+        names = (rotor_pulses(flight) if kind == "pwm" else []) or _moving(flight, kind, size)
         if len(names) >= CARRIES:
             idle, full = IDLES.get(kind, (0.0, 1.0))
             return np.asarray(np.mean([(flight.column(name) - idle) / full for name in names], axis=0))

@@ -13,6 +13,7 @@ from stoop.design.windows.by_command import Motion, by_command
 from stoop.design.windows.by_vehicle import Posed, Sensitive, by_vehicle, judged, of_flights
 from stoop.design.windows.candidates import Candidate, candidates
 from stoop.design.windows.choice import Choice, Evidence, choose
+from stoop.design.windows.driven import with_motors
 from stoop.design.windows.refuse import no_maneuver, nothing_found, require_commands, require_inputs
 from stoop.flight import Flight
 from stoop.flight.commands import Axis, commands, families
@@ -112,6 +113,7 @@ def doubts(flights: Mapping[str, Flight], vehicle: Vehicle) -> list[str]:
     """
     for flight in flights.values():
         require_inputs(flight, vehicle)
+    flights = _driven(flights, vehicle)
     return mismatch.doubts(vehicle, flights, whole(flights))
 
 
@@ -138,6 +140,7 @@ def find_windows(
             require_commands(flight)
         else:
             require_inputs(flight, vehicle)
+    flights = _driven(flights, vehicle)
     motions = {name: m for name, flight in flights.items() if (m := Motion.of(flight)) is not None}
     found = [c for flight in flights.values() for c in _of_flight(flight, vehicle, motions.get(flight.name))]
     if not found:
@@ -155,6 +158,10 @@ def find_windows(
     if words.calm() and len(untold) >= UNTOLD * len(expected):
         raise no_maneuver(flights, untold, len(expected))
     return Found(tuple(words.windows(choice)), tuple(expected), tuple(_notes(choice)))
+
+
+def _driven(flights: Mapping[str, Flight], vehicle: Vehicle | None) -> dict[str, Flight]:
+    return {name: with_motors(flight, vehicle) for name, flight in flights.items()}
 
 
 def _of_flight(flight: Flight, vehicle: Vehicle | None, motion: Motion | None) -> list[Candidate]:
