@@ -20,6 +20,7 @@ LEAST: Final = 200  #: samples that say anything
 TURNING: Final = 3.0 * DEGREE  #: rad/s rms; less turning tells nothing
 OFF: Final = 0.15  #: of the gain, that good gyros do not have
 BAND: Final = 1.5  #: a gain this close to a degree, or to a degree's inverse, is taken for it
+APART: Final = 0.05  #: s between attitudes whose noise is independent
 NORMAL: Final = 1.4826  #: standard deviation over the median of sizes, of normal numbers
 FOLLOWS: Final = 0.8  #: share of the turning that a matching pair explains
 
@@ -39,7 +40,7 @@ def rate_faults(time: FloatArray, data: Mapping[str, FloatArray], rate: float) -
     if len(kept) < LEAST:
         return []
     span = (float(time[kept[0]]), float(time[kept[-1]]))
-    noise = _noise(data) * np.sqrt(2.0) * rate / max(2, round(SPAN * rate))
+    noise = _noise(data, rate) * np.sqrt(2.0) * rate / max(2, round(SPAN * rate))
     told = [_judged(i, implied, measured, noise[i]) for i in range(3)]
     return [
         Fault("inconsistent", name, float(gain), *span, words)
@@ -67,14 +68,22 @@ def _turn(a: FloatArray, b: FloatArray) -> FloatArray:
     return vectors_of(product(conjugate(a), b))
 
 
-def _noise(data: Mapping[str, FloatArray]) -> FloatArray:
-    """Return (3,) how far the attitude about each body axis scatters from sample to sample, rad.
+def turning(data: Mapping[str, FloatArray], span: float, rate: float) -> tuple[FloatArray, FloatArray]:
+    """Return the mean rates (n, 3) that the attitude implies over a span [s], and those measured; rad/s."""
+    return _pairs(data, max(2, round(span * rate)), rate)[:2]
 
-    Second differences show white noise alone: no vehicle turns back and forth within two samples. The median passes
-    over those that do.
+
+def _noise(data: Mapping[str, FloatArray], rate: float) -> FloatArray:
+    """Return (3,) how far the attitude about each body axis scatters, beside what the rates say, rad.
+
+    Second differences over a time that is longer than the grid's filter remembers: neighbors on the grid scatter
+    less than what was recorded. The median passes over maneuvers in which attitude and rates do not belong together.
     """
-    e = np.column_stack([data[name] for name in QUATERNION])
-    jumps = _turn(e[1:-1], e[2:]) - _turn(e[:-2], e[1:-1])
+    steps = max(1, round(APART * rate))
+    implied, measured, first = _pairs(data, steps, rate)
+    left = np.full((len(data["q0"]), 3), np.nan)
+    left[first] = (implied - measured) * steps / rate
+    jumps = left[steps:] - left[:-steps]
     known = jumps[complete(jumps)]
     return NORMAL * np.median(np.abs(known), axis=0) / np.sqrt(6.0) if len(known) else np.zeros(3)
 
