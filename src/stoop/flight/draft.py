@@ -12,12 +12,13 @@ import numpy as np
 
 from stoop import logs
 from stoop.errors import LogError, one_line
+from stoop.flight.draft_outputs import Outputs, place
 from stoop.flight.lag import Signal
-from stoop.flight.mapped import apply
+from stoop.flight.mapped import Mapped, apply
 from stoop.flight.mapping import READY, ready, with_other_form
 from stoop.flight.measured import ALIKE, PAIRS, Line, growth, with_units
 from stoop.flight.names import Guess, recognized, without_unit
-from stoop.flight.variables import VARIABLES
+from stoop.flight.variables import OUTPUT_PINS, VARIABLES
 from stoop.logs import FloatArray, Recording
 from stoop.logs.read import is_bag_folder, kind, read_unmapped
 from stoop.logs.table import guess_clock, key_of, quoted, read_raw_csv
@@ -103,11 +104,41 @@ def _of_ready(recording: Recording) -> Draft:
     out += [
         f"#   {' '.join(group.values)} from {group.source} ({group.rate:.4g} Hz)" for group in found.channels
     ]
+    outputs = _outputs_of_ready(recording, found)
+    motors = outputs.motor_lines()
+    out += ["", "[variables]"] if best or motors else []
+    out += motors
     if best:
-        out += ["", "# It does not take these, which look as if they were of use:", "[variables]"]
+        out += ["# It does not take these, which look as if they were of use:"]
         out += [f"# {_toml(line)}" for line in best[:MOST_LINES]]
-    out += _calibrations([variable for variable in VARIABLES if variable in taken])
-    return Draft("\n".join([*out, ""]), len(taken), 0)
+    out += outputs.surface_lines()
+    unsure = sum("# unsure" in line for line in motors)
+    return Draft("\n".join([*out, ""]), len(taken) + len(motors), unsure)
+
+
+def _outputs_of_ready(recording: Recording, found: Mapped) -> Outputs:
+    signals = {name: (group.time, x) for group in found.channels for name, x in group.values.items()}
+    there = set(recording.streams["RCOU"].columns) if "RCOU" in recording.streams else set()
+    columns = ((f"pwm_{n}", name) for n in range(1, OUTPUT_PINS + 1) for name in (f"C{n}", f"Ch{n}"))
+    places = {pulse: place(name, "RCOU") for pulse, name in columns if pulse in signals and name in there}
+    mapped = tuple(variable for variable in VARIABLES if variable in signals)
+    return Outputs(mapped, places, signals, recording.parameters)
+
+
+def _outputs_of_any(timed: Recording, lines: Sequence[Line]) -> Outputs:
+    several = len(timed.streams) > 1
+    signals = {}
+    for line in lines:
+        t, x = _signal(timed, line)
+        signals[line.variable] = t, line.values(x)
+    places = {line.variable: place(line.column, line.stream if several else "") for line in lines}
+    called = tuple(line.variable for line in lines if line.variable.startswith("pwm_") and _says_motor(line))
+    return Outputs(tuple(line.variable for line in lines), places, signals, timed.parameters, called)
+
+
+def _says_motor(line: Line) -> bool:
+    guess = _guessed(line.stream, line.column, "")
+    return guess is not None and guess.variable.startswith("motor_")
 
 
 def _of_any(recording: Recording) -> Draft:
@@ -119,18 +150,21 @@ def _of_any(recording: Recording) -> Draft:
     lines += _derivatives(timed, lines)
     lines = sorted(lines, key=lambda line: list(VARIABLES).index(line.variable))[:MOST_LINES]
     named = {(line.stream, line.column) for line in lines} | _clock_columns(recording)
+    outputs = _outputs_of_any(timed, lines)
+    motors = outputs.motor_lines()
     out = [
         f"# Drafted by stoop map for {quoted(recording.path.name)}: correct what is marked, remove what is wrong.",
         *clock,
         "",
         "[variables]",
         *(_toml(line, len(timed.streams) > 1) for line in lines),
-        *_calibrations([line.variable for line in lines]),
+        *motors,
+        *outputs.surface_lines(),
         *_left(timed, named),
         "",
     ]
-    unsure = sum(1 for line in lines if line.doubts)
-    return Draft("\n".join(out), len(lines), unsure)
+    unsure = sum(bool(line.doubts) for line in lines) + sum("# unsure" in line for line in motors)
+    return Draft("\n".join(out), len(lines) + len(motors), unsure)
 
 
 def _lines(recording: Recording) -> list[Line]:
@@ -253,23 +287,6 @@ def _toml(line: Line, with_stream: bool = True) -> str:
     words = [f"unsure: {doubt}" for doubt in line.doubts] or list(line.remarks)
     comment = f"  # {'; '.join(words)}" if words else ""
     return f"{line.variable} = {{{', '.join(parts)}}}{one_line(comment)}"
-
-
-def _calibrations(variables: Sequence[str]) -> list[str]:
-    """Give the outputs something to start a calibration from."""
-    outputs = [name for name in variables if name.startswith(("pwm_", "servo_"))]
-    if not outputs:
-        return []
-    out = [
-        "",
-        "# Outputs that move a surface: measure its deflection (trailing edge down is positive), and mix them.",
-    ]
-    for name in outputs[:4]:
-        span = (
-            "[[1100, -0.4], [1500, 0.0], [1900, 0.4]]" if name.startswith("pwm") else "[[-1, -0.4], [1, 0.4]]"
-        )
-        out += [f"# [calibration.{name}]", f"# points = {span}"]
-    return [*out, "# [surface.elevator]", f"# from = {{{outputs[0]} = 1.0}}"]
 
 
 def _left(recording: Recording, named: set[tuple[str, str]]) -> list[str]:

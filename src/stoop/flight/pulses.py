@@ -17,7 +17,8 @@ RUNS: Final = (1050.0, 2500.0)  #: us, in the median; less is idle
 FASTEST: Final = 100.0  #: rad/s
 ALIKE: Final = 0.25  #: of the usual level over idle, by which motors of one vehicle differ
 FOURTH: Final = 4  #: motors, at least, on which nothing but pulses is known
-DIRECTIONS: Final = 0.02  #: of the strongest; weaker ones are whole microseconds
+WEAK: Final = 0.04  #: of the strongest direction; weaker ones are drift and whole microseconds
+TOLD: Final = 0.03  #: share of what is explained; directions that tell less are left out
 EXPLAINS: Final = 0.4  #: share of an angular acceleration that motors explain
 PART: Final = 0.15  #: of the strongest output; less takes no part in turning
 BALANCED: Final = 0.2  #: of the sum of sizes: motors that turn a vehicle lift it no more
@@ -68,12 +69,13 @@ def _turns(x: FloatArray, rate: FloatArray, other: FloatArray) -> bool:
         return False
     y, moved = (_without(a[good], fixed[good]) for a in (change[:, None], x[1:-1]))
     left, sizes, right = np.linalg.svd(moved, full_matrices=False)
-    kept = sizes > DIRECTIONS * max(float(sizes[0]), 1e-12)
-    along = left[:, kept].T @ y[:, 0]
-    weights = right[kept].T @ (along / sizes[kept])
+    along = left.T @ y[:, 0]
+    kept = (along**2 > TOLD * float(along @ along)) & (sizes > WEAK * sizes[0])
+    along, weights = along[kept], (along[kept] / sizes[kept]) @ right[kept]
     size = np.abs(weights)
     return bool(
-        along @ along > EXPLAINS * float(y[:, 0] @ y[:, 0])
+        kept.any()
+        and along @ along > EXPLAINS * float(y[:, 0] @ y[:, 0])
         and (size > PART * size.max()).sum() >= FOURTH
         and abs(weights.sum()) < BALANCED * size.sum()
     )
