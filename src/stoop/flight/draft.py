@@ -146,7 +146,7 @@ def _of_any(recording: Recording) -> Draft:
     clocks = _clock_columns(recording)
     best = _best([line for line in _lines(timed) if (line.stream, line.column) not in clocks])
     samples = {line.variable: _signal(timed, line) for line in best}
-    lines = with_units(best, samples)
+    lines = _as_siblings(with_units(best, samples))
     lines += _derivatives(timed, lines)
     lines = sorted(lines, key=lambda line: list(VARIABLES).index(line.variable))[:MOST_LINES]
     named = {(line.stream, line.column) for line in lines} | _clock_columns(recording)
@@ -205,6 +205,23 @@ def _best(lines: Sequence[Line]) -> list[Line]:
         names = ", ".join(f"{line.stream} {line.column}" for line in others[:3])
         chosen.append(first.doubted(f"or {names}") if others else first)
     return chosen
+
+
+def _as_siblings(lines: Sequence[Line]) -> list[Line]:
+    """Give motors (servos) whose size says nothing the percents of the others: one may have run at idle throughout."""
+    stems = {
+        stem
+        for line in lines
+        if line.unit == "percent"
+        for stem in ("motor_", "servo_")
+        if stem in line.variable
+    }
+    return [
+        replace(line, unit="percent").doubted("percent as the others")
+        if line.variable.startswith(tuple(stems)) and line.unit == "1" and not (line.said or line.doubts)
+        else line
+        for line in lines
+    ]
 
 
 def _signal(recording: Recording, line: Line) -> Signal:

@@ -30,7 +30,9 @@ UNITS: Final[dict[str, str]] = {
 LONGEST_NAME: Final = (
     200  #: letters; no name that tells anything is longer, and matching takes the square of it
 )
-_LONGEST: Final = sorted(map(re.escape, UNITS), key=len, reverse=True)
+_LONGEST: Final = sorted(
+    map(re.escape, UNITS.keys() - {"1", "-"}), key=len, reverse=True
+)  #: motor_1 is a number
 _SUFFIX: Final = re.compile(rf"[_ .]({'|'.join(_LONGEST)})(\[\d+\])?$", re.IGNORECASE)
 _BRACKETS: Final = re.compile(r"\s*[(\[]\s*([^)\]]*?)\s*[)\]]\s*$")
 _ASKED: Final = re.compile(

@@ -243,3 +243,17 @@ def test_a_rate_that_nothing_tells_has_the_unit_of_its_siblings(tmp_path: Path) 
     assert {name: lines[name]["column"] for name in "pqr"} == {"p": "gx", "q": "gy", "r": "gz"}
     assert {lines[name]["unit"] for name in "pqr"} == {"deg/s"}
     assert "deg/s as p and q" in made.text
+
+
+def test_motors_share_their_unit(tmp_path: Path) -> None:
+    columns = {f"motor_{n}": 60.0 + 10.0 * np.sin(n * T) for n in range(1, 5)} | {"motor_5": 0.8 + 0.0 * T}
+    text = draft(written(tmp_path, {**flown(), **columns})).text
+    found = tomllib.loads(text)["variables"]
+    assert {found[f"motor_{n}"]["unit"] for n in range(1, 6)} == {"percent"}
+    assert "unsure: percent as the others" in text
+
+
+def test_the_number_of_a_motor_is_no_unit() -> None:
+    guess = recognized("motor_1")
+    assert guess is not None
+    assert (guess.variable, guess.unit) == ("motor_1", "")
