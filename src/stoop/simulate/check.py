@@ -22,8 +22,14 @@ def check_maneuver(vehicle: Vehicle, maneuver: Maneuver) -> None:
     Raises
     ------
     ManeuverError
-        An input that it does not have, a velocity for what cannot hover, or a battery that nothing feels.
+        An input that it does not have, an airspeed for what has no wings, a velocity for what cannot hover, or a
+        battery that nothing feels.
     """
+    if vehicle.hovers and vehicle.file.reference is None and maneuver.airspeed is not None:
+        raise ManeuverError(
+            f"airspeed: {vehicle.where} has no wings to fly {maneuver.airspeed:g} m/s on, so no trim there; leave it out, write "
+            f"velocity, and move {', '.join(controls(vehicle, False))}"
+        )
     _check_inputs(vehicle, maneuver)
     if on_rotors(vehicle, maneuver) and len(maneuver.time) > MOST_ON_ROTORS:
         raise ManeuverError(
@@ -41,16 +47,26 @@ def check_maneuver(vehicle: Vehicle, maneuver: Maneuver) -> None:
         _check_battery(vehicle, maneuver, maneuver.battery)
 
 
-def _check_inputs(vehicle: Vehicle, maneuver: Maneuver) -> None:
-    names = (*EXCITATIONS, *SETPOINTS) if on_rotors(vehicle, maneuver) else ()
+def controls(vehicle: Vehicle, on_wings: bool) -> list[str]:
+    """Return what a maneuver may move: of what hovers on its rotors, set-points and axes of the autopilot as well."""
+    names = () if on_wings or not vehicle.hovers else (*EXCITATIONS, *SETPOINTS)
     channels = set(vehicle.recorded) - {"voltage", "density"} if vehicle.hovers else set()
-    known = dict.fromkeys((*names, *vehicle.controls, *sorted(channels)))
+    return list(dict.fromkeys((*names, *vehicle.controls, *sorted(channels))))
+
+
+def _check_inputs(vehicle: Vehicle, maneuver: Maneuver) -> None:
+    known = controls(vehicle, not on_rotors(vehicle, maneuver))
     for spec in maneuver.input:
         if spec.control not in known:
             raise ManeuverError(
                 f"{vehicle.where}: the maneuver moves '{spec.control}', but the controls are {', '.join(known) or 'none'}; "
-                "correct the maneuver file"
+                f"correct the maneuver file{_on_its_rotors(vehicle, spec.control)}"
             )
+
+
+def _on_its_rotors(vehicle: Vehicle, control: str) -> str:
+    hint = f", or leave the airspeed out: '{control}' is moved where rotors carry the vehicle"
+    return hint if vehicle.hovers and control in (*EXCITATIONS, *SETPOINTS) else ""
 
 
 def _check_battery(vehicle: Vehicle, maneuver: Maneuver, battery: Battery) -> None:

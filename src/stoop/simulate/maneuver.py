@@ -71,11 +71,19 @@ def unit_of(control: str) -> str:
     return (EXCITATIONS | SETPOINTS).get(control, channel)
 
 
+def _no_angle(control: str) -> str:
+    """Say what else may have been meant by a control that is taken for a surface."""
+    others = f", or, for what hovers without '{control}', name {', '.join([*EXCITATIONS, *SETPOINTS])} or a motor_N"
+    return others if control and control not in SETPOINTS else ""
+
+
 def _sensible(value: float, info: ValidationInfo) -> float:
     control = str(info.data.get("control", ""))
     turns = 2.0 * math.pi if control == "heading" else math.pi / 2.0
     if unit_of(control) == "rad" and abs(value) > turns:
-        raise ValueError(f"{value:g} looks like degrees; write radians ({math.radians(value):.4g})")
+        raise ValueError(
+            f"{value:g} looks like degrees; write radians ({math.radians(value):.4g}){_no_angle(control)}"
+        )
     if abs(value) > _WILD:
         raise ValueError(f"{value:g} is beyond any size; write it in {unit_of(control) or 'its unit'}")
     return value

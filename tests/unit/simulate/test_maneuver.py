@@ -133,7 +133,10 @@ SINE = {"shape": "multisine", "start": 0.0, "duration": 5.0, "amplitude": 0.1, "
         ("format = 'x'\nduration = 9.0", "format: it must be 'stoop-maneuver/1'"),
         ("duration = 9.0\n[[input]]\ncontrol = 'elevator'", "input.0: the key 'shape' is missing"),
         (shape(shape="sine"), "input.0: 'shape' is 'sine'; choose one of '3-2-1-1', 'doublet'"),
-        (shape(**PULSE | {"amplitude": 11.46}), "input.0.amplitude: 11.46 looks like degrees; write radians (0.2)"),
+        (
+            shape(**PULSE | {"amplitude": 11.46}),
+            "input.0.amplitude: 11.46 looks like degrees; write radians (0.2), or, for what hovers without 'elevator', name roll",
+        ),
         (shape(shape="pulse", start=1.0, amplitude=0.1), "input.0.duration: missing"),
         (shape(**PULSE | {"start": -1.0}), "input.0.start: it must be greater than or equal to 0"),
         (shape(**PULSE, step=3.0), "input.0.step: unknown key; remove it or correct its name (known here: control, shape"),

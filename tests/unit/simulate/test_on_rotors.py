@@ -24,7 +24,7 @@ from stoop.simulate.fly import Flown, fly
 from stoop.simulate.maneuver import Maneuver
 from stoop.simulate.rotors import accelerations, channel_range
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import builtin_vehicle
+from stoop.vehicle.builtin import builtin_vehicle, resolve_vehicle
 
 G = 9.80665
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -244,7 +244,11 @@ def test_gusts_push_and_the_autopilot_holds(quad: Vehicle) -> None:
             "moves 'elevator', but the controls are roll, pitch, yaw, heave, north",
         ),
         ({"airspeed": 12.0}, "no wings to fly 12 m/s on"),
-        ({"airspeed": 12.0, "input": [pulse("roll", 1.0)]}, "moves 'roll', but the controls are motor_1"),
+        (
+            {"airspeed": 12.0, "input": [pulse("roll", 1.0)]},
+            "airspeed: quad.toml has no wings to fly 12 m/s on, so no trim there; leave it out, write velocity, and move roll, "
+            "pitch, yaw, heave, north, east, down, forward, right, heading, motor_1",
+        ),
         ({"duration": 30000.0}, "more than 500000 samples under the autopilot; lower one of them"),
         ({"noise": {"V": 0.1}}, "noise: 'V' is not observed; channels are vn, ve, vd"),
     ],
@@ -252,6 +256,16 @@ def test_gusts_push_and_the_autopilot_holds(quad: Vehicle) -> None:
 def test_what_cannot_be_flown(quad: Vehicle, given: dict[str, object], says: str) -> None:
     with pytest.raises((ManeuverError, SimulationError), match=says):
         simulate_flight(quad, Maneuver.model_validate({"duration": 2.0} | given))
+
+
+def test_what_a_quadplane_moves_on_its_rotors_alone() -> None:
+    quadplane = resolve_vehicle("quadplane")
+    fast = Maneuver.model_validate({"duration": 2.0, "airspeed": 20.0, "input": [pulse("pitch", 1.0)]})
+    with pytest.raises(
+        ManeuverError,
+        match=r"moves 'pitch', but the controls are elevator.* or leave the airspeed out: 'pitch'",
+    ):
+        fly(quadplane, fast)
 
 
 def test_what_only_rotors_can_do(twin_boom: Vehicle, quad: Vehicle) -> None:
