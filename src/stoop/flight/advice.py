@@ -156,6 +156,9 @@ def _words(name: str, size: float, known: Range, said: str, at: str) -> str:
         meant = "degC"
     fix = f"its column looks like {meant}: " if meant else "its column holds something else: "
     line = f'unit = "{meant}"' if meant else "another column"
+    if name.startswith("motor_") and 700.0 <= size <= 2500.0:
+        fix = "its column looks like pulses in us: "
+        line = f"scale = 0.001 and offset = -1 (of 1000 to 2000 us), or call it pwm_{name[6:]} (stoop map drafts both),"
     shown = f"{size:.3g}" if unit == "1" else f"{size:.3g} {unit}"
     return f"{what} is {shown} in the median, which no flight has; {fix}write {line}{at}"
 

@@ -151,3 +151,9 @@ def test_axes_in_units_of_their_own_are_right(tmp_path: Path) -> None:
 def test_a_plain_number_has_no_unit() -> None:
     (found,) = unit_faults([Channels("f", T, {"motor_1": 67.0 + 0.0 * T})], {})
     assert found.message.startswith("motor_1 is 67 in the median")
+
+
+def test_motors_in_microseconds_are_pulses() -> None:
+    (found,) = unit_faults([Channels("f", T, {"motor_2": 1670.0 + 0.0 * T})], {})
+    assert "looks like pulses in us: write scale = 0.001 and offset = -1" in found.message
+    assert "or call it pwm_2" in found.message
