@@ -10,6 +10,7 @@ import numpy as np
 from stoop.errors import FlightError
 from stoop.flight import Flight
 from stoop.flight.aloft import flying, lift, lifting
+from stoop.identify.motors_swapped import swapped_motors
 from stoop.identify.rotors_seen import strange_motors
 from stoop.identify.windows import Window
 from stoop.vehicle import Vehicle
@@ -83,6 +84,7 @@ def doubts(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Wi
         check_inputs(vehicle, flights[name])
     return [
         *strange_motors(vehicle, flights, windows),
+        *swapped_motors(vehicle, flights, windows),
         *_wrong_units(vehicle, flights),
         *unlike(vehicle, flights),
     ]

@@ -10,6 +10,7 @@ from stoop.flight import Flight
 from stoop.identify.excitation import excitation_warnings
 from stoop.identify.fit import Fit
 from stoop.identify.mismatch import unlike
+from stoop.identify.motors_swapped import swapped_motors
 from stoop.identify.result import ManeuverResult, ParameterEstimate
 from stoop.identify.rotors_seen import strange_motors
 from stoop.job.errorbars import ErrorBars
@@ -58,6 +59,7 @@ def warnings(
     out += inertia_doubts(fit.problem.layout.vehicle, fit.estimates)
     out += _not_measured(fit, maneuvers)
     out += strange_motors(fit.problem.layout.vehicle, flights, fit.prepared.windows)
+    out += swapped_motors(fit.problem.layout.vehicle, flights, fit.prepared.windows)
     out += excitation_warnings(fit.problem, fit.z, slowest_rate(fit, flights))
     held = [name for name, p in parameters.items() if p.at_bound]
     if held:
