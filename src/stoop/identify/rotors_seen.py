@@ -27,6 +27,7 @@ CLIPPED: Final = 0.02  #: share of a window at an end of the range that is worth
 ALIVE: Final = 20  #: different values of a command that is no switch
 CONTRAST: Final = 5  #: times as many samples at a plateau as at the value next to it
 STILL: Final = 0.01  #: of the mean x: the rms of a change that is no input
+BURST: Final = 2.0  #: s: about as long as a pulse or a doublet lasts
 SPINS: Final = ("motor", "rotor")  #: channels that turn a rotor and nothing else
 LIKENESS: Final = (
     3.0  #: times the rotors' scatter, by which an output may lie beside them, and scatter more or less
@@ -169,21 +170,30 @@ def _plateaus(vehicle: Vehicle, pieces: Sequence[Piece]) -> Iterator[str]:
 
 def _unexcited(vehicle: Vehicle, pieces: Sequence[Piece]) -> Iterator[str]:
     for rate, (axis, moment) in _AXES.items():
-        column = np.concatenate([p.measured[:, vehicle.outputs.index(rate)] for p in pieces])
-        spread, sigma = float(np.nanstd(column)), getattr(vehicle.file.sensors, rate).sigma
+        column = vehicle.outputs.index(rate)
+        spread = max(_liveliest(p.measured[:, column], p.dt) for p in pieces)
+        sigma = getattr(vehicle.file.sensors, rate).sigma
         if spread < LOUD * sigma:
             yield (
-                f"There is no {axis} to speak of ({spread / DEGREE:.2g} deg/s rms, noise {sigma / DEGREE:.2g}): "
+                f"There is no {axis} to speak of ({spread / DEGREE:.2g} deg/s rms at the liveliest, noise {sigma / DEGREE:.2g}): "
                 f"inertia.{moment}, lag, and what {axis} moments rest on cannot be told; fit a window with {axis} doublets."
             )
     total = [_spins(vehicle, p).sum(axis=0) for p in pieces]
     mean = float(np.mean(np.concatenate(total)))
-    change = float(np.sqrt(np.mean(np.concatenate([t - np.mean(t) for t in total]) ** 2)))
+    change = max(_liveliest(t, p.dt) for t, p in zip(total, pieces, strict=True))
     if change < STILL * mean:
         yield (
-            f"The sum of all motors hardly changes ({change / mean:.1%} rms): T0, T1 and T2 cannot be told apart, nor inflow "
-            "from them; fit a window with climbs, descents and steps of thrust, or --fix two of the three."
+            f"The sum of all motors hardly changes ({change / mean:.1%} rms at the liveliest): T0, T1 and T2 cannot be told "
+            "apart, nor inflow from them; fit a window with climbs, descents and steps of thrust, or --fix two of the three."
         )
+
+
+def _liveliest(x: FloatArray, dt: float) -> float:
+    """Return the largest rms (n,) about the mean in `BURST` anywhere: a pulse tells as much in a long window as in a short."""
+    seen = x[np.isfinite(x)]
+    long = max(2, round(BURST / dt))
+    parts = [seen[i : i + long] for i in range(0, max(seen.size - long // 2, 1), max(long // 2, 1))]
+    return max((float(np.std(part)) for part in (*parts, seen) if part.size), default=0.0)
 
 
 def strange_motors(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> list[str]:

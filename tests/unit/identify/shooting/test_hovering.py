@@ -216,6 +216,21 @@ def test_saturation_and_stillness_are_said(start, flight):
     assert any("T0, T1 and T2 cannot be told apart" in line for line in lines)
 
 
+def test_a_pulse_in_a_long_window_is_excitation(start):
+    """What is rms over the whole window says less of it the longer the window is."""
+    pulse = '[[input]]\ncontrol = "{}"\nshape = "doublet"\nstart = {}\nstep = 0.4\namplitude = {}\n'
+    axes = (("roll", 3, 4.0), ("pitch", 6, 4.0), ("yaw", 9, 0.7), ("heave", 12, 1.0))
+    text = "duration = 60.0\nrate = 100.0\n" + "".join(pulse.format(*one) for one in axes)
+    flown = simulate_flight(start, parse_maneuver(text, "m"), seed=1, name="sim")
+    for window, silent in ((Window("sim", 2.0, 59.0), True), (Window("sim", 20.0, 59.0), False)):
+        problem, _ = pose(start, {"sim": flown}, [window], Options())
+        assert (rotor_warnings(problem) == []) is silent
+    inputs = np.concatenate(
+        [p.inputs for p in pose(start, {"sim": flown}, [Window("sim", 2.0, 59.0)], Options())[0].pieces]
+    )
+    assert np.std(inputs.sum(axis=1)) < 0.01 * np.mean(inputs.sum(axis=1)), "quiet in the mean"
+
+
 def test_the_log_of_another_vehicle_is_recognized(start, flight):
     hexa = resolve_vehicle("hexa-x")
     with pytest.raises(FlightError, match=r"no motor_5, motor_6 in this log.*\[rotor\.m5\]"):
