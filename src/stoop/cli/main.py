@@ -10,6 +10,7 @@ import argparse
 import contextlib
 import importlib
 import os
+import re
 import sys
 from collections.abc import Sequence
 from typing import Any, Final, NoReturn
@@ -106,7 +107,7 @@ def main(words: Sequence[str] | None = None) -> int:
 def _guarded(words: Sequence[str], debug: bool) -> int:
     """Parse, run the verb, say what the user can mend, and make sure that all output was taken."""
     try:
-        arguments, unknown = parser_for(words).parse_known_args(words)
+        arguments, unknown = parser_for(words).parse_known_args([_protected(word) for word in words])
         if unknown:
             arguments.complain(f"unrecognized arguments: {' '.join(unknown)}")
         code = int(arguments.run(arguments))
@@ -118,6 +119,11 @@ def _guarded(words: Sequence[str], debug: bool) -> int:
         code = _report(error)
     sys.stdout.flush()
     return code
+
+
+def _protected(word: str) -> str:
+    """Return a window that begins before zero (-5:5) so that argparse takes it for no option."""
+    return f" {word}" if re.match(r"-[\d.]+:", word) else word
 
 
 def _of_the_machine(error: OSError | MemoryError) -> str:

@@ -17,6 +17,7 @@ from stoop.flight.variables import variable
 from stoop.logs import FloatArray
 
 MOST_HOLES: Final = 4  #: that are told one by one
+TRIMMED: Final = "trimmed to the record"  #: what the note says of a window that reaches beyond it
 SHORTEST: Final = 0.5  #: s; shorter pieces say nothing about the aircraft and are dropped
 
 
@@ -110,7 +111,7 @@ def _window(flight: Flight, start: float, stop: float) -> tuple[slice, list[str]
     period = 1.0 / flight.rate
     notes = []
     if start < first - period or stop > last + period:
-        notes.append(f"{where}: trimmed to the record, {max(start, first):.2f} to {min(stop, last):.2f} s")
+        notes.append(f"{where}: {TRIMMED}, {max(start, first):.2f} to {min(stop, last):.2f} s")
     low, high = np.searchsorted(t, [start - EDGE, stop + EDGE])
     return slice(int(low), int(high)), notes
 

@@ -46,6 +46,7 @@ def parse_window(text: str, flights: Mapping[str, Flight]) -> Window:
     FlightError
         Not of this form, an unknown flight, or a window that ends before it begins.
     """
+    text = text.strip()
     span, _, loading = text.partition("#")
     name, at, times = span.rpartition("@")
     if not at:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.flight import VARIABLES, Flight
+from stoop.flight.segments import TRIMMED
 from stoop.identify.excitation import too_few
 from stoop.identify.fit import Fit, Options
 from stoop.identify.noise import noise_variance
@@ -65,7 +66,7 @@ def assemble(
     result = replace(result, modes=modes(fit, result.covariance.names, result.covariance.matrix))
     result = with_evidence(result, fit, bars)
     doubts = (said for group in groups if group.role == "validation" for said in group.prepared.warnings)
-    result = replace(result, warnings=(*result.warnings, *doubts))
+    result = replace(result, warnings=(*result.warnings, *doubts, *_trimmed(groups)))
     return Identification(
         result=replace(result, seconds=time.perf_counter() - began),
         traces=traces,
@@ -83,6 +84,12 @@ def assemble(
         notes=_notes(flights, groups),
         command=command,
     )
+
+
+def _trimmed(groups: Sequence[Flown]) -> list[str]:
+    """Return what was cut from windows that reach beyond the record."""
+    notes = dict.fromkeys(note for g in groups for note in g.prepared.notes)
+    return [f"{note}." for note in notes if TRIMMED in note]
 
 
 def _ratios(fit: Fit, result: Result) -> tuple[str, ...]:

@@ -61,6 +61,15 @@ def test_identifies_and_tells(place: Path, capsys: pytest.CaptureFixture[str]) -
     assert not (place / "whole" / "search.npz").exists()
 
 
+def test_a_window_beyond_the_record_is_trimmed_and_told(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(identify(place, "--maneuver", "-5:20", "--generations", "1", out="beyond")) == 0
+    told = "sim -5:20: trimmed to the record, 0.00 to 20.00 s."
+    assert told in " ".join(capsys.readouterr().out.split())
+    assert told in json.loads((place / "beyond" / "result.json").read_text())["warnings"]
+
+
 def test_free_and_fix(place: Path) -> None:
     words = ["--maneuver", "0:28", "--fix", "CLV", "--fix", "CDV", "--free", "mass.mass", "--budget", "400"]
     assert main(identify(place, *words, out="freed")) == 0
@@ -80,6 +89,7 @@ def test_free_and_fix(place: Path) -> None:
         (["--maneuver", "0:20", "--optimizer", "magic"], "ps-gde-lm"),
         (["--maneuver", "0:20", "--noise", "/nonexistent"], "/nonexistent: no such file; check the name"),
         (["--maneuver", "0:20", "10:25"], "overlaps the fitted sim@0:20"),
+        (["--maneuver", "-5:-1"], "outside the record, which runs from 0.00 to 30.00 s"),
         (
             ["--maneuver", "0:20", "--validate", "19:28"],
             "nothing may be fitted in a window that is predicted",
