@@ -11,6 +11,7 @@ from stoop.errors import FlightError, StoopError
 from stoop.files import write_text_atomic
 from stoop.flight import VARIABLES, Flight, without, without_faults
 from stoop.flight.maneuvers import find_maneuvers
+from stoop.identify.mismatch import check_inputs
 from stoop.identify.predict import predicted
 from stoop.identify.result import Identification, ManeuverResult, ManeuverTrace
 from stoop.identify.windows import Window, parse_window
@@ -71,6 +72,7 @@ def validate(
     """
     known = _by_name(flights)
     identified = read_identified(source)
+    _check_vehicle(identified, flights, source)
     fitted_as = {name: _fitted_name(identified, flight) for name, flight in known.items()}
     learned, notes = _learned(identified)
     if maneuvers:
@@ -85,6 +87,16 @@ def validate(
         name: without_faults(without(flight, spans[name])) for name, flight in known.items() if spans[name]
     }
     return _assembled(identified, known, fitted_as, windows, learned, notes, command)
+
+
+def _check_vehicle(identified: Identified, flights: Sequence[Flight], source: Path) -> None:
+    for flight in flights:
+        try:
+            check_inputs(identified.vehicle, flight)
+        except FlightError as error:  # which names an option that this verb has not
+            raise FlightError(
+                str(error).replace("check --vehicle", f"check which result {source} is")
+            ) from None
 
 
 def _by_name(flights: Sequence[Flight]) -> dict[str, Flight]:

@@ -127,6 +127,12 @@ def test_what_is_missing_is_one_line(job: Job, folder: Path, tmp_path: Path) -> 
     with pytest.raises(FlightError, match="elevator") as caught:
         validate(folder, [lame], ["20:28"])
     assert "\n" not in str(caught.value)
+    assert f"check which result {folder} is, the channels in it, or the mapping" in str(caught.value)
+    motors = {f"motor_{n}": ("time", 0.5 + 0.1 * flight.time % 0.1) for n in range(1, 5)}
+    with pytest.raises(
+        FlightError, match=r"rotors carry the vehicle of this log, but .* has none: is it of another vehicle"
+    ):
+        validate(folder, [replace(lame, data=lame.data.assign(motors))])
     with pytest.raises(FlightError, match="same name"):
         validate(folder, [flight, flight], ["20:28"])
 
