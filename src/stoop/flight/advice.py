@@ -12,6 +12,7 @@ from stoop.flight.channels import Channels
 from stoop.flight.faults import Fault
 from stoop.flight.guilty import declared
 from stoop.flight.mapping import READY
+from stoop.flight.motion import Told, contradictions
 from stoop.flight.variables import VARIABLES
 from stoop.logs import FloatArray
 from stoop.units import FACTORS
@@ -171,6 +172,41 @@ def _at(place: str) -> str:
 def is_own(place: str) -> bool:
     """Tell whether a place is in a file of the user's, not in a mapping of the package."""
     return place.partition(": ")[0] not in {"", *READY.values()}
+
+
+def motion_faults(
+    time: FloatArray, data: Mapping[str, FloatArray], rate: float, places: Mapping[str, str]
+) -> tuple[list[Fault], Mapping[str, FloatArray]]:
+    """Look for lines of a user's mapping that the other channels contradict; return them, and the columns mended.
+
+    Parameters
+    ----------
+    time : (n,) s
+    data : variable -> (n,), gridded
+    rate : Hz
+    places : variable -> file and key of the mapping
+    """
+    own = {name: _declared(place, name) for name, place in places.items() if is_own(place)}
+    if not own:
+        return [], data
+    found, mended = contradictions(data, rate, own)
+    span = float(time[0]), float(time[-1])
+    return [
+        Fault("inconsistent", told[0].change.names[0], told[0].evidence, *span, _contradiction(told, places))
+        for told in found
+    ], mended
+
+
+def _contradiction(told: Sequence[Told], places: Mapping[str, str]) -> str:
+    words = ", or ".join(one.change.words for one in told)
+    lines = ", or ".join(f"{one.change.fix}{_lines(one.change.names, places)}" for one in told)
+    open_ = "; no other channel tells which" if len(told) > 1 else ""
+    return f"other channels contradict: {words}{open_}; {lines}"
+
+
+def _lines(names: Sequence[str], places: Mapping[str, str]) -> str:
+    keys = [places[name].rpartition(": ") for name in names]
+    return f" for {' and '.join(key for *_, key in keys)} in {keys[0][0]}"
 
 
 def advised(faults: Sequence[Fault], places: Mapping[str, str]) -> list[Fault]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from stoop import logs
 from stoop.errors import one_line
-from stoop.flight.advice import advised, unit_faults
+from stoop.flight.advice import advised, motion_faults, unit_faults
 from stoop.flight.aloft import hovered, lifting
 from stoop.flight.between import following_rates
 from stoop.flight.build import build
@@ -24,6 +24,7 @@ from stoop.flight.flight import Flight
 from stoop.flight.grid import Grid
 from stoop.flight.make import dataset, named, with_attitude
 from stoop.flight.mapped import Mapped
+from stoop.flight.motion import MOTION
 from stoop.flight.plausible import check_radians
 from stoop.flight.store import restore
 from stoop.flight.variables import EULER, QUATERNION, VARIABLES
@@ -79,11 +80,15 @@ def _gridded(path: Path, recording: Recording, found: Mapped, rate: float) -> Fl
     channels = found.channels
     grid, whole, known = _with_attitude(*build(channels, rate, str(path)))
     data, sources, air = with_true_airspeed(whole, known)
+    units = unit_faults(channels, found.places)
+    recorded = of_the_true_one(recorded_faults(channels), data)
+    dirty = MOTION & {fault.variable for fault in recorded}
+    sound = not units and not dirty and not _slow(sources, WRONG_CLOCK)
     faults = (
-        *of_the_true_one(recorded_faults(channels), data),
-        *unit_faults(channels, found.places),
+        *recorded,
+        *units,
         *rest_faults(grid.time, data, rate),
-        *advised([*sign_faults(grid.time, data), *rate_faults(grid.time, data, rate)], found.places),
+        *_inconsistencies(grid.time, data, rate, found.places, sound),
     )
     doubted = any(fault.kind == "inconsistent" for fault in faults)
     late = lateness(channels) if doubted else ""
@@ -106,6 +111,19 @@ def _gridded(path: Path, recording: Recording, found: Mapped, rate: float) -> Fl
         faults,
         found.unmapped,
     )
+
+
+def _inconsistencies(
+    time: FloatArray, data: Mapping[str, FloatArray], rate: float, places: Mapping[str, str], sound: bool
+) -> list[Fault]:
+    """Tell lost signs, then lines that other channels contradict, then what else disagrees with those mended.
+
+    Where sizes or clocks are not sound, or channels stuck or clipped, contradictions would accuse the innocent.
+    """
+    signs = sign_faults(time, data)
+    upright = {**data, **{fault.variable: -data[fault.variable] for fault in signs}}
+    wrong, mended = motion_faults(time, upright, rate, places if sound else {})
+    return [*advised(signs, places), *wrong, *advised(rate_faults(time, mended, rate), places)]
 
 
 def _with_attitude(
@@ -234,11 +252,7 @@ def without_faults(flight: Flight) -> Flight:
 def _warnings(flight: Flight) -> list[str]:
     """Say what this record cannot tell, whatever is fitted to it."""
     notes = []
-    slow = {
-        name: s.rate
-        for name in ("p", "q", "r")
-        if (s := flight.sources.get(name)) and 0.0 < s.rate < SLOW_RATES
-    }
+    slow = _slow(flight.sources, SLOW_RATES)
     if slow:
         notes.append(
             f"{', '.join(slow)} were logged at only {min(slow.values()):.3g} Hz: "
@@ -253,6 +267,12 @@ def _warnings(flight: Flight) -> list[str]:
             "V, alpha and beta are missing"
         )
     return notes
+
+
+def _slow(sources: Mapping[str, SourceRate], limit: float) -> dict[str, float]:
+    """Return the body rates that were logged more slowly than a limit, and how fast; Hz."""
+    there = {name: sources[name].rate for name in ("p", "q", "r") if name in sources}
+    return {name: rate for name, rate in there.items() if 0.0 < rate < limit}
 
 
 def _empty(flight: Flight, names: Iterable[str]) -> bool:
