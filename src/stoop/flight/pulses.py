@@ -12,16 +12,18 @@ from stoop.flight.variables import OUTPUT_PINS
 from stoop.logs import FloatArray
 
 BLOCK: Final = 0.1  #: s that are taken together; motors follow within that
-LEAST: Final = 50  #: blocks that say anything
+LEAST: Final = 70  #: blocks that say anything
 RUNS: Final = (1050.0, 2500.0)  #: us, in the median; less is idle
 FASTEST: Final = 100.0  #: rad/s
 ALIKE: Final = 0.25  #: of the usual level over idle, by which motors of one vehicle differ
 FOURTH: Final = 4  #: motors, at least, on which nothing but pulses is known
 WEAK: Final = 0.04  #: of the strongest direction; weaker ones are drift and whole microseconds
 TOLD: Final = 0.03  #: share of what is explained; directions that tell less are left out
-EXPLAINS: Final = 0.4  #: share of an angular acceleration that motors explain
+EXPLAINS: Final = (
+    0.03  #: share of an angular acceleration that motors explain; gusts and vibration are most of it
+)
 PART: Final = 0.15  #: of the strongest output; less takes no part in turning
-BALANCED: Final = 0.2  #: of the sum of sizes: motors that turn a vehicle lift it no more
+BALANCED: Final = 0.15  #: of the sum of sizes: motors that turn a vehicle lift it no more
 
 
 def rotor_pulses(flight: Flight) -> list[str]:

@@ -80,3 +80,29 @@ def test_four_surfaces_that_answer_a_plane_in_the_hand_are_none(seed: int) -> No
     )
     assert rotor_pulses(plane) == []
     assert not lifting(plane)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_surfaces_of_any_effect_are_no_motors(seed: int) -> None:
+    """Four to seven outputs at mid-travel, each of which may turn the vehicle by any amount."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(4000) / 100.0
+    moved = np.array(
+        [np.convolve(rng.normal(size=t.size), np.full(15, 1 / 15), "same") for _ in range(rng.integers(4, 8))]
+    )
+    effect = rng.normal(size=(2, len(moved))) * (rng.random((2, len(moved))) < 0.5)
+    p, q = 5e-4 * np.cumsum(effect @ moved, axis=1) + 2e-3 * rng.normal(size=(2, t.size))
+    pulses = {f"pwm_{i + 1}": np.round(1500.0 + 300.0 * x) for i, x in enumerate(moved)}
+    assert rotor_pulses(from_columns("p", t, {**pulses, "p": p, "q": q})) == []
+
+
+def test_motors_are_found_in_gusts(copter: Flight) -> None:
+    """In a real flight motors explain a few hundredths of the angular accelerations, filtered to 0.1 s."""
+    rng = np.random.default_rng(1)
+    columns = {str(name): copter.column(str(name)) for name in copter.data.data_vars}
+    gusts = {
+        rate: columns[rate]
+        + 0.04 * np.repeat(rng.normal(size=copter.time.size // 10 + 1), 10)[: copter.time.size]
+        for rate in "pq"
+    }
+    assert rotor_pulses(from_columns("g", copter.time, {**columns, **gusts})) == rotor_pulses(copter)
