@@ -30,7 +30,7 @@ RANGES: Final = (("MOT_PWM_MIN", "MOT_PWM_MAX"), ("Q_M_PWM_MIN", "Q_M_PWM_MAX"))
 _MOTORS: Final = tuple(f"by {low}" for low, _ in RANGES)
 USUAL: Final = (1000.0, 2000.0)  #: us
 THROW: Final = 0.4  #: rad to each side, to start from
-RATE, MOST, FEWEST = 50.0, 200_000, 100  #: Hz and samples at which pulses are compared with rates
+RATE, MOST, FEWEST = 200.0, 400_000, 100  #: Hz and samples at which pulses are compared with rates
 SHOWN: Final = 4
 
 
@@ -82,7 +82,7 @@ class Outputs:
         }
         rest = [n for n in self.mapped if n.startswith(("pwm_", "servo_")) and n not in motors]
         if not (named or (rest and not motors)):
-            return []
+            return [] if set(motors) <= set(self.places) else _driving(list(motors))
         surfaces = _by_surface(named) if named else {"elevator": rest[:1]}
         out = [
             "",
@@ -143,6 +143,15 @@ def turning(signals: Mapping[str, Signal]) -> list[str]:
     time = np.arange(count) / RATE
     columns = {name: np.interp(start + time, t, x) for name, (t, x) in used.items()}
     return rotor_pulses(from_columns("drafted", time, columns))
+
+
+def _driving(pulses: Sequence[str]) -> list[str]:
+    """Say what to do with the pulses of motors that the ready mapping takes."""
+    return [
+        "",
+        f"# {' '.join(pulses)} turn the vehicle against one another, as motors do: name each as the channel of its rotor in",
+        f"# the vehicle file, with gain = {1.0 / (USUAL[1] - USUAL[0]):g} and idle = {USUAL[0]:g} (yours) under [rotors].",
+    ]
 
 
 def _by_surface(named: Mapping[str, str]) -> dict[str, Sequence[str]]:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from stoop.flight.draft import draft_of
+from stoop.flight.draft_outputs import Outputs
 from stoop.logs import FloatArray, Recording, Stream
 from stoop.simulate import parse_maneuver, simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle
@@ -99,3 +100,18 @@ def test_strange_parameters_tell_nothing(strange: float) -> None:
     names = ("FUNCTION", "MIN", "TRIM", "MAX")
     told = {f"SERVO{n}_{name}": strange for n in range(1, 5) for name in names}
     assert draft_of(logged(waves(4), told)).text == draft_of(logged(waves(4), {})).text
+
+
+def test_motors_that_have_no_line_of_their_own_are_named_to_the_vehicle_file() -> None:
+    maneuver = parse_maneuver(
+        "duration = 20.0\n" + INPUT.format("roll", 3) + INPUT.format("pitch", 9), "m.toml"
+    )
+    flown = simulate_flight(resolve_vehicle("quad-x"), maneuver, seed=2, name="f")
+    signals = {f"pwm_{n}": (flown.time, 1000.0 + 1000.0 * flown.column(f"motor_{n}")) for n in range(1, 5)}
+    rates = {rate: (flown.time, flown.column(rate)) for rate in "pq"}
+    outputs = Outputs(tuple(signals), {}, {**signals, **rates}, {})
+    assert outputs.motor_lines() == []
+    assert "pwm_1 pwm_2 pwm_3 pwm_4 turn the vehicle against one another" in "\n".join(
+        outputs.surface_lines()
+    )
+    assert not [line for line in outputs.surface_lines() if "surface" in line]
