@@ -10,6 +10,8 @@ import pytest
 from stoop.errors import StoopError
 from stoop.flight import Flight, load
 from stoop.identify.methods import chosen
+from stoop.identify.motors_swapped import swapped_motors
+from stoop.identify.windows import parse_window, whole
 from stoop.study.findings import Findings, Setting
 from stoop.study.verify.hexacopter.authors import Blades
 from stoop.study.verify.hexacopter.experiment import Hexacopter
@@ -50,6 +52,14 @@ def test_the_attitude_is_brought_to_the_gyros(flight: Flight) -> None:
     (moved,) = (n for n in flight.notes if n.startswith("clock of estimator_status"))
     assert abs(float(moved.split()[5]) + 0.168) < 0.01
     assert any("between its samples it follows the rates" in note for note in flight.notes)
+
+
+def test_its_motors_are_not_accused(flight: Flight) -> None:
+    """Hover and climbs without maneuvers, commands logged at 43 Hz: they explain a third of the motion at most."""
+    flights = {flight.name: flight}
+    for window in ("140:214", "214:260", "140:260"):
+        assert swapped_motors(vehicle(), flights, [parse_window(window, flights)]) == []
+    assert swapped_motors(vehicle(), flights, whole(flights)) == []
 
 
 def test_its_motors_choose_the_method(flight: Flight) -> None:
