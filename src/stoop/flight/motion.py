@@ -136,6 +136,8 @@ def _instead(
     mended = {**data, **best.change.apply(data)}
     left = _with(data, best.change, before, rate)
     for other in told:
+        if other.change.whole and other.evidence < EVIDENCE:
+            continue  # a unit that shrinks a channel shrinks its noise
         as_good = other is not best and _over(left, _with(data, other.change, before, rate), rate) < DECIDED
         if as_good and _evidence(mended, other.change, left, rate) < EVIDENCE:
             yield other

@@ -80,6 +80,11 @@ def test_a_lost_sign_is_told_of_its_own_line(name: str) -> None:
     assert told(with_quaternion({**data, name: -data[name]})) == [[(name,)]]
 
 
+def test_a_unit_that_only_shrinks_noise_is_no_rival() -> None:
+    data = flown(100, 0.2)
+    assert told({**data, "pn": -data["pn"]}) in ([], [[("pn",)]])
+
+
 @pytest.mark.parametrize(("one", "two"), [("vn", "ve"), ("pn", "pe")])
 def test_exchanged_columns(one: str, two: str) -> None:
     data = flown(1)
