@@ -116,7 +116,7 @@ def _told(vehicle: Vehicle, flight: Flight, gram: Gram, area: Range) -> str:
     whole = effects(vehicle, {}, level, {})[:3]
     before = gram.shares(whole)
     found = [(gram.shares(n.moments), n.words) for n in _neighbors(vehicle, level, whole, area)]
-    better = [one for one in found if _is_better(one[0], before, gram.seconds)]
+    better = [one for one in found if is_better(one[0], before, gram.seconds)]
     if not better:
         return ""
     best = max((after for after, _ in better), key=lambda after: float(after.mean()))
@@ -128,11 +128,12 @@ def _told(vehicle: Vehicle, flight: Flight, gram: Gram, area: Range) -> str:
     )
 
 
-def _is_better(after: FloatArray, before: FloatArray, seconds: float) -> bool:
+def is_better(after: FloatArray, before: FloatArray, seconds: float) -> bool:
     """Tell whether a neighbor explains one axis far better, and none worse."""
     axis = int(np.argmax(after - before))
     independent = 2.0 * (BANDS[axis][1] - BANDS[axis][0]) * seconds  # samples of what is band-limited
-    ratio = independent * float(np.log((1.0 - before[axis]) / max(1.0 - after[axis], 1e-12)))
+    left = np.maximum(1.0 - np.array([before[axis], after[axis]]), 1e-12)  # nothing where there is no noise
+    ratio = independent * float(np.log(left[0] / left[1]))
     more = after[axis] - before[axis] > MARGIN and 1.0 - after[axis] < LEFT * (1.0 - before[axis])
     clear = more and after[axis] > ENOUGH and ratio > CERTAIN
     return bool(clear and (after - before).min() > -NEAR)

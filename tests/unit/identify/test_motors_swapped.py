@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stoop.flight import Flight, from_columns
-from stoop.identify.motors_swapped import swapped_motors
+from stoop.identify.motors_swapped import is_better, swapped_motors
 from stoop.identify.windows import whole
 from stoop.simulate import parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle, parse_vehicle
@@ -115,3 +115,11 @@ def test_without_rates_or_time_nothing_is_said(hexa: Flight) -> None:
     assert said(text, from_columns("sim", hexa.time, {**columns, "q": blank}, ())) == []
     short = from_columns("sim", hexa.time[:100], {n: x[:100] for n, x in columns.items()}, ())
     assert said(text, short) == []
+
+
+def test_shares_without_noise_are_compared_without_a_warning() -> None:
+    """A file that explains everything has no better neighbor; one that does is better than a file that explains nothing."""
+    whole, nothing = np.ones(3), np.zeros(3)
+    assert not is_better(whole, whole, 30.0)
+    assert not is_better(nothing, whole, 30.0)
+    assert is_better(whole, nothing, 30.0)
