@@ -66,18 +66,20 @@ def unit_faults(channels: Sequence[Channels], places: Mapping[str, str]) -> list
     channels : as recorded, SI by the mapping
     places : variable -> file and key of the mapping
     """
-    found = []
+    found, declared_units = [], _declared(places)
     for group in channels:
-        units = {name: unit for name in group.values if (unit := _declared(places.get(name, ""), name))}
+        units = {name: unit for name in group.values if (unit := declared_units.get(name, ""))}
         told = list(_impossible(group, places, units)) or list(_odd_force(group, places, units))
         for name, size, words in told:
             found.append(Fault("wrong unit", name, size, float(group.time[0]), float(group.time[-1]), words))
     return sorted(found, key=lambda fault: list(VARIABLES).index(fault.variable))
 
 
-def _declared(place: str, name: str) -> str:
-    """Return the unit that a mapping of the user's says for a variable; empty where there is none."""
-    return declared(place.rpartition(": ")[0]).get(name, "") if is_own(place) else ""
+def _declared(places: Mapping[str, str]) -> dict[str, str]:
+    """Return the unit of every variable that mappings of the user's name, empty where they say none; a file is read once."""
+    own = {name: place.rpartition(": ")[0] for name, place in places.items() if is_own(place)}
+    units = {file: declared(file) for file in set(own.values())}
+    return {name: units[file].get(name, "") for name, file in own.items()}
 
 
 def _impossible(
@@ -186,7 +188,7 @@ def motion_faults(
     rate : Hz
     places : variable -> file and key of the mapping
     """
-    own = {name: _declared(place, name) for name, place in places.items() if is_own(place)}
+    own = _declared(places)
     if not own:
         return [], data
     found, mended = contradictions(data, rate, own)

@@ -5,8 +5,9 @@ ArduPilot's parameters tell for certain: SERVOn_FUNCTION of motor 1 is 33 (Copte
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -55,8 +56,9 @@ class Outputs:
 
     def motor_lines(self) -> list[str]:
         """Return lines for [variables] that make commands from 0 to 1 of the pulses of motors."""
-        return [self._motor(pulse, motor) for pulse, motor in self.motors().items() if pulse in self.places]
+        return [self._motor(pulse, motor) for pulse, motor in self.motors.items() if pulse in self.places]
 
+    @cached_property
     def motors(self) -> dict[str, str]:
         """Return which pulse is which motor, by the parameters, by a column's name, or by what the pulses turn.
 
@@ -64,10 +66,11 @@ class Outputs:
         """
         if any(name.startswith(("motor_", "rotor_")) for name in self.mapped):
             return {}
-        if uses := self.functions():
-            return {pulse: use for pulse, use in uses.items() if use.startswith("motor_")}
+        if self.functions:
+            return {pulse: use for pulse, use in self.functions.items() if use.startswith("motor_")}
         return {pulse: pulse.replace("pwm", "motor") for pulse in self.called or turning(self.signals)}
 
+    @cached_property
     def functions(self) -> dict[str, str]:
         """Return what the parameters say that each pulse does, as far as the registry knows it."""
         pulses = [name for name in self.mapped if name.startswith("pwm_")]
@@ -76,14 +79,18 @@ class Outputs:
 
     def surface_lines(self) -> list[str]:
         """Give outputs that may move a surface something to start a calibration from, as comments."""
-        motors, uses = self.motors(), self.functions()
+        motors, uses = self.motors, self.functions
         named = {
             pulse: use for pulse, use in uses.items() if pulse not in motors and not use.startswith("motor_")
         }
         rest = [n for n in self.mapped if n.startswith(("pwm_", "servo_")) and n not in motors]
         if not (named or (rest and not motors)):
             return [] if set(motors) <= set(self.places) else _driving(list(motors))
-        surfaces = _by_surface(named) if named else {"elevator": rest[:1]}
+        surfaces = (
+            {s: [p for p in named if named[p] == s] for s in named.values()}
+            if named
+            else {"elevator": rest[:1]}
+        )
         out = [
             "",
             "# Outputs that move a surface: measure its deflection (trailing edge down is positive), and mix them.",
@@ -103,7 +110,7 @@ class Outputs:
 
     def _told(self, said: str) -> str:
         """Return what is unsure of a motor: its number, its range."""
-        number = "" if self.functions() or self.called else "a motor by what it turns, check its number; "
+        number = "" if self.functions or self.called else "a motor by what it turns, check its number; "
         return f"unsure: {number}" if number or not said.startswith(_MOTORS) else ""
 
     def _range(self, pulse: str) -> tuple[float, float, str]:
@@ -152,11 +159,3 @@ def _driving(pulses: Sequence[str]) -> list[str]:
         f"# {' '.join(pulses)} turn the vehicle against one another, as motors do: name each as the channel of its rotor in",
         f"# the vehicle file, with gain = {1.0 / (USUAL[1] - USUAL[0]):g} and idle = {USUAL[0]:g} (yours) under [rotors].",
     ]
-
-
-def _by_surface(named: Mapping[str, str]) -> dict[str, Sequence[str]]:
-    return {surface: _all_of(surface, named.items()) for surface in dict.fromkeys(named.values())}
-
-
-def _all_of(surface: str, named: Iterable[tuple[str, str]]) -> list[str]:
-    return [pulse for pulse, use in named if use == surface]

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from stoop.errors import LogError
+from stoop.flight.lag import finite
 from stoop.flight.variables import EULER
 from stoop.logs import FloatArray
 from stoop.logs.mapping import read_toml
@@ -104,5 +105,5 @@ def _residual(values: Values, angles: Sequence[str], scale: float) -> float:
 
 
 def _at(time: FloatArray, t: FloatArray, x: FloatArray) -> FloatArray:
-    good = np.isfinite(x)
-    return np.interp(time, t[good], x[good]) if good.any() else np.full(time.size, np.nan)
+    known, values = finite(t, x)
+    return np.interp(time, known, values) if known.size else np.full(time.size, np.nan)

@@ -12,6 +12,7 @@ import numpy as np
 from stoop.errors import FlightError
 from stoop.flight.channels import Channels, stretches
 from stoop.flight.guilty import declared, guilty
+from stoop.flight.lag import finite
 from stoop.logs import FloatArray
 from stoop.units import DEGREE
 
@@ -137,21 +138,16 @@ def _factor(angle: tuple[FloatArray, FloatArray], rate: tuple[FloatArray, FloatA
 def _factor_over(
     span: float, angle: tuple[FloatArray, FloatArray], rate: tuple[FloatArray, FloatArray]
 ) -> float:
-    t, x = _finite(*angle)
+    t, x = finite(*angle)
     change, turned = [], []
     for part in stretches(t, x):
         steps = max(1, round(span / float(np.median(np.diff(t[part])))))
-        integral = _integral(t[part], *_finite(*rate))
+        integral = _integral(t[part], *finite(*rate))
         change.append(x[part][steps:] - x[part][:-steps])
         turned.append(integral[steps:] - integral[:-steps])
     if not change:
         return math.nan
     return _ratio(np.concatenate(change), np.concatenate(turned))
-
-
-def _finite(t: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    good = np.isfinite(x)
-    return t[good], x[good]
 
 
 def _integral(at: FloatArray, t: FloatArray, rate: FloatArray) -> FloatArray:
