@@ -31,8 +31,13 @@ WRONG: Final = ("wrong unit", "wrong sign")  #: faults of a mapping, which hold 
 UNLIKE: Final = 0.25  #: difference of the usual lift commands of two flights, over their mean
 
 
-def check_inputs(vehicle: Vehicle, flight: Flight) -> None:
+def check_inputs(vehicle: Vehicle, flight: Flight, named_by: str = "--vehicle") -> None:
     """Refuse a flight that lacks what drives the vehicle.
+
+    Parameters
+    ----------
+    named_by : str
+        What the user is to check: the vehicle was named by it.
 
     Raises
     ------
@@ -59,7 +64,7 @@ def check_inputs(vehicle: Vehicle, flight: Flight) -> None:
         )
     raise FlightError(
         f"{flight.name}: input {', '.join(repr(name) for name in missing)} is not in this flight, which is driven by "
-        f"{', '.join(there) or 'nothing that was recorded'}; {other}check --vehicle, the channels in it, or the mapping"
+        f"{', '.join(there) or 'nothing that was recorded'}; {other}check {named_by}, the channels in it, or the mapping"
     )
 
 

@@ -22,7 +22,7 @@ from stoop.flight import Flight
 from stoop.flight.aloft import flying
 from stoop.flight.segments import runs
 from stoop.identify.regression.measured import RATES, lagged
-from stoop.identify.windows import Window
+from stoop.identify.windows import Window, within
 from stoop.simulate.delays import delayed
 from stoop.simulate.rotors import Range, channel_range, effects
 from stoop.vehicle import Vehicle
@@ -201,10 +201,7 @@ def _gram(vehicle: Vehicle, flight: Flight, windows: Sequence[Window], area: Ran
     if not {*RATES, *area.names} <= set(map(str, flight.data.data_vars)) or flight.rate <= 2.0 * BANDS[0][1]:
         return None
     columns = np.column_stack([flight.column(c) for c in (*area.names, *RATES)])
-    inside = np.zeros(flight.time.size, dtype=bool)
-    for w in windows:
-        inside |= (flight.time >= w.start) & (flight.time <= w.stop)
-    kept = inside & flying(flight) & np.isfinite(columns).all(axis=1)
+    kept = within(flight, windows) & flying(flight) & np.isfinite(columns).all(axis=1)
     parts = [
         _products(vehicle, columns[run], flight.rate)
         for run in runs(kept)

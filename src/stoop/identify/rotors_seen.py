@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from stoop.cost import Misfit, Piece
 from stoop.errors import FlightError, IdentificationError
 from stoop.flight import Flight
-from stoop.identify.windows import Window
+from stoop.identify.windows import Window, within
 from stoop.simulate import parameter_rows
 from stoop.simulate.initial import commanded
 from stoop.simulate.rotors import channel_range
@@ -239,10 +239,7 @@ def _is_alike(middle: float, spread: float, usual: Sequence[tuple[float, float]]
 
 def _level(flight: Flight, channel: str, windows: Sequence[Window]) -> tuple[float, float]:
     """Return the median of a channel in windows, and how far it scatters; zeros where it was not recorded."""
-    inside = np.zeros(flight.time.size, dtype=bool)
-    for w in windows:
-        inside |= (flight.time >= w.start) & (flight.time <= w.stop)
-    seen = flight.column(channel)[inside]
+    seen = flight.column(channel)[within(flight, windows)]
     seen = seen[np.isfinite(seen)]
     if not seen.size or np.ptp(seen) == 0.0:  # rounding gives what is constant a scatter
         return (float(seen[0]) if seen.size else 0.0), 0.0

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from stoop.errors import FlightError
 from stoop.flight import Flight
@@ -36,6 +39,14 @@ class Window:
 def whole(flights: Mapping[str, Flight]) -> list[Window]:
     """Return one window for each flight, all of it."""
     return [Window(f.name, float(f.time[0]), float(f.time[-1])) for f in flights.values()]
+
+
+def within(flight: Flight, windows: Sequence[Window]) -> NDArray[np.bool_]:
+    """Return which samples (n,) of a flight lie in some of its windows."""
+    out = np.zeros(flight.time.size, dtype=bool)
+    for w in windows:
+        out |= (flight.time >= w.start) & (flight.time <= w.stop)
+    return out
 
 
 def parse_window(text: str, flights: Mapping[str, Flight]) -> Window:

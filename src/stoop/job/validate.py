@@ -72,7 +72,8 @@ def validate(
     """
     known = _by_name(flights)
     identified = read_identified(source)
-    _check_vehicle(identified, flights, source)
+    for flight in flights:
+        check_inputs(identified.vehicle, flight, f"which result {source} is")
     fitted_as = {name: _fitted_name(identified, flight) for name, flight in known.items()}
     learned, notes = _learned(identified)
     if maneuvers:
@@ -87,16 +88,6 @@ def validate(
         name: without_faults(without(flight, spans[name])) for name, flight in known.items() if spans[name]
     }
     return _assembled(identified, known, fitted_as, windows, learned, notes, command)
-
-
-def _check_vehicle(identified: Identified, flights: Sequence[Flight], source: Path) -> None:
-    for flight in flights:
-        try:
-            check_inputs(identified.vehicle, flight)
-        except FlightError as error:  # which names an option that this verb has not
-            raise FlightError(
-                str(error).replace("check --vehicle", f"check which result {source} is")
-            ) from None
 
 
 def _by_name(flights: Sequence[Flight]) -> dict[str, Flight]:
