@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from benchmarks.table import Row
 from stoop import optimize
-from stoop.study.problems.bbob import FUNCTIONS, pose
+from stoop_studies.problems.bbob import FUNCTIONS, pose
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

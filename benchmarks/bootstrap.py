@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.table import Row
-from stoop.campaign import LocalProcesses, execute
-from stoop.identify.fit import Options, fit
-from stoop.job.bootstrap import bootstrap_plan
-from stoop.job.case import case_of
-from stoop.study.verify.coverage.scene import Scene
-from stoop.study.verify.coverage.sensors import in_white_noise
+from stoop.estimate.fit import Options, fit
+from stoop.parallel import LocalProcesses, execute
+from stoop.workflow.bootstrap import bootstrap_plan
+from stoop.workflow.case import case_of
+from stoop_studies.verify.coverage.scene import Scene
+from stoop_studies.verify.coverage.sensors import in_white_noise
 
 PART = "bootstrap"
 REPLICATES = 1000

@@ -12,10 +12,10 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.table import Row
-from stoop.identify.fit import Fit, Options, fit
-from stoop.job.judged import judged
-from stoop.study.verify.coverage.scene import Scene
-from stoop.study.verify.coverage.sensors import in_white_noise
+from stoop.estimate.fit import Fit, Options, fit
+from stoop.workflow.judged import judged
+from stoop_studies.verify.coverage.scene import Scene
+from stoop_studies.verify.coverage.sensors import in_white_noise
 
 PART = "joint"
 SEEDS = 5

@@ -17,11 +17,11 @@ import numpy as np
 from benchmarks.clock import interleave
 from benchmarks.table import Row
 from stoop import optimize
-from stoop.cost import Misfit
 from stoop.optimize import herd as herds
 from stoop.optimize.ledger import blank
 from stoop.optimize.pieces.initialization import latin_hypercube
-from stoop.study.problems.paper import paper
+from stoop.problem import Misfit
+from stoop_studies.problems.paper import paper
 
 PART = "overhead"
 MEMBERS = 48

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from benchmarks.table import Row
 from stoop import optimize
-from stoop.study.problems.paper import NEAR, Paper, box, paper
+from stoop_studies.problems.paper import NEAR, Paper, box, paper
 
 __all__ = ["Paper", "box", "run"]
 

@@ -7,12 +7,12 @@ import numpy as np
 from benchmarks.clock import interleave, ratio
 from benchmarks.table import Row
 from stoop.cli import demo
-from stoop.cost import Misfit
-from stoop.identify.fit import Options, pose
-from stoop.identify.shooting.method import shots_of
-from stoop.identify.shooting.states import measured_states
-from stoop.identify.shooting.windows import Shots
-from stoop.identify.windows import Window
+from stoop.estimate.fit import Options, pose
+from stoop.estimate.shooting.method import shots_of
+from stoop.estimate.shooting.states import measured_states
+from stoop.estimate.shooting.windows import Shots
+from stoop.problem import Misfit
+from stoop.problem.windows import Window
 from stoop.simulate import parse_maneuver, simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle
 

@@ -14,25 +14,25 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from stoop.estimate.fit import Options
     from stoop.flight.load import load as load_flight
     from stoop.flight.store import save as save_flight
-    from stoop.identify.fit import Options
-    from stoop.identify.result import read_result
-    from stoop.job import identify as fit
+    from stoop.results.result import read_result
     from stoop.simulate.fly import simulate_flight
     from stoop.simulate.linearize import linearize
     from stoop.simulate.maneuver import load_maneuver
     from stoop.simulate.trim import trim
     from stoop.vehicle import load_vehicle
+    from stoop.workflow import identify as fit
 
 _PLACES = {
-    "Options": "stoop.identify.fit",
-    "fit": "stoop.job",
+    "Options": "stoop.estimate.fit",
+    "fit": "stoop.workflow",
     "linearize": "stoop.simulate",
     "load_flight": "stoop.flight",
     "load_maneuver": "stoop.simulate",
     "load_vehicle": "stoop.vehicle",
-    "read_result": "stoop.identify.result",
+    "read_result": "stoop.results.result",
     "save_flight": "stoop.flight",
     "simulate_flight": "stoop.simulate",
     "trim": "stoop.simulate",

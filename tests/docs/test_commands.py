@@ -12,7 +12,7 @@ import pytest
 
 from docs.pages import DOCS, PAGES, ROOT, blocks, commands, links, table, tables
 from stoop.cli.main import VERBS, main, parser_for
-from stoop.identify.result import read_result
+from stoop.results.result import read_result
 from stoop.vehicle.builtin import resolve_vehicle
 
 PAGE = DOCS / "commands.md"

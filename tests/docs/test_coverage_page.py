@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 
 from docs.pages import DOCS, table
-from stoop.study.verify.coverage.cases import CASES
-from stoop.study.verify.coverage.experiment import POOLED
+from stoop_studies.verify.coverage.cases import CASES
+from stoop_studies.verify.coverage.experiment import POOLED
 
 PAGE = DOCS / "coverage.md"
 

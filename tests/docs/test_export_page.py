@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from docs.pages import DOCS, run_python, table
-from stoop.study.verify.export.aircraft import INPUTS, VEHICLES
-from stoop.study.verify.export.experiment import GOAL
+from stoop_studies.verify.export.aircraft import INPUTS, VEHICLES
+from stoop_studies.verify.export.experiment import GOAL
 
 PAGE = DOCS / "export.md"
 COLUMNS = ("difference", "difference_4000_hz", "difference_on_frames", "difference_earth")

@@ -6,7 +6,7 @@ import csv
 from importlib.resources import files
 
 from docs.pages import DOCS, ROOT, table
-from stoop.study.verify.hexacopter.fits import MAPPED, MAPPING, PACKAGE
+from stoop_studies.verify.hexacopter.fits import MAPPED, MAPPING, PACKAGE
 
 PAGE = DOCS / "hexacopter.md"
 AXES = ("ax", "ay", "az")

@@ -7,9 +7,9 @@ import csv
 import pytest
 
 from docs.pages import DOCS, table
-from stoop.study.verify.jsbsim_truth.experiment import SHARE, SIGMAS, cells
-from stoop.study.verify.multirotor.experiment import HEAD, RECORDS, Multirotor, Record
-from stoop.study.verify.multirotor.vehicle import NOISE
+from stoop_studies.verify.jsbsim_truth.experiment import SHARE, SIGMAS, cells
+from stoop_studies.verify.multirotor.experiment import HEAD, RECORDS, Multirotor, Record
+from stoop_studies.verify.multirotor.vehicle import NOISE
 
 PAGE = DOCS / "jsbsim.md"
 WORDS, COUNTS = ("recorded", "parameter", "agrees"), ("flights", "flights_that_agree")

@@ -7,9 +7,9 @@ import csv
 import pytest
 
 from docs.pages import DOCS, table
-from stoop.study.verify.jsbsim_truth.aircraft import FLEET, Stock
-from stoop.study.verify.jsbsim_truth.experiment import HEAD, SHARE, SIGMAS, JsbsimTruth, cells
-from stoop.study.verify.jsbsim_truth.vehicle import NOISE
+from stoop_studies.verify.jsbsim_truth.aircraft import FLEET, Stock
+from stoop_studies.verify.jsbsim_truth.experiment import HEAD, SHARE, SIGMAS, JsbsimTruth, cells
+from stoop_studies.verify.jsbsim_truth.vehicle import NOISE
 
 PAGE = DOCS / "jsbsim.md"
 WORDS = ("aircraft", "parameter", "agrees")

@@ -12,8 +12,8 @@ import pytest
 from docs.pages import DOCS, run_python, table
 from stoop import optimize
 from stoop.optimize import pieces
-from stoop.optimize.pieces.control import Fixed
-from stoop.optimize.pieces.evolution import DifferentialEvolution
+from stoop_studies.optimizers.pieces.control import Fixed
+from stoop_studies.optimizers.pieces.evolution import DifferentialEvolution
 
 PAGE = DOCS / "optimizers.md"
 EVOLUTIONS = [n for n in optimize.names() if isinstance(optimize.create(n), DifferentialEvolution)]

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 from docs.pages import DOCS, ROOT, table
-from stoop.study.verify.propellers import __file__ as package
+from stoop_studies.verify.propellers import __file__ as package
 
 PAGE = DOCS / "propellers.md"
 

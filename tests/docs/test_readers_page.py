@@ -24,10 +24,10 @@ from stoop.logs import (
 )
 from stoop.logs.scan import dataflash as scan
 from stoop.report.sheet import Sheet, render_sheet
-from stoop.study.verify.readers.damage import DAMAGES
-from stoop.study.verify.readers.experiment import LEAD
-from stoop.study.verify.readers.samples import SAMPLES
-from stoop.study.verify.readers.trial import BAD, GOOD, GUARDED
+from stoop_studies.verify.readers.damage import DAMAGES
+from stoop_studies.verify.readers.experiment import LEAD
+from stoop_studies.verify.readers.samples import SAMPLES
+from stoop_studies.verify.readers.trial import BAD, GOOD, GUARDED
 
 PAGE = DOCS / "robustness.md"
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from docs.pages import DOCS, table
-from stoop.cli.reproduce import NAMES
-from stoop.study.reproduce import asymmetry, propulsion
-from stoop.study.reproduce.registry import EXPERIMENTS
-from stoop.study.reproduce.table1 import METHODS
+from stoop_studies.cli.reproduce import NAMES
+from stoop_studies.reproduce import asymmetry, propulsion
+from stoop_studies.reproduce.registry import EXPERIMENTS
+from stoop_studies.reproduce.table1 import METHODS
 
 PAGE = DOCS / "reproduce.md"
 SHOWN = {registered: shown for shown, registered in METHODS.items()}

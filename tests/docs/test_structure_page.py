@@ -7,8 +7,8 @@ import csv
 import pytest
 
 from docs.pages import DOCS, table
-from stoop.study.verify.realtime.experiment import CLOSE, WELL
-from stoop.study.verify.structured.scene import (
+from stoop_studies.verify.realtime.experiment import CLOSE, WELL
+from stoop_studies.verify.structured.scene import (
     AMPLITUDES,
     CRITERIA,
     DURATION,

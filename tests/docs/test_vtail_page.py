@@ -9,7 +9,7 @@ import pytest
 
 from docs.pages import DOCS, ROOT, blocks, commands, run_python, table
 from stoop.cli.main import main
-from stoop.identify.result import Result, read_result
+from stoop.results.result import Result, read_result
 
 PAGE = DOCS / "vtail.md"
 ROUNDING = 0.02  #: other processors round otherwise, and the optimum is flat

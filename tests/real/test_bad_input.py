@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from stoop.errors import FlightError
+from stoop.estimate.fit import Options
 from stoop.flight import Flight, load
 from stoop.flight.consistency import rate_faults
-from stoop.identify.fit import Options
-from stoop.job import identify
-from stoop.job.run import Job
 from stoop.vehicle.load import parse_vehicle
 from stoop.vehicle.plausible import inertia_doubts
+from stoop.workflow import identify
+from stoop.workflow.run import Job
 
 BUDGET = Options(budget=400.0)
 

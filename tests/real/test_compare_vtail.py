@@ -9,7 +9,7 @@ import pytest
 
 from stoop import optimize
 from stoop.cli.main import main
-from stoop.study.problems import Posed, pose
+from stoop_studies.problems import Posed, pose
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "vtail.toml"
 WINDOWS = ["140:145", "146:152", "160:168.3"]

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.compatibility.result import Compatibility
 from stoop.flight import Flight, load
-from stoop.job.compatibility import check_compatibility, write_compatibility
+from stoop.reconstruct.result import Compatibility
+from stoop.workflow.compatibility import check_compatibility, write_compatibility
 
 Checked = tuple[Compatibility, Flight, Flight]
 

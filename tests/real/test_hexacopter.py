@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from stoop.errors import StoopError
+from stoop.estimate.methods import chosen
+from stoop.estimate.motors_swapped import swapped_motors
 from stoop.flight import Flight, load
-from stoop.identify.methods import chosen
-from stoop.identify.motors_swapped import swapped_motors
-from stoop.identify.windows import parse_window, whole
-from stoop.study.findings import Findings, Setting
-from stoop.study.verify.hexacopter.authors import Blades
-from stoop.study.verify.hexacopter.experiment import Hexacopter
-from stoop.study.verify.hexacopter.fits import FOLDER, METHOD, read_log, vehicle
+from stoop.problem.windows import parse_window, whole
+from stoop_studies.findings import Findings, Setting
+from stoop_studies.verify.hexacopter.authors import Blades
+from stoop_studies.verify.hexacopter.experiment import Hexacopter
+from stoop_studies.verify.hexacopter.fits import FOLDER, METHOD, read_log, vehicle
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "verify"
 MAPPING = Path(__file__).parents[2] / "examples" / "hexacopter_mapping.toml"

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from stoop.assess.baseline import BaselineManeuver, BaselineSegment, baseline_matches
+from stoop.assess.figures import filtered_theil
+from stoop.assess.runs import join
 from stoop.flight.load import load
 from stoop.flight.segments import segments
-from stoop.validation.baseline import BaselineManeuver, BaselineSegment, baseline_matches
-from stoop.validation.figures import filtered_theil
-from stoop.validation.runs import join
 
 COMMANDS = ("control_roll", "control_pitch", "control_yaw")
 RATES = ("p", "q", "r")

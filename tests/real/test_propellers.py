@@ -9,9 +9,9 @@ import pytest
 
 from stoop.errors import StoopError
 from stoop.logs import read
-from stoop.study.findings import Findings, Setting
-from stoop.study.verify.propellers.experiment import Propellers
-from stoop.study.verify.propellers.flights import FOLDER, read_flights
+from stoop_studies.findings import Findings, Setting
+from stoop_studies.verify.propellers.experiment import Propellers
+from stoop_studies.verify.propellers.flights import FOLDER, read_flights
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "verify"
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.estimate.fit import Options
+from stoop.estimate.regression.domain import Band
+from stoop.estimate.regression.methods import frequency_domain
+from stoop.estimate.regression.recursive import RealTime
 from stoop.flight import load
-from stoop.identify.fit import Options
-from stoop.identify.regression.domain import Band
-from stoop.identify.regression.methods import frequency_domain
-from stoop.identify.regression.recursive import RealTime
-from stoop.identify.windows import Window
+from stoop.problem.windows import Window
 from stoop.vehicle.load import load_vehicle
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "vtail.toml"

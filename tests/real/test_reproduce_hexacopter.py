@@ -10,7 +10,7 @@ import pytest
 
 from stoop import optimize
 from stoop.flight import load
-from stoop.study.problems import hexacopter, pose
+from stoop_studies.problems import hexacopter, pose
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "reproduce"
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import stoop
-from stoop.job import Job
+from stoop.workflow import Job
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "vtail.toml"
 

@@ -59,10 +59,10 @@ def search(arguments: Mapping[str, Any], stops: Sequence[int]) -> list[Any]:
 
 
 def main() -> int:
-    from stoop.campaign import Plan, Run
+    from stoop.base.files import write_text_atomic
     from stoop.cli.campaign import add_campaign_arguments, run_campaign
     from stoop.errors import StoopError
-    from stoop.files import write_text_atomic
+    from stoop.parallel import Plan, Run
 
     parser = argparse.ArgumentParser()
     parser.add_argument("store", type=Path)

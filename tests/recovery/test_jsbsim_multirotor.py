@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stoop.study.verify.jsbsim_truth.experiment import SHARE, SIGMAS
-from stoop.study.verify.multirotor.case import COMMANDS, SPEEDS, case, estimates
+from stoop_studies.verify.jsbsim_truth.experiment import SHARE, SIGMAS
+from stoop_studies.verify.multirotor.case import COMMANDS, SPEEDS, case, estimates
 
 
 @pytest.mark.slow

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stoop.study.verify.jsbsim_truth.case import case, estimates
-from stoop.study.verify.jsbsim_truth.experiment import SHARE, SIGMAS
+from stoop_studies.verify.jsbsim_truth.case import case, estimates
+from stoop_studies.verify.jsbsim_truth.experiment import SHARE, SIGMAS
 
 
 @pytest.mark.slow

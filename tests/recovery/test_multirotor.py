@@ -15,14 +15,14 @@ import numpy as np
 import pytest
 from docs.pages import DOCS, table
 
-from stoop.identify.fit import Fit, Options
-from stoop.identify.shooting.method import fit
-from stoop.identify.windows import Window
-from stoop.job.judged import judged
+from stoop.assess.covariance import NORMAL_95
+from stoop.estimate.fit import Fit, Options
+from stoop.estimate.shooting.method import fit
+from stoop.problem.windows import Window
 from stoop.simulate import parse_maneuver, simulate_flight
-from stoop.uncertainty.covariance import NORMAL_95
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop.workflow.judged import judged
 
 SECONDS = 40.0
 Flights = Mapping[str, range]

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from stoop.errors import IdentificationError, VehicleError
-from stoop.identify.fit import Fit, Options, fit
-from stoop.identify.windows import Window
+from stoop.estimate.fit import Fit, Options, fit
+from stoop.problem.windows import Window
 from stoop.simulate import Maneuver, simulate_flight, trim
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 

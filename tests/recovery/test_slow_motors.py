@@ -1,4 +1,4 @@
-"""Motors that are shaken faster than they were logged: where `stoop.identify.methods.SLOW` lies.
+"""Motors that are shaken faster than they were logged: where `stoop.estimate.methods.SLOW` lies.
 
 A quadrotor flies doublets while its motors are shaken between 30 and 200 Hz, as by an autopilot that answers the noise of
 its gyros. The log holds every n-th command. What was faster than half the rate of the log looks slow in it, so that the
@@ -12,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from stoop.estimate.fit import Options
+from stoop.estimate.methods import SLOW, chosen, find
 from stoop.flight import Flight
 from stoop.flight.build import build
 from stoop.flight.channels import Channels
 from stoop.flight.make import dataset
-from stoop.identify.fit import Options
-from stoop.identify.methods import SLOW, chosen, find
-from stoop.identify.windows import Window
+from stoop.problem.windows import Window
 from stoop.simulate import parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle

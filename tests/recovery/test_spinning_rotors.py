@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from stoop.estimate.fit import Options
 from stoop.flight import Flight
-from stoop.identify.fit import Options
-from stoop.job import identify
 from stoop.simulate import parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.workflow import identify
 
 QUAD = """
 name = "quad"

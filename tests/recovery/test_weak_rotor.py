@@ -6,8 +6,8 @@ from importlib.resources import files
 
 import pytest
 
+from stoop.estimate.effectiveness import Balance, Reference, assess, hover, judge
 from stoop.flight import Flight
-from stoop.identify.effectiveness import Balance, Reference, assess, hover, judge
 from stoop.simulate import parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle, parse_vehicle
 

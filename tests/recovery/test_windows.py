@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from stoop.design.windows import Found, find_windows
+from stoop.estimate.fit import Options
 from stoop.flight import Flight
-from stoop.identify.fit import Options
-from stoop.job import identify
 from stoop.simulate import parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop.workflow import identify
 
 HEAD = 'format = "stoop-maneuver/1"\nduration = {seconds}\nrate = 100.0\naltitude = 200.0\n{more}'
 INPUT = '[[input]]\ncontrol = "{}"\nshape = "{}"\nstart = {}\nstep = {}\namplitude = {}\n'

@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.base.units import DEGREE, FOOT, POUND_FORCE, SLUG
 from stoop.simulate import initial_states, parameter_rows
-from stoop.units import DEGREE, FOOT, POUND_FORCE, SLUG
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.atmosphere import standard_density
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from stoop.errors import StoopError
-from stoop.study.findings import Setting
-from stoop.study.verify.nist.experiment import Nist, digits, fit_certified
-from stoop.study.verify.nist.files import problem_files, read_certified
-from stoop.study.verify.nist.models import MODELS
-from stoop.study.verify.nist.problem import Regression
+from stoop_studies.findings import Setting
+from stoop_studies.verify.nist.experiment import Nist, digits, fit_certified
+from stoop_studies.verify.nist.files import problem_files, read_certified
+from stoop_studies.verify.nist.models import MODELS
+from stoop_studies.verify.nist.problem import Regression
 
 
 @pytest.mark.parametrize("start", [1, 2])

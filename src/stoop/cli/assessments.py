@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
     from stoop.cli.progress import Watch
     from stoop.flight import Flight
-    from stoop.job import Job
-    from stoop.job.case import Assessment
     from stoop.vehicle import Vehicle
+    from stoop.workflow import Job
+    from stoop.workflow.case import Assessment
 
 STORES = ("bootstrap.sqlite", "profile.sqlite")  #: in the output folder while the work goes on
 
@@ -50,10 +50,10 @@ def check(arguments: argparse.Namespace, vehicle: Vehicle, flights: Sequence[Fli
     """
     if not wanted(arguments):
         return
-    from stoop.identify.methods import chosen
-    from stoop.job.case import check_method
-    from stoop.job.profile import check_names
-    from stoop.uncertainty.ensemble import libraries
+    from stoop.assess.ensemble import libraries
+    from stoop.estimate.methods import chosen
+    from stoop.workflow.case import check_method
+    from stoop.workflow.profile import check_names
 
     check_method(chosen(arguments.method, vehicle, flights).name)
     if arguments.posterior:
@@ -63,8 +63,8 @@ def check(arguments: argparse.Namespace, vehicle: Vehicle, flights: Sequence[Fli
 
 def asked(arguments: argparse.Namespace) -> list[Assessment]:
     """Return the assessments that were asked for."""
-    from stoop.job import Bootstrap, Posterior, Profile
-    from stoop.job.profile import DOUBTFUL
+    from stoop.workflow import Bootstrap, Posterior, Profile
+    from stoop.workflow.profile import DOUBTFUL
 
     folder = arguments.output
     out: list[Assessment] = []
@@ -82,8 +82,8 @@ def assess(job: Job, arguments: argparse.Namespace, watch: Watch) -> Job:
 
     The result without them lies there already. What is done of them survives Ctrl-C: ``--resume`` goes on.
     """
-    from stoop.campaign.store import forget
-    from stoop.job.outputs import place_outputs
+    from stoop.parallel.store import forget
+    from stoop.workflow.outputs import place_outputs
 
     stores = [Path(arguments.output) / name for name in STORES]
     if not arguments.resume:

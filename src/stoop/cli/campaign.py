@@ -14,7 +14,7 @@ from stoop.cli.numbers import at_least_one
 from stoop.cli.printable import printable
 
 if TYPE_CHECKING:
-    from stoop.campaign import Json, Plan, Pool, Tally
+    from stoop.parallel import Json, Plan, Pool, Tally
 
 QUIET = 5.0  #: s between lines of a plain log
 _INTERRUPTED = 130
@@ -31,7 +31,7 @@ def add_campaign_arguments(parser: argparse.ArgumentParser) -> None:
 
 def pool(arguments: argparse.Namespace) -> Pool:
     """Return where the runs are done."""
-    from stoop.campaign import Dask, LocalProcesses
+    from stoop.parallel import Dask, LocalProcesses
 
     if arguments.scheduler is not None:
         return Dask(arguments.scheduler)
@@ -51,9 +51,9 @@ def run_campaign(arguments: argparse.Namespace, plan: Plan, store: Path) -> dict
     Raises
     ------
     StoopError
-        As :func:`stoop.campaign.execute`.
+        As :func:`stoop.parallel.execute`.
     """
-    from stoop.campaign import execute
+    from stoop.parallel import execute
 
     display = Display(plan.name)
     with display.shown(), _leaving_politely(display, store):

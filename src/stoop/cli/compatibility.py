@@ -14,7 +14,7 @@ from stoop.cli.point import LOG_HELP, MAPPING_HELP
 from stoop.cli.spans import add_window, spans
 
 if TYPE_CHECKING:
-    from stoop.compatibility.result import Compatibility
+    from stoop.reconstruct.result import Compatibility
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Check, write where asked to, and say what was found."""
     from stoop.flight import load
-    from stoop.job.compatibility import FLIGHT, NAMES, PAGE, check_compatibility, write_compatibility
+    from stoop.workflow.compatibility import FLIGHT, NAMES, PAGE, check_compatibility, write_compatibility
 
     others = [path for path in (arguments.mapping,) if path is not None]
     if arguments.output is not None:

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 from stoop.cli.numbers import count
 from stoop.cli.page import page
-from stoop.study.problems.experiment import MANEUVER, TABLE_1
+from stoop.workflow.demo_problem import MANEUVER, TABLE_1
 
 if TYPE_CHECKING:
-    from stoop.job import Job
     from stoop.vehicle import Vehicle
+    from stoop.workflow import Job
 
 HERE = Path("stoop-demo")
 NAME = "demo"  #: of the flight
@@ -30,12 +30,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate, identify from wrong values, print truth beside estimate, write the report."""
-    from stoop.job.outputs import check_folder
+    from stoop.workflow.outputs import check_folder
 
     overwrite = arguments.overwrite or _holds_demo(arguments.output)
     check_folder(arguments.output, [NAME], overwrite)
     job, truth = identify_demo(arguments.seed)
-    from stoop.job.summary import estimates_table
+    from stoop.workflow.summary import estimates_table
 
     out = page()
     out.line(
@@ -57,8 +57,8 @@ def run(arguments: argparse.Namespace) -> int:
 def _holds_demo(folder: Path) -> bool:
     """Tell whether a folder holds the result of an earlier demo, which nobody will miss."""
     from stoop.errors import StoopError
-    from stoop.identify.result import read_result
-    from stoop.job.outputs import RESULT
+    from stoop.results.result import read_result
+    from stoop.workflow.outputs import RESULT
 
     try:
         return {m.flight for m in read_result(folder / RESULT).maneuvers} == {NAME}
@@ -68,10 +68,10 @@ def _holds_demo(folder: Path) -> bool:
 
 def identify_demo(seed: int) -> tuple[Job, dict[str, float]]:
     """Return the finished job and the truth."""
-    from stoop.identify.fit import Options
-    from stoop.job import identify
+    from stoop.estimate.fit import Options
     from stoop.simulate import parse_maneuver, simulate_flight
     from stoop.vehicle.builtin import resolve_vehicle
+    from stoop.workflow import identify
 
     vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
     flight = simulate_flight(vehicle, parse_maneuver(MANEUVER, NAME), seed, name=NAME)

@@ -17,8 +17,8 @@ from stoop.cli.tables import numbers, words
 from stoop.errors import SimulationError
 
 if TYPE_CHECKING:
-    from stoop.job.design import Proposal
     from stoop.vehicle import Vehicle
+    from stoop.workflow.design import Proposal
 
 FAMILIES = ("square", "3-2-1-1", "doublet", "multisine")
 _TURNING = ("alpha", "beta", "phi", "theta", "psi", "p", "q", "r")  #: channels that are given in degrees
@@ -94,8 +94,8 @@ def run(arguments: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from stoop.design import Limits
-    from stoop.job.design import FILES, believed, propose, write_proposal
     from stoop.simulate import trim
+    from stoop.workflow.design import FILES, believed, propose, write_proposal
 
     check_targets(arguments.output, FILES, arguments.overwrite)
     model = believed(arguments.vehicle)

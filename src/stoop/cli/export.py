@@ -34,8 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Export, and say what was written and how it flies."""
-    from stoop.job.export import Condition, export, write
-    from stoop.job.export_subject import read_subject
+    from stoop.workflow.export import Condition, export, write
+    from stoop.workflow.export_subject import read_subject
 
     folder: Path = arguments.output
     subject = read_subject(arguments.subject)

@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from stoop.cli.progress import Watch
+    from stoop.estimate.fit import Options
     from stoop.flight import Flight
-    from stoop.identify.fit import Options
-    from stoop.job import Job
-    from stoop.job.checkpoint import Checkpoint
-    from stoop.job.repeat import Alone
-    from stoop.job.run import Search
     from stoop.optimize import Progress
     from stoop.vehicle import Vehicle
+    from stoop.workflow import Job
+    from stoop.workflow.checkpoint import Checkpoint
+    from stoop.workflow.repeat import Alone
+    from stoop.workflow.run import Search
 
 _WINDOW = "[FLIGHT@]START:STOP[#LOADING]"
 _INTERRUPTED = 130
@@ -113,8 +113,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _doubts(arguments: argparse.Namespace, vehicle: Vehicle, flights: Sequence[Flight]) -> list[str]:
     """Say what speaks against the vehicle before a search that may be long; the report says it again."""
-    from stoop.identify.mismatch import doubts
-    from stoop.identify.windows import parse_window
+    from stoop.estimate.mismatch import doubts
+    from stoop.problem.windows import parse_window
 
     known = {flight.name: flight for flight in flights}
     return doubts(vehicle, known, [parse_window(text, known) for text in arguments.maneuver])
@@ -122,15 +122,15 @@ def _doubts(arguments: argparse.Namespace, vehicle: Vehicle, flights: Sequence[F
 
 def _expand(arguments: argparse.Namespace) -> None:
     """Replace windows.toml by the windows that are accepted in it."""
-    from stoop.identify.windows_file import expanded
+    from stoop.problem.windows_file import expanded
 
     arguments.maneuver, arguments.validate = expanded(arguments.maneuver, arguments.validate)
 
 
 def _check_output(arguments: argparse.Namespace) -> None:
     from stoop.flight.make import named
-    from stoop.identify.windows_file import files_among
-    from stoop.job.outputs import check_folder
+    from stoop.problem.windows_file import files_among
+    from stoop.workflow.outputs import check_folder
 
     names = [named(path) for path in arguments.flight]
     windows = files_among([*arguments.maneuver, *arguments.validate])
@@ -156,9 +156,9 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
 
 
 def _options(arguments: argparse.Namespace, vehicle: Vehicle) -> Options:
-    from stoop.identify.fit import Options
-    from stoop.identify.given import read_covariance
-    from stoop.identify.methods import find
+    from stoop.estimate.fit import Options
+    from stoop.estimate.given import read_covariance
+    from stoop.estimate.methods import find
     from stoop.optimize import create
 
     find(arguments.method)
@@ -182,9 +182,9 @@ def _checkpoint(
     options: Options,
     warn: Callable[[str], None],
 ) -> Checkpoint:
-    from stoop.identify.methods import chosen
-    from stoop.job.checkpoint import Checkpoint, identity
-    from stoop.job.provenance import file_hashes, flight_files
+    from stoop.estimate.methods import chosen
+    from stoop.workflow.checkpoint import Checkpoint, identity
+    from stoop.workflow.provenance import file_hashes, flight_files
 
     mapping = [arguments.mapping] if arguments.mapping is not None else []
     files = file_hashes([*flight_files(flights), *mapping])
@@ -202,10 +202,10 @@ def _identify(
     watch: Watch,
 ) -> tuple[Job, bool]:
     """Return the job, its results written, and whether Ctrl-C came."""
-    from stoop.job.interrupt import deferred_interrupt
-    from stoop.job.outputs import place_outputs
-    from stoop.job.repeat import with_repeatability
-    from stoop.job.run import finish, search
+    from stoop.workflow.interrupt import deferred_interrupt
+    from stoop.workflow.outputs import place_outputs
+    from stoop.workflow.repeat import with_repeatability
+    from stoop.workflow.run import finish, search
 
     state = checkpoint.load() if arguments.resume else None
     watch.count_from(0.0 if state is None else state.books.trajectories)
@@ -229,7 +229,7 @@ def _identify(
 
 def _alone(done: Search, checkpoint: Checkpoint, watch: Watch) -> list[Alone]:
     """Fit every maneuver alone; the search that was done is safe meanwhile."""
-    from stoop.job.repeat import fit_alone
+    from stoop.workflow.repeat import fit_alone
 
     checkpoint.keep_last(done.fit.outcome)
     return fit_alone(done, watch.turn_to)
@@ -237,7 +237,7 @@ def _alone(done: Search, checkpoint: Checkpoint, watch: Watch) -> list[Alone]:
 
 def tell(job: Job, folder: Path) -> None:
     """Print what was found and where it lies."""
-    from stoop.job.summary import (
+    from stoop.workflow.summary import (
         BASIC,
         doubts_by_phrase,
         estimates_table,

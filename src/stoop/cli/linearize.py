@@ -85,7 +85,7 @@ def _mode_document(mode: Mode) -> dict[str, Any]:
 
 
 def _write(target: Path, document: dict[str, Any]) -> None:
-    from stoop.files import write_text_atomic
+    from stoop.base.files import write_text_atomic
 
     if target == STDOUT:
         print_json(document)

@@ -38,10 +38,8 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
         "a vehicle for JSBSim, MATLAB, Simulink, or as A, B, C, D",
     ),
     "design": ("stoop.cli.design", "what to fly next, so that the error bars become small"),
-    "reproduce": ("stoop.cli.reproduce", "run the PS-GDE paper's experiments and say what holds"),
-    "verify": ("stoop.cli.verify", "measure what stoop claims of its own accuracy, and say what holds"),
-    "compare": ("stoop.cli.compare", "optimizers on the same problems, counted the same way: who is ahead"),
 }  #: verb -> its module, one line of help
+GROUP: Final = "stoop.verbs"  #: entry points of other packages, each a mapping as `VERBS`
 
 BUG, MENDABLE, INTERRUPTED, UNREAD = 1, 2, 130, 141
 _BUG_WORDS = "this is a bug in stoop: please report it with the lines above and your command"
@@ -134,6 +132,7 @@ def _of_the_machine(error: OSError | MemoryError) -> str:
 
 def parser_for(words: Sequence[str]) -> Parser:
     """Return a parser that knows every verb by name and the arguments of the chosen one."""
+    known = VERBS if VERBS.keys() & set(words) else all_verbs()
     parser = Parser(
         prog="stoop",
         usage="stoop [-h] [--version] [--debug] VERB ...",
@@ -150,10 +149,10 @@ def parser_for(words: Sequence[str]) -> Parser:
         metavar="VERB",
         required=True,
         help=argparse.SUPPRESS,  # the list below is better laid out than argparse's own
-        description=_verb_list(),
+        description=_verb_list(known),
     )
     chosen = next((word for word in words if not word.startswith("-")), None)
-    for name, (module, purpose) in VERBS.items():
+    for name, (module, purpose) in known.items():
         verb = verbs.add_parser(name, description=f"{purpose[0].upper()}{purpose[1:]}.", allow_abbrev=False)
         if name == chosen:
             _complete(verb, module)
@@ -167,8 +166,18 @@ def _complete(parser: argparse.ArgumentParser, module: str) -> None:
     parser.set_defaults(run=verb.run, complain=parser.error)
 
 
-def _verb_list() -> str:
-    return "\n".join(f"{name:<13} {purpose}" for name, (_, purpose) in VERBS.items())
+def all_verbs() -> dict[str, tuple[str, str]]:
+    """Return the verbs of this package and of those that are registered with it; looking these up takes time."""
+    from importlib.metadata import entry_points
+
+    known = dict(VERBS)
+    for point in entry_points(group=GROUP):
+        known.update(point.load())
+    return known
+
+
+def _verb_list(known: dict[str, tuple[str, str]]) -> str:
+    return "\n".join(f"{name:<13} {purpose}" for name, (_, purpose) in known.items())
 
 
 def _prepare_process(words: Sequence[str]) -> None:

@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Find, write, and say what was found."""
-    from stoop.job.windows import FILES, write_windows
+    from stoop.workflow.windows import FILES, write_windows
 
     check_targets(arguments.output, FILES, arguments.overwrite, _inputs(arguments))
     from stoop.design.windows import doubts, find_windows
@@ -94,7 +94,7 @@ def _by_name(flights: Sequence[Flight]) -> dict[str, Flight]:
 
 
 def _next(arguments: argparse.Namespace) -> list[str]:
-    from stoop.identify.windows_file import NAME
+    from stoop.problem.windows_file import NAME
 
     mapping = ["--mapping", str(arguments.mapping)] if arguments.mapping else []
     numbers_ = [word for name in arguments.free for word in ("--free", name)]
@@ -107,7 +107,7 @@ def _next(arguments: argparse.Namespace) -> list[str]:
 
 
 def _tell(out: Page, found: Found, folder: Path, following: Sequence[str]) -> None:
-    from stoop.identify.windows_file import NAME
+    from stoop.problem.windows_file import NAME
 
     out.table(_windows(found))
     if found.expected:
@@ -122,7 +122,7 @@ def _tell(out: Page, found: Found, folder: Path, following: Sequence[str]) -> No
 
 
 def _windows(found: Found) -> list[Column]:
-    from stoop.job.windows import kind_of, numbered, span_of
+    from stoop.workflow.windows import kind_of, numbered, span_of
 
     rows = numbered(found)
     return [
@@ -137,7 +137,7 @@ def _windows(found: Found) -> list[Column]:
 
 
 def _tell_expected(out: Page, found: Found) -> None:
-    from stoop.job.windows import FIRST_GUESS, percent
+    from stoop.workflow.windows import FIRST_GUESS, percent
 
     out.heading("expected of the windows to be fitted")
     out.line(FIRST_GUESS)

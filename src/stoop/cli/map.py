@@ -19,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Read, draft, print or write."""
-    from stoop.files import write_text_atomic
+    from stoop.base.files import write_text_atomic
     from stoop.flight.draft import draft
 
     output: Path | None = arguments.output

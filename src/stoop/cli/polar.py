@@ -15,7 +15,7 @@ from stoop.cli.point import LOG_HELP, MAPPING_HELP
 from stoop.cli.spans import add_window, spans
 
 if TYPE_CHECKING:
-    from stoop.compatibility.polar import Polar, Propulsion
+    from stoop.reconstruct.polar import Polar, Propulsion
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Fit, write where asked to, and say what was found."""
     from stoop.flight import load
-    from stoop.job.polar import NAMES, PAGE, drag_polar, write_polar
+    from stoop.workflow.polar import NAMES, PAGE, drag_polar, write_polar
 
     others = [path for path in (arguments.mapping,) if path is not None]
     if arguments.output is not None:
@@ -56,16 +56,16 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _propulsion(arguments: argparse.Namespace) -> Propulsion:
-    from stoop.compatibility.polar import Propulsion
+    from stoop.reconstruct.polar import Propulsion
 
     efficiency, std = arguments.efficiency
     return Propulsion(efficiency, std, arguments.disc)
 
 
 def _tell(out: Page, polar: Polar, notes: tuple[str, ...]) -> None:
+    from stoop.assess.covariance import NORMAL_95
     from stoop.cli.tables import fixed, numbers, words
     from stoop.report.polar import MEANINGS, grid
-    from stoop.uncertainty.covariance import NORMAL_95
 
     out.heading("Polar")
     summary = polar.summary

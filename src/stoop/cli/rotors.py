@@ -15,7 +15,7 @@ from stoop.cli.progress import Watch
 from stoop.errors import FlightError
 
 if TYPE_CHECKING:
-    from stoop.identify.effectiveness import Assessment, Balance, Hover, Reference
+    from stoop.estimate.effectiveness import Assessment, Balance, Hover, Reference
 
 CHANCE = 0.05
 APART = 0.05  #: relative difference of voltage that is worth a word
@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare, and say what each flight shows."""
-    from stoop.identify.effectiveness import (
+    from stoop.estimate.effectiveness import (
         Balance,
         Reference,
         advice,
@@ -94,10 +94,10 @@ def _check_once(paths: Sequence[Path]) -> None:
 
 
 def _hovers(paths: Sequence[Path], balance: Balance, mapping: Path | None, watch: Watch) -> tuple[Hover, ...]:
+    from stoop.estimate.effectiveness import hover
+    from stoop.estimate.rotors_seen import strange_motors
     from stoop.flight import load
-    from stoop.identify.effectiveness import hover
-    from stoop.identify.rotors_seen import strange_motors
-    from stoop.identify.windows import whole
+    from stoop.problem.windows import whole
 
     out = []
     for path in paths:
@@ -111,7 +111,7 @@ def _hovers(paths: Sequence[Path], balance: Balance, mapping: Path | None, watch
 
 def _compare(out: Page, title: str, found: Sequence[Assessment], chance: float) -> None:
     from stoop.cli.tables import fixed, words
-    from stoop.identify.effectiveness import judge
+    from stoop.estimate.effectiveness import judge
 
     if not found:
         return
@@ -131,7 +131,7 @@ def _compare(out: Page, title: str, found: Sequence[Assessment], chance: float) 
 
 def _named(found: Assessment) -> str:
     """Name the rotor whose loss explains most, and with it those that explain it nearly as well."""
-    from stoop.identify.effectiveness import alike
+    from stoop.estimate.effectiveness import alike
 
     names = alike(found)
     if len(names) == len(found.weak):

@@ -16,9 +16,9 @@ from stoop.cli.tables import numbers, words
 from stoop.errors import IdentificationError
 
 if TYPE_CHECKING:
-    from stoop.identify.regression.domain import Domain
-    from stoop.job.structure import Determined
+    from stoop.estimate.regression.domain import Domain
     from stoop.vehicle import Vehicle
+    from stoop.workflow.structure import Determined
 
 CRITERIA: Final = ("f", "press", "pse")
 _BAND: Final = "0.1:2"
@@ -69,15 +69,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Choose, write, and say what was chosen."""
-    from stoop.job.structure import FILES
+    from stoop.workflow.structure import FILES
 
     inputs = [Path(arguments.vehicle), *arguments.flight]
     check_targets(arguments.output, FILES, arguments.overwrite, inputs)
     domain = _band(arguments.band)
+    from stoop.base.csv_text import csv_text
     from stoop.flight import load
-    from stoop.job.structure import HEAD, rows, structure, write_structure
-    from stoop.study.tables import csv_text
     from stoop.vehicle.builtin import resolve_vehicle
+    from stoop.workflow.structure import HEAD, rows, structure, write_structure
 
     vehicle = resolve_vehicle(arguments.vehicle)
     candidates = _candidates(arguments.candidates, vehicle)
@@ -100,7 +100,7 @@ def _by_name(flights: list[Any]) -> dict[str, Any]:
 
 
 def _band(text: str) -> Domain:
-    from stoop.identify.regression.domain import Band
+    from stoop.estimate.regression.domain import Band
 
     try:
         low, high = (float(part) for part in text.split(":"))
@@ -112,13 +112,13 @@ def _band(text: str) -> Domain:
 
 
 def _choice(name: str) -> Callable[[Any], Any]:
-    from stoop.identify.regression.selection import Press, orthogonal, stepwise
+    from stoop.estimate.regression.selection import Press, orthogonal, stepwise
 
     return {"f": stepwise, "press": lambda rows: stepwise(rows, Press()), "pse": orthogonal}[name]
 
 
 def _candidates(texts: list[str], vehicle: Vehicle) -> dict[str, tuple[str, ...]]:
-    from stoop.identify.regression.candidates import given, standard
+    from stoop.estimate.regression.candidates import given, standard
     from stoop.vehicle.source import read_source
 
     if not texts:

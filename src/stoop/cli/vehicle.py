@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """List, print or write."""
-    from stoop.files import write_text_atomic
+    from stoop.base.files import write_text_atomic
     from stoop.vehicle.builtin import builtin_text
 
     name: str | None = arguments.name

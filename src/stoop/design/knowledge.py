@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stoop.identify.result import Result
-from stoop.uncertainty.covariance import invert, marked, standard_errors
+from stoop.assess.covariance import invert, marked, standard_errors
+from stoop.results.result import Result
 
 FloatArray = NDArray[np.float64]
 

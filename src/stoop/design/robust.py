@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.assess.covariance import invert
 from stoop.design.setup import Setup
 from stoop.errors import SimulationError
 from stoop.simulate import Maneuver
-from stoop.uncertainty.covariance import invert
 
 FloatArray = NDArray[np.float64]
 

@@ -17,15 +17,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from stoop.cost import Layout, Misfit, Piece, Weights
+from stoop.assess.covariance import invert, marked, standard_errors
 from stoop.design.knowledge import Knowledge
 from stoop.design.limits import Limits
 from stoop.errors import IdentificationError
-from stoop.identify.prepare import Prepared, nuisances
-from stoop.identify.windows import Window
+from stoop.problem import Layout, Misfit, Piece, Weights
+from stoop.problem.prepare import Prepared, nuisances
+from stoop.problem.windows import Window
 from stoop.simulate import Maneuver, Trim
 from stoop.simulate.fly import flown_inputs
-from stoop.uncertainty.covariance import invert, marked, standard_errors
 from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]

@@ -9,12 +9,12 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from stoop.base.units import DEGREE, MICROSECOND
 from stoop.export.beside import Beside, surfaces, travel
 from stoop.export.inverse import Columns, lay_out
 from stoop.flight import VARIABLES, Flight
 from stoop.flight.mapping import ready
 from stoop.logs.dataflash_write import Table, dataflash_bytes
-from stoop.units import DEGREE, MICROSECOND
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+from stoop.base.files import write_bytes_atomic
 from stoop.errors import OutputError
 from stoop.export.ardupilot_log import ardupilot_log
 from stoop.export.crazyflie_log import crazyflie_log
 from stoop.export.px4_log import px4_log
 from stoop.export.tables import TABLES
-from stoop.files import write_bytes_atomic
 from stoop.flight import Flight, save
 from stoop.logs.table import beside
 

@@ -11,11 +11,11 @@ from typing import Final
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element, SubElement
 
+from stoop.base.units import FOOT, INCH, SLUG
 from stoop.errors import VehicleError, one_line
 from stoop.export.jsbsim_control import delays, flight_control
 from stoop.export.jsbsim_function import leaf, number
 from stoop.export.jsbsim_model import THRUST, Physics, aerodynamics, pounds
-from stoop.units import FOOT, INCH, SLUG
 from stoop.vehicle import Vehicle
 
 POUNDS_PER_SLUG: Final = 32.174049  #: what JSBSim takes a weight to a mass with (FGJSBBase)

@@ -16,8 +16,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.units import FOOT, POUND_FORCE, SLUG
 from stoop.errors import SimulationError, StoopError
-from stoop.units import FOOT, POUND_FORCE, SLUG
 
 FloatArray = NDArray[np.float64]
 FRAME_RATE: Final = 1000.0  #: Hz at least

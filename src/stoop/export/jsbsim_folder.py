@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Final
 from xml.etree.ElementTree import Element, SubElement
 
+from stoop.base.units import FOOT
 from stoop.errors import one_line
 from stoop.export.flown import Record, sortie
 from stoop.export.jsbsim_aircraft import aircraft, document
 from stoop.export.jsbsim_flight import FRAME_RATE, INTEGRATORS, START
 from stoop.export.jsbsim_function import leaf, number
 from stoop.export.names import file_name
-from stoop.units import FOOT
 from stoop.vehicle import Vehicle
 
 RADIUS: Final = 1e10  #: m; over it the air turns by 1e-7 rad in a kilometer, and gravity falls by as much

@@ -13,8 +13,8 @@ from xml.etree.ElementTree import Element, SubElement
 
 import sympy as sp
 
+from stoop.base.units import FOOT, POUND_FORCE, SLUG
 from stoop.export.jsbsim_function import convert, function, node, prop, value
-from stoop.units import FOOT, POUND_FORCE, SLUG
 from stoop.vehicle import Vehicle, terms
 from stoop.vehicle.symbolic import component, forces
 from stoop.vehicle.symbolic.frames import Air

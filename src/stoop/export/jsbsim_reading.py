@@ -7,9 +7,9 @@ from typing import Final
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 
+from stoop.base.units import FOOT, INCH, SLUG
 from stoop.export.jsbsim_aircraft import POUNDS_PER_SLUG
 from stoop.export.jsbsim_model import coefficient
-from stoop.units import FOOT, INCH, SLUG
 from stoop.vehicle import Vehicle
 
 _PREFIX: Final = coefficient("")

@@ -8,12 +8,12 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from stoop.base.units import MICROSECOND
 from stoop.export.beside import Beside, surfaces, travel
 from stoop.export.inverse import Columns, lay_out
 from stoop.flight import VARIABLES, Flight
 from stoop.flight.mapping import ready
 from stoop.logs.ulog_write import Topic, ulog
-from stoop.units import MICROSECOND
 
 
 def _array(name: str, size: int) -> tuple[str, ...]:

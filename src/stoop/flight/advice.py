@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.units import FACTORS
 from stoop.flight.channels import Channels
 from stoop.flight.faults import Fault
 from stoop.flight.guilty import declared
@@ -15,7 +16,6 @@ from stoop.flight.mapping import READY
 from stoop.flight.motion import Told, contradictions
 from stoop.flight.variables import VARIABLES
 from stoop.logs import FloatArray
-from stoop.units import FACTORS
 
 LEAST: Final = 20  #: samples that say anything
 FORCE: Final = ("ax", "ay", "az")

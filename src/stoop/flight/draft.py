@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from stoop import logs
+from stoop.base.units import FACTORS
 from stoop.errors import LogError, one_line
 from stoop.flight.draft_outputs import Outputs, place
 from stoop.flight.lag import Signal
@@ -22,7 +23,6 @@ from stoop.flight.variables import OUTPUT_PINS, VARIABLES
 from stoop.logs import FloatArray, Recording
 from stoop.logs.read import is_bag_folder, kind, read_unmapped
 from stoop.logs.table import guess_clock, key_of, quoted, read_raw_csv
-from stoop.units import FACTORS
 
 STEPS: Final = (
     ("s", 5e-5, 2.0),

@@ -17,11 +17,11 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.units import STANDARD_GRAVITY
 from stoop.flight.channels import SourceRate
 from stoop.flight.faults import Fault
 from stoop.flight.variables import VARIABLES
 from stoop.logs import FloatArray
-from stoop.units import STANDARD_GRAVITY
 
 EQUIVALENT: Final = "airspeed_equivalent"
 TRUE: Final = "airspeed_pitot"

@@ -8,13 +8,13 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.rotations import quaternions_of, to_ground
+from stoop.base.units import DEGREE
 from stoop.errors import LogError
 from stoop.flight.lag import finite
 from stoop.flight.variables import EULER
 from stoop.logs import FloatArray
 from stoop.logs.mapping import read_toml
-from stoop.rotations import quaternions_of, to_ground
-from stoop.units import DEGREE
 
 RATES: Final = ("p", "q", "r")
 IN_DEGREES: Final = ("deg", "deg/s")

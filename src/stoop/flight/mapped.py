@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from stoop.base.units import FACTORS, KINDS
 from stoop.errors import LogError, listed
 from stoop.flight.channels import WILD, Channels
 from stoop.flight.clocks import align
@@ -19,7 +20,6 @@ from stoop.flight.surfaces import deflections
 from stoop.flight.variables import EULER
 from stoop.logs import FloatArray, Recording, Stream
 from stoop.logs.recording import clean_stream
-from stoop.units import FACTORS, KINDS
 
 BoolArray = npt.NDArray[np.bool_]
 

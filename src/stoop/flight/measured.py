@@ -9,14 +9,14 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.rotations import wrap
+from stoop.base.units import DEGREE, FACTORS, KINDS, STANDARD_GRAVITY, ZEROS
 from stoop.flight.advice import RANGES
 from stoop.flight.lag import Signal
 from stoop.flight.plausible import LIMITS
 from stoop.flight.variables import VARIABLES
 from stoop.logs import FloatArray
 from stoop.logs.mapping import PULSES
-from stoop.rotations import wrap
-from stoop.units import DEGREE, FACTORS, KINDS, STANDARD_GRAVITY, ZEROS
 
 SPAN: Final = 0.2  #: s over which an angle is differenced
 ALIKE: Final = 0.8  #: correlation of an angle's change and a rate's integral, that shows they belong together

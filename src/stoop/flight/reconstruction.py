@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from stoop.base.rotations import matrices_of, normalized, quaternions_of
 from stoop.flight.air_data import NAN, POOR, AirData, LogWind, notes
 from stoop.flight.equivalent import SEA_LEVEL_DENSITY
 from stoop.flight.grid import complete
@@ -43,7 +44,6 @@ from stoop.flight.wind import (
     fit,
 )
 from stoop.logs import FloatArray
-from stoop.rotations import matrices_of, normalized, quaternions_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from stoop.base.files import write_bytes_atomic
 from stoop.errors import LogError
-from stoop.files import write_bytes_atomic
 from stoop.flight.channels import WILD, SourceRate
 from stoop.flight.faults import Fault
 from stoop.flight.flight import Flight

@@ -28,7 +28,7 @@ class Variable:
     Attributes
     ----------
     name : as in files, in `Flight.data` and in results
-    unit : SI unit, as in `stoop.units.FACTORS`
+    unit : SI unit, as in `stoop.base.units.FACTORS`
     frame : "body", "ned", "air", "surface" or "" where there is none
     sign : which way is positive
     meaning : in plain words

@@ -23,9 +23,9 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from stoop.base.units import FACTORS
 from stoop.errors import LogError
 from stoop.logs.recording import Defect, Recording, Stream, clean_stream, unreadable
-from stoop.units import FACTORS
 
 MAGIC: Final = b"\xbc"
 MAX_BYTES: Final = 2**26  #: 20 variables at 1 kHz for eleven minutes; a battery lasts seven

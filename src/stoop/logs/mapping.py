@@ -27,8 +27,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from stoop.base.units import FACTORS, ZEROS
 from stoop.errors import LogError
-from stoop.units import FACTORS, ZEROS
 
 TIME_UNITS: Final = ("s", "ms", "us", "ns")
 LARGEST: Final = 1e300  #: number that a mapping may hold

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from stoop.base.units import MICROSECOND
 from stoop.errors import LogError
 from stoop.logs.recording import Defect, Recording, Stream, clean_stream
 from stoop.logs.text import read_table
-from stoop.units import MICROSECOND
 
 _TOPICS: Final = (
     "actuator_armed actuator_controls_0 actuator_controls_1 actuator_controls_2 "

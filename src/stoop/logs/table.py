@@ -9,11 +9,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from stoop.base.units import FACTORS
 from stoop.errors import LogError, listed
 from stoop.logs.mapping import Column, Mapping, is_first_edition, mapping_of, read_toml
 from stoop.logs.recording import Defect, FloatArray, Recording, Stream, clean_stream
 from stoop.logs.text import read_header, read_table
-from stoop.units import FACTORS
 
 FOLDER_MAPPING: Final = "mapping.toml"
 GROWS: Final = 0.9  #: share of steps that go forward, in a clock

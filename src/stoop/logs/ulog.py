@@ -14,12 +14,12 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from stoop.base.units import MICROSECOND
 from stoop.errors import LogError, listed
 from stoop.logs.recording import Defect, Recording, Stream, clean_stream, unreadable
 from stoop.logs.scan.walk import DROPOUTS, DROPPED, STRANGERS, UNKNOWN
 from stoop.logs.ulog_formats import PADDING, BodyError, Formats
 from stoop.logs.ulog_scan import MAX_KEPT, Rows, Scan, TooMuchError, scan
-from stoop.units import MICROSECOND
 
 MAGIC: Final = b"ULog\x01\x12\x35"
 MAX_BYTES: Final = 2**36

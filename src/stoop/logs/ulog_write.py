@@ -17,9 +17,9 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from stoop.base.units import MICROSECOND
 from stoop.logs.ulog_formats import BASIC
 from stoop.logs.ulog_notes import LEVELS
-from stoop.units import MICROSECOND
 
 HEAD: Final = b"ULog\x01\x12\x35\x01"
 _TYPES: Final = {np.dtype(code): name for name, code in reversed(BASIC.items())} | {

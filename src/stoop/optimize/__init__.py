@@ -18,7 +18,7 @@ step and resumed as if nothing had been. `dive` is the local search alone; `desc
 
 >>> from stoop import optimize
 >>> optimize.names()[:4]
-('ps-gde-lm', 'ps-gde', 'de-rand-1-bin', 'de-best-2-bin')
+('ps-gde-lm', 'scipy-de', 'scipy-least-squares', 'cma')
 """
 
 from stoop.optimize.geodesic import descend

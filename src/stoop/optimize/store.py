@@ -14,6 +14,7 @@ import zipfile
 import zlib
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Final
 
@@ -24,12 +25,8 @@ from stoop.optimize.adapters.library import LibraryState
 from stoop.optimize.confirmation import Ends
 from stoop.optimize.herd import Herd
 from stoop.optimize.ledger import Books
-from stoop.optimize.methods.l_shade import ShadeState
-from stoop.optimize.methods.ordered_shade import HerdState
 from stoop.optimize.methods.ps_gde_lm import PreyState
-from stoop.optimize.methods.pso import SwarmState
 from stoop.optimize.pieces.adaptation import Memory
-from stoop.optimize.pieces.evolution import PopulationState
 from stoop.optimize.state import State
 from stoop.optimize.stream import Stream
 
@@ -49,21 +46,18 @@ BROKEN: Final = (
     zipfile.BadZipFile,
 )  #: what a damaged file may raise
 CLASSES: Final[dict[str, type]] = {
-    c.__name__: c
-    for c in (
-        PopulationState,
-        PreyState,
-        SwarmState,
-        ShadeState,
-        HerdState,
-        LibraryState,
-        Books,
-        Stream,
-        Ends,
-        Herd,
-        Memory,
-    )
-}
+    c.__name__: c for c in (PreyState, LibraryState, Books, Stream, Ends, Herd, Memory)
+}  #: of the optimizers of this package
+GROUP: Final = "stoop.optimizer_states"  #: entry points of other packages' state classes, by class name
+
+
+def _state_class(name: str) -> type:
+    """Return the class of a name, of this package or registered by another; no other is ever built."""
+    if name not in CLASSES:
+        for point in entry_points(group=GROUP):
+            if point.name == name:
+                CLASSES[name] = point.load()
+    return CLASSES[name]
 
 
 def save_state(path: Path, state: State, tag: str = "") -> None:
@@ -162,4 +156,4 @@ def _decode(value: Any, arrays: dict[str, np.ndarray[Any, Any]]) -> Any:
     if "array" in value:
         return arrays[value["array"]]
     content = {name: _decode(item, arrays) for name, item in value["fields"].items()}
-    return CLASSES[value["class"]](**content)
+    return _state_class(value["class"])(**content)

@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
-from stoop.identify.result import AirDataTrace, Identification
 from stoop.report.charts import LARGE, plain_panel
 from stoop.report.matches import Panel, sane
 from stoop.report.numbers import factor_and_unit
 from stoop.report.svg import FloatArray
+from stoop.results.result import AirDataTrace, Identification
 
 HEIGHT: Final = 150.0  #: px
 PAUSE: Final = 0.3  #: s without a sample break a curve

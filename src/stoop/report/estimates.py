@@ -10,12 +10,12 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup, escape
 
-from stoop.identify.result import Identification, ParameterEstimate, Quantity
+from stoop.assess.covariance import NORMAL_95, correlation
 from stoop.report.charts import Interval, forest_row
 from stoop.report.formula import mathml
 from stoop.report.numbers import NOTHING, clock, compact, number, readable_unit, rounded_to_error, window
 from stoop.report.svg import FloatArray
-from stoop.uncertainty.covariance import NORMAL_95, correlation
+from stoop.results.result import Identification, ParameterEstimate, Quantity
 
 STRONG: Final = 0.9  #: correlations above are listed
 MOST_PAIRS: Final = 12

@@ -10,20 +10,14 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
+from stoop.assess.noise import autocorrelation
+from stoop.assess.runs import runs
 from stoop.flight.variables import VARIABLES
-from stoop.identify.result import (
-    ChannelFigures,
-    Identification,
-    ManeuverResult,
-    ManeuverTrace,
-    TheilShares,
-)
 from stoop.report.charts import Curves, autocorrelation_panel, channel_panel, plain_panel
 from stoop.report.estimates import label
 from stoop.report.numbers import NOTHING, factor_and_unit, number, share, window
 from stoop.report.svg import FloatArray
-from stoop.uncertainty.noise import autocorrelation
-from stoop.validation.runs import runs
+from stoop.results.result import ChannelFigures, Identification, ManeuverResult, ManeuverTrace, TheilShares
 
 ABSURD: Final = 1e15  #: a simulation that has left for infinity is not drawn on
 EVIDENT: Final = 4.0  #: standard errors of an autocorrelation: no matter of chance in any channel

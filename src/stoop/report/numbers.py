@@ -6,7 +6,7 @@ import math
 import re
 from typing import Final
 
-from stoop.units import DEGREE
+from stoop.base.units import DEGREE
 
 NOTHING: Final = "–"
 RAISED: Final = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from stoop.files import write_text_atomic
-from stoop.identify.result import Identification
+from stoop.base.files import write_text_atomic
 from stoop.report import estimates, matches
 from stoop.report.air import air_panels
 from stoop.report.charts import convergence_panel, correlation_map
@@ -18,6 +17,7 @@ from stoop.report.repeatability import repeat_view
 from stoop.report.templating import environment
 from stoop.report.uncertainty import uncertainty_view
 from stoop.report.words import verdict
+from stoop.results.result import Identification
 
 
 def write_report(identification: Identification, path: Path) -> None:

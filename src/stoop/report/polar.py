@@ -7,13 +7,13 @@ from typing import Final
 
 import numpy as np
 
-from stoop.compatibility.polar import Polar
+from stoop.assess.covariance import NORMAL_95
+from stoop.base.units import DEGREE
+from stoop.reconstruct.polar import Polar
 from stoop.report.numbers import number, rounded_to_error
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table
 from stoop.report.svg import FloatArray
-from stoop.uncertainty.covariance import NORMAL_95
-from stoop.units import DEGREE
 
 POINTS: Final = 61
 MEANINGS: Final = {

@@ -10,12 +10,12 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
-from stoop.identify.result import Identification, ParameterEstimate, ParameterRepeatability
+from stoop.assess.covariance import NORMAL_95
 from stoop.report.axes import Axes, Box
 from stoop.report.estimates import label
 from stoop.report.numbers import NOTHING, number, readable_unit, rounded_to_error, window
 from stoop.report.svg import drawing, element, spanning
-from stoop.uncertainty.covariance import NORMAL_95
+from stoop.results.result import Identification, ParameterEstimate, ParameterRepeatability
 
 WIDTH, HEIGHT = 300.0, 110.0  #: px of the box and what stands beside it
 LEFT, RIGHT, TOP, FLOOR = 46.0, 6.0, 6.0, 18.0

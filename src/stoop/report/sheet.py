@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from markupsafe import Markup
 
-from stoop.files import write_text_atomic
+from stoop.base.files import write_text_atomic
 from stoop.report.templating import environment
 
 ITEM: Final = "- "  #: begins a line of a list

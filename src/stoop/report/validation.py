@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from stoop.identify.result import Identification
 from stoop.report import matches
 from stoop.report.templating import environment
 from stoop.report.words import prediction
+from stoop.results.result import Identification
 
 
 def render_validation(identification: Identification) -> str:

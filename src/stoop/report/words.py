@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from stoop.identify.result import ManeuverResult, Result, Role
+from stoop.assess.identifiability import COMBINED
 from stoop.report.numbers import count, listed, number, window
-from stoop.uncertainty.identifiability import COMBINED
+from stoop.results.result import ManeuverResult, Result, Role
 
 Level = Literal["good", "caution", "bad"]
 

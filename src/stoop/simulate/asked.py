@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.rotations import matrices_of, product, quaternions_about, quaternions_of
 from stoop.flight.variables import EULER
-from stoop.rotations import matrices_of, product, quaternions_about, quaternions_of
 from stoop.simulate.paths import traveled
 from stoop.simulate.steady import Trim
 

@@ -24,9 +24,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.rotations import matrices_of, matrices_of_angles, product, quaternions_about, quaternions_of
 from stoop.errors import SimulationError
 from stoop.flight.variables import EULER
-from stoop.rotations import matrices_of, matrices_of_angles, product, quaternions_about, quaternions_of
 from stoop.simulate.initial import initial_states, parameter_rows
 from stoop.simulate.rotors import allocation, channel_range, effects
 from stoop.simulate.steady import Trim

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.rotations import to_ground
 from stoop.errors import ManeuverError, SimulationError
 from stoop.flight import VARIABLES, Flight, from_columns
-from stoop.rotations import to_ground
 from stoop.simulate.check import check_maneuver, on_rotors
 from stoop.simulate.delays import late_inputs, late_outputs
 from stoop.simulate.hover import steady_wind

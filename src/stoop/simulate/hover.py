@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.rotations import matrices_of_angles
 from stoop.errors import SimulationError
-from stoop.rotations import matrices_of_angles
 from stoop.simulate.rotors import accelerations, allocation, channel_range, effects
 from stoop.simulate.steady import TOLERANCE, Trim
 from stoop.vehicle import Vehicle

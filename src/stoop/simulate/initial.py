@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stoop.rotations import quaternions_of
+from stoop.base.rotations import quaternions_of
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import AIR_START, GROUND_START
 

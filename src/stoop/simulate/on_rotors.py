@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from stoop.rotations import to_ground
+from stoop.base.rotations import to_ground
 from stoop.simulate.asked import Asked, asked
 from stoop.simulate.autopilot import Gains, design, linear_errors, rotor_lags
 from stoop.simulate.commands import Commands, Late

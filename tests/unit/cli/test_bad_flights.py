@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.base.units import DEGREE, STANDARD_GRAVITY
 from stoop.cli.main import main
-from stoop.units import DEGREE, STANDARD_GRAVITY
 
 HEAD = 'format = "stoop-maneuver/1"\nrate = 100.0\n'
 INPUT = '[[input]]\ncontrol = "{}"\nshape = "{}"\nstart = {}\nstep = {}\namplitude = {}\n'

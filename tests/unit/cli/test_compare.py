@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from stoop.cli import compare
 from stoop.cli.main import main, parser_for
 from stoop.errors import IdentificationError
+from stoop_studies.cli import compare
 
 SMALL = ["--optimizers", "ps-gde-lm,ps-gde", "--problems", "paper-N", "--seeds", "2", "--budget", "300"]
 

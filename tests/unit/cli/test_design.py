@@ -9,8 +9,8 @@ import pytest
 
 from stoop.cli.design import add_arguments
 from stoop.cli.main import main
-from stoop.job.design import FILES, believed, maneuver_toml
 from stoop.simulate import load_maneuver, parse_maneuver
+from stoop.workflow.design import FILES, believed, maneuver_toml
 
 QUICK = (
     "--duration",

@@ -12,7 +12,7 @@ from stoop.cli.main import main
 
 
 def test_targets_are_those_of_the_job() -> None:
-    from stoop.job import export
+    from stoop.workflow import export
 
     assert tuple(export.TARGETS) == TARGETS
 

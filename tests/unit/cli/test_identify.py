@@ -21,11 +21,11 @@ from stoop.cli.main import main
 from stoop.cli.progress import Watch
 from stoop.errors import IdentificationError
 from stoop.flight import Flight, save
-from stoop.identify.result import Identification
-from stoop.job.assemble import assemble
-from stoop.job.checkpoint import Checkpoint
 from stoop.optimize import State
+from stoop.results.result import Identification
 from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.workflow.assemble import assemble
+from stoop.workflow.checkpoint import Checkpoint
 
 VEHICLE = Path(__file__).parents[3] / "src" / "stoop" / "data" / "twin_boom.toml"
 
@@ -245,7 +245,7 @@ def test_a_folder_that_goes_away_ends_no_search(
         shutil.rmtree(place / "gone", ignore_errors=True)
         keep(self, state)
 
-    monkeypatch.setattr("stoop.job.checkpoint.INTERVAL", 0.0)
+    monkeypatch.setattr("stoop.workflow.checkpoint.INTERVAL", 0.0)
     monkeypatch.setattr(Checkpoint, "keep", removed)
     assert main(identify(place, *SHORT, "--generations", "4", out="gone")) == 0
     assert capsys.readouterr().err.count("the search goes on") == 1
@@ -265,7 +265,7 @@ def pressing(times: int) -> Callable[..., Identification]:
 
 
 def test_ctrl_c_after_the_search_waits_for_the_result(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stoop.job.run.assemble", pressing(1))
+    monkeypatch.setattr("stoop.workflow.run.assemble", pressing(1))
     assert main(identify(place, "--maneuver", "0:20", out="late")) == 130
     assert json.loads((place / "late" / "result.json").read_text())["status"] == "converged"
     assert not (place / "late" / "search.npz").exists()
@@ -275,7 +275,7 @@ def test_ctrl_c_twice_stops_and_the_search_is_still_there(
     place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patched:
-        patched.setattr("stoop.job.run.assemble", pressing(2))
+        patched.setattr("stoop.workflow.run.assemble", pressing(2))
         assert main(identify(place, "--maneuver", "0:20", out="twice")) == 130
     assert [p.name for p in (place / "twice").iterdir()] == ["search.npz"]
     assert main(identify(place, "--maneuver", "0:20", "--resume", out="twice")) == 0

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from stoop.cli.main import main
-from stoop.cli.reproduce import NAMES
-from stoop.study.findings import Setting
-from stoop.study.reproduce.registry import EXPERIMENTS
+from stoop_studies.cli.reproduce import NAMES
+from stoop_studies.findings import Setting
+from stoop_studies.reproduce.registry import EXPERIMENTS
 
 Complaint = Callable[..., str]
 
@@ -135,8 +135,8 @@ def test_overwrite_waits_for_nobody(refused: Complaint, tmp_path: Path) -> None:
 
 def store(path: Path) -> None:
     """Make a store with one run in it: without any it would hold on to nothing."""
-    from stoop.campaign import environment
-    from stoop.campaign.store import open_store
+    from stoop.parallel import environment
+    from stoop.parallel.store import open_store
 
     plan = EXPERIMENTS["noise"].plan(Setting(1, box="W"))
     assert plan is not None

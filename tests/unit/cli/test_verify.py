@@ -9,12 +9,12 @@ from types import ModuleType
 
 import pytest
 
-from stoop.campaign import Plan
 from stoop.cli.main import main
 from stoop.errors import StoopError
-from stoop.study.findings import Experiment, Findings, Results, Setting, holds
-from stoop.study.verify import registry, suite
-from stoop.study.verify.registry import EXPERIMENTS, Entry
+from stoop.parallel import Plan
+from stoop_studies.findings import Experiment, Findings, Results, Setting, holds
+from stoop_studies.verify import registry, suite
+from stoop_studies.verify.registry import EXPERIMENTS, Entry
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from stoop.design.robust import mean_ratio, robustness
 from stoop.design.search import Plan, design, one_after_another
 from stoop.design.setup import marginal, sensor_noise
 from stoop.errors import SimulationError
-from stoop.identify.fit import Options, pose
-from stoop.identify.windows import Window
+from stoop.estimate.fit import Options, pose
+from stoop.problem.windows import Window
 from stoop.simulate import Maneuver, simulate_flight, trim
 from stoop.vehicle.builtin import resolve_vehicle
 

@@ -14,9 +14,9 @@ from stoop.export.jsbsim_reading import changed, numbers
 from stoop.export.names import file_name, identifier
 from stoop.export.still import LEFT_OUT, still
 from stoop.simulate import Trim
-from stoop.study.verify.export.aircraft import VEHICLES, load
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
+from stoop_studies.verify.export.aircraft import VEHICLES, load
 
 
 @pytest.mark.parametrize("name", VEHICLES)

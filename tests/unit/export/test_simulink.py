@@ -19,8 +19,8 @@ from scipy.io import loadmat
 from stoop.export.simulink import Matlab, equations, matlab
 from stoop.export.state_space import mat_bytes, state_space
 from stoop.simulate import Trim, initial_states, parameter_rows, trim
-from stoop.study.verify.export.aircraft import load
 from stoop.vehicle import Vehicle, parse_vehicle
+from stoop_studies.verify.export.aircraft import load
 
 FREE = """
 name = "free"

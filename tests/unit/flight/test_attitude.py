@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
+from stoop.base.rotations import wrap
 from stoop.flight.build import build
 from stoop.flight.channels import Channels
 from stoop.flight.variables import EULER, QUATERNION
 from stoop.logs import FloatArray
-from stoop.rotations import wrap
 
 
 def scalar_first(rotation: Rotation) -> FloatArray:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from stoop.base.rotations import continuous, euler_angles, product, quaternions_of
 from stoop.flight.between import following_rates, integrated
 from stoop.flight.build import build
 from stoop.flight.channels import Channels
-from stoop.rotations import continuous, euler_angles, product, quaternions_of
 
 RATES = ("p", "q", "r")
 

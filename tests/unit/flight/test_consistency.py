@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from stoop.base.rotations import quaternions_of
 from stoop.flight.consistency import rate_faults
 from stoop.flight.variables import QUATERNION
 from stoop.logs import FloatArray
-from stoop.rotations import quaternions_of
 
 RATE = 100.0  #: Hz
 TIME = np.arange(3000) / RATE

@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.io import netcdf_file
 
+from stoop.base.units import FACTORS
 from stoop.flight import VARIABLES, load
 from stoop.flight.draft import draft, draft_of
 from stoop.flight.measured import growth
 from stoop.flight.names import recognized
 from stoop.logs import FloatArray, Recording, Stream
-from stoop.units import FACTORS
 
 T = 0.01 * np.arange(4000)
 

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
+from stoop.base.rotations import matrices_of, quaternions_of
 from stoop.flight.reconstruction import reconstruct
 from stoop.flight.smoother import (
     BIAS_PRIOR,
@@ -24,7 +25,6 @@ from stoop.flight.smoother import (
     Record,
     smooth_velocity,
 )
-from stoop.rotations import matrices_of, quaternions_of
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 RATE = 100.0

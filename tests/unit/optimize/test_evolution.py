@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 
 from stoop import optimize
-from stoop.optimize.methods.de_best_2_bin import de_best_2_bin
-from stoop.optimize.methods.de_rand_1_bin import de_rand_1_bin
-from stoop.optimize.methods.ps_gde import ps_gde
 from stoop.optimize.pieces.bounds import clip
-from stoop.optimize.pieces.control import SuccessHistory
 from stoop.optimize.pieces.crossover import binomial
 from stoop.optimize.pieces.initialization import chaos
-from stoop.optimize.pieces.islands import Islands, Whole
-from stoop.optimize.pieces.mutation import Ordered, Rand1, distinct
-from stoop.optimize.pieces.weighing import Graded, WeightedCentroid
+from stoop_studies.optimizers.de_best_2_bin import de_best_2_bin
+from stoop_studies.optimizers.de_rand_1_bin import de_rand_1_bin
+from stoop_studies.optimizers.pieces.control import SuccessHistory
+from stoop_studies.optimizers.pieces.islands import Islands, Whole
+from stoop_studies.optimizers.pieces.mutation import Ordered, Rand1, distinct
+from stoop_studies.optimizers.pieces.weighing import Graded, WeightedCentroid
+from stoop_studies.optimizers.ps_gde import ps_gde
 
 MAKERS = [ps_gde, de_rand_1_bin, de_best_2_bin]
 

@@ -11,9 +11,9 @@ from pymoo.algorithms.soo.nonconvex.ga import GA
 from pymoo.core.problem import Problem
 
 from stoop import optimize
-from stoop.optimize.methods.ga import GeneticAlgorithm
-from stoop.optimize.pieces.genetic import Polynomial, SimulatedBinary, repeated, tournament
 from stoop.optimize.stream import from_seed
+from stoop_studies.optimizers.ga import GeneticAlgorithm
+from stoop_studies.optimizers.pieces.genetic import Polynomial, SimulatedBinary, repeated, tournament
 
 
 def coarse(X: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from scipy.optimize import minimize_scalar
 
 from stoop.optimize import Ledger
 from stoop.optimize.ledger import blank
-from stoop.optimize.pieces.golden import SteepestDive, forward_gradient, golden_section
+from stoop_studies.optimizers.pieces.golden import SteepestDive, forward_gradient, golden_section
 
 FUNCTIONS = {
     "parabola": lambda t: (t - 0.37) ** 2,

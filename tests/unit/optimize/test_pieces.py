@@ -15,8 +15,8 @@ from stoop.optimize.pieces.adaptation import fresh_memory
 from stoop.optimize.pieces.bounds import clip, midpoint
 from stoop.optimize.pieces.crossover import binomial
 from stoop.optimize.pieces.initialization import EXCLUDED, chaos, chaotic_start, latin_hypercube, placed
-from stoop.optimize.pieces.mutation import Best2, Ordered, Rand1, distinct, ranked
 from stoop.optimize.pieces.selection import greedy
+from stoop_studies.optimizers.pieces.mutation import Best2, Ordered, Rand1, distinct, ranked
 
 SEEDS = st.integers(0, 2**32 - 1)
 

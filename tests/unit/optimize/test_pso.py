@@ -8,8 +8,8 @@ from naive import swarm
 from naive.landscapes import Only, ellipsoid, rastrigin, sphere
 
 from stoop import optimize
-from stoop.optimize.methods.pso import CHI, FASTEST, ParticleSwarm
 from stoop.optimize.stream import from_seed
+from stoop_studies.optimizers.pso import CHI, FASTEST, ParticleSwarm
 
 
 def test_constriction_is_the_published_one() -> None:

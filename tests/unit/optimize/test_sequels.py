@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from stoop import optimize
 from stoop.optimize.ledger import Ledger, blank
-from stoop.optimize.pieces.acceleration import Acceleration
-from stoop.optimize.pieces.diversity import Migration, SecondMutation, relative_variance, strew
-from stoop.optimize.pieces.islands import Islands, RingMigration
-from stoop.optimize.pieces.prey import LevenbergDive, PreySchedule
-from stoop.optimize.pieces.sequel import Turn
+from stoop_studies.optimizers.pieces.acceleration import Acceleration
+from stoop_studies.optimizers.pieces.diversity import Migration, SecondMutation, relative_variance, strew
+from stoop_studies.optimizers.pieces.islands import Islands, RingMigration
+from stoop_studies.optimizers.pieces.prey import LevenbergDive, PreySchedule
+from stoop_studies.optimizers.pieces.sequel import Turn
 
 
 class Bowl:
@@ -162,7 +162,7 @@ def test_a_levenberg_dive_ends_at_the_optimum_and_is_counted(
 
 
 def test_levenberg_prey_makes_ps_gde_cheaper(oscillation: Callable[..., Any]) -> None:
-    from stoop.optimize.methods.ps_gde import ps_gde
+    from stoop_studies.optimizers.ps_gde import ps_gde
 
     problem = oscillation(extra=0, bias=0.0, seed=3)
     target = 1.05 * 240.0

@@ -13,10 +13,6 @@ from naive.shade import evaluations_to
 
 from stoop import optimize
 from stoop.errors import IdentificationError
-from stoop.optimize.methods import jso as jso_module
-from stoop.optimize.methods.jso import jso
-from stoop.optimize.methods.l_shade import l_shade
-from stoop.optimize.methods.ordered_shade import OrderedShade
 from stoop.optimize.pieces.adaptation import (
     TERMINAL,
     Memory,
@@ -26,15 +22,13 @@ from stoop.optimize.pieces.adaptation import (
     successful,
 )
 from stoop.optimize.pieces.archive import remember
-from stoop.optimize.pieces.directed import (
-    CurrentToPBest,
-    OrderedToPBest,
-    elite,
-    elite_but_self,
-    two_others,
-)
-from stoop.optimize.pieces.quasi_newton import QuasiNewtonDive
-from stoop.optimize.pieces.structure import keep_best, linear_size
+from stoop.optimize.pieces.directed import CurrentToPBest, OrderedToPBest, elite, elite_but_self, two_others
+from stoop_studies.optimizers import jso as jso_module
+from stoop_studies.optimizers.jso import jso
+from stoop_studies.optimizers.l_shade import l_shade
+from stoop_studies.optimizers.ordered_shade import OrderedShade
+from stoop_studies.optimizers.pieces.quasi_newton import QuasiNewtonDive
+from stoop_studies.optimizers.pieces.structure import keep_best, linear_size
 
 SCALES, RATES = np.array([0.2, 0.4, 0.9]), np.array([0.5, 0.0, 1.0])
 GAINS, WON = np.array([3.0, 1.0, np.inf]), np.array([True, True, False])

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from stoop.identify.evidence import (
-    BlindDirection,
-    CorrelatedPair,
-    Identifiable,
-    MethodSpread,
-    Sight,
-    Spread,
-)
-from stoop.identify.result import (
+from stoop.assess.covariance import NORMAL_95
+from stoop.assess.figures import Match, channel_figures
+from stoop.assess.runs import join
+from stoop.results.evidence import BlindDirection, CorrelatedPair, Identifiable, MethodSpread, Sight, Spread
+from stoop.results.result import (
     AirDataTrace,
     ChannelTrace,
     Covariance,
@@ -28,9 +24,6 @@ from stoop.identify.result import (
     SensorBiases,
     WindEstimate,
 )
-from stoop.uncertainty.covariance import NORMAL_95
-from stoop.validation.figures import Match, channel_figures
-from stoop.validation.runs import join
 
 HOSTILE = '<script>alert("x")</script>'
 UNITS = {

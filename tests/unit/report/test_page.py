@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from stoop.errors import OutputError
-from stoop.identify.result import ChannelTrace, Identification, ManeuverTrace
 from stoop.report import render, write_report
 from stoop.report.uncertainty import uncertainty_view
+from stoop.results.result import ChannelTrace, Identification, ManeuverTrace
 
 VOID = {"meta", "line", "rect", "circle", "path", "br", "hr", "img", "link", "input", "mspace"}
 

@@ -11,15 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stoop.identify.evidence import Identifiable, Sight
-from stoop.identify.result import (
-    AirDataTrace,
-    ChannelFigures,
-    ManeuverResult,
-    ParameterEstimate,
-    Result,
-    Whiteness,
-)
+from stoop.assess.identifiability import COMBINED
+from stoop.assess.runs import join
 from stoop.report.air import air_panels
 from stoop.report.charts import holes
 from stoop.report.formula import mathml
@@ -35,8 +28,15 @@ from stoop.report.numbers import (
 )
 from stoop.report.svg import COLUMNS, Scale, path, plain_text, spanning, tick_text, ticks
 from stoop.report.words import verdict
-from stoop.uncertainty.identifiability import COMBINED
-from stoop.validation.runs import join
+from stoop.results.evidence import Identifiable, Sight
+from stoop.results.result import (
+    AirDataTrace,
+    ChannelFigures,
+    ManeuverResult,
+    ParameterEstimate,
+    Result,
+    Whiteness,
+)
 
 
 @pytest.mark.parametrize(

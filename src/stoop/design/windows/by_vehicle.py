@@ -18,19 +18,19 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from stoop.cost import Layout, Misfit, Piece, Weights
+from stoop.assess.covariance import invert, marked, standard_errors
 from stoop.design.setup import BOX
 from stoop.design.windows.candidates import Candidate
 from stoop.design.windows.choice import Evidence
 from stoop.errors import FlightError, IdentificationError
+from stoop.estimate.fit import starts, without_stuck_channels
+from stoop.estimate.noise import correlation_times
+from stoop.estimate.shooting.method import LENGTH
 from stoop.flight import Flight
-from stoop.identify.fit import starts, without_stuck_channels
-from stoop.identify.noise import correlation_times
-from stoop.identify.prepare import Prepared, nuisances, prepare
-from stoop.identify.shooting.method import LENGTH
-from stoop.identify.start import guess_start, state_channels
-from stoop.identify.windows import Window
-from stoop.uncertainty.covariance import invert, marked, standard_errors
+from stoop.problem import Layout, Misfit, Piece, Weights
+from stoop.problem.prepare import Prepared, nuisances, prepare
+from stoop.problem.start import guess_start, state_channels
+from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]

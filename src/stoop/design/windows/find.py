@@ -15,10 +15,10 @@ from stoop.design.windows.candidates import Candidate, candidates
 from stoop.design.windows.choice import Choice, Evidence, choose
 from stoop.design.windows.driven import with_motors
 from stoop.design.windows.refuse import no_maneuver, nothing_found, require_commands, require_inputs
+from stoop.estimate import mismatch
 from stoop.flight import Flight
 from stoop.flight.commands import Axis, commands, families
-from stoop.identify import mismatch
-from stoop.identify.windows import whole
+from stoop.problem.windows import whole
 from stoop.vehicle import Vehicle
 
 FloatArray = NDArray[np.float64]

@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 
 from stoop.errors import FlightError, listed
+from stoop.estimate.mismatch import check_inputs
 from stoop.flight import Flight
 from stoop.flight.aloft import flying, lift, motors_ran
 from stoop.flight.commands import RATES, commands
-from stoop.identify.mismatch import check_inputs
 from stoop.vehicle import Vehicle
 
 NAMED: Final = 3

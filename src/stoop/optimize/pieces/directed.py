@@ -12,8 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stoop.optimize.arrays import FloatArray, IntArray
-from stoop.optimize.pieces.control import Factor
+from stoop.optimize.arrays import Factor, FloatArray, IntArray
 
 Choice = Callable[[FloatArray, float, np.random.Generator], IntArray]
 

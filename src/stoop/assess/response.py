@@ -1,0 +1,270 @@
+"""Modes as the record itself shows them: damped oscillations fitted to the free response after the input.
+
+No flight-dynamics model takes part. Once the controls rest, every channel is
+
+    y(t) = exp(-zeta w t) (a cos(w_d t) + b sin(w_d t)) + c + d t,   w_d = w sqrt(1 - zeta^2),
+
+with one frequency w and one damping zeta for all channels that the mode moves, and a, b, c, d of each channel's own;
+the straight line stands for what is slower (the phugoid, the slowest, has none: d = 0). Two periods are looked at; what
+comes later is mostly the slower modes. a, b, c and d enter linearly and are solved for (variable projection: G. Golub
+and V. Pereyra, SIAM J. Numer. Anal. 10, 1973), which leaves a search in two dimensions, from a grid of starts.
+
+The error bars know noise, what is no single damped oscillation (see `_Oscillation.drift`) and that the response is
+flown about another airspeed than the condition's (`elsewhere`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from stoop.assess.runs import FloatArray
+from stoop.estimate.noise import correlation_times
+from stoop.results.findings import Estimate, MeasuredMode
+
+CHANNELS: Final[Mapping[str, tuple[str, ...]]] = {
+    "short period": ("q", "alpha"),
+    "phugoid": ("V", "theta"),
+    "Dutch roll": ("r", "beta"),
+}  #: mode -> the channels in which it is best seen
+REST: Final = 0.15  #: of the largest excursion in the maneuver: a control that stays within it rests
+SLOWEST: Final = "phugoid"  #: nothing slower lies below it
+TURNS: Final = 0.75  #: periods that must be seen
+MOST_TURNS: Final = 2.0  #: periods that are looked at
+FEWEST: Final = 25  #: samples
+DAMPINGS: Final = (0.05, 0.2, 0.4, 0.6, 0.8)  #: where the search begins
+MOST_DAMPED: Final = 0.98
+EXPLAINED: Final = 0.7  #: of what the slower motion leaves, by the oscillation
+FREQUENCY_KNOWN: Final = 0.2  #: standard error in parts of the frequency
+DAMPING_KNOWN: Final = 0.15  #: standard error of the damping
+PARTS: Final = (
+    (0.1, 1.0),
+    (0.2, 1.0),
+    (0.3, 1.0),
+    (0.0, 0.9),
+    (0.0, 0.8),
+    (0.0, 0.7),
+)  #: of the response, fitted alone
+NORMAL_95: Final = 1.959963984540054
+
+
+@dataclass(frozen=True, eq=False)
+class FreeResponse:
+    """What the channels did once the controls rested.
+
+    Attributes
+    ----------
+    time : (n,), s
+    channels : mapping of str to (n,)
+        NaN where missing.
+    """
+
+    time: FloatArray
+    channels: Mapping[str, FloatArray]
+
+    @property
+    def duration(self) -> float:
+        """Length, s."""
+        return float(self.time[-1] - self.time[0]) if len(self.time) else 0.0
+
+    def first(self, seconds: float) -> FreeResponse:
+        """Return its beginning."""
+        inside = self.time - self.time[0] <= seconds
+        return FreeResponse(
+            self.time[inside], {name: values[inside] for name, values in self.channels.items()}
+        )
+
+
+def free_response(time: FloatArray, controls: FloatArray, channels: Mapping[str, FloatArray]) -> FreeResponse:
+    """Return what follows the last move of the controls.
+
+    Parameters
+    ----------
+    time : (n,), s
+    controls : (n, m)
+        Recorded commands or surfaces, of like units.
+    channels : mapping of str to (n,)
+    """
+    largest = float(np.max(np.ptp(controls, axis=0), initial=0.0))
+    away = np.any(np.abs(controls - np.median(controls[-5:], axis=0)) > REST * largest, axis=1)
+    first = int(np.flatnonzero(away)[-1]) + 1 if away.any() else 0
+    return FreeResponse(time[first:], {name: values[first:] for name, values in channels.items()})
+
+
+def measured_mode(
+    name: str, maneuver: int, free: FreeResponse, expected: float, airspeed: float = math.nan
+) -> MeasuredMode:
+    """Return frequency and damping of a mode as the free response shows them, or why it does not.
+
+    Parameters
+    ----------
+    name : str
+        Of the mode.
+    maneuver : int
+    free : FreeResponse
+    expected : float, rad/s
+        Of the model, which decides only how long a response is looked at, and whether there is enough of it.
+    airspeed : float, m/s
+        Of the condition that the mode shall be one of, see :func:`elsewhere`; NaN where that does not matter.
+    """
+    if not len(free.time):
+        return MeasuredMode(maneuver, remark="not identified: the controls never rest")
+    whole, period = free.duration, 2.0 * math.pi / max(expected, 1e-6)
+    free = free.first(MOST_TURNS * period)
+    if name not in CHANNELS:
+        return MeasuredMode(maneuver, remark="not identified: does not oscillate")
+    columns = {c: free.channels[c] for c in CHANNELS[name] if c in free.channels}
+    place = MeasuredMode(maneuver, float(free.time[0]), float(free.time[-1]), tuple(columns))
+    if whole < TURNS * period:
+        turns = f"{whole:.1f} s without input are {whole / period:.1f} of its periods"
+        return _said(place, f"not identified: {turns}")
+    columns = {c: values for c, values in columns.items() if np.isfinite(values).sum() >= FEWEST}
+    if not columns:
+        return _said(place, "not identified: its channels were not recorded")
+    t = free.time - free.time[0]
+    slower = np.column_stack([np.ones_like(t), *([] if name == SLOWEST else [t])])
+    place = MeasuredMode(maneuver, place.start, place.stop, tuple(columns))
+    return _fitted(place, t, np.column_stack(list(columns.values())), slower, elsewhere(free, airspeed))
+
+
+def elsewhere(free: FreeResponse, airspeed: float) -> float:
+    """Return how far, as a share of `airspeed`, a response was flown from it; 0 where no airspeed was recorded.
+
+    Natural frequencies go with the airspeed or with its inverse, so this is by how much a response at its own
+    airspeeds may differ from the small motion about one: the mean's departure, and the square of the swing, for
+    what swings to both sides cancels in first order.
+    """
+    seen = free.channels.get("V", np.empty(0))
+    seen = seen[np.isfinite(seen)]
+    if not seen.size or not math.isfinite(airspeed):
+        return 0.0
+    return abs(float(np.mean(seen)) / airspeed - 1.0) + float(np.var(seen)) / airspeed**2
+
+
+def _said(place: MeasuredMode, remark: str) -> MeasuredMode:
+    return MeasuredMode(place.maneuver, place.start, place.stop, place.channels, remark=remark)
+
+
+def _fitted(
+    place: MeasuredMode, t: FloatArray, y: FloatArray, slower: FloatArray, away: float
+) -> MeasuredMode:
+    search = _Oscillation(t, y / _spread(slower, y), slower)
+    x = search.best()
+    frequency, damping = math.exp(x[0]), float(x[1])
+    error = np.hypot(np.hypot(search.errors(x), search.drift(x)), away * np.array([1.0, abs(damping)]))
+    if search.explained(x) < EXPLAINED:
+        return _said(place, "not identified: no one oscillation explains the response after the input")
+    if not (error[0] < FREQUENCY_KNOWN and error[1] < DAMPING_KNOWN and damping < MOST_DAMPED - 1e-6):
+        return _said(
+            place, "not identified: the response after the input tells frequency or damping too badly"
+        )
+    return MeasuredMode(
+        place.maneuver,
+        place.start,
+        place.stop,
+        place.channels,
+        _estimate(frequency, frequency * float(error[0])),
+        _estimate(damping, float(error[1])),
+    )
+
+
+def _estimate(value: float, error: float) -> Estimate:
+    return Estimate(value, error, value - NORMAL_95 * error, value + NORMAL_95 * error)
+
+
+def _spread(slower: FloatArray, y: FloatArray) -> FloatArray:
+    """Return the root mean squares (m,) of what the slower motion leaves of the channels (n, m)."""
+    left = [_left(slower, column) for column in y.T]
+    return np.array([float(np.std(e[np.isfinite(e)])) or 1.0 for e in left])
+
+
+def _left(basis: FloatArray, column: FloatArray) -> FloatArray:
+    """Return what a basis (n, b) leaves of a column (n,); NaN where nothing was measured."""
+    seen = np.isfinite(column)
+    out = np.full_like(column, np.nan)
+    out[seen] = column[seen] - basis[seen] @ np.linalg.lstsq(basis[seen], column[seen], rcond=1e-12)[0]
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Oscillation:
+    """The problem in log w and zeta; about `slower` (n, 1 or 2) the channels `y` (n, m) have unit variance."""
+
+    t: FloatArray
+    y: FloatArray
+    slower: FloatArray
+
+    def left(self, x: FloatArray) -> FloatArray:
+        """Return what the best oscillation and slower motion of each channel leave, (n, m)."""
+        w, zeta = math.exp(x[0]), x[1]
+        decay, angle = np.exp(-zeta * w * self.t), w * math.sqrt(1.0 - zeta**2) * self.t
+        basis = np.column_stack([decay * np.cos(angle), decay * np.sin(angle), self.slower])
+        return np.column_stack([_left(basis, column) for column in self.y.T])
+
+    def residuals(self, x: FloatArray) -> FloatArray:
+        """Return all that is left, flat, where something was measured."""
+        return self.left(x)[np.isfinite(self.y)]
+
+    def best(self) -> FloatArray:
+        """Return the optimum from the best points of a grid."""
+        grid = [np.array([math.log(w), z]) for w in np.geomspace(*self._range, 24) for z in DAMPINGS]
+        starts = sorted(grid, key=lambda x: float(np.sum(self.residuals(x) ** 2)))[:3]
+        ends = [least_squares(self.residuals, x, bounds=self._box, x_scale=(0.1, 0.1)) for x in starts]
+        return np.asarray(min(ends, key=lambda end: float(end.cost)).x, dtype=np.float64)
+
+    def polished(self, x: FloatArray) -> FloatArray:
+        """Return the optimum near `x`, which may lie beyond what this record can tell."""
+        inside = np.clip(x, *self._box)
+        end = least_squares(self.residuals, inside, bounds=self._box, x_scale=(0.1, 0.1))
+        return np.asarray(end.x, dtype=np.float64)
+
+    def part(self, first: float, last: float) -> _Oscillation:
+        """Return the problem of a part of the response, by shares of its length."""
+        inside = (self.t >= first * self.t[-1]) & (self.t <= last * self.t[-1])
+        return _Oscillation(self.t[inside] - self.t[inside][0], self.y[inside], self.slower[inside])
+
+    def drift(self, x: FloatArray) -> FloatArray:
+        """Return by how much (2,) parts of the response give other log w and zeta than the whole, noise apart.
+
+        Were the response one damped oscillation in noise, a part's estimate would differ from the whole's with the
+        difference of their variances (J. A. Hausman, Econometrica 46(6), 1978); what is beyond that is not noise.
+        """
+        whole = self.errors(x) ** 2
+        parts = [self.part(*ends) for ends in PARTS]
+        beyond = []
+        for part in parts:
+            here = part.polished(x)
+            beyond.append((here - x) ** 2 - np.maximum(part.errors(here) ** 2 - whole, 0.0))
+        return np.asarray(np.sqrt(np.maximum(np.mean(beyond, axis=0), 0.0)), dtype=np.float64)
+
+    @property
+    def _box(self) -> tuple[list[float], list[float]]:
+        slowest, fastest = self._range
+        return [math.log(0.5 * slowest), -0.5], [math.log(fastest), MOST_DAMPED]
+
+    @property
+    def _range(self) -> tuple[float, float]:
+        """Return the lowest and the highest frequency, rad/s, that the record can tell."""
+        return math.pi / self.t[-1], 0.5 * math.pi * (len(self.t) - 1) / self.t[-1]
+
+    def explained(self, x: FloatArray) -> float:
+        """Return the share of what the slower motion leaves that the oscillation explains."""
+        return 1.0 - float(np.mean(self.residuals(x) ** 2))
+
+    def errors(self, x: FloatArray) -> FloatArray:
+        """Return the standard errors of log w and zeta, for residuals as correlated as these are."""
+        step = 1e-5 * np.eye(2)
+        J = np.column_stack([(self.residuals(x + d) - self.residuals(x - d)) / 2e-5 for d in step])
+        left = self.left(x)
+        longer = correlation_times([left], float(self.t[1] - self.t[0]))
+        taken = 2.0 / left.shape[1] + 2.0 + self.slower.shape[1]
+        free = np.maximum(np.isfinite(left).sum(axis=0) - taken, 1.0)
+        power = longer * np.nansum(left**2, axis=0) / free
+        inverse = np.linalg.pinv(J.T @ J) @ J.T
+        own = power[np.nonzero(np.isfinite(self.y))[1]]  # each channel has its own noise
+        return np.asarray(np.sqrt(np.einsum("in,n,in->i", inverse, own, inverse)), dtype=np.float64)

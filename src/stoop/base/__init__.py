@@ -1,0 +1,1 @@
+"""What every room uses: units, rotations, files, arrays, tables and notices."""

@@ -1,0 +1,306 @@
+"""The likelihood of innovations, its gradient and Fisher's information.
+
+For innovations v_k of covariance S_k, both functions of the unknowns,
+
+    -ln L = 1/2 sum_k (v_k' S_k^-1 v_k + ln det S_k) + priors,
+
+    M_ij = sum_k (dv_k/di' S_k^-1 dv_k/dj + 1/2 tr(S_k^-1 dS_k/di S_k^-1 dS_k/dj)) + priors.
+
+References
+----------
+Maine and Iliff (1981), see the head of the package; for M: S. M. Kay, *Fundamentals of Statistical Signal
+Processing: Estimation Theory*, Prentice Hall, 1993, eq. (3.31).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.estimate.filter_error.gains import Gain, Gains, Plan
+from stoop.estimate.filter_error.noise import Noise
+from stoop.estimate.filter_error.paths import Path, averaged, measured_path, undelayed
+from stoop.estimate.filter_error.points import Linear, linearized
+from stoop.kernels import filtering
+from stoop.optimize.normal import gram
+from stoop.problem import Misfit
+from stoop.simulate.delays import late_inputs
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+STEP: Final = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Innovations:
+    """What was not foreseen of one piece, whitened, and how it depends on the unknowns.
+
+    Attributes
+    ----------
+    white : (n, n_y)
+        S^-1/2 v.
+    logdet : float
+        Sum of the logarithms of det S.
+    entries : (j,) of int
+        Unknowns that touch this piece.
+    slopes : (n, n_y, j)
+        S^-1/2 dv/d(unknown).
+    spreads : (G, n_y, n_y, j)
+        S^-1/2 dS/d(unknown) S^-1/2 of each gain.
+    which : (n,)
+        Gain of each sample.
+    """
+
+    white: FloatArray
+    logdet: float
+    entries: IntArray
+    slopes: FloatArray
+    spreads: FloatArray
+    which: IntArray
+
+    @property
+    def cost(self) -> float:
+        """Twice the negative logarithm of the likelihood, without its constant."""
+        return float(np.sum(self.white**2)) + self.logdet
+
+    @cached_property
+    def spread_information(self) -> FloatArray:
+        """Return what the size of the innovations tells of the unknowns (j, j)."""
+        counts = np.bincount(self.which, minlength=len(self.spreads))
+        flat = self.spreads.reshape(len(counts), -1, len(self.entries))
+        rows = (flat * np.sqrt(0.5 * counts)[:, None, None]).reshape(-1, len(self.entries))
+        return gram(np.ascontiguousarray(rows.T))
+
+    @property
+    def information(self) -> FloatArray:
+        """Fisher's information (j, j)."""
+        rows = self.slopes.reshape(-1, len(self.entries))
+        return gram(np.ascontiguousarray(rows.T)) + self.spread_information
+
+    @property
+    def gradient(self) -> FloatArray:
+        """Derivative (j,) of the negative logarithm of the likelihood."""
+        linear = self.slopes.reshape(-1, len(self.entries)).T @ self.white.ravel()
+        ny = self.white.shape[1]
+        surplus = np.zeros((len(self.spreads), ny, ny))
+        np.add.at(surplus, self.which, np.eye(ny) - self.white[:, :, None] * self.white[:, None, :])
+        return np.asarray(linear + 0.5 * np.einsum("gik,gikj->j", surplus, self.spreads))
+
+
+@dataclass(frozen=True, eq=False)
+class Likelihood:
+    """The likelihood of a joint fit as a function of [parameters | nuisances | logarithms of noise].
+
+    Attributes
+    ----------
+    problem : Misfit
+        Layout of the first two parts, pieces and priors.
+    noise : Noise
+        Layout of the third.
+    gain : Gain
+    paths : tuple of Path
+        Where each piece is linearized for the gains of `anchor`.
+    anchor : (k,)
+        Unknowns whose gains find the states at which any candidate is linearized. So a candidate's points of
+        linearization go where its own states are: were they held, the size of the innovations would seem to tell
+        of what shifts states and readings together (a bias of the vane against the lift at zero incidence).
+    """
+
+    problem: Misfit
+    noise: Noise
+    gain: Gain
+    paths: tuple[Path, ...]
+    anchor: FloatArray
+
+    @classmethod
+    def of(cls, problem: Misfit, noise: Noise, gain: Gain, anchor: FloatArray) -> Likelihood:
+        """Return the likelihood, its first gains linearized at what was measured; late readings are moved."""
+        moved = replace(problem, pieces=tuple(undelayed(problem, piece) for piece in problem.pieces))
+        paths = tuple(measured_path(moved, piece, gain.plan(piece).points) for piece in moved.pieces)
+        return cls(moved, noise, gain, paths, anchor)
+
+    @cached_property
+    def plans(self) -> tuple[Plan, ...]:
+        """Where each piece is linearized and what was measured."""
+        return tuple(self.gain.plan(piece) for piece in self.problem.pieces)
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.problem.dimension + self.problem.extra + self.noise.size
+
+    @cached_property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds of the unknowns."""
+        low, high = self.noise.bounds
+        free = np.full(self.problem.extra, np.inf)
+        d = self.problem.dimension
+        return np.concatenate([np.zeros(d), -free, low]), np.concatenate([np.ones(d), free, high])
+
+    def cost(self, z: FloatArray) -> float:
+        """Return twice the negative logarithm of the posterior; infinite where the filter diverges."""
+        total = float(np.sum(self.problem.layout.prior_residuals(self._known(z)[None, :]) ** 2))
+        for i in range(len(self.paths)):
+            total += self._innovations(z, i, np.empty(0, dtype=np.int64)).cost
+        return total if np.isfinite(total) else np.inf
+
+    def innovations(self, z: FloatArray) -> list[Innovations]:
+        """Return what was not foreseen of every piece, with slopes."""
+        return [self._innovations(z, i, entries) for i, entries in enumerate(self._entries)]
+
+    def prior(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return gradient (k,) and information (k, k) of the priors."""
+        layout = self.problem.layout
+        rows = np.zeros((len(layout.prior_jacobian()), self.size))
+        rows[:, : self.size - self.noise.size] = layout.prior_jacobian()
+        return rows.T @ layout.prior_residuals(self._known(z)[None, :])[0], rows.T @ rows
+
+    def along(self, z: FloatArray) -> Likelihood:
+        """Return the likelihood linearized along the states that the filter finds with these unknowns."""
+        paths = []
+        for i, path in enumerate(self.paths):
+            rows, start = self.problem.candidates(self._known(z)[None, :], i)
+            states = self._states(i, rows, start)[:, :, 0]
+            if not np.isfinite(states).all():
+                return self
+            paths.append(Path(states, path.inputs))
+        return replace(self, paths=tuple(paths), anchor=z)
+
+    def _known(self, z: FloatArray) -> FloatArray:
+        return z[: self.size - self.noise.size]
+
+    @cached_property
+    def _entries(self) -> list[IntArray]:
+        """Return the unknowns that touch each piece."""
+        d, first = self.problem.dimension, self.size - self.noise.size
+        tail = range(first, self.size)
+        return [
+            np.array([*range(d), *(j for j, _ in own), *tail], dtype=np.int64) for own in self.problem.own
+        ]
+
+    def _innovations(self, z: FloatArray, index: int, entries: IntArray) -> Innovations:
+        steps = self._steps(z, entries)
+        Z = np.concatenate([z[None, :], z + np.diag(steps)[np.diag(steps).any(axis=1)]])
+        rows, start = self.problem.candidates(Z[:, : self.size - self.noise.size], index)
+        gains = self._gains(Z, rows, start, index)
+        v, _ = self._run(index, rows, start, gains)
+        taken = steps[entries]
+        return _whitened(v, gains, entries, taken)
+
+    def _steps(self, z: FloatArray, entries: IntArray) -> FloatArray:
+        """Return steps (k,), zero for unknowns that are not varied, backward at an upper bound."""
+        steps = np.zeros(self.size)
+        steps[entries] = np.where(z[entries] + STEP > self.bounds[1][entries], -STEP, STEP)
+        return steps
+
+    def _gains(self, Z: FloatArray, rows: FloatArray, start: FloatArray, index: int) -> Gains:
+        """Return the gains of candidates, each linearized at its own states."""
+        known = self.size - self.noise.size
+        models, model = _distinct(Z[:, :known])  # the noise of sensors moves no state
+        few = np.ascontiguousarray(rows[:, models])
+        states = self._states(index, few, np.ascontiguousarray(start[:, models]))
+        linear = linearized(
+            self.problem.layout.vehicle, few, states, self.paths[index].inputs, self.problem.pieces[index].dt
+        )
+        return self._gains_of(index, linear.of(model), Z[:, known:])
+
+    def _gains_of(self, index: int, linear: Linear, tail: FloatArray) -> Gains:
+        process = self.noise.process(tail, linear.drive, self.problem.pieces[index].dt)
+        vehicle = self.problem.layout.vehicle
+        return self.gain.gains(vehicle, self.plans[index], linear, process, self.noise.variances(tail))
+
+    def _states(self, index: int, rows: FloatArray, start: FloatArray) -> FloatArray:
+        """Return the states (n_x, r, B) that the anchor's gains find around each point."""
+        base, count = self._anchored[index], rows.shape[1]
+        gains = Gains(np.repeat(base.gain, count, axis=2), base.covariance, base.which)
+        states = self._run(index, rows, start, gains, states=True)[1]
+        return averaged(self.problem.layout.vehicle, states, self.plans[index].points)
+
+    @cached_property
+    def _anchored(self) -> list[Gains]:
+        """Return the gains of the anchor for each piece."""
+        out, vehicle = [], self.problem.layout.vehicle
+        for i, (piece, path) in enumerate(zip(self.problem.pieces, self.paths, strict=True)):
+            rows, _ = self.problem.candidates(self._known(self.anchor)[None, :], i)
+            linear = linearized(vehicle, rows, path.states[:, :, None], path.inputs, piece.dt)
+            out.append(self._gains_of(i, linear, self.anchor[None, self.size - self.noise.size :]))
+        return out
+
+    def _run(
+        self, index: int, rows: FloatArray, start: FloatArray, gains: Gains, states: bool = False
+    ) -> tuple[FloatArray, FloatArray]:
+        """Run the filter of every candidate; those that differ in a delay have inputs of their own."""
+        vehicle, piece = self.problem.layout.vehicle, self.problem.pieces[index]
+        inputs = late_inputs(vehicle, piece.inputs, rows, piece.dt)
+        kernel = vehicle.kernel()
+        if inputs.ndim == 2:
+            return filtering.innovations(
+                kernel, rows, start, gains.gain, gains.which, inputs, piece.measured, piece.dt, states
+            )
+        parts = [
+            filtering.innovations(
+                kernel, rows[:, own], start[:, own], gains.gain[:, :, own], gains.which,
+                np.ascontiguousarray(inputs[:, :, own[0]]), piece.measured, piece.dt, states,
+            )
+            for own in _alike(inputs)
+        ]  # fmt: skip
+        order = np.argsort(np.concatenate(_alike(inputs)))
+        first, second = (
+            np.concatenate(part)[order] if part[0].size else part[0] for part in zip(*parts, strict=True)
+        )
+        return first, second
+
+
+def _distinct(Z: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return the first of each kind of rows, and the kind of every row; most unknowns do not touch a gain."""
+    same = np.all(Z[0] == Z, axis=1)
+    same[0] = False
+    first = np.flatnonzero(~same)
+    kind = np.zeros(len(Z), dtype=np.int64)
+    kind[first] = np.arange(len(first))
+    return first, kind
+
+
+def _alike(inputs: FloatArray) -> list[IntArray]:
+    """Return groups of candidates that have the same inputs (n, n_u, B)."""
+    _, group = np.unique(inputs.reshape(-1, inputs.shape[2]), axis=1, return_inverse=True)
+    return [np.flatnonzero(group.ravel() == g) for g in range(int(group.max()) + 1)]
+
+
+def _whitened(v: FloatArray, gains: Gains, entries: IntArray, taken: FloatArray) -> Innovations:
+    """Whiten innovations (1 + j, n, n_y) by the covariance of the first, and take differences."""
+    ny = v.shape[2]
+    S = gains.covariance
+    if not (np.isfinite(S[0]).all() and np.isfinite(v[0]).all()):
+        return Innovations(
+            v[0] * np.nan, np.inf, entries, np.zeros((*v.shape[1:], 0)), np.zeros((0, ny, ny, 0)), gains.which
+        )
+    lower = np.linalg.cholesky(S[0])
+    root = np.linalg.inv(lower)
+    logs = 2.0 * np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
+    white = _turned(root, v, gains.which)
+    slopes = np.moveaxis((white[1:] - white[:1]) / taken[:, None, None], 0, 2)
+    turned = root[None] @ (S[1:] - S[:1]) @ np.swapaxes(root, 1, 2)[None] / taken[:, None, None, None]
+    return Innovations(
+        np.ascontiguousarray(white[0]),
+        float(np.sum(logs[gains.which])),
+        entries,
+        np.nan_to_num(slopes),
+        np.nan_to_num(np.moveaxis(turned, 0, 3)),
+        gains.which,
+    )
+
+
+def _turned(root: FloatArray, v: FloatArray, which: IntArray) -> FloatArray:
+    """Return S^-1/2 v (B, n, n_y), each sample by the root that it has."""
+    if len(root) == len(which):  # a gain for every sample
+        return np.asarray(np.matmul(root, v[..., None])[..., 0])
+    out = np.empty_like(v)
+    for g, matrix in enumerate(root):
+        own = slice(None) if len(root) == 1 else np.flatnonzero(which == g)
+        out[:, own] = v[:, own] @ matrix.T
+    return out

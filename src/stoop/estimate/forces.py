@@ -1,0 +1,189 @@
+"""What a vehicle with rotors says of the specific force, measured motion in: beside the flight, low-passed.
+
+A hovering vehicle cannot be simulated for long, but its forces can be held against the accelerometers sample by
+sample. Rotors shake them: what is quicker than `CUTOFF` says nothing of the model, so both sides are low-passed alike,
+with zero phase and per stretch without a hole. Beside the model stand the two that anybody could write down: a constant,
+and thrust that goes with the sum of the squared commands whatever the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.estimate.fit import Fit
+from stoop.estimate.predict import identified_vehicle, mean_biases
+from stoop.estimate.regression.accelerations import Stretch, Unknowns, spin, stretches
+from stoop.estimate.regression.measured import FORCES
+from stoop.flight import Flight
+from stoop.problem import Layout
+from stoop.problem.prepare import prepare
+from stoop.problem.windows import Window
+from stoop.simulate import parameter_rows
+from stoop.vehicle import Vehicle
+
+FloatArray = NDArray[np.float64]
+CUTOFF: Final = 5.0  #: Hz
+ORDER: Final = 2  #: of the Butterworth filter, which runs forward and backward
+
+
+@dataclass(frozen=True)
+class Against:
+    """Residuals of one axis, rms, m/s2.
+
+    Attributes
+    ----------
+    model, constant, static : float
+        Of the fitted model; of the mean of the fitted windows; of a constant and the sum of squared commands.
+    """
+
+    model: float
+    constant: float
+    static: float
+
+
+@dataclass(frozen=True)
+class ForceFigures:
+    """The specific force in one window.
+
+    Attributes
+    ----------
+    window : Window
+    role : str
+        "fit" or "validation".
+    axes : mapping of str to Against
+        ``ax``, ``ay``, ``az``.
+    seconds : float
+        Of flight that was compared.
+    """
+
+    window: Window
+    role: str
+    axes: Mapping[str, Against]
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """Low-passed specific force (n, 3) of one window, m/s2, and the sum of squared commands (n,).
+
+    Attributes
+    ----------
+    time : (n,) s
+    measured, model : (n, 3)
+    squares : (n,)
+    """
+
+    time: FloatArray
+    measured: FloatArray
+    model: FloatArray
+    squares: FloatArray
+
+
+def force_figures(
+    fit: Fit, flights: Mapping[str, Flight], predicted: Sequence[Window]
+) -> tuple[ForceFigures, ...]:
+    """Return the residuals of fitted and predicted windows; none of a vehicle without rotors."""
+    vehicle = identified_vehicle(fit)
+    if not vehicle.hovers:
+        return ()
+    windows = [*fit.prepared.windows, *predicted]
+    curves = [force_curves(vehicle, flights, w, mean_biases(fit, w.flight)) for w in windows]
+    learned = [c for c in curves[: len(fit.prepared.windows)] if c.time.size]
+    if not learned:
+        return ()
+    simple = Simple.of(learned)
+    dt = fit.problem.pieces[0].dt
+    roles = ["fit"] * len(fit.prepared.windows) + ["validation"] * len(predicted)
+    return tuple(
+        ForceFigures(w, role, simple.against(c), len(c.time) * dt)
+        for w, role, c in zip(windows, roles, curves, strict=True)
+        if c.time.size
+    )
+
+
+def force_curves(
+    vehicle: Vehicle, flights: Mapping[str, Flight], window: Window, biases: Mapping[str, float]
+) -> Curves:
+    """Return measured and modelled specific force of a window, low-passed.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        With the numbers that count.
+    flights : mapping of str to Flight
+    window : Window
+    biases : mapping of str to float
+        Of the sensors and the wind, SI.
+    """
+    unknowns = Unknowns(replace(Layout.of(vehicle, ()), parameters=()), ())
+    parts = [
+        _of_stretch(unknowns, stretch)
+        for piece in prepare(vehicle, flights, [window]).pieces
+        for stretch in stretches(vehicle, replace(piece, changes={**piece.changes, **biases}))
+    ]
+    if not parts:
+        return Curves(np.empty(0), np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
+    return Curves(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def _of_stretch(
+    unknowns: Unknowns, stretch: Stretch
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    vehicle, piece, own = unknowns.layout.vehicle, stretch.piece, stretch.samples
+    foreseen = stretch.foreseen(unknowns, np.empty(0), {})
+    rows = parameter_rows(vehicle, piece.changes)
+    spins = [spin(vehicle, piece, name, rows, {})[own] for name in vehicle.rotors]
+    columns = np.column_stack([stretch.measured[:, 3:], foreseen[:, 3:], np.sum(np.square(spins), axis=0)])
+    slow = low_passed(columns, piece.dt)
+    return piece.time[own], slow[:, :3], slow[:, 3:6], slow[:, 6]
+
+
+def low_passed(columns: FloatArray, dt: float) -> FloatArray:
+    """Return columns (n, k) below `CUTOFF`, without phase."""
+    from scipy.signal import butter, sosfiltfilt
+
+    sos = butter(ORDER, min(CUTOFF, 0.45 / dt), fs=1.0 / dt, output="sos")
+    pad = min(len(columns) - 1, round(3.0 / (CUTOFF * dt)))
+    return np.asarray(sosfiltfilt(sos, columns, axis=0, padlen=pad))
+
+
+@dataclass(frozen=True, eq=False)
+class Simple:
+    """The two models that need no aerodynamics, as the fitted windows teach them.
+
+    Attributes
+    ----------
+    mean : (3,)
+    static : (2, 3)
+        A constant and the factor of the sum of squared commands; that factor is for az only.
+    """
+
+    mean: FloatArray
+    static: FloatArray
+
+    @classmethod
+    def of(cls, learned: Sequence[Curves]) -> Simple:
+        """Learn from fitted windows."""
+        measured = np.concatenate([c.measured for c in learned])
+        squares = np.concatenate([c.squares for c in learned])
+        mean = measured.mean(axis=0)
+        vertical = np.linalg.lstsq(
+            np.column_stack([np.ones(len(squares)), squares]), measured[:, 2], rcond=None
+        )[0]
+        static = np.array([[mean[0], mean[1], vertical[0]], [0.0, 0.0, vertical[1]]])
+        return cls(mean, static)
+
+    def against(self, curves: Curves) -> dict[str, Against]:
+        """Return residuals by axis."""
+        static = np.column_stack([np.ones(len(curves.squares)), curves.squares]) @ self.static
+        found = [_rms(curves.measured - y) for y in (curves.model, self.mean, static)]
+        return {c: Against(*(float(f[i]) for f in found)) for i, c in enumerate(FORCES)}
+
+
+def _rms(residuals: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.mean(residuals**2, axis=0)))

@@ -1,0 +1,131 @@
+"""Prediction: fly windows with a fitted model; nothing is fitted there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.errors import SimulationError
+from stoop.estimate.fit import Fit
+from stoop.estimate.shooting.predict import BEGUN_ANEW, LENGTH, begun_anew
+from stoop.flight import Flight
+from stoop.problem import Layout, Misfit, Piece, Weights
+from stoop.problem.misfit import horizon_ladder
+from stoop.problem.prepare import DEFAULTED, Prepared, prepare
+from stoop.problem.start import FIRST
+from stoop.problem.windows import Window
+from stoop.simulate import START_NAMES, trim
+from stoop.vehicle import Vehicle
+
+FloatArray = NDArray[np.float64]
+
+
+def identified_vehicle(fit: Fit) -> Vehicle:
+    """Return the vehicle with its free numbers at their estimates."""
+    changes = {name: {"value": value} for name, value in fit.estimates.items()}
+    return fit.problem.layout.vehicle.with_numbers(changes)
+
+
+def mean_biases(fit: Fit, flight: str) -> dict[str, float]:
+    """Return each bias averaged over the fitted maneuvers of a flight, or of all flights if it has none."""
+    windows = fit.prepared.windows
+    own = {i for i, w in enumerate(windows) if w.flight == flight} or set(range(len(windows)))
+    found: dict[str, list[float]] = {}
+    for nuisance, entry in zip(fit.problem.layout.nuisances, fit.z[fit.problem.dimension :], strict=True):
+        if nuisance.is_bias and nuisance.maneuver in own:
+            found.setdefault(nuisance.name, []).append(nuisance.center + nuisance.scale * float(entry))
+    return {name: float(np.mean(values)) for name, values in found.items()}
+
+
+def predict(
+    fit: Fit, flights: Mapping[str, Flight], windows: Sequence[Window]
+) -> tuple[Prepared, list[FloatArray]]:
+    """Simulate windows with the fitted model.
+
+    The initial state is the line through the first 0.2 s of measurements, less the biases; the biases are
+    those of the fitted maneuvers.
+
+    Returns
+    -------
+    prepared : Prepared
+    simulated : list of (n, n_y)
+        Readings of each piece.
+    """
+    biases = [mean_biases(fit, window.flight) for window in windows]
+    return predicted(identified_vehicle(fit), flights, windows, biases)
+
+
+def predicted(
+    vehicle: Vehicle,
+    flights: Mapping[str, Flight],
+    windows: Sequence[Window],
+    biases: Sequence[Mapping[str, float]],
+) -> tuple[Prepared, list[FloatArray]]:
+    """Simulate windows with a vehicle as it is, see :func:`predict`.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    flights : mapping of str to Flight
+    windows : sequence of Window
+    biases : sequence of mappings
+        Of the sensors in each window, by the names of the vehicle's numbers, SI.
+    """
+    parts = [_of_window(vehicle, flights, w, b) for w, b in zip(windows, biases, strict=True)]
+    pieces = tuple(replace(p, maneuver=i) for i, part in enumerate(parts) for p in part.pieces)
+    notes, doubts = (
+        [said for part in parts for said in getattr(part, kind)] for kind in ("notes", "warnings")
+    )
+    prepared = Prepared(tuple(windows), pieces, tuple(notes), tuple(doubts))
+    weights = Weights.of(np.ones(len(vehicle.outputs)))  # a simulation weighs nothing
+    problem = Misfit(replace(Layout.of(vehicle, ()), parameters=()), pieces, weights, horizon_ladder(pieces))
+    if vehicle.hovers:
+        said = tuple(BEGUN_ANEW.format(window=w, length=LENGTH) for w in windows)
+        prepared = replace(prepared, notes=(*prepared.notes, *said))
+        return prepared, [begun_anew(problem, i) for i in range(len(pieces))]
+    return prepared, [problem.outputs(np.empty(0), i) for i in range(len(pieces))]
+
+
+def _of_window(
+    vehicle: Vehicle, flights: Mapping[str, Flight], window: Window, biases: Mapping[str, float]
+) -> Prepared:
+    """Prepare one window with the biases of its flight, which its start is read with."""
+    biased = vehicle.with_numbers({name: {"value": value} for name, value in biases.items()})
+    prepared = prepare(biased, flights, [window])
+    begun = [_begun(biased, window, piece) for piece in prepared.pieces]
+    pieces = tuple(replace(p, changes={**p.changes, **biases}) for p, _ in begun)
+    notes = tuple(note for note in prepared.notes if not note.endswith(DEFAULTED))
+    warnings = dict.fromkeys(said for _, said in begun if said)
+    return replace(prepared, pieces=pieces, notes=notes, warnings=(*prepared.warnings, *warnings))
+
+
+def _begun(vehicle: Vehicle, window: Window, piece: Piece) -> tuple[Piece, str]:
+    """Begin where nothing was measured from the steady flight at that airspeed, and say so; nothing here is fitted."""
+    early = piece.measured[piece.time <= piece.time[0] + FIRST]
+    seen = dict(zip(vehicle.outputs, np.isfinite(early).any(axis=0), strict=True))
+    missing = [c for c in vehicle.outputs if c in START_NAMES and not seen[c]]
+    if not missing or vehicle.hovers:
+        return piece, ""
+    steady = _steady(vehicle, piece)
+    start = {**piece.start, **{c: steady[c] for c in missing if c in steady}}
+    begins = (
+        "as in steady flight at that airspeed" if steady else "from a default, for no steady flight was found"
+    )
+    return replace(piece, start=start), (
+        f"{window}: {', '.join(missing)} not recorded at the start; the prediction begins {begins}, "
+        "and a wrong start can cost it the comparison"
+    )
+
+
+def _steady(vehicle: Vehicle, piece: Piece) -> dict[str, float]:
+    """Return the state of the steady flight that a piece might have begun from; empty where there is none."""
+    loaded = vehicle.with_numbers({name: {"value": value} for name, value in piece.changes.items()})
+    logged = "density" in vehicle.inputs
+    density = float(piece.inputs[0, vehicle.inputs.index("density")]) if logged else None
+    try:
+        return trim(loaded, piece.start["V"], piece.start["h"], density=density).start
+    except SimulationError:
+        return {}

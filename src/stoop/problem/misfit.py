@@ -1,0 +1,312 @@
+"""The cost J = (Z - Y)' Q (Z - Y) of eq. (3) over all pieces of all maneuvers, plus priors.
+
+This is the least-squares problem that an optimizer sees (:class:`stoop.optimize.Problem`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stoop.flight.variables import WRAPPED
+from stoop.problem.layout import Layout, Nuisance
+from stoop.problem.weights import Weights
+from stoop.simulate import parameter_rows
+from stoop.simulate.delays import input_delays, late_inputs, late_outputs, output_delays
+from stoop.simulate.initial import kernel_states, rigid_states
+
+FloatArray = NDArray[np.float64]
+STEP = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A contiguous stretch of one maneuver.
+
+    Attributes
+    ----------
+    maneuver : int
+    time : (n,), s, uniform
+    inputs : (n, n_u)
+    measured : (n, n_y), NaN where missing
+    start : mapping
+        Initial state by name (V ... psi, h), where its nuisances are zero.
+    changes : mapping
+        Numbers of the vehicle that differ in this maneuver (its loading).
+    """
+
+    maneuver: int
+    time: FloatArray
+    inputs: FloatArray
+    measured: FloatArray
+    start: Mapping[str, float]
+    changes: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def dt(self) -> float:
+        """Sample period, s."""
+        return float(self.time[1] - self.time[0])
+
+    def part(self, first: int, behind: int, start: Mapping[str, float]) -> Piece:
+        """Return the samples from one to before another, with the state that they begin in."""
+        return replace(
+            self,
+            time=self.time[first:behind],
+            inputs=np.ascontiguousarray(self.inputs[first:behind]),
+            measured=np.ascontiguousarray(self.measured[first:behind]),
+            start=start,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Misfit:
+    """A least-squares problem on the unit box.
+
+    Attributes
+    ----------
+    layout : Layout
+    pieces : tuple of Piece
+    weights : Weights
+    ladder : tuple of tuple of int
+        Samples of each piece on each rung; the last rung is the whole record.
+    """
+
+    layout: Layout
+    pieces: tuple[Piece, ...]
+    weights: Weights
+    ladder: tuple[tuple[int, ...], ...]
+
+    @property
+    def dimension(self) -> int:
+        """Number of free parameters."""
+        return self.layout.dimension
+
+    @property
+    def extra(self) -> int:
+        """Number of nuisances."""
+        return self.layout.extra
+
+    @cached_property
+    def prices(self) -> tuple[float, ...]:
+        """Samples of each rung over all samples."""
+        whole = sum(self.ladder[-1])
+        return tuple(sum(rung) / whole for rung in self.ladder)
+
+    def weighted(self, weights: Weights) -> Misfit:
+        """Return the same problem with another Q."""
+        return replace(self, weights=weights)
+
+    def costs(self, X: FloatArray, rung: int) -> FloatArray:
+        """Return J (B,) of parameters (B, D) in the unit box, nuisances at their start."""
+        if not self._summed_in_kernel:
+            return self._squares(X, rung)
+        total = self.layout.prior_costs(X)
+        for i, (piece, count) in enumerate(zip(self.pieces, self.ladder[rung], strict=True)):
+            rows, start = self.candidates(X, i)
+            inputs = self._inputs(piece, rows)
+            total += self._kernel.cost(rows, start, inputs, piece.measured, self._quality[i], piece.dt, count)
+        return total
+
+    def _squares(self, X: FloatArray, rung: int) -> FloatArray:
+        Z = np.concatenate([X, np.zeros((len(X), self.extra))], axis=1)
+        with np.errstate(invalid="ignore", over="ignore"):
+            total = np.sum(self.residuals(Z, rung) ** 2, axis=1)
+        return np.where(np.isfinite(total), total, np.inf)
+
+    def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
+        """Return weighted residuals (B, n_r) of vectors (B, D + E), priors last."""
+        blocks = [self._piece_residuals(Z, i, n) for i, n in enumerate(self.ladder[rung])]
+        return np.concatenate([*blocks, self.layout.prior_residuals(Z)], axis=1)
+
+    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
+        """Return d r / d z (n_r, D + E) by forward differences, and the trajectories it took.
+
+        An initial state is varied on its own piece only, a bias not at all (its derivative is known).
+        """
+        out = np.zeros((len(z), len(r))).T
+        first, spent = 0, 0.0
+        for i, count in enumerate(self.ladder[rung]):
+            block = slice(first, first + count * self._channels)
+            spent += self._piece_jacobian(z, i, count, r[block], out[block]) * count
+            first = block.stop
+        out[first:] = self.layout.prior_jacobian()
+        return out, spent / sum(self.ladder[-1])
+
+    def reference(self, rung: int) -> float:
+        """Return the cost of a model that says nothing: each channel stays at its first measurement."""
+        total = 0.0
+        for piece, count in zip(self.pieces, self.ladder[rung], strict=True):
+            z = piece.measured[:count]
+            constant = np.array([column[np.isfinite(column)][:1].sum() for column in z.T])
+            total += float(np.sum(self._whitened(np.tile(constant, (1, count, 1)), z) ** 2))
+        return total
+
+    def outputs(self, z: FloatArray, index: int) -> FloatArray:
+        """Return the simulated readings (n, n_y) of one piece for a vector (D + E,)."""
+        return np.asarray(self._trajectories(z[None, :], index, len(self.pieces[index].time))[0])
+
+    @property
+    def _channels(self) -> int:
+        return len(self.layout.vehicle.outputs)
+
+    @cached_property
+    def _summed_in_kernel(self) -> bool:
+        """Whether the compiled time loop can sum the cost: nothing is left to do with the outputs."""
+        return self.weights.diagonal and not output_delays(self.layout.vehicle)
+
+    @cached_property
+    def _quality(self) -> list[FloatArray]:
+        """Weight (n, n_y) of every sample of each piece, for a diagonal Q."""
+        quality = np.diag(self.weights.root) ** 2
+        return [np.where(np.isfinite(p.measured), quality, 0.0) for p in self.pieces]
+
+    @cached_property
+    def _kernel(self):  # type: ignore[no-untyped-def]
+        return self.layout.vehicle.kernel()
+
+    def _piece_residuals(self, Z: FloatArray, index: int, count: int) -> FloatArray:
+        simulated = self._trajectories(Z, index, count)
+        return self._whitened(simulated, self.pieces[index].measured[:count]).reshape(len(Z), -1)
+
+    def _whitened(self, simulated: FloatArray, measured: FloatArray) -> FloatArray:
+        """Return whitened simulated minus measured, zero where there is no measurement; simulated is used up."""
+        seen = np.isfinite(measured)
+        with np.errstate(invalid="ignore", over="ignore"):  # the last readings before a divergence are huge
+            simulated -= np.where(seen, measured, 0.0)
+            if not seen.all():
+                simulated *= seen
+            return self.weights.whiten(on_circle(simulated, self.layout.vehicle.outputs), seen, simulated)
+
+    @cached_property
+    def _steps(self) -> list[list[int]]:
+        """Entries that are varied on each piece: all parameters and the piece's own initial states."""
+        d = self.dimension
+        own = [
+            [d + j for j, n in enumerate(self.layout.nuisances) if n.piece == i]
+            for i in range(len(self.pieces))
+        ]
+        return [[*range(d), *states] for states in own]
+
+    def _piece_jacobian(self, z: FloatArray, index: int, count: int, r: FloatArray, out: FloatArray) -> int:
+        """Fill the rows of one piece; return how many trajectories it took."""
+        entries = np.array(self._steps[index], dtype=np.intp)
+        steps = np.where((entries < self.dimension) & (z[entries] + STEP > 1.0), -STEP, STEP)
+        Z = np.repeat(z[None, :], len(entries), axis=0)
+        Z[np.arange(len(entries)), entries] += steps
+        taken = Z[np.arange(len(entries)), entries] - z[entries]
+        R = self._piece_residuals(Z, index, count)
+        with np.errstate(invalid="ignore", over="ignore"):
+            for entry, row, step in zip(entries, R, taken, strict=True):  # a row at a time stays in the cache
+                row -= r
+                np.divide(row, step, out=out.T[entry])
+        self._bias_columns(index, count, out)
+        return len(entries)
+
+    def _bias_columns(self, index: int, count: int, out: FloatArray) -> None:
+        """Fill the known derivative of the readings by their biases."""
+        for j, column in self._known_columns[index].items():
+            out[:, j] = column[: count * self._channels]
+
+    @cached_property
+    def _known_columns(self) -> list[dict[int, FloatArray]]:
+        """Derivatives (n * n_y,) of the whitened readings of each piece by its biases, by their place in the vector."""
+        return [
+            {j: self._bias_column(n, piece) for j, n in own if n.is_bias}
+            for piece, own in zip(self.pieces, self.own, strict=True)
+        ]
+
+    def _bias_column(self, bias: Nuisance, piece: Piece) -> FloatArray:
+        vehicle, seen = self.layout.vehicle, np.isfinite(piece.measured)
+        row = vehicle.rows[bias.name]
+        shared = [vehicle.rows[f"sensors.{c}.bias"] == row for c in vehicle.outputs]  # a tie shares it
+        return np.asarray(self.weights.whiten(bias.scale * seen * shared, seen).ravel())
+
+    @cached_property
+    def own(self) -> list[list[tuple[int, Nuisance]]]:
+        """Nuisances of each piece, with their place in the vector."""
+        numbered = list(enumerate(self.layout.nuisances, self.dimension))
+        return [
+            [(j, n) for j, n in numbered if n.piece == i or (n.is_bias and n.maneuver == p.maneuver)]
+            for i, p in enumerate(self.pieces)
+        ]
+
+    @cached_property
+    def _begin(self) -> list[tuple[FloatArray, dict[str, ArrayLike], dict[str, FloatArray]]]:
+        """Kernel parameters (n_p, 1), start and rigid-body states of each piece, nuisances at their start."""
+        out = []
+        for piece, own in zip(self.pieces, self.own, strict=True):
+            centers = {n.name: n.center for _, n in own if not n.is_bias}
+            start: dict[str, ArrayLike] = {**piece.start, **centers}
+            out.append((parameter_rows(self.layout.vehicle, piece.changes), start, rigid_states(start)))
+        return out
+
+    def candidates(self, Z: FloatArray, index: int) -> tuple[FloatArray, FloatArray]:
+        """Return kernel parameters and initial states of one piece.
+
+        Parameters
+        ----------
+        Z : (B, D + E), or (B, D) with all nuisances at their start
+        index : int
+        """
+        vehicle, moved = self.layout.vehicle, Z.shape[1] > self.dimension
+        fixed, start, rigid = self._begin[index]
+        rows = np.repeat(fixed, len(Z), axis=1)
+        rows[self.layout.rows] = self.layout.physical(Z).T
+        for j, n in self.own[index]:
+            value = n.center + n.scale * Z[:, j] if moved else n.center
+            if n.is_bias:
+                rows[vehicle.rows[n.name]] = value
+            elif moved:
+                start = {**start, n.name: value}
+        if moved:
+            rigid = rigid_states(start)
+        return rows, kernel_states(vehicle, rigid, start, rows, self.pieces[index].inputs[0])
+
+    def _inputs(self, piece: Piece, rows: FloatArray) -> FloatArray:
+        """Return the inputs of a piece as the surfaces receive them."""
+        return late_inputs(self.layout.vehicle, piece.inputs, rows, piece.dt) if self._late else piece.inputs
+
+    @cached_property
+    def _late(self) -> bool:
+        return bool(input_delays(self.layout.vehicle) or self.layout.vehicle.sloped)
+
+    def _trajectories(self, Z: FloatArray, index: int, count: int) -> FloatArray:
+        piece, vehicle = self.pieces[index], self.layout.vehicle
+        rows, start = self.candidates(Z, index)
+        out = self._kernel.trajectories(rows, start, self._inputs(piece, rows), piece.dt, count)
+        return late_outputs(vehicle, out, rows, piece.dt)
+
+
+def on_circle(errors: FloatArray, outputs: Sequence[str]) -> FloatArray:
+    """Take the differences of angles that wrap, among channels (..., n_y), to the nearest turn, in place."""
+    for i, channel in enumerate(outputs):
+        if channel in WRAPPED:
+            errors[..., i] -= 2.0 * np.pi * np.round(errors[..., i] / (2.0 * np.pi))
+    return errors
+
+
+def horizon_ladder(pieces: Sequence[Piece]) -> tuple[tuple[int, ...], ...]:
+    """Return samples per piece and rung: where the excitation of each piece has shown itself, then thirds.
+
+    A rung that ends before the controls move says nothing. The first ends where half of the inputs' energy
+    (about their start) is spent, within 10 and 50 % of the piece and not before 0.4 s; the second is three
+    times as long; rungs that would be nearly whole are left out.
+    """
+    firsts = [_first_rung(p) for p in pieces]
+    whole = tuple(len(p.time) for p in pieces)
+    rungs = [tuple(min(factor * f, n) for f, n in zip(firsts, whole, strict=True)) for factor in (1, 3)]
+    return (*(r for r in rungs if sum(r) < 0.6 * sum(whole)), whole)
+
+
+def _first_rung(piece: Piece) -> int:
+    n = len(piece.time)
+    scale = np.ptp(piece.inputs, axis=0)
+    moves = (piece.inputs - piece.inputs[0]) / np.where(scale > 0.0, scale, 1.0)
+    energy = np.cumsum(np.sum(moves**2, axis=1))
+    half = int(np.searchsorted(energy, 0.5 * energy[-1])) + 1 if energy[-1] > 0.0 else n // 10
+    least = max(20, n // 10, round(0.4 / piece.dt))
+    return min(max(half, least), max(n // 2, least), n)

@@ -1,0 +1,89 @@
+"""The flight as it would have been logged by sensors without the errors that were found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.flight import Flight
+from stoop.flight.load import RECONSTRUCTED, with_air
+from stoop.flight.make import dataset, on_circle, with_attitude
+from stoop.flight.variables import EULER, QUATERNION, VARIABLES, WRAPPED
+from stoop.reconstruct.equations import INPUTS
+from stoop.reconstruct.estimate import Estimate
+from stoop.reconstruct.unknowns import DELAYED, RATES_DELAY
+from stoop.simulate.delays import delayed
+from stoop.simulate.initial import rigid_states
+
+FloatArray = NDArray[np.float64]
+SURE: Final = 2.0  #: standard errors; a shorter delay is left, for shifting smooths
+_LATE: Final = {c: f"{name}.delay" for name, group in DELAYED.items() for c in group} | dict.fromkeys(
+    "pqr", RATES_DELAY
+)
+
+
+def corrected_flight(found: Estimate) -> Flight:
+    """Undo biases, scales, delays and positions of vanes; air data without vanes are reconstructed anew.
+
+    Biases and scales are undone together, as they were estimated; delays where they are evident.
+    """
+    flight, values = found.prepared.flight, found.values
+    told = {one.name for one in found.judged if one.identifiable and one.name.endswith(".delay")}
+    delays = {n: values[n] for n in told if abs(values[n]) > SURE * found.errors[n]}
+    kept = {n: flight.column(n) for n in VARIABLES if n in flight.data and _is_measured(flight, n)}
+    columns = {name: _early(name, x, delays, flight.rate) for name, x in kept.items()}
+    columns = {name: _undone(name, x, values) for name, x in columns.items()}
+    columns = _flow_at_reference(columns, values)
+    if "wind.n" in values:
+        steady = {f"wind_{axis}": np.full(flight.time.size, values[f"wind.{axis}"]) for axis in "ne"}
+        columns |= {name: x for name, x in steady.items() if name in columns}
+    angles = {name: x for name, x in columns.items() if name not in QUATERNION}
+    whole = with_attitude(on_circle(angles))
+    ordered = {name: whole[name] for name in VARIABLES if name in whole}
+    sources = {name: flight.sources[name] for name in ordered}
+    note = "corrected by stoop compatibility: biases, scales and evident delays undone"
+    made = replace(
+        flight, data=dataset(flight.time, ordered), sources=sources, air=None, notes=(*_notes(flight), note)
+    )
+    return with_air(made)
+
+
+def _notes(flight: Flight) -> tuple[str, ...]:
+    """Return what was said of the log, without what was said of the old air data."""
+    told = () if flight.air is None else flight.air.notes
+    return tuple(note for note in flight.notes if note not in told)
+
+
+def _is_measured(flight: Flight, name: str) -> bool:
+    return flight.sources[name].source != RECONSTRUCTED
+
+
+def _early(name: str, x: FloatArray, delays: Mapping[str, float], rate: float) -> FloatArray:
+    samples = -delays.get(_LATE.get(name, ""), 0.0) * rate
+    if name in WRAPPED:  # between pi and -pi there is no value: interpolate on the circle
+        return np.asarray(np.arctan2(delayed(np.sin(x), samples), delayed(np.cos(x), samples)))
+    return delayed(x, samples)
+
+
+def _undone(name: str, x: FloatArray, values: Mapping[str, float]) -> FloatArray:
+    """Undo reading = scale * truth + bias."""
+    if name not in (*INPUTS, *EULER, "V", "airspeed_pitot", "alpha", "beta"):
+        return x
+    return np.asarray((x - values.get(f"{name}.bias", 0.0)) / values.get(f"{name}.scale", 1.0))
+
+
+def _flow_at_reference(columns: dict[str, FloatArray], values: Mapping[str, float]) -> dict[str, FloatArray]:
+    """Take measured flow from the vanes to the reference point, where speed and both angles were measured."""
+    if not {"V", "alpha", "beta"} <= columns.keys() or "vane.x" not in values:
+        return columns
+    moving = rigid_states({name: columns[name] for name in ("V", "alpha", "beta")})
+    omega = np.column_stack([columns[name] for name in "pqr"])
+    arm = np.array([values[f"vane.{axis}"] for axis in "xyz"])
+    u, v, w = np.column_stack([moving[name] for name in "uvw"]).T - np.cross(omega, arm).T
+    speed = np.sqrt(u**2 + v**2 + w**2)
+    flow = {"V": speed, "alpha": np.arctan2(w, u), "beta": np.arcsin(np.clip(v / speed, -1.0, 1.0))}
+    return {**columns, **flow}

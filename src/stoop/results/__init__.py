@@ -1,0 +1,1 @@
+"""What a fit returns: estimates, intervals, goodness of fit, modes and traces; imported by every room above."""

@@ -1,0 +1,241 @@
+"""A finished fit -> the result and what the report draws."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.assess.covariance import intervals_95
+from stoop.estimate.excitation import too_few
+from stoop.estimate.fit import Fit, Options
+from stoop.estimate.noise import noise_variance
+from stoop.estimate.predict import predict
+from stoop.estimate.ratios import ratios
+from stoop.flight import VARIABLES, Flight
+from stoop.flight.segments import TRIMMED
+from stoop.problem.windows import Window
+from stoop.results.result import (
+    AirDataTrace,
+    Covariance,
+    Identification,
+    InitialState,
+    ManeuverResult,
+    NoiseCovariance,
+    ParameterEstimate,
+    Quantity,
+    Result,
+    SensorBiases,
+    WindEstimate,
+)
+from stoop.vehicle.latex import equations, symbols
+from stoop.workflow.curves import Flown, maneuver_curves
+from stoop.workflow.errorbars import ErrorBars
+from stoop.workflow.evidence import with_evidence
+from stoop.workflow.judged import declined, judged, residual_color
+from stoop.workflow.modes import modes
+from stoop.workflow.press import left_out_residuals
+from stoop.workflow.provenance import versions
+from stoop.workflow.words import slowest_rate, statements, warnings
+
+FloatArray = NDArray[np.float64]
+FEW = "there are too few samples for any error bar to hold"
+_START_UNITS = {"V": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}
+
+
+def assemble(
+    fit: Fit,
+    flights: Mapping[str, Flight],
+    predicted: Sequence[Window],
+    options: Options,
+    inputs: Mapping[str, str],
+    began: float,
+    command: str,
+) -> Identification:
+    """Collect numbers, figures of merit, curves and words."""
+    vehicle = fit.problem.layout.vehicle
+    color, bars = residual_color(fit, options), judged(fit, options)
+    if too_few(fit.problem, slowest_rate(fit, flights)):
+        bars = declined(bars, FEW)
+    groups = _flown(fit, flights, predicted)
+    maneuvers, traces = maneuver_curves(vehicle, groups)
+    result = _result(fit, bars, maneuvers, flights, inputs, options)
+    result = replace(result, modes=modes(fit, result.covariance.names, result.covariance.matrix))
+    result = with_evidence(result, fit, bars)
+    doubts = (said for group in groups if group.role == "validation" for said in group.prepared.warnings)
+    result = replace(result, warnings=(*result.warnings, *doubts, *_trimmed(groups)))
+    return Identification(
+        result=replace(result, seconds=time.perf_counter() - began),
+        traces=traces,
+        vehicle=vehicle.name,
+        equations=equations(vehicle),
+        convergence=fit.outcome.history,
+        units=_units(vehicle.outputs, vehicle.inputs, vehicle.controls),
+        symbols=symbols(vehicle),
+        statements=(
+            *fit.statements,
+            *_ratios(fit, result),
+            *statements(vehicle, flights, color),
+        ),
+        air_data=_air_data(flights),
+        notes=_notes(flights, groups),
+        command=command,
+    )
+
+
+def _trimmed(groups: Sequence[Flown]) -> list[str]:
+    """Return what was cut from windows that reach beyond the record."""
+    notes = dict.fromkeys(note for g in groups for note in g.prepared.notes)
+    return [f"{note}." for note in notes if TRIMMED in note]
+
+
+def _ratios(fit: Fit, result: Result) -> tuple[str, ...]:
+    found = {name: (p.estimate, p.std_error) for name, p in result.parameters.items()}
+    said = ratios(fit.problem.layout.vehicle, found)
+    return (said,) if said else ()
+
+
+def _flown(fit: Fit, flights: Mapping[str, Flight], predicted: Sequence[Window]) -> list[Flown]:
+    """Simulate the fitted maneuvers, and predict the others."""
+    fitted = fit.simulated or [fit.problem.outputs(fit.z, i) for i in range(len(fit.problem.pieces))]
+    groups = [Flown("fit", fit.prepared, fitted, left_out_residuals(fit))]
+    if predicted:
+        groups.append(Flown("validation", *predict(fit, flights, predicted)))
+    return groups
+
+
+def _result(
+    fit: Fit,
+    bars: ErrorBars,
+    maneuvers: tuple[ManeuverResult, ...],
+    flights: Mapping[str, Flight],
+    inputs: Mapping[str, str],
+    options: Options,
+) -> Result:
+    vehicle, parameters = fit.problem.layout.vehicle, _parameters(fit, bars)
+    names = tuple(parameters)
+    return Result(
+        parameters=parameters,
+        covariance=Covariance(names, bars.covariance[: len(names), : len(names)]),
+        noise_covariance=NoiseCovariance(vehicle.outputs, _noise(fit, options)),
+        initial_states=_initial_states(fit, bars),
+        biases=_biases(fit, bars),
+        wind=_wind(flights),
+        maneuvers=maneuvers,
+        cost=fit.cost,
+        trajectories=fit.trajectories,
+        seconds=0.0,
+        seed=options.seed,
+        optimizer=fit.outcome.optimizer,
+        status=fit.outcome.status,
+        advice=fit.outcome.advice,
+        warnings=warnings(parameters, bars, maneuvers, fit, flights),
+        versions=versions(),
+        inputs=inputs,
+        method=options.method,
+    )
+
+
+def _notes(flights: Mapping[str, Flight], groups: Sequence[Flown]) -> tuple[str, ...]:
+    of_flights = [note for flight in flights.values() for note in flight.notes]
+    return tuple(dict.fromkeys([*of_flights, *(note for g in groups for note in g.prepared.notes)]))
+
+
+def _noise(fit: Fit, options: Options) -> FloatArray:
+    """Return the noise covariance; NaN for a channel that was never measured."""
+    if fit.noise is not None:
+        return fit.noise
+    if options.covariance is not None:
+        return fit.problem.weights.covariance
+    seen = np.any([np.isfinite(p.measured).any(axis=0) for p in fit.problem.pieces], axis=0)
+    return np.diag(np.where(seen, noise_variance(fit.problem, fit.z), np.nan))
+
+
+def _parameters(fit: Fit, bars: ErrorBars) -> dict[str, ParameterEstimate]:
+    out = {}
+    for i, p in enumerate(fit.problem.layout.parameters):
+        estimate, sigma, held = fit.estimates[p.name], float(bars.std[i]), bool(bars.held[i])
+        low, high = intervals_95(np.array([estimate]), np.array([sigma]))[0]
+        told = not held and bars.judged[p.name].identifiable
+        out[p.name] = ParameterEstimate(
+            estimate=estimate,
+            std_error=np.nan if held else sigma,
+            ci95_lower=float(low) if told else np.nan,
+            ci95_upper=float(high) if told else np.nan,
+            bound_lower=p.lower,
+            bound_upper=p.upper,
+            at_bound=held,
+            identifiable=told,
+            unit=p.unit,
+            prior_mean=p.value if p.prior is not None else np.nan,
+            prior_std=p.prior if p.prior is not None else np.nan,
+            start=p.value,
+        )
+    return out
+
+
+def _quantity(fit: Fit, bars: ErrorBars, j: int, unit: str) -> Quantity:
+    nuisance = fit.problem.layout.nuisances[j]
+    entry = fit.problem.dimension + j
+    return Quantity(nuisance.center + nuisance.scale * float(fit.z[entry]), float(bars.std[entry]), unit)
+
+
+def _initial_states(fit: Fit, bars: ErrorBars) -> tuple[InitialState, ...]:
+    out, counts = [], dict.fromkeys(range(len(fit.prepared.windows)), 0)
+    for i, piece in enumerate(fit.problem.pieces):
+        values = {
+            n.name: _quantity(
+                fit, bars, j, "m/s" if n.name.startswith("gust.") else _START_UNITS.get(n.name, "rad")
+            )
+            for j, n in enumerate(fit.problem.layout.nuisances)
+            if n.piece == i
+        }
+        out.append(InitialState(piece.maneuver, counts[piece.maneuver], float(piece.time[0]), values))
+        counts[piece.maneuver] += 1
+    return tuple(out)
+
+
+def _biases(fit: Fit, bars: ErrorBars) -> tuple[SensorBiases, ...]:
+    out = []
+    for maneuver in range(len(fit.prepared.windows)):
+        values = {}
+        for j, n in enumerate(fit.problem.layout.nuisances):
+            if n.is_bias and n.maneuver == maneuver:
+                channel = n.name.split(".")[1]
+                values[channel] = _quantity(fit, bars, j, VARIABLES[channel].unit)
+        out.append(SensorBiases(maneuver, values))
+    return tuple(out)
+
+
+def _wind(flights: Mapping[str, Flight]) -> tuple[WindEstimate, ...]:
+    out = []
+    for flight in flights.values():
+        air = flight.air
+        if air is None or air.method == "none":
+            continue
+        values = {
+            "wind_n": Quantity(air.wind_n, air.wind_n_std, "m/s"),
+            "wind_e": Quantity(air.wind_e, air.wind_e_std, "m/s"),
+        }
+        if np.isfinite(air.pitot_scale):
+            values["pitot_scale"] = Quantity(air.pitot_scale, air.pitot_scale_std, "1")
+            values["pitot_offset"] = Quantity(air.pitot_offset, air.pitot_offset_std, "m/s")
+        out.append(WindEstimate(flight.name, values, air.residual_rms, air.notes))
+    return tuple(out)
+
+
+def _air_data(flights: Mapping[str, Flight]) -> tuple[AirDataTrace, ...]:
+    out = []
+    for flight in flights.values():
+        if flight.air is not None and "time" in flight.air.traces:
+            curves = {k: v for k, v in flight.air.traces.items() if k != "time"}
+            out.append(AirDataTrace(flight.name, flight.air.traces["time"], curves))
+    return tuple(out)
+
+
+def _units(*groups: Sequence[str]) -> dict[str, str]:
+    names = dict.fromkeys(name for group in groups for name in group)
+    return {name: VARIABLES[name].unit if name in VARIABLES else "rad" for name in names}

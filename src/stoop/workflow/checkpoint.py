@@ -1,0 +1,120 @@
+"""The state of a search under way, so that an interrupted one can go on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from stoop.errors import OutputError, StoopError
+from stoop.estimate.fit import Options
+from stoop.optimize import Outcome, State, load_tagged, save_state
+from stoop.vehicle import Vehicle
+
+INTERVAL = 2.0  #: s between saved states
+DONE = ("converged", "target")  #: a search that ended so has nothing to go on with
+
+
+def identity(
+    vehicle: Vehicle,
+    files: Mapping[str, str],
+    maneuvers: Sequence[str],
+    validate: Sequence[str],
+    options: Options,
+) -> str:
+    """Return what decides the problem and its search, in one hash; when to give up may differ.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        With what was freed and fixed; comments and order of its file do not matter.
+    files : mapping
+        Name of each flight and mapping to the hash of its content.
+    maneuvers, validate : sequence of str
+        Windows; nothing is learned about the wind where something is predicted.
+    options : Options
+    """
+    noise = None if options.covariance is None else options.covariance.tolist()
+    parts = [
+        vehicle.structure,
+        vehicle.file.model_dump(mode="json"),
+        dict(files),
+        list(maneuvers),
+        list(validate),
+        noise,
+        options.optimizer,
+        options.seed,
+        options.method,
+    ]
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+class Checkpoint:
+    """Keeps a search's latest state in the output folder.
+
+    A state that cannot be saved (full disk, folder removed) is told once and ends no search.
+
+    Parameters
+    ----------
+    folder : Path
+    problem : str
+        Identity of the problem, see :func:`identity`.
+    warn : callable
+        Takes a line for the user.
+    """
+
+    def __init__(self, folder: Path, problem: str, warn: Callable[[str], None]) -> None:
+        self._path = folder / "search.npz"
+        self._problem, self._warn = problem, warn
+        self._tried = -INTERVAL
+        self._failed = False
+
+    def keep(self, state: State) -> None:
+        """Save a state, at most every two seconds."""
+        if time.monotonic() - self._tried >= INTERVAL:
+            self._tried = time.monotonic()
+            self._save(state)
+
+    def keep_last(self, outcome: Outcome) -> None:
+        """Save the last whole step of a search that has ended, whatever ended it."""
+        if outcome.state is not None:
+            with suppress(OSError):
+                self._path.parent.mkdir(parents=True, exist_ok=True)
+            self._save(outcome.state)
+
+    def forget(self, outcome: Outcome) -> None:
+        """Remove the saved state of a search that has nothing left to do; its result must lie safe."""
+        if outcome.status in DONE:
+            self._path.unlink(missing_ok=True)
+
+    def load(self) -> State:
+        """Return the saved state.
+
+        Raises
+        ------
+        OutputError
+            There is none, or it belongs to another search.
+        """
+        if not self._path.exists():
+            raise OutputError(f"{self._path.parent}: holds no interrupted search; leave --resume out")
+        try:
+            state, problem = load_tagged(self._path)
+        except StoopError as error:
+            raise OutputError(f"{error}; leave --resume out") from None
+        if problem != self._problem:
+            raise OutputError(
+                f"{self._path.parent}: the interrupted search is another one (vehicle, free numbers, flights, mapping, "
+                "noise, windows, method, optimizer or seed differ); leave --resume out"
+            )
+        return state
+
+    def _save(self, state: State) -> None:
+        try:
+            save_state(self._path, state, self._problem)
+        except OutputError as error:
+            if not self._failed:
+                self._warn(f"{error}; the search goes on, but cannot be resumed from here")
+            self._failed = True

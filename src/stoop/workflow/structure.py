@@ -1,0 +1,272 @@
+"""Model structure: the terms that flights ask for, as a vehicle file, a table of steps and a page."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import tomlkit
+from numpy.typing import NDArray
+
+from stoop.base.files import write_text_atomic
+from stoop.errors import IdentificationError
+from stoop.estimate.regression.candidates import parameter_name
+from stoop.estimate.regression.domain import Domain, Time
+from stoop.estimate.regression.estimate import Regressed, from_histories
+from stoop.estimate.regression.history import History
+from stoop.estimate.regression.structure import Choose, Chosen, Structure, determine
+from stoop.flight import Flight
+from stoop.problem import Layout
+from stoop.problem.windows import parse_window
+from stoop.report.plots import Series, plot
+from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table, write_sheet
+from stoop.vehicle import Vehicle
+from stoop.vehicle.defaults import EQUATION_1
+from stoop.vehicle.load import parse_vehicle
+
+FloatArray = NDArray[np.float64]
+FILES: Final = ("vehicle.toml", "structure.csv", "structure.html")
+HEAD: Final = ("coefficient", "step", "action", "term", "F", "threshold", "terms", "R2", "PRESS", "PSE")
+DIGITS: Final = 6
+LEAD: Final = """\
+Nondimensional coefficients were computed sample by sample from measured accelerations and rates, with the mass \
+properties and the thrust of the vehicle file; terms were then chosen among candidates. A constant is always there. \
+The estimates are those of a regression: a start for stoop identify, not its result."""
+
+
+@dataclass(frozen=True, eq=False)
+class Determined:
+    """A structure and the vehicle that has it.
+
+    Attributes
+    ----------
+    structure : Structure
+    vehicle : Vehicle
+        With the chosen terms at their estimates.
+    names : mapping
+        Coefficient -> term -> parameter, of what was chosen.
+    estimates : mapping of str to (float, float)
+        Estimate and standard error by parameter.
+    domain : Domain
+    """
+
+    structure: Structure
+    vehicle: Vehicle
+    names: Mapping[str, Mapping[str, str]]
+    estimates: Mapping[str, tuple[float, float]]
+    domain: Domain
+
+
+def structure(
+    vehicle: Vehicle,
+    flights: Mapping[str, Flight],
+    maneuvers: Sequence[str],
+    candidates: Mapping[str, Sequence[str]],
+    choose: Choose,
+    domain: Domain,
+) -> Determined:
+    """Choose the terms of a vehicle from maneuvers of flights, and estimate them.
+
+    Raises
+    ------
+    StoopError
+        One line that says what is wrong and what to do.
+    """
+    if vehicle.hovers:
+        raise IdentificationError(
+            f"{vehicle.where}: it has rotors, and terms are chosen of aerodynamic coefficients only; use stoop identify, "
+            "and --fix what it finds at a bound or not identifiable"
+        )
+    windows = [parse_window(text, flights) for text in maneuvers]
+    found = determine(vehicle, flights, windows, candidates, choose, domain)
+    names = {c: _names(vehicle, c, chosen.terms) for c, chosen in found.chosen.items()}
+    shaped = parse_vehicle(_text(vehicle, names, {}), vehicle.where)
+    shaped = shaped if shaped.reduce == vehicle.reduce else shaped.reduced(vehicle.reduce)
+    layout = Layout.of(_freed(shaped, names), ())
+    told = from_histories(layout, found.histories, domain)
+    estimates = {} if told is None else _estimates(layout, told)
+    values = {n: v for n, (v, _) in estimates.items()}
+    final = parse_vehicle(_text(vehicle, names, values), vehicle.where)
+    return Determined(found, final, names, estimates, domain)
+
+
+def _freed(vehicle: Vehicle, names: Mapping[str, Mapping[str, str]]) -> Vehicle:
+    """Return the vehicle with nothing free but the chosen terms and the constants beside them."""
+    wanted = {n for group in names.values() for n in group.values()}
+    wanted |= {n for c in names for n, t in vehicle.terms[c].items() if t.strip() == "1"}
+    return vehicle.with_numbers({p.name: {"free": p.name in wanted} for p in vehicle.parameters})
+
+
+def _estimates(layout: Layout, told: Regressed) -> dict[str, tuple[float, float]]:
+    std = np.sqrt(np.maximum(np.diag(told.solved.covariance), 0.0))
+    return {
+        layout.parameters[i].name: (float(v), float(s))
+        for i, v, s in zip(told.places, told.solved.values, std, strict=True)
+    }
+
+
+def _same(a: str, b: str) -> bool:
+    """Whether two terms are written alike, blanks and the sign for powers apart."""
+    first, second = (ast.dump(ast.parse(t.strip().replace("^", "**"), mode="eval")) for t in (a, b))
+    return first == second
+
+
+def _names(vehicle: Vehicle, coefficient: str, chosen: Sequence[str]) -> dict[str, str]:
+    """Return a parameter for each chosen term: the file's own where it has one."""
+    own = {n: t.term for n, t in getattr(vehicle.file.aerodynamics, coefficient).items()}
+    standard = {n: t for n, (t, _, _) in EQUATION_1[coefficient].items()}
+    taken = {p.name for p in vehicle.parameters}
+    out: dict[str, str] = {}
+    for term in chosen:
+        written = next((n for n, t in (own | standard).items() if _same(t, term)), None)
+        out[term] = written or parameter_name(coefficient, term, {*taken, *out.values()})
+    return out
+
+
+def _text(vehicle: Vehicle, names: Mapping[str, Mapping[str, str]], values: Mapping[str, float]) -> str:
+    """Return the vehicle file with other terms; comments and order stay."""
+    document = tomlkit.parse(vehicle.text)
+    aerodynamics = document.setdefault("aerodynamics", tomlkit.table(is_super_table=True))
+    for coefficient, group in names.items():
+        if coefficient not in aerodynamics:
+            aerodynamics.add(coefficient, tomlkit.table())
+        table = aerodynamics[coefficient]
+        own = getattr(vehicle.file.aerodynamics, coefficient)
+        for name, term in own.items():
+            if term.term.strip() == "1":
+                _put(table, name, term.term, values.get(name))
+            elif name not in group.values():
+                _drop(table, name, coefficient, vehicle.file.aerodynamics.default)
+        for term, name in group.items():
+            _put(table, name, term, values.get(name))
+    return tomlkit.dumps(document)
+
+
+def _drop(table: Any, name: str, coefficient: str, default: bool) -> None:
+    """Take a term out; one of eq. (1) comes back by default unless it is set to false."""
+    if default and name in EQUATION_1[coefficient]:
+        table[name] = False
+    else:
+        del table[name]
+
+
+def _put(table: Any, name: str, term: str, value: float | None) -> None:
+    """Write a term with its value, free; what else was written of it stays."""
+    entry = table.get(name)
+    if isinstance(entry, str):
+        return  # tied: its value is another's
+    number = float(f"{value:.{DIGITS}g}") if value is not None else 0.0
+    if isinstance(entry, dict):
+        _revise(entry, number if value is not None else None)
+        return
+    known = any(name == n and _same(t, term) for c in EQUATION_1.values() for n, (t, _, _) in c.items())
+    if known:
+        table[name] = number
+        return
+    # a term has passed the white list: it holds no quote
+    table[name] = tomlkit.parse(f'fresh = {{ term = "{term}", value = {number!r} }}')["fresh"]
+
+
+def _revise(entry: Any, number: float | None) -> None:
+    if entry.get("free") is False:
+        entry["free"] = True
+    if number is None:
+        return
+    entry["value"] = number
+    if "bounds" in entry and not entry["bounds"][0] <= number <= entry["bounds"][1]:
+        low, high = (float(b) for b in entry["bounds"])
+        entry["bounds"] = [min(low, number - abs(number)), max(high, number + abs(number))]
+
+
+def rows(found: Structure) -> Iterator[tuple[Any, ...]]:
+    """Give the steps of every coefficient under `HEAD`."""
+    for coefficient, chosen in found.chosen.items():
+        for i, s in enumerate(chosen.selection.steps, 1):
+            yield (
+                coefficient, i, s.action, chosen.candidates[s.column], s.f, s.threshold, s.terms, s.r2, s.press, s.pse,
+            )  # fmt: skip
+
+
+def write_structure(found: Determined, folder: Path, table: str, command: str) -> None:
+    """Write vehicle, table of steps and page into a folder; each whole or not at all."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_text_atomic(folder / "vehicle.toml", found.vehicle.text)
+    write_text_atomic(folder / "structure.csv", table)
+    write_sheet(sheet(found, command), folder / "structure.html")
+
+
+def sheet(found: Determined, command: str) -> Sheet:
+    """Return the page."""
+    sections = [_section(found, c, chosen) for c, chosen in found.structure.chosen.items()]
+    notes = [n for chosen in found.structure.chosen.values() for n in chosen.notes] + list(
+        found.structure.notes
+    )
+    said = [Section("What to mind", (Prose("\n".join(f"- {n}" for n in notes)),))] if notes else []
+    made = Section("Made by", (Code(command),))
+    return Sheet(f"Model structure of {found.vehicle.name}", LEAD, (*said, *sections, made))
+
+
+def _section(found: Determined, coefficient: str, chosen: Chosen) -> Section:
+    parts = (_chosen_table(found, coefficient), _figure(found, coefficient), _steps_table(chosen))
+    share = chosen.selection.model.r2
+    words = Prose(
+        f"{len(chosen.terms)} of {len(chosen.candidates)} candidates; they explain {100.0 * share:.1f} % of the motion."
+    )
+    return Section(coefficient, (words, *parts))
+
+
+def _chosen_table(found: Determined, coefficient: str) -> Table:
+    names = found.names[coefficient]
+    constants = [("1", n) for n, t in found.vehicle.terms[coefficient].items() if t.strip() == "1"]
+    rows = [(term, name, *_estimate(found, name)) for term, name in (*constants, *names.items())]
+    return Table("Chosen terms", ("term", "parameter", "estimate", "std. error"), tuple(rows))
+
+
+def _estimate(found: Determined, name: str) -> tuple[str, str]:
+    value, std = found.estimates.get(name, (np.nan, np.nan))
+    return (_number(value), _number(std)) if np.isfinite(value) else ("–", "–")
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}".replace("-", "−")
+
+
+def _steps_table(chosen: Chosen) -> Table:
+    steps = chosen.selection.steps
+    rows = tuple(
+        (
+            str(i), s.action, chosen.candidates[s.column], f"{s.f:.1f}", f"{s.threshold:.3g}", str(s.terms),
+            f"{s.r2:.4f}", f"{s.press:.3e}", f"{s.pse:.3e}",
+        )
+        for i, s in enumerate(steps, 1)
+    )  # fmt: skip
+    head = ("step", "action", "term", "partial F", "threshold", "terms", "R²", "PRESS", "PSE")
+    return Table("Steps; F of the term, R², PRESS and PSE of the model after the step", head, rows)
+
+
+def _figure(found: Determined, coefficient: str) -> Figure:
+    """Draw what was measured, smoothed, and what the terms make of it."""
+    smooth, curves = Time(), list[Series]()
+    for history in found.structure.histories:
+        both = np.column_stack(
+            [history.coefficients[coefficient], _modeled(found, coefficient, history), history.time]
+        )
+        turned = smooth.rows(both, history.dt)
+        if len(turned):
+            curves += [
+                Series("measured", turned[:, 2], turned[:, 0]), Series("chosen terms", turned[:, 2], turned[:, 1]),
+            ]  # fmt: skip
+    words = f"{coefficient} as it was flown, smoothed over {smooth.span:g} s, and the chosen terms"
+    return Figure(words, plot(curves, "time, s", coefficient, words))
+
+
+def _modeled(found: Determined, coefficient: str, history: History) -> FloatArray:
+    vehicle = found.vehicle
+    return sum(
+        (vehicle.value(n) * history.regressor(t) for n, t in vehicle.terms[coefficient].items()),
+        np.zeros(len(history.time)),
+    )

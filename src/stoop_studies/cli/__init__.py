@@ -1,0 +1,1 @@
+"""Verbs of the studies: compare, reproduce, verify."""

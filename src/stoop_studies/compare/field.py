@@ -1,0 +1,168 @@
+"""What is compared: who runs where, with which seeds, and the plan that a campaign executes."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Final
+
+from stoop import optimize
+from stoop.errors import IdentificationError
+from stoop.optimize.scalar import has_residuals
+from stoop.parallel import Json, Plan, Run
+from stoop_studies import problems
+from stoop_studies.compare.race import Race, read_race
+
+WORK: Final = "stoop_studies.compare.race:race"
+PROBLEMS: Final = ("paper-N", "paper-S", "paper-W", "paper-N+noise", "paper-W+noise", "paper-N+few")
+BASELINES: Final = (
+    "ps-gde-lm",
+    "ordered-shade",
+)  #: the first of them that runs on a problem, else the first that does
+FLIGHT: Final = "flight"
+
+
+@dataclass(frozen=True)
+class Field:
+    """Optimizers, problems and seeds of a comparison.
+
+    Attributes
+    ----------
+    optimizers, problems : tuple of str
+    seeds : range
+        The same for every pair; each draws the problem and begins the search.
+    budget : float
+        Evaluations that a run may take.
+    flight : mapping
+        Arguments of the problem ``flight``: flight, vehicle and maneuvers; empty without it.
+    files : mapping of str to str
+        Digests of the files behind it: a store holds runs on the same files only.
+    absent : mapping of str to str
+        Optimizers that were not asked for by name and cannot run here, with the reason.
+    """
+
+    optimizers: tuple[str, ...]
+    problems: tuple[str, ...]
+    seeds: range
+    budget: float
+    flight: Mapping[str, Any] = field(default_factory=dict)
+    files: Mapping[str, str] = field(default_factory=dict)
+    absent: Mapping[str, str] = field(default_factory=dict)
+
+    @cached_property
+    def pairs(self) -> list[tuple[str, str]]:
+        """Problem and optimizer of every pair that can run."""
+        return [(p, o) for p in self.problems for o in self.optimizers if (p, o) not in self.impossible]
+
+    @cached_property
+    def impossible(self) -> list[tuple[str, str]]:
+        """Problem and optimizer of pairs in which the optimizer needs the residuals that the problem lacks."""
+        bare = [p for p in self.problems if not self._offers_residuals(p)]
+        needy = [o for o in self.optimizers if optimize.needs_residuals(o)] if bare else []
+        return [(p, o) for p in bare for o in needy]
+
+    def baseline(self, problem: str) -> str:
+        """Return whom the others are compared with on a problem."""
+        running = [o for p, o in self.pairs if p == problem]
+        return next((name for name in BASELINES if name in running), running[0])
+
+    def plan(self) -> Plan:
+        """Return the runs.
+
+        Raises
+        ------
+        IdentificationError
+            There are none.
+        """
+        if not self.pairs:
+            raise IdentificationError(
+                "compare: none of these optimizers can run on any of these problems; add others, such as ps-gde"
+            )
+        settings: dict[str, Json] = {
+            "budget": self.budget,
+            "flight": dict(self.flight),
+            "files": dict(self.files),
+        }
+        return Plan("compare", settings, tuple(self._runs()))
+
+    def races(self, results: Mapping[str, Any]) -> dict[tuple[str, str], list[Race]]:
+        """Return by problem and optimizer what a campaign's results say."""
+        return {
+            (p, o): [read_race(p, o, seed, results[_key(p, o, seed)]) for seed in self.seeds]
+            for p, o in self.pairs
+        }
+
+    def _runs(self) -> Iterable[Run]:
+        # seeds outermost: a campaign that is stopped early has something of everything
+        for seed in self.seeds:
+            for problem, optimizer in self.pairs:
+                told: dict[str, Json] = {
+                    "optimizer": optimizer,
+                    "problem": problem,
+                    "seed": seed,
+                    "budget": self.budget,
+                }
+                yield Run(_key(problem, optimizer, seed), WORK, told | self._arguments(problem))
+
+    def _arguments(self, problem: str) -> dict[str, Json]:
+        return dict(self.flight) if problem == FLIGHT else {}
+
+    def _offers_residuals(self, problem: str) -> bool:
+        if problem == FLIGHT:
+            return True
+        return has_residuals(problems.pose(problem, self.seeds[0]).problem)
+
+
+def _key(problem: str, optimizer: str, seed: int) -> str:
+    return f"{problem} {optimizer} {seed:06d}"
+
+
+def installed() -> tuple[tuple[str, ...], dict[str, str]]:
+    """Return the optimizers that can run here, and why the others cannot."""
+    absent: dict[str, str] = {}
+    for name in optimize.names():
+        try:
+            optimize.create(name)
+        except IdentificationError as error:
+            absent[name] = str(error)
+    return tuple(name for name in optimize.names() if name not in absent), absent
+
+
+def check_optimizers(names: Sequence[str]) -> None:
+    """Refuse what is no optimizer, or cannot run here.
+
+    Raises
+    ------
+    IdentificationError
+        One line with the nearest names, or with what to install.
+    """
+    for name in names:
+        _check(name, "optimizer", optimize.names())
+        optimize.create(name)
+
+
+def check_problems(names: Sequence[str], flown: bool, first_seed: int = 1) -> None:
+    """Refuse what is no problem, or lacks a package.
+
+    Raises
+    ------
+    IdentificationError
+        One line with the nearest names, or with what to install.
+    """
+    for name in names:
+        _check(name, "problem", problems.names())
+        if name != FLIGHT:
+            problems.pose(name, first_seed)
+        elif not flown:
+            raise IdentificationError("problem flight: needs --flight, --vehicle and --maneuver; give them")
+
+
+def _check(name: str, kind: str, known: Sequence[str]) -> None:
+    if name in known:
+        return
+    by_letters = {one.lower(): one for one in known}
+    matches = difflib.get_close_matches(name.lower(), by_letters, n=3, cutoff=0.4)
+    near = [by_letters[match] for match in matches] or sorted(known)[:8]
+    raise IdentificationError(f"{kind} {name}: there is none of that name; the nearest are {', '.join(near)}")

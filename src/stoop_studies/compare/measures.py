@@ -1,0 +1,201 @@
+"""Success, expected running time, and how sure both are: what a comparison rests on.
+
+References
+----------
+Auger and Hansen (2005), Performance evaluation of an advanced local search evolutionary algorithm, IEEE CEC:
+the expected running time, evaluations of all runs over the number of successes.
+Efron and Tibshirani (1993), An Introduction to the Bootstrap: percentile intervals; pairs share the seeds drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import comb, inf
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop_studies.compare.race import Race
+
+FloatArray = NDArray[np.float64]
+
+DRAWS: Final = 2000
+LEVEL: Final = 0.95
+SEED: Final = 20_120_000  #: of the draws; the same for every pair, so that a page is the same bytes again
+
+
+@dataclass(frozen=True)
+class Span:
+    """A figure with the interval in which 95 % of resampled seeds leave it; inf where nobody succeeded."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Score:
+    """How an optimizer did on a problem.
+
+    Attributes
+    ----------
+    problem, optimizer : str
+    runs, successes, wrong, short : int
+        Runs; those that reached the target; those that claimed another optimum; those that claimed the right
+        one, but a little above the target.
+    ert : Span, evaluations
+    median : float
+        Evaluations of the successful runs; nan without any.
+    evaluations : float
+        Of all runs.
+    baseline : str
+        Whom the ratio refers to.
+    ratio : Span
+        Expected running time over the baseline's, the same seeds drawn for both.
+    """
+
+    problem: str
+    optimizer: str
+    runs: int
+    successes: int
+    wrong: int
+    short: int
+    ert: Span
+    median: float
+    evaluations: float
+    baseline: str
+    ratio: Span
+
+    @property
+    def rate(self) -> float:
+        """Share of runs that reached the target."""
+        return self.successes / self.runs
+
+    @property
+    def ahead(self) -> bool:
+        """Whether it takes less than the baseline."""
+        return self.optimizer != self.baseline and self.ratio.value < 1.0
+
+    @property
+    def clear(self) -> bool:
+        """Whether the interval of the ratio leaves no doubt on which side of one it is."""
+        return self.ratio.high < 1.0 or self.ratio.low > 1.0
+
+
+def score(races: Sequence[Race], baseline: Sequence[Race]) -> Score:
+    """Measure the runs of one optimizer on one problem beside the baseline's with the same seeds."""
+    own, other = _outcomes(races), _outcomes(baseline)
+    draws = _draws(len(races))
+    times, others = _times(own, draws), _times(other, draws)
+    hits = [race.hit for race in races if race.hit is not None]
+    return Score(
+        problem=races[0].problem,
+        optimizer=races[0].optimizer,
+        runs=len(races),
+        successes=len(hits),
+        wrong=sum(race.wrong for race in races),
+        short=sum(r.status == "converged" and r.hit is None and not r.wrong for r in races),
+        ert=_span(running_time(races), times),
+        median=float(np.median(hits)) if hits else float("nan"),
+        evaluations=float(own[0].sum()),
+        baseline=baseline[0].optimizer,
+        ratio=_span(_over(running_time(races), running_time(baseline)), _ratios(times, others)),
+    )
+
+
+def running_time(races: Sequence[Race]) -> float:
+    """Return the expected evaluations to the target if failures are begun anew: all spent over successes."""
+    successes = sum(race.hit is not None for race in races)
+    return sum(race.spent for race in races) / successes if successes else inf
+
+
+def _outcomes(races: Sequence[Race]) -> tuple[FloatArray, FloatArray]:
+    """Return evaluations and success (n,), in order of the seeds."""
+    ordered = sorted(races, key=lambda race: race.seed)
+    spent = np.array([race.spent for race in ordered])
+    return spent, np.array([race.hit is not None for race in ordered], dtype=np.float64)
+
+
+def _draws(count: int) -> NDArray[np.intp]:
+    """Return which seeds each resample holds, (DRAWS, count)."""
+    return np.random.default_rng(SEED).integers(0, count, size=(DRAWS, count))
+
+
+def _times(outcomes: tuple[FloatArray, FloatArray], draws: NDArray[np.intp]) -> FloatArray:
+    """Return the running time of each resample, (DRAWS,); inf without a success."""
+    spent, success = (values[draws].sum(axis=1) for values in outcomes)
+    return np.where(success > 0.0, spent / np.maximum(success, 1.0), np.inf)
+
+
+def _ratios(times: FloatArray, others: FloatArray) -> FloatArray:
+    return np.array([_over(a, b) for a, b in zip(times.tolist(), others.tolist(), strict=True)])
+
+
+def _over(a: float, b: float) -> float:
+    """Return a / b, where two failures are no ratio."""
+    if a == b == inf:
+        return float("nan")
+    return 0.0 if b == inf else a / b
+
+
+def _span(value: float, resampled: FloatArray) -> Span:
+    """Return the percentile interval; order statistics, as infinite values cannot be averaged."""
+    known = np.sort(resampled[~np.isnan(resampled)])
+    if not known.size:
+        return Span(value, float("nan"), float("nan"))
+    last = known.size - 1
+    low, high = (round(share * last) for share in ((1.0 - LEVEL) / 2.0, (1.0 + LEVEL) / 2.0))
+    return Span(value, float(known[low]), float(known[high]))
+
+
+@dataclass(frozen=True)
+class Duel:
+    """Two optimizers on the same instances.
+
+    Attributes
+    ----------
+    optimizer, baseline : str
+    both, only_own, only_other, neither : int
+        Instances solved by both, by one of them, by none.
+    probability : float
+        That chance parts those solved by one alone as unevenly, or more (two-sided sign test).
+    ratio : float
+        Geometric mean over the instances both solved of evaluations over the baseline's; nan without any.
+    """
+
+    optimizer: str
+    baseline: str
+    both: int
+    only_own: int
+    only_other: int
+    neither: int
+    probability: float
+    ratio: float
+
+
+def duel(races: Sequence[Race], baseline: Sequence[Race]) -> Duel:
+    """Compare two optimizers instance by instance, over all problems that both ran on."""
+    others = {(race.problem, race.seed): race for race in baseline}
+    pairs = [(r, others[r.problem, r.seed]) for r in races if (r.problem, r.seed) in others]
+    solved = [(a.hit is not None, b.hit is not None) for a, b in pairs]
+    own, other = solved.count((True, False)), solved.count((False, True))
+    logs = [np.log(a.hit / b.hit) for a, b in pairs if a.hit is not None and b.hit is not None]
+    return Duel(
+        races[0].optimizer,
+        baseline[0].optimizer,
+        len(logs),
+        own,
+        other,
+        solved.count((False, False)),
+        sign_test(own, other),
+        float(np.exp(np.mean(logs))) if logs else float("nan"),
+    )
+
+
+def sign_test(a: int, b: int) -> float:
+    """Return the two-sided probability of a split at least as uneven as a to b, were both equally likely."""
+    n, least = a + b, min(a, b)
+    tail = sum(comb(n, k) for k in range(least + 1))
+    return min(1.0, float(2 * tail / 2**n))

@@ -1,0 +1,131 @@
+"""One run of a comparison, as a campaign executes it, and what is kept of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.parallel import Json
+from stoop_studies.problems import Posed
+from stoop_studies.search import posed_by, searched
+
+FloatArray = NDArray[np.float64]
+
+LEVELS: Final = 10  #: costs on the way to the target at which runs are timed, the target among them
+ROWS: Final = 10_000  #: of a history from which times are read
+
+
+@dataclass(frozen=True)
+class Race:
+    """How one optimizer did on one problem with one seed.
+
+    Attributes
+    ----------
+    problem, optimizer : str
+    seed : int
+    hit : float or None
+        Evaluations up to the target; None: never reached.
+    hits : tuple of float or None
+        Evaluations up to each level, the highest cost first; the last is `hit`.
+    evaluations : float
+        Spent until the run ended: at the target, at the end of the budget, or when it claimed convergence.
+    cost : float
+        The least that was found; inf where nothing was.
+    status : str
+        "target", "budget", "converged" or "generations".
+    target, reference : float
+        The cost that counts as solved, and the trivial model's.
+    """
+
+    problem: str
+    optimizer: str
+    seed: int
+    hit: float | None
+    hits: tuple[float | None, ...]
+    evaluations: float
+    cost: float
+    status: str
+    target: float
+    reference: float
+
+    @property
+    def spent(self) -> float:
+        """Evaluations up to the target, or up to the run's end without it."""
+        return self.evaluations if self.hit is None else self.hit
+
+    @property
+    def wrong(self) -> bool:
+        """Whether it claimed convergence elsewhere, by more than two confirmations may differ."""
+        return self.status == "converged" and self.hit is None and self.cost > self.target * (1.0 + WRONG)
+
+
+WRONG: Final = 1e-3  #: of the cost; by less, two ends count as the same optimum
+
+
+def race(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> list[Json]:
+    """Run an optimizer on a problem to the target, its own end, or the end of the budget.
+
+    Parameters
+    ----------
+    arguments : mapping
+        As of `stoop_studies.search.search`.
+    stops : sequence
+        Generations, as there.
+
+    Returns
+    -------
+    list of dict, one per stop
+        The fields of `Race` that the run decides.
+    """
+    posed = posed_by(arguments)
+    found = searched(posed, {**arguments, "to_target": True, "history": ROWS}, stops)
+    return [_kept(result, posed) for result in found]
+
+
+def _kept(result: Mapping[str, Any], posed: Posed) -> dict[str, Json]:
+    history = np.array(result["history"], dtype=np.float64).reshape(-1, 2)
+    hits = [_first(history, level) for level in levels(posed.reference, posed.target)[:-1]]
+    told = {k: result[k] for k in ("hit", "evaluations", "cost", "status")}
+    return {
+        **told,
+        "hits": [*hits, result["hit"]],
+        "target": posed.target,
+        "reference": _told(posed.reference),
+    }
+
+
+def levels(reference: float, target: float) -> FloatArray:
+    """Return costs (LEVELS,) falling from below the trivial model's to the target, evenly in their logarithm."""
+    high = reference if np.isfinite(reference) and reference > target else target
+    rungs: FloatArray = np.geomspace(high, target, LEVELS + 1)[1:]
+    return rungs
+
+
+def _first(history: FloatArray, level: float) -> float | None:
+    """Return the evaluations (rows of evaluations and cost) up to a cost at a level or below."""
+    there = np.flatnonzero(history[:, 1] <= level)
+    return float(history[there[0], 0]) if there.size else None
+
+
+def read_race(problem: str, optimizer: str, seed: int, result: Mapping[str, Any]) -> Race:
+    """Return what a stored result says."""
+    return Race(
+        problem,
+        optimizer,
+        seed,
+        result["hit"],
+        tuple(result["hits"]),
+        float(result["evaluations"]),
+        float("inf") if result["cost"] is None else float(result["cost"]),
+        str(result["status"]),
+        float(result["target"]),
+        float("inf") if result["reference"] is None else float(result["reference"]),
+    )
+
+
+def _told(value: float) -> float | None:
+    return value if np.isfinite(value) else None

@@ -1,0 +1,168 @@
+"""What an experiment is told and what it found: claims held against numbers, tables, a page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.base.csv_text import Cell, csv_text
+from stoop.parallel import Plan
+from stoop.report.sheet import Code, Section, Sheet, Table
+
+CLAIMS_HEAD: Final = ("verdict", "statement: what was measured")
+FloatArray = NDArray[np.float64]
+Results = Mapping[str, Any]
+Numbers = tuple[
+    tuple[str, ...], tuple[tuple[Cell, ...], ...]
+]  #: names of the columns, and the rows under them
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What the user may choose.
+
+    Attributes
+    ----------
+    runs : int
+        Seeds per case.
+    seed : int
+        The first of them.
+    box : str
+        N, S or W: which bounds of the paper's problem; says nothing to experiments on other problems.
+    data : Path, optional
+        Folder of published data, for experiments that read some.
+    """
+
+    runs: int
+    seed: int = 0
+    box: str = "N"
+    data: Path | None = None
+
+    @property
+    def seeds(self) -> range:
+        """All seeds."""
+        return range(self.seed, self.seed + self.runs)
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement, whether the numbers bear it out, and the numbers.
+
+    Attributes
+    ----------
+    statement : str
+    verdict : str
+        "reproduces", "does not reproduce", "holds", "does not hold".
+    figures : str
+        What was measured.
+    """
+
+    statement: str
+    verdict: str
+    figures: str
+
+    @property
+    def line(self) -> str:
+        """All of it in one line."""
+        return f"{self.verdict}: {self.statement} ({self.figures})"
+
+
+def reproduces(statement: str, so: bool, figures: str) -> Claim:
+    """Return the verdict on what the paper says or prints."""
+    return Claim(statement, "reproduces" if so else "does not reproduce", figures)
+
+
+def holds(statement: str, so: bool, figures: str) -> Claim:
+    """Return the verdict on anything else."""
+    return Claim(statement, "holds" if so else "does not hold", figures)
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What one experiment found.
+
+    Attributes
+    ----------
+    title, lead : str
+    claims : tuple of Claim
+    sections : tuple of Section
+        Beside the claims, which every page has.
+    head, rows : the table that is written as CSV
+    parts : mapping
+        Further tables, by what is added to the name of the first.
+    """
+
+    title: str
+    lead: str
+    claims: tuple[Claim, ...]
+    sections: tuple[Section, ...]
+    head: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    parts: Mapping[str, Numbers] = field(default_factory=dict)
+
+    @property
+    def csv(self) -> str:
+        """The numbers as text."""
+        return csv_text(self.head, self.rows)
+
+    def part(self, name: str) -> str:
+        """Return the numbers of a further table as text."""
+        return csv_text(*self.parts[name])
+
+    def sheet(self, command: str, notes: Sequence[Section] = ()) -> Sheet:
+        """Return the page; at its end stand the notes and the command that makes it."""
+        verdicts = Section("What holds and what does not", (_claims_table(self.claims),))
+        made = Section("Made by", (Code(command),))
+        return Sheet(self.title, self.lead, (verdicts, *self.sections, *notes, made))
+
+
+class Experiment(Protocol):
+    """An experiment: what is run, and what it shows."""
+
+    @property
+    def name(self) -> str:
+        """As on the command line."""
+
+    @property
+    def runs(self) -> int:
+        """Seeds per case when none are asked for."""
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of the further tables that it writes."""
+
+    def plan(self, setting: Setting) -> Plan | None:
+        """Return all runs; None where there is nothing that takes long."""
+
+    def findings(self, setting: Setting, results: Results) -> Findings:
+        """Return what the runs, by key, show."""
+
+
+def _claims_table(claims: Sequence[Claim]) -> Table:
+    return Table("Each statement held against the numbers below", CLAIMS_HEAD, claim_rows(claims))
+
+
+def claim_rows(claims: Sequence[Claim]) -> tuple[tuple[str, ...], ...]:
+    """Return the cells under `CLAIMS_HEAD`."""
+    return tuple((c.verdict, f"{c.statement}: {c.figures}") for c in claims)
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Return a number as a page shows it; a dash for what there is not."""
+    if value is None or not np.isfinite(value):
+        return "–"
+    text = f"{value:.{digits}g}"
+    if "e" not in text:
+        return text.replace("-", "−")
+    mantissa, exponent = text.split("e")
+    return f"{mantissa}e{int(exponent)}".replace("-", "−")
+
+
+def counted(many: int, whole: int) -> str:
+    """Return ``many of whole``."""
+    return f"{many} of {whole}"

@@ -1,0 +1,1 @@
+"""What these optimizers are composed of."""

@@ -1,0 +1,147 @@
+"""Control: with which scale the differences of a mutation are multiplied, and with which rate one crosses over."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final, Protocol
+
+import numpy as np
+
+from stoop.optimize.arrays import Factor, FloatArray
+from stoop.optimize.pieces.adaptation import Memory, fresh_memory
+
+TINY: Final = 1e-300  #: keeps a range of costs from being zero
+
+
+class Control(Protocol):
+    """Scale and rate of each generation, and what is learnt from how its trials fared.
+
+    The memory is kept in the optimizer's state: numbers, arrays (n, ...), None, or a dataclass of these that
+    `stoop.optimize.store` names.
+    """
+
+    def begin(self, members: int) -> Any:
+        """Return the memory of a population that has not moved yet."""
+        ...
+
+    def sample(self, memory: Any, F: FloatArray, generator: np.random.Generator) -> tuple[Factor, Factor]:
+        """Return scale and rate for parents of costs F, (n,): a number each, or (n, 1)."""
+        ...
+
+    def learn(self, memory: Any, scale: Factor, rate: Factor, before: FloatArray, costs: FloatArray) -> Any:
+        """Return the memory after trials of the given costs, (n,), met parents of costs `before`, (n,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """The same scale and rate for all, always."""
+
+    scale: float = 0.5
+    rate: float = 0.9
+
+    def begin(self, members: int) -> None:
+        """Return nothing: there is nothing to remember."""
+        return
+
+    def sample(self, memory: None, F: FloatArray, generator: np.random.Generator) -> tuple[float, float]:
+        """Return scale and rate."""
+        return self.scale, self.rate
+
+    def learn(self, memory: None, scale: Factor, rate: Factor, before: FloatArray, costs: FloatArray) -> None:
+        """Learn nothing."""
+        return
+
+
+@dataclass(frozen=True)
+class Signed:
+    """A new scale for every mutant, uniform in [low, high] and of either sign; a fixed rate.
+
+    References
+    ----------
+    Kaelo and Ali (2006), Eur. J. Oper. Res. 169, 1176-1184: F in [-1, -0.4] or [0.4, 1] for each mutated point.
+    """
+
+    low: float = 0.4
+    high: float = 1.0
+    rate: float = 0.5
+
+    def begin(self, members: int) -> None:
+        """Return nothing: there is nothing to remember."""
+        return
+
+    def sample(self, memory: None, F: FloatArray, generator: np.random.Generator) -> tuple[FloatArray, float]:
+        """Return scales (n, 1) and the rate."""
+        draws = 2.0 * generator.random((len(F), 1)) - 1.0
+        scales: FloatArray = draws * (self.high - self.low)
+        return scales + np.copysign(self.low, draws), self.rate
+
+    def learn(self, memory: None, scale: Factor, rate: Factor, before: FloatArray, costs: FloatArray) -> None:
+        """Learn nothing."""
+        return
+
+
+@dataclass(frozen=True)
+class ByCost:
+    """A rate that grows with a parent's cost: good parents change little. Those better than the mean take `low`.
+
+    The scale is fixed; a mutation may take it for the largest that it uses (`weighing.Graded`).
+
+    References
+    ----------
+    Wu, Wang and Zhou (2007), Self-adapting control parameters modified differential evolution for trajectory
+    planning of manipulators, J. Control Theory Appl. 5, 365-373.
+    """
+
+    scale: float = 0.9
+    low: float = 0.1
+    high: float = 0.6
+
+    def begin(self, members: int) -> None:
+        """Return nothing: there is nothing to remember."""
+        return
+
+    def sample(self, memory: None, F: FloatArray, generator: np.random.Generator) -> tuple[float, FloatArray]:
+        """Return the scale and rates (n, 1); a parent of infinite cost takes `high`."""
+        finite = np.isfinite(F)
+        if not finite.any():
+            return self.scale, np.full((len(F), 1), self.high)
+        best, worst, mean = F[finite].min(), F[finite].max(), F[finite].mean()
+        place = np.where(finite, (F - best) / max(worst - best, TINY), 1.0)
+        rates = np.where(mean < F, self.low + (self.high - self.low) * place, self.low)
+        return self.scale, rates[:, None]
+
+    def learn(self, memory: None, scale: Factor, rate: Factor, before: FloatArray, costs: FloatArray) -> None:
+        """Learn nothing."""
+        return
+
+
+@dataclass(frozen=True)
+class SuccessHistory:
+    """Scales and rates near those that won lately, one of each for every parent.
+
+    References
+    ----------
+    Tanabe and Fukunaga (2013), IEEE CEC, 71-78 (SHADE).
+    """
+
+    entries: int = 6
+
+    def begin(self, members: int) -> Memory:
+        """Return a memory that has seen nothing yet."""
+        return fresh_memory(self.entries)
+
+    def sample(
+        self, memory: Memory, F: FloatArray, generator: np.random.Generator
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return scales and rates, (n, 1) each."""
+        scales, rates = memory.sample(len(F), generator)
+        return scales[:, None], rates[:, None]
+
+    def learn(
+        self, memory: Memory, scale: FloatArray, rate: FloatArray, before: FloatArray, costs: FloatArray
+    ) -> Memory:
+        """Return the memory after a generation: means of what won, weighted by what it gained."""
+        with np.errstate(invalid="ignore"):
+            gains = before - costs
+        return memory.learn(scale[:, 0], rate[:, 0], gains, costs < before)

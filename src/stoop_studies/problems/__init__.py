@@ -1,0 +1,112 @@
+"""Problems with known answers: the paper's, those beside it, test functions, and recorded flights.
+
+>>> from stoop_studies import problems
+>>> problems.pose("paper-N", seed=3).parameters[:3]
+('CL0', 'CLalpha', 'CLq')
+"""
+
+from __future__ import annotations
+
+import importlib
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop import optimize
+from stoop.errors import IdentificationError
+
+__all__ = ["Posed", "names", "pose", "take_none"]
+
+FloatArray = NDArray[np.float64]
+
+_FAMILIES: Final = {
+    "paper": "paper",
+    "longitudinal": "equation_1",
+    "lateral": "equation_1",
+    "bbob": "bbob",
+    "flight": "flight",
+    "multirotor": "multirotor",
+    "hexacopter": "hexacopter",
+}  #: first part of a name -> the module that poses it; imported when asked for
+
+
+@dataclass(frozen=True)
+class Posed:
+    """A problem and what is known of its answer.
+
+    Attributes
+    ----------
+    problem : optimize.Problem
+    target : float
+        A cost on the full record that counts as solved.
+    reference : float
+        The trivial model's cost.
+    truth : (D,) or None
+        The answer in physical values, where it is known.
+    parameters : tuple of str
+        Names of the variables.
+    values : callable
+        From a point of the unit box, (D,), to physical values, (D,).
+    """
+
+    problem: optimize.Problem
+    target: float
+    reference: float
+    truth: FloatArray | None
+    parameters: tuple[str, ...]
+    values: Callable[[FloatArray], FloatArray]
+
+
+def names() -> tuple[str, ...]:
+    """Return the names of all problems."""
+    return tuple(name for module in dict.fromkeys(_FAMILIES.values()) for name in _module(module).names())
+
+
+def pose(name: str, seed: int, **arguments: Any) -> Posed:
+    """Pose a problem.
+
+    Parameters
+    ----------
+    name : str
+        One of `names`.
+    seed : int
+        Draws what a problem leaves open: box, noise, instance.
+    **arguments
+        Of the problem itself; most have none.
+
+    Raises
+    ------
+    IdentificationError
+        There is none of that name, or it lacks an argument.
+    """
+    module = _FAMILIES.get(re.split("[-+]", name)[0])
+    if module is None or name not in _module(module).names():
+        raise IdentificationError(f"problem {name}: there is none of that name; use one of {_listed()}")
+    posed: Posed = _module(module).pose(name, seed, **arguments)
+    return posed
+
+
+def take_none(name: str, arguments: Mapping[str, object]) -> None:
+    """Refuse arguments that a problem does not have.
+
+    Raises
+    ------
+    IdentificationError
+        There are some.
+    """
+    if arguments:
+        raise IdentificationError(f"problem {name}: knows no {', '.join(sorted(arguments))}; leave it out")
+
+
+def _module(name: str) -> Any:
+    return importlib.import_module(f"stoop_studies.problems.{name}")
+
+
+def _listed() -> str:
+    """Return the names in short: the test functions as a range."""
+    listed = [n for n in names() if not n.startswith("bbob-")]
+    return ", ".join([*listed, "bbob-01 to bbob-24"])

@@ -1,0 +1,107 @@
+"""The noiseless BBOB functions in ten variables, as the package ``ioh`` has them.
+
+``bbob-01`` to ``bbob-24``; the seed is the instance, which turns and shifts the function. The search box is
+[-5, 5] in every variable, brought to the unit box; the value of the optimum is taken off, so that the least
+cost is zero. Only the cost is known: optimizers that need residuals cannot be run here.
+
+References
+----------
+Hansen, Finck, Ros and Auger (2009), Real-parameter black-box optimization benchmarking 2009: noiseless
+functions definitions, INRIA RR-6829.
+de Nobel, Ye, Vermetten, Wang, Doerr and Baeck (2024), IOHexperimenter, Evolutionary Computation 32, 205-210.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop.errors import IdentificationError
+from stoop.optimize.scalar import Scalar
+from stoop_studies.problems import Posed, take_none
+
+FloatArray = NDArray[np.float64]
+
+FUNCTIONS: Final = 24
+DIMENSION: Final = 10
+LOW: Final = -5.0
+HIGH: Final = 5.0
+TARGET: Final = 1e-8  #: above the optimum, as BBOB's own last target
+
+
+class Bbob(Scalar):
+    """One instance of one function, on the unit box.
+
+    Parameters
+    ----------
+    function : 1 to 24
+    instance : 1 or more
+    dimension : number of variables
+
+    Raises
+    ------
+    IdentificationError
+        ``ioh`` is not installed.
+    """
+
+    def __init__(self, function: int, instance: int, dimension: int = DIMENSION) -> None:
+        self.dimension = dimension
+        self.function = _evaluator(function, instance, dimension)
+        self.least = float(self.function.optimum.y)
+
+    def costs(self, X: FloatArray, rung: int) -> FloatArray:
+        """Return the values above the optimum, (B,), of X, (B, D) in the unit box."""
+        values = np.asarray(self.function(physical(X)), dtype=np.float64)
+        above: FloatArray = values - self.least
+        return above
+
+    @property
+    def optimum(self) -> FloatArray:
+        """The place of the least value, (D,), in [-5, 5]."""
+        return np.asarray(self.function.optimum.x, dtype=np.float64)
+
+
+def physical(x: FloatArray) -> FloatArray:
+    """Return what points of the unit box, (..., D), mean in [-5, 5]."""
+    return LOW + x * (HIGH - LOW)
+
+
+def names() -> tuple[str, ...]:
+    """Return the names of these problems."""
+    return tuple(f"bbob-{k:02d}" for k in range(1, FUNCTIONS + 1))
+
+
+def pose(name: str, seed: int, **arguments: object) -> Posed:
+    """Pose the function of a name, such as ``bbob-08``; the seed is the instance.
+
+    Raises
+    ------
+    IdentificationError
+        Arguments, of which these problems have none; an instance below 1; ``ioh`` is not installed.
+    """
+    take_none(name, arguments)
+    if seed < 1:
+        raise IdentificationError(f"problem {name}: there is no instance {seed}; take seeds from 1 on")
+    problem = Bbob(int(name.removeprefix("bbob-")), seed)
+    center = np.full((1, DIMENSION), 0.5)
+    return Posed(
+        problem=problem,
+        target=TARGET,
+        reference=float(problem.costs(center, 0)[0]),
+        truth=problem.optimum,
+        parameters=tuple(f"x{k + 1}" for k in range(DIMENSION)),
+        values=physical,
+    )
+
+
+def _evaluator(function: int, instance: int, dimension: int) -> Any:
+    """Return the function; it takes many points at once."""
+    try:
+        import ioh
+    except ImportError:
+        raise IdentificationError(
+            "problem bbob: needs the package ioh; install it with: pip install 'stoop[compare]'"
+        ) from None
+    return ioh.get_problem(function, instance, dimension, ioh.ProblemClass.BBOB)

@@ -1,0 +1,201 @@
+"""Any recorded flight as a problem of comparison: ``flight``, with the arguments flight, vehicle and maneuvers.
+
+The windows are prepared as `stoop identify` does: cut at dropouts, each piece with its own initial state and
+sensor biases, the weights settled once by dives from the vehicle file's own values and then held.
+
+There is one difference. `stoop identify` keeps initial states and biases apart from the parameters, and only
+its dives refine them. Here they are joined to the unit box, 5 prior standard deviations to either side of
+where the measurements put them, so that every optimizer searches the same numbers.
+
+What counts as solved is the least cost that a long search from the file's own values finds, and a thousandth
+more. Nobody is given those values: every optimizer begins blind.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop import optimize
+from stoop.errors import FlightError, IdentificationError
+from stoop.estimate.fit import Options, settle, starts
+from stoop.estimate.fit import pose as posed_fit
+from stoop.flight import load
+from stoop.problem import Misfit
+from stoop.problem.windows import parse_window
+from stoop.vehicle.builtin import resolve_vehicle
+from stoop_studies.problems import Posed
+
+FloatArray = NDArray[np.float64]
+
+NAME: Final = "flight"
+REACH: Final = 5.0  #: prior standard deviations of a nuisance that the box reaches to either side
+NEAR: Final = 1e-3  #: of the reference's cost; the agreement that confirms an optimum
+REFERENCE_BUDGET: Final = 50_000.0  #: trajectories of the search that finds what counts as solved
+REFERENCE_SEEDS: Final = (0, 1, 2)
+LEGS: Final = 2.0 * REACH  #: prior standard deviations from one end of the box to the other
+
+
+@dataclass(frozen=True, eq=False)
+class Joined:
+    """A misfit whose nuisances are searched as its parameters are, in the unit box.
+
+    Attributes
+    ----------
+    apart : Misfit
+        With D parameters and E nuisances.
+    """
+
+    apart: Misfit
+
+    extra = 0
+
+    @property
+    def dimension(self) -> int:
+        """Number D + E of variables."""
+        return self.apart.dimension + self.apart.extra
+
+    @property
+    def prices(self) -> tuple[float, ...]:
+        """Price of a trajectory on each rung."""
+        return self.apart.prices
+
+    def costs(self, X: FloatArray, rung: int) -> FloatArray:
+        """Return the costs (B,) of X (B, D + E) in the unit box, priors of the nuisances included."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            total = np.sum(self.residuals(X, rung) ** 2, axis=1)
+        return np.where(np.isfinite(total), total, np.inf)
+
+    def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
+        """Return weighted residuals (B, n_r) of Z (B, D + E) in the unit box."""
+        return self.apart.residuals(self.split(Z), rung)
+
+    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
+        """Return d r / d z (n_r, D + E) and its price: initial states on their own piece, biases for nothing."""
+        J, spent = self.apart.jacobian(self.split(z[None, :])[0], rung, r)
+        J[:, self.apart.dimension :] *= LEGS
+        return J, spent
+
+    def reference(self, rung: int) -> float:
+        """Return the trivial model's cost."""
+        return self.apart.reference(rung)
+
+    def split(self, Z: FloatArray) -> FloatArray:
+        """Return vectors (B, D + E) with the nuisances in prior standard deviations."""
+        out = Z.copy()
+        out[:, self.apart.dimension :] = LEGS * (Z[:, self.apart.dimension :] - 0.5)
+        return out
+
+    def join(self, z: FloatArray) -> FloatArray:
+        """Return the point of the unit box (D + E,) of a vector with nuisances in prior standard deviations."""
+        out = z.copy()
+        out[self.apart.dimension :] = 0.5 + z[self.apart.dimension :] / LEGS
+        return np.clip(out, 0.0, 1.0)
+
+
+def names() -> tuple[str, ...]:
+    """Return the name of this problem."""
+    return (NAME,)
+
+
+def pose(name: str, seed: int, **arguments: object) -> Posed:
+    """Pose windows of flights; the seed is the search's alone, the problem is always the same.
+
+    Parameters
+    ----------
+    name : str
+    seed : int
+    **arguments
+        ``flight``: path of a log, or a list of them; ``vehicle``: path, or the name of a built-in vehicle;
+        ``maneuvers``: list of ``[FLIGHT@]START:STOP[#LOADING]``.
+
+    Raises
+    ------
+    IdentificationError
+        An argument is missing or unknown.
+    StoopError
+        What `stoop identify` would say to the same flight, vehicle and windows.
+    """
+    wrong = {"flight", "vehicle", "maneuvers"} ^ set(arguments)
+    if wrong:
+        said = "needs" if set(arguments) <= {"flight", "vehicle", "maneuvers"} else "knows no"
+        raise IdentificationError(
+            f"problem {name}: {said} {', '.join(sorted(wrong))}; give flight, vehicle and maneuvers"
+        )
+    return posed(_texts(arguments["flight"]), str(arguments["vehicle"]), _texts(arguments["maneuvers"]))
+
+
+@functools.cache
+def posed(flights: tuple[str, ...], vehicle: str, maneuvers: tuple[str, ...]) -> Posed:
+    """Pose the problem; once in a process for the same words."""
+    apart, guesses = _settled(flights, vehicle, maneuvers)
+    problem, layout = Joined(apart), apart.layout
+    states = tuple(f"{n.name} of maneuver {n.maneuver + 1}" for n in layout.nuisances)
+    centers = np.array([n.center for n in layout.nuisances])
+    scales = np.array([n.scale for n in layout.nuisances])
+
+    def values(x: FloatArray) -> FloatArray:
+        own = layout.physical(x[None, : layout.dimension])[0]
+        return np.concatenate([own, centers + scales * LEGS * (x[layout.dimension :] - 0.5)])
+
+    return Posed(
+        problem=problem,
+        target=least(problem, guesses) * (1.0 + NEAR),
+        reference=problem.reference(len(problem.prices) - 1),
+        truth=None,
+        parameters=(*(p.name for p in layout.parameters), *states),
+        values=values,
+    )
+
+
+def least(problem: Joined, guesses: FloatArray) -> float:
+    """Return the least cost that long searches from the file's own values (k, D) find.
+
+    They have the nuisances apart, as `stoop identify`, which is the stronger treatment; only a point inside the
+    box of the joined problem counts.
+
+    Raises
+    ------
+    IdentificationError
+        No search was confirmed.
+    """
+    ends = [
+        optimize.minimize(
+            optimize.create(),
+            problem.apart,
+            seed=seed,
+            starts=guesses,
+            stop=optimize.Stop(budget=REFERENCE_BUDGET),
+        )
+        for seed in REFERENCE_SEEDS
+    ]
+    if not any(end.status == "converged" for end in ends):
+        raise IdentificationError(
+            f"problem {NAME}: no optimum was confirmed, so nothing says what counts as solved; "
+            f"choose other maneuvers, or free fewer numbers"
+        )
+    points = np.array([problem.join(end.z) for end in ends])
+    return float(problem.costs(points, len(problem.prices) - 1).min())
+
+
+def _settled(flights: Sequence[str], vehicle: str, maneuvers: Sequence[str]) -> tuple[Misfit, FloatArray]:
+    """Return the misfit with its weights settled, and where to begin from, (k, D)."""
+    loaded = [load(Path(path)) for path in flights]
+    by_name = {flight.name: flight for flight in loaded}
+    if len(by_name) < len(loaded):
+        raise FlightError("flights: two of them have the same name; rename one of the files")
+    windows = [parse_window(text, by_name) for text in maneuvers]
+    problem, _ = posed_fit(resolve_vehicle(vehicle), by_name, windows, Options())
+    settled = settle(problem, starts(problem))
+    guesses = np.concatenate([settled.z[None, : problem.dimension], starts(problem)])
+    return settled.problem, guesses
+
+
+def _texts(value: object) -> tuple[str, ...]:
+    return tuple(str(v) for v in value) if isinstance(value, list | tuple) else (str(value),)

@@ -1,0 +1,213 @@
+"""The paper's longitudinal problem: ten coefficients of Table 1, six channels, 1500 samples, the elevator of Fig. 3.
+
+Three boxes, as the paper prints no bounds; the truth lies somewhere in each, drawn with the seed, never on
+purpose in its middle. No starting values, priors or equation-error estimate.
+
+``paper-N``, ``paper-S``, ``paper-W``; each also ``+noise``, ``+few`` (V, q and theta only), ``+few+noise``.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stoop import optimize
+from stoop.errors import IdentificationError
+from stoop.optimize.ledger import blank
+from stoop.problem import Layout, Misfit, Piece, Weights
+from stoop.problem.layout import Nuisance
+from stoop.problem.misfit import horizon_ladder
+from stoop.simulate import parse_maneuver
+from stoop.simulate.fly import Flown, fly
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+from stoop_studies.problems import Posed, take_none
+from stoop_studies.problems.experiment import MANEUVER, NOISE, SAMPLES, TABLE_1
+
+__all__ = [
+    "MANEUVER",
+    "NEAR",
+    "NOISE",
+    "SAMPLES",
+    "SIGMA",
+    "TABLE_1",
+    "Paper",
+    "box",
+    "of_known_truth",
+    "optimum",
+    "paper",
+    "pose",
+]
+
+FloatArray = NDArray[np.float64]
+
+BOXES: Final = ("N", "S", "W")
+FEW: Final = ("V", "q", "theta")
+NEAR: Final = 1e-6  #: of J0 without noise; of the maximum-likelihood cost with it
+PATIENT: Final = optimize.Settings(
+    iterations=200, gain=1e-14, predicted=1e-14, stall=0, stall_damping=np.inf
+)  #: a dive that stops at rounding only
+
+
+def sigma_of(channels: Iterable[str]) -> FloatArray:
+    """Return the noise's standard deviation (n_y,) of channels, SI."""
+    return np.array([NOISE[c] for c in channels])
+
+
+SIGMA: Final = sigma_of(("V", "alpha", "q", "theta", "ax", "az"))  #: of the longitudinal channels; SI
+
+
+@dataclass(frozen=True)
+class Paper:
+    """A vehicle, the flight of its truth, and which numbers are to be found.
+
+    Attributes
+    ----------
+    vehicle : Vehicle
+        The model; its values are the truth.
+    flown : Flown
+        What its sensors would read without noise.
+    names : tuple of str
+        The free numbers; all others are known.
+    """
+
+    vehicle: Vehicle
+    flown: Flown
+    names: tuple[str, ...] = TABLE_1
+
+    @property
+    def truth(self) -> FloatArray:
+        """The free numbers, (D,), SI."""
+        return np.array([self.vehicle.value(n) for n in self.names])
+
+    def bounded(self, low: FloatArray, high: FloatArray, nuisances: Sequence[Nuisance] = ()) -> Layout:
+        """Return the search vector with these bounds, (D,) each, SI; the names in the vehicle's order."""
+        bounds = {
+            n: {"free": True, "bounds": (a, b), "value": (a + b) / 2.0}
+            for n, a, b in zip(self.names, low.tolist(), high.tolist(), strict=True)
+        }
+        others = {p.name: {"free": False} for p in self.vehicle.parameters if p.name not in self.names}
+        return Layout.of(self.vehicle.with_numbers(others | bounds), nuisances)
+
+    def problem(self, kind: str, seed: int, noise: bool, channels: Iterable[str] | None = None) -> Misfit:
+        """Pose the least-squares problem of one box.
+
+        Parameters
+        ----------
+        kind : str
+            N, S or W, as `box`.
+        seed : int
+            Of the box and of the noise.
+        noise : bool
+        channels : iterable of str, optional
+            Those that are measured; all when absent.
+        """
+        layout = self.bounded(*box(kind, seed, self.truth))
+        return self.misfit(layout, self.measured(seed, noise, channels))
+
+    def misfit(self, layout: Layout, measured: FloatArray) -> Misfit:
+        """Return the cost of a search vector against readings (n, n_y)."""
+        trim, n = self.flown.trim, len(measured)
+        piece = Piece(0, self.flown.time[:n], self.flown.inputs[:n], measured, trim.start, trim.changes)
+        weights = Weights.of(sigma_of(self.vehicle.outputs) ** 2)
+        return Misfit(layout, (piece,), weights, horizon_ladder([piece]))
+
+    def cost(self, values: FloatArray) -> FloatArray:
+        """Return each channel's part (n_y,) of J, without noise, of values (D,), SI, in the order of `names`."""
+        reach = np.abs(values) + np.abs(self.truth)
+        problem = self.misfit(self.bounded(-reach, reach), self.measured(0, noise=False))
+        ordered = dict(zip(self.names, values.tolist(), strict=True))
+        z = problem.layout.unit(np.array([ordered[p.name] for p in problem.layout.parameters]))
+        residuals = problem.residuals(z[None], len(problem.prices) - 1)
+        return np.asarray((residuals.reshape(-1, len(self.vehicle.outputs)) ** 2).sum(axis=0))
+
+    def measured(self, seed: int, noise: bool, channels: Iterable[str] | None = None) -> FloatArray:
+        """Return readings (n, n_y), NaN in channels that are not measured."""
+        readings = self.flown.outputs[:SAMPLES].copy()
+        if noise:
+            sigma = sigma_of(self.vehicle.outputs)
+            readings += sigma * np.random.default_rng(seed).standard_normal(readings.shape)
+        if channels is not None:
+            readings[:, ~np.isin(self.vehicle.outputs, list(channels))] = np.nan
+        return readings
+
+    def optimum(self, problem: Misfit) -> float:
+        """Return the least cost about the truth, where a dive from it ends."""
+        names = [p.name for p in problem.layout.parameters]
+        return optimum(problem, np.array([self.vehicle.value(n) for n in names]))
+
+    def posed(self, problem: Misfit, noise: bool) -> Posed:
+        """Return a problem with its target, see `of_known_truth`."""
+        return of_known_truth(self.vehicle, problem, noise)
+
+
+def of_known_truth(vehicle: Vehicle, problem: Misfit, noise: bool) -> Posed:
+    """Return a problem whose answer the vehicle is: near zero without noise, near the optimum at the truth with it."""
+    reference = problem.reference(len(problem.prices) - 1)
+    names = tuple(p.name for p in problem.layout.parameters)
+    truth = np.array([vehicle.value(n) for n in names])
+    return Posed(
+        problem=problem,
+        target=optimum(problem, truth) * (1.0 + NEAR) if noise else NEAR * reference,
+        reference=reference,
+        truth=truth,
+        parameters=names,
+        values=lambda x: problem.layout.physical(x[None, : problem.dimension])[0],
+    )
+
+
+def optimum(problem: Misfit, truth: FloatArray) -> float:
+    """Return the cost where a dive from the truth (D,), SI, in the problem's own order, ends."""
+    z = np.concatenate([problem.layout.unit(truth), np.zeros(problem.extra)])
+    ledger = optimize.Ledger(problem, blank(problem))
+    return optimize.dive(ledger, z, len(problem.prices) - 1, PATIENT).cost
+
+
+def box(kind: str, seed: int, truth: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return bounds: N is as wide as each value, W eight times, S begins or ends at zero (sign known).
+
+    Raises
+    ------
+    IdentificationError
+        There is none of that kind.
+    """
+    if kind not in BOXES:
+        raise IdentificationError(f"box {kind}: there is none of that name; use N, S or W")
+    rng, size = np.random.default_rng(10_000 + seed), np.abs(truth)
+    if kind == "S":
+        far = rng.uniform(2.0, 8.0, len(truth)) * truth
+        return np.minimum(0.0, far), np.maximum(0.0, far)
+    width = size if kind == "N" else 8.0 * size
+    low = truth - rng.uniform(0.1, 0.9, len(truth)) * width
+    return low, low + width
+
+
+@functools.cache
+def paper() -> Paper:
+    """Return the paper's aircraft and its flight; made once in a process."""
+    vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
+    return Paper(vehicle, fly(vehicle, parse_maneuver(MANEUVER, "paper")))
+
+
+def names() -> tuple[str, ...]:
+    """Return the names of these problems."""
+    return tuple(f"paper-{kind}{more}" for kind in BOXES for more in ("", "+noise", "+few", "+few+noise"))
+
+
+def pose(name: str, seed: int, **arguments: object) -> Posed:
+    """Pose the paper's problem of a name, such as ``paper-N+noise``; the seed draws box and noise.
+
+    Raises
+    ------
+    IdentificationError
+        Arguments, of which this problem has none.
+    """
+    take_none(name, arguments)
+    kind, *more = name.removeprefix("paper-").split("+")
+    noise, case = "noise" in more, paper()
+    return case.posed(case.problem(kind, seed, noise, FEW if "few" in more else None), noise)

@@ -1,0 +1,344 @@
+"""Figure 2: the dive along the negative gradient, on a picture of the cost, and the pseudo-code as printed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+
+from stoop.base.csv_text import Cell
+from stoop.optimize import Ledger
+from stoop.optimize.ledger import blank
+from stoop.report.plots import Mark, Series, contour_plot, plot
+from stoop.report.sheet import Code, Figure, Prose, Section, Table
+from stoop_studies.findings import Claim, Findings, FloatArray, Results, Setting, holds, number
+from stoop_studies.optimizers.pieces.golden import BETA, SteepestDive, forward_gradient
+from stoop_studies.problems.paper import Paper, paper
+
+PAIR: Final = ("CLalpha", "Cmalpha")
+LOW: Final = (3.2, -3.2)
+HIGH: Final = (6.4, -1.2)
+START: Final = (0.20, 0.80)  #: in the unit box
+NEAR_END: Final = (0.45, 0.55)  #: a place near the truth
+CHAIN: Final = 20  #: dives in a row
+DRAWN: Final = 4  #: of them
+NEAR: Final = 0.05  #: of the unit box, about the truth: where the best members of a late population are
+GRID: Final = 61
+REACH: Final = 0.1
+TOLERANCE: Final = 0.1  #: relative to the reach
+LINES: Final = 41
+PLACES: Final = {"from anywhere": 1.0, "near the optimum": NEAR}
+LEAD: Final = """\
+The paper's local search takes one step along the negative gradient of the cost, as far as a golden-section search \
+says. Here it is drawn on the cost over two of the ten coefficients, the other eight at their true values, with every \
+evaluation: those of the forward differences, and those along each line."""
+PRINTED_CODE: Final = """\
+i2 = a + beta (b - a), f2 = f(i2)
+i1 = a + b - i2,       f1 = f(i1)
+while |i1 - i2| >= epsilon
+    if f1 <= f2:  b = i2, i2 = i1, f2 = f1         <- i1 is not moved, f1 not evaluated
+    else:         a = i1, i1 = i2, f1 = f2, i2 = a + beta (b - a), f2 = f(i2)
+return (i1 + i2) / 2"""
+WORDS: Final = """\
+As printed, the first branch sets i2 to i1 and leaves i1 where it is. The two then coincide, the loop ends, and i1 \
+is the answer, however far from the minimum: whenever the lower half of the line is the better one, the search stops \
+at the next point. The repaired search moves i1 to a + b - i2 and evaluates it."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A search along a line.
+
+    Attributes
+    ----------
+    end : float
+        Where it ended.
+    cost : float
+        There.
+    points : (k,)
+        What it evaluated, in order.
+    """
+
+    end: float
+    cost: float
+    points: FloatArray
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One line, searched both ways.
+
+    Attributes
+    ----------
+    cost : float
+        Where it starts.
+    repaired, printed : Line
+    """
+
+    cost: float
+    repaired: Line
+    printed: Line
+
+    def gain(self, line: Line) -> float:
+        """Return the share of the cost that a search takes away; none where its end is refused as worse."""
+        return max(0.0, 1.0 - line.cost / self.cost)
+
+
+@dataclass
+class Recorder:
+    """A problem that remembers what it was asked."""
+
+    case: Paper
+    points: list[FloatArray] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.problem = self.case.misfit(
+            self.case.bounded(*_bounds(self.case)), self.case.measured(0, noise=False)
+        )
+        self.dimension, self.extra, self.prices = 2, 0, (1.0,)
+
+    def costs(self, X: FloatArray, rung: int) -> FloatArray:
+        """Return the costs (B,) of X (B, 2) in the order of `PAIR`."""
+        self.points.extend(X)
+        return self.problem.costs(X, len(self.problem.prices) - 1)
+
+    def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
+        """Return the residuals."""
+        return self.problem.residuals(Z, len(self.problem.prices) - 1)
+
+    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
+        """Return the Jacobian."""
+        return self.problem.jacobian(z, len(self.problem.prices) - 1, r)
+
+    def reference(self, rung: int) -> float:
+        """Return the trivial model's cost."""
+        return self.problem.reference(len(self.problem.prices) - 1)
+
+
+@dataclass(frozen=True)
+class Figure2:
+    """The dive along the gradient."""
+
+    name: str = "figure2"
+    runs: int = 100
+    box: str = "N"
+    parts: tuple[str, ...] = ()
+
+    def plan(self, setting: Setting) -> None:
+        """Return nothing: it takes no time."""
+
+    def findings(self, setting: Setting, results: Results) -> Findings:
+        """Return the picture, and what the printed pseudo-code does on the same lines."""
+        recorder = Recorder(replace(paper(), names=PAIR))
+        ends = chain(recorder, np.array(START))
+        asked = np.array(recorder.points)
+        found = {where: lines(recorder, setting.seeds, reach) for where, reach in PLACES.items()}
+        return Findings(
+            "Figure 2: golden section along the negative gradient",
+            LEAD,
+            _claims(found, ends),
+            (
+                Section("On a picture of the cost", (_picture(recorder, ends, asked), _ends_table(ends))),
+                Section(
+                    "The pseudo-code as printed",
+                    (Code(PRINTED_CODE), Prose(WORDS), _profile(recorder), _table(found)),
+                ),
+            ),
+            ("dive", *PAIR, "J", "evaluations_so_far"),
+            tuple(_rows(ends)),
+        )
+
+
+@dataclass(frozen=True)
+class End:
+    """Where one of a chain of dives ended: in the unit box (2,), its cost, evaluations so far."""
+
+    x: FloatArray
+    cost: float
+    evaluations: int
+
+
+def chain(recorder: Recorder, x: FloatArray) -> list[End]:
+    """Dive again and again from where the last dive ended."""
+    ledger = Ledger(recorder, blank(recorder))
+    cost = float(ledger.costs(x[None], 0)[0])
+    ends = [End(x, cost, 1)]
+    for _ in range(CHAIN):
+        x, cost = SteepestDive(REACH, TOLERANCE)(ledger, x, cost)
+        ends.append(End(x, cost, len(recorder.points)))
+    return ends
+
+
+def lines(recorder: Recorder, seeds: range, reach: float) -> list[Pair]:
+    """Search one line per seed, from a random place within ``reach`` of the truth in each variable."""
+    low, high = np.array(LOW), np.array(HIGH)
+    middle = (recorder.case.truth - low) / (high - low)
+    found = []
+    for seed in seeds:
+        x = np.clip(middle + reach * np.random.default_rng(seed).uniform(-1.0, 1.0, 2), 0.0, 1.0)
+        pair = both(recorder, x)
+        if pair is not None:
+            found.append(pair)
+    return found
+
+
+def both(recorder: Recorder, x: FloatArray) -> Pair | None:
+    """Search the line down the gradient from x, as repaired and as printed; None without a gradient."""
+    along = line_from(recorder, x)
+    if along is None:
+        return None
+    tolerance = TOLERANCE * REACH
+    return Pair(
+        along(0.0),
+        searched(along, REACH, tolerance, repaired=True),
+        searched(along, REACH, tolerance, repaired=False),
+    )
+
+
+def line_from(recorder: Recorder, x: FloatArray) -> Callable[[float], float] | None:
+    """Return the cost along the unit negative gradient from x, by the distance."""
+    ledger = Ledger(recorder, blank(recorder))
+    gradient = forward_gradient(ledger, x, float(ledger.costs(x[None], 0)[0]))
+    length = float(np.sqrt((gradient**2).sum()))
+    if not np.isfinite(length) or length == 0.0:
+        return None
+    return lambda t: float(ledger.costs(np.clip(x - t * gradient / length, 0.0, 1.0)[None], 0)[0])
+
+
+def searched(f: Callable[[float], float], reach: float, tolerance: float, *, repaired: bool) -> Line:
+    """Search [0, reach] by golden section, repaired or as printed (its first branch evaluates nothing)."""
+    low, high = 0.0, reach
+    right = low + BETA * (high - low)
+    left = low + high - right
+    points = [right, left]
+    f_right, f_left = f(right), f(left)
+    while abs(left - right) >= tolerance:
+        if f_left <= f_right:
+            high, right, f_right = right, left, f_left
+            if repaired:
+                left = low + high - right
+                f_left = f(left)
+                points.append(left)
+        else:
+            low, left, f_left = left, right, f_right
+            right = low + BETA * (high - low)
+            f_right = f(right)
+            points.append(right)
+    end = 0.5 * (left + right)
+    return Line(end, f(end), np.array(points))
+
+
+def _bounds(case: Paper) -> tuple[FloatArray, FloatArray]:
+    return np.array(LOW), np.array(HIGH)
+
+
+def _claims(found: Mapping[str, list[Pair]], ends: list[End]) -> tuple[Claim, ...]:
+    close = found["near the optimum"]
+    early = [sum(_ends_early(p) for p in pairs) for pairs in found.values()]
+    mended = float(np.median([p.gain(p.repaired) for p in close]))
+    printed = float(np.median([p.gain(p.printed) for p in close]))
+    reached = next((e for e in ends if e.cost < 1e-6 * ends[0].cost), None)
+    return (
+        holds(
+            "The pseudo-code as printed ends its search before the interval is small",
+            min(early) > 0,
+            ", ".join(
+                f"{n} of {len(pairs)} lines {where}"
+                for n, (where, pairs) in zip(early, found.items(), strict=True)
+            ),
+        ),
+        holds(
+            "Near the optimum, where the best members are, the repaired search brings more",
+            mended > printed,
+            f"median gain {100 * mended:.1f} % of the cost against {100 * printed:.1f} %",
+        ),
+        holds(
+            f"{CHAIN} dives in a row reach the optimum (1e-6 of the cost that they start from)",
+            reached is not None,
+            f"{number(ends[0].cost)} falls to {number(ends[-1].cost)} in {ends[-1].evaluations} evaluations",
+        ),
+    )
+
+
+def _ends_early(pair: Pair) -> bool:
+    return len(pair.printed.points) < len(pair.repaired.points)
+
+
+def _physical(points: FloatArray) -> FloatArray:
+    low, high = np.array(LOW), np.array(HIGH)
+    return np.asarray(low + points * (high - low))
+
+
+def _picture(recorder: Recorder, ends: list[End], asked: FloatArray) -> Figure:
+    axis = np.linspace(0.0, 1.0, GRID)
+    places = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+    values = recorder.problem.costs(places, len(recorder.problem.prices) - 1).reshape(GRID, GRID)
+    drawn = ends[: DRAWN + 1]
+    trail, points = _physical(np.array([e.x for e in drawn])), _physical(asked[: drawn[-1].evaluations])
+    drawing = contour_plot(
+        _physical(np.column_stack([axis, axis]))[:, 0],
+        _physical(np.column_stack([axis, axis]))[:, 1],
+        np.log10(np.maximum(values, 1e-12)),
+        trail,
+        [
+            *(Mark("evaluated", *map(float, p)) for p in points),
+            Mark("start", *map(float, trail[0])),
+            Mark("truth", *map(float, recorder.case.truth)),
+        ],
+        *PAIR,
+        "Lines of equal cost over two coefficients with a chain of dives",
+    )
+    return Figure(
+        f"log J over {PAIR[0]} and {PAIR[1]}, and the first {DRAWN} of {CHAIN} dives in a row", drawing
+    )
+
+
+def _ends_table(ends: list[End]) -> Table:
+    rows = tuple(
+        (str(i), *(number(float(v), 5) for v in _physical(e.x)), number(e.cost, 4), str(e.evaluations))
+        for i, e in enumerate(ends)
+        if i <= DRAWN or i % 5 == 0
+    )
+    return Table("Where dives end", ("dive", *PAIR, "J", "evaluations so far"), rows)
+
+
+def _profile(recorder: Recorder) -> Figure:
+    x = np.array(NEAR_END)
+    along, pair = line_from(recorder, x), both(recorder, x)
+    assert along is not None and pair is not None  # noqa: S101, PT018 - this place is not an optimum
+    t = np.linspace(0.0, REACH, LINES)
+    drawing = plot(
+        [
+            Series("cost along the line", t, np.array([along(v) for v in t])),
+            Series("evaluated, repaired", pair.repaired.points, np.array([along(v) for v in pair.repaired.points]), "points"),
+            Series("end, repaired", np.array([pair.repaired.end]), np.array([pair.repaired.cost]), "points"),
+            Series("end, as printed", np.array([pair.printed.end]), np.array([pair.printed.cost]), "points"),
+        ],
+        "distance in the unit box", "J", "Cost along one line near the optimum",
+    )  # fmt: skip
+    return Figure("A line from a place near the optimum", drawing)
+
+
+def _table(found: Mapping[str, list[Pair]]) -> Table:
+    rows = []
+    for where, pairs in found.items():
+        for name, chosen in (
+            ("repaired", [p.repaired for p in pairs]),
+            ("as printed", [p.printed for p in pairs]),
+        ):
+            gains = np.array([p.gain(line) for p, line in zip(pairs, chosen, strict=True)])
+            spent = np.mean([len(line.points) + 1 for line in chosen])
+            shares = (
+                f"{100 * np.median(gains):.1f} %",
+                f"{100 * gains.mean():.1f} %",
+                f"{100 * np.mean(gains > 0):.0f} %",
+            )
+            rows.append((f"{name}, {where}", *shares, f"{spent:.1f}"))
+    head = ("search", "median gain", "mean gain", "lines with a gain", "evaluations on the line")
+    return Table("Lines from random places; a worse end is refused, and gains nothing", head, tuple(rows))
+
+
+def _rows(ends: list[End]) -> list[tuple[Cell, ...]]:
+    return [(i, *(float(v) for v in _physical(e.x)), e.cost, e.evaluations) for i, e in enumerate(ends)]

@@ -1,0 +1,76 @@
+"""Multirotors: claims follow the numbers, and without data the real flight is left out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from stoop_studies.findings import Setting
+from stoop_studies.problems import pose
+from stoop_studies.reproduce.multirotor import PROBLEM, STOPS, cases, seeds
+from stoop_studies.reproduce.multirotor_page import Multirotor
+from stoop_studies.reproduce.table1 import METHODS
+
+SETTING = Setting(runs=2)
+
+
+def made_up(errors: dict[str, float], hits: dict[str, float | None]) -> dict[str, Any]:
+    """Return results in which every value of a method is off by the same share."""
+    truth = pose(PROBLEM, 0).truth
+    assert truth is not None
+    return {
+        run.key: {
+            "values": (truth * (1.0 + errors[method])).tolist(), "cost": 1e5 * errors[method], "hit": hits[method],
+            "evaluations": 1e4,
+        }
+        for run in Multirotor().plan(SETTING).runs
+        for method in METHODS
+        if f"/{METHODS[method]}/" in run.key
+    }  # fmt: skip
+
+
+def verdicts(results: dict[str, Any]) -> dict[str, str]:
+    found = Multirotor().findings(SETTING, results)
+    assert len(found.rows) == len(METHODS) * 5
+    assert len(found.parts["parameters"][1]) == len(METHODS) * 2 * 10 + 10
+    assert "--data DIR" in str(found.sections[-1])
+    return {claim.statement: claim.verdict for claim in found.claims}
+
+
+def test_as_it_should_be() -> None:
+    said = verdicts(
+        made_up(
+            {"GA": 0.03, "PSO": 0.02, "PS-GDE": 1e-5, "default": 1e-8},
+            {"GA": None, "PSO": 9000.0, "PS-GDE": 4000.0, "default": 60.0},
+        )
+    )
+    assert [v for k, v in said.items() if k.startswith("GA")] == ["does not hold"]
+    assert [v for k, v in said.items() if not k.startswith("GA")] == [
+        "reproduces",
+        *["holds"] * 6,
+        "does not hold",
+    ]
+
+
+def test_turned_round() -> None:
+    said = verdicts(
+        made_up(
+            {"GA": 1e-5, "PSO": 0.02, "PS-GDE": 0.03, "default": 0.3},
+            {"GA": 100.0, "PSO": 9000.0, "PS-GDE": None, "default": 60.0},
+        )
+    )
+    assert said[next(k for k in said if k.startswith("Multiple shooting"))] == "holds"
+    assert list(said.values())[:4] == ["does not reproduce", *["does not hold"] * 3]
+    assert said["PS-GDE, with noise: ends at the optimum, to 1e-6 of J, in every run"] == "does not hold"
+
+
+def test_the_real_flight_is_run_with_half_the_seeds_where_its_data_is(tmp_path: Any) -> None:
+    there = Setting(runs=5, seed=7, data=tmp_path)
+    assert cases(SETTING) == ("clean", "noise")
+    assert cases(there) == ("clean", "noise", "real")
+    assert list(seeds("real", there)) == [7, 8, 9]
+    runs = Multirotor().plan(there).runs
+    assert len(runs) == len(METHODS) * (5 * (len(STOPS["clean"]) + 1) + 3 * len(STOPS["real"]))
+    assert len({run.key for run in runs}) == len(runs)
+    assert np.all([run.arguments["history"] == 0 for run in runs])

@@ -1,0 +1,150 @@
+"""Running times, intervals and tests against cases that can be worked out by hand, and against SciPy."""
+
+from __future__ import annotations
+
+from math import inf, isnan
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from stoop_studies.compare.curves import distribution
+from stoop_studies.compare.measures import duel, running_time, score, sign_test
+from stoop_studies.compare.race import Race, levels
+
+
+def runs(name: str, outcomes: list[float | None], budget: float = 1000.0, problem: str = "p") -> list[Race]:
+    """Return runs with seeds from 1; None failed and spent its budget."""
+    return [
+        Race(
+            problem=problem,
+            optimizer=name,
+            seed=seed,
+            hit=hit,
+            hits=(None if hit is None else hit / 2.0, hit),
+            evaluations=budget if hit is None else hit,
+            cost=2.0 if hit is None else 1.0,
+            status="budget" if hit is None else "target",
+            target=1.0,
+            reference=100.0,
+        )
+        for seed, hit in enumerate(outcomes, start=1)
+    ]
+
+
+def test_running_time_counts_failures_until_they_ended() -> None:
+    assert running_time(runs("a", [100.0, None, 300.0, None])) == (100.0 + 300.0 + 2 * 1000.0) / 2
+    assert running_time(runs("a", [None, None])) == inf
+
+
+def test_running_time_is_what_restarts_take_on_average() -> None:
+    """A failure is followed by a fresh start until one succeeds: the mean over many such chains."""
+    generator = np.random.default_rng(5)
+    outcomes = [200.0 if lucky else None for lucky in generator.random(4000) < 0.3]
+    chains, spent = [], 0.0
+    for race in runs("a", outcomes, budget=500.0):
+        spent += race.spent
+        if race.hit is not None:
+            chains.append(spent)
+            spent = 0.0
+    assert running_time(runs("a", outcomes, budget=500.0)) == pytest.approx(np.mean(chains), rel=1e-2)
+
+
+def test_interval_agrees_with_scipys_bootstrap() -> None:
+    times = np.random.default_rng(1).lognormal(5.0, 0.5, 60).tolist()
+    found = score(runs("a", times), runs("a", times)).ert
+    scipys = stats.bootstrap(
+        (times,), np.mean, n_resamples=4000, method="percentile", rng=np.random.default_rng(2)
+    ).confidence_interval
+    assert found.value == pytest.approx(np.mean(times))
+    assert found.low == pytest.approx(scipys.low, rel=0.02)
+    assert found.high == pytest.approx(scipys.high, rel=0.02)
+
+
+def test_ratio_draws_the_same_seeds_for_both() -> None:
+    """Twice as slow on every seed is twice as slow in every resample, however much seeds differ."""
+    times = np.random.default_rng(1).lognormal(5.0, 2.0, 30)
+    found = score(runs("b", (2.0 * times).tolist()), runs("a", times.tolist())).ratio
+    assert (found.value, found.low, found.high) == pytest.approx((2.0, 2.0, 2.0))
+
+
+def test_nobody_succeeds() -> None:
+    found = score(runs("b", [None, None]), runs("a", [1.0, 2.0]))
+    assert found.ert.value == found.ratio.value == inf
+    assert isnan(found.median)
+    both = score(runs("b", [None, None]), runs("a", [None, None]))
+    assert isnan(both.ratio.value)
+    assert not both.ahead
+
+
+def test_ahead_and_clear() -> None:
+    quick, slow = [10.0, 11.0, 12.0, 10.0], [20.0, 21.0, 19.0, 22.0]
+    found = score(runs("b", quick), runs("a", slow))
+    assert found.ahead
+    assert found.clear
+    doubtful = score(runs("b", [10.0, 30.0, 10.0, 10.0]), runs("a", [20.0, 10.0, 30.0, 20.0]))
+    assert doubtful.ahead
+    assert not doubtful.clear
+
+
+def test_the_order_of_runs_does_not_matter() -> None:
+    times = [10.0, None, 30.0, 5.0]
+    assert score(runs("b", times)[::-1], runs("a", times)) == score(runs("b", times), runs("a", times)[::-1])
+
+
+def test_a_wrong_optimum_is_claimed_and_clearly_above() -> None:
+    def ended(status: str, cost: float, hit: float | None = None) -> Race:
+        return Race("p", "o", 1, hit, (hit,), 10.0, cost, status, 1.0, 100.0)
+
+    assert ended("converged", 1.5).wrong
+    assert not ended("converged", 1.0005).wrong
+    assert not ended("budget", 1.5).wrong
+    assert not ended("converged", 0.9, hit=5.0).wrong
+    several = [ended("converged", 1.5), ended("converged", 1.0005), ended("budget", 1.0005)]
+    found = score(several, several)
+    assert (found.wrong, found.short) == (1, 1)
+
+
+@pytest.mark.parametrize(("a", "b"), [(0, 0), (5, 0), (3, 4), (12, 2), (40, 60)])
+def test_sign_test_agrees_with_scipy(a: int, b: int) -> None:
+    expected = stats.binomtest(a, a + b).pvalue if a + b else 1.0
+    assert sign_test(a, b) == pytest.approx(expected)
+
+
+def test_a_duel_is_fought_instance_by_instance() -> None:
+    own = runs("b", [10.0, None, 30.0, None]) + runs("b", [40.0], problem="q")
+    other = runs("a", [20.0, 5.0, None, None]) + runs("a", [10.0], problem="q")
+    found = duel(own, [*other, *runs("a", [1.0], problem="only the baseline's")])
+    assert (found.both, found.only_own, found.only_other, found.neither) == (2, 1, 1, 1)
+    assert found.ratio == pytest.approx(np.sqrt(0.5 * 4.0))
+    assert found.probability == 1.0
+
+
+def test_distribution_is_the_share_of_all_targets() -> None:
+    series = distribution(runs("a", [10.0, None, 40.0]), "a", 1000.0)
+    reached = dict(zip(series.x.tolist(), series.y.tolist(), strict=True))
+    assert reached == pytest.approx(
+        {1.0: 0.0, 5.0: 1 / 6, 10.0: 2 / 6, 20.0: 3 / 6, 40.0: 4 / 6, 1000.0: 4 / 6}
+    )
+
+
+def test_distribution_of_many_runs_is_thinned_but_ends_where_it_does() -> None:
+    times = np.random.default_rng(0).lognormal(7.0, 1.0, 1500).tolist()
+    series = distribution(runs("a", times), "a", 1e6)
+    assert len(series.x) < 200
+    assert series.y[-1] == 1.0
+    exact = stats.ecdf(np.concatenate([times, np.array(times) / 2.0])).cdf.evaluate(series.x[1:-1])
+    assert series.y[1:-1] == pytest.approx(exact)
+
+
+def test_nobody_reached_anything() -> None:
+    series = distribution([Race("p", "o", 1, None, (None, None), 10.0, inf, "budget", 1.0, 2.0)], "o", 10.0)
+    assert series.y.tolist() == [0.0, 0.0]
+
+
+def test_levels_fall_evenly_to_the_target() -> None:
+    found = levels(1e4, 1e-6)
+    assert len(found) == 10
+    assert found[-1] == pytest.approx(1e-6)
+    assert found[:-1] / found[1:] == pytest.approx(10.0)
+    assert levels(inf, 3.0) == pytest.approx(3.0)

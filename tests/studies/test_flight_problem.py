@@ -1,0 +1,144 @@
+"""A flight as a problem of comparison: the same numbers as `stoop identify` fits, joined into one box."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop import optimize
+from stoop.errors import FlightError, IdentificationError, VehicleError
+from stoop.flight.store import save
+from stoop.optimize.problem import forward_jacobian
+from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.vehicle.builtin import resolve_vehicle
+from stoop_studies.problems import Posed, pose
+from stoop_studies.problems.experiment import MANEUVER
+from stoop_studies.problems.flight import REACH, Joined
+
+FREE = ("CLalpha", "Cmalpha", "Cmelevator")
+
+
+def _freed(line: re.Match[str]) -> str:
+    """Hold a coefficient, or free it in a wide box about its truth."""
+    name, value = line[1], float(line[2])
+    low, high = sorted((0.3 * value, 3.0 * value))
+    free = f"free = true, bounds = [{low}, {high}]" if name in FREE else "free = false"
+    return f"{name} = {{ value = {value}, {free} }}"
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
+    """Return the arguments of a noisy flight of the paper's aircraft, three of its numbers free."""
+    folder = tmp_path_factory.mktemp("flight")
+    vehicle = resolve_vehicle("twin-boom")
+    flight = simulate_flight(vehicle.reduced("longitudinal"), parse_maneuver(MANEUVER, "m"), 3, name="flown")
+    save(flight, folder / "flown.nc")
+    (folder / "v.toml").write_text(
+        'model.reduce = "longitudinal"\n'
+        + re.sub(r"^(C\w+) = (\S+)$", _freed, vehicle.text, flags=re.MULTILINE),
+        encoding="utf-8",
+    )
+    return {
+        "flight": str(folder / "flown.nc"),
+        "vehicle": str(folder / "v.toml"),
+        "maneuvers": ["0:9", "10:18"],
+    }
+
+
+@pytest.fixture(scope="module")
+def posed(files: dict[str, object]) -> Posed:
+    return pose("flight", 1, **files)
+
+
+def joined(posed: Posed) -> Joined:
+    assert isinstance(posed.problem, Joined)
+    return posed.problem
+
+
+def test_everything_is_searched_in_one_box(posed: Posed) -> None:
+    problem = joined(posed)
+    assert problem.extra == 0
+    assert problem.dimension == len(posed.parameters) == problem.apart.dimension + problem.apart.extra
+    assert problem.apart.extra >= 8  # four states in either window
+
+
+def test_cost_is_that_of_the_problem_apart(posed: Posed) -> None:
+    problem = joined(posed)
+    X = np.random.default_rng(0).uniform(0.3, 0.7, (5, problem.dimension))
+    X[0, problem.apart.dimension :] = 0.5  # where the measurements put initial states
+    full = len(problem.prices) - 1
+    costs = problem.costs(X, full)
+    apart = problem.apart
+    assert costs[0] == pytest.approx(apart.costs(X[:1, : apart.dimension], full)[0])
+    assert costs == pytest.approx(np.sum(apart.residuals(problem.split(X), full) ** 2, axis=1))
+
+
+def test_the_box_reaches_five_prior_deviations_to_either_side(posed: Posed) -> None:
+    problem = joined(posed)
+    ends = problem.split(np.array([np.zeros(problem.dimension), np.ones(problem.dimension)]))
+    assert ends[:, problem.apart.dimension :] == pytest.approx(
+        np.outer([-REACH, REACH], np.ones(problem.apart.extra))
+    )
+    z = np.random.default_rng(1).uniform(0.0, 1.0, problem.dimension)
+    assert problem.join(problem.split(z[None])[0]) == pytest.approx(z)
+
+
+def test_jacobian_is_the_difference_quotient(posed: Posed) -> None:
+    problem = joined(posed)
+    z = np.full(problem.dimension, 0.52)
+    full = len(problem.prices) - 1
+    r = problem.residuals(z[None], full)[0]
+    J, spent = problem.jacobian(z, full, r)
+    naive, most = forward_jacobian(problem, z, full, r)
+    assert np.abs(J - naive).max() < 1e-3 * np.abs(naive).max()
+    assert spent < most  # an initial state is flown on its own window only
+
+
+def test_values_are_physical(posed: Posed) -> None:
+    problem = joined(posed)
+    center = posed.values(np.full(problem.dimension, 0.5))
+    lower, width = problem.apart.layout.lower, problem.apart.layout.width
+    assert center[: problem.apart.dimension] == pytest.approx(lower + 0.5 * width)
+    assert center[problem.apart.dimension :] == pytest.approx(
+        [n.center for n in problem.apart.layout.nuisances]
+    )
+    assert "V of maneuver 2" in posed.parameters
+
+
+def test_the_default_gets_there_blind_and_near_the_truth(posed: Posed) -> None:
+    stop = optimize.Stop(budget=20_000.0, target_cost=posed.target)
+    outcome = optimize.minimize(optimize.create(), posed.problem, seed=7, stop=stop)
+    assert outcome.status == "target"
+    found = dict(zip(posed.parameters, posed.values(outcome.z), strict=True))
+    truth = resolve_vehicle("twin-boom")
+    for name in FREE:
+        assert found[name] == pytest.approx(truth.value(name), rel=0.05)
+
+
+def test_the_seed_is_the_searchs_alone(files: dict[str, object], posed: Posed) -> None:
+    assert pose("flight", 99, **files) is posed
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "words"),
+    [
+        ({"maneuvers": None}, IdentificationError, "needs maneuvers"),
+        ({"loudness": "3"}, IdentificationError, "knows no loudness"),
+        ({"vehicle": "nowhere.toml"}, VehicleError, "nowhere.toml"),
+        ({"maneuvers": ["9:0"]}, FlightError, "before"),
+    ],
+)
+def test_bad_input(files: dict[str, object], change: dict[str, object], error: type, words: str) -> None:
+    arguments = {k: v for k, v in {**files, **change}.items() if v is not None}
+    with pytest.raises(error, match=words) as refusal:
+        pose("flight", 1, **arguments)
+    assert "\n" not in str(refusal.value)
+
+
+def test_two_flights_of_one_name(files: dict[str, object], tmp_path: Path) -> None:
+    log = str(files["flight"])
+    with pytest.raises(FlightError, match="same name"):
+        pose("flight", 1, **{**files, "flight": [log, log]})

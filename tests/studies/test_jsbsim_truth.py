@@ -1,0 +1,113 @@
+"""What stoop is told of JSBSim's aircraft, and what is taken for the truth, against JSBSim's own numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stoop.simulate import initial_states, parameter_rows
+from stoop_studies.verify.jsbsim_truth import flight
+from stoop_studies.verify.jsbsim_truth.aircraft import FLEET
+from stoop_studies.verify.jsbsim_truth.case import Case
+from stoop_studies.verify.jsbsim_truth.derivatives import derivatives, moment_at_reference
+from stoop_studies.verify.jsbsim_truth.flight import fly, machine, trimmed, written
+from stoop_studies.verify.jsbsim_truth.machine import Machine, State
+from stoop_studies.verify.jsbsim_truth.vehicle import inertia, vehicle_of
+
+CESSNA = FLEET[0]
+TUMBLING = State(V=48.0, altitude=1500.0, alpha=0.05, beta=0.05, phi=0.2, theta=0.1, p=0.5, q=0.2, r=0.3)
+PITCHING = ("Cmo", "Cmalpha", "Cmq", "Cmadot", "Cmde", "Cmdf")
+ROLLING = ("Clb", "Clp", "Clr", "ClDa", "Cldr")
+YAWING = ("Cnb", "Cnp", "Cnr", "Cnda", "Cndr")
+
+
+@pytest.fixture(scope="module")
+def cessna() -> Machine:
+    jsbsim = machine(CESSNA)
+    jsbsim.put(TUMBLING, written(CESSNA, {"elevator": 0.05, "aileron": 0.1, "rudder": -0.1}))
+    return jsbsim
+
+
+def test_inertia_is_the_one_that_jsbsim_turns_by(cessna: Machine) -> None:
+    i = inertia(cessna)
+    tensor = np.array(
+        [
+            [i["xx"], -i["xy"], -i["xz"]],
+            [-i["xy"], i["yy"], -i["yz"]],
+            [-i["xz"], -i["yz"], i["zz"]],
+        ]
+    )
+    rates = cessna.read([f"velocities/{a}i-rad_sec" for a in "pqr"])
+    turning = cessna.read([f"accelerations/{a}idot-rad_sec2" for a in "pqr"])
+    moment = cessna.read([f"moments/{a}-total-lbsft" for a in "lmn"]) * 1.3558179483314004
+    assert tensor @ turning + np.cross(rates, tensor @ rates) == pytest.approx(moment, abs=1e-8)
+    assert min(abs(i[a]) for a in ("xy", "xz", "yz")) > 1.0, "all three signs count"
+
+
+def test_moment_at_the_reference_point_is_the_sum_of_the_tables(cessna: Machine) -> None:
+    sums = [
+        sum(cessna[f"aero/coefficient/{name}"] for name in names) for names in (ROLLING, PITCHING, YAWING)
+    ]
+    assert moment_at_reference(cessna) == pytest.approx(sums, rel=1e-9)
+
+
+def test_truth_is_what_the_tables_say() -> None:
+    """Constants in the aircraft's file; the moment due to the rate of the angle of attack adds to that of pitching."""
+    found = short_case().truth
+    constants = {
+        "CQbeta": -0.1370 / 0.3490, "CQrudder": 0.187, "Clp": -0.484, "Claileron": 0.229, "Clrudder": 0.0147,
+        "Cnbeta": 0.0205 / 0.3490, "Cnp": -0.0278, "Cnr": -0.0937, "Cnaileron": -0.0053, "CDbetaabs": 0.17,
+    }  # fmt: skip
+    assert {n: found[n] for n in constants} == pytest.approx(constants, rel=1e-3)
+    assert found["Cmq"] == pytest.approx(-12.4 - 7.27, rel=0.02)
+    assert found["CLq"] == pytest.approx(3.9 + 1.7, rel=0.02)
+
+
+def test_equations_agree_at_the_states_flown() -> None:
+    """No fit: with JSBSim's derivatives our equations give JSBSim's accelerations and readings at its own states."""
+    case = short_case()
+    known = case.flown.columns
+    vehicle = case.vehicle.with_numbers({n: {"value": v} for n, v in case.truth.items()})
+    rows = parameter_rows(vehicle, {}, len(case.flown.time))
+    inputs = np.ascontiguousarray([known[c] for c in vehicle.inputs])
+    states = {c: known[c] for c in ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi")}
+    start = initial_states(vehicle, {**states, "h": known["altitude"]}, rows, inputs)
+    rates, readings = vehicle.kernel().evaluate(rows, start, inputs)
+    for name in (*TURNING, "ax", "ay", "az"):
+        ours = (
+            rates[vehicle.states.index(name[0])] if name in TURNING else readings[vehicle.outputs.index(name)]
+        )
+        assert np.sqrt(np.mean((ours - known[name]) ** 2)) < 0.01 * np.std(known[name]), name
+
+
+TURNING = {f"{a}_dot": (f"accelerations/{a}dot-rad_sec2", 1.0) for a in "pqr"}
+
+
+def brief(patch: pytest.MonkeyPatch) -> None:
+    """Fly shorter, and note angular accelerations, too."""
+    patch.setattr(flight, "DURATION", 6.0)
+    patch.setattr(flight, "READ", {**flight.READ, **TURNING})
+
+
+def short_case() -> Case:
+    jsbsim, trim = ready()
+    jsbsim.put(trim.state, written(CESSNA, trim.deflections))
+    vehicle = vehicle_of(CESSNA, jsbsim, trim)
+    with pytest.MonkeyPatch.context() as patch:
+        brief(patch)
+        flown = fly(CESSNA, jsbsim, trim)
+    return Case(CESSNA, vehicle, flown, derivatives(CESSNA, jsbsim, trim, vehicle, flown))
+
+
+def test_flights_are_the_same_again(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    brief(monkeypatch)
+    first, second = (fly(CESSNA, *ready()) for _ in range(2))
+    assert all(np.array_equal(first.columns[c], second.columns[c]) for c in first.columns)
+    assert "".join(capfd.readouterr()) == "", "JSBSim greets on stdout unless it is told not to"
+
+
+def ready() -> tuple[Machine, flight.Trim]:
+    jsbsim = machine(CESSNA)
+    return jsbsim, trimmed(CESSNA, jsbsim)

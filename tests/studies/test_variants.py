@@ -1,0 +1,44 @@
+"""What a plan may write in place of an optimizer's name."""
+
+from __future__ import annotations
+
+import pytest
+
+from stoop.errors import IdentificationError
+from stoop.optimize import create
+from stoop.optimize.pieces.initialization import uniform
+from stoop_studies.optimizers.pieces.golden import SteepestDive
+from stoop_studies.optimizers.pieces.mutation import Unordered
+from stoop_studies.optimizers.pieces.prey import LevenbergDive, PreySchedule
+from stoop_studies.optimizers.ps_gde import ps_gde
+from stoop_studies.variants import build
+
+
+def test_a_name_is_the_optimizer_itself() -> None:
+    assert build("de-rand-1-bin") == create("de-rand-1-bin")
+    assert build({"name": "ps-gde"}) == create("ps-gde")
+
+
+def test_a_table_exchanges_pieces() -> None:
+    wild = build({"name": "ps-gde", "mutation": "unordered", "initialization": "uniform", "dive": "none"})
+    assert wild == ps_gde(Unordered(), uniform, None)
+    assert build({"name": "ps-gde", "scale": 0.5, "rate": 0.8, "members": 30}) == ps_gde(
+        scale=0.5, rate=0.8, members=30
+    )
+    levenberg = build({"name": "ps-gde", "dive": "levenberg", "period": 5, "share": 0.1})
+    assert levenberg == ps_gde(prey=PreySchedule(LevenbergDive(), 5, 0.1))
+    printed = build({"name": "ps-gde", "swapped": True})
+    assert printed == ps_gde(prey=PreySchedule(SteepestDive(), swapped=True))
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ({"name": "ga"}, "no name ga can be chosen"),
+        ({"name": "ps-gde", "speed": 2}, "no speed can be chosen"),
+        ({"name": "ps-gde", "mutation": "magic"}, "no mutation magic; use one of ordered, unordered"),
+    ],
+)
+def test_what_there_is_not_is_said(table: dict[str, object], words: str) -> None:
+    with pytest.raises(IdentificationError, match=words):
+        build(table)

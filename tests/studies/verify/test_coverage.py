@@ -1,0 +1,126 @@
+"""Coverage: made-up estimates turn every verdict round; noise is what its name says; one flight end to end."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stoop.parallel.canonical import to_text
+from stoop_studies.findings import Setting
+from stoop_studies.verify.coverage.cases import CASES
+from stoop_studies.verify.coverage.experiment import Coverage, key
+from stoop_studies.verify.coverage.scene import BIASES, STEPS, aircraft, coefficients, misled
+from stoop_studies.verify.coverage.sensors import (
+    MEMORY,
+    in_remembering_noise,
+    in_white_noise,
+    remembering,
+    white,
+)
+from stoop_studies.verify.coverage.work import cover
+
+SETTING = Setting(runs=400)
+
+
+def made_up(scale: dict[str, float], seed: int = 0) -> dict[str, Any]:
+    """Return results whose standard errors are too large by a factor for each case; plain ones are right."""
+    rng, names = np.random.default_rng(seed), list("abcdefghijkl")
+    return {
+        key(case, s): {
+            "names": names, "errors": rng.standard_normal(12).tolist(), "sigma": [scale.get(case, 1.0)] * 12,
+            "cramer_rao": [1.0] * 12, "status": "converged",
+        }
+        for s in SETTING.seeds
+        for case in CASES
+    }  # fmt: skip
+
+
+def verdicts(results: dict[str, Any]) -> dict[str, list[str]]:
+    found = Coverage().findings(SETTING, results)
+    return {
+        name: [c.verdict for c in found.claims if c.statement.startswith(f"With {case.words} the")]
+        for name, case in CASES.items()
+    }
+
+
+def test_right_standard_errors_hold() -> None:
+    found = Coverage().findings(SETTING, made_up({}))
+    assert {c.verdict for c in found.claims} == {"holds"}
+    pooled = {row[0]: row for row in found.rows if row[1] == "pooled"}
+    assert set(pooled) == set(CASES)
+    assert pooled["white"][3] == pytest.approx(0.95, abs=0.02)
+    assert pooled["white"][4] == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.5])
+def test_wrong_ones_do_not_in_either_direction(factor: float) -> None:
+    said = verdicts(made_up({"white": factor}))
+    assert said["white"] == ["does not hold", "does not hold"]
+    assert set(said["ar1"]) == {"holds"}
+
+
+def test_one_wrong_parameter_is_seen_though_the_pool_is_right() -> None:
+    results = made_up({})
+    for s in SETTING.seeds:
+        results[key("white", s)]["sigma"] = [0.7] + [1.0] * 11
+    assert verdicts(results)["white"] == ["holds", "does not hold"]
+
+
+def test_an_interval_that_is_not_given_holds_nothing() -> None:
+    results = made_up({})
+    for s in SETTING.seeds:
+        results[key("ar1", s)]["sigma"] = [None] + [1.0] * 11
+    found = Coverage().findings(SETTING, results)
+    row = next(r for r in found.rows if r[:2] == ("ar1", "a"))
+    assert row[3:5] == (0.0, None)
+    for s in SETTING.seeds:
+        results[key("ar1", s)]["sigma"] = [None] * 3 + [1.0] * 9
+    assert verdicts(results)["ar1"] == ["does not hold"]
+
+
+def test_noise_is_what_it_is_called() -> None:
+    for make, correlation in ((white, 0.0), (remembering, MEMORY)):
+        v = make(np.random.default_rng(1), 200_000, 2)
+        assert v.std(axis=0) == pytest.approx(1.0, abs=0.03)
+        assert np.mean(v[1:] * v[:-1], axis=0) == pytest.approx(correlation, abs=0.02)
+        assert abs(np.mean(v[:, 0] * v[:, 1])) < 0.03
+    first = np.array([remembering(np.random.default_rng(s), 2, 50) for s in range(200)])
+    assert first.std() == pytest.approx(1.0, abs=0.02), "stationary from the first sample on"
+
+
+def test_scenes_differ_by_seed_and_in_their_noise_alone() -> None:
+    scene, again, other = in_white_noise(3), in_white_noise(3), in_white_noise(4)
+    assert list(scene.flights) == list(STEPS)
+    assert scene.truth == coefficients(aircraft())
+    assert len(scene.truth) == 32
+    assert min(map(abs, scene.truth.values())) > 0.0
+    q, same, new = (s.flights["pitch"].data["q"].to_numpy() for s in (scene, again, other))
+    assert (q == same).all()
+    assert (q != new).any()
+    remembered = in_remembering_noise(3).flights["pitch"].data["q"].to_numpy()
+    assert np.diff(remembered).std() < 0.7 * np.diff(q).std()
+
+
+def test_the_start_is_wrong_and_knows_no_bias() -> None:
+    vehicle = misled(aircraft(), np.random.default_rng(0))
+    wrong = [abs(vehicle.value(n) / v - 1.0) for n, v in coefficients(aircraft()).items()]
+    assert 0.05 < np.mean(wrong) < 0.3
+    assert max(wrong) < 0.3
+    for channel, prior in BIASES.items():
+        p = vehicle.parameters[vehicle.rows[f"sensors.{channel}.bias"]]
+        assert (p.value, p.free, p.prior) == (0.0, True, prior)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES)
+def test_one_flight_of_each_case(case: str) -> None:
+    """Estimates lie where their error bars say, and the same arguments give the same bytes."""
+    found = cover({"case": case, "seed": 7}, [None])[0]
+    z = np.array(found["errors"]) / np.array(found["sigma"])
+    assert len(z) == (35 if case == "dryden" else 32)  # the intensities of the gusts too
+    assert found["status"] == "converged"
+    assert np.abs(z).max() < 4.5
+    assert np.mean(z**2) < 3.0  # errors of one flight go together
+    assert to_text(found, "") == to_text(cover({"case": case, "seed": 7}, [None])[0], "")

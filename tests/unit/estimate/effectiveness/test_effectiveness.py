@@ -1,0 +1,358 @@
+"""Weak rotors: loads as in the equations of motion, truth by balance of forces comes back, healthy flights are left alone."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy as sp
+import xarray as xr
+
+from stoop.errors import FlightError, VehicleError
+from stoop.estimate.effectiveness import (
+    Balance,
+    Hover,
+    Reference,
+    advice,
+    alike,
+    assess,
+    hover,
+    judge,
+    leave_one_out,
+    together,
+)
+from stoop.estimate.effectiveness.battery import Battery, battery
+from stoop.estimate.effectiveness.compare import USUAL
+from stoop.estimate.effectiveness.verdict import least_seen
+from stoop.flight import Flight
+from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+
+EXAMPLE = Path(__file__).parents[4] / "examples" / "crazyflie.toml"
+HALF = -0.0103 + 0.6 * 0.1825 - 0.36 * 0.0401  #: N, thrust of a rotor at a command of 0.6
+CROOKED = """
+format = "stoop-vehicle/1"
+name = "crooked"
+[mass]
+mass = 1.3
+inertia = { xx = 0.02, yy = 0.03, zz = 0.04, xz = 0.002 }
+center_of_gravity = [0.01, -0.02, 0.03]
+[environment]
+density = 1.225
+[rotors]
+gain = 0.9
+idle = 0.05
+nominal_voltage = 12.0
+T0 = 0.1
+T1 = 2.0
+T2 = 7.0
+Q0 = 0.001
+Q1 = 0.02
+Q2 = 0.11
+[rotor.a]
+channel = "motor_1"
+position = [0.2, 0.15, -0.05]
+axis = [0.1, 0.05, -1.0]
+spin = "ccw"
+factor = 0.8
+[rotor.b]
+channel = "motor_2"
+position = [-0.2, -0.15, 0.0]
+spin = "cw"
+torque_factor = 1.2
+[rotor.c]
+channel = "motor_3"
+position = [0.2, -0.2, 0.02]
+spin = "ccw"
+"""
+
+
+@pytest.fixture(scope="module")
+def quad() -> Balance:
+    return Balance(load_vehicle(EXAMPLE))
+
+
+@pytest.fixture(scope="module")
+def hexa() -> Balance:
+    return Balance(resolve_vehicle("hexa-x"))
+
+
+def accelerations(vehicle: Vehicle, commands: dict[str, float]) -> np.ndarray:
+    """Forces, N, and moments, N m, at rest by the vehicle's own equations."""
+    from stoop.vehicle.symbolic import build_model
+
+    model = build_model(vehicle)
+    values = dict(zip(model.parameters, vehicle.values, strict=True))
+    values |= {s: float(name == "e0") for s, name in zip(model.states, vehicle.states, strict=True)}
+    values |= dict(zip(model.inputs, (commands[c] for c in vehicle.inputs), strict=True))
+    rates = np.array([float(sp.sympify(d).subs(values)) for d in model.derivatives[:6]])
+    m = vehicle.value
+    inertia = np.diag([m("mass.inertia.xx"), m("mass.inertia.yy"), m("mass.inertia.zz")])
+    inertia[0, 2] = inertia[2, 0] = -m("mass.inertia.xz")
+    gravity = np.array([0.0, 0.0, 9.80665])
+    return np.concatenate([m("mass.mass") * (rates[:3] - gravity), inertia @ rates[3:]])
+
+
+def test_loads_are_those_of_the_equations() -> None:
+    vehicle = parse_vehicle(CROOKED, "crooked")
+    commands = {"motor_1": 0.5, "motor_2": 0.7, "motor_3": 0.61, "voltage": 11.1}
+    balance = Balance(vehicle)
+    thrust, torque = balance.drive({name: np.array([value]) for name, value in commands.items()})
+    sums = balance.loads(thrust[:, 0], torque[:, 0]).sum(axis=1)
+    load = accelerations(vehicle, commands)
+    np.testing.assert_allclose(sums, [-load[2], *load[3:]], rtol=1e-9, atol=1e-12)
+
+
+def flown(balance: Balance, rng: np.random.Generator, name: str, **truth: float) -> Hover:
+    """A flight at rest whose controller commands what its rotors must be commanded, with the usual scatter.
+
+    Truth: rotor name -> share that it loses, "mass" -> share of the weight taped to the rotor named by `near`, "scatter"
+    -> times the usual one.
+    """
+    n = len(balance.rotors)
+    near = int(truth.pop("near", 0))
+    taped, scatter = truth.pop("mass", 0.0), truth.pop("scatter", 1.0)
+    weight, ratio = 1.0, 0.01
+    unit = np.array([weight, weight * balance.arm, weight * balance.arm, weight * ratio])
+    needed = np.array([weight, 0.0, 0.0, 0.0]) + scatter * unit * np.array(USUAL) * rng.normal(size=4)
+    needed += taped * weight * balance.of_thrust[:, near] * np.array([1.0, 1.0, 1.0, 0.0])
+    share = np.array([1.0 - truth.get(rotor, 0.0) for rotor in balance.rotors])
+    acts = balance.of_thrust + ratio * balance.of_torque
+    thrust = np.linalg.pinv(acts * share) @ needed if n == 4 else _mixed(acts, share, needed)
+    return Hover(name, thrust, ratio * thrust, np.zeros((4, 4)), float("nan"), 10.0)
+
+
+def _mixed(acts: np.ndarray, share: np.ndarray, needed: np.ndarray) -> np.ndarray:
+    """Commands of more than four rotors, as a mixer makes them that does not know the loss."""
+    mixer = np.linalg.pinv(acts)
+    return mixer @ np.linalg.solve(acts * share @ mixer, needed)
+
+
+def healthy(balance: Balance, rng: np.random.Generator, count: int, scatter: float = 1.0) -> Reference:
+    return Reference(
+        balance, tuple(flown(balance, rng, f"healthy {i}", scatter=scatter) for i in range(count))
+    )
+
+
+@pytest.mark.parametrize("count", [1, 3, 8])
+def test_healthy_flights_are_accused_as_often_as_stated(quad: Balance, count: int) -> None:
+    rng = np.random.default_rng(count)
+    accused = 0
+    for _ in range(800):
+        reference = healthy(quad, rng, count)
+        accused += judge(assess(flown(quad, rng, "new"), reference), 0.05).kind != "healthy"
+    assert accused / 800 < 0.05 + 0.01 + 3.0 * np.sqrt(0.06 / 800)  # 1 % are called odd besides
+
+
+@pytest.mark.parametrize(("count", "share"), [(1, 0.26), (3, 0.23), (8, 0.14)])
+def test_more_are_accused_where_flights_scatter_twice_as_much(
+    quad: Balance, count: int, share: float
+) -> None:
+    """The shares are those of docs/propellers.md."""
+    rng, new = np.random.default_rng(count), "new"
+    verdicts = [
+        judge(assess(flown(quad, rng, new, scatter=2.0), healthy(quad, rng, count, 2.0)), 0.05)
+        for _ in range(400)
+    ]
+    accused = sum(bool(v.rotors) for v in verdicts) / len(verdicts)
+    assert accused == pytest.approx(share, abs=3.0 * np.sqrt(share * (1.0 - share) / len(verdicts)))
+
+
+@pytest.mark.parametrize("rotor", ["M1", "M3"])
+def test_a_weak_rotor_is_found_and_its_error_bar_holds(quad: Balance, rotor: str) -> None:
+    rng = np.random.default_rng(5)
+    pulls = []
+    for _ in range(200):
+        found = assess(flown(quad, rng, "new", **{rotor: 0.2}), healthy(quad, rng, 3))
+        verdict = judge(found)
+        assert verdict.kind == "weak or mass"
+        assert verdict.rotors == (rotor,)
+        pulls.append((found.suspected.size - 0.2) / found.suspected.std)
+    assert abs(np.mean(pulls)) < 0.3
+    assert 0.7 < np.std(pulls) < 1.25
+
+
+def test_a_mass_is_told_by_the_yaw_that_it_leaves_alone(quad: Balance) -> None:
+    rng = np.random.default_rng(6)
+    found = assess(flown(quad, rng, "new", near=2, mass=0.2), healthy(quad, rng, 5))
+    verdict = judge(found)
+    assert verdict.kind == "mass"
+    assert verdict.rotors == ("M3",)
+    mass = found.mass_near("M3")
+    assert abs(mass.size - 0.2) < 3.0 * mass.std
+
+
+def test_six_rotors(hexa: Balance) -> None:
+    rng = np.random.default_rng(7)
+    rotor = hexa.rotors[3]
+    found = assess(flown(hexa, rng, "new", **{rotor: 0.4}), healthy(hexa, rng, 5))
+    assert found.suspected.rotor == rotor
+    assert rotor in judge(found).rotors
+
+
+def test_what_no_rotor_explains_is_called_odd(quad: Balance) -> None:
+    rng = np.random.default_rng(8)
+    reference = healthy(quad, rng, 5)
+    light = flown(quad, rng, "new")
+    light = Hover("light", 0.8 * light.thrust, 0.8 * light.torque, light.covariance, light.voltage, 10.0)
+    assert judge(assess(light, reference)).kind == "odd"
+
+
+def test_leave_one_out_needs_two(quad: Balance) -> None:
+    rng = np.random.default_rng(9)
+    assert leave_one_out(healthy(quad, rng, 1)) == ()
+    assert [a.name for a in leave_one_out(healthy(quad, rng, 2))] == ["healthy 0", "healthy 1"]
+    with pytest.raises(FlightError, match="no healthy flight"):
+        Reference(quad, ())
+
+
+def logged(thrust: np.ndarray, **more: np.ndarray) -> Flight:
+    """A flight at 50 Hz whose four motors have one command."""
+    time = np.arange(thrust.size) / 50.0
+    columns = {f"motor_{i}": thrust for i in range(1, 5)} | more
+    data = xr.Dataset({name: ("time", values) for name, values in columns.items()}, {"time": time})
+    return Flight("flight", None, data, 50.0, {})
+
+
+def hops() -> np.ndarray:
+    ground, up = np.zeros(200), np.concatenate([np.full(60, 0.9), np.full(400, 0.6), np.full(50, 0.5)])
+    return np.concatenate([ground, up, ground, up, ground])
+
+
+def test_takeoffs_and_landings_are_left_out(quad: Balance) -> None:
+    found = hover(logged(hops()), quad)
+    np.testing.assert_allclose(found.thrust, HALF)
+    np.testing.assert_allclose(found.torque, HALF * 0.00596)
+    assert found.duration == pytest.approx(2 * (510 / 50 - 4.0))
+    both = together((found, found))
+    np.testing.assert_allclose(both.thrust, found.thrust)
+
+
+def test_error_of_the_mean_knows_that_commands_correlate(quad: Balance) -> None:
+    rng = np.random.default_rng(10)
+    slow = np.repeat(rng.normal(size=400), 10) * 0.05  # constant for 0.2 s each
+    stretch = np.concatenate([np.zeros(100), 0.6 + slow, np.zeros(100)])
+    found = hover(logged(stretch), quad)
+    true = 0.05 * 4 * (0.1825 - 2 * 0.6 * 0.0401) / np.sqrt(slow.size / 10)
+    assert 0.7 * true < np.sqrt(found.covariance[0, 0]) < 1.4 * true
+
+
+@pytest.mark.parametrize(
+    ("flight", "words"),
+    [
+        (logged(np.zeros(500)), "motors are off"),
+        (
+            logged(np.concatenate([np.zeros(50), np.full(300, 0.6)])),
+            "near hover, take-offs and landings aside",
+        ),
+        (
+            logged(hops(), vn=np.full(hops().size, 8.0), ve=np.zeros(hops().size)),
+            "choose a flight near hover",
+        ),
+    ],
+)
+def test_what_cannot_be_used_is_said(quad: Balance, flight: Flight, words: str) -> None:
+    with pytest.raises(FlightError, match=words):
+        hover(flight, quad)
+
+
+def test_missing_commands_and_rotors_are_said(quad: Balance) -> None:
+    flight = logged(hops())
+    with pytest.raises(FlightError, match="motor_2 not recorded"):
+        hover(Flight("flight", None, flight.data.drop_vars("motor_2"), 50.0, {}), quad)
+    with pytest.raises(VehicleError, match="has no rotors"):
+        Balance(resolve_vehicle("twin-boom"))
+
+
+def test_what_the_voltage_does_is_told_by_repeats(quad: Balance) -> None:
+    rng = np.random.default_rng(11)
+    groups = [3.6 + 0.1 * rng.normal(size=4) for _ in range(6)]
+    lifts = [
+        rng.uniform(0.3, 0.5) * (1.0 + 0.5 * (v / v.mean() - 1.0) + 0.003 * rng.normal(size=4))
+        for v in groups
+    ]
+    told = battery(lifts, groups)
+    assert abs(told.slope - 0.5) < 3.0 * told.std < 0.3
+    assert battery([np.array([0.3])], [np.array([3.6])]) == Battery()
+    assert battery([np.array([0.3, 0.4])], [np.array([np.nan, np.nan])]) == Battery()
+
+
+def test_a_known_slope_is_taken_off(quad: Balance) -> None:
+    rng = np.random.default_rng(12)
+
+    def at(volts: float) -> Hover:
+        h = flown(quad, rng, f"{volts} V")
+        more = 1.0 + 0.6 * (volts / 3.6 - 1.0)
+        return Hover(h.name, more * h.thrust, more * h.torque, h.covariance, volts, h.duration)
+
+    repeats = tuple(tuple(at(v) for v in (3.2, 3.4, 3.6, 3.8, 4.0)) for _ in range(8))
+    reference = Reference(quad, tuple(at(3.6) for _ in range(4)), repeats=repeats)
+    assert abs(reference.battery.slope - 0.6) < 3.0 * reference.battery.std
+    blind = Reference(quad, reference.hovers)
+    low = at(3.1)
+    assert abs(reference.sums(low)[0] - 1.0) < 0.07 < abs(blind.sums(low)[0] - 1.0) + 0.03
+
+
+def test_no_torque_is_said() -> None:
+    text = EXAMPLE.read_text(encoding="utf-8").replace("torque_ratio = 0.00596", "torque_ratio = 0.0")
+    balance = Balance(parse_vehicle(text, "still"))
+    with pytest.raises(VehicleError, match="check T, Q or torque_ratio"):
+        Reference(balance, (hover(logged(hops()), balance),))
+
+
+def test_a_rotor_that_was_never_commanded_is_no_suspect(quad: Balance) -> None:
+    rng = np.random.default_rng(13)
+    one = flown(quad, rng, "idle")
+    idle = Hover(
+        "idle", one.thrust * [1, 1, 0, 1], one.torque * [1, 1, 0, 1], one.covariance, one.voltage, 10.0
+    )
+    found = assess(idle, healthy(quad, rng, 3))
+    assert found.weak[2].sigmas == 0.0
+    assert judge(found).kind != "healthy"
+
+
+def test_rotors_that_explain_it_nearly_as_well_are_named_with_it(hexa: Balance, quad: Balance) -> None:
+    """A rotor of six and its neighbor differ by less than flights do, until the loss is large."""
+    rng = np.random.default_rng(14)
+    reference, rotor = healthy(hexa, rng, 3), hexa.rotors[0]
+    small = assess(flown(hexa, rng, "small", **{rotor: 0.15}), reference)
+    assert len(alike(small)) > 1
+    assert alike(small)[0] == small.suspected.rotor
+    assert rotor in alike(small)
+    plain = assess(flown(quad, rng, "large", M3=0.4), healthy(quad, rng, 3))
+    assert alike(plain) == ("M3",)
+    gains = assess(flown(quad, rng, "gains", M1=-0.3, M2=-0.3, M3=-0.3, M4=-0.3), healthy(quad, rng, 3))
+    assert alike(gains) == ()
+
+
+def test_what_is_advised_brings_what_is_promised(quad: Balance) -> None:
+    """In the mean, eight healthy flights show what flights of three were told that eight would."""
+    rng = np.random.default_rng(15)
+    promised, kept = [], []
+    for _ in range(60):
+        few, many, new = healthy(quad, rng, 3), healthy(quad, rng, 8), flown(quad, rng, "new")
+        promised += [float(re.findall(r"to (\d+) %", words)[0]) for words in advice(few, [new], [], 0.05)]
+        kept.append(100.0 * least_seen(assess(new, many)))
+        assert advice(many, [new], [], 0.05) == []
+    assert len(promised) > 50
+    assert np.mean(kept) == pytest.approx(np.mean(promised), abs=0.5)
+
+
+def test_a_restless_flight_is_to_be_a_plain_hover(quad: Balance) -> None:
+    rng = np.random.default_rng(16)
+    reference, new = healthy(quad, rng, 8), flown(quad, rng, "new")
+    restless = replace(new, covariance=np.diag(np.square(0.02 * reference.units)))
+    (calm,) = advice(reference, [restless], [], 0.05)
+    before, after = (round(100.0 * least_seen(assess(h, reference))) for h in (restless, new))
+    assert "a plain hover: the commands vary much within these flights" in calm
+    assert f"from {before} % to {after} %" in calm
+
+
+def test_an_accused_propeller_is_to_be_swapped(quad: Balance) -> None:
+    rng = np.random.default_rng(17)
+    reference, new = healthy(quad, rng, 8), flown(quad, rng, "new", M3=0.3)
+    (swap,) = advice(reference, [new], [judge(assess(new, reference))], 0.05)
+    assert swap.startswith("swap the propeller of M3 with that of a rotor that turns the same way")

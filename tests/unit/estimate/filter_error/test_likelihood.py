@@ -1,0 +1,74 @@
+"""The likelihood of innovations: its slope against differences, and against a plain filter on the linear models."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from naive.kalman import kalman
+
+from stoop.estimate.filter_error.gains import Steady, Varying
+from stoop.estimate.filter_error.likelihood import Likelihood
+from stoop.estimate.filter_error.method import with_gusts
+from stoop.estimate.filter_error.noise import Noise, first_guess
+from stoop.estimate.filter_error.points import linearized
+from stoop.estimate.filter_error.scoring import slope
+from stoop.estimate.fit import Options, pose
+from stoop.problem.windows import Window
+
+
+def posed(vehicle, flight, gain):
+    problem, _ = pose(vehicle, {"sim": flight}, [Window("sim", 0.0, 4.0)], Options())
+    problem = with_gusts(problem)
+    noise = Noise(vehicle, first_guess(vehicle, problem.pieces))
+    return Likelihood.of(problem, noise, gain, begin(problem, noise))
+
+
+def begin(problem, noise):
+    x = problem.layout.unit(np.array([p.value for p in problem.layout.parameters]))
+    return np.concatenate([x, 0.1 * np.random.default_rng(0).standard_normal(problem.extra), noise.start])
+
+
+@pytest.mark.parametrize("gain", [Steady(), Varying(0.5)], ids=["steady", "varying"])
+def test_gradient_is_the_slope_of_the_cost(gusty, gusty_flight, gain):
+    holes = replace(gusty_flight, data=gusty_flight.data.copy(deep=True))
+    holes.data["alpha"].values[50:60] = np.nan
+    likelihood = posed(gusty, holes, gain)
+    z = begin(likelihood.problem, likelihood.noise)
+    at = slope(likelihood, z)
+    for j in range(likelihood.size):
+        h = np.zeros_like(z)
+        h[j] = 1e-4
+        slanted = (likelihood.cost(z + h) - likelihood.cost(z - h)) / 4e-4
+        assert at.gradient[j] == pytest.approx(slanted, rel=2e-3, abs=2e-3 * np.sqrt(at.information[j, j]))
+
+
+def test_a_straight_flight_has_the_likelihood_of_its_linear_model(gusty, gusty_flight):
+    """Small moves about a steady flight: the filter of the equations is the plain filter of their linear model."""
+    likelihood = posed(gusty, gusty_flight, Varying(1e9))
+    piece, problem = likelihood.problem.pieces[0], likelihood.problem
+    quiet = np.repeat(piece.inputs[:1], len(piece.time), axis=0)
+    z = begin(likelihood.problem, likelihood.noise)
+    z[problem.dimension : -likelihood.noise.size] = 0.0
+    still = replace(problem, pieces=(replace(piece, inputs=quiet),))
+    flown = still.outputs(z[: -likelihood.noise.size], 0)
+    small = 1e-3 * likelihood.noise.first * np.random.default_rng(1).standard_normal(flown.shape)
+    still = replace(still, pieces=(replace(still.pieces[0], measured=flown + small),))
+    likelihood = Likelihood.of(still, likelihood.noise, Varying(1e9), z)
+    rows, _ = still.candidates(z[None, : -likelihood.noise.size], 0)
+    point = likelihood.along(z).paths[0]
+    model = linearized(gusty, rows, point.states[:, :, None], point.inputs, piece.dt)
+    tail = z[None, -likelihood.noise.size :]
+    Q = likelihood.noise.process(tail, model.drive, piece.dt)[0, 0]
+    F, H, R = model.transition[0, 0], model.readings[0, 0], likelihood.noise.variances(tail)[0]
+    zero = np.zeros(len(F))
+    *_, expected = kalman(F, H, Q, R, zero, np.outer(zero, zero), small)
+    prior = float(np.sum(still.layout.prior_residuals(z[None, : -likelihood.noise.size]) ** 2))
+    assert likelihood.cost(z) - prior == pytest.approx(expected, abs=0.02)
+
+
+def test_second_differences_show_the_noise(gusty, gusty_flight):
+    problem, _ = pose(gusty, {"sim": gusty_flight}, [Window("sim", 0.0, 15.0)], Options())
+    true = np.array([getattr(gusty.file.sensors, c).sigma for c in gusty.outputs])
+    ratio = first_guess(gusty, problem.pieces) / true
+    assert np.all(ratio > 0.7)
+    assert np.all(ratio < 2.5)  # gusts shake az within a sample

@@ -1,0 +1,98 @@
+"""Filter error on simulated turbulence, beside output error on the same flights."""
+
+import json
+
+import numpy as np
+import pytest
+
+from stoop.errors import IdentificationError
+from stoop.estimate import methods
+from stoop.estimate.fit import Options
+from stoop.problem.windows import Window
+from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.workflow import identify
+from stoop.workflow.judged import judged
+
+from .conftest import MANEUVER
+
+
+def errors(vehicle, flight, method):
+    """The fit, errors of what was free, and their standard errors."""
+    options = Options(method=method)
+    found = methods.find(method).fitter()(
+        vehicle, {"sim": flight}, [Window("sim", 0.0, 15.0)], options, None, None
+    )
+    truth = json.loads(flight.data.attrs["truth"])
+    bars = judged(found, options)
+    off = [found.estimates[p.name] - truth[p.name] for p in found.problem.layout.parameters]
+    return found, np.array(off), bars.std[: len(off)]
+
+
+def scores(vehicle, flight, method):
+    found, off, std = errors(vehicle, flight, method)
+    return found, off / std
+
+
+def test_truth_lies_within_the_error_bars(gusty_start, gusty_flight):
+    found, z = scores(gusty_start, gusty_flight, "filter-error")
+    assert found.outcome.status == "converged"
+    assert np.abs(z).max() < 3.5
+    assert np.sqrt(np.mean(z**2)) < 1.6
+
+
+def test_innovations_are_white(gusty_start, gusty_flight):
+    found, _ = scores(gusty_start, gusty_flight, "filter-error")
+    for residual in found.evidence.residuals:
+        lag = np.mean(residual[1:] * residual[:-1], axis=0) / np.mean(residual**2, axis=0)
+        assert np.abs(lag).max() < 4.0 / np.sqrt(len(residual))
+        assert np.mean(residual**2) == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_gain_that_follows_the_flight_finds_the_same(gusty_start, gusty_flight):
+    steady, _ = scores(gusty_start, gusty_flight, "filter-error")
+    varying, z = scores(gusty_start, gusty_flight, "filter-error-ekf")
+    assert np.abs(z).max() < 3.5
+    for name in ("CLalpha", "Cmalpha", "Cmq", "Cmelevator"):
+        assert varying.estimates[name] == pytest.approx(steady.estimates[name], rel=0.05)
+
+
+@pytest.mark.slow
+def test_output_error_is_too_sure_where_filter_error_is_not(gusty, gusty_start):
+    fixed = gusty_start.with_numbers({f"turbulence.{a}.intensity": {"free": False} for a in "uw"})
+    off, held = {"filter-error": [], "output-error": []}, {"filter-error": [], "output-error": []}
+    for seed in range(8):
+        flight = simulate_flight(gusty, parse_maneuver(MANEUVER, "test"), seed=seed, name="sim")
+        for method, vehicle in (("filter-error", gusty_start), ("output-error", fixed)):
+            _, error, std = errors(vehicle, flight, method)
+            off[method].append(error[:10])
+            held[method].append(np.abs(error[:10]) <= 1.96 * std[:10])
+    size = {method: np.sqrt(np.mean(np.square(e), axis=0)) for method, e in off.items()}
+    assert np.median(size["output-error"] / size["filter-error"]) > 3.0
+    assert np.mean(held["filter-error"]) > 0.85
+    assert np.mean(held["output-error"]) < 0.8
+
+
+def test_without_gusts_in_the_file_white_accelerations_stand_for_them(gusty_flight, gusty_start):
+    file = gusty_start.file.model_copy(update={"turbulence": None})
+    from dataclasses import replace
+
+    found, z = scores(replace(gusty_start, file=file), gusty_flight, "filter-error")
+    assert any("Process noise" in s for s in found.statements)
+    assert np.abs(z[:10]).max() < 5.0
+
+
+def test_a_result_has_curves_figures_and_its_method(gusty_start, gusty_flight):
+    result = identify(
+        gusty_start, gusty_flight, ["0:10"], ["10:15"], Options(method="filter-error")
+    ).identification.result
+    assert result.method == "filter-error"
+    assert [m.role for m in result.maneuvers] == ["fit", "validation"]
+    assert 0.0 < result.maneuvers[0].channels["q"].theil < 1.0
+    noise = np.sqrt(np.diag(result.noise_covariance.matrix))
+    true = [getattr(gusty_start.file.sensors, c).sigma for c in result.noise_covariance.channels]
+    assert noise == pytest.approx(true, rel=0.2)
+
+
+def test_an_unknown_method_is_one_line():
+    with pytest.raises(IdentificationError, match="did you mean filter-error"):
+        methods.find("filter-eror")

@@ -1,0 +1,165 @@
+"""Regressions of a whole vehicle: exact without noise, unbiased and honest with noise on the measured side."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stoop.errors import IdentificationError
+from stoop.estimate.fit import Options, pose
+from stoop.estimate.regression.domain import Band, Domain, Time
+from stoop.estimate.regression.estimate import regressed
+from stoop.estimate.regression.least_squares import Block, Priors, solve
+from stoop.estimate.regression.methods import equation_error, frequency_domain
+from stoop.flight import Flight
+from stoop.problem import Layout
+from stoop.problem.windows import Window
+from stoop.vehicle import Vehicle
+from stoop.workflow.givenbars import error_bars
+
+WINDOW = [Window("noisy", 0.0, 25.0)]
+DOMAINS = [Time(), Band(0.04, 1.5)]
+FREE = Priors(np.zeros(3), np.full(3, np.inf))
+OPEN = (np.full(3, -np.inf), np.full(3, np.inf))
+
+
+@pytest.mark.parametrize("domain", DOMAINS)
+def test_every_term_is_found_without_noise(full: Vehicle, clean: Flight, domain: Domain) -> None:
+    problem, _ = pose(full, {"clean": clean}, [Window("clean", 0.0, 25.0)], Options())
+    found = regressed(problem.layout, problem.pieces, domain)
+    assert found is not None
+    for place, value in zip(found.places, found.solved.values, strict=True):
+        p = problem.layout.parameters[place]
+        assert value == pytest.approx(p.value, rel=3e-3, abs=2e-3), p.name
+
+
+@pytest.mark.parametrize("domain", DOMAINS)
+def test_what_is_held_is_taken_off(full: Vehicle, clean: Flight, domain: Domain) -> None:
+    """Terms that are not free stay as the file has them: a wrong one moves those beside it, and no other."""
+    wrong = full.with_numbers({"Cmq": {"value": -40.0, "free": False}, "Clp": {"free": False}})
+    problem, _ = pose(wrong, {"clean": clean}, [Window("clean", 0.0, 25.0)], Options())
+    found = regressed(problem.layout, problem.pieces, domain)
+    assert found is not None
+    told = {
+        problem.layout.parameters[i].name: v for i, v in zip(found.places, found.solved.values, strict=True)
+    }
+    assert "Cmq" not in told
+    assert told["Clbeta"] == pytest.approx(full.value("Clbeta"), rel=3e-3)
+    assert abs(told["Cmelevator"] / full.value("Cmelevator") - 1.0) > 0.01
+
+
+def test_a_tie_joins_two_coefficients(full: Vehicle) -> None:
+    """One number in two equations: the joint fit weighs both by their residuals."""
+    rng = np.random.default_rng(0)
+    x = rng.standard_normal((200, 2))
+    X = np.zeros((2, 200, 3))
+    X[0, :, 0], X[0, :, 1] = x[:, 0], x[:, 1]
+    X[1, :, 0], X[1, :, 2] = x[:, 1], x[:, 0]
+    truth = np.array([2.0, -1.0, 0.5])
+    noise = rng.standard_normal((2, 200)) * [[0.01], [1.0]]
+    blocks = [Block(c, X[i] @ truth + noise[i], X[i], 0.02) for i, c in enumerate("ab")]
+    solved = solve(blocks, OPEN, FREE, Band())
+    assert (np.abs(solved.values - truth) < 5.0 * np.sqrt(np.diag(solved.covariance))).all()
+    assert np.sqrt(solved.covariance[0, 0]) < 0.001  # the quiet equation rules
+    whole = np.concatenate([X[i] / solved.sigma[c] for i, c in enumerate("ab")])
+    y = np.concatenate([b.y / solved.sigma[b.coefficient] for b in blocks])
+    np.testing.assert_allclose(solved.values, np.linalg.lstsq(whole, y, rcond=None)[0], rtol=1e-4)
+
+
+def test_priors_pull_and_bounds_hold() -> None:
+    rng = np.random.default_rng(1)
+    X = rng.standard_normal((100, 3))
+    y = X @ [1.0, 2.0, 3.0] + 0.5 * rng.standard_normal(100)
+    tight = solve(
+        [Block("a", y, X, 0.02)],
+        OPEN,
+        Priors(np.array([5.0, 0.0, 0.0]), np.array([1e-6, np.inf, np.inf])),
+        Band(),
+    )
+    assert tight.values[0] == pytest.approx(5.0, abs=1e-4)
+    boxed = solve([Block("a", y, X, 0.02)], (np.zeros(3), np.array([9.0, 9.0, 2.0])), FREE, Band())
+    assert boxed.values[2] == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-9, 1e-7])
+def test_what_no_row_tells_apart_has_no_error_bar(apart: float) -> None:
+    """A loop that ties elevator to angle of attack: their sum is told, neither of them; the numbers stay near the file's."""
+    rng = np.random.default_rng(0)
+    x, other, off = rng.standard_normal((3, 400))
+    X = np.column_stack([x, 2.0 * x + apart * off, other])
+    y = X @ [1.0, 0.5, 1.0] + 0.1 * rng.standard_normal(400)
+    solved = solve([Block("Cm", y, X, 0.02)], OPEN, FREE, Band())
+    assert np.isnan(np.diag(solved.covariance)).tolist() == [True, True, False]
+    assert solved.values[0] + 2.0 * solved.values[1] == pytest.approx(2.0, abs=0.05)
+    assert np.abs(solved.values).max() < 2.0
+
+
+@pytest.mark.parametrize("method", [equation_error, frequency_domain])
+def test_a_control_that_stands_still_gets_no_number(full: Vehicle, noisy: Flight, method: object) -> None:
+    """Nor does the constant that it is one with."""
+    still = replace(noisy, data=noisy.data.assign(elevator=0.0 * noisy.data["elevator"] - 0.05))
+    found = method(full, {"noisy": still}, WINDOW, Options(method="frequency-domain"))  # type: ignore[operator]
+    bars = error_bars(found, 1.0)
+    for name in ("Cmelevator", "Cm0"):
+        assert not bars.judged[name].identifiable
+        assert "do not see it" in bars.judged[name].reason
+    assert bars.judged["Clp"].identifiable
+
+
+@pytest.mark.parametrize(("domain", "color"), [(Band(0.1, 5.0), 0.0), (Time(0.06), 0.0), (Time(0.06), 0.9)])
+def test_error_bars_are_the_scatter(domain: Domain, color: float) -> None:
+    """200 records of white or AR(1) noise on the measured side: claimed over achieved."""
+    from scipy.signal import lfilter
+
+    rng = np.random.default_rng(3)
+    t = 0.02 * np.arange(1000)
+    X = np.column_stack(
+        [np.sin(2.0 * t) + np.sin(7.1 * t), np.cos(3.3 * t), np.sin(5.0 * t) * np.cos(0.7 * t)]
+    )
+    errors, claimed = [], []
+    for _ in range(200):
+        v = lfilter([1.0], [1.0, -color], rng.standard_normal(1000))
+        both = domain.rows(np.column_stack([X @ [1.0, 2.0, 3.0] + v, X]), 0.02)
+        solved = solve([Block("a", both[:, 0], both[:, 1:], 0.02)], OPEN, FREE, domain)
+        errors.append(solved.values - [1.0, 2.0, 3.0])
+        claimed.append(np.sqrt(np.diag(solved.covariance)))
+    ratio = np.mean(claimed, axis=0) / np.sqrt(np.mean(np.square(errors), axis=0))
+    assert (np.abs(ratio - 1.0) < 0.2).all()
+
+
+@pytest.mark.parametrize("method", [equation_error, frequency_domain])
+def test_methods_of_identify(full: Vehicle, noisy: Flight, method: object) -> None:
+    found = method(full, {"noisy": noisy}, WINDOW, Options(method="frequency-domain"))  # type: ignore[operator]
+    assert found.covariance is not None
+    layout: Layout = found.problem.layout
+    std = np.sqrt(np.diag(found.covariance))
+    for name in ("CLalpha", "Cmalpha", "Clp", "Cnbeta", "Cmelevator", "Claileron"):
+        i = [p.name for p in layout.parameters].index(name)
+        assert abs(found.estimates[name] - full.value(name)) < 5.0 * std[i] + 0.03 * abs(full.value(name))
+    assert np.isfinite(found.cost)
+    assert any("least squares" in s for s in found.statements)
+
+
+def test_what_was_not_looked_at_is_not_called_white(full: Vehicle, noisy: Flight) -> None:
+    """A band takes residuals as white: that is an assumption and no finding."""
+    band = error_bars(frequency_domain(full, {"noisy": noisy}, WINDOW, Options()), 1.0)
+    assert np.isnan(band.white).all()
+    time = error_bars(equation_error(full, {"noisy": noisy}, WINDOW, Options()), 1.0)
+    told = time.std > 0.0
+    assert np.isfinite(time.white[told]).all()
+    assert (np.abs(time.std[told] / time.white[told] - 1.0) > 0.01).any()
+
+
+def test_numbers_that_are_no_terms_are_held_and_said(full: Vehicle, noisy: Flight) -> None:
+    freed = full.with_numbers({"mass.inertia.yy": {"free": True, "prior": 10.0}})
+    found = frequency_domain(freed, {"noisy": noisy}, WINDOW, Options(method="frequency-domain"))
+    assert "mass.inertia.yy" not in found.estimates
+    assert any("mass.inertia.yy" in w for w in found.warnings)
+
+
+def test_without_a_vane_it_declines(full: Vehicle, noisy: Flight) -> None:
+    blind = replace(noisy, data=noisy.data.drop_vars("alpha"))
+    with pytest.raises(IdentificationError, match="no regression is possible"):
+        equation_error(full, {"noisy": blind}, WINDOW, Options())

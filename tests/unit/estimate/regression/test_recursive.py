@@ -1,0 +1,130 @@
+"""Estimates in real time: the transform against its sum, memory that does not grow, the end against the batch."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+
+from stoop.errors import IdentificationError
+from stoop.estimate.fit import Options, pose
+from stoop.estimate.regression.domain import Band, transform
+from stoop.estimate.regression.estimate import regressed
+from stoop.estimate.regression.recursive import Estimate, GrowingTransform, RealTime
+from stoop.flight import Flight
+from stoop.problem.windows import Window
+from stoop.vehicle import Vehicle
+from stoop.vehicle.load import parse_vehicle
+
+BAND = Band(0.04, 1.5)
+
+
+def flown(
+    vehicle: Vehicle, flight: Flight, online: RealTime, start: int = 0, stop: int | None = None
+) -> dict[str, Estimate]:
+    names = [c for c in (*vehicle.outputs, *vehicle.inputs, "altitude") if c in flight.data]
+    table = np.column_stack([flight.column(c) for c in names])
+    for row in table[start:stop]:
+        online.update(dict(zip(names, row, strict=True)))
+    return online.estimate()
+
+
+def online(vehicle: Vehicle, flight: Flight, memory: float = np.inf) -> RealTime:
+    dt = 1.0 / flight.rate
+    return RealTime(vehicle, dt, BAND.frequencies(len(flight.time), dt), memory)
+
+
+def test_the_growing_transform_is_the_transform() -> None:
+    signals = np.random.default_rng(0).standard_normal((300, 3))
+    frequencies = 0.2 + 0.1 * np.arange(15)
+    growing = GrowingTransform(frequencies, 3, 0.02)
+    for row in signals:
+        growing.update(row)
+    np.testing.assert_allclose(growing.values, transform(signals, frequencies, 0.02), atol=1e-10)
+
+
+def test_forgetting_fades_the_past() -> None:
+    signals = np.random.default_rng(0).standard_normal((300, 1))
+    growing = GrowingTransform(np.array([0.5]), 1, 0.02, memory=1.0)
+    for row in signals:
+        growing.update(row)
+    faded = signals * np.exp(-0.02 * (299 - np.arange(300)))[:, None]
+    np.testing.assert_allclose(growing.values, transform(faded, np.array([0.5]), 0.02), atol=1e-10)
+
+
+def test_the_end_is_that_of_the_batch(full: Vehicle, noisy: Flight) -> None:
+    problem, _ = pose(full, {"noisy": noisy}, [Window("noisy", 0.0, 25.0)], Options())
+    batch = regressed(problem.layout, problem.pieces, BAND)
+    assert batch is not None
+    found = flown(full, noisy, online(full, noisy))
+    std = np.sqrt(np.diag(batch.solved.covariance))
+    well = 0
+    for k, place in enumerate(batch.places):
+        p = problem.layout.parameters[place]
+        if p.name in found and std[k] < 0.01 * abs(batch.solved.values[k]):
+            assert found[p.name].value == pytest.approx(batch.solved.values[k], rel=0.02), p.name
+            assert found[p.name].std_error == pytest.approx(std[k], rel=0.3), p.name
+            well += 1
+    assert well >= 6
+
+
+def test_memory_does_not_grow_with_the_record(full: Vehicle, noisy: Flight) -> None:
+    estimator = online(full, noisy)
+    flown(full, noisy, estimator, 0, 60)
+
+    def size() -> int:
+        state = (estimator._recent, estimator._lags, estimator._transform)
+        return len(pickle.dumps([vars(s) if hasattr(s, "__dict__") else s for s in state]))
+
+    before = size()
+    flown(full, noisy, estimator, 60, 300)
+    assert abs(size() - before) <= 16  # a counter has more digits
+
+
+def test_too_little_says_nothing(full: Vehicle, noisy: Flight) -> None:
+    assert flown(full, noisy, online(full, noisy), 0, 10) == {}
+
+
+def test_a_sample_without_a_reading_says_nothing_but_time_passes(full: Vehicle, noisy: Flight) -> None:
+    estimator = online(full, noisy)
+    flown(full, noisy, estimator, 0, 100)
+    before = estimator._transform.values.copy()
+    estimator.update({"V": 35.0})
+    np.testing.assert_array_equal(estimator._transform.values[:, :-2], before[:, :-2])
+    assert estimator._transform.count == 97
+
+
+@pytest.mark.slow  # its equations are compiled
+def test_lags_and_delays_of_controls_are_those_of_the_batch(full: Vehicle, noisy: Flight) -> None:
+    text = (
+        full.text + "\n[controls.elevator]\nlag = 0.06\ndelay = 0.05\n[controls.aileron]\n[controls.rudder]\n"
+    )
+    late = parse_vehicle(text, "late").with_numbers(
+        {"propulsion.thrust": {"value": full.value("propulsion.thrust")}}
+    )
+    problem, _ = pose(late, {"noisy": noisy}, [Window("noisy", 0.0, 25.0)], Options())
+    batch = regressed(problem.layout, problem.pieces, BAND)
+    assert batch is not None
+    found = flown(late, noisy, online(late, noisy))
+    names = [problem.layout.parameters[i].name for i in batch.places]
+    for name in ("Cmelevator", "Cmalpha"):
+        assert found[name].value == pytest.approx(batch.solved.values[names.index(name)], rel=0.02)
+
+
+def test_nothing_free_is_refused(full: Vehicle) -> None:
+    held = full.with_numbers({p.name: {"free": False} for p in full.parameters})
+    with pytest.raises(IdentificationError, match="no aerodynamic term is free"):
+        RealTime(held, 0.02, np.array([0.1, 0.2]))
+
+
+def test_error_bars_of_a_short_record_are_honest(full: Vehicle, noisy: Flight) -> None:
+    """Frequencies closer than one over the record repeat each other; with few that differ nothing is said."""
+    estimator = online(full, noisy)
+    assert flown(full, noisy, estimator, 0, 60) == {}
+    off = []
+    for k in range(60, 300, 60):
+        found = flown(full, noisy, estimator, k, k + 60)
+        off += [(e.value - full.value(n)) / e.std_error for n, e in found.items()]
+    assert len(off) > 50
+    assert np.sqrt(np.mean(np.square(off))) < 1.5

@@ -1,0 +1,149 @@
+"""An aircraft that is unstable in pitch and is flown by a damper: windows that meet find it."""
+
+import json
+
+import numpy as np
+import pytest
+
+from stoop.cli import demo
+from stoop.estimate import methods
+from stoop.estimate.fit import Options, pose
+from stoop.estimate.shooting.method import MultipleShooting
+from stoop.flight import from_columns
+from stoop.kernels import filtering
+from stoop.problem.windows import Window
+from stoop.simulate import initial_states, parameter_rows, parse_maneuver, simulate_flight, trim
+from stoop.vehicle.builtin import resolve_vehicle
+from stoop.workflow import identify
+from stoop.workflow.judged import judged
+
+DT = 0.02
+FREE = ("CL0", "CLalpha", "CLelevator", "CD0", "CDalpha", "Cm0", "Cmalpha", "Cmq", "Cmelevator")
+MANEUVER = """
+duration = 15.0
+rate = 50.0
+[[input]]
+control = "elevator"
+shape = "3-2-1-1"
+start = 1.0
+step = 0.5
+amplitude = 0.04
+[[input]]
+control = "elevator"
+shape = "3-2-1-1"
+start = 7.0
+step = 0.5
+amplitude = -0.05
+"""
+
+
+@pytest.fixture(scope="module")
+def unstable():
+    """A divergence that doubles in half a second."""
+    vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
+    point = trim(vehicle)  # where Cmalpha is changed about, so that the trim stays
+    alpha = point.start["alpha"]
+    changed = {"Cmalpha": {"value": 1.5}, "Cm0": {"value": vehicle.value("Cm0") - 3.62 * alpha}}
+    held = {p.name: {"free": False} for p in vehicle.parameters if p.free and p.name not in FREE}
+    return vehicle.with_numbers({**changed, **held})
+
+
+@pytest.fixture(scope="module")
+def flight(unstable):
+    """What sensors record while the elevator damps pitch rate and holds the angle of attack."""
+    maneuver = parse_maneuver(MANEUVER, "damped")
+    point = trim(unstable)
+    kernel, rows = unstable.kernel(), parameter_rows(unstable, point.changes)
+    x = initial_states(unstable, point.start, rows, point.inputs)
+    pilot, u, inputs, readings = maneuver.deflections()["elevator"], point.inputs[:, None], [], []
+    for k in range(len(maneuver.time)):
+        _, y = kernel.evaluate(rows, x, u)
+        inputs.append(u[:, 0])
+        readings.append(y[:, 0])
+        alpha, q = y[1, 0] - point.start["alpha"], y[2, 0]
+        after = point.inputs[:, None] + pilot[min(k + 1, len(pilot) - 1)] + 3.0 * alpha + 0.3 * q
+        x, _ = filtering.step(kernel, rows, x, u, after, DT)
+        u = after
+    sigma = np.array([getattr(unstable.file.sensors, c).sigma for c in unstable.outputs])
+    noise = np.random.default_rng(2).standard_normal((len(readings), len(sigma)))
+    columns = dict(zip(unstable.outputs, (np.array(readings) + sigma * noise).T, strict=True))
+    columns |= dict(zip(unstable.inputs, np.array(inputs).T, strict=True))
+    columns["altitude"] = np.full(len(readings), 200.0)
+    made = from_columns("damped", maneuver.time, columns, ("simulated flight",))
+    thrust = point.changes.get("propulsion.thrust", unstable.value("propulsion.thrust"))
+    made.data.attrs["truth"] = json.dumps(
+        {n: unstable.value(n) for n in FREE} | {"propulsion.thrust": thrust}
+    )
+    return made
+
+
+@pytest.fixture(scope="module")
+def start(unstable, flight):
+    """Coefficients that are wrong by up to 40 %, stable in pitch."""
+    truth = json.loads(flight.data.attrs["truth"])
+    rng = np.random.default_rng(5)
+    wrong = {n: {"value": truth[n] * rng.uniform(0.6, 1.4)} for n in FREE if n != "Cmalpha"}
+    thrust = {"propulsion.thrust": {"value": truth["propulsion.thrust"]}}
+    return unstable.with_numbers({**wrong, **thrust, "Cmalpha": {"value": -0.5, "bounds": [-4.0, 4.0]}})
+
+
+WINDOW = [Window("damped", 0.0, 15.0)]
+
+
+def test_open_loop_even_the_truth_runs_away(start, flight):
+    """From a first sample that is known to the noise only, so that output error has nothing to follow."""
+    problem, _ = pose(start, {"damped": flight}, WINDOW, Options())
+    truth = json.loads(flight.data.attrs["truth"])
+    right = problem.layout.unit(np.array([truth[p.name] for p in problem.layout.parameters]))
+    readings = np.sum(np.isfinite(problem.pieces[0].measured))
+    assert not problem.costs(right[None, :], len(problem.prices) - 1)[0] < 1e3 * readings
+
+
+def test_truth_comes_back_within_three_standard_errors(start, flight):
+    options = Options(method="multiple-shooting")
+    found = methods.find("multiple-shooting").fitter()(start, {"damped": flight}, WINDOW, options, None, None)
+    assert found.outcome.status == "converged"
+    truth, bars = json.loads(flight.data.attrs["truth"]), judged(found, options)
+    z = [
+        (found.estimates[p.name] - truth[p.name]) / s
+        for p, s in zip(found.problem.layout.parameters, bars.std, strict=False)
+    ]
+    assert np.abs(z).max() < 3.0
+    assert found.estimates["Cmalpha"] == pytest.approx(1.5, abs=0.1)
+
+
+def test_the_length_of_the_windows_does_not_matter(start, flight):
+    estimates = []
+    for length in (0.5, 1.0, 2.0):
+        found = MultipleShooting(length)(
+            start, {"damped": flight}, WINDOW, Options(method="multiple-shooting")
+        )
+        estimates.append([found.estimates[n] for n in FREE])
+    assert np.allclose(estimates[0], estimates[1], rtol=1e-3, atol=1e-4)
+    assert np.allclose(estimates[2], estimates[1], rtol=1e-3, atol=1e-4)
+
+
+def test_a_stable_aircraft_is_found_as_by_output_error(aircraft_and_flight):
+    vehicle, calm = aircraft_and_flight
+    window = [Window("sim", 0.0, 16.0)]
+    one = methods.find("output-error").fitter()(vehicle, {"sim": calm}, window, Options(), None, None)
+    many = MultipleShooting()(vehicle, {"sim": calm}, window, Options(method="multiple-shooting"))
+    bars = judged(one, Options())
+    for p, sigma in zip(one.problem.layout.parameters, bars.std, strict=False):
+        assert many.estimates[p.name] == pytest.approx(one.estimates[p.name], abs=0.05 * sigma)
+
+
+@pytest.fixture(scope="module")
+def aircraft_and_flight():
+    aircraft = resolve_vehicle("twin-boom").reduced("longitudinal")
+    return demo.misled(aircraft, 3), simulate_flight(
+        aircraft, parse_maneuver(demo.MANEUVER, "calm"), seed=3, name="sim"
+    )
+
+
+def test_a_result_shows_the_windows(start, flight):
+    result = identify(
+        start, flight, ["0:15"], options=Options(method="multiple-shooting")
+    ).identification.result
+    assert result.method == "multiple-shooting"
+    assert result.maneuvers[0].channels["q"].theil < 0.1

@@ -1,0 +1,101 @@
+"""The specific force of vehicles with rotors beside a flight, on simulated flights whose truth is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stoop.estimate.forces import CUTOFF, Curves, Simple, force_curves, low_passed
+from stoop.flight import Flight
+from stoop.flight.make import from_columns
+from stoop.problem.prepare import with_average_voltage
+from stoop.problem.windows import Window
+from stoop.simulate import initial_states, parameter_rows
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import builtin_vehicle
+from stoop.vehicle.load import parse_vehicle
+
+DT = 0.01
+
+
+def flown(vehicle: Vehicle) -> Flight:
+    """Return two seconds of a quadrotor that falls off to the side under commands that swing."""
+    t = DT * np.arange(200)
+    swing = 0.02 * np.sin(np.outer(t, [9.0, 11.0, 13.0, 7.0]))
+    inputs = np.zeros((len(t), len(vehicle.inputs)))
+    for i, name in enumerate(vehicle.rotors):
+        inputs[:, vehicle.inputs.index(vehicle.file.rotor[name].channel)] = 0.6 + swing[:, i]
+    rows = parameter_rows(vehicle)
+    start = initial_states(vehicle, {"u": 3.0, "v": -1.0, "w": 0.5, "h": 50.0}, rows, inputs[0])
+    out = vehicle.kernel().trajectories(rows, start, inputs, DT)[0]
+    recorded = dict(zip(vehicle.inputs, inputs.T, strict=True))
+    columns = dict(zip(vehicle.outputs, out.T, strict=True)) | {
+        c: x for c, x in recorded.items() if c.startswith("motor")
+    }
+    return from_columns("quad", t, columns | {"altitude": np.full(len(t), 50.0)})
+
+
+@pytest.fixture(scope="module")
+def quad() -> Vehicle:
+    return builtin_vehicle("quad-x")
+
+
+def test_the_true_model_leaves_nothing(quad: Vehicle) -> None:
+    curves = force_curves(quad, {"quad": flown(quad)}, Window("quad", 0.0, 1.99), {})
+    assert len(curves.time) == 200
+    np.testing.assert_allclose(curves.model, curves.measured, atol=2e-3)
+
+
+def test_a_bias_is_taken_from_the_fit(quad: Vehicle) -> None:
+    flights, window = {"quad": flown(quad)}, Window("quad", 0.0, 1.99)
+    plain = force_curves(quad, flights, window, {})
+    biased = force_curves(quad, flights, window, {"sensors.ax.bias": 0.5})
+    np.testing.assert_allclose(biased.model[:, 0] - plain.model[:, 0], 0.5, atol=1e-9)
+
+
+def test_a_constant_and_static_thrust_are_learned_from_what_was_fitted() -> None:
+    squares = np.linspace(1.0, 2.0, 50)
+    force = np.column_stack([np.full(50, 0.3), np.full(50, -0.1), -4.0 - 3.0 * squares])
+    learned = Curves(DT * np.arange(50), force, force, squares)
+    simple = Simple.of([learned])
+    later = Curves(learned.time, force + np.array([1.0, 0.0, 0.0]), force, squares)
+    found = simple.against(later)
+    assert found["ax"].constant == found["ax"].static == pytest.approx(1.0)
+    assert found["az"].static == pytest.approx(0.0, abs=1e-9)
+    assert found["az"].constant == pytest.approx(float(np.std(force[:, 2])))
+    assert found["ax"].model == pytest.approx(1.0)
+
+
+def test_half_is_left_at_the_cutoff() -> None:
+    t = DT * np.arange(4000)
+    for frequency, share in ((0.5, 1.0), (CUTOFF, 0.5), (25.0, 0.0)):
+        wave = np.sin(2.0 * np.pi * frequency * t)[:, None]
+        left = np.std(low_passed(wave, DT)[500:-500]) / np.std(wave)
+        assert left == pytest.approx(share, abs=0.01)
+
+
+def test_the_voltage_is_averaged_where_the_file_says_so(quad: Vehicle) -> None:
+    t = DT * np.arange(6000)
+    drained = 16.0 - 0.01 * t
+    sagging = drained - 0.5 * (np.sin(5.0 * t) > 0.0)
+    sagging[1000:1200] = np.nan
+    flight = from_columns("quad", t, {"voltage": sagging, "p": 0.0 * t})
+    text = """
+name = "one"
+[mass]
+mass = 1.0
+inertia = { xx = 0.01, yy = 0.01, zz = 0.02 }
+[rotors]
+nominal_voltage = 16.8
+voltage_average = 10.0
+T2 = 30.0
+[rotor.m1]
+channel = "motor_1"
+position = [0.0, 0.0, 0.0]
+spin = "ccw"
+"""
+    slow = with_average_voltage(parse_vehicle(text, "one"), flight).column("voltage")
+    np.testing.assert_array_equal(np.isnan(slow), np.isnan(sagging))
+    inside = np.isfinite(slow) & (t > 15.0) & (t < 50.0)
+    np.testing.assert_allclose(slow[inside], (drained - 0.25)[inside], atol=0.03)
+    assert with_average_voltage(quad, flight) is flight

@@ -1,0 +1,72 @@
+"""Pieces of a flight of a vehicle with rotors: where they start, and what is unknown about that."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from naive.aircraft import rotation
+
+from stoop.flight import Flight, from_columns
+from stoop.problem.layout import Layout
+from stoop.problem.prepare import DEFAULTED, nuisances, prepare
+from stoop.problem.windows import Window
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import builtin_vehicle
+
+WIND = {"sensors.vn.bias": 2.0, "sensors.ve.bias": -1.0, "sensors.vd.bias": 0.2}
+ANGLES = (0.2, -0.1, 2.0)
+THROUGH_AIR = np.array([3.0, -1.0, 0.5])
+
+
+@pytest.fixture(scope="module")
+def quad() -> Vehicle:
+    return builtin_vehicle("quad-x").with_numbers({name: {"value": w} for name, w in WIND.items()})
+
+
+def drifting(vehicle: Vehicle, without: tuple[str, ...] = ()) -> Flight:
+    """Return a flight whose every channel stands still, a motor that is off among them."""
+    t = np.arange(200) * 0.01
+    ground = rotation(*ANGLES) @ THROUGH_AIR + list(WIND.values())
+    columns = dict(zip(("vn", "ve", "vd"), ground, strict=True)) | dict(
+        zip(("phi", "theta", "psi"), ANGLES, strict=True)
+    )
+    columns |= {"p": 0.3, "q": -0.2, "r": 0.1, "ax": 0.0, "ay": 0.0, "az": -9.8, "altitude": 120.0}
+    columns |= {f"motor_{i}": 0.2 * i for i in (1, 2, 3)} | {"motor_4": 0.0}
+    kept = {name: np.full(len(t), value) for name, value in columns.items() if name not in without}
+    return from_columns("drift", t, kept)
+
+
+def test_the_wind_is_taken_off_and_the_attitude_undone(quad: Vehicle) -> None:
+    prepared = prepare(quad, {"drift": drifting(quad)}, [Window("drift", 0.0, 1.9)])
+    (piece,) = prepared.pieces
+    assert set(piece.start) == set(quad.start_names)
+    assert [piece.start[n] for n in "uvw"] == pytest.approx(list(THROUGH_AIR), abs=1e-9)
+    assert [piece.start[n] for n in ("p", "q", "r", "phi", "theta", "psi", "h")] == pytest.approx(
+        [0.3, -0.2, 0.1, *ANGLES, 120.0]
+    )
+    assert all(isinstance(value, float) for value in piece.start.values())
+    assert piece.measured.shape[1] == 12
+    assert not prepared.notes
+
+
+def test_what_was_not_recorded_is_said(quad: Vehicle) -> None:
+    prepared = prepare(quad, {"drift": drifting(quad, ("vd",))}, [Window("drift", 0.0, 1.9)])
+    assert [n for n in prepared.notes if n.endswith(DEFAULTED)] == [f"drift@0:1.9: vd {DEFAULTED}"]
+
+
+def test_nuisances(quad: Vehicle) -> None:
+    prepared = prepare(quad, {"drift": drifting(quad)}, [Window("drift", 0.0, 1.9)])
+    found = {n.name: n for n in nuisances(quad, prepared)}
+    assert [n for n in found if not found[n].is_bias] == [
+        "u", "v", "w", "p", "q", "r", "phi", "theta", "psi", "m1.lag", "m2.lag", "m3.lag", "m4.lag",
+    ]  # fmt: skip
+    assert [found[f"m{i}.lag"].scale for i in (1, 2, 3, 4)] == pytest.approx([0.02, 0.04, 0.06, 0.1])
+    assert all(found[f"m{i}.lag"].center == 0.0 for i in (1, 2, 3, 4)), "it is added to the command"
+    assert [(found[n].center, found[n].scale) for n in WIND] == [(2.0, 3.0), (-1.0, 3.0), (0.2, 0.5)]
+    assert found["sensors.p.bias"].is_bias
+
+
+def test_wind_is_no_parameter_of_the_search(quad: Vehicle) -> None:
+    layout = Layout.of(quad, [])
+    assert not [p.name for p in layout.parameters if p.name.startswith("sensors.")]
+    assert "rotors.T2" in [p.name for p in layout.parameters]

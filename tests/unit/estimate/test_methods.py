@@ -1,0 +1,53 @@
+"""Which method is meant where none is named: the vehicle says, and how fast its motors were logged."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stoop.errors import IdentificationError
+from stoop.estimate.methods import SLOW, Chosen, chosen, find
+from stoop.flight import Flight
+from stoop.flight.build import build
+from stoop.flight.channels import Channels
+from stoop.flight.make import dataset
+from stoop.vehicle.builtin import builtin_vehicle
+
+MOTORS = tuple(f"motor_{i}" for i in range(1, 5))
+
+
+def logged(rate: float, grid: float = 100.0) -> Flight:
+    """Return seconds of a log whose motors came at a rate of their own, and one other channel at 250 Hz."""
+    fast, slow = np.arange(0.0, 4.0, 0.004), np.arange(0.0, 4.0, 1.0 / rate)
+    motors = Channels("actuator_outputs", slow, {m: 0.5 + 0.1 * np.sin(slow) for m in MOTORS})
+    laid, data, sources = build([Channels("gyro", fast, {"p": np.sin(fast)}), motors], grid, "log")
+    return Flight("log", None, dataset(laid.time, data), grid, sources)
+
+
+@pytest.mark.parametrize(("rate", "name"), [(43.0, "equation-error"), (250.0, "multiple-shooting")])
+def test_motors_that_were_logged_slowly_choose(rate: float, name: str) -> None:
+    found = chosen("", builtin_vehicle("quad-x"), [logged(250.0), logged(rate)])
+    assert found.name == name
+    assert ("logged at 43 Hz" in found.why) == (rate < SLOW)
+
+
+def test_what_lies_on_the_grid_as_it_was_logged_is_not_slow() -> None:
+    """A simulated flight at 50 Hz holds all that was commanded, and a clock of 99.9 Hz is one of 100 Hz."""
+    vehicle = builtin_vehicle("quad-x")
+    assert chosen("", vehicle, [logged(50.0, grid=50.0)]) == Chosen("multiple-shooting")
+    assert chosen("", vehicle, [logged(99.9)]) == Chosen("multiple-shooting")
+
+
+def test_who_names_a_method_gets_it() -> None:
+    slow = logged(43.0)
+    assert chosen("multiple-shooting", builtin_vehicle("quad-x"), [slow]) == Chosen("multiple-shooting")
+    assert chosen("", builtin_vehicle("twin-boom"), [slow]) == Chosen("output-error")
+    unknown = replace(slow, sources={})
+    assert chosen("", builtin_vehicle("quad-x"), [unknown]) == Chosen("multiple-shooting")
+
+
+def test_an_unknown_method_is_said() -> None:
+    with pytest.raises(IdentificationError, match="did you mean equation-error"):
+        find("equation-eror")

@@ -1,0 +1,255 @@
+"""The result's JSON form: everything survives the round trip, and nothing is half-written."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from stoop.base.files import write_bytes_atomic, write_text_atomic
+from stoop.errors import OutputError, StoopError
+from stoop.results.result import (
+    SCHEMA,
+    ChannelFigures,
+    ConditionModes,
+    Covariance,
+    Estimate,
+    InitialState,
+    ManeuverResult,
+    MeasuredMode,
+    ModeEstimate,
+    NoiseCovariance,
+    ParameterEstimate,
+    ParameterRepeatability,
+    Quantity,
+    Repeatability,
+    Result,
+    SensorBiases,
+    SingleEstimate,
+    WindEstimate,
+    from_json,
+    read_result,
+    to_json,
+)
+
+number = st.floats(allow_nan=True, allow_infinity=False)
+any_number = st.floats()
+finite = st.floats(allow_nan=False, allow_infinity=False)
+name = st.text(st.characters(codec="utf-8"), max_size=12)
+quantity = st.builds(Quantity, number, number, name)
+quantities = st.dictionaries(name, quantity, max_size=3)
+figures = st.builds(ChannelFigures, number, number, number, number)
+
+
+def square(size: int) -> st.SearchStrategy[np.ndarray]:
+    return hnp.arrays(np.float64, (size, size), elements=number)
+
+
+parameter = st.builds(
+    ParameterEstimate,
+    number,
+    number,
+    number,
+    number,
+    bound_lower=finite | st.just(-math.inf),
+    bound_upper=finite | st.just(math.inf),
+    at_bound=st.booleans(),
+    identifiable=st.booleans(),
+    unit=name,
+    prior_mean=number,
+    prior_std=number,
+    start=number,
+)
+maneuver = st.builds(
+    ManeuverResult,
+    name,
+    number,
+    number,
+    st.sampled_from(["fit", "validation"]),
+    st.lists(st.tuples(number, number), max_size=3).map(tuple),
+    st.dictionaries(name, figures, max_size=3),
+)
+result = st.builds(
+    Result,
+    parameters=st.dictionaries(name, parameter, max_size=3),
+    covariance=st.integers(0, 3).flatmap(lambda n: st.builds(Covariance, st.tuples(*[name] * n), square(n))),
+    noise_covariance=st.integers(0, 2).flatmap(
+        lambda n: st.builds(NoiseCovariance, st.tuples(*[name] * n), square(n))
+    ),
+    initial_states=st.lists(
+        st.builds(InitialState, st.integers(0, 9), st.integers(0, 9), number, quantities), max_size=2
+    ).map(tuple),
+    biases=st.lists(st.builds(SensorBiases, st.integers(0, 9), quantities), max_size=2).map(tuple),
+    wind=st.lists(
+        st.builds(WindEstimate, name, quantities, number, st.lists(name, max_size=2).map(tuple)), max_size=2
+    ).map(tuple),
+    maneuvers=st.lists(maneuver, max_size=2).map(tuple),
+    cost=number,
+    trajectories=number,
+    seconds=number,
+    seed=st.integers(0, 2**63),
+    optimizer=name,
+    status=name,
+    advice=name,
+    warnings=st.lists(name, max_size=2).map(tuple),
+    versions=st.dictionaries(name, name, max_size=2),
+    inputs=st.dictionaries(name, name, max_size=2),
+)
+
+
+def minimal(**changes: object) -> Result:
+    given_ = {
+        "parameters": {"CLalpha": ParameterEstimate(5.0, 0.1)},
+        "covariance": Covariance(("CLalpha",), np.array([[0.01]])),
+        "noise_covariance": NoiseCovariance((), np.empty((0, 0))),
+        "initial_states": (),
+        "biases": (),
+        "wind": (),
+        "maneuvers": (),
+        "cost": 1.0,
+        "trajectories": 10.0,
+        "seconds": 0.5,
+        "seed": 1,
+        "optimizer": "scouts",
+        "status": "converged",
+    }
+    return Result(**(given_ | changes))  # type: ignore[arg-type]
+
+
+@given(result)
+def test_round_trip(original: Result) -> None:
+    text = to_json(original)
+    again = from_json(text)
+    assert to_json(again) == text
+    np.testing.assert_array_equal(again.covariance.matrix, original.covariance.matrix)
+    assert repr(again.parameters) == repr(original.parameters)  # repr: NaN equals NaN
+    assert repr(again.maneuvers) == repr(original.maneuvers)
+    assert repr(again.initial_states) == repr(original.initial_states)
+    assert again.versions == original.versions
+
+
+@given(any_number, any_number)
+def test_text_is_strict_json(cost: float, estimate: float) -> None:
+    def refuse(constant: str) -> float:
+        raise AssertionError(f"{constant} is no JSON")
+
+    text = to_json(minimal(cost=cost, parameters={"a": ParameterEstimate(estimate)}))
+    document = json.loads(text, parse_constant=refuse)
+    assert document["schema"] == SCHEMA
+    assert document["cost"] == (cost if math.isfinite(cost) else None)
+    assert document["parameters"]["a"]["bound_upper"] is None
+
+
+def test_null_bounds_are_unbounded() -> None:
+    again = from_json(to_json(minimal())).parameters["CLalpha"]
+    assert (again.bound_lower, again.bound_upper) == (-math.inf, math.inf)
+    assert math.isnan(again.prior_std)
+
+
+def test_a_file_of_an_older_version_is_read() -> None:
+    channel = ChannelFigures(0.1, 0.2, 0.9, 0.3)
+    one = ManeuverResult("a", 0.0, 1.0, "fit", ((0.0, 1.0),), {"q": channel})
+    document = json.loads(to_json(minimal(maneuvers=(one,))))
+    for key in ("modes", "repeatability"):
+        del document[key]
+    for key in ("press", "theil_shares", "whiteness", "baseline"):
+        del document["maneuvers"][0]["channels"]["q"][key]
+    again = from_json(json.dumps(document))
+    assert repr(again.maneuvers[0].channels["q"]) == repr(channel)
+    assert again.modes == ()
+    assert not again.repeatability.parameters
+
+
+def test_modes_and_repeatability_survive() -> None:
+    some = Estimate(2.0, 0.1, 1.8, 2.2)
+    mode = ModeEstimate("Dutch roll", some, some, some, some, Estimate(), "sampled", 0.2, "may part")
+    seen = MeasuredMode(0, 1.0, 3.0, ("r", "beta"), some, some, "as it should")
+    modes = (ConditionModes((0, 2), "trim", 20.0, 100.0, 0.05, (replace(mode, measured=(seen,)),)),)
+    single = SingleEstimate(1.0, 0.1, True)
+    repeated = Repeatability(
+        (0, 1), {"Clp": ParameterRepeatability((single, single), 1.0, 0.07, 0.0, 1, 1.0, "agree")}
+    )
+    again = from_json(to_json(minimal(modes=modes, repeatability=repeated)))
+    assert repr(again.modes) == repr(modes)
+    assert again.repeatability == repeated
+
+
+def test_numpy_scalars_become_plain_numbers() -> None:
+    parameter = ParameterEstimate(np.float64(2.0), at_bound=np.bool_(True))  # type: ignore[arg-type]
+    again = from_json(to_json(minimal(parameters={"a": parameter}, seed=np.int64(7))))
+    assert again.parameters["a"].at_bound is True
+    assert again.seed == 7
+
+
+def test_unknown_keys_are_passed_over() -> None:
+    document = json.loads(to_json(minimal())) | {"later": 1}
+    assert from_json(json.dumps(document)).cost == 1.0
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "{",
+        "[1]",
+        "[" * 100_000,
+        '{"schema": "stoop-result/2"}',
+        '{"schema": "stoop-result/1"}',
+        json.dumps(json.loads(to_json(minimal())) | {"maneuvers": [{"role": "other"}]}),
+        json.dumps(json.loads(to_json(minimal())) | {"parameters": 3}),
+        json.dumps(json.loads(to_json(minimal())) | {"cost": "much"}),
+        json.dumps(
+            json.loads(to_json(minimal())) | {"covariance": {"names": ["a"], "matrix": [[1], [1, 2]]}}
+        ),
+    ],
+)
+def test_what_is_no_result_is_refused_in_one_line(text: str) -> None:
+    with pytest.raises(StoopError) as caught:
+        from_json(text, "folder/result.json")
+    assert str(caught.value).startswith("folder/result.json: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_save_and_read(tmp_path: Path) -> None:
+    path = tmp_path / "result.json"
+    minimal().save(path)
+    assert to_json(read_result(path)) == to_json(minimal())
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_read_of_a_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(StoopError, match="cannot be read"):
+        read_result(tmp_path / "none.json")
+
+
+def test_write_into_a_missing_folder(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=r"none.*cannot be written.*choose another"):
+        minimal().save(tmp_path / "none" / "result.json")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failed_write_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "report.html"
+    write_text_atomic(path, "old")
+
+    def fail(self: Path, target: Path) -> Path:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", fail)
+    with pytest.raises(OutputError, match="No space left"):
+        write_text_atomic(path, "new")
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_lone_surrogates_do_not_stop_a_text(tmp_path: Path) -> None:
+    write_text_atomic(tmp_path / "a", "\udcff")
+    write_bytes_atomic(tmp_path / "b", b"\xff")
+    assert (tmp_path / "a").read_text() == "?"

@@ -1,0 +1,94 @@
+"""windows.toml: what is written comes back, and whatever an editor leaves in it is taken or refused in a line."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from stoop.errors import FlightError
+from stoop.problem.windows_file import Entry, expanded, read_windows, written
+
+GOOD = (
+    Entry("flight2", 140.5, 145.9, axis="roll", why='says "so"\n', information=1.25, gain=0.5),
+    Entry("a b@c", 1.0, 2.5, use="validate", loading="heavy"),
+    Entry("flight2", 161.6, 168.3, accept=False),
+)
+HEAD = 'format = "stoop-windows/1"\n[[window]]\n'
+WINDOW = 'flight = "f"\nstart = 1.0\nstop = 2.0\n'
+
+
+@pytest.fixture
+def good(tmp_path: Path) -> Path:
+    path = tmp_path / "windows.toml"
+    path.write_text(written(GOOD, "stoop identify x", ["a note\nover lines"]))
+    return path
+
+
+def test_what_is_written_comes_back(good: Path) -> None:
+    back = read_windows(good)
+    assert [(e.text, e.accept, e.use) for e in back] == [(e.text, e.accept, e.use) for e in GOOD]
+    document = tomllib.loads(good.read_text())
+    assert document["window"][0]["why"] == 'says "so"\n'
+    assert document["window"][0]["information"] == 1.25
+
+
+def test_accepted_windows_take_the_place_of_the_file(good: Path) -> None:
+    fitted, predicted = expanded(["0:3", str(good)], [])
+    assert fitted == ["0:3", "flight2@140.5:145.9"]
+    assert predicted == ["a b@c@1:2.5#heavy"]
+
+
+def test_windows_to_validate_on_the_command_line_rule(good: Path) -> None:
+    assert expanded([str(good)], ["5:6"])[1] == ["5:6"]
+    assert expanded(["0:3"], [str(good)])[1] == ["a b@c@1:2.5#heavy"]
+    assert expanded(["0:3"], []) == (["0:3"], [])
+
+
+def test_nothing_accepted_is_told(good: Path) -> None:
+    good.write_text(good.read_text().replace("accept = true", "accept = false"))
+    with pytest.raises(FlightError, match="no window is accepted for fitting; set accept = true"):
+        expanded([str(good)], [])
+
+
+@pytest.mark.parametrize(
+    ("text", "advice"),
+    [
+        ("", 'format is not "stoop-windows/1"'),
+        ("[[window", "not valid TOML"),
+        (HEAD + WINDOW.replace("2.0", '"2"'), r"window 1: stop is no number; write stop = SECONDS"),
+        (HEAD + WINDOW.replace("start = 1.0\n", ""), "start is no number"),
+        (HEAD + WINDOW.replace("2.0", "nan"), "stop is no number"),
+        (HEAD + WINDOW.replace("2.0", "0.5"), "start = 1 is not before stop = 0.5"),
+        (HEAD + WINDOW.replace('"f"', '""'), "names no flight"),
+        (HEAD + WINDOW.replace('"f"', "3"), "write it in quotes"),
+        (HEAD + WINDOW + 'accept = "yes"', "write accept = true or accept = false"),
+        (HEAD + WINDOW + 'use = "train"', 'write use = "fit" or use = "validate"'),
+        (HEAD + WINDOW + "use = [1]", 'write use = "fit"'),
+        (HEAD + WINDOW + "acept = true", "'acept' is not known; did you mean accept"),
+        ('format = "stoop-windows/1"\nwindow = 3', r"write each window below a line \[\[window\]\]"),
+        ('format = "stoop-windows/1"\nwindow = [3]', r"write each window below a line \[\[window\]\]"),
+    ],
+)
+def test_an_edited_file_is_refused_in_one_line(tmp_path: Path, text: str, advice: str) -> None:
+    path = tmp_path / "w.toml"
+    path.write_text(text)
+    with pytest.raises(FlightError, match=advice) as caught:
+        read_windows(path)
+    assert "w.toml" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_told() -> None:
+    with pytest.raises(FlightError, match=r"none\.toml: cannot read the windows file"):
+        expanded(["none.toml"], [])
+
+
+def test_any_name_and_any_clock_come_back(tmp_path: Path) -> None:
+    path = tmp_path / "windows.toml"
+    flown = Entry("\U0001f681 \x7f\n[[window]]", 1_700_000_123.456, 1_700_000_125.25)
+    path.write_text(written([flown], "stoop identify 'a\nb'"), encoding="utf-8")
+    (back,) = read_windows(path)
+    assert (back.flight, back.start, back.stop) == (flown.flight, flown.start, flown.stop)
+    assert flown.text.endswith("@1700000123.456:1700000125.25")

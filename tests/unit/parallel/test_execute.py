@@ -1,0 +1,217 @@
+"""The result does not depend on who does the work, in which order, or how often it was interrupted."""
+
+from __future__ import annotations
+
+import signal
+import sqlite3
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from unit.campaign.works import HERE, failing, walks
+
+from stoop.parallel import CampaignError, Given, LocalProcesses, Plan, Pool, Run, Tally, execute
+from stoop.parallel.environment import environment
+from stoop.parallel.loop import LOSSES
+from stoop.parallel.plan import Task
+from stoop.parallel.task import Report, perform
+
+
+class Here:
+    """Does one task at a time, the last one first, in this thread; `before` is called before each."""
+
+    def __init__(self, before: Callable[[], None] = lambda: None) -> None:
+        self.before = before
+        self.submitted = self.most = 0
+
+    @contextmanager
+    def open(self):  # type: ignore[no-untyped-def]
+        yield self
+
+    def width(self) -> int:
+        return 3
+
+    def submit(self, task: Task) -> Future[Report]:
+        self.submitted += 1
+        self.before()
+        future: Future[Report] = Future()
+        future.set_result(perform(task.work, task.text, task.stops))
+        return future
+
+    def judge(self, error: BaseException) -> None:
+        return None
+
+    def note(self) -> str:
+        return ""
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    return tmp_path / "log"
+
+
+def lines(log: Path) -> list[str]:
+    return sorted(log.read_text().splitlines()) if log.exists() else []
+
+
+@contextmanager
+def threads():  # type: ignore[no-untyped-def]
+    with ThreadPoolExecutor(3) as executor:
+        yield Given(executor)
+
+
+def test_whoever_does_it_the_bytes_are_the_same(tmp_path: Path, log: Path) -> None:
+    plan = walks(log, 6, (None, 3, 7))
+    with threads() as given:
+        pools: list[Pool] = [Here(), given, LocalProcesses(1), LocalProcesses(2)]
+        texts = [str(list(execute(plan, tmp_path / f"{i}.sqlite", p).items())) for i, p in enumerate(pools)]
+    assert len(set(texts)) == 1
+    assert texts[0].startswith("[('000/3', {'step': 3, 'x': ")
+    stored = [sqlite3.connect(tmp_path / f"{i}.sqlite") for i in range(4)]
+    tables = [s.execute("SELECT * FROM runs ORDER BY key").fetchall() for s in stored]
+    assert tables[0] == tables[1] == tables[2] == tables[3]
+    for s in stored:
+        s.close()
+
+
+def test_a_prefix_is_computed_once(tmp_path: Path, log: Path) -> None:
+    found = execute(walks(log, 2, (7, None, 3)), tmp_path / "s", Here())
+    assert lines(log) == ["0 [3, 7, None]", "1 [3, 7, None]"]
+    assert list(found) == ["000/3", "000/7", "000/None", "001/3", "001/7", "001/None"]
+    assert [found[f"000/{stop}"]["step"] for stop in (3, 7, None)] == [3, 7, 100]  # type: ignore[call-overload,index]
+
+
+def test_more_runs_extend_a_store(tmp_path: Path, log: Path) -> None:
+    first = execute(walks(log, 2, (3,)), tmp_path / "s", Here())
+    more = execute(walks(log, 3, (3, 7)), tmp_path / "s", Here())
+    assert lines(log) == ["0 [3]", "0 [7]", "1 [3]", "1 [7]", "2 [3, 7]"]
+    assert first.items() <= more.items()
+    idle = Here()
+    assert execute(walks(log, 2, (3,)), tmp_path / "s", idle) == first
+    assert not idle.submitted
+
+
+def test_few_tasks_are_under_way_at_once(tmp_path: Path, log: Path) -> None:
+    under_way: list[int] = []
+
+    with ThreadPoolExecutor(1) as executor:
+        given = Given(executor, ahead=4)
+        execute(
+            walks(log, 30), tmp_path / "s", given, lambda _: under_way.append(executor._work_queue.qsize())
+        )
+    assert max(under_way) <= 4
+
+
+def test_tallies(tmp_path: Path, log: Path) -> None:
+    execute(walks(log, 2), tmp_path / "s", Here())
+    seen: list[Tally] = []
+    execute(walks(log, 5), tmp_path / "s", Here(), seen.append)
+    assert (seen[0].done, seen[0].total, seen[0].restored, seen[0].seconds_left) == (2, 5, 2, None)
+    assert (seen[-1].done, seen[-1].seconds_left) == (5, 0.0)
+    assert all(a.done <= b.done and a.seconds <= b.seconds for a, b in pairwise(seen))
+
+
+def test_ctrl_c_keeps_what_was_done(tmp_path: Path, log: Path) -> None:
+    count = iter(range(100))
+
+    def press() -> None:
+        if next(count) == 7:
+            signal.raise_signal(signal.SIGINT)
+
+    plan = walks(log, 12)
+    with pytest.raises(KeyboardInterrupt):
+        execute(plan, tmp_path / "s", Here(press))
+    assert len(lines(log)) == 7
+    seen: list[Tally] = []
+    whole = execute(plan, tmp_path / "s", Here(), seen.append)
+    assert seen[0].restored == 7, "those that had ended and were not yet looked at included"
+    assert len(lines(log)) == 12
+    assert whole == execute(plan, tmp_path / "other", Here())
+
+
+@pytest.mark.parametrize(
+    ("how", "what"),
+    [
+        ("stoop", "^run bad: elevator: does not move; choose another; mend that"),
+        ("plain", "^run bad: ValueError: first; mend that"),
+        ("leave", "^run bad: SystemExit: 3;"),
+        ("array", r"^run bad: result 0: a ndarray is not JSON"),
+        ("short", "^run bad: unit.campaign.works:fail must return a list of 1 results"),
+    ],
+)
+def test_a_failure_names_the_run_and_costs_nothing_else(
+    tmp_path: Path, log: Path, how: str, what: str
+) -> None:
+    with pytest.raises(CampaignError, match=what) as caught:
+        execute(failing(how, log, 5), tmp_path / "s", Here())
+    assert "\n" not in "".join(map(str, caught.value.args))
+    assert len(execute(walks(log, 5), tmp_path / "s", Here())) == 5
+    assert len(lines(log)) == 5
+
+
+@pytest.mark.parametrize("work", ["nowhere:f", f"{HERE}:nothing", "no colon", ""])
+def test_work_that_is_not_there(tmp_path: Path, work: str) -> None:
+    with pytest.raises(CampaignError, match=r"^run a: "):
+        execute(Plan("p", {}, (Run("a", work, {}),)), tmp_path / "s", Here())
+
+
+def test_a_worker_with_another_library_is_refused(tmp_path: Path, log: Path) -> None:
+    class Elsewhere(Here):
+        def submit(self, task: Task) -> Future[Report]:
+            future = super().submit(task)
+            report = future.result()
+            report["environment"] = {**environment(), "numpy": "0.1"}
+            return future
+
+    with pytest.raises(CampaignError, match=r"^worker process \d+ on .*numpy .* here, 0.1 there"):
+        execute(walks(log, 3), tmp_path / "s", Elsewhere())
+    assert len(execute(walks(log, 3), tmp_path / "s", Here())) == 3
+
+
+def test_lost_tasks_are_done_again_and_a_hopeless_one_ends_it(tmp_path: Path, log: Path) -> None:
+    class Dying(Here):
+        def submit(self, task: Task) -> Future[Report]:
+            key = task.runs[0].key
+            if key != "bad" and key in lost:
+                return super().submit(task)
+            lost.append(key)
+            future: Future[Report] = Future()
+            future.set_exception(RuntimeError("died"))
+            return future
+
+    lost: list[str] = []
+    dying = Dying()
+    with pytest.raises(CampaignError, match=f"^run bad: its worker died {LOSSES} times") as caught:
+        execute(failing("die", log, 6), tmp_path / "s", dying)
+    assert "(died)" in str(caught.value)
+    assert len(lines(log)) == 6, "the others came first"
+    assert len(lost) >= 6 + LOSSES
+
+
+def test_a_broken_or_closed_executor(tmp_path: Path, log: Path) -> None:
+    executor = ThreadPoolExecutor(1)
+    executor.shutdown()
+    with pytest.raises(CampaignError, match="executor"):
+        execute(walks(log, 1), tmp_path / "s", Given(executor))
+    with ProcessPoolExecutor(1) as processes, pytest.raises(CampaignError, match="executor broke"):
+        execute(failing("die", log), tmp_path / "s", Given(processes))
+
+
+def test_the_callers_executor_stays_open(tmp_path: Path, log: Path) -> None:
+    with ThreadPoolExecutor(1) as executor:
+        with suppress(CampaignError):
+            execute(failing("plain", log), tmp_path / "s", Given(executor))
+        assert executor.submit(threading.active_count).result()
+
+
+def test_another_plan_is_refused_before_anything_is_done(tmp_path: Path, log: Path) -> None:
+    execute(walks(log, 1), tmp_path / "s", Here())
+    idle = Here()
+    with pytest.raises(Exception, match="other settings"):
+        execute(replace(walks(log, 2), settings={"map": "tent"}), tmp_path / "s", idle)
+    assert not idle.submitted

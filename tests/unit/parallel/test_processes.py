@@ -1,0 +1,129 @@
+"""Worker processes: one thread each, replaced when they die, gone when the campaign ends."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from unit.campaign.works import HERE, failing, walks
+
+from stoop.parallel import CampaignError, LocalProcesses, Plan, Run, execute
+
+
+def test_one_thread_each_and_the_driver_keeps_its_own(tmp_path: Path) -> None:
+    before = dict(os.environ)
+    runs = tuple(Run(str(i), f"{HERE}:threads", {"i": i}) for i in range(4))
+    found = execute(Plan("t", {}, runs), tmp_path / "s", LocalProcesses(2))
+    for each in found.values():
+        assert isinstance(each, dict)
+        assert each["kernels"] == 1
+        assert set(each["blas"]) == {1}  # type: ignore[arg-type]
+        assert each["pid"] != os.getpid()
+        assert each["env"] == "1"
+    assert dict(os.environ) == before
+    assert not multiprocessing.active_children()
+
+
+def test_a_worker_that_dies_is_replaced_and_its_task_done_again(tmp_path: Path) -> None:
+    found = execute(failing("die once", tmp_path / "log"), tmp_path / "s", LocalProcesses(1))
+    assert found == {"bad": "die once"}
+
+
+def test_workers_that_die_again_and_again(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    with pytest.raises(CampaignError, match=r"^run bad: its worker died 5 times \(exit code 7\)"):
+        execute(failing("die", log, 3), tmp_path / "s", LocalProcesses(1))
+    assert len(execute(walks(log, 3), tmp_path / "s", LocalProcesses(1))) == 3
+    assert len(log.read_text().splitlines()) == 3
+
+
+def test_a_failure_ends_the_workers_at_once(tmp_path: Path) -> None:
+    bad = Run("bad", f"{HERE}:fail", {"how": "plain"})
+    runs = (Run("long", f"{HERE}:sleep", {"seconds": 60.0}), bad)
+    began = time.monotonic()
+    with pytest.raises(CampaignError, match="run bad: ValueError"):
+        execute(Plan("t", {}, runs), tmp_path / "s", LocalProcesses(2))
+    assert time.monotonic() - began < 30.0
+    assert not multiprocessing.active_children()
+    assert not [t for t in threading.enumerate() if t.name == "stoop-campaign"]
+
+
+SCRIPT = """
+import sys
+from pathlib import Path
+from stoop.parallel import LocalProcesses, Plan, Run, execute
+{guard}
+runs = tuple(Run(str(i), "unit.campaign.works:sleep", {{"seconds": 0.2, "i": i}}) for i in range(200))
+execute(Plan("t", {{}}, runs), Path(sys.argv[1]), LocalProcesses(2))
+"""
+
+
+def test_a_script_without_a_guard_is_told(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT.format(guard=""))
+    done = subprocess.run(
+        [sys.executable, str(script), str(tmp_path / "s")],
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 1
+    assert "__name__ == '__main__'" in done.stderr.splitlines()[-1]
+
+
+COMMAND = """
+import argparse, sys
+from pathlib import Path
+from stoop.parallel import Plan, Run
+from stoop.cli.campaign import add_campaign_arguments, run_campaign
+parser = argparse.ArgumentParser()
+add_campaign_arguments(parser)
+runs = tuple(Run(str(i), "unit.campaign.works:sleep", {"seconds": 0.1, "i": i}) for i in range(200))
+run_campaign(parser.parse_args(["--workers", "2"]), Plan("naps", {}, runs), Path(sys.argv[1]))
+"""
+
+
+def group_lives(group: int) -> bool:
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_ctrl_c_of_a_whole_group_says_one_line_and_leaves(tmp_path: Path) -> None:
+    """As a terminal does it: driver and workers get the signal."""
+    store = tmp_path / "s"
+    driver = subprocess.Popen(
+        [sys.executable, "-c", COMMAND, str(store)],
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    with driver:
+        assert driver.stderr is not None
+        assert driver.stderr.readline() == "naps: 0 of 200 runs\n"
+        deadline = time.monotonic() + 60.0
+        while not store.exists() or store.stat().st_size == 0:
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        assert driver.stderr.readline().startswith("naps: "), "some runs are done, however busy the machine"
+        os.killpg(driver.pid, signal.SIGINT)
+        last = driver.stderr.read().splitlines()
+        assert driver.wait(60) == 130
+    *progress, line = last
+    assert line.startswith("stoop: interrupted; ")
+    assert "give the same command to " in line
+    assert all(p.startswith("naps: ") for p in progress), "no tracebacks of workers"
+    deadline = time.monotonic() + 10.0
+    while group_lives(driver.pid):
+        assert time.monotonic() < deadline

@@ -1,0 +1,319 @@
+"""A store takes what is its own, refuses everything else in one line, and destroys nothing."""
+
+from __future__ import annotations
+
+import os
+import re
+import resource
+import sqlite3
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+import pytest
+
+from stoop.errors import OutputError, StoopError
+from stoop.parallel import CampaignError, Plan, Run
+from stoop.parallel import store as room
+from stoop.parallel.store import Store, forget, open_store
+
+HERE = {"numpy": "2.1", "processor": "zen"}
+PLAN = Plan("p", {"seed": 1}, tuple(Run(f"{i:03d}", "m:f", {"i": i}) for i in range(100)))
+
+
+def fill(path: Path, count: int = 50) -> bytes:
+    with open_store(path, PLAN, HERE) as store:
+        store.add(PLAN.runs[:count], [f'"{i} {"x" * 200}"' for i in range(count)])
+    return path.read_bytes()
+
+
+def look(path: Path, plan: Plan = PLAN, environment: dict[str, str] | None = None) -> dict[str, str]:
+    with open_store(path, plan, environment or HERE) as store:
+        return store.results(plan.runs)
+
+
+def change(path: Path, *statements: str, values: tuple[str, ...] = ()) -> None:
+    with closing(sqlite3.connect(path)) as other, other:
+        for statement in statements:
+            other.execute(statement, values)
+
+
+def refused(path: Path, what: str, plan: Plan = PLAN, environment: dict[str, str] | None = None) -> None:
+    """Expect one line that begins with the path, and the file as it was."""
+    before = path.read_bytes()
+    with pytest.raises(StoopError, match=f"^{re.escape(str(path))}: .*{what}") as caught:
+        look(path, plan, environment)
+    assert "\n" not in "".join(map(str, caught.value.args))
+    assert path.read_bytes() == before
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "new folder" / "runs.sqlite"
+
+
+def test_what_is_committed_is_there_and_nothing_else(path: Path) -> None:
+    fill(path, 3)
+    with open_store(path, PLAN, HERE) as store:
+        assert [run.key for run in store.missing(PLAN.runs[:5])] == ["003", "004"]
+        assert list(store.results(PLAN.runs)) == ["000", "001", "002"]
+        store.add(PLAN.runs[2:4], ['"again"', '"new"'])
+        assert store.results(PLAN.runs[2:])["002"].startswith('"2 x')
+    assert list(path.parent.iterdir()) == [path], "one file"
+
+
+def interrupt(connection: sqlite3.Connection) -> None:
+    with room._transaction(connection, "IMMEDIATE"):
+        connection.execute("INSERT INTO runs VALUES ('000', '', '', '')")
+        raise KeyboardInterrupt
+
+
+def test_an_interrupted_commit_leaves_nothing(path: Path) -> None:
+    with open_store(path, PLAN, HERE) as store:
+        with pytest.raises(KeyboardInterrupt):
+            interrupt(store._connection)
+        assert not store.results(PLAN.runs)
+        store.add(PLAN.runs[:1], ["1"])
+    assert look(path) == {"000": "1"}
+
+
+def test_an_empty_file_is_a_store_that_was_never_begun(path: Path) -> None:
+    path.parent.mkdir()
+    path.touch()
+    assert look(path) == {}
+
+
+def test_another_plan_or_setting(path: Path) -> None:
+    fill(path)
+    refused(path, "holds the runs of p, not of q", Plan("q", {"seed": 1}, ()))
+    refused(path, r"other settings \(seed: 1, now 2\)", Plan("p", {"seed": 2}, ()))
+    refused(path, r"other settings \(pr: absent, now 0.9\)", Plan("p", {"seed": 1, "pr": 0.9}, ()))
+
+
+def test_another_environment(path: Path) -> None:
+    fill(path)
+    refused(path, r"another environment \(numpy 2.2 here, 2.1 there\)", PLAN, {**HERE, "numpy": "2.2"})
+    refused(
+        path, r"another environment \(processor .*name another file", PLAN, {**HERE, "processor": "skylake"}
+    )
+
+
+def test_a_library_installed_since_is_no_other_environment_and_counts_from_then_on(path: Path) -> None:
+    fill(path)
+    assert look(path, PLAN, {**HERE, "cma": "4.0"})
+    assert look(path, PLAN, HERE)
+    refused(path, "cma 4.1 here, 4.0 there", PLAN, {**HERE, "cma": "4.1"})
+
+
+def test_a_key_with_other_arguments(path: Path) -> None:
+    fill(path)
+    with (
+        open_store(path, PLAN, HERE) as store,
+        pytest.raises(OutputError, match="run 003 was made with other arguments"),
+    ):
+        store.missing([Run("003", "m:f", {"i": 99})])
+
+
+def test_another_version_of_the_schema(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fill(path)
+    monkeypatch.setattr(room, "SCHEMA", "stoop-campaign/2")
+    refused(path, "another version")
+
+
+def test_a_later_schema_may_keep_other_things(path: Path) -> None:
+    fill(path)
+    later = "stoop-campaign/2"
+    change(path, "DELETE FROM meta WHERE name <> 'schema'", "DROP TABLE runs")
+    change(path, "UPDATE meta SET value = ?, checksum = ?", values=(later, room._seal("schema", later)))
+    refused(path, f"a store of another version \\({later}, not {room.SCHEMA}\\); name another file")
+
+
+def test_a_second_driver(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(room, "_PATIENCE", 0.01)
+    fill(path)
+    with open_store(path, PLAN, HERE), pytest.raises(OutputError, match="in use by another process"):
+        look(path)
+    assert len(look(path)) == 50
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"x", b"key,value\n" * 500, b"SQLite format 3\0", b"SQLite format 3\0" * 500, bytes(4096)],
+    ids=range(5),
+)
+def test_another_file(path: Path, content: bytes) -> None:
+    path.parent.mkdir()
+    path.write_bytes(content)
+    refused(path, "another file")
+
+
+def test_another_programs_tables(path: Path) -> None:
+    path.parent.mkdir()
+    with closing(sqlite3.connect(path)) as other, other:
+        other.execute("CREATE TABLE runs (key TEXT)")
+    refused(path, "is no store of a campaign")
+
+
+def test_truncated_anywhere(path: Path) -> None:
+    whole = fill(path)
+    for length in [*range(1, len(whole), 997), len(whole) - 1]:
+        path.write_bytes(whole[:length])
+        refused(path, "another file")
+
+
+def test_a_flipped_byte_is_refused_or_does_no_harm(path: Path) -> None:
+    """Bytes in free space and counters do no harm; every other one is noticed."""
+    whole = fill(path, 20)
+    sound, noticed = look(path), 0
+    for position in range(0, len(whole), 211):
+        path.write_bytes(whole[:position] + bytes([whole[position] ^ 0x55]) + whole[position + 1 :])
+        try:
+            assert look(path) == sound
+        except OutputError:
+            noticed += 1
+    assert noticed > 10
+
+
+def test_a_result_that_was_changed(path: Path) -> None:
+    fill(path)
+    with closing(sqlite3.connect(path)) as other, other:
+        other.execute("UPDATE runs SET result = '1' WHERE key = '007'")
+    refused(path, "run 007 does not fit its checksum")
+
+
+@pytest.mark.parametrize(
+    "change", ["DELETE FROM meta WHERE name = 'plan'", "UPDATE meta SET value = '{}'", "DROP TABLE meta"]
+)
+def test_a_header_that_was_changed(path: Path, change: str) -> None:
+    fill(path)
+    with closing(sqlite3.connect(path)) as other, other:
+        other.execute(change)
+    refused(path, "")
+
+
+@pytest.mark.parametrize("words", ["DROP TABLE runs", "ALTER TABLE runs RENAME COLUMN result TO found"])
+def test_a_table_that_is_not_there(path: Path, words: str) -> None:
+    fill(path)
+    change(path, words)
+    refused(path, "damaged; restore a copy")
+
+
+@pytest.mark.parametrize("text", ["{", "", "[" * 100_000])
+def test_a_result_or_setting_with_a_checksum_that_is_no_json(path: Path, text: str) -> None:
+    fill(path, 3)
+    seal = room._seal("001", PLAN.runs[1].identity, text)
+    change(path, "UPDATE runs SET result = ?, checksum = ? WHERE key = '001'", values=(text, seal))
+    refused(path, "holds something else than JSON: damaged")
+    path.unlink()
+    fill(path, 3)
+    seal = room._seal("settings", text)
+    change(path, "UPDATE meta SET value = ?, checksum = ? WHERE name = 'settings'", values=(text, seal))
+    refused(path, "holds something else than JSON: damaged")
+
+
+def test_a_store_with_no_runs_pins_nothing(path: Path) -> None:
+    fill(path, 0)
+    other = Plan("q", {"seed": 2}, PLAN.runs)
+    assert look(path, other, {"numpy": "2.2"}) == {}
+    with open_store(path, other, {"numpy": "2.2"}) as store:
+        store.add(other.runs[:1], ["1"])
+    refused(path, "holds the runs of q, not of p")
+    refused(path, "numpy 2.1 here, 2.2 there", other)
+
+
+def test_forgetting_a_store(path: Path) -> None:
+    forget(path)
+    fill(path)
+    journal, link = path.with_name(f"{path.name}-journal"), path.with_name("link.sqlite")
+    link.symlink_to(path)
+    forget(link)
+    assert not path.exists()
+    assert not journal.exists()
+    path.touch()
+    forget(path)
+    assert not path.exists()
+
+
+@pytest.mark.parametrize(
+    "what", ["tables", "owner", "x", "SQLite format 3\0", "SQLite format 3\0" * 99, "folder"]
+)
+def test_forgetting_nothing_of_other_programs(path: Path, what: str) -> None:
+    path.parent.mkdir()
+    if what == "folder":
+        path.mkdir()
+        with pytest.raises(OutputError, match="is no store"):
+            forget(path)
+        return
+    if what == "tables":
+        change(path, "CREATE TABLE thesis (chapter TEXT)", "INSERT INTO thesis VALUES ('one')")
+    elif what == "owner":
+        change(path, "PRAGMA application_id = 252006675", "CREATE TABLE maps (tile BLOB)")
+    else:
+        path.write_text(what)
+    before = path.read_bytes()
+    with pytest.raises(OutputError, match=f"^{re.escape(str(path))}: .*is no store of a campaign"):
+        forget(path)
+    assert path.read_bytes() == before
+
+
+def test_forgetting_no_store_in_use(path: Path) -> None:
+    fill(path)
+    with (
+        open_store(path, PLAN, HERE) as store,
+        pytest.raises(OutputError, match="cannot be removed: in use by another process"),
+    ):
+        forget(path)
+    assert store
+    assert len(look(path)) == 50
+
+
+@pytest.mark.parametrize("where", ["file/runs.sqlite", "folder", "/proc/runs.sqlite"])
+def test_a_place_where_nothing_can_be_written(tmp_path: Path, where: str) -> None:
+    (tmp_path / "file").touch()
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(OutputError, match="choose another"):
+        look(tmp_path / where)
+
+
+@contextmanager
+def pages_limited(store: Store) -> Iterator[None]:
+    (pages,) = store._connection.execute("PRAGMA page_count").fetchone()
+    store._connection.execute(f"PRAGMA max_page_count = {pages + 2}")
+    yield
+
+
+@contextmanager
+def file_size_limited(store: Store) -> Iterator[None]:
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (store._path.stat().st_size + 8192, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("limited", [pages_limited, file_size_limited])
+def test_a_full_disk_costs_what_was_not_committed(
+    path: Path, limited: Callable[[Store], contextmanager[None]]
+) -> None:
+    def add_all(store: Store) -> None:
+        for i in range(50, 100):
+            store.add([PLAN.runs[i]], [f'"{i} {os.urandom(500).hex()}"'])
+            added.append(PLAN.runs[i].key)
+
+    fill(path)
+    added: list[str] = []
+    with (
+        open_store(path, PLAN, HERE) as store,
+        limited(store),
+        pytest.raises(OutputError, match=r"what is done is safe: .* start the same command again"),
+    ):
+        add_all(store)
+    assert added
+    assert list(look(path)) == [f"{i:03d}" for i in range(50)] + added
+    fill(path, 100)
+
+
+def test_settings_are_json(path: Path) -> None:
+    with pytest.raises(CampaignError, match="plan p: settings"):
+        look(path, Plan("p", {"a": (1, 2)}, ()))  # type: ignore[dict-item]

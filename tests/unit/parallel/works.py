@@ -1,0 +1,96 @@
+"""What the campaigns of these tests do."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from stoop.errors import IdentificationError
+from stoop.parallel import Plan, Run
+
+HERE = "unit.campaign.works"
+
+
+def note(arguments: Mapping[str, Any], text: str) -> None:
+    with Path(arguments["log"]).open("a") as log:
+        log.write(f"{text}\n")
+
+
+def walk(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Any]:
+    """Walk a logistic map from a seed; return where it is at each stop."""
+    note(arguments, f"{arguments['seed']} {list(stops)}")
+    x, step, found = 0.1 + arguments["seed"] / 1000.0, 0, []
+    for stop in stops:
+        while step < (100 if stop is None else stop):
+            x, step = 3.9 * x * (1.0 - x), step + 1
+        found.append({"x": x, "step": step})
+    return found
+
+
+def fail(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Any]:
+    """Fail in the way that is asked for, or die, or come back with the wrong thing."""
+    match arguments["how"]:
+        case "stoop":
+            raise IdentificationError("elevator: does not move; choose another\nattached")
+        case "plain":
+            raise ValueError("first\nsecond")
+        case "leave":
+            sys.exit(3)
+        case "die":
+            os._exit(7)
+        case "die once":
+            if not Path(arguments["log"]).exists():
+                note(arguments, "died")
+                os._exit(7)
+        case "array":
+            import numpy as np
+
+            return [np.zeros(2)]
+        case "short":
+            return []
+    return [arguments["how"]]
+
+
+def threads(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Any]:
+    """Return how many threads kernels and linear algebra may use, and this process."""
+    import numpy  # noqa: F401, ICN001 - so that there is a BLAS to ask
+    import threadpoolctl
+
+    from stoop.kernels.kernel import thread_count
+
+    blas = [pool["num_threads"] for pool in threadpoolctl.threadpool_info()]
+    return [
+        {
+            "kernels": thread_count(),
+            "blas": blas,
+            "pid": os.getpid(),
+            "env": os.environ.get("OMP_NUM_THREADS"),
+        }
+    ]
+
+
+def walks(log: Path, seeds: int, stops: Sequence[int | None] = (None,)) -> Plan:
+    runs = (
+        Run(f"{seed:03d}/{stop}", f"{HERE}:walk", {"seed": seed, "log": str(log)}, stop)
+        for stop in stops
+        for seed in range(seeds)
+    )
+    return Plan("walks", {"map": "logistic"}, tuple(runs))
+
+
+def failing(how: str, log: Path, others: int = 0) -> Plan:
+    """Return a plan whose last run fails."""
+    return Plan(
+        "walks",
+        {"map": "logistic"},
+        (*walks(log, others).runs, Run("bad", f"{HERE}:fail", {"how": how, "log": str(log)})),
+    )
+
+
+def sleep(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Any]:
+    time.sleep(arguments["seconds"])
+    return [None for _ in stops]

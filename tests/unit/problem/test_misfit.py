@@ -1,0 +1,270 @@
+"""The cost of eq. (3): by the compiled kernel, by residuals and by hand the same; exact slopes; holes hidden."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib.resources import files
+
+import numpy as np
+import pytest
+from naive import march
+
+from stoop.problem import Layout, Misfit, Nuisance, Piece, Weights
+from stoop.problem.misfit import horizon_ladder
+from stoop.simulate import Maneuver
+from stoop.simulate.fly import fly
+from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
+
+SPEC = {"duration": 3.0, "rate": 50.0}
+
+
+def step(control: str, start: float) -> dict[str, object]:
+    return {"control": control, "shape": "doublet", "start": start, "step": 0.3, "amplitude": 0.05}
+
+
+@pytest.fixture(scope="module")
+def vehicle() -> Vehicle:
+    changes = {n: {"free": False} for n in ("CLV", "CDV", "CmV", "CDalpha2", "CDalpha", "CLq")}
+    changes |= {"mass.mass": {"free": True, "bounds": (150.0, 230.0)}, "Cmq": {"prior": 5.0}}
+    twin = load_vehicle(str(files("stoop") / "data" / "twin_boom.toml"))
+    return twin.reduced("longitudinal").with_numbers(changes)
+
+
+def piece(vehicle: Vehicle, maneuver: int, start: float, changes: dict[str, float]) -> Piece:
+    flown = fly(vehicle, Maneuver.model_validate({**SPEC, "input": [step("elevator", start)]}))
+    noise = np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs])
+    measured = flown.outputs + noise * np.random.default_rng(maneuver).standard_normal(flown.outputs.shape)
+    return Piece(maneuver, flown.time, flown.inputs, measured, flown.trim.start, changes)
+
+
+@pytest.fixture(scope="module")
+def problem(vehicle: Vehicle) -> Misfit:
+    """Two maneuvers, the first in two pieces with holes in the measurements, the second heavier."""
+    pieces = [
+        piece(vehicle, 0, 0.3, {}),
+        piece(vehicle, 0, 0.6, {}),
+        piece(vehicle, 1, 0.5, {"mass.inertia.yy": 130.0}),
+    ]
+    pieces[0].measured[40:60, 2] = np.nan
+    pieces[0].measured[90] = np.nan
+    pieces[1].measured[:, 4] = np.nan
+    nuisances = [
+        Nuisance(n, p.maneuver, i, p.start.get(n, 0.0), s)
+        for i, p in enumerate(pieces)
+        for n, s in (("V", 2.0), ("alpha", 0.1), ("q", 0.2), ("theta", 0.1))
+    ]
+    nuisances += [Nuisance(f"sensors.{c}.bias", m, None, 0.0, 0.02) for m in (0, 1) for c in ("q", "az")]
+    free = [p for p in Layout.of(vehicle, nuisances).parameters if not p.name.endswith(".bias")]
+    layout = Layout(vehicle, tuple(free), tuple(nuisances))
+    sigma = np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs])
+    return Misfit(layout, tuple(pieces), Weights.of(sigma**2), horizon_ladder(pieces))
+
+
+def points(problem: Misfit, count: int) -> np.ndarray:
+    middle = problem.layout.unit(np.array([p.value for p in problem.layout.parameters]))
+    return np.clip(middle + 0.02 * np.random.default_rng(1).standard_normal((count, problem.dimension)), 0, 1)
+
+
+def test_cost_is_the_sum_of_squared_residuals(problem: Misfit) -> None:
+    X = points(problem, 11)
+    Z = np.concatenate([X, np.zeros((11, problem.extra))], axis=1)
+    for rung in range(len(problem.ladder)):
+        squares = np.sum(problem.residuals(Z, rung) ** 2, axis=1)
+        np.testing.assert_allclose(problem.costs(X, rung), squares, rtol=1e-12)
+
+
+def test_nuisances_left_out_are_nuisances_at_their_start(problem: Misfit) -> None:
+    X = points(problem, 11)
+    Z = np.concatenate([X, np.zeros((11, problem.extra))], axis=1)
+    for i in range(len(problem.pieces)):
+        for short, long in zip(problem.candidates(X, i), problem.candidates(Z, i), strict=True):
+            np.testing.assert_array_equal(short, long)
+
+
+def test_cost_by_hand(problem: Misfit, vehicle: Vehicle) -> None:
+    """The twin flies each piece; squares over sigma squared; one prior and every nuisance add theirs."""
+    from naive.aircraft import Aircraft
+
+    X = points(problem, 1)
+    values = dict(
+        zip((p.name for p in problem.layout.parameters), problem.layout.physical(X)[0], strict=True)
+    )
+    total = ((values["Cmq"] - vehicle.value("Cmq")) / 5.0) ** 2
+    text = vehicle.text + '\n[model]\nreduce = "longitudinal"\n'
+    sigma = np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs])
+    for p in problem.pieces:
+        twin = Aircraft(text, values | dict(p.changes), {})
+
+        def name(row: np.ndarray) -> dict[str, float]:
+            return dict(zip(vehicle.inputs, row.tolist(), strict=True))
+
+        y = march.march(
+            lambda x, u, t=twin: t.rates(x, name(u)), lambda x, u, t=twin: t.readings(x, name(u)),
+            twin.start(p.start, name(p.inputs[0])), p.inputs, p.dt,
+        )  # fmt: skip
+        total += np.nansum(((y - p.measured) / sigma) ** 2)
+    assert problem.costs(X, len(problem.ladder) - 1)[0] == pytest.approx(total, rel=1e-4)
+
+
+def test_jacobian_is_the_slope_of_the_residuals(problem: Misfit) -> None:
+    z = np.concatenate([points(problem, 1)[0], 0.3 * np.random.default_rng(2).standard_normal(problem.extra)])
+    for rung in (0, len(problem.ladder) - 1):
+        r = problem.residuals(z[None, :], rung)[0]
+        J, spent = problem.jacobian(z, rung, r)
+        h = 1e-5
+        steps = h * np.eye(len(z))
+        slope = (problem.residuals(z + steps, rung) - problem.residuals(z - steps, rung)).T / (2 * h)
+        largest = np.abs(slope).max(axis=0)
+        assert (largest > 0).all()
+        np.testing.assert_allclose(J / largest, slope / largest, rtol=0, atol=2e-5)
+        # an initial state (four of each piece) is varied on its own piece only, a bias not at all
+        assert spent == pytest.approx((problem.dimension + 4) * problem.prices[rung])
+
+
+def test_jacobian_at_a_bound_steps_inwards(problem: Misfit) -> None:
+    z = np.concatenate([points(problem, 1)[0], np.zeros(problem.extra)])
+    z[0], z[1] = 1.0, 0.0
+    r = problem.residuals(z[None, :], 0)[0]
+    J, _ = problem.jacobian(z, 0, r)
+    h = 1e-5
+    low, high = z.copy(), z.copy()
+    low[0], high[1] = 1.0 - h, h
+    np.testing.assert_allclose(
+        J[:, 0], (r - problem.residuals(low[None, :], 0)[0]) / h, rtol=1e-2, atol=1e-2 * np.abs(J[:, 0]).max()
+    )
+    np.testing.assert_allclose(
+        J[:, 1],
+        (problem.residuals(high[None, :], 0)[0] - r) / h,
+        rtol=1e-2,
+        atol=1e-2 * np.abs(J[:, 1]).max(),
+    )
+
+
+def likelihood(error: np.ndarray, covariance: np.ndarray) -> float:
+    """Return e' R^-1 e of the channels that were measured, R being their part of the covariance."""
+    seen = np.flatnonzero(np.isfinite(error))
+    e = error[seen]
+    return float(e @ np.linalg.solve(covariance[np.ix_(seen, seen)], e)) if seen.size else 0.0
+
+
+def test_a_correlated_noise_covariance(problem: Misfit) -> None:
+    sigma = np.sqrt(np.diag(problem.weights.covariance))
+    correlation = 0.4 ** np.abs(np.subtract.outer(np.arange(6), np.arange(6)))
+    full = problem.weighted(Weights.of(correlation * np.outer(sigma, sigma)))
+    X = points(problem, 3)
+    Z = np.concatenate([X, np.zeros((3, problem.extra))], axis=1)
+    expected = np.sum(full.layout.prior_residuals(Z) ** 2, axis=1)
+    for i, p in enumerate(full.pieces):
+        for b in range(3):
+            expected[b] += sum(
+                likelihood(e, full.weights.covariance) for e in full.outputs(Z[b], i) - p.measured
+            )
+    np.testing.assert_allclose(full.costs(X, len(full.ladder) - 1), expected, rtol=1e-10)
+    assert full.weights.logdet == pytest.approx(np.linalg.slogdet(full.weights.covariance)[1])
+    diagonal = problem.weighted(Weights.of(np.diag(sigma**2)))
+    np.testing.assert_allclose(diagonal.costs(X, 0), problem.costs(X, 0), rtol=1e-12)
+
+
+def test_a_diverging_candidate_costs_infinity_and_disturbs_none(problem: Misfit) -> None:
+    X = points(problem, 9)
+    before = problem.costs(X, 0)
+    names = [p.name for p in problem.layout.parameters]
+    wild = X.copy()
+    wild[4, names.index("Cmalpha")] = 4e3
+    wild[4, names.index("Cmq")] = 1e3
+    for p in (problem, problem.weighted(Weights.of(np.diag(problem.weights.covariance.diagonal()) + 1e-12))):
+        after = p.costs(wild, 0)
+        assert np.isposinf(after[4])
+        assert np.isfinite(np.delete(after, 4)).all()
+    assert np.array_equal(np.delete(problem.costs(wild, 0), 4), np.delete(before, 4))
+
+
+def test_loadings_apply_to_their_maneuver_only(problem: Misfit) -> None:
+    Z = np.concatenate([points(problem, 1), np.zeros((1, problem.extra))], axis=1)
+    light = replace(problem, pieces=tuple(replace(p, changes={}) for p in problem.pieces))
+    assert np.array_equal(problem.outputs(Z[0], 0), light.outputs(Z[0], 0))
+    assert not np.array_equal(problem.outputs(Z[0], 2), light.outputs(Z[0], 2))
+
+
+def test_a_bias_is_shared_by_the_pieces_of_its_maneuver(problem: Misfit) -> None:
+    z = np.concatenate([points(problem, 1)[0], np.zeros(problem.extra)])
+    moved = z.copy()
+    index = next(
+        j for j, n in enumerate(problem.layout.nuisances) if n.name == "sensors.q.bias" and n.maneuver == 0
+    )
+    moved[problem.dimension + index] = 2.0
+    q = problem.layout.vehicle.outputs.index("q")
+    for i in (0, 1):
+        difference = problem.outputs(moved, i) - problem.outputs(z, i)
+        assert difference[:, q] == pytest.approx(0.04 * np.ones(len(difference)), abs=1e-15)
+        assert np.array_equal(np.delete(difference, q, axis=1), np.zeros((len(difference), 5)))
+    assert np.array_equal(problem.outputs(moved, 2), problem.outputs(z, 2))
+
+
+def test_tied_biases_share_their_slope() -> None:
+    text = (
+        files("stoop") / "data" / "twin_boom.toml"
+    ).read_text() + '\n[sensors.az]\nbias = "=sensors.ax.bias"\n'
+    tied = parse_vehicle(text, "tied").reduced("longitudinal")
+    p = piece(tied, 0, 0.5, {})
+    free = tuple(q for q in tied.parameters if q.name == "CL0")
+    layout = Layout(tied, free, (Nuisance("sensors.ax.bias", 0, None, 0.0, 0.2),))
+    misfit = Misfit(layout, (p,), Weights.of(np.ones(6)), horizon_ladder((p,)))
+    z = np.array([0.5, 0.0])
+    J, _ = misfit.jacobian(z, 0, misfit.residuals(z[None, :], 0)[0])
+    count = misfit.ladder[0][0]
+    slope = J[: count * 6, 1].reshape(count, 6)
+    assert slope[:, [4, 5]] == pytest.approx(0.2 * np.ones((count, 2)))
+    assert not slope[:, :4].any()
+
+
+def test_angles_are_compared_around_the_circle() -> None:
+    twin = load_vehicle(str(files("stoop") / "data" / "twin_boom.toml"))
+    flown = fly(twin, Maneuver.model_validate({**SPEC, "input": [step("rudder", 0.5)]}))
+    around = flown.outputs.copy()
+    around[:, twin.outputs.index("psi")] += np.where(np.arange(len(around)) % 2, 2 * np.pi, 0.0)
+    around[:, twin.outputs.index("phi")] -= 2 * np.pi
+    free = tuple(p for p in twin.parameters if p.name == "Cnbeta")
+    layout = Layout(twin, free, ())
+    costs = []
+    for measured in (flown.outputs, around):
+        p = Piece(0, flown.time, flown.inputs, measured, flown.trim.start, flown.trim.changes)
+        misfit = Misfit(layout, (p,), Weights.of(np.ones(12)), horizon_ladder((p,)))
+        X = layout.unit(np.array([0.1]))[None, :]
+        costs.append((misfit.costs(X, 0)[0], np.sum(misfit.residuals(X, 0) ** 2)))
+    assert costs[0] == pytest.approx(costs[1], rel=1e-9)
+    assert costs[0][0] == pytest.approx(costs[0][1], rel=1e-12)
+
+
+def test_the_reference_is_a_model_that_says_nothing(problem: Misfit) -> None:
+    sigma = np.sqrt(np.diag(problem.weights.covariance))
+    total = 0.0
+    for p in problem.pieces:
+        first = np.array([c[np.isfinite(c)][0] if np.isfinite(c).any() else 0.0 for c in p.measured.T])
+        total += np.nansum(((p.measured - first) / sigma) ** 2)
+    assert problem.reference(len(problem.ladder) - 1) == pytest.approx(total, rel=1e-12)
+
+
+def test_horizons_grow_and_end_with_everything(problem: Misfit) -> None:
+    assert problem.ladder[-1] == tuple(len(p.time) for p in problem.pieces)
+    assert all(
+        a <= b
+        for low, high in zip(problem.ladder, problem.ladder[1:], strict=False)
+        for a, b in zip(low, high, strict=True)
+    )
+    assert problem.prices[-1] == 1.0
+    for p, count in zip(problem.pieces, problem.ladder[0], strict=True):
+        assert np.ptp(p.inputs[:count], axis=0).max() > 0.0, "the first horizon sees the controls move"
+
+
+def test_layout_turns_units(problem: Misfit) -> None:
+    layout = problem.layout
+    values = np.array([p.value for p in layout.parameters])
+    x = layout.unit(values)
+    assert ((x >= 0) & (x <= 1)).all()
+    assert layout.physical(x[None, :])[0] == pytest.approx(values, rel=1e-12)
+    assert layout.unit(values + 1e9) == pytest.approx(np.ones(layout.dimension))
+    J = layout.prior_jacobian()
+    Z = np.random.default_rng(0).uniform(size=(2, layout.dimension + layout.extra))
+    difference = layout.prior_residuals(Z)[1] - layout.prior_residuals(Z)[0]
+    assert J @ (Z[1] - Z[0]) == pytest.approx(difference, rel=1e-9)

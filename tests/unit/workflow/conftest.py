@@ -1,0 +1,14 @@
+"""One finished job, shared by these tests."""
+
+from __future__ import annotations
+
+import pytest
+
+from stoop.flight import Flight
+from stoop.vehicle import Vehicle
+from stoop.workflow import Job, identify
+
+
+@pytest.fixture(scope="session")
+def job(wrong: Vehicle, flight: Flight) -> Job:
+    return identify(wrong, flight, ["0:20"], ["20:28"], command="stoop identify <here>")

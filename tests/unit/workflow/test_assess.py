@@ -1,0 +1,138 @@
+"""Assessments composed onto a job: the same for any number of workers, resumed, written, and refused in words."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.errors import IdentificationError, OutputError
+from stoop.parallel import Given, LocalProcesses, execute
+from stoop.results.evidence import MethodSpread
+from stoop.results.result import from_json
+from stoop.workflow import Bootstrap, Job, Posterior, Profile
+from stoop.workflow.bootstrap import CHUNK, bootstrap_plan
+from stoop.workflow.case import Case, Finding, Watch, case_of
+from stoop.workflow.posed import pack, unpack
+from stoop.workflow.profile import ONLY
+
+
+@pytest.fixture(scope="module")
+def case(job: Job) -> Case:
+    return case_of(job.fit, "output-error", 0)
+
+
+def here() -> Given:
+    return Given(ThreadPoolExecutor(1))
+
+
+def test_a_problem_comes_back_from_text_to_the_last_bit(job: Job) -> None:
+    problem = job.fit.problem
+    again, arrays = unpack(pack(problem, {"z": job.fit.z}))
+    assert again.layout.vehicle.structure == problem.layout.vehicle.structure
+    rung = len(problem.prices) - 1
+    assert np.array_equal(arrays["z"], job.fit.z)
+    assert np.array_equal(again.residuals(arrays["z"][None], rung), problem.residuals(job.fit.z[None], rung))
+    assert pack(problem, {"z": job.fit.z}) == pack(again, {"z": arrays["z"]})
+
+
+@pytest.fixture(scope="module")
+def bootstrapped(job: Job) -> Job:
+    return job.assess(Bootstrap(100, pool=here()))
+
+
+def test_the_bootstrap_agrees_with_corrected_errors_on_white_noise(bootstrapped: Job) -> None:
+    methods = bootstrapped.identification.result.uncertainty
+    ratios = [
+        s.std_error / methods["corrected"].parameters[n].std_error
+        for n, s in methods["bootstrap"].parameters.items()
+    ]
+    assert 0.85 < float(np.median(ratios)) < 1.15
+    assert methods["bootstrap"].figures == {"replicates": 100.0, "dived": 0.0, "lost": 0.0}
+    assert any("Bootstrap" in s for s in bootstrapped.identification.result.trust)
+
+
+@pytest.mark.slow
+def test_any_number_of_workers_gives_the_same_replicates(case: Case, tmp_path: Path) -> None:
+    plan = bootstrap_plan(case, 3 * CHUNK)
+    one, two = (execute(plan, tmp_path / f"{n}.sqlite", LocalProcesses(n)) for n in (1, 2))
+    assert one == two
+    assert one == execute(plan, tmp_path / "threads.sqlite", here())
+
+
+def test_more_replicates_keep_the_first(case: Case, tmp_path: Path) -> None:
+    few = execute(bootstrap_plan(case, CHUNK), tmp_path / "a.sqlite", here())
+    more = execute(bootstrap_plan(case, 2 * CHUNK), tmp_path / "a.sqlite", here())
+    assert few["000000"] == more["000000"]
+    assert len(more) == 2
+
+
+def test_a_profile_of_what_the_data_tell_is_the_corrected_interval(job: Job) -> None:
+    found = job.assess(Profile(("Cmq",), here())).identification.result
+    profile, corrected = (found.uncertainty[m].parameters["Cmq"] for m in ("profile", "corrected"))
+    assert profile.std_error == pytest.approx(corrected.std_error, rel=0.03)
+    assert set(found.uncertainty["profile"].parameters) == {"Cmq"}
+    assert found.uncertainty["profile"].notes[0] == ONLY
+
+
+def test_a_name_that_is_not_free_is_refused(job: Job) -> None:
+    with pytest.raises(IdentificationError, match="did you mean Cmq"):
+        job.assess(Profile(("Cmqq",), here()))
+
+
+def test_a_fit_of_another_method_is_refused(job: Job) -> None:
+    told = replace(job.identification, result=replace(job.identification.result, method="equation-error"))
+    with pytest.raises(IdentificationError, match="output-error"):
+        replace(job, identification=told).assess(Bootstrap(40, pool=here()))
+
+
+def test_the_result_says_all_of_it_in_json(bootstrapped: Job) -> None:
+    result = bootstrapped.identification.result
+    again = from_json(result.to_json())
+    assert again.uncertainty.keys() == {"corrected", "cramer_rao", "bootstrap"}
+    assert again.trust == result.trust
+    assert again.identifiability.singular_values == result.identifiability.singular_values
+    assert again.identifiability.parameters["Cmq"] == result.identifiability.parameters["Cmq"]
+
+
+class Told:
+    """An assessment of one's own."""
+
+    name = "told"
+
+    def __call__(self, case: Case, watch: Watch) -> Finding:
+        watch("telling")
+        return Finding(MethodSpread({}), {"posterior.nc": b"abc"})
+
+
+def test_attachments_lie_beside_the_result_and_go_with_it(job: Job, tmp_path: Path) -> None:
+    heard: list[str] = []
+    told = job.assess(Told(), watch=heard.append)
+    folder = told.save(tmp_path / "out")
+    assert heard == ["telling"]
+    assert (folder / "posterior.nc").read_bytes() == b"abc"
+    with pytest.raises(OutputError, match="holds"):
+        told.save(folder)
+    job.save(folder, overwrite=True)
+    assert not (folder / "posterior.nc").exists()
+
+
+@pytest.mark.slow
+def test_the_posterior_is_read_back_by_arviz(job: Job, tmp_path: Path) -> None:
+    from stoop.assess.ensemble import libraries
+
+    assessed = job.assess(Posterior())
+    folder = assessed.save(tmp_path / "out")
+    _, arviz = libraries()
+    data = arviz.from_netcdf(str(folder / "posterior.nc"), engine="h5netcdf")
+    result = assessed.identification.result
+    for name, spread in result.uncertainty["posterior"].parameters.items():
+        assert float(data.posterior[name].std()) == pytest.approx(spread.std_error, rel=0.1)
+        assert data.posterior[name].attrs["units"] == result.parameters[name].unit
+        corrected = result.uncertainty["corrected"].parameters[name].std_error
+        assert spread.std_error == pytest.approx(corrected, rel=0.15)
+    assert result.uncertainty["posterior"].figures["rhat"] < 1.02
+    assert result.uncertainty["posterior"].figures["marginalization_error"] < 0.1

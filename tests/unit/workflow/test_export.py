@@ -1,0 +1,165 @@
+"""Exports of an identification: its flight, its estimates with all their digits, its covariance."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.errors import OutputError, StoopError
+from stoop.estimate.fit import Options
+from stoop.flight import Flight
+from stoop.vehicle import parse_vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+from stoop.workflow import Job, identify
+from stoop.workflow.export import Condition, export, write
+from stoop.workflow.export_page import PAGE
+from stoop.workflow.export_subject import Subject, read_subject
+
+
+@pytest.fixture(scope="module")
+def folder(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return job.save(tmp_path_factory.mktemp("export") / "result")
+
+
+@pytest.fixture(scope="module")
+def subject(folder: Path) -> Subject:
+    return read_subject(str(folder))
+
+
+def test_estimates_are_those_of_the_fit_to_the_last_digit(job: Job, subject: Subject) -> None:
+    assert {n: subject.vehicle.value(n) for n in job.fit.estimates} == job.fit.estimates
+    assert subject.known is not None
+    assert np.array_equal(subject.known.covariance, job.identification.result.covariance.matrix)
+
+
+def test_maneuvers_start_where_the_fit_found_them(job: Job, subject: Subject) -> None:
+    assert [m.title.partition(" (")[2] for m in subject.maneuvers] == ["fitted)", "predicted)"]
+    found = job.identification.result.initial_states[0].values
+    assert {n: subject.maneuvers[0].record.start[n] for n in found} == {
+        n: q.estimate for n, q in found.items()
+    }
+    bias = job.identification.result.biases[0].values["q"].estimate
+    assert subject.maneuvers[0].record.vehicle.value("sensors.q.bias") == bias
+
+
+def test_our_simulation_of_a_maneuver_is_the_one_of_the_report(job: Job, subject: Subject) -> None:
+    """Its root mean square error is the figure in result.json."""
+    from stoop.export.flown import differences, own_readings
+
+    fitted = subject.maneuvers[0]
+    vehicle = fitted.record.vehicle
+    apart = differences(vehicle, own_readings(fitted.record), fitted.measured)
+    figures = job.identification.result.maneuvers[0].channels
+    rms = dict(zip(vehicle.outputs, np.sqrt(np.nanmean(apart**2, axis=0)), strict=True))
+    assert rms == pytest.approx({c: f.rmse for c, f in figures.items()}, rel=1e-9)
+
+
+def test_jsbsim_flies_the_maneuvers(subject: Subject, tmp_path: Path) -> None:
+    made = export(subject, "jsbsim")
+    write(made, tmp_path)
+    page = (tmp_path / PAGE).read_text(encoding="utf-8")
+    assert "flight less JSBSim, rms" in page
+    flown = [note for note in made.notes if "JSBSim within" in note]
+    assert len(flown) == 3
+    assert max(float(note.split("within ")[1].split()[0]) for note in flown) < 1e-3
+    with pytest.raises(OutputError, match="add --overwrite"):
+        write(made, tmp_path)
+    write(made, tmp_path, overwrite=True)
+
+
+def test_without_its_flight_it_says_so(folder: Path, tmp_path: Path) -> None:
+    shutil.copytree(folder, tmp_path / "r")
+    (tmp_path / "r" / "flight.nc").unlink()
+    alone = read_subject(str(tmp_path / "r" / "result.json"))
+    assert alone.maneuvers == ()
+    assert alone.notes[0].startswith("No comparison with the flight: ")
+
+
+def test_state_space_carries_standard_errors(subject: Subject) -> None:
+    made = export(subject, "state-space", Condition(airspeed=33.0))
+    document = json.loads(made.files[made.main])
+    assert document["states"][0] == {"name": "V", "unit": "m/s", "trim": 33.0}
+    assert np.max(document["standard_errors"]["A"]) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("missing", "complaint"),
+    [("result.json", "holds no result.json"), ("vehicle.toml", "holds no vehicle.toml")],
+)
+def test_a_folder_that_lacks_a_file(folder: Path, tmp_path: Path, missing: str, complaint: str) -> None:
+    shutil.copytree(folder, tmp_path / "r")
+    (tmp_path / "r" / missing).unlink()
+    with pytest.raises(StoopError, match=complaint) as caught:
+        read_subject(str(tmp_path / "r"))
+    assert "\n" not in str(caught.value)
+
+
+def test_an_estimate_of_something_else(folder: Path, tmp_path: Path) -> None:
+    shutil.copytree(folder, tmp_path / "r")
+    path = tmp_path / "r" / "result.json"
+    path.write_text(path.read_text().replace('"CLalpha"', '"CLnonsense"'))
+    with pytest.raises(StoopError, match="no number is called 'CLnonsense'"):
+        read_subject(str(tmp_path / "r"))
+
+
+def test_a_maneuver_flies_with_its_own_loading(subject: Subject) -> None:
+    """Another mass: JSBSim gets an aircraft of that mass, or it would be far off."""
+    from stoop.workflow.export_subject import Maneuver
+
+    first = subject.maneuvers[0]
+    heavy = first.record.vehicle.with_numbers(
+        {"mass.mass": {"value": 1.2 * subject.vehicle.value("mass.mass")}}
+    )
+    loaded = Maneuver("heavy", replace(first.record, vehicle=heavy), first.measured, loaded=True)
+    made = export(replace(subject, maneuvers=(loaded,)), "jsbsim")
+    (note,) = [note for note in made.notes if note.startswith("heavy: ")]
+    assert float(note.split("within ")[1].split()[0]) < 1e-3
+
+
+GUSTS = """
+[turbulence]
+w = { intensity = { value = 0.6, free = true, bounds = [0.05, 6.0] }, length = 100.0 }
+[loadings.rough]
+"turbulence.w.length" = 80.0
+"mass.mass" = 190.0
+"""
+
+
+@pytest.fixture(scope="module")
+def gusty(flight: Flight, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a filter-error result, an intensity among its estimates, one maneuver in a loading that names a length."""
+    vehicle = parse_vehicle(resolve_vehicle("twin-boom").text + GUSTS, "gusty").reduced("longitudinal")
+    few = {p.name: {"free": p.name in ("Cmq", "turbulence.w.intensity")} for p in vehicle.parameters}
+    options = Options(method="filter-error")
+    found = identify(vehicle.with_numbers(few), flight, ["0:8", "8:16#rough"], options=options)
+    return found.save(tmp_path_factory.mktemp("gusty") / "result")
+
+
+@pytest.mark.parametrize("target", ["state-space", "simulink", "jsbsim"])
+def test_gusts_that_were_estimated_stay_behind_with_what_is_known_of_them(gusty: Path, target: str) -> None:
+    subject = read_subject(str(gusty))
+    assert subject.known is not None
+    assert subject.known.names == ("Cmq",)
+    assert subject.known.covariance.shape == (1, 1)
+    made = export(subject, target)
+    assert any("turbulence is left out" in note for note in made.notes)
+    assert [m.loaded for m in subject.maneuvers] == [False, True]
+    assert subject.maneuvers[1].record.vehicle.value("mass.mass") == 190.0
+
+
+def test_what_is_to_be_set_is_there_to_be_set() -> None:
+    """Every property that the note names is declared in the aircraft, whatever drives it."""
+    example = Path(__file__).parents[3] / "examples" / "vtail.toml"
+    made = export(read_subject(str(example)), "jsbsim")
+    (note,) = [note for note in made.notes if note.startswith("To be set in flight: ")]
+    named = [one.split()[0].rstrip(".") for one in note.partition(": ")[2].split(", ")]
+    channels = ("control_roll", "control_pitch", "control_yaw", "control_throttle", "density")
+    assert set(named) == {f"stoop/channel/{c}" for c in channels}
+    aircraft = next(text for text in made.files.values() if b"fdm_config" in text).decode()
+    for place in named:
+        assert f">{place}</property>" in aircraft

@@ -1,0 +1,125 @@
+"""Modes of a fitted model: about its trim, about the mean state where it has none, and how often they hold the truth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stoop.assess.response import free_response, measured_mode
+from stoop.cli.demo import MANEUVER as DEMO
+from stoop.errors import SimulationError
+from stoop.estimate.fit import Options, fit
+from stoop.flight import Flight
+from stoop.problem.windows import Window
+from stoop.simulate import linearize, parse_maneuver, simulate_flight, trim
+from stoop.vehicle import Vehicle
+from stoop.workflow import Job
+from stoop.workflow.judged import judged
+from stoop.workflow.modes import conditions, modes
+
+FREE = ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")
+MANEUVER = """
+format = "stoop-maneuver/1"
+duration = 12.0
+rate = 50.0
+[[input]]
+control = "elevator"
+shape = "3-2-1-1"
+start = 0.5
+step = 0.4
+amplitude = 0.05
+"""
+
+
+def test_the_result_has_the_modes_of_its_flight_condition(job: Job) -> None:
+    (condition,) = job.identification.result.modes
+    assert (condition.maneuvers, condition.about, condition.remark) == ((0,), "trim", "")
+    flown = job.flights[0].column("V")[job.flights[0].time <= 20.0]
+    assert condition.airspeed == pytest.approx(float(np.mean(flown)), rel=0.01)
+    known = {
+        m.name: m
+        for m in linearize(job.vehicle, trim(job.vehicle, condition.airspeed, condition.altitude)).modes
+    }
+    assert {m.name for m in condition.modes} == {"short period", "phugoid"}
+    for mode in condition.modes:
+        assert mode.frequency.estimate == pytest.approx(known[mode.name].frequency, rel=1e-6)
+        assert mode.damping.estimate == pytest.approx(known[mode.name].damping, rel=1e-6)
+        assert 0.0 < mode.frequency.std_error < 0.2 * mode.frequency.estimate
+        assert [seen.maneuver for seen in mode.measured] == [0]
+
+
+def test_without_a_trim_about_the_mean_state(job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise SimulationError(
+            "x.toml: no steady flight found at 35 m/s (elevator would be 2 rad); try another"
+        )
+
+    monkeypatch.setattr("stoop.workflow.modes.trim", fails)
+    covariance = job.identification.result.covariance
+    (condition,) = modes(job.fit, covariance.names, covariance.matrix)
+    assert condition.about == "mean state"
+    assert "no steady flight found" in condition.remark
+    short = next(m for m in condition.modes if m.name == "short period")
+    about_trim = next(m for m in job.identification.result.modes[0].modes if m.name == "short period")
+    assert short.frequency.estimate == pytest.approx(about_trim.frequency.estimate, rel=0.05)
+    assert short.frequency.std_error > 0.0
+
+
+def test_maneuvers_alike_are_one_condition(wrong: Vehicle, flight: Flight) -> None:
+    few = wrong.with_numbers(
+        {p.name: {"free": False} for p in wrong.parameters if p.free and p.name != "Cmq"}
+    )
+    flights = {name: replace(flight, name=name) for name in "ab"}
+    found = fit(few, flights, [Window("a", 0.0, 8.0), Window("b", 0.0, 8.0), Window("a", 10.0, 20.0)])
+    assert [c.maneuvers for c in conditions(found)] == [(0, 1), (2,)]  # the phugoid was 6 % slower later
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth_as_often_as_they_should(aircraft: Vehicle) -> None:
+    others = {p.name: {"free": False} for p in aircraft.parameters if p.free and p.name not in FREE}
+    vehicle, off = aircraft.with_numbers(others), []
+    for seed in range(30):
+        flight = simulate_flight(vehicle, parse_maneuver(MANEUVER, "test"), seed, name="sim")
+        found = fit(vehicle, {"sim": flight}, [Window("sim", 0.0, 12.0)])
+        names = tuple(p.name for p in found.problem.layout.parameters)
+        bars = judged(found, Options())
+        (condition,) = modes(found, names, bars.covariance[: len(names), : len(names)])
+        short = next(m for m in condition.modes if m.name == "short period")
+        truth = linearize(vehicle, trim(vehicle, condition.airspeed, condition.altitude)).modes[0]
+        off.append((short.frequency.estimate - truth.frequency) / short.frequency.std_error)
+        off.append((short.damping.estimate - truth.damping) / short.damping.std_error)
+    assert np.mean(np.abs(off) < 1.96) >= 0.85  # 60 intervals: 95 % less three standard errors
+    assert np.std(off) == pytest.approx(1.0, abs=0.3)
+
+
+PULSE = """
+duration = 40.0
+rate = 50.0
+[[input]]
+control = "elevator"
+shape = "pulse"
+start = 1.0
+duration = 3.0
+amplitude = 0.1
+"""
+
+
+@pytest.mark.parametrize("text", [DEMO, PULSE])
+def test_where_the_model_is_the_truth_the_record_agrees_with_it(aircraft: Vehicle, text: str) -> None:
+    """Phugoids of a tenth of the airspeed, the short period at their start: noise alone was up to seven errors off."""
+    off = []
+    for seed in range(3):
+        flight = simulate_flight(aircraft, parse_maneuver(text, "test"), seed, name="sim")
+        V = float(np.mean(flight.column("V")))
+        controls = np.column_stack([flight.column(c) for c in aircraft.controls])
+        free = free_response(flight.time, controls, {c: flight.column(c) for c in aircraft.outputs})
+        for mode in linearize(aircraft, trim(aircraft, V, 200.0)).modes:
+            seen = measured_mode(mode.name, 0, free, mode.frequency, V)
+            if not seen.remark:
+                off.append((seen.frequency.estimate - mode.frequency) / seen.frequency.std_error)
+                off.append((seen.damping.estimate - mode.damping) / seen.damping.std_error)
+    assert len(off) >= 6
+    assert np.max(np.abs(off)) < 3.5  # the greatest of a dozen
+    assert np.sqrt(np.mean(np.square(off))) < 1.7

@@ -1,0 +1,109 @@
+"""Repeatability on simulated flights: equal maneuvers agree, one of another aircraft does not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from stoop.assess.repeatability import agreement
+from stoop.estimate.fit import Options
+from stoop.flight import Flight
+from stoop.report.page import render
+from stoop.results.findings import Repeatability, SingleEstimate
+from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+from stoop.workflow.repeat import fit_alone, with_repeatability
+from stoop.workflow.run import Job, finish, search
+from stoop.workflow.summary import repeatability_lines
+
+FREE = ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")
+MANEUVER = """
+format = "stoop-maneuver/1"
+duration = 8.0
+rate = 50.0
+[[input]]
+control = "elevator"
+shape = "3-2-1-1"
+start = 0.5
+step = 0.4
+amplitude = 0.05
+"""
+
+
+def aircraft() -> Vehicle:
+    vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
+    others = {p.name: {"free": False} for p in vehicle.parameters if p.free and p.name not in FREE}
+    return vehicle.with_numbers(others)
+
+
+def flown(vehicle: Vehicle, seed: int) -> Flight:
+    return simulate_flight(vehicle, parse_maneuver(MANEUVER, "3-2-1-1"), seed, name=f"flight{seed}")
+
+
+def repeated(flights: list[Flight]) -> Job:
+    windows = [f"{flight.name}@0:8" for flight in flights]
+    done = search(aircraft(), flights, windows, options=Options())
+    return with_repeatability(finish(done), fit_alone(done))
+
+
+@pytest.fixture(scope="module")
+def alike() -> Job:
+    return repeated([flown(aircraft(), seed) for seed in range(4, 8)])
+
+
+def test_maneuvers_of_one_aircraft_agree_with_each_other_and_the_joint_fit(alike: Job) -> None:
+    result = alike.identification.result
+    assert result.repeatability.maneuvers == (0, 1, 2, 3)
+    for name in FREE:
+        found = result.repeatability.parameters[name]
+        assert found.degrees == 3
+        assert found.p_value > 0.001
+        truth = aircraft().value(name)
+        assert abs(found.mean - truth) < 4.0 * found.std_error
+        joint = result.parameters[name]
+        assert found.std_error == pytest.approx(joint.std_error, rel=0.4)
+        assert abs(found.mean - joint.estimate) < 2.0 * joint.std_error
+
+
+def test_one_maneuver_of_another_aircraft_stands_out() -> None:
+    other = aircraft().with_numbers({"Cmq": {"value": 1.6 * aircraft().value("Cmq")}})
+    found = repeated([flown(aircraft(), 0), flown(aircraft(), 1), flown(other, 2)])
+    repeatability = found.identification.result.repeatability
+    assert repeatability.parameters["Cmq"].verdict == "scatter"
+    scattering = next(line for line in repeatability_lines(repeatability) if line.startswith("scatter: "))
+    assert "Cmq (3 maneuvers, p = " in scattering
+
+
+def test_the_terminal_says_how_many_agree(alike: Job) -> None:
+    found = alike.identification.result.repeatability
+    first, *others = repeatability_lines(found)
+    assert first.startswith("4 parameters can be told from two maneuvers or more")
+    named = [name for line in others for name in FREE if f"{name} (4 maneuvers" in line]
+    assert sorted(named) == sorted(FREE)
+    assert repeatability_lines(Repeatability()) == []
+
+
+def test_what_only_one_maneuver_tells_is_not_compared() -> None:
+    one, none = SingleEstimate(1.0, 0.1, True), SingleEstimate(1.0, 0.1, False)
+    found = Repeatability((0, 1), {"CLalpha": agreement([one, none])}, ("the second diverged",))
+    few = "Too few maneuvers tell the same parameter when fitted alone, so nothing can be compared."
+    assert repeatability_lines(found) == [few, "the second diverged"]
+
+
+def test_the_report_draws_them(alike: Job) -> None:
+    page = render(alike.identification)
+    assert "each maneuver fitted alone" in page
+    assert "Natural modes" in page
+    without = replace(
+        alike.identification,
+        result=replace(
+            alike.identification.result, repeatability=type(alike.identification.result.repeatability)()
+        ),
+    )
+    assert "each maneuver fitted alone" not in render(without)
+
+
+def test_nothing_asked_for_changes_nothing(alike: Job) -> None:
+    assert with_repeatability(alike, []) is alike

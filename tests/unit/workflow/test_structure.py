@@ -1,0 +1,167 @@
+"""`stoop structure`: the file that it writes is a vehicle with the chosen terms, comments and all, and identify takes it."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.cli.main import main
+from stoop.errors import IdentificationError, TermError
+from stoop.estimate.regression.candidates import given, parameter_name, standard
+from stoop.estimate.regression.domain import Band
+from stoop.estimate.regression.selection import stepwise
+from stoop.estimate.regression.structure import determine
+from stoop.flight import Flight, save
+from stoop.problem.windows import Window
+from stoop.simulate import parse_maneuver, simulate_flight, trim
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.load import load_vehicle, parse_vehicle
+from stoop.workflow.structure import FILES, structure
+
+BAND = Band(0.04, 1.5)
+MANEUVER = """
+duration = 60.0
+rate = 50.0
+[[input]]
+control = "elevator"
+shape = "multisine"
+start = 0.0
+duration = 60.0
+amplitude = 0.2
+band = 1.2
+first = 6
+"""
+NOISE = "[noise]\nV = 0.1\nalpha = 0.002\nq = 0.005\ntheta = 0.005\nax = 0.03\naz = 0.03\n"
+
+
+@pytest.fixture(scope="module")
+def aircraft() -> Vehicle:
+    """A longitudinal aircraft whose pitching moment is curved; alpha counts from its trim."""
+    base = resolve_vehicle("twin-boom")
+    level = trim(base, None, 200.0).start["alpha"]
+    text = base.text.replace("alpha = 0.0", f"alpha = {level:.4f}").replace(
+        "Cm0 = 0.194", "Cm0 = -0.0235 # at trim"
+    )
+    text = text.replace("CL0 = 0.385", "CL0 = 0.876").replace("CD0 = 0.06", "CD0 = 0.104")
+    text = text.replace("CmV = 0.0", 'CmV = 0.0\nCmcurve = { term = "alpha^2", value = -4.0 }')
+    vehicle = parse_vehicle(text, "curved").reduced("longitudinal")
+    thrust = trim(vehicle, None, 200.0).changes["propulsion.thrust"]
+    return vehicle.with_numbers({"propulsion.thrust": {"value": thrust}})
+
+
+@pytest.fixture(scope="module")
+def flight(aircraft: Vehicle) -> Flight:
+    return simulate_flight(aircraft, parse_maneuver(MANEUVER + NOISE, "test"), seed=1, name="sim")
+
+
+def ignorant(aircraft: Vehicle) -> Vehicle:
+    """Return a file that lacks the curvature and knows no derivative."""
+    thrust = aircraft.value("propulsion.thrust")
+    text = aircraft.text.replace("Cmcurve", "# Cmcurve").replace("thrust = 220.87", f"thrust = {thrust:.6f}")
+    text = text.replace("Cmq = -47.6", "Cmq = { value = -1.0, bounds = [-20.0, 0.0] } # a guess")
+    return parse_vehicle(text + '\n[model]\nreduce = "longitudinal"\n', "ignorant")
+
+
+def test_the_true_terms_are_found_and_written(aircraft: Vehicle, flight: Flight) -> None:
+    vehicle = ignorant(aircraft)
+    found = structure(vehicle, {"sim": flight}, ["0:60"], standard(vehicle), stepwise, BAND)
+    assert set(found.structure.chosen["Cm"].terms) == {"alpha", "q", "elevator", "alpha^2"}
+    assert set(found.structure.chosen["CD"].terms) == {"alpha"}
+    written = parse_vehicle(found.vehicle.text, "written")
+    assert set(written.terms["Cm"].values()) == {"1", "alpha", "q", "elevator", "alpha^2"}
+    assert written.value("Cmalpha2") == pytest.approx(-4.0, rel=0.15)
+    assert written.value("Cmalpha") == pytest.approx(-2.12, rel=0.05)
+    assert written.value("Cmq") == pytest.approx(-47.6, rel=0.1)  # beyond its bounds, which were widened
+    assert "CmV" not in written.terms["Cm"]
+    assert "# at trim" in found.vehicle.text
+    assert "# a guess" in found.vehicle.text
+    assert all(written.parameters[written.rows[n]].free for n in found.names["Cm"].values())
+
+
+def test_other_coefficients_stay_as_they_are(aircraft: Vehicle, flight: Flight) -> None:
+    vehicle = ignorant(aircraft)
+    found = structure(vehicle, {"sim": flight}, ["0:60"], {"Cm": ("alpha", "q", "elevator")}, stepwise, BAND)
+    assert tuple(found.structure.chosen) == ("Cm",)
+    assert found.vehicle.terms["CL"] == vehicle.terms["CL"]
+    assert found.vehicle.value("CLalpha") == vehicle.value("CLalpha")
+
+
+def test_what_moves_together_is_said(aircraft: Vehicle, flight: Flight) -> None:
+    candidates = {"Cm": ("alpha", "q", "elevator", "2*elevator", "beta")}
+    found = determine(aircraft, {"sim": flight}, [Window("sim", 0.0, 60.0)], candidates, stepwise, BAND)
+    notes = found.chosen["Cm"].notes
+    assert any("elevator, 2*elevator move together" in n for n in notes)
+    assert any("beta did not move" in n for n in notes)
+    assert len({"elevator", "2*elevator"} & set(found.chosen["Cm"].terms)) == 1
+
+
+def test_too_short_windows_are_refused(aircraft: Vehicle, flight: Flight) -> None:
+    with pytest.raises(IdentificationError, match="too short"):
+        determine(aircraft, {"sim": flight}, [Window("sim", 0.0, 1.0)], standard(aircraft), stepwise, BAND)
+
+
+def test_candidates_of_another_model_are_refused(aircraft: Vehicle, flight: Flight) -> None:
+    with pytest.raises(IdentificationError, match="no coefficient of the longitudinal model has a candidate"):
+        determine(aircraft, {"sim": flight}, [Window("sim", 0.0, 60.0)], {"Cn": ("beta",)}, stepwise, BAND)
+
+
+def test_lines_of_candidates(aircraft: Vehicle) -> None:
+    lines = ["# what we think", "Cm: alpha, q,elevator , alpha", "", "CL: alpha^2 # curved"]
+    assert given(lines, aircraft, "c.txt") == {"Cm": ("alpha", "q", "elevator"), "CL": ("alpha^2",)}
+
+
+@pytest.mark.parametrize(
+    ("line", "error", "words"),
+    [
+        ("alpha, q", IdentificationError, "write a line per coefficient"),
+        ("CX: alpha", IdentificationError, "write a line per coefficient"),
+        ("Cm:", IdentificationError, "names no candidate"),
+        ("Cm: flaps", TermError, "unknown variable 'flaps'"),
+        ("Cm: __import__('os')", TermError, "not allowed"),
+    ],
+)
+def test_other_lines_are_refused(aircraft: Vehicle, line: str, error: type[Exception], words: str) -> None:
+    with pytest.raises(error, match=words):
+        given([line], aircraft, "c.txt")
+
+
+def test_names_of_parameters() -> None:
+    assert parameter_name("Cm", "alpha^2") == "Cmalpha2"
+    assert parameter_name("Cl", "alpha*aileron") == "Clalphaaileron"
+    assert parameter_name("Cm", "alpha^2", ["Cmalpha2"]) == "Cmalpha2_2"
+    assert len(parameter_name("Cm", "+".join(["alpha"] * 30))) <= 40
+
+
+def test_the_verb_writes_what_identify_takes(
+    aircraft: Vehicle, flight: Flight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, log, out = tmp_path / "v.toml", tmp_path / "sim.nc", tmp_path / "out"
+    source.write_text(ignorant(aircraft).text, encoding="utf-8")
+    save(flight, log)
+    words = ["structure", str(source), str(log), "--maneuver", "0:60", "--band", "0.04:1.5", "-o", str(out)]
+    assert main(words) == 0
+    assert "next: stoop identify" in capsys.readouterr().out
+    assert sorted(p.name for p in out.iterdir()) == sorted(FILES)
+    rows = list(csv.DictReader((out / "structure.csv").read_text(encoding="utf-8").splitlines()))
+    assert {r["coefficient"] for r in rows} == {"CL", "CD", "Cm"}
+    assert np.isfinite([float(r["PRESS"]) for r in rows]).all()
+    assert load_vehicle(out / "vehicle.toml").reduce == "longitudinal"
+    assert main(words) == 2
+    assert "--overwrite" in capsys.readouterr().err
+    fitted = [
+        "identify", str(log), "--vehicle", str(out / "vehicle.toml"), "--maneuver", "0:60", "--method",
+        "frequency-domain", "-o", str(tmp_path / "result"),
+    ]  # fmt: skip
+    assert main(fitted) == 0
+    assert "Cmalpha2" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("band", ["2", "2:1", "a:b", "0:nan"])
+def test_a_bad_band_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], band: str) -> None:
+    words = ["structure", "twin-boom", "x.nc", "--maneuver", "0:1", "-o", str(tmp_path / "o"), "--band", band]
+    assert main(words) == 2
+    assert "LOW:HIGH" in capsys.readouterr().err

@@ -1,0 +1,29 @@
+"""What the terminal says of a result."""
+
+from __future__ import annotations
+
+from stoop.results.evidence import Sight
+from stoop.workflow.summary import doubts_by_phrase
+
+
+def sight(doubt: str, advice: str) -> Sight:
+    return Sight(1.0, 1.0, 0.5, (), doubt, advice)
+
+
+def test_doubts_stand_under_one_phrase_and_those_of_one_advice_in_one_line() -> None:
+    seen = {
+        "Cl0": sight("combined", "bank more"),
+        "CL0": sight("at its bound", "pull up"),
+        "Cn0": sight("combined", "bank more"),
+        "CD0": sight("combined", "fly faster"),
+        "CLq": sight("", ""),
+        "Cmq": sight("no advice", ""),
+    }
+    assert doubts_by_phrase(seen) == {
+        "combined": ["Cl0, Cn0: bank more", "CD0: fly faster"],
+        "at its bound": ["CL0: pull up"],
+    }
+
+
+def test_without_doubts_nothing_is_said() -> None:
+    assert doubts_by_phrase({"CLq": sight("", "")}) == {}

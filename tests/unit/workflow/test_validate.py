@@ -1,0 +1,162 @@
+"""Prediction from the folder of an identification: the figures that identify itself gives, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.cli.main import main
+from stoop.errors import FlightError, SimulationError, StoopError
+from stoop.flight import Flight, load, save
+from stoop.workflow import Job
+from stoop.workflow.validate import validate
+
+
+@pytest.fixture(scope="module")
+def folder(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return job.save(tmp_path_factory.mktemp("identified") / "result")
+
+
+def renamed(flight: Flight, name: str) -> Flight:
+    return replace(flight, name=name)
+
+
+def test_the_same_figures_as_identify_gives_for_a_window_set_aside(job: Job, folder: Path) -> None:
+    found = validate(folder, job.flights, ["20:28"])
+    expected = job.identification.result.maneuvers[1]
+    again = found.record.maneuvers[0]
+    assert (again.role, again.segments, set(again.channels)) == (
+        expected.role,
+        expected.segments,
+        set(expected.channels),
+    )
+    for name, figures in again.channels.items():
+        same = expected.channels[name]
+        for key in ("rmse", "theil", "r2", "baseline_theil"):
+            assert getattr(figures, key) == pytest.approx(getattr(same, key), rel=1e-9), (name, key)
+        assert figures.baseline.rmse == pytest.approx(same.baseline.rmse, rel=1e-9)
+        assert figures.whiteness.statistic == pytest.approx(same.whiteness.statistic, rel=1e-6)
+
+
+def test_a_flight_by_another_name_is_known_by_its_content(folder: Path, tmp_path: Path) -> None:
+    shutil.copy(folder / "flight.nc", tmp_path / "other.nc")
+    with pytest.raises(FlightError, match="other@10:25: overlaps 0:20, to which the model was fitted"):
+        validate(folder, [load(tmp_path / "other.nc")], ["10:25"])
+
+
+def test_another_flight_of_the_same_name_is_not_taken_for_the_fitted_one(
+    job: Job, folder: Path, tmp_path: Path
+) -> None:
+    flight = job.flights[0]
+    moved = replace(flight, data=flight.data.assign(q=flight.data["q"] + 1e-3))
+    save(moved, tmp_path / f"{flight.name}.nc")
+    found = validate(folder, [load(tmp_path / f"{flight.name}.nc")], ["0:20"])
+    assert found.record.maneuvers[0].role == "validation"
+
+
+def test_without_windows_the_candidates_that_were_not_fitted(job: Job, folder: Path, tmp_path: Path) -> None:
+    save(job.flights[0], tmp_path / "again.nc")
+    shifted = load(tmp_path / "again.nc")
+    found = validate(
+        folder, [replace(shifted, data=shifted.data.assign(q=shifted.data["q"] + 1e-3), path=None)]
+    )
+    assert found.record.maneuvers
+    with pytest.raises(FlightError, match=r"no maneuver was found to predict .*the model was fitted there"):
+        validate(folder, [load(folder / "flight.nc")])
+
+
+def test_without_the_fitted_flight_there_is_no_lag_and_a_note(job: Job, folder: Path, tmp_path: Path) -> None:
+    for name in ("result.json", "vehicle.toml"):
+        shutil.copy(folder / name, tmp_path / name)
+    found = validate(tmp_path / "result.json", [renamed(job.flights[0], "elsewhere")], ["20:28"])
+    assert found.record.compared == 0
+    assert any("No first-order lag" in note for note in found.record.notes)
+    assert np.isnan(found.record.maneuvers[0].channels["q"].baseline_theil)
+
+
+def test_at_another_rate_the_lag_stands_beside_the_model_too(job: Job, folder: Path) -> None:
+    flight = job.flights[0]
+    halved = flight.data.isel(time=slice(None, None, 2))
+    every = replace(flight, name="slower", data=halved, rate=0.5 * flight.rate, path=None)
+    same, slower = (validate(folder, [f], ["20:28"]) for f in (renamed(flight, "again"), every))
+    assert slower.record.compared == same.record.compared > 0
+    before, now = (found.record.maneuvers[0].channels for found in (same, slower))
+    for name in ("q", "alpha", "V"):
+        assert now[name].baseline_theil == pytest.approx(before[name].baseline_theil, abs=0.03), name
+    assert not any("no first-order lag" in note for note in slower.record.notes)
+
+
+@pytest.mark.parametrize("steady", [True, False])
+def test_a_state_that_was_not_recorded_begins_as_in_steady_flight_and_is_named(
+    job: Job, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, steady: bool
+) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise SimulationError("none found")
+
+    if not steady:
+        monkeypatch.setattr("stoop.estimate.predict.trim", fails)
+    flight = job.flights[0]
+    blind = replace(flight, name="blind", data=flight.data.assign(alpha=np.nan * flight.data["alpha"]))
+    found = validate(folder, [blind], ["0:8"])
+    (said,) = [w for w in found.record.warnings if "alpha not recorded at the start" in w]
+    assert said.startswith("blind@0:8: ")
+    assert ("as in steady flight" if steady else "from a default") in said
+    assert not any("a default is used" in note for note in found.record.notes)
+    found.save(tmp_path)
+    assert "alpha not recorded at the start" in (tmp_path / "validation.html").read_text(encoding="utf-8")
+    assert "alpha not recorded at the start" in (tmp_path / "validation.json").read_text(encoding="utf-8")
+    whole = validate(folder, [renamed(flight, "whole")], ["0:8"]).record.maneuvers[0].channels
+    if steady:  # the flight begins in its trim, so nothing is lost
+        for name in ("V", "q", "theta"):
+            assert found.record.maneuvers[0].channels[name].rmse < 1.3 * whole[name].rmse
+
+
+def test_what_is_missing_is_one_line(job: Job, folder: Path, tmp_path: Path) -> None:
+    flight = job.flights[0]
+    with pytest.raises(StoopError, match=r"holds no result\.json"):
+        validate(tmp_path, [flight])
+    shutil.copy(folder / "result.json", tmp_path / "result.json")
+    with pytest.raises(StoopError, match=r"holds no vehicle\.toml"):
+        validate(tmp_path, [flight])
+    lame = replace(flight, data=flight.data.drop_vars("elevator"))
+    with pytest.raises(FlightError, match="elevator") as caught:
+        validate(folder, [lame], ["20:28"])
+    assert "\n" not in str(caught.value)
+    assert f"check which result {folder} is, the channels in it, or the mapping" in str(caught.value)
+    motors = {f"motor_{n}": ("time", 0.5 + 0.1 * flight.time % 0.1) for n in range(1, 5)}
+    with pytest.raises(
+        FlightError, match=r"rotors carry the vehicle of this log, but .* has none: is it of another vehicle"
+    ):
+        validate(folder, [replace(lame, data=lame.data.assign(motors))])
+    with pytest.raises(FlightError, match="same name"):
+        validate(folder, [flight, flight], ["20:28"])
+
+
+def test_the_verb_writes_page_and_figures(
+    job: Job, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    save(job.flights[0], tmp_path / "next.nc")
+    words = [
+        "validate",
+        str(folder),
+        str(tmp_path / "next.nc"),
+        "--maneuver",
+        "20:28",
+        "-o",
+        str(tmp_path / "check"),
+    ]
+    assert main(words) == 0
+    assert "better than a first-order lag in" in capsys.readouterr().out
+    document = json.loads((tmp_path / "check" / "validation.json").read_text())
+    assert document["schema"] == "stoop-validation/1"
+    assert document["maneuvers"][0]["channels"]["q"]["whiteness"]["verdict"] in ("white", "colored")
+    page = (tmp_path / "check" / "validation.html").read_text()
+    assert "next" in page
+    assert "<script" not in page
+    assert main(words) == 2
+    assert "add --overwrite" in capsys.readouterr().err
