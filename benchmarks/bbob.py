@@ -20,10 +20,8 @@ from numpy.typing import NDArray
 
 from benchmarks.table import Row
 from stoop import optimize
+from stoop.base.arrays import BoolArray, FloatArray
 from stoop_studies.problems.bbob import FUNCTIONS, pose
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 PART = "bbob"
 OWN = "ordered-shade"

@@ -6,15 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.kernels import Kernel
 from stoop.simulate import Maneuver, initial_states, parameter_rows
 from stoop.simulate.fly import Flown, fly
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
-FloatArray = NDArray[np.float64]
 RATE = 100.0
 SPREAD = 0.1  #: of the candidates' coefficients about the truth
 MANEUVER = Maneuver.model_validate(

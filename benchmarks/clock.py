@@ -11,9 +11,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from stoop.base.arrays import FloatArray
 
 
 def interleave(

@@ -12,15 +12,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.table import Row
 from stoop import optimize
+from stoop.base.arrays import FloatArray
 from stoop_studies.problems.paper import NEAR, Paper, box, paper
 
 __all__ = ["Paper", "box", "run"]
 
-FloatArray = NDArray[np.float64]
 
 PART = "paper"
 SEEDS = 100

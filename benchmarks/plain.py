@@ -15,13 +15,12 @@ from typing import Any
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 from scipy.integrate import odeint, solve_ivp
 
 from benchmarks.case import RATE, Case
+from stoop.base.arrays import FloatArray
 from stoop.vehicle.symbolic import build_model
 
-FloatArray = NDArray[np.float64]
 Function = Callable[[Sequence[float], Sequence[float], Sequence[float]], Sequence[Any]]
 
 

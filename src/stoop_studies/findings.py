@@ -8,14 +8,12 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stoop.base.csv_text import Cell, csv_text
 from stoop.parallel import Plan
 from stoop.report.sheet import Code, Section, Sheet, Table
 
 CLAIMS_HEAD: Final = ("verdict", "statement: what was measured")
-FloatArray = NDArray[np.float64]
 Results = Mapping[str, Any]
 Numbers = tuple[
     tuple[str, ...], tuple[tuple[Cell, ...], ...]

@@ -6,14 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stoop import optimize
+from stoop.base.arrays import FloatArray
 from stoop.parallel import Json
 from stoop_studies.problems import Posed, pose
 from stoop_studies.variants import Variant, build
-
-FloatArray = NDArray[np.float64]
 
 HISTORY_ROWS: Final = 200
 FOREVER: Final = 10**9  #: generations

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from docs.pages import DOCS, commands, table
-from stoop.report.numbers import number
+from stoop.base.numbers import number
 
 PAGE = DOCS / "comparison.md"
 RESULTS = DOCS / "results"

@@ -19,7 +19,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.assess.sensitivity import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE
 
 STILL: Final = 0.1  #: of the coefficient's own variation, that a term must reach to show itself

@@ -16,7 +16,8 @@ import numpy as np
 
 from stoop.assess.figures import Match
 from stoop.assess.lag import Lag, LagRecord, fit_lag
-from stoop.assess.runs import FloatArray, join
+from stoop.assess.runs import join
+from stoop.base.arrays import FloatArray
 from stoop.results.result import Role
 
 ROLL: Final = ("control_roll", "aileron")

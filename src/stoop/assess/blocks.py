@@ -26,7 +26,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from stoop.assess.noise import ColoredNoise
-from stoop.assess.sensitivity import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.estimate.autocorrelation import lagged_products
 
 LONGEST: Final = 0.25  #: of a segment that one block may take: fewer than four would repeat the record

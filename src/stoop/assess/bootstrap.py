@@ -21,7 +21,7 @@ from stoop.assess.blocks import Blocks
 from stoop.assess.covariance import NORMAL_95
 from stoop.assess.optimum import Optimum
 from stoop.assess.refit import Refits, refit
-from stoop.assess.sensitivity import FloatArray
+from stoop.base.arrays import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
 

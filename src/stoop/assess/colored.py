@@ -29,7 +29,8 @@ from scipy.fft import next_fast_len, rfft
 
 from stoop.assess.covariance import Inverse
 from stoop.assess.noise import ColoredNoise, fit_noise
-from stoop.assess.sensitivity import FloatArray, Sensitivity
+from stoop.assess.sensitivity import Sensitivity
+from stoop.base.arrays import FloatArray
 from stoop.estimate.autocorrelation import lagged_products
 
 ORDER: Final = 20  #: of the autoregression: at 100 Hz, slow residuals under white noise still come out right

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from stoop.assess.sensitivity import FloatArray
+from stoop.base.arrays import FloatArray
 
 NORMAL_95: Final = 1.959963984540054  #: two-sided 95 % quantile of the normal distribution
 SINGULAR: Final = 1e-13  #: of the greatest scaled eigenvalue; below it is rounding, not information

@@ -9,7 +9,7 @@ import numpy as np
 
 from stoop.assess.covariance import invert
 from stoop.assess.identifiability import COLLINEAR
-from stoop.assess.sensitivity import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.results.evidence import BlindDirection, CorrelatedPair
 
 STRONG: Final = 0.9  #: correlation from which a pair is named

@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.assess.posterior import Reference, fitted
-from stoop.assess.sensitivity import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
 
 WARM_UP: Final = (150, 300)  #: steps thrown away; after each the proposals are fitted to its second half

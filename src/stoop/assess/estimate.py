@@ -10,7 +10,8 @@ import numpy as np
 from stoop.assess.colored import Coloring
 from stoop.assess.covariance import invert, marked, standard_errors
 from stoop.assess.noise import ColoredNoise, autocorrelation
-from stoop.assess.sensitivity import FloatArray, Sensitivity, data_information
+from stoop.assess.sensitivity import Sensitivity, data_information
+from stoop.base.arrays import FloatArray
 
 CORRELATION_TIME = 200  #: samples over which the residual autocorrelation is shown
 

@@ -14,8 +14,9 @@ from typing import Final
 
 import numpy as np
 
-from stoop.assess.runs import FloatArray, low_pass
+from stoop.assess.runs import low_pass
 from stoop.assess.whiteness import whiteness
+from stoop.base.arrays import FloatArray
 from stoop.results.figures import BaselineFigures, ChannelFigures, TheilShares
 
 NAN: Final = float("nan")

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from stoop.assess.covariance import Inverse, invert, standard_errors
-from stoop.assess.sensitivity import FloatArray
+from stoop.base.arrays import FloatArray
 
 PRIOR_SHARE: Final = (
     0.95  #: of the prior's standard deviation left after the fit: the data added next to nothing

@@ -17,7 +17,7 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
 from stoop.assess.press import BLOCK, left_out
-from stoop.assess.runs import FloatArray
+from stoop.base.arrays import FloatArray
 
 SHORTEST: Final = 0.005  #: s; a shorter lag is a plain gain at any usual sample rate
 LONGEST: Final = 10.0  #: s; a longer lag is an integrator within any maneuver

@@ -29,7 +29,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
-from stoop.assess.runs import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.results.findings import Estimate, ModeEstimate
 from stoop.simulate.linearize import Mode, modes_of
 

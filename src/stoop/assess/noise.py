@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scipy.fft import rfft
 from scipy.linalg import toeplitz
 
-from stoop.assess.sensitivity import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.estimate.autocorrelation import lagged_products
 
 LEAST: Final = 1e-3  #: of the variance: least power at any frequency; bounds how slow the noise can be

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stoop.assess.covariance import Inverse, invert
-from stoop.assess.sensitivity import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.optimize import Problem
 
 

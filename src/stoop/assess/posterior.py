@@ -31,7 +31,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from stoop.assess.optimum import Optimum
-from stoop.assess.sensitivity import FloatArray
+from stoop.base.arrays import FloatArray
 
 BOX_STD: Final = 0.29  #: of a value thrown blindly into a box of width 1
 BLENDED: Final = 0.05  #: of the spread of a reference that stays when it is fitted to draws

@@ -32,7 +32,7 @@ from typing import Final
 import numpy as np
 from scipy.linalg import lstsq
 
-from stoop.assess.runs import FloatArray
+from stoop.base.arrays import FloatArray
 
 BLOCK: Final = 1.0  #: s that are left out together
 

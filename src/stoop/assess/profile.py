@@ -21,7 +21,7 @@ import numpy as np
 
 from stoop.assess.covariance import NORMAL_95
 from stoop.assess.optimum import Optimum
-from stoop.assess.sensitivity import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.optimize import Dive, Problem, Settings, dive
 
 CROSSING: Final = 0.01  #: of the threshold's root, by which a crossing may be missed

@@ -15,7 +15,7 @@ import numpy as np
 
 from stoop.assess.covariance import invert
 from stoop.assess.optimum import Optimum
-from stoop.assess.sensitivity import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.optimize import Problem, dive
 
 SHARED_STEPS: Final = 6  #: at most, with the derivatives at the optimum

@@ -23,7 +23,7 @@ from typing import Final
 import numpy as np
 from scipy.optimize import least_squares
 
-from stoop.assess.runs import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.estimate.noise import correlation_times
 from stoop.results.findings import Estimate, MeasuredMode
 

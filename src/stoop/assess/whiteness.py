@@ -21,7 +21,8 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2
 
-from stoop.assess.runs import FloatArray, runs
+from stoop.assess.runs import runs
+from stoop.base.arrays import FloatArray
 from stoop.estimate.autocorrelation import lagged_products
 from stoop.results.figures import Whiteness
 

@@ -29,7 +29,8 @@ from typing import Final
 import numpy as np
 
 from stoop.assess.covariance import invert, marked
-from stoop.assess.sensitivity import FloatArray, Sensitivity
+from stoop.assess.sensitivity import Sensitivity
+from stoop.base.arrays import FloatArray
 
 NEIGHBORS: Final = 3  #: windows whose residuals may still be correlated
 FEWEST: Final = 12  #: windows, below which a mean over them says little

@@ -15,9 +15,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from stoop.base.arrays import FloatArray
 
 
 def quaternions_of(angles: FloatArray) -> FloatArray:

@@ -50,8 +50,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _tell(out: Page, result: Compatibility) -> None:
+    from stoop.base.numbers import factor_and_unit, number, rounded_to_error
     from stoop.cli.tables import words
-    from stoop.report.numbers import factor_and_unit, number, rounded_to_error
 
     out.heading("Sensors")
     rows = []

@@ -82,7 +82,8 @@ def _check_target(target: Path, overwrite: bool) -> None:
 
 def _check_channels(vehicle: Vehicle) -> None:
     """Refuse an input that a flight file has no place for: it would be lost on reading."""
-    from stoop.flight.variables import VARIABLES, nearest
+    from stoop.base.text import nearest
+    from stoop.base.variables import VARIABLES
 
     for channel in vehicle.recorded:
         if channel not in VARIABLES:

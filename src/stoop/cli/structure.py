@@ -118,8 +118,8 @@ def _choice(name: str) -> Callable[[Any], Any]:
 
 
 def _candidates(texts: list[str], vehicle: Vehicle) -> dict[str, tuple[str, ...]]:
+    from stoop.base.toml import read_source
     from stoop.estimate.regression.candidates import given, standard
-    from stoop.vehicle.source import read_source
 
     if not texts:
         return standard(vehicle)

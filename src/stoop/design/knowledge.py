@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stoop.assess.covariance import invert, marked, standard_errors
+from stoop.base.arrays import FloatArray
 from stoop.results.result import Result
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,14 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
+from stoop.base.arrays import FloatArray
 from stoop.errors import SimulationError
 from stoop.simulate import Trim
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 Span = tuple[float, float]
 
 AMPLITUDE: Final = math.radians(3.0)  #: of every control that is not given one

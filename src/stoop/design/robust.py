@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stoop.assess.covariance import invert
+from stoop.base.arrays import FloatArray
 from stoop.design.setup import Setup
 from stoop.errors import SimulationError
 from stoop.simulate import Maneuver
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

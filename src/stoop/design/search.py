@@ -7,17 +7,16 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from stoop import optimize
+from stoop.base.arrays import FloatArray
 from stoop.design.setup import Forecast, Setup
 from stoop.design.shapes import LEAD, SHAPES, Frame, Shape
 from stoop.errors import SimulationError
 from stoop.optimize.scalar import Scalar
 from stoop.simulate import Maneuver
 
-FloatArray = NDArray[np.float64]
 OUTSIDE: Final = 1e3  #: cost of leaving the envelope at all: every maneuver within it is better
 SHORTEST_STEP: Final = 0.1  #: s
 MARGIN: Final = (

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stoop.assess.covariance import invert, marked, standard_errors
+from stoop.base.arrays import FloatArray
 from stoop.design.knowledge import Knowledge
 from stoop.design.limits import Limits
 from stoop.errors import IdentificationError
@@ -28,7 +28,6 @@ from stoop.simulate import Maneuver, Trim
 from stoop.simulate.fly import flown_inputs
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 BOX = 12.0  #: information of a number that is only known to lie in the unit box: one over its variance
 
 

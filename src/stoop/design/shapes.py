@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import SimulationError
 from stoop.simulate.maneuver import PATTERNS, Harmonics, Input, Levels, Steps
 
-FloatArray = NDArray[np.float64]
 LEAD: Final = 0.5  #: s of steady flight before and after the inputs
 REACHED: Final = 0.999  #: of what the slew allows, so that rounding does not ask for more
 LEAST: Final = 0.2  #: of the allowed amplitude; less shows nothing

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
-FloatArray = NDArray[np.float64]
+from stoop.base.arrays import FloatArray
 
 
 def lagged_products(

@@ -9,15 +9,14 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.estimate.regression.accelerations import fitted
 from stoop.estimate.regression.domain import Time
 from stoop.estimate.regression.estimate import boxed, regressed
 from stoop.estimate.regression.measured import complete
 from stoop.problem import Layout, Piece
 
-FloatArray = NDArray[np.float64]
 MEASURED: Final = 0.9  #: share of the samples that must be whole
 
 

@@ -15,8 +15,8 @@ from itertools import combinations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE
 from stoop.estimate.rotors_seen import rotor_warnings
 from stoop.problem import Misfit
@@ -25,7 +25,6 @@ from stoop.simulate.initial import commanded
 from stoop.vehicle.schema import WIND
 from stoop.vehicle.vehicle import WIND_NUMBERS
 
-FloatArray = NDArray[np.float64]
 AXES: Final = (("V", "alpha", "q"), ("beta", "p", "r"))  #: motions that the terms of one plane multiply
 STILL: Final = 0.2 * DEGREE  #: rad rms of a deflection, below which it is no input
 TOGETHER: Final = 0.9  #: correlation of two

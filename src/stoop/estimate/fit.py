@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stoop import optimize
+from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
 from stoop.estimate.equation_error import equation_error
 from stoop.estimate.noise import effective_variance, first_variance
@@ -23,7 +23,6 @@ from stoop.problem.prepare import Prepared, nuisances, prepare
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 RESTS = 1e-3  #: change of log det R per channel below which the noise estimate has come to rest
 MAX_ROUNDS = 30
 SEARCH = 0.8  #: of the budget; the rest is for the refinement, without which no nuisance is estimated

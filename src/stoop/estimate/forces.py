@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.estimate.fit import Fit
 from stoop.estimate.predict import identified_vehicle, mean_biases
 from stoop.estimate.regression.accelerations import Stretch, Unknowns, spin, stretches
@@ -26,7 +26,6 @@ from stoop.problem.windows import Window
 from stoop.simulate import parameter_rows
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 CUTOFF: Final = 5.0  #: Hz
 ORDER: Final = 2  #: of the Butterworth filter, which runs forward and backward
 

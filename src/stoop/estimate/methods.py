@@ -29,9 +29,10 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
+from stoop.base.text import nearest
+from stoop.base.variables import VARIABLES
 from stoop.errors import IdentificationError
 from stoop.flight import Flight
-from stoop.flight.variables import VARIABLES, nearest
 from stoop.vehicle import Vehicle
 
 DEFAULT: Final = "output-error"

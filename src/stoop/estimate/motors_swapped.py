@@ -18,6 +18,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.estimate.regression.measured import RATES, lagged
 from stoop.flight import Flight
 from stoop.flight.aloft import flying
@@ -27,7 +28,6 @@ from stoop.simulate.delays import delayed
 from stoop.simulate.rotors import Range, channel_range, effects
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 BANDS: Final = (
     (0.3, 5.0),
     (0.3, 5.0),

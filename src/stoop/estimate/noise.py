@@ -10,12 +10,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.estimate.autocorrelation import lagged_products
 from stoop.problem import Misfit, on_circle
 
-FloatArray = NDArray[np.float64]
 FLOOR = 1e-4  #: of a channel's spread: no channel is trusted further than that
 SENSOR_FLOOR = 1e-3  #: of the noise that the vehicle file gives a sensor, likewise
 FIRST_GUESS = 0.5  #: of a channel's spread: noise before anything is known, so that no channel rules

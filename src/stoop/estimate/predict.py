@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import SimulationError
 from stoop.estimate.fit import Fit
 from stoop.estimate.shooting.predict import BEGUN_ANEW, LENGTH, begun_anew
@@ -19,8 +19,6 @@ from stoop.problem.start import FIRST
 from stoop.problem.windows import Window
 from stoop.simulate import START_NAMES, trim
 from stoop.vehicle import Vehicle
-
-FloatArray = NDArray[np.float64]
 
 
 def identified_vehicle(fit: Fit) -> Vehicle:

@@ -6,16 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stoop import optimize
+from stoop.base.arrays import FloatArray
 from stoop.estimate.fit import SHORT, Fit
 from stoop.estimate.noise import noise_variance
 from stoop.optimize.ledger import Halt, blank
 from stoop.problem import Misfit, Weights
 from stoop.problem.prepare import Prepared
 
-FloatArray = NDArray[np.float64]
 DIVERGED = "The estimates cannot be flown: the simulation diverges, so figures and curves are missing."
 
 

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE
 from stoop.errors import FlightError, IdentificationError
 from stoop.flight import Flight
@@ -18,7 +19,6 @@ from stoop.simulate.initial import commanded
 from stoop.simulate.rotors import channel_range
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 OFF: Final = 0.1  #: of the largest x of all rotors, below which a rotor carries nothing
 RESTING: Final = 0.02  #: share of a window with the motors off that is worth a word
 GROUNDED: Final = 0.5  #: and that leaves nothing to fit

@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.flight.surfaces import LARGEST, MOVED
-from stoop.logs import FloatArray
 
 USUAL_TRAVEL: Final = 0.5  #: rad, of a surface to either side
 

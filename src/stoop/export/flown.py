@@ -8,21 +8,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of
+from stoop.base.variables import EULER, WRAPPED
 from stoop.errors import SimulationError
 from stoop.export import jsbsim_flight
 from stoop.export.jsbsim_control import delays, lag_start, lagged
 from stoop.export.jsbsim_control import start as start_of
 from stoop.export.jsbsim_model import channel, constant_thrust
-from stoop.flight.variables import EULER, WRAPPED
 from stoop.simulate import initial_states, parameter_rows
 from stoop.simulate.delays import late_inputs, late_outputs
 from stoop.simulate.initial import commanded, rigid_states
 from stoop.vehicle import Vehicle
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,11 +8,11 @@ from typing import TypeAlias
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.flight import Flight
 from stoop.flight.frames import turned
 from stoop.flight.mapping import FlightMapping, with_other_form
 from stoop.flight.sources import Source
-from stoop.logs import FloatArray
 
 Columns: TypeAlias = dict[str, FloatArray]
 Layout: TypeAlias = Mapping[str, Collection[str]]  #: stream -> the columns that an autopilot logs in it

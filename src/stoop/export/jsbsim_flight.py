@@ -14,12 +14,11 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.base.units import FOOT, POUND_FORCE, SLUG
 from stoop.errors import SimulationError, StoopError
 
-FloatArray = NDArray[np.float64]
 FRAME_RATE: Final = 1000.0  #: Hz at least
 MIDDLE_LATITUDE: Final = math.pi / 4.0  #: rad, where the Earth pulls as the standard gravity does
 INTEGRATORS: Final = {

@@ -12,11 +12,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.simulate import LinearModel, Trim, initial_states, linearize, parameter_rows
 from stoop.simulate.initial import commanded
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 FORMAT: Final = "stoop-state-space/1"
 MATRICES: Final = ("A", "B", "C", "D")
 STEP: Final = 1e-3  #: of a parameter's standard error: how far it is moved for a derivative

@@ -8,11 +8,11 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
+from stoop.base.variables import EULER, QUATERNION
 from stoop.errors import OutputError
 from stoop.export.beside import Beside
 from stoop.flight import VARIABLES, Flight
-from stoop.flight.variables import EULER, QUATERNION
-from stoop.logs import FloatArray
 
 CLOCK: Final = "t"  #: name of the column of time, s
 STRUCTURE: Final = "flight"  #: name of the variable in MATLAB

@@ -1,5 +1,6 @@
 """Recorded channels -> Flight: SI, body axes, one uniform grid, maneuvers, air data."""
 
+from stoop.base.variables import OUTPUTS, VARIABLES, Variable
 from stoop.flight.channels import SourceRate
 from stoop.flight.faults import Fault
 from stoop.flight.flight import Flight
@@ -9,7 +10,6 @@ from stoop.flight.maneuvers import Maneuver, find_maneuvers
 from stoop.flight.segments import Segment, segments
 from stoop.flight.store import save
 from stoop.flight.summary import ChannelRow, FlightSummary, describe
-from stoop.flight.variables import OUTPUTS, VARIABLES, Variable
 
 __all__ = [
     "OUTPUTS",

@@ -8,14 +8,14 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS
+from stoop.base.variables import VARIABLES
 from stoop.flight.channels import Channels
 from stoop.flight.faults import Fault
 from stoop.flight.guilty import declared
 from stoop.flight.mapping import READY
 from stoop.flight.motion import Told, contradictions
-from stoop.flight.variables import VARIABLES
-from stoop.logs import FloatArray
 
 LEAST: Final = 20  #: samples that say anything
 FORCE: Final = ("ax", "ay", "az")

@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE
-from stoop.logs import FloatArray
 
 NAN: Final = float("nan")
 NAN3: Final = (NAN, NAN, NAN)

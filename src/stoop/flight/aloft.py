@@ -7,12 +7,12 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from stoop.base.arrays import FloatArray
 from stoop.base.units import STANDARD_GRAVITY
+from stoop.base.variables import MOTORS, OUTPUT_PINS, ROTORS
 from stoop.flight.flight import Flight
 from stoop.flight.pulses import rotor_pulses
 from stoop.flight.segments import runs
-from stoop.flight.variables import MOTORS, OUTPUT_PINS, ROTORS
-from stoop.logs import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
 

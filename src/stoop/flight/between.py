@@ -12,12 +12,12 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import conjugate, continuous, euler_angles, normalized, product, quaternions_about
+from stoop.base.variables import EULER, QUATERNION
 from stoop.flight.channels import Channels, SourceRate
 from stoop.flight.grid import Grid, complete, resample
 from stoop.flight.segments import runs
-from stoop.flight.variables import EULER, QUATERNION
-from stoop.logs import FloatArray
 
 SLOW: Final = 20.0  #: Hz; an attitude that is faster is not touched
 FASTER: Final = 5.0  #: times, that the rates must have been logged

@@ -7,12 +7,12 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import continuous, euler_angles, normalized, quaternions_of, wrap
+from stoop.base.variables import EULER, QUATERNION, VARIABLES, WRAPPED
 from stoop.errors import FlightError
 from stoop.flight.channels import Channels, SourceRate, source_rate, stretches
 from stoop.flight.grid import Grid, complete, make_grid, resample
-from stoop.flight.variables import EULER, QUATERNION, VARIABLES, WRAPPED
-from stoop.logs import FloatArray
 
 EMPTY: Final = 1000.0  #: points of the grid for each sample that was recorded
 EMPTY_LEAST: Final = (

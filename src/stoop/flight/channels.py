@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.logs import FloatArray
+from stoop.base.arrays import FloatArray
 
 GAP: Final = 0.05  #: s; a longer hole in an input ends a segment
 WILD: Final = 1e9  #: SI; no quantity of the registry is that large

@@ -6,12 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from stoop import logs
+from stoop.base.text import nearest
+from stoop.base.variables import VARIABLES
 from stoop.errors import FlightError, LogError
 from stoop.flight.channels import Channels
 from stoop.flight.clocks import suggestions
 from stoop.flight.mapped import Mapped, apply
 from stoop.flight.mapping import READY, FlightMapping, flight_mapping, read_flight_mapping, ready
-from stoop.flight.variables import VARIABLES, nearest
 from stoop.logs import Recording
 from stoop.logs.mapping import is_first_edition, read_toml
 from stoop.logs.read import kind

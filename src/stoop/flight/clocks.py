@@ -20,13 +20,14 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import conjugate, continuous, euler_angles, normalized, product, quaternions_of
 from stoop.base.units import STANDARD_GRAVITY
+from stoop.base.variables import EULER, QUATERNION
 from stoop.errors import FlightError, LogError
 from stoop.flight.channels import WILD, Channels
 from stoop.flight.lag import Lag, Signal, find_lag, finite, with_drift
-from stoop.flight.variables import EULER, QUATERNION
-from stoop.logs import FloatArray, Recording
+from stoop.logs import Recording
 from stoop.logs.mapping import number_of, only_keys, text_of
 
 HOPELESS: Final = 0.5  #: correlation below which a shift means nothing

@@ -16,10 +16,10 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
+from stoop.base.arrays import FloatArray
+from stoop.base.variables import MOTORS, OUTPUT_PINS, ROTORS, SERVOS
 from stoop.flight.aloft import flying, lifting
 from stoop.flight.flight import Flight
-from stoop.flight.variables import MOTORS, OUTPUT_PINS, ROTORS, SERVOS
-from stoop.logs import FloatArray
 
 Axis = Literal["roll", "pitch", "yaw", "heave"]
 

@@ -7,12 +7,12 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import conjugate, product, vectors_of
 from stoop.base.units import DEGREE
+from stoop.base.variables import QUATERNION
 from stoop.flight.faults import Fault
 from stoop.flight.grid import complete
-from stoop.flight.variables import QUATERNION
-from stoop.logs import FloatArray
 
 RATES: Final = ("p", "q", "r")
 SPAN: Final = 0.2  #: s over which the attitude is differenced

@@ -11,7 +11,9 @@ from typing import Final
 import numpy as np
 
 from stoop import logs
+from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS
+from stoop.base.variables import OUTPUT_PINS, VARIABLES
 from stoop.errors import LogError, one_line
 from stoop.flight.draft_outputs import Outputs, place
 from stoop.flight.lag import Signal
@@ -19,8 +21,7 @@ from stoop.flight.mapped import Mapped, apply
 from stoop.flight.mapping import READY, ready, with_other_form
 from stoop.flight.measured import ALIKE, PAIRS, Line, growth, with_units
 from stoop.flight.names import Guess, recognized, without_unit
-from stoop.flight.variables import OUTPUT_PINS, VARIABLES
-from stoop.logs import FloatArray, Recording
+from stoop.logs import Recording
 from stoop.logs.read import is_bag_folder, kind, read_unmapped
 from stoop.logs.table import guess_clock, key_of, quoted, read_raw_csv
 

@@ -12,10 +12,10 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.variables import VARIABLES
 from stoop.flight.lag import Signal
 from stoop.flight.make import from_columns
 from stoop.flight.pulses import rotor_pulses
-from stoop.flight.variables import VARIABLES
 from stoop.logs.table import quoted
 
 FUNCTIONS: Final[dict[float, str]] = {

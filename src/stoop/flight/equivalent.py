@@ -17,11 +17,11 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.units import STANDARD_GRAVITY
+from stoop.base.variables import VARIABLES
 from stoop.flight.channels import SourceRate
 from stoop.flight.faults import Fault
-from stoop.flight.variables import VARIABLES
-from stoop.logs import FloatArray
 
 EQUIVALENT: Final = "airspeed_equivalent"
 TRUE: Final = "airspeed_pitot"

@@ -12,10 +12,10 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
+from stoop.base.arrays import FloatArray
 from stoop.base.units import STANDARD_GRAVITY
+from stoop.base.variables import VARIABLES
 from stoop.flight.channels import Channels, stretches
-from stoop.flight.variables import VARIABLES
-from stoop.logs import FloatArray
 
 WATCHED: Final = frozenset(
     "V alpha beta p q r phi theta psi ax ay az vn ve vd q0 q1 q2 q3 airspeed_pitot airspeed_equivalent".split()  # noqa: SIM905

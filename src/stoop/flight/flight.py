@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stoop.base.arrays import FloatArray
 from stoop.flight.channels import SourceRate
 from stoop.flight.faults import Fault
-from stoop.logs import FloatArray
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -15,10 +15,10 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import euler_angles, product, quaternions_of
+from stoop.base.variables import EULER, QUATERNION
 from stoop.errors import LogError
-from stoop.flight.variables import EULER, QUATERNION
-from stoop.logs import FloatArray
 
 Frame: TypeAlias = tuple[str, ...]
 BODY: Final = ("frd", "flu")

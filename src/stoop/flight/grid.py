@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError
 from stoop.flight.channels import stretches
-from stoop.logs import FloatArray
 
 CUTOFF: Final = (
     0.3  #: of the grid rate: 30 Hz at 100 Hz; -35 dB at 50 Hz, -76 dB at 90 Hz, 0.02 % lost at 10 Hz

@@ -8,12 +8,12 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of, to_ground
 from stoop.base.units import DEGREE
+from stoop.base.variables import EULER
 from stoop.errors import LogError
 from stoop.flight.lag import finite
-from stoop.flight.variables import EULER
-from stoop.logs import FloatArray
 from stoop.logs.mapping import read_toml
 
 RATES: Final = ("p", "q", "r")

@@ -17,8 +17,8 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.flight.channels import stretches
-from stoop.logs import FloatArray
 
 Signal: TypeAlias = tuple[FloatArray, FloatArray]  #: time (n,) s and values (n,)
 

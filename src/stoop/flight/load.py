@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stoop import logs
+from stoop.base.arrays import FloatArray
+from stoop.base.variables import EULER, QUATERNION, VARIABLES
 from stoop.errors import one_line
 from stoop.flight.advice import advised, motion_faults, unit_faults
 from stoop.flight.aloft import hovered, lifting
@@ -27,8 +29,7 @@ from stoop.flight.mapped import Mapped
 from stoop.flight.motion import MOTION
 from stoop.flight.plausible import check_radians
 from stoop.flight.store import restore
-from stoop.flight.variables import EULER, QUATERNION, VARIABLES
-from stoop.logs import FloatArray, Recording
+from stoop.logs import Recording
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import continuous, euler_angles, normalized, quaternions_of, wrap
+from stoop.base.variables import EULER, QUATERNION, VARIABLES, WRAPPED, variable
 from stoop.errors import FlightError
 from stoop.flight.channels import SourceRate, source_rate
 from stoop.flight.flight import Flight
-from stoop.flight.variables import EULER, QUATERNION, VARIABLES, WRAPPED, variable
-from stoop.logs import FloatArray
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from stoop.base.arrays import FloatArray
 from stoop.flight.aloft import airborne, flying
 from stoop.flight.commands import Axis, Command, commands
 from stoop.flight.flight import Flight
 from stoop.flight.segments import runs
-from stoop.logs import FloatArray
 
 __all__ = ["Axis", "Maneuver", "airborne", "find_maneuvers"]
 

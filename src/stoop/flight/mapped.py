@@ -9,7 +9,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS, KINDS
+from stoop.base.variables import EULER
 from stoop.errors import LogError, listed
 from stoop.flight.channels import WILD, Channels
 from stoop.flight.clocks import align
@@ -17,8 +19,7 @@ from stoop.flight.frames import turned
 from stoop.flight.mapping import Clock, FlightMapping, with_other_form
 from stoop.flight.sources import Group, Source
 from stoop.flight.surfaces import deflections
-from stoop.flight.variables import EULER
-from stoop.logs import FloatArray, Recording, Stream
+from stoop.logs import Recording, Stream
 from stoop.logs.recording import clean_stream
 
 BoolArray = npt.NDArray[np.bool_]

@@ -16,12 +16,13 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
+from stoop.base.text import nearest
 from stoop.base.units import FACTORS
+from stoop.base.variables import EULER, QUATERNION
 from stoop.errors import LogError
 from stoop.flight.clocks import Alignment, read_alignments
 from stoop.flight.sources import Group, read_group, read_variable, split
 from stoop.flight.surfaces import Surfaces, read_surfaces
-from stoop.flight.variables import EULER, QUATERNION, nearest
 from stoop.logs.mapping import TIME_UNITS, number_of, only_keys, parse_toml, read_toml, text_of
 
 READY: Final[dict[str, str]] = {

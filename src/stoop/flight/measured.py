@@ -9,13 +9,13 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import wrap
 from stoop.base.units import DEGREE, FACTORS, KINDS, STANDARD_GRAVITY, ZEROS
+from stoop.base.variables import VARIABLES
 from stoop.flight.advice import RANGES
 from stoop.flight.lag import Signal
 from stoop.flight.plausible import LIMITS
-from stoop.flight.variables import VARIABLES
-from stoop.logs import FloatArray
 from stoop.logs.mapping import PULSES
 
 SPAN: Final = 0.2  #: s over which an angle is differenced

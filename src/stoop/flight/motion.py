@@ -13,12 +13,12 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of, to_ground
 from stoop.base.units import FACTORS, KINDS, STANDARD_GRAVITY
+from stoop.base.variables import EULER, QUATERNION
 from stoop.flight.consistency import RATES, turning
 from stoop.flight.grid import complete
-from stoop.flight.variables import EULER, QUATERNION
-from stoop.logs import FloatArray
 
 FORCE: Final = ("ax", "ay", "az")
 VELOCITY: Final = ("vn", "ve", "vd")

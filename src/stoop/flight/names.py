@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from stoop.base.units import KINDS
-from stoop.flight.variables import VARIABLES
+from stoop.base.variables import VARIABLES
 
 UNITS: Final[dict[str, str]] = {
     "rad": "rad", "rads": "rad", "radian": "rad", "radians": "rad", "deg": "deg", "degs": "deg", "degree": "deg",

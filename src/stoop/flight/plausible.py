@@ -9,12 +9,12 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE
 from stoop.errors import FlightError
 from stoop.flight.channels import Channels, stretches
 from stoop.flight.guilty import declared, guilty
 from stoop.flight.lag import finite
-from stoop.logs import FloatArray
 
 QUANTILE: Final = 0.995  #: of the sizes; some wild samples prove nothing
 LIMITS: Final = {

@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
+from stoop.base.variables import OUTPUT_PINS
 from stoop.flight.flight import Flight
-from stoop.flight.variables import OUTPUT_PINS
-from stoop.logs import FloatArray
 
 BLOCK: Final = 0.1  #: s that are taken together; motors follow within that
 LEAST: Final = 70  #: blocks that say anything

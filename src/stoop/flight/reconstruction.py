@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import matrices_of, normalized, quaternions_of
 from stoop.flight.air_data import NAN, POOR, AirData, LogWind, notes
 from stoop.flight.equivalent import SEA_LEVEL_DENSITY
@@ -43,7 +44,6 @@ from stoop.flight.wind import (
     default_prior,
     fit,
 )
-from stoop.logs import FloatArray
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -9,12 +9,12 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from stoop.base.arrays import FloatArray
+from stoop.base.variables import variable
 from stoop.errors import FlightError
 from stoop.flight.channels import GAP
 from stoop.flight.flight import Flight
 from stoop.flight.grid import EDGE, complete
-from stoop.flight.variables import variable
-from stoop.logs import FloatArray
 
 MOST_HOLES: Final = 4  #: that are told one by one
 TRIMMED: Final = "trimmed to the record"  #: what the note says of a window that reaches beyond it

@@ -30,9 +30,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import nnls
 
+from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE, STANDARD_GRAVITY
 from stoop.flight.grid import complete
-from stoop.logs import FloatArray
 
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]

@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
+from stoop.base.text import nearest
 from stoop.base.units import FACTORS, KINDS, ZEROS
+from stoop.base.variables import VARIABLES
 from stoop.errors import FlightError, LogError
 from stoop.flight.frames import Frame, check_frame
-from stoop.flight.variables import VARIABLES, nearest
 from stoop.logs.mapping import TIME_UNITS, factor_of, number_of, only_keys, text_of
 
 MOST: Final = 64  #: names that one pair of braces may stand for

@@ -11,14 +11,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.files import write_bytes_atomic
+from stoop.base.variables import VARIABLES
 from stoop.errors import LogError
 from stoop.flight.channels import WILD, SourceRate
 from stoop.flight.faults import Fault
 from stoop.flight.flight import Flight
 from stoop.flight.make import dataset, on_circle
-from stoop.flight.variables import VARIABLES
-from stoop.logs import FloatArray, Recording, Stream
+from stoop.logs import Recording, Stream
 from stoop.logs.netcdf import AIR, FORMAT, STREAM
 
 if TYPE_CHECKING:

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stoop.base.variables import VARIABLES
 from stoop.flight.aloft import motors_ran
 from stoop.flight.faults import Fault
 from stoop.flight.flight import Flight
 from stoop.flight.maneuvers import Maneuver, find_maneuvers
-from stoop.flight.variables import VARIABLES
 
 if TYPE_CHECKING:
     from stoop.flight.reconstruction import AirData

@@ -27,10 +27,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
+from stoop.base.variables import VARIABLES
 from stoop.errors import LogError
 from stoop.flight.channels import WILD, Channels
-from stoop.flight.variables import VARIABLES
-from stoop.logs import FloatArray
 from stoop.logs.mapping import factor_of, number_of, only_keys, text_of
 
 LARGEST: Final = 0.5 * np.pi  #: rad; no surface turns further

@@ -29,8 +29,8 @@ from typing import Final, Protocol
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE
-from stoop.logs import FloatArray
 
 WIND_N, WIND_E, SLOPE, OFFSET, TRIM, KAPPA = range(6)
 HUBER: Final = 1.345  #: standard deviations; 95 % efficient on Gaussian noise

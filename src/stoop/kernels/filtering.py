@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.kernels.filter import WIDTH
 from stoop.kernels.kernel import Kernel, fits, matrix
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 

@@ -19,12 +19,12 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import KernelError
 from stoop.kernels import cache
 from stoop.kernels.fingerprint import environment
 from stoop.kernels.symbolic import SymbolicModel
 
-FloatArray = NDArray[np.float64]
 _HERE = Path(__file__).parent
 
 

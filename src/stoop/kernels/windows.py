@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.kernels.lanes import header, indent, next_inputs, stepping
 
 if TYPE_CHECKING:
     from stoop.kernels.emit import Emitted
     from stoop.kernels.kernel import Kernel
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 WIDTH = 8
 

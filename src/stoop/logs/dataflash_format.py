@@ -12,8 +12,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import one_line
-from stoop.logs.recording import FloatArray
 
 Bytes = npt.NDArray[np.uint8]
 

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import LogError
-from stoop.logs.recording import FloatArray, Recording, Stream, increasing, unreadable
+from stoop.logs.recording import Recording, Stream, increasing, unreadable
 
 if TYPE_CHECKING:
     from scipy.io import netcdf_file

@@ -16,9 +16,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import LogError
 from stoop.logs.guard import guarded, need
-from stoop.logs.recording import Defect, FloatArray, Recording, Stream, clean_stream
+from stoop.logs.recording import Defect, Recording, Stream, clean_stream
 from stoop.logs.ros_layout import FieldDefinitions, UnreadableError, Walker, plan
 from stoop.logs.tabular import most_values, typed
 

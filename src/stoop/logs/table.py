@@ -9,10 +9,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS
 from stoop.errors import LogError, listed
 from stoop.logs.mapping import Column, Mapping, is_first_edition, mapping_of, read_toml
-from stoop.logs.recording import Defect, FloatArray, Recording, Stream, clean_stream
+from stoop.logs.recording import Defect, Recording, Stream, clean_stream
 from stoop.logs.text import read_header, read_table
 
 FOLDER_MAPPING: Final = "mapping.toml"

@@ -16,8 +16,9 @@ from typing import Any, Final, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import LogError, listed
-from stoop.logs.recording import Defect, FloatArray, Recording, Stream, bytes_of, clean_stream
+from stoop.logs.recording import Defect, Recording, Stream, bytes_of, clean_stream
 
 CLOCK: Final = re.compile(
     r"(t|times?|time[_ ]?stamp|sys_?time|rec_?time|sec|seconds)"

@@ -10,8 +10,9 @@ from typing import IO, TYPE_CHECKING, Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import LogError
-from stoop.logs.recording import Defect, FloatArray, unreadable
+from stoop.logs.recording import Defect, unreadable
 from stoop.logs.tabular import most_values
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.optimize.arrays import BoolArray, FloatArray, IntArray
+from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.optimize.levenberg import AGREE, Dive
 
 CLEAR: Final = 0.1  #: share of the trivial model's cost up to which little is left unexplained

@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 from scipy.linalg import lstsq
 
-from stoop.optimize.arrays import BoolArray, FloatArray
+from stoop.base.arrays import BoolArray, FloatArray
 from stoop.optimize.ledger import sum_of_squares
 from stoop.optimize.levenberg import LOST, SMALLEST_DAMPING, Dive
 from stoop.optimize.problem import Problem

@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.optimize.arrays import BoolArray, FloatArray
+from stoop.base.arrays import BoolArray, FloatArray
 from stoop.optimize.pieces.adaptation import Memory, fresh_memory
 from stoop.optimize.pieces.archive import remember
 from stoop.optimize.pieces.bounds import midpoint

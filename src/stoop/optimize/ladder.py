@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.optimize.arrays import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.optimize.ledger import Ledger
 from stoop.optimize.levenberg import FULL, RUNG, Dive, dive
 

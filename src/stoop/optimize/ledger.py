@@ -11,7 +11,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from stoop.optimize.arrays import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.optimize.problem import Problem
 
 HUGE: Final = 1e100  #: a cost beyond this is infinite: its products would overflow

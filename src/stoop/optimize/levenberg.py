@@ -17,7 +17,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from stoop.optimize.arrays import BoolArray, FloatArray
+from stoop.base.arrays import BoolArray, FloatArray
 from stoop.optimize.ledger import HUGE, inner, sum_of_squares
 from stoop.optimize.normal import Tall, solve_damped
 from stoop.optimize.problem import Problem

@@ -8,8 +8,8 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
-from stoop.optimize.arrays import FloatArray
 from stoop.optimize.ledger import Halt, Ledger, blank
 from stoop.optimize.problem import Problem
 from stoop.optimize.state import Event, Optimizer, State

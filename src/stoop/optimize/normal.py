@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
-from stoop.optimize.arrays import FloatArray, IntArray
+from stoop.base.arrays import FloatArray, IntArray
 
 SINGLE: Final = (
     200_000  #: products up to this many multiplications run on one BLAS thread (OpenBLAS: 262,144)

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from stoop.optimize.arrays import FloatArray, IntArray
+from stoop.base.arrays import FloatArray, IntArray
 
 STEP = 1e-7  #: forward-difference step; balances truncation against rounding for residuals of order one
 

@@ -6,8 +6,8 @@ from typing import NoReturn
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
-from stoop.optimize.arrays import FloatArray
 from stoop.optimize.ledger import Ledger
 from stoop.optimize.problem import Problem
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypeVar
 
-from stoop.optimize.arrays import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.optimize.ledger import Books
 from stoop.optimize.problem import Problem
 from stoop.optimize.stream import Stream

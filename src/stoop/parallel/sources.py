@@ -16,7 +16,7 @@ from typing import Final
 from stoop.parallel.environment import ROOMS
 
 #: of stoop, what makes no numbers; `ROOMS` are in the environment whatever the work
-_SILENT: Final = ("campaign", "cli", "report", "errors", "files")
+_SILENT: Final = ("parallel", "cli", "report", "errors", "base.files")
 _ELSEWHERE: Final = frozenset(f"stoop.{name.removesuffix('.py')}" for name in (*ROOMS, *_SILENT))
 
 

@@ -13,10 +13,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.vehicle import Parameter, Vehicle
 from stoop.vehicle.schema import CHANNELS, WIND
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,16 +10,16 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from stoop.flight.variables import WRAPPED
+from stoop.base.arrays import FloatArray
+from stoop.base.variables import WRAPPED
 from stoop.problem.layout import Layout, Nuisance
 from stoop.problem.weights import Weights
 from stoop.simulate import parameter_rows
 from stoop.simulate.delays import input_delays, late_inputs, late_outputs, output_delays
 from stoop.simulate.initial import kernel_states, rigid_states
 
-FloatArray = NDArray[np.float64]
 STEP = 1e-7
 
 

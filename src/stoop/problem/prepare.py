@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, VehicleError
 from stoop.flight import Flight, Segment, segments
 from stoop.flight.segments import SHORTEST
@@ -18,7 +18,6 @@ from stoop.simulate import parameter_rows
 from stoop.simulate.initial import commanded
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 START_SCALES = {
     "V": 2.0, "alpha": 0.1, "beta": 0.1, "p": 0.2, "q": 0.2, "r": 0.2, "phi": 0.1, "theta": 0.1, "psi": 0.1,
 }  #: m/s, rad, rad/s: prior standard deviation of an initial state about its guess, deliberately wide  # fmt: skip

@@ -6,16 +6,15 @@ from collections.abc import Mapping
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of, to_body
+from stoop.base.variables import EULER, WRAPPED
 from stoop.errors import FlightError
-from stoop.flight.variables import EULER, WRAPPED
 from stoop.simulate import START_NAMES
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND
 
-FloatArray = NDArray[np.float64]
 Number = TypeVar("Number", float, FloatArray)
 FIRST = 0.2  #: s
 NEEDED = {"lateral": ("V", "alpha", "theta")}  #: states that a reduced model holds where they were measured

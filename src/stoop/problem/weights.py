@@ -6,10 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from stoop.base.arrays import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, eq=False)

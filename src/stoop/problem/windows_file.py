@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from stoop.base.text import nearest
+from stoop.base.toml import parse_source, read_source
 from stoop.errors import FlightError, one_line
-from stoop.flight.variables import nearest
 from stoop.logs.table import quoted
-from stoop.vehicle.source import parse_source, read_source
 
 FORMAT: Final = "stoop-windows/1"
 NAME: Final = "windows.toml"

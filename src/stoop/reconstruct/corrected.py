@@ -7,19 +7,18 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
+from stoop.base.variables import EULER, QUATERNION, VARIABLES, WRAPPED
 from stoop.flight import Flight
 from stoop.flight.load import RECONSTRUCTED, with_air
 from stoop.flight.make import dataset, on_circle, with_attitude
-from stoop.flight.variables import EULER, QUATERNION, VARIABLES, WRAPPED
 from stoop.reconstruct.equations import INPUTS
 from stoop.reconstruct.estimate import Estimate
 from stoop.reconstruct.unknowns import DELAYED, RATES_DELAY
 from stoop.simulate.delays import delayed
 from stoop.simulate.initial import rigid_states
 
-FloatArray = NDArray[np.float64]
 SURE: Final = 2.0  #: standard errors; a shorter delay is left, for shifting smooths
 _LATE: Final = {c: f"{name}.delay" for name, group in DELAYED.items() for c in group} | dict.fromkeys(
     "pqr", RATES_DELAY

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from stoop import optimize
@@ -14,6 +13,7 @@ from stoop.assess.covariance import standard_errors
 from stoop.assess.estimate import Uncertainty, estimate_uncertainty
 from stoop.assess.identifiability import Identifiability, Yardstick, identifiability
 from stoop.assess.sensitivity import Sensitivity
+from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
 from stoop.estimate.noise import correlation_times
 from stoop.flight import Flight
@@ -23,7 +23,6 @@ from stoop.reconstruct.prepare import LEAD, Prepared
 from stoop.reconstruct.problem import START, Problem
 from stoop.reconstruct.unknowns import unknowns
 
-FloatArray = NDArray[np.float64]
 ROUNDS: Final = 12
 RESTS: Final = 0.2  #: standard errors by which new weights may still move an unknown
 FLOOR: Final = {

@@ -22,6 +22,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.errors import FlightError
 from stoop.flight import Flight
@@ -29,7 +30,6 @@ from stoop.flight.maneuvers import airborne
 from stoop.flight.segments import runs
 from stoop.vehicle.atmosphere import standard_density
 
-FloatArray = NDArray[np.float64]
 BLOCK: Final = 5.0  #: s: longer than motor and pilot take, shorter than a climb
 LEAST: Final = 12  #: blocks, below which no parabola is fitted
 SWITCHED_OFF: Final = 0.02  #: of full throttle

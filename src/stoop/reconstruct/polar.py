@@ -18,15 +18,14 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from stoop.assess.covariance import NORMAL_95
 from stoop.assess.estimate import estimate_uncertainty
 from stoop.assess.sensitivity import Sensitivity, prior_information
+from stoop.base.arrays import FloatArray
 from stoop.reconstruct.performance import Blocks
 
-FloatArray = NDArray[np.float64]
 SHAPE: Final = ("c0", "c1", "c2")  #: CD = c0 + c1 CL + c2 CL^2
 HUBER: Final = 1.345  #: standard deviations; 95 % efficient on Gaussian noise
 MAD: Final = 1.4826  #: median absolute deviation to standard deviation

@@ -8,8 +8,8 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import matrices_of, quaternions_of
 from stoop.errors import FlightError
 from stoop.flight import Flight, segments
@@ -21,7 +21,6 @@ from stoop.reconstruct.problem import Piece
 from stoop.reconstruct.unknowns import AIR, GROUND
 from stoop.simulate.initial import rigid_states
 
-FloatArray = NDArray[np.float64]
 LONGEST: Final = 10.0  #: s of one piece: integrated rates drift, and a new initial state stops that
 SHORTEST: Final = 3.0  #: s; less tells nothing beside its own initial state
 MOST: Final = 12  #: pieces; more hardly narrow what is alike in all of them

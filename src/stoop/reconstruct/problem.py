@@ -14,8 +14,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of
-from stoop.flight.variables import EULER, WRAPPED
+from stoop.base.variables import EULER, WRAPPED
 from stoop.kernels import Kernel
 from stoop.optimize import forward_jacobian
 from stoop.problem import on_circle
@@ -23,7 +24,6 @@ from stoop.reconstruct.equations import INPUTS, OUTPUTS, PARAMETERS, SCALED, ker
 from stoop.reconstruct.unknowns import DELAYED, RATES_DELAY, Unknown
 from stoop.simulate.delays import delayed
 
-FloatArray = NDArray[np.float64]
 STEP: Final = 1e-6  #: of a prior's standard deviation
 START: Final = {
     "u": 2.0, "v": 2.0, "w": 2.0, "phi": 0.05, "theta": 0.05, "psi": 0.1, "pn": 5.0, "pe": 5.0, "pd": 5.0,

@@ -8,16 +8,15 @@ from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stoop.assess.covariance import standard_errors
+from stoop.base.arrays import FloatArray
 from stoop.flight import VARIABLES, Flight, without_faults
 from stoop.reconstruct.equations import OUTPUTS
 from stoop.reconstruct.estimate import Estimate, estimate
 from stoop.reconstruct.prepare import prepare
 from stoop.reconstruct.words import air_data_agree, unexplained, warnings
 
-FloatArray = NDArray[np.float64]
 FORMAT: Final = "stoop-compatibility/1"
 
 

@@ -6,10 +6,11 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE
-from stoop.flight.variables import VARIABLES
+from stoop.base.variables import VARIABLES
 from stoop.reconstruct.equations import OUTPUTS
-from stoop.reconstruct.estimate import Estimate, FloatArray, residuals
+from stoop.reconstruct.estimate import Estimate, residuals
 from stoop.reconstruct.unknowns import Unknown
 
 SURE: Final = 3.0  #: standard errors

@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
+from stoop.base.arrays import FloatArray
+from stoop.base.numbers import factor_and_unit
 from stoop.report.charts import LARGE, plain_panel
 from stoop.report.matches import Panel, sane
-from stoop.report.numbers import factor_and_unit
-from stoop.report.svg import FloatArray
 from stoop.results.result import AirDataTrace, Identification
 
 HEIGHT: Final = 150.0  #: px

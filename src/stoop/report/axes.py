@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from stoop.report.svg import FloatArray, Scale, element, path, plain_text, tick_text, ticks
+from stoop.base.arrays import FloatArray
+from stoop.report.svg import Scale, element, path, plain_text, tick_text, ticks
 
 
 @dataclass(frozen=True)

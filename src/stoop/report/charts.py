@@ -9,9 +9,10 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
+from stoop.base.arrays import FloatArray
+from stoop.base.numbers import RAISED
 from stoop.report.axes import Axes, Box
-from stoop.report.numbers import RAISED
-from stoop.report.svg import FloatArray, Scale, drawing, element, spanning, tick_text
+from stoop.report.svg import Scale, drawing, element, spanning, tick_text
 
 WIDTH: Final = 372.0  #: px of one panel; the page lays three side by side
 LARGE: Final = 560.0  #: px of a panel of which two lie side by side

@@ -7,11 +7,11 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
+from stoop.base.numbers import NOTHING, factor_and_unit, number, rounded_to_error, window
 from stoop.reconstruct.result import Compatibility, Finding, Trace
-from stoop.report.numbers import NOTHING, factor_and_unit, number, rounded_to_error, window
 from stoop.report.plots import Series, Strip, stacked_plots
 from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table
-from stoop.report.svg import FloatArray
 
 GROUPS: Final = (
     ("Attitude", ("phi", "theta", "psi")),

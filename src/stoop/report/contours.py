@@ -11,7 +11,8 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
-from stoop.report.svg import TENTHS, FloatArray
+from stoop.base.arrays import FloatArray
+from stoop.report.svg import TENTHS
 
 LEVELS: Final = 14
 

@@ -11,10 +11,10 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from stoop.assess.covariance import NORMAL_95, correlation
+from stoop.base.arrays import FloatArray
+from stoop.base.numbers import NOTHING, clock, compact, number, readable_unit, rounded_to_error, window
 from stoop.report.charts import Interval, forest_row
 from stoop.report.formula import mathml
-from stoop.report.numbers import NOTHING, clock, compact, number, readable_unit, rounded_to_error, window
-from stoop.report.svg import FloatArray
 from stoop.results.result import Identification, ParameterEstimate, Quantity
 
 STRONG: Final = 0.9  #: correlations above are listed

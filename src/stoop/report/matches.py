@@ -12,11 +12,11 @@ from markupsafe import Markup
 
 from stoop.assess.noise import autocorrelation
 from stoop.assess.runs import runs
-from stoop.flight.variables import VARIABLES
+from stoop.base.arrays import FloatArray
+from stoop.base.numbers import NOTHING, factor_and_unit, number, share, window
+from stoop.base.variables import VARIABLES
 from stoop.report.charts import Curves, autocorrelation_panel, channel_panel, plain_panel
 from stoop.report.estimates import label
-from stoop.report.numbers import NOTHING, factor_and_unit, number, share, window
-from stoop.report.svg import FloatArray
 from stoop.results.result import ChannelFigures, Identification, ManeuverResult, ManeuverTrace, TheilShares
 
 ABSURD: Final = 1e15  #: a simulation that has left for infinity is not drawn on

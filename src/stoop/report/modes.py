@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from stoop.report.numbers import NOTHING, number, rounded_to_error, window
+from stoop.base.numbers import NOTHING, number, rounded_to_error, window
 from stoop.results.result import ConditionModes, Estimate, Identification, MeasuredMode, ModeEstimate
 
 FAR = 3.0  #: standard errors; of some twenty numbers on a page one is beyond two by chance

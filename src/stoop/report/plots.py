@@ -13,11 +13,11 @@ from typing import Final, Literal
 import numpy as np
 from markupsafe import Markup
 
+from stoop.base.arrays import FloatArray
+from stoop.base.numbers import RAISED
 from stoop.report.axes import Box
 from stoop.report.contours import contour_levels, contour_path
-from stoop.report.numbers import RAISED
 from stoop.report.svg import (
-    FloatArray,
     LogScale,
     Scale,
     decade_ticks,

@@ -8,12 +8,12 @@ from typing import Final
 import numpy as np
 
 from stoop.assess.covariance import NORMAL_95
+from stoop.base.arrays import FloatArray
+from stoop.base.numbers import number, rounded_to_error
 from stoop.base.units import DEGREE
 from stoop.reconstruct.polar import Polar
-from stoop.report.numbers import number, rounded_to_error
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table
-from stoop.report.svg import FloatArray
 
 POINTS: Final = 61
 MEANINGS: Final = {

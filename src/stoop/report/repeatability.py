@@ -11,9 +11,9 @@ import numpy as np
 from markupsafe import Markup
 
 from stoop.assess.covariance import NORMAL_95
+from stoop.base.numbers import NOTHING, number, readable_unit, rounded_to_error, window
 from stoop.report.axes import Axes, Box
 from stoop.report.estimates import label
-from stoop.report.numbers import NOTHING, number, readable_unit, rounded_to_error, window
 from stoop.report.svg import drawing, element, spanning
 from stoop.results.result import Identification, ParameterEstimate, ParameterRepeatability
 

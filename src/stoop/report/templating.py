@@ -6,7 +6,7 @@ from functools import cache
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from stoop.report.numbers import number
+from stoop.base.numbers import number
 
 
 @cache

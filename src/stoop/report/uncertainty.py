@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
+from stoop.base.numbers import NOTHING, number, readable_unit, rounded_to_error
 from stoop.report.estimates import label
-from stoop.report.numbers import NOTHING, number, readable_unit, rounded_to_error
 from stoop.report.svg import Scale, drawing, element, spanning
 from stoop.results.evidence import MethodSpread, Spread
 from stoop.results.result import Identification, ParameterEstimate

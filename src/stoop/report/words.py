@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from stoop.assess.identifiability import COMBINED
-from stoop.report.numbers import count, listed, number, window
+from stoop.base.numbers import count, listed, number, window
 from stoop.results.result import ManeuverResult, Result, Role
 
 Level = Literal["good", "caution", "bad"]

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import matrices_of, product, quaternions_about, quaternions_of
-from stoop.flight.variables import EULER
+from stoop.base.variables import EULER
 from stoop.simulate.paths import traveled
 from stoop.simulate.steady import Trim
 
-FloatArray = NDArray[np.float64]
 GRAVITY: Final = 9.80665
 _SOON: Final = 0.4  #: s, in which a set-point is reached unless that takes too much
 MOST: Final = np.array([3.0, 3.0, 1.5, 0.5])  #: m/s2 north, east, down, and rad/s of heading

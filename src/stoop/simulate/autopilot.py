@@ -24,16 +24,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import matrices_of, matrices_of_angles, product, quaternions_about, quaternions_of
+from stoop.base.variables import EULER
 from stoop.errors import SimulationError
-from stoop.flight.variables import EULER
 from stoop.simulate.initial import initial_states, parameter_rows
 from stoop.simulate.rotors import allocation, channel_range, effects
 from stoop.simulate.steady import Trim
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import slope_input
 
-FloatArray = NDArray[np.float64]
 _EXCUSED: Final = np.repeat([1.0, 1.0, 0.25, 1.5], 3)  #: errors that count alike: m, m/s, rad, rad/s
 _SHARE: Final = 0.3  #: of what the rotors can do at once: a command that counts as much as those errors
 _STEP: Final = 1e-5  #: of the errors, for derivatives

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.simulate.autopilot import LinearErrors
 from stoop.simulate.delays import input_delays, lagrange
 from stoop.simulate.maneuver import EXCITATIONS, SETPOINTS, Battery, Maneuver
@@ -18,7 +19,6 @@ from stoop.simulate.rotors import AXES, Range, channel_range
 from stoop.simulate.steady import Trim
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 _EMPTY: Final = 0.05  #: of the nominal voltage; less is left by no battery
 
 

@@ -7,13 +7,11 @@ gradient, so signals are shifted outside it, by four-point Lagrange interpolatio
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from stoop.flight.variables import WRAPPED
+from stoop.base.arrays import FloatArray
+from stoop.base.variables import WRAPPED
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import slope_input
-
-FloatArray = NDArray[np.float64]
 
 
 def delayed(signal: FloatArray, samples: float) -> FloatArray:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import to_ground
 from stoop.errors import ManeuverError, SimulationError
 from stoop.flight import VARIABLES, Flight, from_columns
@@ -27,7 +28,6 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import CHANNELS, WIND
 from stoop.vehicle.vehicle import WIND_NUMBERS
 
-FloatArray = NDArray[np.float64]
 GROUND_SPEED_NOISE = 0.1  #: of the velocity over ground that an aircraft records in a wind, m/s
 _GUSTS, _VELOCITY = 1, 2  #: which stream of the seed
 

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import matrices_of_angles
 from stoop.errors import SimulationError
 from stoop.simulate.rotors import accelerations, allocation, channel_range, effects
@@ -16,7 +16,6 @@ from stoop.simulate.steady import TOLERANCE, Trim
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import WIND_NUMBERS
 
-FloatArray = NDArray[np.float64]
 _MOST = 1e6  #: of a channel without bound
 _STEPS = np.array([0.1, 0.1, 1.0, 1.0, 1.0, 1.0])  #: of the unknowns: rad, rad/s2, m/s2
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import AIR_START, GROUND_START
 
-FloatArray = NDArray[np.float64]
 START_NAMES = AIR_START  #: of a vehicle without rotors; Vehicle.start_names has those of any
 
 

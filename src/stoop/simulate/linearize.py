@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.simulate.initial import initial_states, parameter_rows
 from stoop.simulate.mixing import mixed_inputs
 from stoop.simulate.steady import Trim
 from stoop.simulate.trim import neutral_inputs
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 _MINIMAL = {
     "full": ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "h"),
     "longitudinal": ("V", "alpha", "q", "theta", "h"),

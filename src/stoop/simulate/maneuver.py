@@ -30,7 +30,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -41,12 +40,12 @@ from pydantic import (
     model_validator,
 )
 
+from stoop.base.arrays import FloatArray
+from stoop.base.schema_errors import first_complaint
+from stoop.base.toml import parse_source, read_source
 from stoop.errors import ManeuverError
-from stoop.vehicle.complaints import first_complaint
 from stoop.vehicle.quantity import Number
-from stoop.vehicle.source import parse_source, read_source
 
-FloatArray = NDArray[np.float64]
 MAX_SAMPLES = 5_000_000
 MAX_HARMONICS = 2000
 MAX_LEVELS = 2000

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.simulate.initial import commanded, parameter_rows
 from stoop.vehicle import Vehicle
-
-FloatArray = NDArray[np.float64]
 
 
 def mixed_inputs(vehicle: Vehicle, deflections: Mapping[str, float], base: FloatArray) -> FloatArray:

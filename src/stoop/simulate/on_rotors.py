@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import to_ground
 from stoop.simulate.asked import Asked, asked
 from stoop.simulate.autopilot import Gains, design, linear_errors, rotor_lags
@@ -24,7 +25,6 @@ from stoop.simulate.paths import Stepper
 from stoop.simulate.steady import Trim
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 _LOST: Final = 1e6  #: of any state; from there on a flight is not computed
 _FAR: Final = np.repeat(
     [1.5, 2.0], 3

@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.kernels.filtering import innovations, step
 from stoop.simulate.delays import late_inputs
 from stoop.simulate.turbulence import FINER, driven, gust_noise
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 _AT_ONCE = 10_000  #: samples: each has all parameters beside it
 
 

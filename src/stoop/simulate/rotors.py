@@ -9,12 +9,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import SimulationError
 from stoop.simulate.initial import initial_states, parameter_rows
 from stoop.vehicle import Vehicle
 from stoop.vehicle.rotor_numbers import full_command
 
-FloatArray = NDArray[np.float64]
 AXES: Final = ("roll", "pitch", "yaw", "heave")
 """Angular accelerations, rad/s2, and specific force up the body, m/s2; the order of every allocation."""
 _WEAK = 1e-7  #: of the strongest: an acceleration that rotors do not give

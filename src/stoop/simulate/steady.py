@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
+from stoop.base.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
 TOLERANCE: Final = 1e-7  #: of accelerations left over, m/s2 and rad/s2
 
 

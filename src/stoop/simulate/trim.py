@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import SimulationError
 from stoop.simulate.hover import Hover, hover_about, hover_trim
 from stoop.simulate.initial import initial_states, parameter_rows
@@ -17,7 +17,6 @@ from stoop.simulate.rotors import channel_range
 from stoop.simulate.steady import TOLERANCE, Trim
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 _POWERS = (1.0, 4.0, 16.0)  #: steps of thrust to begin with: a propeller at rest has no slope
 
 

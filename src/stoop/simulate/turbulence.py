@@ -10,13 +10,12 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.simulate.delays import late_inputs, with_slopes
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import GUST_STATES, noise_input
 
-FloatArray = NDArray[np.float64]
 FINER: Final = 20  #: steps of the simulation in a sample
 # Stationary covariance of the fast and the slow state, over the squared intensity.
 _SPREAD: Final = np.linalg.cholesky(np.array([[0.5, 0.25], [0.25, 0.25]]))

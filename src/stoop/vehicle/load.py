@@ -8,13 +8,13 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from stoop.base.schema_errors import first_complaint
+from stoop.base.toml import parse_source, read_source
 from stoop.errors import VehicleError
 from stoop.vehicle import checks, terms
-from stoop.vehicle.complaints import first_complaint
 from stoop.vehicle.defaults import COEFFICIENTS, EQUATION_1
 from stoop.vehicle.quantity import tied
 from stoop.vehicle.schema import CHANNELS, WIND, Control, VehicleFile
-from stoop.vehicle.source import parse_source, read_source
 from stoop.vehicle.vehicle import Vehicle
 
 STANDARD_CONTROLS = ("elevator", "aileron", "rudder")

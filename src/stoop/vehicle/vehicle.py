@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import VehicleError
 from stoop.kernels import Kernel, load_kernel
 from stoop.vehicle import rotor_numbers, terms
@@ -21,7 +21,6 @@ from stoop.vehicle.defaults import COEFFICIENTS, default_bounds
 from stoop.vehicle.quantity import Parameter, Quantity
 from stoop.vehicle.schema import CHANNELS, GROUND, WIND, Term, VehicleFile
 
-FloatArray = NDArray[np.float64]
 RIGID_STATES = ("u", "v", "w", "p", "q", "r", "e0", "e1", "e2", "e3", "h")
 _REDUCED_STATES = {
     "full": RIGID_STATES,

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stoop.assess.covariance import intervals_95
+from stoop.base.arrays import FloatArray
 from stoop.estimate.excitation import too_few
 from stoop.estimate.fit import Fit, Options
 from stoop.estimate.noise import noise_variance
@@ -41,7 +41,6 @@ from stoop.workflow.press import left_out_residuals
 from stoop.workflow.provenance import versions
 from stoop.workflow.words import slowest_rate, statements, warnings
 
-FloatArray = NDArray[np.float64]
 FEW = "there are too few samples for any error bar to hold"
 _START_UNITS = {"V": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}
 

@@ -18,12 +18,12 @@ from stoop.assess.blocks import Blocks, blocks
 from stoop.assess.bootstrap import FEWEST, percentiles, replicates, tally
 from stoop.assess.noise import ColoredNoise
 from stoop.assess.optimum import Optimum, linearize
+from stoop.base.arrays import FloatArray
 from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run, Tally, execute
 from stoop.results.evidence import MethodSpread
 from stoop.workflow.case import Case, Finding, Watch, spreads
 from stoop.workflow.posed import pack, unpack
 
-FloatArray = NDArray[np.float64]
 CHUNK: Final = 25  #: replicates of one run: what a kill may cost
 WORK: Final = "stoop.workflow.bootstrap:refits"
 OFTEN_LOST: Final = 0.02  #: share of replicates without an optimum from which it is said

@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from stoop.assess.estimate import Uncertainty
 from stoop.assess.optimum import Optimum, linearize
+from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import Fit
 from stoop.estimate.methods import DEFAULT
@@ -20,7 +21,6 @@ from stoop.problem import Misfit
 from stoop.results.evidence import MethodSpread, Spread
 from stoop.workflow.errorbars import ErrorBars, error_bars
 
-FloatArray = NDArray[np.float64]
 Watch = Callable[[str], None]  #: told how far an assessment is
 
 

@@ -6,18 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stoop.assess.baseline import BaselineManeuver, BaselineSegment, baseline_matches
 from stoop.assess.figures import Match, channel_figures
 from stoop.assess.runs import join
-from stoop.flight.variables import WRAPPED
+from stoop.base.arrays import FloatArray
+from stoop.base.variables import WRAPPED
 from stoop.problem import Piece
 from stoop.problem.prepare import Prepared
 from stoop.results.result import ChannelFigures, ChannelTrace, ManeuverResult, ManeuverTrace, Role
 from stoop.vehicle import Vehicle
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,15 +12,15 @@ from typing import Any, Final
 
 import numpy as np
 import tomlkit
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.base.files import write_text_atomic
+from stoop.base.numbers import finite_or_none
 from stoop.design import SHAPES, Design, Forecast, Knowledge, Limits, Setup, design
 from stoop.design.robust import Robustness, mean_ratio, robustness
 from stoop.design.search import Plan, one_after_another
 from stoop.design.setup import sensor_noise
 from stoop.errors import OutputError
-from stoop.report.numbers import finite_or_none
 from stoop.report.sheet import write_sheet
 from stoop.results.result import Result
 from stoop.simulate import Maneuver, Trim
@@ -29,7 +29,6 @@ from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.identified import Identified, read_identified
 from stoop.workflow.provenance import versions
 
-FloatArray = NDArray[np.float64]
 FORMAT: Final = "stoop-design/1"
 DRAWS: Final = 20
 FILES: Final = ("maneuver.toml", "reference.toml", "maneuver.csv", "design.html", "design.json")

@@ -5,17 +5,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
+from stoop.base.numbers import number
 from stoop.design import Design
 from stoop.flight import VARIABLES
-from stoop.report.numbers import number
 from stoop.report.plots import Series, Strip, plot, stacked_plots
 from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table
 from stoop.simulate import Maneuver
 from stoop.workflow.design import Proposal
 
-FloatArray = NDArray[np.float64]
 LEAD = """\
 The input below is the one, of those tried, whose flight makes the error bars of the parameters of {vehicle} smallest \
 together (D-optimality), as far as the model is right that it was designed for: {source}. It stays within the amplitude, \

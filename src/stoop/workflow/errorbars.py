@@ -11,9 +11,9 @@ from stoop.assess.covariance import invert, marked, standard_errors
 from stoop.assess.estimate import Uncertainty, estimate_uncertainty
 from stoop.assess.identifiability import Identifiability, Yardstick, identifiability
 from stoop.assess.sensitivity import Sensitivity, data_information, prior_information
+from stoop.base.arrays import FloatArray
 from stoop.estimate.fit import Fit
 
-FloatArray = NDArray[np.float64]
 AT_BOUND = 1e-6  #: of the box
 
 

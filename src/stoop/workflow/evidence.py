@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stoop.assess.advice import Flown, Term, advice
 from stoop.assess.covariance import correlation, intervals_95
@@ -14,6 +13,7 @@ from stoop.assess.directions import blind_directions, marginal_information, part
 from stoop.assess.estimate import Uncertainty
 from stoop.assess.identifiability import scaled_singular_values
 from stoop.assess.trust import CORRECTED, CRAMER_RAO, trust
+from stoop.base.arrays import FloatArray
 from stoop.estimate.fit import Fit
 from stoop.problem import Piece
 from stoop.results.evidence import BlindDirection, Identifiable, MethodSpread, Sight, Spread
@@ -23,7 +23,6 @@ from stoop.simulate.initial import commanded
 from stoop.vehicle import Vehicle, terms
 from stoop.workflow.errorbars import ErrorBars
 
-FloatArray = NDArray[np.float64]
 MOST_HIDDEN = 5  #: parameters named that move along with one where the data do not see it
 _AXES = {"pitch": ("Cm", "elevator"), "roll": ("Cl", "aileron"), "yaw": ("Cn", "rudder")}
 

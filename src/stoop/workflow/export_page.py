@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE
+from stoop.base.variables import WRAPPED
 from stoop.export.flown import Record, differences, jsbsim_readings, own_readings, relative_differences
 from stoop.export.jsbsim_control import delays
 from stoop.export.jsbsim_flight import FRAME_RATE, frames_per_sample
@@ -18,13 +19,11 @@ from stoop.export.jsbsim_folder import PLANET
 from stoop.export.jsbsim_reading import changed
 from stoop.export.names import file_name
 from stoop.flight import VARIABLES
-from stoop.flight.variables import WRAPPED
 from stoop.report.plots import Series, Strip, stacked_plots
 from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table, render_sheet
 from stoop.vehicle import Vehicle
 from stoop.workflow.export_subject import Maneuver
 
-FloatArray = NDArray[np.float64]
 PAGE: Final = "export.html"
 GOAL: Final = 1e-3  #: of a channel's maximum
 _EXPLAINED: Final = """\

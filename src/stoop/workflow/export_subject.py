@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
 from stoop.export.flown import Record
 from stoop.export.state_space import Known
@@ -22,7 +22,6 @@ from stoop.vehicle import Vehicle
 from stoop.workflow.identified import Identified, read_identified
 from stoop.workflow.outputs import RESULT
 
-FloatArray = NDArray[np.float64]
 ALTITUDE: Final = 200.0  #: m, where no flight says another
 
 

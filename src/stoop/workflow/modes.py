@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stoop.assess.modes import Linearized, differentiated, mode_estimates
 from stoop.assess.response import FreeResponse, free_response, measured_mode
+from stoop.base.arrays import FloatArray
 from stoop.errors import SimulationError
 from stoop.estimate.fit import Fit
 from stoop.estimate.predict import identified_vehicle
@@ -21,7 +21,6 @@ from stoop.simulate.linearize import state_matrix
 from stoop.simulate.trim import neighbors
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 ALIKE = 0.05  #: of airspeed and density: maneuvers flown at one condition
 ANGLES = ("phi", "theta", "psi")
 UNTOLD = "the linear model is not finite there"

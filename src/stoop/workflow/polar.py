@@ -11,12 +11,12 @@ import numpy as np
 
 from stoop.assess.covariance import NORMAL_95
 from stoop.base.files import write_text_atomic
+from stoop.base.numbers import finite_or_none, number
 from stoop.errors import FlightError
 from stoop.flight import Flight
 from stoop.flight.load import RECONSTRUCTED
 from stoop.reconstruct.performance import Blocks, blocks
 from stoop.reconstruct.polar import DISC, DISC_SPREAD, Polar, Propulsion, fit_polar
-from stoop.report.numbers import finite_or_none, number
 from stoop.workflow.provenance import file_hashes, flight_files, versions
 
 FORMAT: Final = "stoop-polar/1"

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.problem import Layout, Misfit, Nuisance, Piece, Weights
 from stoop.vehicle import Parameter, Vehicle
 from stoop.vehicle.schema import VehicleFile
 
-FloatArray = NDArray[np.float64]
 _OF_PIECE = ("time", "inputs", "measured")
 
 

@@ -8,17 +8,16 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from stoop.assess.ensemble import ESS, RHAT, Chains, libraries, sample
 from stoop.assess.estimate import Uncertainty
 from stoop.assess.optimum import linearize
 from stoop.assess.posterior import Target, reference, stretch
+from stoop.base.arrays import FloatArray
 from stoop.results.evidence import MethodSpread, Spread
 from stoop.workflow.case import Case, Finding, Watch
 
-FloatArray = NDArray[np.float64]
 FILE: Final = "posterior.nc"
 KEPT: Final = 250  #: draws of each walker in the file, at most
 CHECKED: Final = 16  #: draws at which the marginalization is checked

@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.assess.press import BLOCK, left_out
+from stoop.base.arrays import FloatArray
 from stoop.estimate.fit import Fit
-
-FloatArray = NDArray[np.float64]
 
 
 def left_out_residuals(fit: Fit) -> list[FloatArray] | None:

@@ -16,8 +16,8 @@ from threadpoolctl import threadpool_limits
 from stoop.assess.covariance import NORMAL_95
 from stoop.assess.optimum import Optimum, linearize
 from stoop.assess.profile import profile
+from stoop.base.text import nearest
 from stoop.errors import IdentificationError
-from stoop.flight.variables import nearest
 from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run, Tally, execute
 from stoop.results.evidence import MethodSpread, Spread
 from stoop.workflow.case import Case, Finding, Watch

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stoop.assess.repeatability import agreement, without_prior
+from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
 from stoop.estimate import methods
 from stoop.estimate.fit import Fit
@@ -18,7 +18,6 @@ from stoop.workflow.errorbars import ErrorBars
 from stoop.workflow.judged import judged
 from stoop.workflow.run import Job, Search
 
-FloatArray = NDArray[np.float64]
 NOTHING = SingleEstimate(float("nan"), float("nan"), counted=False)
 
 

@@ -10,8 +10,8 @@ from typing import Any, Final
 
 import numpy as np
 import tomlkit
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.base.files import write_text_atomic
 from stoop.errors import IdentificationError
 from stoop.estimate.regression.candidates import parameter_name
@@ -28,7 +28,6 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.defaults import EQUATION_1
 from stoop.vehicle.load import parse_vehicle
 
-FloatArray = NDArray[np.float64]
 FILES: Final = ("vehicle.toml", "structure.csv", "structure.html")
 HEAD: Final = ("coefficient", "step", "action", "term", "F", "threshold", "terms", "R2", "PRESS", "PSE")
 DIGITS: Final = 6

@@ -9,18 +9,16 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stoop.base.files import write_text_atomic
+from stoop.base.numbers import number
 from stoop.design.windows import Found, Proposed
 from stoop.flight import VARIABLES, Flight
 from stoop.flight.commands import RATES, commands
 from stoop.problem.windows_file import NAME, Entry, written
-from stoop.report.numbers import number
 from stoop.report.plots import Series, Shade, Strip, stacked_plots
 from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table, write_sheet
 
-FloatArray = NDArray[np.float64]
 FILES: Final = (NAME, "windows.html")
 LEAD: Final = """\
 Stretches of the flight that are worth fitting, found by how the controls were moved and chosen by {judge}. Each was taken \

@@ -17,9 +17,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop_studies.compare.race import Race
-
-FloatArray = NDArray[np.float64]
 
 DRAWS: Final = 2000
 LEVEL: Final = 0.95

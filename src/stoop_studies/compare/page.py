@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from stoop.report.numbers import number
+from stoop.base.numbers import number
 from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table
 from stoop_studies.compare import words
 from stoop_studies.compare.curves import distributions

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.parallel import Json
 from stoop_studies.problems import Posed
 from stoop_studies.search import posed_by, searched
-
-FloatArray = NDArray[np.float64]
 
 LEVELS: Final = 10  #: costs on the way to the target at which runs are timed, the target among them
 ROWS: Final = 10_000  #: of a history from which times are read

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from itertools import groupby
 from math import inf, isnan
 
-from stoop.report.numbers import count, number
+from stoop.base.numbers import count, number
 from stoop_studies.compare.measures import Duel, Score, Span
 
 HOW = """Everything is counted in evaluations: one flight of the whole record by one candidate. A third of the \

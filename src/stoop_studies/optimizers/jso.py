@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.optimize.arrays import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.optimize.pieces.adaptation import FIXED, Memory, learn_halfway
 from stoop.optimize.pieces.directed import Choice, elite, elite_but_self
 from stoop_studies.optimizers.l_shade import FEWEST, LinearShade

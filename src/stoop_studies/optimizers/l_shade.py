@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.optimize.arrays import BoolArray, FloatArray
+from stoop.base.arrays import BoolArray, FloatArray
 from stoop.optimize.ledger import blank, opened
 from stoop.optimize.pieces.adaptation import Memory, fresh_memory, learn_terminal
 from stoop.optimize.pieces.archive import remember

@@ -18,8 +18,8 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.optimize import herd as herds
-from stoop.optimize.arrays import FloatArray
 from stoop.optimize.herd import Herd
 from stoop.optimize.ledger import Ledger, blank, opened
 from stoop.optimize.levenberg import dive

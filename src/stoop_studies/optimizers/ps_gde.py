@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.optimize.arrays import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.optimize.pieces.initialization import MEMBERS, chaos
 from stoop_studies.optimizers.pieces.control import Fixed
 from stoop_studies.optimizers.pieces.evolution import DifferentialEvolution

@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.optimize.arrays import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.optimize.ledger import blank, opened
 from stoop.optimize.pieces.initialization import MEMBERS, placed, uniform
 from stoop.optimize.problem import Problem

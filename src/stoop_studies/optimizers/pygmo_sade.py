@@ -13,8 +13,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.optimize.adapters.library import Escape, Library, draw_seed, require
-from stoop.optimize.arrays import FloatArray
 from stoop.optimize.ledger import Ledger
 from stoop.optimize.pieces.initialization import MEMBERS
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.optimize.adapters.library import Library, Search, draw_seed, finite_costs, require
-from stoop.optimize.arrays import FloatArray
 from stoop.optimize.ledger import Ledger
 from stoop.optimize.pieces.initialization import MEMBERS, uniform
 

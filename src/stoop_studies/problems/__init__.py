@@ -13,15 +13,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from stoop import optimize
+from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
 
 __all__ = ["Posed", "names", "pose", "take_none"]
 
-FloatArray = NDArray[np.float64]
 
 _FAMILIES: Final = {
     "paper": "paper",

@@ -16,13 +16,11 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
 from stoop.optimize.scalar import Scalar
 from stoop_studies.problems import Posed, take_none
-
-FloatArray = NDArray[np.float64]
 
 FUNCTIONS: Final = 24
 DIMENSION: Final = 10

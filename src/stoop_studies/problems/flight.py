@@ -20,9 +20,9 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stoop import optimize
+from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, IdentificationError
 from stoop.estimate.fit import Options, settle, starts
 from stoop.estimate.fit import pose as posed_fit
@@ -31,8 +31,6 @@ from stoop.problem import Misfit
 from stoop.problem.windows import parse_window
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.problems import Posed
-
-FloatArray = NDArray[np.float64]
 
 NAME: Final = "flight"
 REACH: Final = 5.0  #: prior standard deviations of a nuisance that the box reaches to either side

@@ -18,6 +18,7 @@ from typing import Final
 import numpy as np
 
 from stoop import optimize
+from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, IdentificationError
 from stoop.estimate.noise import effective_variance
 from stoop.flight import Flight, load
@@ -28,7 +29,6 @@ from stoop.problem.prepare import prepare
 from stoop.problem.windows import parse_window
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop_studies.problems import Posed
-from stoop_studies.problems.paper import FloatArray
 from stoop_studies.problems.short import motors_behind, posed, windows
 
 NAME: Final = "hexacopter"

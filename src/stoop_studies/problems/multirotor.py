@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.problem import Misfit, Piece, Weights
 from stoop.simulate import initial_states, parameter_rows, parse_maneuver
 from stoop.simulate.fly import Flown, fly
@@ -20,7 +21,7 @@ from stoop.simulate.paths import readings_along, states_flown
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.problems import Posed, take_none
-from stoop_studies.problems.paper import FloatArray, box, of_known_truth
+from stoop_studies.problems.paper import box, of_known_truth
 from stoop_studies.problems.quad import LENGTH, MANEUVER, NOISE, SOUGHT
 from stoop_studies.problems.short import posed, windows
 

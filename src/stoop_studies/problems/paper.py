@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stoop import optimize
+from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
 from stoop.optimize.ledger import blank
 from stoop.problem import Layout, Misfit, Piece, Weights
@@ -44,7 +44,6 @@ __all__ = [
     "pose",
 ]
 
-FloatArray = NDArray[np.float64]
 
 BOXES: Final = ("N", "S", "W")
 FEW: Final = ("V", "q", "theta")

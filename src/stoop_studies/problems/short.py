@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.estimate.filter_error.paths import filled, unwrapped
 from stoop.estimate.regression.measured import lagged
 from stoop.estimate.shooting.windows import edges
@@ -23,7 +23,6 @@ from stoop.simulate import parameter_rows
 from stoop.simulate.initial import commanded
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 RATES = ("p", "q", "r")
 
 

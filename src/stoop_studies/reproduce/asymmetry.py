@@ -10,11 +10,12 @@ from typing import Any, Final
 import numpy as np
 
 from stoop import optimize
+from stoop.base.arrays import FloatArray
 from stoop.parallel import Json, Run
 from stoop.problem.layout import Nuisance
 from stoop.simulate import parse_maneuver
 from stoop.simulate.fly import fly
-from stoop_studies.findings import FloatArray, Results, Setting
+from stoop_studies.findings import Results, Setting
 from stoop_studies.problems.equation_1 import aircraft
 from stoop_studies.problems.experiment import LATERAL, LATERAL_MANEUVER
 from stoop_studies.problems.paper import Paper, box

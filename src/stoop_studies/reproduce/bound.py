@@ -6,7 +6,7 @@ import numpy as np
 
 from stoop import optimize
 from stoop.assess.covariance import invert, standard_errors
-from stoop_studies.findings import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop_studies.problems import Posed
 
 

@@ -8,12 +8,13 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.optimize import Ledger
 from stoop.optimize.ledger import blank
 from stoop.report.plots import Mark, Series, contour_plot, plot
 from stoop.report.sheet import Code, Figure, Prose, Section, Table
-from stoop_studies.findings import Claim, Findings, FloatArray, Results, Setting, holds, number
+from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number
 from stoop_studies.optimizers.pieces.golden import BETA, SteepestDive, forward_gradient
 from stoop_studies.problems.paper import Paper, paper
 

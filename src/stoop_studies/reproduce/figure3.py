@@ -7,11 +7,12 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.report.plots import Series, Strip, stacked_plots
 from stoop.report.sheet import Figure, Section, Table
 from stoop.simulate import Mode, linearize
 from stoop.simulate.fly import Flown
-from stoop_studies.findings import Claim, Findings, FloatArray, Results, Setting, holds, number, reproduces
+from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, reproduces
 from stoop_studies.problems.experiment import SAMPLES
 from stoop_studies.problems.paper import paper
 

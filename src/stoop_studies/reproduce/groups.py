@@ -8,7 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from stoop_studies.findings import FloatArray
+from stoop.base.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

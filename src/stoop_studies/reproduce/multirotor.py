@@ -7,8 +7,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.parallel import Plan, Run
-from stoop_studies.findings import FloatArray, Results, Setting
+from stoop_studies.findings import Results, Setting
 from stoop_studies.problems import Posed, pose
 from stoop_studies.reproduce.bound import deviations, unit_deviations
 from stoop_studies.reproduce.groups import Group

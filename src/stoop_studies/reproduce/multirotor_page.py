@@ -8,21 +8,12 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.parallel import Plan
 from stoop.report.plots import HUES, Series, plot
 from stoop.report.sheet import Code, Figure, Prose, Section, Table
-from stoop_studies.findings import (
-    Claim,
-    Findings,
-    FloatArray,
-    Results,
-    Setting,
-    counted,
-    holds,
-    number,
-    reproduces,
-)
+from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number, reproduces
 from stoop_studies.problems.quad import MANEUVER
 from stoop_studies.reproduce.groups import Group
 from stoop_studies.reproduce.multirotor import NOISY_BOX, Case, counts, found, plan

@@ -8,12 +8,13 @@ from typing import Any, Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
+from stoop.base.numbers import finite_or_none
 from stoop.parallel import Plan, Run
-from stoop.report.numbers import finite_or_none
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section, Table
-from stoop_studies.findings import Claim, Findings, FloatArray, Results, Setting, counted, holds, number
+from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number
 from stoop_studies.problems import pose
 from stoop_studies.problems.paper import NEAR
 from stoop_studies.reproduce.bound import deviations

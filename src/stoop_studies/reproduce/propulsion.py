@@ -10,13 +10,14 @@ from typing import Any, Final
 import numpy as np
 
 from stoop import optimize
+from stoop.base.arrays import FloatArray
 from stoop.parallel import Run
 from stoop.simulate import parse_maneuver
 from stoop.simulate.fly import fly
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.schema import ConstantThrust, Propeller
-from stoop_studies.findings import FloatArray, Results, Setting
+from stoop_studies.findings import Results, Setting
 from stoop_studies.problems.experiment import MANEUVER, TABLE_1
 from stoop_studies.problems.paper import Paper, box, paper
 

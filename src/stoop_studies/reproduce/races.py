@@ -8,8 +8,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.parallel import Run
-from stoop_studies.findings import FloatArray, Results, Setting
+from stoop_studies.findings import Results, Setting
 from stoop_studies.reproduce.plans import searched
 
 BUDGET: Final = 60_000.0  #: evaluations after which a run counts as lost

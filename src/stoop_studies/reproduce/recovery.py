@@ -8,10 +8,11 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.parallel import Run
 from stoop.report.sheet import Table
-from stoop_studies.findings import Claim, FloatArray, Results, Setting, counted, holds, number
+from stoop_studies.findings import Claim, Results, Setting, counted, holds, number
 from stoop_studies.problems import pose
 from stoop_studies.reproduce.bound import deviations
 from stoop_studies.reproduce.plans import searched

@@ -6,12 +6,12 @@ import functools
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.estimate.fit import Options
 from stoop.estimate.shooting.method import MultipleShooting
 from stoop.problem.windows import Window
 from stoop.simulate import parse_maneuver
 from stoop.simulate.fly import simulate_flight
-from stoop_studies.findings import FloatArray
 from stoop_studies.problems.multirotor import quad
 from stoop_studies.problems.quad import LENGTH, MANEUVER, NOISE
 

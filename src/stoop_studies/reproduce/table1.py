@@ -7,8 +7,9 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.parallel import Plan
-from stoop_studies.findings import FloatArray, Results, Setting
+from stoop_studies.findings import Results, Setting
 from stoop_studies.problems.experiment import TABLE_1
 from stoop_studies.problems.paper import paper
 from stoop_studies.reproduce import groups

@@ -8,21 +8,12 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.parallel import Plan
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section, Table
-from stoop_studies.findings import (
-    Claim,
-    Findings,
-    FloatArray,
-    Results,
-    Setting,
-    counted,
-    holds,
-    number,
-    reproduces,
-)
+from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number, reproduces
 from stoop_studies.problems.experiment import TABLE_1
 from stoop_studies.reproduce.printed import PRINTED, PRINTED_FITNESS
 from stoop_studies.reproduce.table1 import (

@@ -12,7 +12,7 @@ from naive.aircraft import rotation
 from scipy.spatial.transform import Rotation
 
 from stoop.base import rotations as r
-from stoop.base.rotations import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.simulate.on_rotors import _between
 
 angle = st.floats(-3.1, 3.1)

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.base.arrays import FloatArray
 from stoop.cli.main import main
 from stoop.design.windows import doubts, find_windows
 from stoop.design.windows.candidates import candidates
 from stoop.flight import Flight, from_columns, load, save
-from stoop.logs import FloatArray
 from stoop.problem.windows_file import read_windows
 from stoop.vehicle import load_vehicle
 from stoop.vehicle.builtin import resolve_vehicle

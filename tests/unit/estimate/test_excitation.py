@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.estimate.excitation import collinear
-from stoop.logs import FloatArray
 
 TIME = 0.01 * np.arange(2000)
 RNG = np.random.default_rng(0)

@@ -11,12 +11,12 @@ import pytest
 from pymavlink import DFReader
 from pyulog import ULog
 
+from stoop.base.variables import QUATERNION
 from stoop.cli.main import main
 from stoop.errors import OutputError
 from stoop.export.flight_file import ENDINGS, LOGS, save_flight_as
 from stoop.export.tables import TABLES
 from stoop.flight import Flight, from_columns, load
-from stoop.flight.variables import QUATERNION
 from stoop.logs.table import beside
 from stoop.simulate import parse_maneuver, simulate_flight
 from stoop.vehicle.builtin import BUILT_IN, resolve_vehicle

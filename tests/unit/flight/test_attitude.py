@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import wrap
+from stoop.base.variables import EULER, QUATERNION
 from stoop.flight.build import build
 from stoop.flight.channels import Channels
-from stoop.flight.variables import EULER, QUATERNION
-from stoop.logs import FloatArray
 
 
 def scalar_first(rotation: Rotation) -> FloatArray:

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, LogError
 from stoop.flight import load
 from stoop.flight.channels import Channels
 from stoop.flight.clocks import lateness, quantities, read_alignments
 from stoop.flight.lag import Lag, find_lag, with_drift
-from stoop.logs import FloatArray
 
 RNG = np.random.default_rng(7)
 TONES = [

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from stoop.base.arrays import FloatArray
 from stoop.flight import Flight, find_maneuvers, from_columns
 from stoop.flight.aloft import airborne, flying, lift, lifting, motors_ran
 from stoop.flight.commands import commands, directions
-from stoop.logs import FloatArray
 
 RATE = 100.0
 TIME = 60.0 + np.arange(9000) / RATE

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of
+from stoop.base.variables import QUATERNION
 from stoop.flight.consistency import rate_faults
-from stoop.flight.variables import QUATERNION
-from stoop.logs import FloatArray
 
 RATE = 100.0  #: Hz
 TIME = np.arange(3000) / RATE

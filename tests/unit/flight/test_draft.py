@@ -11,12 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.io import netcdf_file
 
+from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS
 from stoop.flight import VARIABLES, load
 from stoop.flight.draft import draft, draft_of
 from stoop.flight.measured import growth
 from stoop.flight.names import recognized
-from stoop.logs import FloatArray, Recording, Stream
+from stoop.logs import Recording, Stream
 
 T = 0.01 * np.arange(4000)
 

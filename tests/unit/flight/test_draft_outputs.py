@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.base.arrays import FloatArray
 from stoop.flight.draft import draft_of
 from stoop.flight.draft_outputs import Outputs
-from stoop.logs import FloatArray, Recording, Stream
+from stoop.logs import Recording, Stream
 from stoop.simulate import parse_maneuver, simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle
 

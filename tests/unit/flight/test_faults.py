@@ -6,9 +6,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from stoop.base.arrays import FloatArray
 from stoop.flight.channels import Channels
 from stoop.flight.faults import at_rest, recorded_faults, rest_faults
-from stoop.logs import FloatArray
 
 SIZE = 2000
 TIME = 0.01 * np.arange(SIZE)

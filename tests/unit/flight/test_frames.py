@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from stoop.base.arrays import FloatArray
+from stoop.base.variables import EULER, QUATERNION
 from stoop.errors import LogError
 from stoop.flight.frames import check_frame, turned
-from stoop.flight.variables import EULER, QUATERNION
-from stoop.logs import FloatArray
 
 BODY = {"frd": np.eye(3), "flu": np.diag([1.0, -1.0, -1.0])}
 GROUND = {

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from stoop.base.units import FACTORS
+from stoop.base.variables import variable
 from stoop.errors import FlightError, LogError, StoopError
 from stoop.flight import OUTPUTS, VARIABLES, Flight, from_columns, load
 from stoop.flight.load import with_air, without
 from stoop.flight.make import named
-from stoop.flight.variables import variable
 from stoop.logs.ulog_write import Topic, ulog
 
 MAPPING = """[time]

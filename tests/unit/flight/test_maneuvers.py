@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from stoop.base.arrays import FloatArray
 from stoop.flight import Flight, describe, find_maneuvers, from_columns
 from stoop.flight.maneuvers import airborne
-from stoop.logs import FloatArray
 
 TIME = 60.0 + np.arange(12000) / 100.0
 STEPS = {"3211": ((3, 1), (2, -1), (1, 1), (1, -1)), "doublet": ((1, 1), (1, -1))}

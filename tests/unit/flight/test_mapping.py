@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import LogError, StoopError
 from stoop.flight.mapped import Mapped, apply
 from stoop.flight.mapping import READY, read_flight_mapping, ready
-from stoop.logs import FloatArray, Recording, Stream
+from stoop.logs import Recording, Stream
 
 T = np.arange(200) * 0.01
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of, to_body
 from stoop.base.units import FACTORS
+from stoop.base.variables import QUATERNION
 from stoop.flight import VARIABLES, load
 from stoop.flight.motion import contradictions
-from stoop.flight.variables import QUATERNION
-from stoop.logs import FloatArray
 
 RATE, GRAVITY = 100.0, 9.80665
 TIME = np.arange(3000) / RATE

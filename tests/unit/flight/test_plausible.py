@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import wrap
 from stoop.errors import FlightError
 from stoop.flight.channels import Channels
 from stoop.flight.plausible import check_radians
-from stoop.logs import FloatArray
 
 DEG = 180.0 / np.pi
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from stoop.base.arrays import FloatArray
 from stoop.flight import Flight, find_maneuvers, from_columns
 from stoop.flight.aloft import flying, lift, lifting
 from stoop.flight.pulses import rotor_pulses
-from stoop.logs import FloatArray
 from stoop.simulate import parse_maneuver, simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle
 

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.base.arrays import FloatArray
 from stoop.flight import mapped
 from stoop.flight.mapping import ready
-from stoop.logs import FloatArray, Recording, Stream
+from stoop.logs import Recording, Stream
 
 
 def stream(rate: float, *names: str, **columns: FloatArray) -> Stream:

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError
 from stoop.flight import Flight, SourceRate, from_columns, segments
-from stoop.logs import FloatArray
 
 INPUTS = ("elevator", "throttle")
 OUTPUTS = ("q", "theta", "alpha")

@@ -13,10 +13,7 @@ from hypothesis import strategies as st
 
 from stoop.assess.identifiability import COMBINED
 from stoop.assess.runs import join
-from stoop.report.air import air_panels
-from stoop.report.charts import holes
-from stoop.report.formula import mathml
-from stoop.report.numbers import (
+from stoop.base.numbers import (
     clock,
     compact,
     count,
@@ -26,6 +23,9 @@ from stoop.report.numbers import (
     rounded_to_error,
     window,
 )
+from stoop.report.air import air_panels
+from stoop.report.charts import holes
+from stoop.report.formula import mathml
 from stoop.report.svg import COLUMNS, Scale, path, plain_text, spanning, tick_text, ticks
 from stoop.report.words import verdict
 from stoop.results.evidence import Identifiable, Sight

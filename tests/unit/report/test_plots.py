@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.report.contours import contour_levels, contour_path
 from stoop.report.plots import (
     HEIGHT,
@@ -26,7 +26,6 @@ from stoop.report.plots import (
 )
 from stoop.report.svg import LogScale, decade_ticks
 
-FloatArray = NDArray[np.float64]
 BOX = WIDTH - LEFT - RIGHT
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import stoop
+from stoop.base.variables import WRAPPED
 from stoop.errors import FlightError, StoopError
 from stoop.flight import Flight
-from stoop.flight.variables import WRAPPED
 from stoop.problem import Piece
 from stoop.results.result import read_result
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle

@@ -14,13 +14,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.design.windows.candidates import Candidate
 from stoop.design.windows.choice import Evidence
 from stoop.flight import Flight
 from stoop.flight.aloft import flying
 from stoop.flight.commands import MOTION, RATES, Axis, by_axis, commands, smoothed, usual_size
 
-FloatArray = NDArray[np.float64]
 SMOOTH: Final = 0.2  #: s
 SLOW: Final = 5.0  #: s; slower is trim
 SPAN: Final = 8.0  #: s of usual flight that count as known before

@@ -16,9 +16,9 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stoop.assess.covariance import invert, marked, standard_errors
+from stoop.base.arrays import FloatArray
 from stoop.design.setup import BOX
 from stoop.design.windows.candidates import Candidate
 from stoop.design.windows.choice import Evidence
@@ -33,7 +33,6 @@ from stoop.problem.start import guess_start, state_channels
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 SAMPLED: Final = 8  #: windows that the noise is read from
 ROUNDS: Final = 2  #: of linear step and noise
 WILD: Final = (

@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import BoolArray, FloatArray
 from stoop.flight import Flight, Maneuver, find_maneuvers
 from stoop.flight.aloft import flying
 from stoop.flight.commands import RATES
 from stoop.flight.segments import runs
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 LENGTHS: Final = (4.0, 8.0)  #: s of a window that nothing but its information speaks for
 STRIDE: Final = 2.0  #: s from one such window to the next
 SHORTEST: Final = 2.0  #: s

@@ -16,11 +16,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.design.windows.candidates import Candidate
 
-FloatArray = NDArray[np.float64]
 LITTLE: Final = 0.05  #: gain per parameter below which a window is not worth fitting: error bars 5 % smaller
 MOST: Final = 8  #: windows to fit; each has an initial state and biases of its own, and must be read
 SETTLE: Final = 2.0  #: s that a window costs besides its length

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.flight import Flight
-from stoop.logs import FloatArray
 from stoop.vehicle import Vehicle
 from stoop.vehicle.rotors_schema import Rotor
 

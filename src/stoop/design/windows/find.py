@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.design.windows.by_command import Motion, by_command
 from stoop.design.windows.by_vehicle import Posed, Sensitive, by_vehicle, judged, of_flights
 from stoop.design.windows.candidates import Candidate, candidates
@@ -21,7 +21,6 @@ from stoop.flight.commands import Axis, commands, families
 from stoop.problem.windows import whole
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 Use = Literal["fit", "validate"]
 JUDGED: Final = 100  #: windows of a flight whose information is worked out, the most active ones
 ACTIVE: Final = 2.0  #: times the usual; a window with less is of no axis

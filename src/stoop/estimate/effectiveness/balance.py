@@ -12,12 +12,11 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import VehicleError
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 AXES: Final = ("lift", "roll", "pitch", "yaw")
 
 

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.estimate.effectiveness.balance import FloatArray
+from stoop.base.arrays import FloatArray
 
 UNKNOWN: Final = 0.3  #: standard deviation of the slope before any flight; without a correction thrust goes with voltage squared
 REPEATS: Final = 0.01  #: relative scatter of the lift between flights, believed like `FEW` flights

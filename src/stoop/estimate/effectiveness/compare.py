@@ -29,8 +29,9 @@ from typing import Final
 import numpy as np
 from scipy import stats
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, VehicleError
-from stoop.estimate.effectiveness.balance import Balance, FloatArray
+from stoop.estimate.effectiveness.balance import Balance
 from stoop.estimate.effectiveness.battery import Battery, battery
 from stoop.estimate.effectiveness.hover import Hover
 

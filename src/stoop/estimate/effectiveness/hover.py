@@ -9,8 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError
-from stoop.estimate.effectiveness.balance import Balance, FloatArray
+from stoop.estimate.effectiveness.balance import Balance
 from stoop.flight import Flight
 from stoop.flight.segments import runs
 

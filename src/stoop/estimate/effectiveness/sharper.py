@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.estimate.effectiveness.balance import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.estimate.effectiveness.compare import Reference
 from stoop.estimate.effectiveness.hover import Hover
 from stoop.estimate.effectiveness.verdict import Verdict, needed

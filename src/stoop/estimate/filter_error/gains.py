@@ -13,13 +13,13 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.estimate.filter_error import steady
 from stoop.estimate.filter_error.points import Linear
 from stoop.kernels import filtering
 from stoop.problem import Piece
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 SPACING: Final = 0.2  #: s between points of linearization along a flight
 

@@ -21,6 +21,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.estimate.filter_error.gains import Gain, Gains, Plan
 from stoop.estimate.filter_error.noise import Noise
 from stoop.estimate.filter_error.paths import Path, averaged, measured_path, undelayed
@@ -30,7 +31,6 @@ from stoop.optimize.normal import gram
 from stoop.problem import Misfit
 from stoop.simulate.delays import late_inputs
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 STEP: Final = 1e-6
 

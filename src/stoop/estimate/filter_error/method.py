@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from stoop import optimize
+from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
 from stoop.estimate.filter_error.gains import Gain, Steady, Varying
 from stoop.estimate.filter_error.likelihood import Likelihood
@@ -26,7 +26,6 @@ from stoop.simulate.delays import output_delays
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import GUST_STATES
 
-FloatArray = NDArray[np.float64]
 DEFAULTS: Final = Options()
 DISAGREED: Final = "From the file's values and from the regression ascents ended at different likelihoods; the better counts."
 SHARES: Final = {

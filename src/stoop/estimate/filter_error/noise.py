@@ -13,13 +13,12 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.problem import Piece
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import RIGID_STATES
 
-FloatArray = NDArray[np.float64]
 UNSTEADY: Final = {
     "u": 0.3,
     "v": 0.3,

@@ -10,14 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of
-from stoop.flight.variables import WRAPPED
+from stoop.base.variables import WRAPPED
 from stoop.problem import Misfit, Piece
 from stoop.simulate import initial_states, parameter_rows
 from stoop.simulate.delays import delayed, output_delays
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 

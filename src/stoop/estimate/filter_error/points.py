@@ -11,11 +11,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.kernels import filtering
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import noise_input
 
-FloatArray = NDArray[np.float64]
 _STEP: Final = 1e-4  #: rad, rad/s
 _SPEED_STEP: Final = 1e-2  #: m/s
 _SPEEDS: Final = ("u", "v", "w")

@@ -13,9 +13,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.estimate.filter_error.likelihood import Innovations, Likelihood
 
-FloatArray = NDArray[np.float64]
 ITERATIONS: Final = 60
 LEFT: Final = 1e-4  #: of -ln L that is left to gain where the ascent ends: a seventieth of a standard error
 LOST: Final = 1e8  #: damping at which no step helps

@@ -13,9 +13,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from stoop.base.arrays import FloatArray
+
 DOUBLINGS: Final = 60
 RESTS: Final = 1e-10  #: relative change of the covariance; the next one is about its square
 

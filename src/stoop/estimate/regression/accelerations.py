@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
+from stoop.base.arrays import FloatArray
 from stoop.estimate.regression.domain import Domain
 from stoop.estimate.regression.least_squares import Block, Priors, Solved, solve
 from stoop.estimate.regression.measured import FORCES, RATES, lagged
@@ -31,7 +31,6 @@ from stoop.simulate.initial import commanded, kernel_states, rigid_states
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND
 
-FloatArray = NDArray[np.float64]
 ROUNDS: Final = 8
 STEP: Final = 1e-5  #: of a bound's width, or of a bias' scale
 RESTED: Final = 1e-3  #: of the same, below which another round changes nothing

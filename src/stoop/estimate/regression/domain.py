@@ -12,7 +12,8 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from stoop.base.arrays import FloatArray
+
 LONGEST: Final = 2.0  #: s; residuals further apart are taken as independent
 SPAN: Final = 0.2  #: s, of the smoothing window
 ROWS_PER_WINDOW: Final = 4

@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.estimate.regression.domain import Domain
 from stoop.estimate.regression.history import ESTIMATED, History, histories, term_values
 from stoop.estimate.regression.least_squares import Block, Priors, Solved, solve
 from stoop.problem import Layout, Piece
 from stoop.vehicle import Parameter
 
-FloatArray = NDArray[np.float64]
 Bounds = tuple[FloatArray, FloatArray]
 GONE: Final = 1e-9  #: of a column is rounding: the domain took the rest away
 

@@ -24,16 +24,15 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from stoop.base.arrays import FloatArray
 from stoop.estimate.regression.measured import FORCES, RATES, Measured, complete, measured, states
 from stoop.flight.segments import SHORTEST, runs
 from stoop.problem import Piece
 from stoop.vehicle import Vehicle, terms
 from stoop.vehicle.schema import Term
 
-FloatArray = NDArray[np.float64]
 ESTIMATED: Final = {
     "full": ("CL", "CD", "CQ", "Cl", "Cm", "Cn"), "longitudinal": ("CL", "CD", "Cm"), "lateral": ("CQ", "Cl", "Cn"),
 }  #: by what the file reduces to; as many as there are accelerations  # fmt: skip

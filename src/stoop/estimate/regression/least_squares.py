@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.estimate.regression.domain import Domain
 
-FloatArray = NDArray[np.float64]
 ROUNDS: Final = 3  #: of weighing coefficients by their residuals
 TINY: Final = 1e-9  #: a column below this share of the largest says nothing
 SINGULAR: Final = 1e-13  #: of the greatest scaled eigenvalue; below it is rounding, not information

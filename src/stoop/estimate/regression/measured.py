@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
+from stoop.base.arrays import FloatArray
 from stoop.problem import Piece
 from stoop.problem.start import at_center_of_gravity, true_value
 from stoop.simulate import START_NAMES, parameter_rows
@@ -17,7 +18,6 @@ from stoop.simulate.delays import late_inputs
 from stoop.simulate.initial import commanded, kernel_states, rigid_states
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 NEEDLESS: Final = ("psi",)  #: no force depends on it
 RATES: Final = ("p", "q", "r")
 FORCES: Final = ("ax", "ay", "az")

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import Fit, Options, pose
 from stoop.estimate.regressed import regressed_fit
@@ -19,7 +19,6 @@ from stoop.problem import Layout
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 HOW: Final = (
     "The coefficients were measured sample by sample from accelerations and rates, and the terms fitted to them by "
     "least squares {where}. Noise of the angles and rates in the terms draws estimates towards zero, and the "

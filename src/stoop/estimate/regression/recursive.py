@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
 from stoop.estimate.regression.domain import Band
 from stoop.estimate.regression.estimate import constants, contributions, layout_places, priors_of, unbounded
@@ -34,7 +34,6 @@ from stoop.simulate.delays import delayed, input_delays
 from stoop.simulate.initial import commanded
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 STENCIL: Final = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0  #: central difference of fourth order, times dt
 CENTER: Final = 2  #: samples by which estimates lag the flight
 NUISANCES: Final = 2  #: bias and drift of each coefficient

@@ -6,9 +6,9 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stoop import optimize
+from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import Fit
 from stoop.estimate.noise import variance_of
@@ -21,7 +21,6 @@ from stoop.optimize.minimize import Status
 from stoop.problem import Misfit, on_circle
 from stoop.problem.prepare import Prepared
 
-FloatArray = NDArray[np.float64]
 HOW: Final = (
     "Angular accelerations and specific force were measured sample by sample, and the free numbers fitted to them by least "
     "squares on smoothed samples, commands taken through the delay and lag of the rotors. Noise of velocities, angles and "

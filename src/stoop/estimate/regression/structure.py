@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import without_stuck_channels
 from stoop.estimate.regression import hierarchy
@@ -23,7 +24,6 @@ from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle, terms
 
-FloatArray = NDArray[np.float64]
 Choose = Callable[[Rows], Selection]
 ALIKE: Final = 0.95  #: correlation above which the data hardly tell two candidates apart
 FAIR: Final = 0.5  #: of the motion explained; less is no structure

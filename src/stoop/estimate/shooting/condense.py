@@ -9,11 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.optimize.normal import gram, project
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

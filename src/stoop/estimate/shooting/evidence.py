@@ -10,14 +10,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.estimate.fit import Evidence
 from stoop.estimate.shooting.condense import Weighted, reduced
 from stoop.estimate.shooting.search import Meeting, Place
 from stoop.estimate.shooting.windows import Window
-
-FloatArray = NDArray[np.float64]
 
 
 def evidence(meeting: Meeting, place: Place) -> Evidence:

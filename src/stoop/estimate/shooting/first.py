@@ -11,15 +11,14 @@ from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stoop import optimize
+from stoop.base.arrays import FloatArray
 from stoop.estimate.fit import SEARCH, Options
 from stoop.estimate.shooting.states import measured_starts
 from stoop.estimate.shooting.windows import Shots
 from stoop.problem import Layout, Misfit, Piece
 
-FloatArray = NDArray[np.float64]
 POOR: Final = 0.7  #: of the cost of a model that says nothing: a start that is no better is none
 
 

@@ -8,10 +8,10 @@ from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from stoop import optimize
+from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
 from stoop.estimate.filter_error.paths import undelayed
 from stoop.estimate.fit import MAX_ROUNDS, RESTS, UNRESTED, Fit, Options, pose, starts
@@ -30,7 +30,6 @@ from stoop.problem.windows import Window
 from stoop.simulate.delays import output_delays
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 DEFAULTS: Final = Options()
 LENGTH: Final = 1.0  #: s of a window: no aircraft runs far in that
 AGAIN: Final = 3000.0  #: trajectories of a search after steps from a fair start led nowhere

@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.estimate.shooting.states import measured_states
 from stoop.estimate.shooting.windows import Shots, edges
 from stoop.problem import Misfit
 
-FloatArray = NDArray[np.float64]
 LENGTH: Final = 1.0  #: s
 BEGUN_ANEW: Final = (
     "{window}: predicted in windows of {length:g} s that each begin as measured there (open loop a hovering vehicle leaves its "

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.estimate.shooting.condense import Reduced, Weighted, reduced
 from stoop.estimate.shooting.windows import Shots, Window, residual
 from stoop.optimize.normal import solve_damped
@@ -18,7 +19,6 @@ from stoop.simulate import parameter_rows
 from stoop.simulate.initial import commanded
 from stoop.vehicle.schema import WIND
 
-FloatArray = NDArray[np.float64]
 ITERATIONS: Final = 60
 LEFT: Final = 1e-4  #: of half the cost that is left to gain
 FLATTEST: Final = 1e-10

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.estimate.filter_error.paths import filled, unwrapped
 from stoop.estimate.regression.measured import lagged
 from stoop.estimate.shooting.windows import Shots
@@ -18,7 +19,6 @@ from stoop.simulate.delays import late_inputs
 from stoop.simulate.initial import commanded
 from stoop.vehicle import Vehicle
 
-FloatArray = NDArray[np.float64]
 SMOOTH: Final = 0.1  #: s over which readings are averaged where a window begins
 BENT: Final = 3  #: numbers of a parabola
 

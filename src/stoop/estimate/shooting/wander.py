@@ -18,14 +18,12 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from stoop.estimate.shooting.condense import reduced
 from stoop.estimate.shooting.search import Meeting, Place
 from stoop.estimate.shooting.windows import Window
 
-FloatArray = NDArray[np.float64]
 RANGE: Final = (1e-3, 3.0)  #: m/s
 ROUNDS: Final = 2
 UNSEEN: Final = 1e-12  #: of the greatest eigenvalue: rounding

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.estimate.filter_error.points import move_steps, moves_of
 from stoop.kernels import filtering
 from stoop.kernels.windows import windows
@@ -18,7 +19,6 @@ from stoop.problem import Misfit, Piece, on_circle
 from stoop.simulate.delays import input_delays, late_inputs
 from stoop.vehicle.schema import WIND
 
-FloatArray = NDArray[np.float64]
 STEP: Final = 1e-7  #: of the search vector
 FINER: Final = 1e-2  #: of the steps of a linearization
 LANES: Final = 4096  #: that fly side by side; more would only take memory

@@ -13,9 +13,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
 from stoop.optimize.adapters.library import Library, draw_seed, finite_costs, require
-from stoop.optimize.arrays import FloatArray
 from stoop.optimize.ledger import Ledger
 
 WIDTH: Final = 0.3  #: first standard deviation, of the box

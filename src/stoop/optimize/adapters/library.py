@@ -14,9 +14,9 @@ from typing import Final
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
 from stoop.optimize.alone import ALONE
-from stoop.optimize.arrays import FloatArray
 from stoop.optimize.ledger import Halt, Ledger, blank, opened
 from stoop.optimize.problem import Problem
 from stoop.optimize.state import Event, State

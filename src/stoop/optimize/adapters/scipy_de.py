@@ -17,8 +17,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.optimize.adapters.library import Library, finite_costs
-from stoop.optimize.arrays import FloatArray
 from stoop.optimize.ledger import Ledger
 from stoop.optimize.pieces.initialization import MEMBERS, latin_hypercube
 

@@ -22,8 +22,8 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.optimize.adapters.library import Library
-from stoop.optimize.arrays import FloatArray
 from stoop.optimize.ledger import HUGE, Ledger
 
 STEPS: Final = 20  #: trial steps from one start: the best for SciPy of those tried

@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.optimize import herd as herds
-from stoop.optimize.arrays import FloatArray
 from stoop.optimize.confirmation import Ends, no_ends
 from stoop.optimize.herd import Herd
 from stoop.optimize.ladder import Descent, descend, explains, finish

@@ -21,7 +21,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.optimize.arrays import BoolArray, FloatArray
+from stoop.base.arrays import BoolArray, FloatArray
 
 TERMINAL: Final = -1.0  #: a rate of the memory below zero: only crossover rate 0 works, and stays
 FIXED: Final = 0.9  #: scale and rate of the entry that jSO never learns

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stoop.optimize.arrays import FloatArray
+from stoop.base.arrays import FloatArray
 
 
 def binomial(

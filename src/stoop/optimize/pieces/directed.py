@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stoop.optimize.arrays import Factor, FloatArray, IntArray
+from stoop.base.arrays import Factor, FloatArray, IntArray
 
 Choice = Callable[[FloatArray, float, np.random.Generator], IntArray]
 

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.optimize.arrays import FloatArray
+from stoop.base.arrays import FloatArray
 
 MEMBERS: Final = 50  #: of a population, for every method that has one
 EXCLUDED: Final = (0.0, 0.25, 0.5, 0.75, 1.0)  #: starts from which the logistic map is not chaotic

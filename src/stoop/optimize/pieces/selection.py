@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stoop.optimize.arrays import BoolArray, FloatArray
+from stoop.base.arrays import BoolArray, FloatArray
 
 
 def greedy(

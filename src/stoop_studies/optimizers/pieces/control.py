@@ -7,7 +7,7 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 
-from stoop.optimize.arrays import Factor, FloatArray
+from stoop.base.arrays import Factor, FloatArray
 from stoop.optimize.pieces.adaptation import Memory, fresh_memory
 
 TINY: Final = 1e-300  #: keeps a range of costs from being zero

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stoop.optimize.arrays import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.optimize.ledger import Ledger
 from stoop_studies.optimizers.pieces.sequel import Turn
 

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from stoop.optimize.arrays import BoolArray, Factor, FloatArray
+from stoop.base.arrays import BoolArray, Factor, FloatArray
 from stoop.optimize.ledger import Ledger, blank, opened
 from stoop.optimize.pieces.bounds import clip
 from stoop.optimize.pieces.crossover import binomial

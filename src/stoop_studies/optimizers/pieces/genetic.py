@@ -19,7 +19,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.optimize.arrays import BoolArray, FloatArray, IntArray
+from stoop.base.arrays import BoolArray, FloatArray, IntArray
 
 MATED: Final = 0.9  #: share of couples that cross over, and of children that may mutate
 TOGETHER: Final = 1e-14  #: parents nearer than this in a variable hand it on as it is

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.optimize.arrays import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.optimize.ledger import Ledger
 
 BETA: Final = (sqrt(5.0) - 1.0) / 2.0

@@ -13,7 +13,7 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from stoop.optimize.arrays import Factor, FloatArray
+from stoop.base.arrays import Factor, FloatArray
 from stoop.optimize.ledger import Ledger
 from stoop_studies.optimizers.pieces.mutation import Mutation
 from stoop_studies.optimizers.pieces.sequel import Turn

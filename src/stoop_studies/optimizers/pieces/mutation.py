@@ -17,7 +17,7 @@ from typing import Protocol
 
 import numpy as np
 
-from stoop.optimize.arrays import Factor, FloatArray, IntArray
+from stoop.base.arrays import Factor, FloatArray, IntArray
 
 
 class Mutation(Protocol):

@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.optimize.alone import one_blas_thread
-from stoop.optimize.arrays import FloatArray
 from stoop.optimize.ledger import Ledger
 
 

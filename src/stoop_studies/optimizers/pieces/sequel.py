@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from stoop.optimize.arrays import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.optimize.ledger import Ledger
 
 

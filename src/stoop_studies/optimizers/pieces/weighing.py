@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stoop.optimize.arrays import Factor, FloatArray
+from stoop.base.arrays import Factor, FloatArray
 from stoop_studies.optimizers.pieces.mutation import distinct, ranked
 
 

@@ -8,12 +8,13 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
+from stoop.base.numbers import finite_or_none
 from stoop.parallel import Plan, Run
-from stoop.report.numbers import finite_or_none
 from stoop.report.sheet import Prose, Section, Table
 from stoop.vehicle.builtin import resolve_vehicle
-from stoop_studies.findings import Claim, Findings, FloatArray, Results, Setting, holds
+from stoop_studies.findings import Claim, Findings, Results, Setting, holds
 from stoop_studies.verify.coverage.cases import CASES, Case, Range
 from stoop_studies.verify.coverage.scene import AIRCRAFT, BIASES, DURATION, RATE, STEPS, WRONG, sensor_noise
 from stoop_studies.verify.coverage.statistics import Sample, covered, mean_sigma, sample, sharpness

@@ -9,12 +9,12 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.simulate import Maneuver, trim
 from stoop.vehicle import Parameter, Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
-from stoop_studies.findings import FloatArray
 from stoop_studies.verify.steps import maneuver
 
 AIRCRAFT: Final = "twin-boom"  #: built in

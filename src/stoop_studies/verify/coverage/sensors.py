@@ -10,10 +10,10 @@ from typing import Final
 import numpy as np
 from scipy.signal import lfilter
 
+from stoop.base.arrays import FloatArray
 from stoop.flight import Flight
 from stoop.simulate import Maneuver, simulate_flight
 from stoop.vehicle import Vehicle
-from stoop_studies.findings import FloatArray
 from stoop_studies.verify.coverage.scene import (
     Scene,
     aircraft,

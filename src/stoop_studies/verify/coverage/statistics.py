@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.assess.covariance import NORMAL_95
-from stoop_studies.findings import FloatArray
+from stoop.base.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.estimate import methods
 from stoop.estimate.fit import Options
 from stoop.workflow.judged import judged
-from stoop_studies.findings import FloatArray
 from stoop_studies.verify.coverage.cases import CASES
 
 

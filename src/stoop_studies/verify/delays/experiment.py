@@ -9,10 +9,11 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.assess.covariance import NORMAL_95
+from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.parallel import Plan, Run
 from stoop.report.sheet import Prose, Section, Table
-from stoop_studies.findings import Claim, Findings, FloatArray, Results, Setting, holds
+from stoop_studies.findings import Claim, Findings, Results, Setting, holds
 from stoop_studies.verify.delays.scene import DURATION, LONG, MOST, NOISE, RATE, STEPS, STEPS_EACH
 from stoop_studies.verify.steps import inputs_table
 

@@ -12,16 +12,16 @@ from typing import Any, Final
 import numpy as np
 import tomlkit
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import matrices_of, quaternions_of
+from stoop.base.variables import EULER
 from stoop.flight import Flight, from_columns
-from stoop.flight.variables import EULER
 from stoop.problem.windows import Window
 from stoop.simulate import Maneuver, simulate_flight, trim
 from stoop.simulate.initial import rigid_states
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.load import parse_vehicle
-from stoop_studies.findings import FloatArray
 from stoop_studies.verify.coverage.scene import BIASES, TRUTHS, Scene, biased, misled
 from stoop_studies.verify.steps import maneuver
 

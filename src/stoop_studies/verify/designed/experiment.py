@@ -9,12 +9,13 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.design.robust import mean_ratio
 from stoop.parallel import Plan, Run
 from stoop.report.plots import Series, Strip, plot, stacked_plots
 from stoop.report.sheet import Figure, Prose, Section, Table
-from stoop_studies.findings import Claim, Findings, FloatArray, Results, Setting, holds, number
+from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number
 from stoop_studies.verify.designed.scene import FAMILY, INPUTS, PLAN, maneuvers, predicted, setup
 
 WORK: Final = "stoop_studies.verify.designed.scene:identify"

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.design import Knowledge, Limits, Setup, design
 from stoop.design.search import Plan, one_after_another
 from stoop.design.setup import sensor_noise
@@ -16,7 +17,6 @@ from stoop.estimate.fit import Options, fit
 from stoop.problem.windows import Window
 from stoop.simulate import Maneuver, simulate_flight, trim
 from stoop.vehicle import Vehicle
-from stoop_studies.findings import FloatArray
 from stoop_studies.verify.coverage.scene import aircraft
 
 PLAN: Final = Plan(duration=20.0, rate=50.0, evaluations=2000, seed=0)

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.export import excitation, jsbsim_folder
 from stoop.export.flown import Record, jsbsim_readings, own_readings, relative_differences
@@ -17,7 +18,7 @@ from stoop.export.jsbsim_flight import FRAME_RATE, frames_per_sample
 from stoop.export.names import file_name
 from stoop.report.sheet import Prose, Section, Table
 from stoop.simulate import trim
-from stoop_studies.findings import Claim, Findings, FloatArray, Results, Setting, holds, number
+from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number
 from stoop_studies.verify.export.aircraft import INPUTS, VEHICLES, load
 
 GOAL: Final = 1e-3  #: of each channel's maximum

@@ -15,15 +15,14 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of, to_body
 from stoop.base.units import FACTORS
+from stoop.base.variables import EULER
 from stoop.errors import StoopError
 from stoop.flight import Flight
-from stoop.flight.variables import EULER
 
-FloatArray = NDArray[np.float64]
 TABLE: Final = "authors_identified_acc_FFFFF.csv"
 MASS: Final = 1.895  #: kg
 RADIUS: Final = 0.11  #: m

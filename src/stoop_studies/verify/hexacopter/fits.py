@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
 from stoop.estimate import methods
 from stoop.estimate.fit import Fit, Options
@@ -21,7 +21,6 @@ from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop_studies.verify.hexacopter.authors import Blades, Published, published, specific_force
 
-FloatArray = NDArray[np.float64]
 FOLDER: Final = "altlnt-hexacopter-px4"
 PACKAGE: Final = "stoop_studies.verify.hexacopter"
 MAPPED, MAPPING = "stoop_studies.problems", "hexacopter_mapping.toml"  #: package and file

@@ -16,10 +16,11 @@ from typing import Final
 import numpy as np
 from scipy.stats import norm
 
+from stoop.base.arrays import FloatArray
 from stoop.vehicle import Vehicle, terms
 from stoop_studies.verify.jsbsim_truth.aircraft import Stock
 from stoop_studies.verify.jsbsim_truth.flight import Recording, Trim, written
-from stoop_studies.verify.jsbsim_truth.machine import FOOT, FloatArray, Machine
+from stoop_studies.verify.jsbsim_truth.machine import FOOT, Machine
 from stoop_studies.verify.jsbsim_truth.vehicle import point
 
 VARIABLES: Final = ("V", "alpha", "beta", "p", "q", "r", "elevator", "aileron", "rudder")  #: of the terms

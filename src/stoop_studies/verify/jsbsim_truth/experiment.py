@@ -8,10 +8,11 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.parallel import Plan, Run
 from stoop.report.sheet import Prose, Section, Table
-from stoop_studies.findings import Claim, Findings, FloatArray, Results, Setting, counted, holds, number
+from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number
 from stoop_studies.verify.jsbsim_truth.aircraft import FLEET
 from stoop_studies.verify.jsbsim_truth.case import WORK
 from stoop_studies.verify.jsbsim_truth.flight import DURATION

@@ -10,10 +10,11 @@ from typing import Final
 import numpy as np
 from scipy.optimize import root
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
 from stoop.simulate import parse_maneuver
 from stoop_studies.verify.jsbsim_truth.aircraft import SURFACES, Stock
-from stoop_studies.verify.jsbsim_truth.machine import FOOT, POUND, RATE, STEP, FloatArray, Machine, State
+from stoop_studies.verify.jsbsim_truth.machine import FOOT, POUND, RATE, STEP, Machine, State
 
 MANEUVER: Final = """
 format = "stoop-maneuver/1"

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
 from stoop.export.jsbsim_flight import simulator
 
-FloatArray = NDArray[np.float64]
 FOOT: Final = 0.3048  #: m
 INCH: Final = 0.0254  #: m
 POUND: Final = 4.4482216152605  #: N

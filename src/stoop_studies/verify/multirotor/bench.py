@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
-from stoop_studies.verify.jsbsim_truth.machine import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop_studies.verify.multirotor.craft import RATE, RPM, SPEEDS, THRUSTS, Craft
 from stoop_studies.verify.multirotor.flight import AIRFRAME, CLIMB, LIFTS, MOTORS, TURNS, TWISTS, Recording
 

@@ -16,9 +16,10 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
 from stoop.export.jsbsim_flight import simulator
-from stoop_studies.verify.jsbsim_truth.machine import ADAMS_BASHFORTH_2, FOOT, INCH, POUND, SLUG, FloatArray
+from stoop_studies.verify.jsbsim_truth.machine import ADAMS_BASHFORTH_2, FOOT, INCH, POUND, SLUG
 
 STEP: Final = 5e-4  #: s, of JSBSim: its motors are integrated by Euler's rule
 RATE: Final = 100  #: Hz, of the record and of the autopilot

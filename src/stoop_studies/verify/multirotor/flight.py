@@ -7,7 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from stoop_studies.verify.jsbsim_truth.machine import FOOT, POUND, SLUG, FloatArray
+from stoop.base.arrays import FloatArray
+from stoop_studies.verify.jsbsim_truth.machine import FOOT, POUND, SLUG
 from stoop_studies.verify.multirotor.craft import FOOT_POUND, RATE, RPM, SPEEDS, STEP, THRUSTS, TORQUES, Craft
 from stoop_studies.verify.multirotor.pilot import HOVER, Pilot
 

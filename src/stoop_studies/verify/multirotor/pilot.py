@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop_studies.verify.jsbsim_truth.machine import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop_studies.verify.multirotor.craft import HEADING, RATE
 
 GRAVITY: Final = 9.8

@@ -10,9 +10,10 @@ import numpy as np
 
 from stoop import optimize
 from stoop.assess.covariance import invert, standard_errors
+from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.report.sheet import Prose, Section, Table
-from stoop_studies.findings import Claim, Findings, FloatArray, Results, Setting, holds
+from stoop_studies.findings import Claim, Findings, Results, Setting, holds
 from stoop_studies.verify.nist.files import Certified, problem_files, read_certified
 from stoop_studies.verify.nist.models import MODELS
 from stoop_studies.verify.nist.problem import Regression

@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
-from stoop_studies.findings import FloatArray
 
 _ROW: Final = re.compile(r"^\s*b\d+ =\s+(\S+)\s+(\S+)\s+(\S+)\s+(\S+)\s*$", re.MULTILINE)
 _SUM: Final = re.compile(r"^Residual Sum of Squares:\s+(\S+)\s*$", re.MULTILINE)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from stoop_studies.findings import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop_studies.verify.nist.files import Certified
 from stoop_studies.verify.nist.models import compiled
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop_studies.findings import FloatArray
+from stoop.base.arrays import FloatArray
 from stoop_studies.verify.readers.sample import Sample, single
 
 N: Final = 40

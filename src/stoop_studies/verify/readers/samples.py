@@ -11,11 +11,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.flight import load, save
 from stoop.logs.crazyflie_write import Event, crazyflie_bytes
 from stoop.logs.dataflash_write import Table, dataflash_bytes
 from stoop.logs.ulog_write import Topic, definitions, dropout, message, rows, text, ulog
-from stoop_studies.findings import FloatArray
 from stoop_studies.verify.readers.arrays import hdf5_matlab, hdf5_netcdf, netcdf3, old_matlab, parquet
 from stoop_studies.verify.readers.bags import bags
 from stoop_studies.verify.readers.real import real

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.estimate.fit import Options, pose
 from stoop.estimate.regression.domain import Band
@@ -21,7 +22,7 @@ from stoop.report.sheet import Figure, Prose, Section, Table
 from stoop.simulate import parse_maneuver, simulate_flight, trim
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
-from stoop_studies.findings import Findings, FloatArray, Results, Setting, holds, number
+from stoop_studies.findings import Findings, Results, Setting, holds, number
 
 WORK: Final = "stoop_studies.verify.realtime.experiment:ends"
 DURATION: Final = 60.0  #: s

@@ -6,11 +6,10 @@ north-east-down, fixed to the ground. Everything is SI; angles are radians.
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from stoop.base.text import nearest
 from stoop.errors import FlightError
 
 SERVOS: Final = 16  #: PX4's actuator_servos has 8
@@ -123,6 +122,10 @@ OUTPUTS: Final = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "a
 
 QUATERNION: Final = ("q0", "q1", "q2", "q3")
 EULER: Final = ("phi", "theta", "psi")
+RATES: Final = ("p", "q", "r")
+SPECIFIC_FORCE: Final = ("ax", "ay", "az")
+VELOCITY: Final = ("vn", "ve", "vd")  #: over ground
+POSITION: Final = ("pn", "pe", "pd")
 WRAPPED: Final = frozenset({"phi", "psi"})  #: angles that live on a circle
 
 
@@ -138,10 +141,3 @@ def variable(name: str, place: str = "") -> Variable:
         return VARIABLES[name]
     head = f"{place}: " if place else ""
     raise FlightError(f"{head}there is no variable '{name}'; {nearest(name, VARIABLES)}")
-
-
-def nearest(name: str, among: Iterable[str]) -> str:
-    """Return advice: the names nearest to a wrong one, or all of them."""
-    choices = list(among)
-    close = difflib.get_close_matches(name, choices, n=3, cutoff=0.6)
-    return f"did you mean {' or '.join(close)}?" if close else f"choose from {', '.join(choices)}"

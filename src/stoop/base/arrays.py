@@ -1,0 +1,20 @@
+"""Array types, and runs of a mask."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray: TypeAlias = NDArray[np.float64]
+IntArray: TypeAlias = NDArray[np.intp]
+BoolArray: TypeAlias = NDArray[np.bool_]
+ComplexArray: TypeAlias = NDArray[np.complex128]
+Factor: TypeAlias = float | FloatArray  #: one for all parents, or one for each, (n, 1)
+
+
+def runs(mask: BoolArray) -> IntArray:
+    """Return first index and index past the last of each run of True, (k, 2); `mask` is (n,)."""
+    edges: IntArray = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
+    return edges.reshape(-1, 2)

@@ -1,0 +1,112 @@
+"""What is found about a log, a mapping, a vehicle or a fit, as typed values.
+
+A `Notice` is data: code compares codes and values, never sentences. It becomes a sentence once, at the border (terminal,
+page, ``result.json``), by the one table ``data/notices.toml``, which ``docs/notices.md`` shows.
+"""
+
+from __future__ import annotations
+
+import functools
+import string
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from importlib.resources import files
+from types import MappingProxyType
+from typing import Any, Literal
+
+from stoop.base.text import enumerated
+from stoop.base.units import DEGREE
+
+Severity = Literal["info", "warning"]
+Value = str | float | int | bool | tuple[str, ...] | tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Notice:
+    """One finding.
+
+    Attributes
+    ----------
+    code : str
+        Row of the table, such as ``"stuck-channel"``.
+    severity : str
+        ``"info"``: what a figure rests on, or what was done to the data; ``"warning"``: what makes a result doubtful.
+    subject : str
+        What it is about: a channel, a parameter, a window, a line of a file.
+    values : mapping
+        Numbers (SI, radians) and names that the sentence needs.
+    """
+
+    code: str
+    severity: Severity
+    subject: str = ""
+    values: Mapping[str, Value] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        """Return the sentence."""
+        return message(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what a JSON document holds; the sentence is among it, for people."""
+        return {
+            "code": self.code,
+            "severity": self.severity,
+            "subject": self.subject,
+            "values": {name: list(v) if isinstance(v, tuple) else v for name, v in self.values.items()},
+            "message": message(self),
+        }
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A row of the table: `topic` is "log", "mapping", "flight", "vehicle", "fit", "assessment" or "design"."""
+
+    topic: str
+    severity: Severity
+    text: str
+
+
+@functools.cache
+def table() -> Mapping[str, Kind]:
+    """Return code -> row of ``data/notices.toml``."""
+    text = (files("stoop.data") / "notices.toml").read_text("utf-8")
+    return MappingProxyType({code: Kind(**row) for code, row in tomllib.loads(text).items()})
+
+
+def notice(code: str, subject: str = "", **values: Value) -> Notice:
+    """Return a notice with the severity that the table gives its code."""
+    return Notice(code, table()[code].severity, subject, MappingProxyType(values))
+
+
+def from_dict(content: Mapping[str, Any]) -> Notice:
+    """Return the notice that `Notice.to_dict` gave."""
+    values = {name: tuple(v) if isinstance(v, list) else v for name, v in content["values"].items()}
+    return Notice(content["code"], content["severity"], content["subject"], MappingProxyType(values))
+
+
+def message(found: Notice) -> str:
+    """Return the sentence of a notice."""
+    return _FORMATTER.vformat(table()[found.code].text, (), {"subject": found.subject, **found.values})
+
+
+def of_severity(found: Iterable[Notice], severity: Severity) -> tuple[Notice, ...]:
+    """Return the notices of one severity, in order."""
+    return tuple(one for one in found if one.severity == severity)
+
+
+class _Formatter(string.Formatter):
+    """`str.format` with lists (``a, b and c``), angles (``{x:deg .1f}``) and plurals (``{n:plural sample samples}``)."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        if isinstance(value, tuple | list):
+            return enumerated(self.format_field(one, format_spec) for one in value)
+        if format_spec.startswith("deg "):
+            return format(value / DEGREE, format_spec.removeprefix("deg "))
+        if format_spec.startswith("plural "):
+            one, many = format_spec.removeprefix("plural ").split(" ")
+            return one if value == 1 else many
+        return str(format(value, format_spec))
+
+
+_FORMATTER = _Formatter()

@@ -1,0 +1,28 @@
+"""Phrases of messages: lists of names, and advice on a name that is not known."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+def nearest(name: str, among: Iterable[str], cutoff: float = 0.6) -> str:
+    """Return advice on a wrong name: up to three that resemble it, or all there are.
+
+    Parameters
+    ----------
+    name : str
+    among : iterable of str
+        Known names.
+    cutoff : float
+        Least resemblance, see :func:`difflib.get_close_matches`.
+    """
+    choices = list(among)
+    close = difflib.get_close_matches(name, choices, n=3, cutoff=cutoff)
+    return f"did you mean {' or '.join(close)}?" if close else f"choose from {', '.join(choices)}"
+
+
+def enumerated(names: Iterable[str]) -> str:
+    """Return names as a phrase: ``a, b and c``."""
+    *first, last = list(names) or ["none"]
+    return f"{', '.join(first)} and {last}" if first else last
