@@ -9,10 +9,11 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice, notice
 from stoop.base.units import FACTORS
 from stoop.base.variables import VARIABLES
 from stoop.flight.channels import Channels
-from stoop.flight.faults import Fault
+from stoop.flight.faults import Fault, described
 from stoop.flight.guilty import declared
 from stoop.flight.mapping import READY
 from stoop.flight.motion import Told, contradictions
@@ -71,7 +72,7 @@ def unit_faults(channels: Sequence[Channels], places: Mapping[str, str]) -> list
         units = {name: unit for name in group.values if (unit := declared_units.get(name, ""))}
         told = list(_impossible(group, places, units)) or list(_odd_force(group, places, units))
         for name, size, words in told:
-            found.append(Fault("wrong unit", name, size, float(group.time[0]), float(group.time[-1]), words))
+            found.append(described("wrong unit", name, size, float(group.time[0]), float(group.time[-1]), words))
     return sorted(found, key=lambda fault: list(VARIABLES).index(fault.variable))
 
 
@@ -194,7 +195,7 @@ def motion_faults(
     found, mended = contradictions(data, rate, own)
     span = float(time[0]), float(time[-1])
     return [
-        Fault("inconsistent", told[0].change.names[0], told[0].evidence, *span, _contradiction(told, places))
+        described("inconsistent", told[0].change.names[0], told[0].evidence, *span, _contradiction(told, places))
         for told in found
     ], mended
 
@@ -213,7 +214,12 @@ def _lines(names: Sequence[str], places: Mapping[str, str]) -> str:
 
 def advised(faults: Sequence[Fault], places: Mapping[str, str]) -> list[Fault]:
     """Add to each fault which line of the mapping would mend it, where one would."""
-    return [replace(fault, message=fault.message + _line(fault, places)) for fault in faults]
+    return [replace(fault, notice=_with_line(fault, places)) for fault in faults]
+
+
+def _with_line(fault: Fault, places: Mapping[str, str]) -> Notice:
+    line = _line(fault, places)
+    return notice("described-fault", fault.variable, text=fault.message + line) if line else fault.notice
 
 
 def _line(fault: Fault, places: Mapping[str, str]) -> str:

@@ -11,8 +11,8 @@ from stoop.base.arrays import FloatArray
 from stoop.base.rotations import conjugate, product, vectors_of
 from stoop.base.units import DEGREE
 from stoop.base.variables import QUATERNION
-from stoop.flight.faults import Fault
-from stoop.flight.grid import complete
+from stoop.flight.faults import Fault, described
+from stoop.flight.gridding import complete
 
 RATES: Final = ("p", "q", "r")
 SPAN: Final = 0.2  #: s over which the attitude is differenced
@@ -43,7 +43,7 @@ def rate_faults(time: FloatArray, data: Mapping[str, FloatArray], rate: float) -
     noise = _noise(data, rate) * np.sqrt(2.0) * rate / max(2, round(SPAN * rate))
     told = [_judged(i, implied, measured, noise[i]) for i in range(3)]
     return [
-        Fault("inconsistent", name, float(gain), *span, words)
+        described("inconsistent", name, float(gain), *span, words)
         for name, (gain, words) in zip(RATES, told, strict=True)
         if words
     ]

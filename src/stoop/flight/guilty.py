@@ -13,7 +13,7 @@ from stoop.base.rotations import quaternions_of, to_ground
 from stoop.base.units import DEGREE
 from stoop.base.variables import EULER
 from stoop.errors import LogError
-from stoop.flight.lag import finite
+from stoop.flight.channels import finite
 from stoop.logs.mapping import read_toml
 
 RATES: Final = ("p", "q", "r")

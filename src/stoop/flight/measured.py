@@ -14,7 +14,7 @@ from stoop.base.rotations import wrap
 from stoop.base.units import DEGREE, FACTORS, KINDS, STANDARD_GRAVITY, ZEROS
 from stoop.base.variables import VARIABLES
 from stoop.flight.advice import RANGES
-from stoop.flight.lag import Signal
+from stoop.flight.time_delay import Signal
 from stoop.flight.plausible import LIMITS
 from stoop.logs.mapping import PULSES
 

@@ -18,7 +18,7 @@ from stoop.base.rotations import quaternions_of, to_ground
 from stoop.base.units import FACTORS, KINDS, STANDARD_GRAVITY
 from stoop.base.variables import EULER, QUATERNION
 from stoop.flight.consistency import RATES, turning
-from stoop.flight.grid import complete
+from stoop.flight.gridding import complete
 
 FORCE: Final = ("ax", "ay", "az")
 VELOCITY: Final = ("vn", "ve", "vd")

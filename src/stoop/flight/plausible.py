@@ -12,9 +12,8 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE
 from stoop.errors import FlightError
-from stoop.flight.channels import Channels, stretches
+from stoop.flight.channels import Channels, finite, stretches
 from stoop.flight.guilty import declared, guilty
-from stoop.flight.lag import finite
 
 QUANTILE: Final = 0.995  #: of the sizes; some wild samples prove nothing
 LIMITS: Final = {
@@ -140,7 +139,7 @@ def _factor_over(
 ) -> float:
     t, x = finite(*angle)
     change, turned = [], []
-    for part in stretches(t, x):
+    for part in stretches(t):
         steps = max(1, round(span / float(np.median(np.diff(t[part])))))
         integral = _integral(t[part], *finite(*rate))
         change.append(x[part][steps:] - x[part][:-steps])
