@@ -12,6 +12,7 @@ import pytest
 from docs.pages import DOCS, run_python, table
 from stoop import optimize
 from stoop.optimize import pieces
+from stoop_studies.optimizers import pieces as studies_pieces
 from stoop_studies.optimizers.pieces.control import Fixed
 from stoop_studies.optimizers.pieces.evolution import DifferentialEvolution
 
@@ -37,7 +38,9 @@ def test_compositions_are_what_the_page_says(name: str) -> None:
         scale, rate = made.control.sample(None, np.arange(9.0), np.random.default_rng(0))
         assert np.abs(scale).max() <= max(_numbers(row["F"]))
         assert (np.min(rate), np.max(rate)) == (min(_numbers(row["CR"])), max(_numbers(row["CR"])))
-    assert bool(row["besides"]) == bool(made.sequels or made.prey or hasattr(made.mutation, "probability"))
+    assert bool(row["besides"]) == bool(
+        made.after_selection or made.prey or hasattr(made.mutation, "probability")
+    )
 
 
 def _numbers(cell: str) -> list[float]:
@@ -47,8 +50,9 @@ def _numbers(cell: str) -> list[float]:
 def test_every_piece_that_is_named_exists() -> None:
     known = {
         name
-        for module in pkgutil.iter_modules(pieces.__path__)
-        for name in dir(importlib.import_module(f"{pieces.__name__}.{module.name}"))
+        for package in (pieces, studies_pieces)
+        for module in pkgutil.iter_modules(package.__path__)
+        for name in dir(importlib.import_module(f"{package.__name__}.{module.name}"))
     }
     for row in table(PAGE, "The differential evolutions", "piece").rows:
         assert not set(row[2].split(", ")) - known, row[0]

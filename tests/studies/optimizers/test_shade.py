@@ -23,12 +23,9 @@ from stoop.optimize.pieces.adaptation import (
 )
 from stoop.optimize.pieces.archive import remember
 from stoop.optimize.pieces.directed import CurrentToPBest, OrderedToPBest, elite, elite_but_self, two_others
-from stoop_studies.optimizers import jso as jso_module
-from stoop_studies.optimizers.jso import jso
-from stoop_studies.optimizers.l_shade import l_shade
+from stoop_studies.optimizers.l_shade import jso, jso_limit, keep_best, l_shade, linear_size
 from stoop_studies.optimizers.ordered_shade import OrderedShade
-from stoop_studies.optimizers.pieces.quasi_newton import QuasiNewtonDive
-from stoop_studies.optimizers.pieces.structure import keep_best, linear_size
+from stoop_studies.optimizers.pieces.local_search import QuasiNewton
 
 SCALES, RATES = np.array([0.2, 0.4, 0.9]), np.array([0.5, 0.0, 1.0])
 GAINS, WON = np.array([3.0, 1.0, np.inf]), np.array([True, True, False])
@@ -53,7 +50,7 @@ def test_l_shade_keeps_a_rate_of_zero_for_good() -> None:
 
 
 def test_jso_goes_halfway_and_never_learns_its_last_entry() -> None:
-    memory = jso_module.first_memory()
+    memory = jso().memory
     scale, rate = successful(SCALES, RATES, GAINS, WON)
     for k in range(5):
         memory = learn_halfway(memory, SCALES, RATES, GAINS, WON)
@@ -72,7 +69,7 @@ def test_nothing_is_learnt_where_nothing_won(learn: Callable[..., Memory]) -> No
     ("progress", "low", "high"), [(0.0, 0.7, 0.7), (0.3, 0.6, 0.7), (0.55, 0.0, 0.7), (0.8, 0.0, 1.0)]
 )
 def test_jso_limits_early_scales_and_rates(progress: float, low: float, high: float) -> None:
-    scales, rates = jso_module.limit(np.array([0.1, 1.0]), np.array([0.0, 1.0]), progress)
+    scales, rates = jso_limit(np.array([0.1, 1.0]), np.array([0.0, 1.0]), progress)
     assert scales.tolist() == [0.1, high]
     assert rates.tolist() == [low, 1.0]
 
@@ -228,7 +225,7 @@ def test_every_difference_of_the_dive_is_booked() -> None:
     ledger = optimize.Ledger(problem, optimize.ledger.blank(problem))
     x = np.full(4, 0.3)
     cost = float(ledger.costs(x[None, :], 0)[0])
-    y, end = QuasiNewtonDive()(ledger, x, cost)
+    y, end = QuasiNewton()(ledger, x, cost)
     assert ledger.spent == problem.asked
     assert end < 1e-10 < cost
     assert end == rosenbrock(y[None, :])[0]
@@ -238,7 +235,7 @@ def test_every_difference_of_the_dive_is_booked() -> None:
 def test_a_dive_against_a_bound_ends_on_it() -> None:
     problem = Only(lambda X: ((X - 1.4) ** 2).sum(axis=1), 3)
     ledger = optimize.Ledger(problem, optimize.ledger.blank(problem))
-    y, _ = QuasiNewtonDive()(ledger, np.full(3, 0.5), np.inf)
+    y, _ = QuasiNewton()(ledger, np.full(3, 0.5), np.inf)
     assert y.tolist() == [1.0] * 3
     assert problem.outside <= 0.0
 
@@ -250,7 +247,7 @@ def test_a_dive_beside_infinity_comes_back() -> None:
     problem = Only(half, 3)
     ledger = optimize.Ledger(problem, optimize.ledger.blank(problem))
     x = np.array([0.4 - 1e-12, 0.5, 0.5])
-    y, end = QuasiNewtonDive()(ledger, x, float(half(x[None, :])[0]))
+    y, end = QuasiNewton()(ledger, x, float(half(x[None, :])[0]))
     assert end <= half(x[None, :])[0]
     assert end == half(y[None, :])[0]
 
@@ -263,8 +260,8 @@ def test_a_dive_that_cannot_reach_the_incumbent_is_let_go() -> None:
     )
     x = np.full(4, 0.3)
     cost = float(problem.costs(x[None, :], 0)[0])
-    QuasiNewtonDive()(patient, x, cost)
-    QuasiNewtonDive()(hasty, x, cost, incumbent=0.0)
+    QuasiNewton()(patient, x, cost)
+    QuasiNewton()(hasty, x, cost, incumbent=0.0)
     assert hasty.spent < patient.spent
 
 
