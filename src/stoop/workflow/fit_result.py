@@ -1,21 +1,24 @@
-"""A finished fit -> the result and what the report draws."""
+"""From a finished fit to its result: error bars, predictions, modes, notices, and what the report draws."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
 from stoop.assess.covariance import intervals_95
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice, as_notice
+from stoop.base.variables import VARIABLES
 from stoop.estimate.excitation import too_few
 from stoop.estimate.fit import Fit, Options
 from stoop.estimate.noise import noise_variance
 from stoop.estimate.predict import predict
 from stoop.estimate.ratios import ratios
-from stoop.flight import VARIABLES, Flight
+from stoop.flight import Flight
 from stoop.flight.segments import TRIMMED
 from stoop.problem.windows import Window
 from stoop.results.result import (
@@ -32,20 +35,21 @@ from stoop.results.result import (
     WindEstimate,
 )
 from stoop.vehicle.latex import equations, symbols
-from stoop.workflow.curves import Flown, maneuver_curves
+from stoop.workflow.curves import Simulated, channel_units, maneuver_curves
 from stoop.workflow.errorbars import ErrorBars
 from stoop.workflow.evidence import with_evidence
 from stoop.workflow.judged import declined, judged, residual_color
 from stoop.workflow.modes import modes
+from stoop.workflow.notices import basis_notices, data_notices, fit_warnings, slowest_rate
 from stoop.workflow.press import left_out_residuals
 from stoop.workflow.provenance import versions
-from stoop.workflow.words import slowest_rate, statements, warnings
 
-FEW = "there are too few samples for any error bar to hold"
-_START_UNITS = {"V": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}
+TOO_FEW: Final = "there are too few samples for any error bar to hold"
+WINDOW_TRIMMED: Final = "window-trimmed"  #: code of a window that reaches beyond the record
+START_UNITS: Final = {"V": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}  #: of initial states; others rad
 
 
-def assemble(
+def identification(
     fit: Fit,
     flights: Mapping[str, Flight],
     predicted: Sequence[Window],
@@ -54,56 +58,70 @@ def assemble(
     began: float,
     command: str,
 ) -> Identification:
-    """Collect numbers, figures of merit, curves and words."""
+    """Return the result of a fit with its curves.
+
+    Parameters
+    ----------
+    fit : Fit
+    flights : mapping
+        By name, as they were fitted.
+    predicted : sequence of Window
+        Not fitted; predicted by the model.
+    options : Options
+    inputs : mapping of str to str
+        Names of files to hashes of their content.
+    began : float
+        `time.perf_counter` at the start.
+    command : str
+    """
     vehicle = fit.problem.layout.vehicle
     color, bars = residual_color(fit, options), judged(fit, options)
     if too_few(fit.problem, slowest_rate(fit, flights)):
-        bars = declined(bars, FEW)
-    groups = _flown(fit, flights, predicted)
+        bars = declined(bars, TOO_FEW)
+    fitted = fit.simulated or [fit.problem.outputs(fit.z, i) for i in range(len(fit.problem.pieces))]
+    groups = [Simulated("fit", fit.prepared, fitted, left_out_residuals(fit))]
+    if predicted:
+        groups.append(Simulated("validation", *predict(fit, flights, predicted)))
     maneuvers, traces = maneuver_curves(vehicle, groups)
     result = _result(fit, bars, maneuvers, flights, inputs, options)
     result = replace(result, modes=modes(fit, result.covariance.names, result.covariance.matrix))
     result = with_evidence(result, fit, bars)
-    doubts = (said for group in groups if group.role == "validation" for said in group.prepared.warnings)
-    result = replace(result, warnings=(*result.warnings, *doubts, *_trimmed(groups)))
+    result = replace(result, notices=(*result.notices, *_notices(fit, result, flights, groups, color)))
     return Identification(
         result=replace(result, seconds=time.perf_counter() - began),
         traces=traces,
         vehicle=vehicle.name,
         equations=equations(vehicle),
         convergence=fit.outcome.history,
-        units=_units(vehicle.outputs, vehicle.inputs, vehicle.controls),
+        units=channel_units(vehicle),
         symbols=symbols(vehicle),
-        statements=(
-            *fit.statements,
-            *_ratios(fit, result),
-            *statements(vehicle, flights, color),
-        ),
         air_data=_air_data(flights),
-        notes=_notes(flights, groups),
         command=command,
     )
 
 
-def _trimmed(groups: Sequence[Flown]) -> list[str]:
-    """Return what was cut from windows that reach beyond the record."""
-    notes = dict.fromkeys(note for g in groups for note in g.prepared.notes)
-    return [f"{note}." for note in notes if TRIMMED in note]
+def _notices(
+    fit: Fit, result: Result, flights: Mapping[str, Flight], groups: Sequence[Simulated], color: float
+) -> list[Notice]:
+    """Return what is doubtful about predictions and windows, what the figures rest on, and what the data show."""
+    vehicle = fit.problem.layout.vehicle
+    predictions = [
+        found for group in groups if group.role == "validation" for found in group.prepared.warnings
+    ]
+    prepared = list(dict.fromkeys(found for group in groups for found in group.prepared.notes))
+    trimmed = [found for found in prepared if _is_trimmed(found)]
+    per_mass = ratios(vehicle, {name: (p.estimate, p.std_error) for name, p in result.parameters.items()})
+    of_flights = [found for flight in flights.values() for found in flight.notes]
+    return [
+        *(as_notice(found) for found in (*predictions, *trimmed)),
+        *(as_notice(found, "info") for found in (*fit.statements, *([per_mass] if per_mass else []))),
+        *basis_notices(vehicle, flights, color),
+        *data_notices([*of_flights, *(found for found in prepared if found not in trimmed)]),
+    ]
 
 
-def _ratios(fit: Fit, result: Result) -> tuple[str, ...]:
-    found = {name: (p.estimate, p.std_error) for name, p in result.parameters.items()}
-    said = ratios(fit.problem.layout.vehicle, found)
-    return (said,) if said else ()
-
-
-def _flown(fit: Fit, flights: Mapping[str, Flight], predicted: Sequence[Window]) -> list[Flown]:
-    """Simulate the fitted maneuvers, and predict the others."""
-    fitted = fit.simulated or [fit.problem.outputs(fit.z, i) for i in range(len(fit.problem.pieces))]
-    groups = [Flown("fit", fit.prepared, fitted, left_out_residuals(fit))]
-    if predicted:
-        groups.append(Flown("validation", *predict(fit, flights, predicted)))
-    return groups
+def _is_trimmed(found: Notice | str) -> bool:
+    return found.code == WINDOW_TRIMMED if isinstance(found, Notice) else TRIMMED in found
 
 
 def _result(
@@ -131,16 +149,11 @@ def _result(
         optimizer=fit.outcome.optimizer,
         status=fit.outcome.status,
         advice=fit.outcome.advice,
-        warnings=warnings(parameters, bars, maneuvers, fit, flights),
+        notices=fit_warnings(parameters, bars, maneuvers, fit, flights),
         versions=versions(),
         inputs=inputs,
         method=options.method,
     )
-
-
-def _notes(flights: Mapping[str, Flight], groups: Sequence[Flown]) -> tuple[str, ...]:
-    of_flights = [note for flight in flights.values() for note in flight.notes]
-    return tuple(dict.fromkeys([*of_flights, *(note for g in groups for note in g.prepared.notes)]))
 
 
 def _noise(fit: Fit, options: Options) -> FloatArray:
@@ -149,8 +162,8 @@ def _noise(fit: Fit, options: Options) -> FloatArray:
         return fit.noise
     if options.covariance is not None:
         return fit.problem.weights.covariance
-    seen = np.any([np.isfinite(p.measured).any(axis=0) for p in fit.problem.pieces], axis=0)
-    return np.diag(np.where(seen, noise_variance(fit.problem, fit.z), np.nan))
+    measured = np.any([np.isfinite(p.measured).any(axis=0) for p in fit.problem.pieces], axis=0)
+    return np.diag(np.where(measured, noise_variance(fit.problem, fit.z), np.nan))
 
 
 def _parameters(fit: Fit, bars: ErrorBars) -> dict[str, ParameterEstimate]:
@@ -158,16 +171,16 @@ def _parameters(fit: Fit, bars: ErrorBars) -> dict[str, ParameterEstimate]:
     for i, p in enumerate(fit.problem.layout.parameters):
         estimate, sigma, held = fit.estimates[p.name], float(bars.std[i]), bool(bars.held[i])
         low, high = intervals_95(np.array([estimate]), np.array([sigma]))[0]
-        told = not held and bars.judged[p.name].identifiable
+        identifiable = not held and bars.judged[p.name].identifiable
         out[p.name] = ParameterEstimate(
             estimate=estimate,
             std_error=np.nan if held else sigma,
-            ci95_lower=float(low) if told else np.nan,
-            ci95_upper=float(high) if told else np.nan,
+            ci95_lower=float(low) if identifiable else np.nan,
+            ci95_upper=float(high) if identifiable else np.nan,
             bound_lower=p.lower,
             bound_upper=p.upper,
             at_bound=held,
-            identifiable=told,
+            identifiable=identifiable,
             unit=p.unit,
             prior_mean=p.value if p.prior is not None else np.nan,
             prior_std=p.prior if p.prior is not None else np.nan,
@@ -177,6 +190,7 @@ def _parameters(fit: Fit, bars: ErrorBars) -> dict[str, ParameterEstimate]:
 
 
 def _quantity(fit: Fit, bars: ErrorBars, j: int, unit: str) -> Quantity:
+    """Return nuisance `j` with its standard error."""
     nuisance = fit.problem.layout.nuisances[j]
     entry = fit.problem.dimension + j
     return Quantity(nuisance.center + nuisance.scale * float(fit.z[entry]), float(bars.std[entry]), unit)
@@ -185,13 +199,11 @@ def _quantity(fit: Fit, bars: ErrorBars, j: int, unit: str) -> Quantity:
 def _initial_states(fit: Fit, bars: ErrorBars) -> tuple[InitialState, ...]:
     out, counts = [], dict.fromkeys(range(len(fit.prepared.windows)), 0)
     for i, piece in enumerate(fit.problem.pieces):
-        values = {
-            n.name: _quantity(
-                fit, bars, j, "m/s" if n.name.startswith("gust.") else _START_UNITS.get(n.name, "rad")
-            )
-            for j, n in enumerate(fit.problem.layout.nuisances)
-            if n.piece == i
-        }
+        values = {}
+        for j, n in enumerate(fit.problem.layout.nuisances):
+            if n.piece == i:
+                unit = "m/s" if n.name.startswith("gust.") else START_UNITS.get(n.name, "rad")
+                values[n.name] = _quantity(fit, bars, j, unit)
         out.append(InitialState(piece.maneuver, counts[piece.maneuver], float(piece.time[0]), values))
         counts[piece.maneuver] += 1
     return tuple(out)
@@ -222,7 +234,7 @@ def _wind(flights: Mapping[str, Flight]) -> tuple[WindEstimate, ...]:
         if np.isfinite(air.pitot_scale):
             values["pitot_scale"] = Quantity(air.pitot_scale, air.pitot_scale_std, "1")
             values["pitot_offset"] = Quantity(air.pitot_offset, air.pitot_offset_std, "m/s")
-        out.append(WindEstimate(flight.name, values, air.residual_rms, air.notes))
+        out.append(WindEstimate(flight.name, values, air.residual_rms, tuple(map(str, air.notes))))
     return tuple(out)
 
 
@@ -233,8 +245,3 @@ def _air_data(flights: Mapping[str, Flight]) -> tuple[AirDataTrace, ...]:
             curves = {k: v for k, v in flight.air.traces.items() if k != "time"}
             out.append(AirDataTrace(flight.name, flight.air.traces["time"], curves))
     return tuple(out)
-
-
-def _units(*groups: Sequence[str]) -> dict[str, str]:
-    names = dict.fromkeys(name for group in groups for name in group)
-    return {name: VARIABLES[name].unit if name in VARIABLES else "rad" for name in names}

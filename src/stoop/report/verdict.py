@@ -1,4 +1,4 @@
-"""What the numbers mean, in plain words: the verdict at the top of the page."""
+"""The verdict at the top of the page, from notices, goodness of fit and identifiability."""
 
 from __future__ import annotations
 
@@ -6,14 +6,15 @@ import math
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from stoop.assess.identifiability import COMBINED
 from stoop.base.numbers import count, listed, number, window
 from stoop.results.result import ManeuverResult, Result, Role
 
 Level = Literal["good", "caution", "bad"]
 
-UNTOLD: Final = 0.5  #: of the parameters; more that the data cannot tell, and the numbers are no model
-LOST: Final = 0.6  #: of the fitted channels; a model that a lag matches in more has shown nothing
+MAX_NOT_IDENTIFIABLE: Final = 0.5  #: share of the parameters; above it the estimates are no model
+MAX_LOST_TO_LAG: Final = (
+    0.6  #: share of the fitted channels that a lag matches as well; above it the model shows nothing
+)
 FINISHED: Final = frozenset({"converged", "target"})
 ENDINGS: Final = {
     "converged": "The search converged",
@@ -23,7 +24,7 @@ ENDINGS: Final = {
     "interrupted": "The search was interrupted; this is the best it had found",
 }
 HEADLINES: Final[dict[Level, str]] = {
-    "good": "The model matches the flight, and its parameters stand on the data.",
+    "good": "The model matches the flight, and its parameters are identifiable.",
     "caution": "Usable, with reservations: read the points below first.",
     "bad": "Do not rely on these numbers yet.",
 }
@@ -31,7 +32,7 @@ HEADLINES: Final[dict[Level, str]] = {
 
 @dataclass(frozen=True)
 class Verdict:
-    """How far to trust the result."""
+    """Whether the result is reliable, and why."""
 
     level: Level
     headline: str
@@ -54,8 +55,8 @@ def _level(result: Result) -> Level:
     unknown = [one for one in result.parameters.values() if not one.identifiable]
     if result.status not in FINISHED or not math.isfinite(result.cost):
         return "bad"
-    untold = len(unknown) > UNTOLD * len(result.parameters)
-    if (result.parameters and untold) or _share_lost(result) > LOST:
+    too_many = len(unknown) > MAX_NOT_IDENTIFIABLE * len(result.parameters)
+    if (result.parameters and too_many) or _share_lost(result) > MAX_LOST_TO_LAG:
         return "bad"
     doubts = [
         bool(unknown),
@@ -85,21 +86,22 @@ def _parameters(result: Result) -> str:
     total = len(result.parameters)
     said = f"{count(total, 'parameter')} estimated"
     if unknown:
-        said += f"; the data cannot tell {count(len(unknown), 'of them', 'of them')} ({listed(unknown)})"
+        said += f"; {count(len(unknown), 'of them is', 'of them are')} not identifiable ({listed(unknown)})"
     if stuck:
         lie = "lies" if len(stuck) == 1 else "lie"
-        said += f"; {len(stuck)} {lie} on the edge of the searched box ({listed(stuck)})"
+        said += f"; {len(stuck)} {lie} at a bound ({listed(stuck)})"
     if not (unknown or stuck):
-        said += ", all of them seen by the data"
-    sights = result.identifiability.parameters.values()
-    together = sum(sight.doubt == COMBINED for sight in sights)
+        said += ", all of them identifiable"
+    # An identifiable parameter is in doubt only where others can almost replace it.
+    doubts = result.identifiability.parameters.items()
+    together = sum(bool(one.doubt) and name not in unknown for name, one in doubts)
     return said + (f"; {together} of them known only in combination with others." if together else ".")
 
 
 def _match(result: Result, role: Role) -> str:
     maneuvers = [m for m in result.maneuvers if m.role == role]
     if not maneuvers:
-        return "" if role == "fit" else "Nothing was held back, so how well the model predicts is not known."
+        return "" if role == "fit" else "No window was held back, so the prediction error is not known."
     opening = "In the maneuvers it was fitted to" if role == "fit" else "Where nothing was fitted"
     said = "; ".join(part for part in (_theil_range(maneuvers), _against_lag(result, role)) if part)
     return f"{opening}, {said}." if said else ""
@@ -122,7 +124,7 @@ def _against_lag(result: Result, role: Role) -> str:
     lost, better = _lost(result, role), sum(better for _, better in compared)
     said = f"the model beats a trivial first-order lag in {better} of {count(len(compared), 'comparison')}"
     drawn = len(compared) - better - len(lost)
-    said += f" and leaves but noise in {drawn} more" if drawn else ""
+    said += f" and leaves only noise in {drawn} more" if drawn else ""
     return f"{said}, not in {listed(lost)}" if lost else said
 
 

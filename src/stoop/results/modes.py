@@ -1,10 +1,9 @@
-"""What is found with a fitted model, as a result holds it: its natural modes, and whether maneuvers agree."""
+"""The natural modes of a fitted model, as a result holds them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 NAN: Final = math.nan
@@ -91,50 +90,3 @@ class ConditionModes:
     alpha: float
     modes: tuple[ModeEstimate, ...]
     remark: str = ""
-
-
-@dataclass(frozen=True)
-class SingleEstimate:
-    """One parameter from one maneuver alone; `counted` where that maneuver can tell it."""
-
-    estimate: float
-    std_error: float
-    counted: bool
-
-
-@dataclass(frozen=True)
-class ParameterRepeatability:
-    """Whether the maneuvers agree on one parameter.
-
-    Attributes
-    ----------
-    singles : tuple of SingleEstimate
-        One for each of `Repeatability.maneuvers`.
-    mean, std_error : float, the parameter's unit
-        Weighted mean of what is counted, and its standard error.
-    chi_square : float
-        Of the deviations from the mean, in standard errors.
-    degrees : int
-        Of freedom: maneuvers counted, less one.
-    p_value : float
-        Chance of a scatter as large if the error bars are right.
-    verdict : str
-        ``"agree"``, ``"scatter"`` (more than the error bars explain, at 5 %), or empty where there are not two.
-    """
-
-    singles: tuple[SingleEstimate, ...]
-    mean: float = NAN
-    std_error: float = NAN
-    chi_square: float = NAN
-    degrees: int = 0
-    p_value: float = NAN
-    verdict: str = ""
-
-
-@dataclass(frozen=True)
-class Repeatability:
-    """Each maneuver fitted alone, beside the joint fit; `maneuvers` are places in `Result.maneuvers`."""
-
-    maneuvers: tuple[int, ...] = ()
-    parameters: Mapping[str, ParameterRepeatability] = field(default_factory=dict)
-    remarks: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""Fit, uncertainty and validation in one call."""
+"""Identification in one call: fit, uncertainty, prediction, and the folder that holds them."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window, parse_window
 from stoop.results.result import Identification
 from stoop.vehicle import Vehicle, load_vehicle
-from stoop.workflow.assemble import assemble
 from stoop.workflow.case import Assessment
-from stoop.workflow.provenance import flight_files, input_hashes
+from stoop.workflow.fit_result import identification
+from stoop.workflow.provenance import by_name, flight_files, input_hashes
 
 DEFAULTS = Options()
 
@@ -33,14 +33,14 @@ class Job:
     Attributes
     ----------
     identification : Identification
-        Result, traces and statements: what the report shows.
+        Result and traces: what the report shows.
     vehicle : Vehicle
         With its free numbers at their estimates.
     flights : tuple of Flight
         As they were used, air data reconstructed.
     fit : Fit
     files : tuple of Path
-        What was read; :meth:`save` never writes over it.
+        Files that were read; :meth:`save` never writes over them.
     attachments : mapping of str to bytes
         Further files for the folder, by name.
     forces : tuple of ForceFigures
@@ -56,14 +56,14 @@ class Job:
     forces: tuple[ForceFigures, ...] = ()
 
     def assess(self, *assessments: Assessment, watch: Callable[[str], None] | None = None) -> Job:
-        """Return this job with further statements of its uncertainty.
+        """Return this job with the uncertainty by further methods.
 
         Parameters
         ----------
         assessments : Assessment
             :class:`stoop.workflow.Bootstrap`, :class:`stoop.workflow.Posterior`, :class:`stoop.workflow.Profile`, or your own.
         watch : callable, optional
-            Told how far each is.
+            Called with the progress of each.
         """
         from stoop.workflow.assess import assessed
 
@@ -84,7 +84,7 @@ class Job:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """A finished search; error bars, predictions and words are still to come, see :func:`finish`."""
+    """A finished search; error bars and predictions are still to come, see :func:`finish`."""
 
     fit: Fit
     flights: Mapping[str, Flight]
@@ -120,13 +120,13 @@ def identify(
         Likewise; predicted, nothing is fitted there.
     options : Options
     callback : callable, optional
-        Sees an :class:`stoop.optimize.Progress` after each generation.
+        Called with an :class:`stoop.optimize.Progress` after each generation.
     state : optional
-        Of an interrupted search, to go on from.
+        State of an interrupted search, to resume.
     command : str
-        For the report: how this was called.
+        Command line, for the report.
     files : sequence of Path
-        What else was read (mapping, noise covariance), for the result's ``inputs``.
+        Other files that were read (mapping, noise covariance), for the result's ``inputs``.
 
     Raises
     ------
@@ -147,18 +147,22 @@ def search(
     command: str = "",
     files: Sequence[Path] = (),
 ) -> Search:
-    """Do the long part of :func:`identify`: all that can be wrong with the input is said before it."""
+    """Do the long part of :func:`identify`; wrong input raises its error before the search."""
     began = time.perf_counter()
     vehicle = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     methods.find(options.method)
-    known = _by_name(_each(flights))
+    several = [flights] if isinstance(flights, Flight | str | Path) else flights
+    known = by_name([f if isinstance(f, Flight) else load(f) for f in several], "identify")
+    _check_rates(known)
     method = methods.chosen(options.method, vehicle, known.values())
     options = replace(options, method=method.name)
     fitted, predicted = _windows(maneuvers, validate, known)
     for name in dict.fromkeys(w.flight for w in (*fitted, *predicted)):
         check_inputs(vehicle, known[name])
     inputs = input_hashes(vehicle, known, files)
-    known = {name: without_faults(without(flight, _spans(name, predicted))) for name, flight in known.items()}
+    for name, flight in known.items():
+        spans = [(w.start, w.stop) for w in predicted if w.flight == name]
+        known[name] = without_faults(without(flight, spans))
     prepare(vehicle, known, predicted)  # so that its errors come before the search
     found = methods.find(method.name).fitter()(vehicle, known, fitted, options, callback, state)
     if method.why:
@@ -168,9 +172,11 @@ def search(
 
 
 def finish(done: Search) -> Job:
-    """Add error bars, predictions, figures of merit and words to a finished search."""
+    """Add error bars, predictions and goodness of fit to a finished search."""
     return Job(
-        assemble(done.fit, done.flights, done.predicted, done.options, done.inputs, done.began, done.command),
+        identification(
+            done.fit, done.flights, done.predicted, done.options, done.inputs, done.began, done.command
+        ),
         identified_vehicle(done.fit),
         tuple(done.flights.values()),
         done.fit,
@@ -202,24 +208,9 @@ def _check_apart(window: Window, others: Sequence[Window], why: str) -> None:
             raise FlightError(f"maneuver {window}: overlaps the fitted {other}; {why}")
 
 
-def _each(flights: Flight | str | Path | Sequence[Flight | str | Path]) -> list[Flight]:
-    several = [flights] if isinstance(flights, Flight | str | Path) else list(flights)
-    return [f if isinstance(f, Flight) else load(f) for f in several]
-
-
-def _by_name(flights: Sequence[Flight]) -> dict[str, Flight]:
-    out: dict[str, Flight] = {}
-    for flight in flights:
-        if flight.name in out:
-            raise FlightError(f"identify: two flights are called '{flight.name}'; rename one of the files")
-        out[flight.name] = flight
-    rates = sorted({f"{flight.rate:g}" for flight in out.values()})
+def _check_rates(flights: Mapping[str, Flight]) -> None:
+    rates = sorted({f"{flight.rate:g}" for flight in flights.values()})
     if len(rates) > 1:
         raise FlightError(
             f"identify: the flights are sampled at {' and '.join(rates)} Hz; bring them to one rate first"
         )
-    return out
-
-
-def _spans(name: str, windows: Sequence[Window]) -> list[tuple[float, float]]:
-    return [(w.start, w.stop) for w in windows if w.flight == name]

@@ -1,4 +1,4 @@
-"""Figures of merit of a channel as a result holds them; `stoop.assess` computes them."""
+"""Goodness of fit of one channel: errors, Theil's coefficient, whiteness; `stoop.assess` computes them."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ class Whiteness:
 
 
 @dataclass(frozen=True)
-class BaselineFigures:
-    """The figures of the trivial model, a first-order lag; its Theil coefficient is `ChannelFigures.baseline_theil`."""
+class BaselineFit:
+    """The figures of the trivial model, a first-order lag; its Theil coefficient is `GoodnessOfFit.baseline_theil`."""
 
     rmse: float = NAN
     r2: float = NAN
@@ -55,8 +55,8 @@ class BaselineFigures:
 
 
 @dataclass(frozen=True)
-class ChannelFigures:
-    """How well one channel of one maneuver is matched.
+class GoodnessOfFit:
+    """Goodness of fit of one channel in one maneuver.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class ChannelFigures:
         Bias, variance and covariance in the squared error of the curves as they are.
     whiteness : Whiteness
         Of the residuals.
-    baseline : BaselineFigures
+    baseline : BaselineFit
         The same figures of the first-order lag.
     """
 
@@ -86,7 +86,7 @@ class ChannelFigures:
     press: float = NAN
     theil_shares: TheilShares = TheilShares()
     whiteness: Whiteness = Whiteness()
-    baseline: BaselineFigures = BaselineFigures()
+    baseline: BaselineFit = BaselineFit()
 
     @property
     def lost(self) -> bool:
