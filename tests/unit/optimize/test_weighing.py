@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stoop.optimize.pieces.bounds import clip, midpoint
-from stoop.optimize.pieces.crossover import binomial
+from stoop.optimize.operators import binomial, midpoint
 from stoop_studies.optimizers.pieces.islands import Islands
 from stoop_studies.optimizers.pieces.mutation import Best2, Localized, Ordered, Rand1, Unordered, distinct
+from stoop_studies.optimizers.pieces.operators import clip
 from stoop_studies.optimizers.pieces.weighing import Graded, Trigonometric, WeightedCentroid
 
 SEEDS = st.integers(0, 2**32 - 1)
