@@ -1,9 +1,8 @@
-"""Initialization, mutation, bounds, crossover, selection, adaptation: against naive twins and properties."""
+"""Initialization, bounds, crossover, selection, adaptation: against naive twins and properties."""
 
 from __future__ import annotations
 
 import math
-from collections import Counter
 from unittest.mock import Mock
 
 import numpy as np
@@ -13,7 +12,6 @@ from hypothesis import strategies as st
 
 from stoop.optimize.adaptation import ParameterMemory
 from stoop.optimize.operators import binomial, greedy, latin_hypercube, midpoint
-from stoop_studies.optimizers.pieces.mutation import Best2, Ordered, Rand1, distinct, ranked
 from stoop_studies.optimizers.pieces.operators import EXCLUDED, chaos, chaotic_start, clip, placed
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -62,60 +60,6 @@ def test_an_orbit_that_is_absorbed_begins_anew() -> None:
     answers = iter([np.array([caught]), np.array([0.3])])
     X = chaos(3, 1, Mock(random=lambda n: next(answers)[:n].copy()))
     assert X[:, 0].tolist() == [caught, 0.3, 4.0 * 0.3 * 0.7]
-
-
-# ---------------------------------------------------------------------------------------------- mutation
-@settings(deadline=None)
-@given(SEEDS, st.integers(6, 40), st.integers(1, 4))
-def test_distinct_indices_differ_from_each_other_and_the_parent(seed: int, n: int, k: int) -> None:
-    picks = distinct(n, k, np.random.default_rng(seed))
-    for i, column in enumerate(picks.T.tolist()):
-        assert len({i, *column}) == k + 1
-        assert all(0 <= j < n for j in column)
-
-
-def test_distinct_indices_are_uniform() -> None:
-    counts = Counter[tuple[int, ...]]()
-    generator = np.random.default_rng(1)
-    for _ in range(6000):
-        picks = distinct(5, 3, generator)
-        counts[tuple(picks[:, 0].tolist())] += 1
-    assert len(counts) == 4 * 3 * 2
-    expected = 6000 / 24
-    chi2 = sum((c - expected) ** 2 / expected for c in counts.values())
-    assert chi2 < 49.7  # 99.9 % of chi-square with 23 degrees of freedom
-
-
-def _rand1(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int, j: int) -> float:
-    a, b, c = picks[:, i]
-    return X[c, j] + 0.7 * (X[a, j] - X[b, j])
-
-
-def _best2(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int, j: int) -> float:
-    best = min(range(len(F)), key=lambda m: F[m])
-    a, b, c, d = picks[:, i]
-    return X[best, j] + 0.7 * (X[a, j] - X[b, j] + X[c, j] - X[d, j])
-
-
-def _ordered(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int, j: int) -> float:
-    r1, r2, r3 = sorted(picks[:, i], key=lambda m: F[m])
-    return X[i, j] + 0.7 * (X[r1, j] - X[i, j] + X[r2, j] - X[r3, j])
-
-
-@pytest.mark.parametrize(
-    ("operator", "twin", "k"), [(Rand1(), _rand1, 3), (Best2(), _best2, 4), (Ordered(), _ordered, 3)]
-)
-def test_mutation_equals_its_naive_twin(operator: object, twin: object, k: int) -> None:
-    X, F = _population(5)
-    mutants = operator(X, F, 0.7, np.random.default_rng(8))
-    picks = distinct(len(X), k, np.random.default_rng(8))
-    naive = np.array([[twin(X, F, picks, i, j) for j in range(X.shape[1])] for i in range(len(X))])
-    assert mutants == pytest.approx(naive, rel=1e-14)
-
-
-def test_ranked_puts_infinite_costs_last() -> None:
-    F = np.array([np.inf, 2.0, 1.0, np.inf, 3.0])
-    assert ranked(np.array([[0], [4], [2]]), F)[:, 0].tolist() == [2, 4, 0]
 
 
 # --------------------------------------------------------------------------- bounds, crossover, selection
