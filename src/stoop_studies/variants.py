@@ -11,10 +11,11 @@ from typing import Any, Final
 
 from stoop import optimize
 from stoop.errors import IdentificationError
-from stoop.optimize.pieces.initialization import chaos, latin_hypercube, uniform
+from stoop.optimize.operators import latin_hypercube
 from stoop.optimize.state import Optimizer
 from stoop_studies.optimizers.pieces.golden import SteepestDive
 from stoop_studies.optimizers.pieces.mutation import Ordered, Unordered
+from stoop_studies.optimizers.pieces.operators import chaos, uniform
 from stoop_studies.optimizers.pieces.prey import LevenbergDive, PreySchedule
 from stoop_studies.optimizers.ps_gde import ps_gde
 

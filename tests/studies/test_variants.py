@@ -6,9 +6,9 @@ import pytest
 
 from stoop.errors import IdentificationError
 from stoop.optimize import create
-from stoop.optimize.pieces.initialization import uniform
 from stoop_studies.optimizers.pieces.golden import SteepestDive
 from stoop_studies.optimizers.pieces.mutation import Unordered
+from stoop_studies.optimizers.pieces.operators import uniform
 from stoop_studies.optimizers.pieces.prey import LevenbergDive, PreySchedule
 from stoop_studies.optimizers.ps_gde import ps_gde
 from stoop_studies.variants import build

@@ -208,7 +208,7 @@ def _identify(
     from stoop.workflow.repeat import with_repeatability
 
     state = checkpoint.load() if arguments.resume else None
-    watch.count_from(0.0 if state is None else state.books.trajectories)
+    watch.count_from(0.0 if state is None else state.evaluations.trajectories)
 
     def see(progress: Progress) -> None:
         checkpoint.keep(progress.state)

@@ -18,13 +18,13 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.optimize.ledger import blank, opened
-from stoop.optimize.pieces.initialization import MEMBERS, placed, uniform
+from stoop.optimize.ledger import Evaluations, Ledger
+from stoop.optimize.operators import MEMBERS
 from stoop.optimize.problem import Problem
-from stoop.optimize.state import Event
-from stoop.optimize.stream import from_generator, from_seed
+from stoop.optimize.state import Event, RandomStream
 from stoop_studies.optimizers.pieces.evolution import PopulationState
 from stoop_studies.optimizers.pieces.genetic import Polynomial, SimulatedBinary, repeated, tournament
+from stoop_studies.optimizers.pieces.operators import placed, uniform
 
 MATINGS: Final = 100  #: tries to fill a generation with children that are new
 
@@ -48,16 +48,16 @@ class GeneticAlgorithm:
 
     def init(self, problem: Problem, seed: int, starts: FloatArray) -> PopulationState:
         """Evaluate the first population; the user's own values take the first places."""
-        ledger = opened(problem, blank(problem))
-        generator = from_seed(seed).generator()
+        ledger = Ledger.at(problem, Evaluations.none(problem))
+        generator = RandomStream.from_seed(seed).generator()
         X = placed(uniform(self.members, problem.dimension, generator), starts)
         F = ledger.costs(X, ledger.full)
-        stream, books = from_generator(generator), ledger.books
-        return PopulationState(optimizer=self.name, generation=0, stream=stream, books=books, X=X, F=F)
+        stream, books = RandomStream.of(generator), ledger.evaluations
+        return PopulationState(optimizer=self.name, generation=0, stream=stream, evaluations=books, X=X, F=F)
 
     def step(self, state: PopulationState, problem: Problem) -> tuple[PopulationState, Event]:
         """Do one generation: as many children as members, and the best of both live on."""
-        ledger = opened(problem, state.books)
+        ledger = Ledger.at(problem, state.evaluations)
         generator = state.stream.generator()
         children = self.brood(state.X, state.F, generator)
         costs = ledger.costs(children, ledger.full) if len(children) else np.empty(0)
@@ -68,8 +68,8 @@ class GeneticAlgorithm:
             X=X[best],
             F=F[best],
             generation=state.generation + 1,
-            stream=from_generator(generator),
-            books=ledger.books,
+            stream=RandomStream.of(generator),
+            evaluations=ledger.evaluations,
         )
         return after, Event("evolution", float(F[best[0]]), ledger.full)
 

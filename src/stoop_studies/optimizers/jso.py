@@ -16,9 +16,10 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.optimize.pieces.adaptation import FIXED, Memory, learn_halfway
-from stoop.optimize.pieces.directed import Choice, elite, elite_but_self
+from stoop.optimize.adaptation import ParameterMemory
+from stoop.optimize.operators import elite
 from stoop_studies.optimizers.l_shade import FEWEST, LinearShade
+from stoop_studies.optimizers.pieces.operators import FIXED, Choice, elite_but_self, learn_halfway
 
 ENTRIES: Final = 5
 WIDEST: Final = 0.25  #: share of elite at the start; half of it at the end
@@ -29,11 +30,11 @@ def members(dimension: int) -> int:
     return max(FEWEST, round(25.0 * log(dimension) * sqrt(dimension)))
 
 
-def first_memory() -> Memory:
+def first_memory() -> ParameterMemory:
     """Return scales of 0.3 and rates of 0.8, and the last entry that is never learnt."""
     scales, rates = np.full(ENTRIES, 0.3), np.full(ENTRIES, 0.8)
     scales[-1] = rates[-1] = FIXED
-    return Memory(scales, rates, 0)
+    return ParameterMemory(scales, rates, 0)
 
 
 def limit(scales: FloatArray, rates: FloatArray, progress: float) -> tuple[FloatArray, FloatArray]:

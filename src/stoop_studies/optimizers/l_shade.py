@@ -17,16 +17,12 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray
-from stoop.optimize.ledger import blank, opened
-from stoop.optimize.pieces.adaptation import Memory, fresh_memory, learn_terminal
-from stoop.optimize.pieces.archive import remember
-from stoop.optimize.pieces.bounds import midpoint
-from stoop.optimize.pieces.crossover import binomial
-from stoop.optimize.pieces.directed import Choice, CurrentToPBest, elite
-from stoop.optimize.pieces.initialization import placed, uniform
+from stoop.optimize.adaptation import ParameterMemory
+from stoop.optimize.ledger import Evaluations, Ledger
+from stoop.optimize.operators import binomial, elite, midpoint, update_archive
 from stoop.optimize.problem import Problem
-from stoop.optimize.state import Event, State
-from stoop.optimize.stream import from_generator, from_seed
+from stoop.optimize.state import Event, RandomStream, State
+from stoop_studies.optimizers.pieces.operators import Choice, CurrentToPBest, learn_terminal, placed, uniform
 from stoop_studies.optimizers.pieces.structure import keep_best, linear_size
 
 FEWEST: Final = 4  #: members at the end; the mutation needs as many
@@ -49,11 +45,11 @@ class ShadeState(State):
     X: FloatArray
     F: FloatArray
     archive: FloatArray
-    memory: Memory
+    memory: ParameterMemory
     first: int
 
 
-Learn = Callable[[Memory, FloatArray, FloatArray, FloatArray, BoolArray], Memory]
+Learn = Callable[[ParameterMemory, FloatArray, FloatArray, FloatArray, BoolArray], ParameterMemory]
 Limit = Callable[[FloatArray, FloatArray, float], tuple[FloatArray, FloatArray]]
 
 
@@ -81,7 +77,7 @@ class LinearShade:
     name: str
     budget: float | None
     members: Callable[[int], int]
-    memory: Memory
+    memory: ParameterMemory
     learn: Learn
     limit: Limit
     share: Callable[[float], float]
@@ -91,15 +87,15 @@ class LinearShade:
 
     def init(self, problem: Problem, seed: int, starts: FloatArray) -> ShadeState:
         """Evaluate the first population; the user's own values take the first places."""
-        ledger = opened(problem, blank(problem))
-        generator = from_seed(seed).generator()
+        ledger = Ledger.at(problem, Evaluations.none(problem))
+        generator = RandomStream.from_seed(seed).generator()
         X = placed(uniform(self.members(problem.dimension), problem.dimension, generator), starts)
         F = ledger.costs(X, ledger.full)
         return ShadeState(
             optimizer=self.name,
             generation=0,
-            stream=from_generator(generator),
-            books=ledger.books,
+            stream=RandomStream.of(generator),
+            evaluations=ledger.evaluations,
             X=X,
             F=F,
             archive=np.empty((0, problem.dimension)),
@@ -109,15 +105,17 @@ class LinearShade:
 
     def step(self, state: ShadeState, problem: Problem) -> tuple[ShadeState, Event]:
         """Do one generation."""
-        ledger = opened(problem, state.books)
+        ledger = Ledger.at(problem, state.evaluations)
         plan = self.budget if self.budget is not None else float(PLAN * problem.dimension)
-        progress = min(state.books.trajectories / plan, 1.0)
+        progress = min(state.evaluations.trajectories / plan, 1.0)
         generator = state.stream.generator()
         trials, scales, rates = self.ask(state, progress, generator)
         state = self.tell(state, trials, ledger.costs(trials, ledger.full), scales, rates, generator)
         size = max(FEWEST, linear_size(state.first, FEWEST, ledger.spent / plan))
-        state = replace(self.shrunk(state, size, generator), stream=from_generator(generator))
-        return replace(state, books=ledger.books), Event("evolution", float(state.F.min()), ledger.full)
+        state = replace(self.shrunk(state, size, generator), stream=RandomStream.of(generator))
+        return replace(state, evaluations=ledger.evaluations), Event(
+            "evolution", float(state.F.min()), ledger.full
+        )
 
     def ask(
         self, state: ShadeState, progress: float, generator: np.random.Generator
@@ -150,7 +148,7 @@ class LinearShade:
             state,
             X=np.where(moved[:, None], trials, state.X),
             F=np.where(moved, costs, state.F),
-            archive=remember(state.archive, state.X[won], most, generator),
+            archive=update_archive(state.archive, state.X[won], most, generator),
             memory=self.learn(state.memory, scales, rates, gains, won),
             generation=state.generation + 1,
         )
@@ -160,7 +158,7 @@ class LinearShade:
         if size >= len(state.X):
             return state
         X, F = keep_best(state.X, state.F, size)
-        archive = remember(state.archive, X[:0], round(self.archive * size), generator)
+        archive = update_archive(state.archive, X[:0], round(self.archive * size), generator)
         return replace(state, X=X, F=F, archive=archive)
 
 
@@ -170,7 +168,7 @@ def l_shade(budget: float | None = None) -> LinearShade:
         name="l-shade",
         budget=budget,
         members=lambda dimension: PER_VARIABLE * dimension,
-        memory=fresh_memory(6, scale=0.5, rate=0.5),
+        memory=ParameterMemory.fresh(6, scale=0.5, rate=0.5),
         learn=learn_terminal,
         limit=lambda scales, rates, progress: (scales, rates),
         share=lambda progress: 0.11,

@@ -19,15 +19,13 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.optimize import herd as herds
-from stoop.optimize.herd import Herd
-from stoop.optimize.ledger import Ledger, blank, opened
-from stoop.optimize.levenberg import dive
-from stoop.optimize.pieces.initialization import MEMBERS, latin_hypercube, placed
+from stoop.optimize.ledger import Evaluations, Ledger
+from stoop.optimize.local_refinement import refine
+from stoop.optimize.operators import MEMBERS, latin_hypercube
+from stoop.optimize.population import GROWTH, LARGEST, Population, grown
 from stoop.optimize.problem import Problem
-from stoop.optimize.scalar import has_residuals
-from stoop.optimize.state import Event, State
-from stoop.optimize.stream import from_generator, from_seed
+from stoop.optimize.state import Event, RandomStream, State
+from stoop_studies.optimizers.pieces.operators import placed
 from stoop_studies.optimizers.pieces.quasi_newton import QuasiNewtonDive
 
 ELITE: Final = 0.2  #: share of the herd that counts as best
@@ -45,7 +43,7 @@ class HerdState(State):
     size : of the next herd
     """
 
-    herd: Herd
+    herd: Population
     ends: FloatArray
     size: int
 
@@ -69,23 +67,23 @@ class OrderedShade:
 
     name: str = "ordered-shade"
     members: int = MEMBERS
-    growth: float = herds.GROWTH
-    largest: int = herds.LARGEST
+    growth: float = GROWTH
+    largest: int = LARGEST
     elite: float = ELITE
     separation: float = SEPARATION
     quasi_newton: QuasiNewtonDive = field(default_factory=QuasiNewtonDive)
 
     def init(self, problem: Problem, seed: int, starts: FloatArray) -> HerdState:
         """Evaluate the first herd; the user's own values take the first places."""
-        ledger = opened(problem, blank(problem))
-        generator = from_seed(seed).generator()
+        ledger = Ledger.at(problem, Evaluations.none(problem))
+        generator = RandomStream.from_seed(seed).generator()
         X = placed(latin_hypercube(self.members, problem.dimension, generator), starts)
-        herd = herds.gather(X, ledger.costs(X, ledger.full))
+        herd = Population.first(X, ledger.costs(X, ledger.full))
         return HerdState(
             optimizer=self.name,
             generation=0,
-            stream=from_generator(generator),
-            books=ledger.books,
+            stream=RandomStream.of(generator),
+            evaluations=ledger.evaluations,
             herd=herd,
             ends=np.empty((0, problem.dimension)),
             size=self._next(self.members),
@@ -93,29 +91,29 @@ class OrderedShade:
 
     def step(self, state: HerdState, problem: Problem) -> tuple[HerdState, Event]:
         """Do what is next: a new herd, a generation or a dive."""
-        ledger = opened(problem, state.books)
+        ledger = Ledger.at(problem, state.evaluations)
         state, event = self._act(state, ledger)
-        return replace(state, books=ledger.books, generation=state.generation + 1), event
+        return replace(state, evaluations=ledger.evaluations, generation=state.generation + 1), event
 
     def _act(self, state: HerdState, ledger: Ledger) -> tuple[HerdState, Event]:
-        if herds.spent(state.herd):
+        if state.herd.exhausted:
             return self._gather(state, ledger)
         if state.herd.age < state.herd.due:
             return self._evolve(state, ledger)
-        member, herd = herds.prey(state.herd, state.ends, self.separation)
+        member, herd = state.herd.next_start(state.ends, self.separation)
         state = replace(state, herd=herd)
         return self._evolve(state, ledger) if member is None else self._dive(state, member, ledger)
 
     def _next(self, size: int) -> int:
-        return herds.grown(size, self.growth, self.largest)
+        return grown(size, self.growth, self.largest)
 
     def _gather(self, state: HerdState, ledger: Ledger) -> tuple[HerdState, Event]:
         """Gather a new herd that knows nothing of what was found before."""
         generator = state.stream.generator()
         X = latin_hypercube(state.size, ledger.dimension, generator)
-        herd = herds.gather(X, ledger.costs(X, ledger.full))
+        herd = Population.first(X, ledger.costs(X, ledger.full))
         event = Event("evolution", float(herd.F.min()), ledger.full, f"new herd of {len(X)}")
-        stream = from_generator(generator)
+        stream = RandomStream.of(generator)
         return replace(
             state, herd=herd, ends=state.ends[:0], size=self._next(state.size), stream=stream
         ), event
@@ -124,18 +122,18 @@ class OrderedShade:
         """Dive from a member; the end takes its place."""
         before = float(state.herd.F.min())
         x, cost = self._descend(ledger, state.herd.X[member].copy(), float(state.herd.F[member]), before)
-        herd = herds.settle(state.herd, member, x, cost, cost < before * (1.0 - 1e-12))
+        herd = state.herd.with_refined(member, x, cost, cost < before * (1.0 - 1e-12))
         ends = np.concatenate([state.ends, x[None, :]])
-        return replace(state, herd=herd, ends=ends), Event("dive", cost, ledger.full)
+        return replace(state, herd=herd, ends=ends), Event("refinement", cost, ledger.full)
 
     def _descend(
         self, ledger: Ledger, x: FloatArray, cost: float, incumbent: float
     ) -> tuple[FloatArray, float]:
         """Return where the dive that suits the problem ends, and the cost there with the nuisances at zero."""
         above = incumbent if cost > incumbent else np.inf
-        if not has_residuals(ledger):
+        if not ledger.has_residuals:
             return self.quasi_newton(ledger, x, cost, above)
-        end = dive(ledger, np.concatenate([x, np.zeros(ledger.extra)]), ledger.full, incumbent=above)
+        end = refine(ledger, np.concatenate([x, np.zeros(ledger.extra)]), ledger.full, incumbent=above)
         y = end.z[: len(x)]
         # the herd lives where the nuisances are zero: only there may its members be compared
         lower = float(ledger.costs(y[None, :], ledger.full)[0]) if ledger.extra else end.cost
@@ -144,7 +142,7 @@ class OrderedShade:
     def _evolve(self, state: HerdState, ledger: Ledger) -> tuple[HerdState, Event]:
         """Move the herd by one generation."""
         generator = state.stream.generator()
-        trials = herds.ask(state.herd, generator, self.elite)
-        herd = herds.tell(state.herd, trials, ledger.costs(trials.X, ledger.full), generator)
+        trials = state.herd.ask(generator, self.elite)
+        herd = state.herd.tell(trials, ledger.costs(trials.X, ledger.full), generator)
         event = Event("evolution", float(herd.F.min()), ledger.full)
-        return replace(state, herd=herd, stream=from_generator(generator)), event
+        return replace(state, herd=herd, stream=RandomStream.of(generator)), event

@@ -13,11 +13,12 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.optimize.pieces.initialization import MEMBERS, chaos
+from stoop.optimize.operators import MEMBERS
 from stoop_studies.optimizers.pieces.control import Fixed
 from stoop_studies.optimizers.pieces.evolution import DifferentialEvolution
 from stoop_studies.optimizers.pieces.golden import SteepestDive
 from stoop_studies.optimizers.pieces.mutation import Mutation, Ordered
+from stoop_studies.optimizers.pieces.operators import chaos
 from stoop_studies.optimizers.pieces.prey import PreySchedule
 
 SCALE: Final = 0.6  #: F

@@ -16,11 +16,11 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.optimize.ledger import blank, opened
-from stoop.optimize.pieces.initialization import MEMBERS, placed, uniform
+from stoop.optimize.ledger import Evaluations, Ledger
+from stoop.optimize.operators import MEMBERS
 from stoop.optimize.problem import Problem
-from stoop.optimize.state import Event, State
-from stoop.optimize.stream import from_generator, from_seed
+from stoop.optimize.state import Event, RandomStream, State
+from stoop_studies.optimizers.pieces.operators import placed, uniform
 
 PHI: Final = 2.05  #: weight of a particle's own best, and of the swarm's
 CHI: Final = 2.0 / abs(2.0 - 2 * PHI - sqrt((2 * PHI) ** 2 - 8 * PHI))  #: constriction, 0.7298
@@ -63,17 +63,19 @@ class ParticleSwarm:
 
     def init(self, problem: Problem, seed: int, starts: FloatArray) -> SwarmState:
         """Evaluate the first places; the user's own values take the first of them."""
-        ledger = opened(problem, blank(problem))
-        generator = from_seed(seed).generator()
+        ledger = Ledger.at(problem, Evaluations.none(problem))
+        generator = RandomStream.from_seed(seed).generator()
         X = placed(uniform(self.members, problem.dimension, generator), starts)
         V = FIRST * (2.0 * generator.random(X.shape) - 1.0)
         F = ledger.costs(X, ledger.full)
-        stream, books = from_generator(generator), ledger.books
-        return SwarmState(optimizer=self.name, generation=0, stream=stream, books=books, X=X, V=V, B=X, F=F)
+        stream, books = RandomStream.of(generator), ledger.evaluations
+        return SwarmState(
+            optimizer=self.name, generation=0, stream=stream, evaluations=books, X=X, V=V, B=X, F=F
+        )
 
     def step(self, state: SwarmState, problem: Problem) -> tuple[SwarmState, Event]:
         """Move every particle once."""
-        ledger = opened(problem, state.books)
+        ledger = Ledger.at(problem, state.evaluations)
         generator = state.stream.generator()
         X, V = moved(state.X, accelerated(state, generator))
         costs = ledger.costs(X, ledger.full)
@@ -85,8 +87,8 @@ class ParticleSwarm:
             B=np.where(better[:, None], X, state.B),
             F=np.where(better, costs, state.F),
             generation=state.generation + 1,
-            stream=from_generator(generator),
-            books=ledger.books,
+            stream=RandomStream.of(generator),
+            evaluations=ledger.evaluations,
         )
         return after, Event("evolution", float(costs.min()), ledger.full)
 

@@ -14,9 +14,9 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.optimize.adapters.library import Escape, Library, draw_seed, require
 from stoop.optimize.ledger import Ledger
-from stoop.optimize.pieces.initialization import MEMBERS
+from stoop.optimize.libraries import Escape, Library, draw_seed, require
+from stoop.optimize.operators import MEMBERS
 
 CHUNK: Final = 20  #: generations between two looks at whether to end
 SPREAD: Final = 1e-8  #: of the costs, relative, at which a population has converged

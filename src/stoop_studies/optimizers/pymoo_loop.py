@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.optimize.adapters.library import Library, Search, draw_seed, finite_costs, require
 from stoop.optimize.ledger import Ledger
-from stoop.optimize.pieces.initialization import MEMBERS, uniform
+from stoop.optimize.libraries import Library, Search, draw_seed, finite_costs, require
+from stoop.optimize.operators import MEMBERS
+from stoop_studies.optimizers.pieces.operators import uniform
 
 
 def searched_by(module: str, name: str) -> Search:

@@ -290,7 +290,9 @@ def test_speed_is_of_this_run_alone(
     watch = Watch()
     watch.count_from(5000.0)
     state = SimpleNamespace(generation=7)
-    watch.see(SimpleNamespace(state=state, trajectories=5200.0, cost=1.0, event=SimpleNamespace(kind="dive")))  # type: ignore[arg-type]
+    watch.see(
+        SimpleNamespace(state=state, trajectories=5200.0, cost=1.0, event=SimpleNamespace(kind="refinement"))
+    )  # type: ignore[arg-type]
     assert "5200 trajectories  20/s" in capsys.readouterr().err
 
 

@@ -13,17 +13,14 @@ from typing import Any, Protocol
 import numpy as np
 
 from stoop.base.arrays import BoolArray, Factor, FloatArray
-from stoop.optimize.ledger import Ledger, blank, opened
-from stoop.optimize.pieces.bounds import clip
-from stoop.optimize.pieces.crossover import binomial
-from stoop.optimize.pieces.initialization import MEMBERS, placed, uniform
-from stoop.optimize.pieces.selection import greedy
+from stoop.optimize.ledger import Evaluations, Ledger
+from stoop.optimize.operators import MEMBERS, binomial, greedy
 from stoop.optimize.problem import Problem
-from stoop.optimize.state import Event, State
-from stoop.optimize.stream import from_generator, from_seed
+from stoop.optimize.state import Event, RandomStream, State
 from stoop_studies.optimizers.pieces.control import Control, Fixed
 from stoop_studies.optimizers.pieces.islands import Structure, Whole
 from stoop_studies.optimizers.pieces.mutation import Mutation
+from stoop_studies.optimizers.pieces.operators import clip, placed, uniform
 from stoop_studies.optimizers.pieces.prey import PreySchedule
 from stoop_studies.optimizers.pieces.sequel import Sequel, Turn
 
@@ -98,15 +95,15 @@ class DifferentialEvolution:
 
     def init(self, problem: Problem, seed: int, starts: FloatArray) -> PopulationState:
         """Evaluate the first population; the user's own values take the first places."""
-        ledger = opened(problem, blank(problem))
-        generator = from_seed(seed).generator()
+        ledger = Ledger.at(problem, Evaluations.none(problem))
+        generator = RandomStream.from_seed(seed).generator()
         X = placed(self.initialization(self.members, problem.dimension, generator), starts)
         F = ledger.costs(X, ledger.full)
         return PopulationState(
             optimizer=self.name,
             generation=0,
-            stream=from_generator(generator),
-            books=ledger.books,
+            stream=RandomStream.of(generator),
+            evaluations=ledger.evaluations,
             X=X,
             F=F,
             memory=self.control.begin(len(X)),
@@ -114,7 +111,7 @@ class DifferentialEvolution:
 
     def step(self, state: PopulationState, problem: Problem) -> tuple[PopulationState, Event]:
         """Do one generation."""
-        ledger = opened(problem, state.books)
+        ledger = Ledger.at(problem, state.evaluations)
         if self.prey is not None and self.prey.due(state.generation + 1):
             return _hunt(self.prey, state, ledger)
         return self._evolve(state, ledger)
@@ -131,8 +128,8 @@ class DifferentialEvolution:
         after = PopulationState(
             optimizer=state.optimizer,
             generation=state.generation + 1,
-            stream=from_generator(generator),
-            books=ledger.books,
+            stream=RandomStream.of(generator),
+            evaluations=ledger.evaluations,
             X=X,
             F=F,
             memory=self.control.learn(state.memory, scale, rate, state.F, costs),
@@ -150,5 +147,5 @@ class DifferentialEvolution:
 def _hunt(prey: PreySchedule, state: PopulationState, ledger: Ledger) -> tuple[PopulationState, Event]:
     """Dive from the best members."""
     X, F = prey.hunt(ledger, state.X, state.F)
-    event = Event("dive", float(F.min()), ledger.full, f"{prey.number(len(X))} prey")
-    return replace(state, X=X, F=F, generation=state.generation + 1, books=ledger.books), event
+    event = Event("refinement", float(F.min()), ledger.full, f"{prey.number(len(X))} prey")
+    return replace(state, X=X, F=F, generation=state.generation + 1, evaluations=ledger.evaluations), event

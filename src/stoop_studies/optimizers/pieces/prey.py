@@ -9,7 +9,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.optimize.ledger import Ledger
-from stoop.optimize.levenberg import FULL, Settings, dive
+from stoop.optimize.local_refinement import FULL, Settings, refine
 
 
 class LocalDive(Protocol):
@@ -64,7 +64,7 @@ class LevenbergDive:
 
     def __call__(self, ledger: Ledger, x: FloatArray, cost: float) -> tuple[FloatArray, float]:
         """Return where the dive from x, (D,), ends, and the cost there."""
-        end = dive(ledger, np.concatenate([x, np.zeros(ledger.extra)]), ledger.full, self.settings)
+        end = refine(ledger, np.concatenate([x, np.zeros(ledger.extra)]), ledger.full, self.settings)
         y, lower = end.z[: len(x)], end.cost
         if ledger.extra and lower < cost:
             lower = float(ledger.costs(y[None, :], ledger.full)[0])

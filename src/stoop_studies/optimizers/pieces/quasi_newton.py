@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.optimize.alone import one_blas_thread
 from stoop.optimize.ledger import Ledger
+from stoop.optimize.libraries import one_blas_thread
 
 
 class _LetGo(Exception):  # noqa: N818 - not an error: the prey is not worth following

@@ -19,7 +19,7 @@ import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray
 from stoop.optimize.ledger import HUGE, inner, sum_of_squares
-from stoop.optimize.normal import Tall, solve_damped
+from stoop.optimize.normal_equations import TallMatrix, solve_damped
 from stoop.optimize.problem import Problem
 
 Ending = Literal["converged", "agreed", "stalled", "hopeless", "limit", "diverged"]
@@ -64,7 +64,7 @@ RUNG: Final = Settings(25, 1e-3, 0.0, 4, 0.0)  #: on a shortened record: near en
 
 
 @dataclass(frozen=True)
-class Dive:
+class Refinement:
     """Where a dive ended.
 
     Attributes
@@ -88,15 +88,15 @@ class Dive:
         return self.ending == "converged"
 
 
-def dive(
+def refine(
     problem: Problem,
     z: FloatArray,
     rung: int,
     settings: Settings = FULL,
     incumbent: float = np.inf,
-    worthy: float = np.inf,
+    acceptable: float = np.inf,
     optimum: float = np.inf,
-) -> Dive:
+) -> Refinement:
     """Minimize the sum of squares from z on one rung.
 
     Parameters
@@ -107,7 +107,7 @@ def dive(
     settings : Settings
     incumbent : float
         Best cost known on this rung; a dive that stays above it must fall fast or is let go.
-    worthy : float
+    acceptable : float
         A dive below this cost is not let go early (inf: never): near an optimum that noise or an imperfect
         model keeps far above zero, every dive falls slowly.
     optimum : float
@@ -118,8 +118,8 @@ def dive(
     r = problem.residuals(start[None, :], rung)[0]
     cost = sum_of_squares(r)
     if not np.isfinite(cost):
-        return Dive(start, np.inf, "diverged", 0)
-    return _Descent(problem, rung, settings, incumbent, worthy, optimum, start, r, cost).run()
+        return Refinement(start, np.inf, "diverged", 0)
+    return _Descent(problem, rung, settings, incumbent, acceptable, optimum, start, r, cost).run()
 
 
 class _Descent:
@@ -131,14 +131,14 @@ class _Descent:
         rung: int,
         settings: Settings,
         incumbent: float,
-        worthy: float,
+        acceptable: float,
         optimum: float,
         z: FloatArray,
         r: FloatArray,
         cost: float,
     ) -> None:
         self.problem, self.rung, self.settings = problem, rung, settings
-        self.incumbent, self.worthy, self.optimum = incumbent, worthy, optimum
+        self.incumbent, self.acceptable, self.optimum = incumbent, acceptable, optimum
         self.z, self.r, self.cost = z, r, cost
         self.lower = np.concatenate([np.zeros(problem.dimension), np.full(problem.extra, -np.inf)])
         self.upper = np.concatenate([np.ones(problem.dimension), np.full(problem.extra, np.inf)])
@@ -149,13 +149,13 @@ class _Descent:
         self.stale = True  # no Jacobian for this place
         self.fresh = False  # the Jacobian is by differences at z, not by update
 
-    def run(self) -> Dive:
+    def run(self) -> Refinement:
         """Step until an ending is found."""
         for i in range(self.settings.iterations):
             ending = self.iterate()
             if ending is not None:
-                return Dive(self.z, self.cost, ending, i + 1)
-        return Dive(self.z, self.cost, "limit", self.settings.iterations)
+                return Refinement(self.z, self.cost, ending, i + 1)
+        return Refinement(self.z, self.cost, "limit", self.settings.iterations)
 
     def iterate(self) -> Ending | None:
         """Take one trial step."""
@@ -180,7 +180,7 @@ class _Descent:
     def refresh(self) -> None:
         """Take the Jacobian by differences."""
         J, _ = self.problem.jacobian(self.z, self.rung, self.r)
-        self.differences = Tall.of(J.T, HUGE)
+        self.differences = TallMatrix.of(J.T, HUGE)
         self.updates: list[tuple[FloatArray, FloatArray]] = []
         self.normal = self.differences.gram()
         self.gradient = self.differences.project(self.r)
@@ -254,7 +254,7 @@ class _Descent:
         a pass over it takes longer than a trajectory.
         """
         square = float(step @ step)
-        miss, gradient = r - self.r - self.differences.move(step), self.differences.project(r)
+        miss, gradient = r - self.r - self.differences.apply(step), self.differences.project(r)
         for earlier, missed in self.updates:
             miss -= missed * float(earlier @ step)
             gradient += earlier * inner(missed, r)
@@ -283,7 +283,7 @@ class _Descent:
         s, past = self.settings, self.costs
         if self.crawls():
             return "hopeless"
-        if past[-1] <= self.worthy:
+        if past[-1] <= self.acceptable:
             return None
         if len(past) > s.stall and past[-1] > 0.9 * past[-1 - s.stall] and self.damping > s.stall_damping:
             return "stalled"

@@ -1,7 +1,8 @@
-"""Mutations beyond eq. (6) and (12): against naive twins, and the properties that every operator must have."""
+"""Mutations against naive twins, and the properties that every operator must have."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
@@ -9,10 +10,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stoop.optimize.pieces.bounds import clip, midpoint
-from stoop.optimize.pieces.crossover import binomial
+from stoop.optimize.operators import binomial, midpoint
 from stoop_studies.optimizers.pieces.islands import Islands
-from stoop_studies.optimizers.pieces.mutation import Best2, Localized, Ordered, Rand1, Unordered, distinct
+from stoop_studies.optimizers.pieces.mutation import (
+    Best2,
+    Localized,
+    Ordered,
+    Rand1,
+    Unordered,
+    distinct,
+    ranked,
+)
+from stoop_studies.optimizers.pieces.operators import clip
 from stoop_studies.optimizers.pieces.weighing import Graded, Trigonometric, WeightedCentroid
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -26,6 +35,59 @@ Twin = Callable[[np.ndarray, np.ndarray, np.ndarray, int], np.ndarray]
 def _population(seed: int, n: int = 12, d: int = 4) -> tuple[np.ndarray, np.ndarray]:
     generator = np.random.default_rng(seed)
     return generator.random((n, d)), 5.0 * generator.random(n)
+
+
+@settings(deadline=None)
+@given(SEEDS, st.integers(6, 40), st.integers(1, 4))
+def test_distinct_indices_differ_from_each_other_and_the_parent(seed: int, n: int, k: int) -> None:
+    picks = distinct(n, k, np.random.default_rng(seed))
+    for i, column in enumerate(picks.T.tolist()):
+        assert len({i, *column}) == k + 1
+        assert all(0 <= j < n for j in column)
+
+
+def test_distinct_indices_are_uniform() -> None:
+    counts = Counter[tuple[int, ...]]()
+    generator = np.random.default_rng(1)
+    for _ in range(6000):
+        picks = distinct(5, 3, generator)
+        counts[tuple(picks[:, 0].tolist())] += 1
+    assert len(counts) == 4 * 3 * 2
+    expected = 6000 / 24
+    chi2 = sum((c - expected) ** 2 / expected for c in counts.values())
+    assert chi2 < 49.7  # 99.9 % of chi-square with 23 degrees of freedom
+
+
+def _rand1(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int, j: int) -> float:
+    a, b, c = picks[:, i]
+    return X[c, j] + 0.7 * (X[a, j] - X[b, j])
+
+
+def _best2(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int, j: int) -> float:
+    best = min(range(len(F)), key=lambda m: F[m])
+    a, b, c, d = picks[:, i]
+    return X[best, j] + 0.7 * (X[a, j] - X[b, j] + X[c, j] - X[d, j])
+
+
+def _ordered(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int, j: int) -> float:
+    r1, r2, r3 = sorted(picks[:, i], key=lambda m: F[m])
+    return X[i, j] + 0.7 * (X[r1, j] - X[i, j] + X[r2, j] - X[r3, j])
+
+
+@pytest.mark.parametrize(
+    ("operator", "twin", "k"), [(Rand1(), _rand1, 3), (Best2(), _best2, 4), (Ordered(), _ordered, 3)]
+)
+def test_paper_mutations_equal_their_naive_twins(operator: object, twin: object, k: int) -> None:
+    X, F = _population(5, d=5)
+    mutants = operator(X, F, 0.7, np.random.default_rng(8))
+    picks = distinct(len(X), k, np.random.default_rng(8))
+    naive = np.array([[twin(X, F, picks, i, j) for j in range(X.shape[1])] for i in range(len(X))])
+    assert mutants == pytest.approx(naive, rel=1e-14)
+
+
+def test_ranked_puts_infinite_costs_last() -> None:
+    F = np.array([np.inf, 2.0, 1.0, np.inf, 3.0])
+    assert ranked(np.array([[0], [4], [2]]), F)[:, 0].tolist() == [2, 4, 0]
 
 
 def _unordered(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int) -> np.ndarray:

@@ -1,6 +1,6 @@
 """The long way down: Levenberg-Marquardt with geodesic acceleration, for one hard regression from a far start.
 
-Where `dive` is built to be cheap in trajectories and to let go early, this is built to arrive: a Jacobian in
+Where `refine` is built to be cheap in trajectories and to let go early, this is built to arrive: a Jacobian in
 every iteration, QR instead of normal equations, steps that bend along narrow curved valleys, and a scale that
 remembers, so that parameters do not run off to where nothing depends on them any more. At the end undamped
 Gauss-Newton steps go on as long as they become shorter: a cost shows half of a parameter's digits at most.
@@ -23,7 +23,7 @@ from scipy.linalg import lstsq
 
 from stoop.base.arrays import BoolArray, FloatArray
 from stoop.optimize.ledger import sum_of_squares
-from stoop.optimize.levenberg import LOST, SMALLEST_DAMPING, Dive
+from stoop.optimize.local_refinement import LOST, SMALLEST_DAMPING, Refinement
 from stoop.optimize.problem import Problem
 
 ITERATIONS: Final = 10_000
@@ -47,7 +47,7 @@ class _Place:
     free: BoolArray  # not held at a bound that descent would cross
 
 
-def descend(problem: Problem, z: FloatArray, rung: int, iterations: int = ITERATIONS) -> Dive:
+def descend(problem: Problem, z: FloatArray, rung: int, iterations: int = ITERATIONS) -> Refinement:
     """Minimize the sum of squares from z on one rung, to the last digit.
 
     Parameters
@@ -60,7 +60,7 @@ def descend(problem: Problem, z: FloatArray, rung: int, iterations: int = ITERAT
 
     Returns
     -------
-    Dive
+    Refinement
         Ending "converged" (less than `ARRIVED` of the cost is left to gain), "stalled" (more is left, but no
         step gains it), "limit" or "diverged".
     """
@@ -77,19 +77,19 @@ class _Descent:
         self.damping, self.growth = 0.01, 2.0
         self.scale = np.zeros(problem.dimension + problem.extra)
 
-    def run(self, z: FloatArray, iterations: int) -> Dive:
+    def run(self, z: FloatArray, iterations: int) -> Refinement:
         """Go down, then polish."""
         z = np.clip(z, self.lower, self.upper)
         r = self.residuals(z)
         if not np.isfinite(sum_of_squares(r)):
-            return Dive(z, np.inf, "diverged", 0)
+            return Refinement(z, np.inf, "diverged", 0)
         place = self.place(z, r)
         for i in range(iterations):
             below = self.advance(place)
             if below is None or place.cost - below.cost <= FLAT * place.cost:
                 return self.polished(below or place, i + 1)
             place = below
-        return Dive(place.z, place.cost, "limit", iterations)
+        return Refinement(place.z, place.cost, "limit", iterations)
 
     def residuals(self, z: FloatArray) -> FloatArray:
         """Return the residuals at a point."""
@@ -145,7 +145,7 @@ class _Descent:
         s[free] /= self.scale[free]
         return s
 
-    def polished(self, place: _Place, iterations: int) -> Dive:
+    def polished(self, place: _Place, iterations: int) -> Refinement:
         """Take undamped steps while they become shorter, measured by what they change in the residuals."""
         last = np.inf
         self.damping = 0.0
@@ -159,4 +159,4 @@ class _Descent:
             place, last = self.place(z, self.residuals(z)), length
             iterations += 1
         arrived = last <= ARRIVED * place.cost
-        return Dive(place.z, place.cost, "converged" if arrived else "stalled", iterations)
+        return Refinement(place.z, place.cost, "converged" if arrived else "stalled", iterations)

@@ -1,38 +1,62 @@
-"""What all adapters share: a run of somebody else's search, booked, repeatable, and leaving no traces."""
+"""Optimizers of other libraries behind the interface of this room.
+
+One step is one run of the library to its own end; the next starts from fresh random numbers. Its evaluations count as any
+other optimizer's, and budget, target or Ctrl-C end it in the middle.
+"""
 
 from __future__ import annotations
 
 import importlib
+import threading
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, replace
+from functools import cache
 from io import StringIO
 from types import ModuleType
 from typing import Final
 
 import numpy as np
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController, threadpool_limits
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
-from stoop.optimize.alone import ALONE
-from stoop.optimize.ledger import Halt, Ledger, blank, opened
+from stoop.optimize.ledger import Evaluations, Halt, Ledger
 from stoop.optimize.problem import Problem
-from stoop.optimize.state import Event, State
-from stoop.optimize.stream import from_generator, from_seed
+from stoop.optimize.state import Event, RandomStream, State
 
-LARGE: Final = 1e100  #: instead of an infinite cost, with which other libraries cannot reckon
+LARGE: Final = 1e100  #: stands for an infinite cost, which other libraries cannot handle
 SEEDS: Final = 2**31 - 1
+PROCESS_LOCK: Final = (
+    threading.RLock()
+)  #: for changes that the whole process shares, as the number of BLAS threads
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Limit SciPy and NumPy to one thread: on tiny matrices more only wait, and round differently.
+
+    One caller at a time: two threads that each restore the limit they found could leave the other's.
+    """
+    with PROCESS_LOCK, _blas_threads().limit(limits=1, user_api="blas"):
+        yield
+
+
+@cache
+def _blas_threads() -> ThreadpoolController:
+    """Return the handle of the BLAS libraries; finding them takes a millisecond, and they must be loaded."""
+    importlib.import_module("scipy.optimize")
+    return ThreadpoolController()
 
 
 @dataclass(frozen=True, kw_only=True)
 class LibraryState(State):
-    """Between two runs of a library.
+    """State between two runs of a library.
 
     Attributes
     ----------
-    starts : (k, D), the user's own values that no run has begun from yet
+    starts : (k, D), the user's own values from which no run has started yet
     """
 
     starts: FloatArray
@@ -59,14 +83,14 @@ class Library:
         return LibraryState(
             optimizer=self.name,
             generation=0,
-            stream=from_seed(seed),
-            books=blank(problem),
+            stream=RandomStream.from_seed(seed),
+            evaluations=Evaluations.none(problem),
             starts=np.clip(starts[:, : problem.dimension], 0.0, 1.0),
         )
 
     def step(self, state: LibraryState, problem: Problem) -> tuple[LibraryState, Event]:
         """Run the library once, from the next of the user's own values or from anywhere."""
-        ledger = opened(problem, state.books)
+        ledger = Ledger.at(problem, state.evaluations)
         generator = state.stream.generator()
         anywhere = generator.random(problem.dimension)
         start = state.starts[0] if len(state.starts) else anywhere
@@ -75,8 +99,8 @@ class Library:
         after = replace(
             state,
             generation=state.generation + 1,
-            stream=from_generator(generator),
-            books=ledger.books,
+            stream=RandomStream.of(generator),
+            evaluations=ledger.evaluations,
             starts=state.starts[1:],
         )
         return after, Event("evolution", ledger.cost, ledger.full, f"run {after.generation}")
@@ -86,7 +110,7 @@ class Escape:
     """Carries an exception past a library that would swallow it.
 
     A cost function that raises may leave foreign code in any state. So the exception is kept, the rest of the run
-    sees `LARGE`, and `check` raises what was kept once the library has handed back.
+    sees `LARGE`, and `check` raises what was kept once the library has returned.
     """
 
     def __init__(self, ledger: Ledger) -> None:
@@ -94,7 +118,7 @@ class Escape:
         self.kept: BaseException | None = None
 
     def costs(self, X: FloatArray) -> FloatArray:
-        """Return costs, (n,), of points, (n, D), that the library may reckon with."""
+        """Return finite costs, (n,), of points, (n, D)."""
         if self.kept is None:
             try:
                 return finite_costs(self.ledger, X)
@@ -140,13 +164,10 @@ def require(module: str) -> ModuleType:
 
 @contextmanager
 def _contained() -> Iterator[None]:
-    """Keep what a library warns of and seeds to itself; one BLAS thread, so that it rounds alike.
-
-    One run at a time: global places serve no more.
-    """
-    with ALONE, warnings.catch_warnings(), threadpool_limits(1, user_api="blas"):
+    """Contain a library's warnings and global seeds; one BLAS thread, so that it rounds alike; one run at a time."""
+    with PROCESS_LOCK, warnings.catch_warnings(), threadpool_limits(1, user_api="blas"):
         warnings.simplefilter("ignore")
-        before = np.random.get_state()  # noqa: NPY002 - theirs, and put back as it was
+        before = np.random.get_state()  # noqa: NPY002 - theirs, and restored as it was
         try:
             yield
         finally:

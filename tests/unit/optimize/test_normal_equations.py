@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stoop.optimize.normal import Tall, gram, project, solve_damped
+from stoop.optimize.normal_equations import TallMatrix, gram, project, solve_damped
 
 
 @settings(deadline=None)
@@ -24,14 +24,14 @@ def test_gram_and_project_are_the_plain_products(v: int, n: int) -> None:
 
 CODE = """
 import hashlib, numpy as np
-from stoop.optimize.normal import Tall, gram, project, solve_damped
+from stoop.optimize.normal_equations import TallMatrix, gram, project, solve_damped
 from stoop.optimize.ledger import sum_of_squares
 g = np.random.default_rng(0)
 rows, r = g.standard_normal((60, 30000)), g.standard_normal(30000)
 A = gram(rows)
 b = project(rows, r)
-tall = Tall.of(rows)
-parts = [A, b, solve_damped(A, b, 1e-3), tall.project(r), tall.move(b), np.array(sum_of_squares(r))]
+tall = TallMatrix.of(rows)
+parts = [A, b, solve_damped(A, b, 1e-3), tall.project(r), tall.apply(b), np.array(sum_of_squares(r))]
 print(hashlib.sha256(b"".join(np.ascontiguousarray(p).tobytes() for p in parts)).hexdigest())
 """
 
@@ -90,7 +90,7 @@ def test_a_tall_matrix_is_the_plain_one_without_what_is_lost(v: int, n: int, see
     lost = rows.copy()
     lost[-1, n // 2] = generator.choice([np.nan, np.inf, -1e9])
     rows[-1] = 0.0
-    tall, r, step = Tall.of(lost, 1e9), generator.standard_normal(n), generator.standard_normal(v)
+    tall, r, step = TallMatrix.of(lost, 1e9), generator.standard_normal(n), generator.standard_normal(v)
     assert tall.gram() == pytest.approx(rows @ rows.T, rel=1e-11, abs=1e-9)
     assert tall.project(r) == pytest.approx(rows @ r, rel=1e-11, abs=1e-9)
-    assert tall.move(step) == pytest.approx(step @ rows, rel=1e-11, abs=1e-11)
+    assert tall.apply(step) == pytest.approx(step @ rows, rel=1e-11, abs=1e-11)

@@ -15,13 +15,11 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
-from stoop.optimize.adapters.library import Library, draw_seed, finite_costs, require
 from stoop.optimize.ledger import Ledger
+from stoop.optimize.libraries import Library, draw_seed, finite_costs, require
 
 WIDTH: Final = 0.3  #: first standard deviation, of the box
-RESTARTS: Final = (
-    9  #: with a larger population, as BIPOP is usually run; those with a small one are not counted
-)
+RESTARTS: Final = 9  #: with a larger population, as BIPOP is usually run; those with a small one do not count
 SILENT: Final[dict[str, Any]] = {"verbose": -10, "verb_log": 0, "verb_disp": 0, "signals_filename": None}
 
 

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stoop import optimize
-from stoop.optimize import Ledger, Settings, dive
-from stoop.optimize.ledger import blank
-from stoop.optimize.levenberg import FULL, RUNG
+from stoop.optimize import Ledger, Settings, refine
+from stoop.optimize.ledger import Evaluations
+from stoop.optimize.local_refinement import FULL, RUNG
 
 
 class Quadratic:
@@ -42,15 +42,15 @@ TIGHT = Settings(iterations=200, gain=1e-15, predicted=0.0, stall=200, stall_dam
 
 def test_a_linear_problem_is_solved_whatever_its_units() -> None:
     problem = Quadratic()
-    end = dive(problem, np.full(4, 0.5), 0, TIGHT)
+    end = refine(problem, np.full(4, 0.5), 0, TIGHT)
     assert end.converged
     assert end.z == pytest.approx(np.linalg.lstsq(problem.A, problem.b, rcond=None)[0], rel=1e-4)
 
 
 def test_bounds_hold_the_parameters_but_not_the_nuisances() -> None:
     problem = Quadratic(target=(1.4, 0.6, 0.5, -7.0))
-    ledger = Ledger(problem, blank(problem))
-    end = dive(ledger, np.array([0.5, 0.5, 0.5, 0.0]), 0, TIGHT)
+    ledger = Ledger(problem, Evaluations.none(problem))
+    end = refine(ledger, np.array([0.5, 0.5, 0.5, 0.0]), 0, TIGHT)
     assert ((end.z[:3] >= 0.0) & (end.z[:3] <= 1.0)).all()
     assert end.z[0] == 1.0
     assert end.z[3] < -1.0
@@ -61,15 +61,15 @@ def test_bounds_hold_the_parameters_but_not_the_nuisances() -> None:
 
 
 def test_a_start_outside_the_box_is_taken_inside() -> None:
-    end = dive(Quadratic(), np.array([-3.0, 9.0, 0.5, 0.0]), 0, TIGHT)
+    end = refine(Quadratic(), np.array([-3.0, 9.0, 0.5, 0.0]), 0, TIGHT)
     assert end.converged
     assert ((end.z[:3] >= 0.0) & (end.z[:3] <= 1.0)).all()
 
 
-def test_a_start_that_diverges_is_told() -> None:
+def test_a_start_that_diverges_is_reported() -> None:
     problem = Quadratic()
     problem.b[0] = np.nan
-    end = dive(problem, np.full(4, 0.5), 0)
+    end = refine(problem, np.full(4, 0.5), 0)
     assert (end.ending, end.cost, end.iterations) == ("diverged", np.inf, 0)
 
 
@@ -77,10 +77,10 @@ def test_steps_into_divergence_are_rejected(
     oscillation: Callable[..., Any], near: Callable[[float], np.ndarray]
 ) -> None:
     problem = oscillation(noise=0.0, bias=0.0)
-    free = dive(problem, near(0.95), 2, FULL)
+    free = refine(problem, near(0.95), 2, FULL)
     fence = max(free.z[0], near(0.95)[0]) + 0.05
     problem = oscillation(noise=0.0, bias=0.0, broken=lambda Z: Z[:, 0] > fence)
-    fenced = dive(problem, near(0.95), 2, FULL)
+    fenced = refine(problem, near(0.95), 2, FULL)
     assert free.converged
     assert fenced.converged
     assert fenced.z == pytest.approx(free.z, abs=1e-6)
@@ -88,9 +88,9 @@ def test_steps_into_divergence_are_rejected(
 
 def test_the_ledger_agrees_with_what_was_simulated(oscillation: Callable[..., Any]) -> None:
     problem = oscillation()
-    ledger = Ledger(problem, blank(problem))
-    dive(ledger, np.append(np.full(4, 0.5), 0.0), 1, RUNG)
-    dive(ledger, np.append(np.full(4, 0.4), 0.0), 2, FULL)
+    ledger = Ledger(problem, Evaluations.none(problem))
+    refine(ledger, np.append(np.full(4, 0.5), 0.0), 1, RUNG)
+    refine(ledger, np.append(np.full(4, 0.4), 0.0), 2, FULL)
     assert ledger.spent == pytest.approx(problem.spent)
 
 
@@ -100,9 +100,12 @@ def test_a_dive_agrees_with_a_known_optimum_instead_of_converging(
     near: Callable[[float], np.ndarray],
 ) -> None:
     problem, z = oscillation(), near(0.97)
-    alone, with_optimum = Ledger(problem, blank(problem)), Ledger(problem, blank(problem))
-    whole = dive(alone, z, 2, FULL)
-    short = dive(with_optimum, z, 2, FULL, optimum=whole.cost)
+    alone, with_optimum = (
+        Ledger(problem, Evaluations.none(problem)),
+        Ledger(problem, Evaluations.none(problem)),
+    )
+    whole = refine(alone, z, 2, FULL)
+    short = refine(with_optimum, z, 2, FULL, optimum=whole.cost)
     assert whole.ending == "converged"
     assert whole.cost == pytest.approx(least(problem), rel=1e-6)
     assert short.ending == "agreed"
@@ -113,11 +116,11 @@ def test_a_dive_agrees_with_a_known_optimum_instead_of_converging(
 def test_a_prey_above_the_incumbent_is_let_go(oscillation: Callable[..., Any]) -> None:
     problem = oscillation()
     far = np.array([0.9, 0.0, 0.05, 0.9, 0.0])
-    end = dive(problem, far, 2, FULL, incumbent=1.0, worthy=-np.inf)
+    end = refine(problem, far, 2, FULL, incumbent=1.0, acceptable=-np.inf)
     assert end.ending in ("hopeless", "stalled")
-    worthy = dive(problem, far, 2, FULL, incumbent=1.0)
-    assert worthy.ending in ("converged", "limit")
-    assert worthy.cost <= end.cost
+    followed = refine(problem, far, 2, FULL, incumbent=1.0)
+    assert followed.ending in ("converged", "limit")
+    assert followed.cost <= end.cost
 
 
 @settings(deadline=None, max_examples=60)
@@ -140,7 +143,7 @@ def test_a_dive_never_rises_and_survives_any_garbage(seed: int) -> None:
 
     problem = Garbage()
     start = np.array([0.5, 0.5, 0.5, 0.0])
-    end = dive(problem, start, 0, FULL)
+    end = refine(problem, start, 0, FULL)
     clean = Quadratic().residuals(np.array([start, end.z]), 0)
     if end.ending != "diverged":
         assert np.isfinite(end.z).all()
@@ -170,10 +173,12 @@ class Valley:
 def test_a_dive_that_crawls_is_let_go_once_an_optimum_is_known() -> None:
     """Whatever it is worth: what is far above a known optimum is not held up by noise."""
     start = np.array([0.2, 0.9])
-    alone = dive(Valley(), start, 0, FULL)
+    alone = refine(Valley(), start, 0, FULL)
     assert alone.iterations > 40, "a valley to crawl along"
-    known = dive(Valley(), start, 0, FULL, incumbent=0.01, worthy=1e3, optimum=0.01)
+    known = refine(Valley(), start, 0, FULL, incumbent=0.01, acceptable=1e3, optimum=0.01)
     assert known.ending == "hopeless"
     assert known.iterations < 0.75 * alone.iterations
-    near = dive(Valley(), start, 0, FULL, incumbent=0.9 * alone.cost, worthy=1e3, optimum=0.9 * alone.cost)
+    near = refine(
+        Valley(), start, 0, FULL, incumbent=0.9 * alone.cost, acceptable=1e3, optimum=0.9 * alone.cost
+    )
     assert near.iterations == alone.iterations, "near the optimum noise may hold it up"

@@ -23,11 +23,11 @@ def gram(rows: FloatArray) -> FloatArray:
     order: the sum does not depend on how many threads there are. Variables without a part in a stretch of the
     long axis (the initial states of another maneuver) are left out there.
     """
-    return Tall.of(rows).gram()
+    return TallMatrix.of(rows).gram()
 
 
 @dataclass(frozen=True, eq=False)
-class Tall:
+class TallMatrix:
     """A tall, thin matrix (n, v), by stretches of its long axis, each with the variables that have a part there.
 
     Attributes
@@ -44,7 +44,7 @@ class Tall:
     parts: tuple[FloatArray, ...]
 
     @classmethod
-    def of(cls, rows: FloatArray, largest: float = np.inf) -> Tall:
+    def of(cls, rows: FloatArray, largest: float = np.inf) -> TallMatrix:
         """Take the matrix from its transpose (v, n); a variable with numbers that are not below `largest` has no part."""
         v, n = rows.shape
         stretches = tuple(slice(start, min(start + STRETCH, n)) for start in range(0, n, STRETCH))
@@ -70,7 +70,7 @@ class Tall:
             out[some] += project(part, r[s])
         return out
 
-    def move(self, step: FloatArray) -> FloatArray:
+    def apply(self, step: FloatArray) -> FloatArray:
         """Return its product with a step (v,), (n,)."""
         out = np.empty(self.shape[0])
         for some, s, part in zip(self.present, self.stretches, self.parts, strict=True):
