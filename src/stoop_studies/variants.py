@@ -11,11 +11,12 @@ from typing import Any, Final
 
 from stoop import optimize
 from stoop.errors import IdentificationError
-from stoop.optimize.pieces.initialization import chaos, latin_hypercube, uniform
+from stoop.optimize.operators import latin_hypercube
 from stoop.optimize.state import Optimizer
 from stoop_studies.optimizers.compositions import ps_gde
 from stoop_studies.optimizers.pieces.local_search import LevenbergMarquardt, PreySchedule, SteepestDescent
 from stoop_studies.optimizers.pieces.mutation import Ordered, Unordered
+from stoop_studies.optimizers.pieces.operators import chaos, uniform
 
 PIECES: Final[Mapping[str, Mapping[str, Any]]] = {
     "mutation": {"ordered": Ordered(), "unordered": Unordered()},

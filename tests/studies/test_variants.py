@@ -6,10 +6,10 @@ import pytest
 
 from stoop.errors import IdentificationError
 from stoop.optimize import create
-from stoop.optimize.pieces.initialization import uniform
 from stoop_studies.optimizers.compositions import ps_gde
 from stoop_studies.optimizers.pieces.local_search import LevenbergMarquardt, PreySchedule, SteepestDescent
 from stoop_studies.optimizers.pieces.mutation import Unordered
+from stoop_studies.optimizers.pieces.operators import uniform
 from stoop_studies.variants import build
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from stoop.optimize.pieces.initialization import MEMBERS, chaos
+from stoop.optimize.operators import MEMBERS
 from stoop_studies.optimizers.pieces.control import ByCost, Fixed, Signed
 from stoop_studies.optimizers.pieces.diversity import (
     Acceleration,
@@ -29,6 +29,7 @@ from stoop_studies.optimizers.pieces.mutation import (
     Trigonometric,
     WeightedCentroid,
 )
+from stoop_studies.optimizers.pieces.operators import chaos
 
 ORDERED: Final = Ordered()
 PREY: Final = PreySchedule(SteepestDescent())

@@ -23,11 +23,10 @@ import numpy as np
 from numpy.random import Generator
 
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
-from stoop.optimize.ledger import opened
-from stoop.optimize.pieces.initialization import MEMBERS
+from stoop.optimize.ledger import Ledger
+from stoop.optimize.operators import MEMBERS
 from stoop.optimize.problem import Problem
-from stoop.optimize.state import Event
-from stoop.optimize.stream import from_generator
+from stoop.optimize.state import Event, RandomStream
 from stoop_studies.optimizers.pieces.evolution import PopulationState, first_population
 
 MATINGS: Final = 100  #: tries to fill a generation with children that are new
@@ -135,12 +134,14 @@ class GeneticAlgorithm:
     def init(self, problem: Problem, seed: int, starts: FloatArray) -> PopulationState:
         """Evaluate the first population; the user's own values take the first places."""
         ledger, generator, X, F = first_population(problem, seed, starts, self.members)
-        stream, books = from_generator(generator), ledger.books
-        return PopulationState(optimizer=self.name, generation=0, stream=stream, books=books, X=X, F=F)
+        stream, evaluations = RandomStream.of(generator), ledger.evaluations
+        return PopulationState(
+            optimizer=self.name, generation=0, stream=stream, evaluations=evaluations, X=X, F=F
+        )
 
     def step(self, state: PopulationState, problem: Problem) -> tuple[PopulationState, Event]:
         """Do one generation: as many children as members, and the best of both live on."""
-        ledger = opened(problem, state.books)
+        ledger = Ledger.at(problem, state.evaluations)
         generator = state.stream.generator()
         children = self.children(state.X, state.F, generator)
         costs = ledger.costs(children, ledger.full) if len(children) else np.empty(0)
@@ -151,8 +152,8 @@ class GeneticAlgorithm:
             X=X[best],
             F=F[best],
             generation=state.generation + 1,
-            stream=from_generator(generator),
-            books=ledger.books,
+            stream=RandomStream.of(generator),
+            evaluations=ledger.evaluations,
         )
         return after, Event("evolution", float(F[best[0]]), ledger.full)
 

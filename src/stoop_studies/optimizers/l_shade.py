@@ -24,16 +24,20 @@ import numpy as np
 from numpy.random import Generator
 
 from stoop.base.arrays import BoolArray, FloatArray
-from stoop.optimize.ledger import opened
-from stoop.optimize.pieces.adaptation import FIXED, Memory, fresh_memory, learn_halfway, learn_terminal
-from stoop.optimize.pieces.archive import remember
-from stoop.optimize.pieces.bounds import midpoint
-from stoop.optimize.pieces.crossover import binomial
-from stoop.optimize.pieces.directed import Choice, CurrentToPBest, elite, elite_but_self
+from stoop.optimize.adaptation import ParameterMemory
+from stoop.optimize.ledger import Ledger
+from stoop.optimize.operators import binomial, elite, midpoint, update_archive
 from stoop.optimize.problem import Problem
-from stoop.optimize.state import Event, State
-from stoop.optimize.stream import from_generator
+from stoop.optimize.state import Event, RandomStream, State
 from stoop_studies.optimizers.pieces.evolution import first_population
+from stoop_studies.optimizers.pieces.operators import (
+    FIXED,
+    Choice,
+    CurrentToPBest,
+    elite_but_self,
+    learn_halfway,
+    learn_terminal,
+)
 
 FEWEST: Final = 4  #: members at the end; the mutation needs as many
 PER_VARIABLE: Final = 18  #: members of L-SHADE's first population
@@ -57,11 +61,11 @@ class ShadeState(State):
     X: FloatArray
     F: FloatArray
     archive: FloatArray
-    memory: Memory
+    memory: ParameterMemory
     first: int
 
 
-Learn = Callable[[Memory, FloatArray, FloatArray, FloatArray, BoolArray], Memory]
+Learn = Callable[[ParameterMemory, FloatArray, FloatArray, FloatArray, BoolArray], ParameterMemory]
 Limit = Callable[[FloatArray, FloatArray, float], tuple[FloatArray, FloatArray]]
 
 
@@ -89,7 +93,7 @@ class LinearShade:
     name: str
     budget: float | None
     members: Callable[[int], int]
-    memory: Memory
+    memory: ParameterMemory
     learn: Learn
     limit: Limit
     share: Callable[[float], float]
@@ -103,8 +107,8 @@ class LinearShade:
         return ShadeState(
             optimizer=self.name,
             generation=0,
-            stream=from_generator(generator),
-            books=ledger.books,
+            stream=RandomStream.of(generator),
+            evaluations=ledger.evaluations,
             X=X,
             F=F,
             archive=np.empty((0, problem.dimension)),
@@ -114,9 +118,9 @@ class LinearShade:
 
     def step(self, state: ShadeState, problem: Problem) -> tuple[ShadeState, Event]:
         """Do one generation; a trial as good as its parent replaces it but teaches nothing."""
-        ledger = opened(problem, state.books)
+        ledger = Ledger.at(problem, state.evaluations)
         plan = self.budget if self.budget is not None else float(PLAN * problem.dimension)
-        progress = min(state.books.trajectories / plan, 1.0)
+        progress = min(state.evaluations.trajectories / plan, 1.0)
         generator = state.stream.generator()
         scales, rates = self.limit(*state.memory.sample(len(state.X), generator), progress)
         trials = self._trials(state, scales, rates, progress, generator)
@@ -124,12 +128,12 @@ class LinearShade:
         won, replaced = costs < state.F, costs <= state.F
         with np.errstate(invalid="ignore"):
             gains = state.F - costs
-        archive = remember(state.archive, state.X[won], round(self.archive * len(state.X)), generator)
+        archive = update_archive(state.archive, state.X[won], round(self.archive * len(state.X)), generator)
         X, F = np.where(replaced[:, None], trials, state.X), np.where(replaced, costs, state.F)
         size = max(FEWEST, linear_size(state.first, FEWEST, ledger.spent / plan))
         if size < len(X):
             X, F = keep_best(X, F, size)
-            archive = remember(archive, X[:0], round(self.archive * size), generator)
+            archive = update_archive(archive, X[:0], round(self.archive * size), generator)
         after = replace(
             state,
             X=X,
@@ -137,8 +141,8 @@ class LinearShade:
             archive=archive,
             memory=self.learn(state.memory, scales, rates, gains, won),
             generation=state.generation + 1,
-            stream=from_generator(generator),
-            books=ledger.books,
+            stream=RandomStream.of(generator),
+            evaluations=ledger.evaluations,
         )
         return after, Event("evolution", float(F.min()), ledger.full)
 
@@ -169,7 +173,7 @@ def l_shade(budget: float | None = None) -> LinearShade:
         name="l-shade",
         budget=budget,
         members=lambda dimension: PER_VARIABLE * dimension,
-        memory=fresh_memory(6, scale=0.5, rate=0.5),
+        memory=ParameterMemory.fresh(6, scale=0.5, rate=0.5),
         learn=learn_terminal,
         limit=lambda scales, rates, progress: (scales, rates),
         share=lambda progress: 0.11,
@@ -187,7 +191,7 @@ def jso(budget: float | None = None) -> LinearShade:
         name="jso",
         budget=budget,
         members=lambda dimension: max(FEWEST, round(25.0 * log(dimension) * sqrt(dimension))),
-        memory=Memory(scales, rates, 0),
+        memory=ParameterMemory(scales, rates, 0),
         learn=learn_halfway,
         limit=jso_limit,
         share=lambda progress: JSO_ELITE * (1.0 - 0.5 * progress),

@@ -16,9 +16,10 @@ import numpy as np
 from numpy.random import Generator
 
 from stoop.base.arrays import FloatArray
-from stoop.optimize.adapters.library import Escape, Library, draw_seed, finite_costs, require
 from stoop.optimize.ledger import Ledger
-from stoop.optimize.pieces.initialization import MEMBERS, uniform
+from stoop.optimize.libraries import Escape, Library, draw_seed, finite_costs, require
+from stoop.optimize.operators import MEMBERS
+from stoop_studies.optimizers.pieces.operators import uniform
 
 CHUNK: Final = 20  #: generations of pygmo between two checks of convergence
 SPREAD: Final = 1e-8  #: of the costs, relative, at which a population of pygmo has converged

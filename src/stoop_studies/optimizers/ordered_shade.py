@@ -19,15 +19,12 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.optimize import herd as herds
-from stoop.optimize.herd import Herd
-from stoop.optimize.ledger import Ledger, opened
-from stoop.optimize.levenberg import dive
-from stoop.optimize.pieces.initialization import MEMBERS, latin_hypercube
+from stoop.optimize.ledger import Ledger
+from stoop.optimize.local_refinement import refine
+from stoop.optimize.operators import MEMBERS, latin_hypercube
+from stoop.optimize.population import GROWTH, LARGEST, Population, grown
 from stoop.optimize.problem import Problem
-from stoop.optimize.scalar import has_residuals
-from stoop.optimize.state import Event, State
-from stoop.optimize.stream import from_generator
+from stoop.optimize.state import Event, RandomStream, State
 from stoop_studies.optimizers.pieces.evolution import first_population
 from stoop_studies.optimizers.pieces.local_search import QuasiNewton
 
@@ -43,14 +40,14 @@ class HerdState(State):
 
     Attributes
     ----------
-    herd : the population
-    ends : (m, D), of the local searches
-    size : of the next population
+    population : the population
+    optima : (m, D), of the local searches
+    population_size : of the next population
     """
 
-    herd: Herd
-    ends: FloatArray
-    size: int
+    population: Population
+    optima: FloatArray
+    population_size: int
 
 
 @dataclass(frozen=True)
@@ -72,8 +69,8 @@ class OrderedShade:
 
     name: str = "ordered-shade"
     members: int = MEMBERS
-    growth: float = herds.GROWTH
-    largest: int = herds.LARGEST
+    growth: float = GROWTH
+    largest: int = LARGEST
     elite: float = ELITE
     separation: float = SEPARATION
     quasi_newton: QuasiNewton = field(default_factory=QuasiNewton)
@@ -84,53 +81,57 @@ class OrderedShade:
         return HerdState(
             optimizer=self.name,
             generation=0,
-            stream=from_generator(generator),
-            books=ledger.books,
-            herd=herds.gather(X, F),
-            ends=np.empty((0, problem.dimension)),
-            size=herds.grown(self.members, self.growth, self.largest),
+            stream=RandomStream.of(generator),
+            evaluations=ledger.evaluations,
+            population=Population.first(X, F),
+            optima=np.empty((0, problem.dimension)),
+            population_size=grown(self.members, self.growth, self.largest),
         )
 
     def step(self, state: HerdState, problem: Problem) -> tuple[HerdState, Event]:
         """Do what is next: a new population, a generation or a local search."""
-        ledger = opened(problem, state.books)
+        ledger = Ledger.at(problem, state.evaluations)
         state, event = self._act(state, ledger)
-        return replace(state, books=ledger.books, generation=state.generation + 1), event
+        return replace(state, evaluations=ledger.evaluations, generation=state.generation + 1), event
 
     def _act(self, state: HerdState, ledger: Ledger) -> tuple[HerdState, Event]:
-        if herds.spent(state.herd):
+        if state.population.exhausted:
             return self._restart(state, ledger)
-        if state.herd.age < state.herd.due:
+        if state.population.age < state.population.due:
             return self._evolve(state, ledger)
-        member, herd = herds.prey(state.herd, state.ends, self.separation)
-        state = replace(state, herd=herd)
+        member, population = state.population.next_start(state.optima, self.separation)
+        state = replace(state, population=population)
         return self._evolve(state, ledger) if member is None else self._refine(state, member, ledger)
 
     def _restart(self, state: HerdState, ledger: Ledger) -> tuple[HerdState, Event]:
         """Draw a new, larger population, independent of all earlier results."""
         generator = state.stream.generator()
-        X = latin_hypercube(state.size, ledger.dimension, generator)
-        herd = herds.gather(X, ledger.costs(X, ledger.full))
-        event = Event("evolution", float(herd.F.min()), ledger.full, f"new herd of {len(X)}")
-        size, stream = herds.grown(state.size, self.growth, self.largest), from_generator(generator)
-        return replace(state, herd=herd, ends=state.ends[:0], size=size, stream=stream), event
+        X = latin_hypercube(state.population_size, ledger.dimension, generator)
+        population = Population.first(X, ledger.costs(X, ledger.full))
+        event = Event("evolution", float(population.F.min()), ledger.full, f"new population of {len(X)}")
+        size, stream = grown(state.population_size, self.growth, self.largest), RandomStream.of(generator)
+        return replace(
+            state, population=population, optima=state.optima[:0], population_size=size, stream=stream
+        ), event
 
     def _refine(self, state: HerdState, member: int, ledger: Ledger) -> tuple[HerdState, Event]:
         """Search locally from a member; the end takes its place."""
-        before = float(state.herd.F.min())
-        x, cost = self._search(ledger, state.herd.X[member].copy(), float(state.herd.F[member]), before)
-        herd = herds.settle(state.herd, member, x, cost, cost < before * (1.0 - 1e-12))
-        ends = np.concatenate([state.ends, x[None, :]])
-        return replace(state, herd=herd, ends=ends), Event("dive", cost, ledger.full)
+        before = float(state.population.F.min())
+        x, cost = self._search(
+            ledger, state.population.X[member].copy(), float(state.population.F[member]), before
+        )
+        population = state.population.with_refined(member, x, cost, cost < before * (1.0 - 1e-12))
+        optima = np.concatenate([state.optima, x[None, :]])
+        return replace(state, population=population, optima=optima), Event("refinement", cost, ledger.full)
 
     def _search(
         self, ledger: Ledger, x: FloatArray, cost: float, incumbent: float
     ) -> tuple[FloatArray, float]:
         """Return the end of the local search that suits the problem, and the cost there with the nuisances at zero."""
         above = incumbent if cost > incumbent else np.inf
-        if not has_residuals(ledger):
+        if not ledger.has_residuals:
             return self.quasi_newton(ledger, x, cost, above)
-        end = dive(ledger, np.concatenate([x, np.zeros(ledger.extra)]), ledger.full, incumbent=above)
+        end = refine(ledger, np.concatenate([x, np.zeros(ledger.extra)]), ledger.full, incumbent=above)
         y = end.z[: len(x)]
         # members of the population have their nuisances at zero: only there may they be compared
         lower = float(ledger.costs(y[None, :], ledger.full)[0]) if ledger.extra else end.cost
@@ -139,7 +140,7 @@ class OrderedShade:
     def _evolve(self, state: HerdState, ledger: Ledger) -> tuple[HerdState, Event]:
         """Evolve the population by one generation."""
         generator = state.stream.generator()
-        trials = herds.ask(state.herd, generator, self.elite)
-        herd = herds.tell(state.herd, trials, ledger.costs(trials.X, ledger.full), generator)
-        event = Event("evolution", float(herd.F.min()), ledger.full)
-        return replace(state, herd=herd, stream=from_generator(generator)), event
+        trials = state.population.ask(generator, self.elite)
+        population = state.population.tell(trials, ledger.costs(trials.X, ledger.full), generator)
+        event = Event("evolution", float(population.F.min()), ledger.full)
+        return replace(state, population=population, stream=RandomStream.of(generator)), event

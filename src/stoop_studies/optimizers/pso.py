@@ -16,11 +16,10 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.optimize.ledger import opened
-from stoop.optimize.pieces.initialization import MEMBERS
+from stoop.optimize.ledger import Ledger
+from stoop.optimize.operators import MEMBERS
 from stoop.optimize.problem import Problem
-from stoop.optimize.state import Event, State
-from stoop.optimize.stream import from_generator
+from stoop.optimize.state import Event, RandomStream, State
 from stoop_studies.optimizers.pieces.evolution import first_population
 
 PHI: Final = 2.05  #: weight of a particle's own best, and of the swarm's
@@ -66,12 +65,14 @@ class ParticleSwarm:
         """Evaluate the first places; the user's own values take the first of them."""
         ledger, generator, X, F = first_population(problem, seed, starts, self.members)
         V = FIRST * (2.0 * generator.random(X.shape) - 1.0)
-        stream, books = from_generator(generator), ledger.books
-        return SwarmState(optimizer=self.name, generation=0, stream=stream, books=books, X=X, V=V, B=X, F=F)
+        stream, evaluations = RandomStream.of(generator), ledger.evaluations
+        return SwarmState(
+            optimizer=self.name, generation=0, stream=stream, evaluations=evaluations, X=X, V=V, B=X, F=F
+        )
 
     def step(self, state: SwarmState, problem: Problem) -> tuple[SwarmState, Event]:
         """Move every particle once."""
-        ledger = opened(problem, state.books)
+        ledger = Ledger.at(problem, state.evaluations)
         generator = state.stream.generator()
         own, all_ = generator.random((2, *state.X.shape))
         leader = state.B[state.F.argmin()]
@@ -88,7 +89,7 @@ class ParticleSwarm:
             B=np.where(better[:, None], X, state.B),
             F=np.where(better, costs, state.F),
             generation=state.generation + 1,
-            stream=from_generator(generator),
-            books=ledger.books,
+            stream=RandomStream.of(generator),
+            evaluations=ledger.evaluations,
         )
         return after, Event("evolution", float(costs.min()), ledger.full)

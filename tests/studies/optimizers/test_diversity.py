@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stoop import optimize
-from stoop.optimize.ledger import Ledger, blank
+from stoop.optimize.ledger import Evaluations, Ledger
 from stoop_studies.optimizers.compositions import ps_gde
 from stoop_studies.optimizers.pieces.diversity import (
     Acceleration,
@@ -39,7 +39,7 @@ def selected(X: np.ndarray, improved: bool = False, F: np.ndarray | None = None)
 
 
 def pen() -> Ledger:
-    return Ledger(Bowl(), blank(Bowl()))
+    return Ledger(Bowl(), Evaluations.none(Bowl()))
 
 
 def cloud(n: int = 12, spread: float = 1.0, seed: int = 0) -> np.ndarray:
@@ -158,7 +158,7 @@ def test_a_levenberg_dive_ends_at_the_optimum_and_is_counted(
     oscillation: Callable[..., Any], near: Callable[[float], np.ndarray], extra: int
 ) -> None:
     problem = oscillation(extra=extra, bias=0.0)
-    ledger, x = Ledger(problem, blank(problem)), near(1.02)[:4]
+    ledger, x = Ledger(problem, Evaluations.none(problem)), near(1.02)[:4]
     cost = float(problem.costs(x[None, :], 2)[0])
     problem.spent = 0.0
     y, lower = LevenbergMarquardt()(ledger, x, cost)

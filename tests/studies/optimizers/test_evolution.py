@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 
 from stoop import optimize
-from stoop.optimize.pieces.bounds import clip
-from stoop.optimize.pieces.crossover import binomial
-from stoop.optimize.pieces.initialization import chaos
+from stoop.optimize.operators import binomial
 from stoop_studies.optimizers.compositions import de_best_2_bin, de_rand_1_bin, ps_gde
 from stoop_studies.optimizers.pieces.control import SuccessHistory
 from stoop_studies.optimizers.pieces.diversity import Islands, Whole
 from stoop_studies.optimizers.pieces.mutation import Ordered, Rand1, ScaledByCost, WeightedCentroid, distinct
+from stoop_studies.optimizers.pieces.operators import chaos, clip
 
 MAKERS = [ps_gde, de_rand_1_bin, de_best_2_bin]
 
@@ -48,13 +47,13 @@ def test_local_search_replaces_every_twentieth_generation(oscillation: Callable[
     """Three prey of fifty; each takes D for the gradient, four for the search, one for its end."""
     problem, optimizer = oscillation(), ps_gde()
     state = optimizer.init(problem, 1, np.empty((0, 4)))
-    spent = [state.books.trajectories]
+    spent = [state.evaluations.trajectories]
     kinds = []
     for _ in range(40):
         before = state
         state, event = optimizer.step(state, problem)
         kinds.append(event.kind)
-        spent.append(state.books.trajectories)
+        spent.append(state.evaluations.trajectories)
         if event.kind == "dive":
             worse = np.argsort(before.F)[3:]
             assert (state.X[worse] == before.X[worse]).all()

@@ -11,7 +11,7 @@ from pymoo.algorithms.soo.nonconvex.ga import GA
 from pymoo.core.problem import Problem
 
 from stoop import optimize
-from stoop.optimize.stream import from_seed
+from stoop.optimize.state import RandomStream
 from stoop_studies.optimizers.ga import GeneticAlgorithm, Polynomial, SimulatedBinary, repeated, tournament
 
 
@@ -32,7 +32,7 @@ def theirs(cost: Any, dimension: int, seed: int, generations: int) -> Any:
 
     algorithm = GA(pop_size=50)
     algorithm.setup(Box(), seed=1, termination=("n_gen", generations + 1))
-    algorithm.random_state = from_seed(seed).generator()
+    algorithm.random_state = RandomStream.RandomStream.from_seed(seed).generator()
     while algorithm.has_next():
         algorithm.next()
     return algorithm

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 
 from stoop.optimize import Ledger
-from stoop.optimize.ledger import blank
+from stoop.optimize.ledger import Evaluations
 from stoop_studies.optimizers.pieces.local_search import SteepestDescent, forward_gradient, golden_section
 
 FUNCTIONS = {
@@ -52,7 +52,7 @@ class Bowl:
 
 
 def test_gradient_is_counted_and_right() -> None:
-    ledger = Ledger(Bowl(), blank(Bowl()))
+    ledger = Ledger(Bowl(), Evaluations.none(Bowl()))
     x = np.array([0.2, 1.0, 0.9])
     cost = float(Bowl().costs(x[None, :], 1)[0])
     assert forward_gradient(ledger, x, cost) == pytest.approx(2 * Bowl.weights * (x - 0.45), abs=1e-5)
@@ -60,7 +60,7 @@ def test_gradient_is_counted_and_right() -> None:
 
 
 def test_a_dive_goes_down_the_gradient_and_never_up() -> None:
-    ledger = Ledger(Bowl(), blank(Bowl()))
+    ledger = Ledger(Bowl(), Evaluations.none(Bowl()))
     x = np.array([0.2, 0.3, 0.9])
     cost = float(Bowl().costs(x[None, :], 1)[0])
     y, lower = SteepestDescent()(ledger, x, cost)
@@ -78,7 +78,7 @@ def test_a_dive_from_the_edge_of_divergence_stays() -> None:
         def costs(self, X: np.ndarray, rung: int) -> np.ndarray:
             return np.where(X[:, 0] > 0.2, np.inf, super().costs(X, rung))
 
-    ledger = Ledger(Cliff(), blank(Cliff()))
+    ledger = Ledger(Cliff(), Evaluations.none(Cliff()))
     x = np.array([0.2, 0.3, 0.9])
     y, cost = SteepestDescent()(ledger, x, 1.0)
     assert y is x

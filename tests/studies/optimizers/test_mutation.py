@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stoop.optimize.pieces.bounds import clip, midpoint
-from stoop.optimize.pieces.crossover import binomial
+from stoop.optimize.operators import binomial, midpoint
 from stoop_studies.optimizers.pieces.diversity import Islands
 from stoop_studies.optimizers.pieces.mutation import (
     Best2,
@@ -25,6 +24,7 @@ from stoop_studies.optimizers.pieces.mutation import (
     distinct,
     ranked,
 )
+from stoop_studies.optimizers.pieces.operators import clip
 
 SEEDS = st.integers(0, 2**32 - 1)
 OPERATORS = [

@@ -13,18 +13,15 @@ from typing import Any, Protocol
 from numpy.random import Generator
 
 from stoop.base.arrays import BoolArray, Factor, FloatArray
-from stoop.optimize.ledger import Ledger, blank, opened
-from stoop.optimize.pieces.bounds import clip
-from stoop.optimize.pieces.crossover import binomial
-from stoop.optimize.pieces.initialization import MEMBERS, placed, uniform
-from stoop.optimize.pieces.selection import greedy
+from stoop.optimize.ledger import Evaluations, Ledger
+from stoop.optimize.operators import MEMBERS, binomial, greedy
 from stoop.optimize.problem import Problem
-from stoop.optimize.state import Event, State
-from stoop.optimize.stream import from_generator, from_seed
+from stoop.optimize.state import Event, RandomStream, State
 from stoop_studies.optimizers.pieces.control import Control, Fixed
 from stoop_studies.optimizers.pieces.diversity import AfterSelection, Selected, Structure, Whole
 from stoop_studies.optimizers.pieces.local_search import PreySchedule
 from stoop_studies.optimizers.pieces.mutation import Mutation
+from stoop_studies.optimizers.pieces.operators import clip, placed, uniform
 
 Initialization = Callable[[int, int, Generator], FloatArray]  #: (number, dimension, generator) -> points
 
@@ -75,7 +72,10 @@ def first_population(
         After it.
     X, F : (n, D) and (n,)
     """
-    ledger, generator = opened(problem, blank(problem)), from_seed(seed).generator()
+    ledger, generator = (
+        Ledger.at(problem, Evaluations.none(problem)),
+        RandomStream.RandomStream.from_seed(seed).generator(),
+    )
     X = placed(initialization(members, problem.dimension, generator), starts)
     return ledger, generator, X, ledger.costs(X, ledger.full)
 
@@ -119,8 +119,8 @@ class DifferentialEvolution:
         return PopulationState(
             optimizer=self.name,
             generation=0,
-            stream=from_generator(generator),
-            books=ledger.books,
+            stream=RandomStream.of(generator),
+            evaluations=ledger.evaluations,
             X=X,
             F=F,
             memory=self.control.begin(len(X)),
@@ -128,15 +128,15 @@ class DifferentialEvolution:
 
     def step(self, state: PopulationState, problem: Problem) -> tuple[PopulationState, Event]:
         """Do one generation."""
-        ledger = opened(problem, state.books)
+        ledger = Ledger.at(problem, state.evaluations)
         if self.prey is not None and self.prey.due(state.generation + 1):
             X, F = self.prey.refine(ledger, state.X, state.F)
             after = replace(state, X=X, F=F)
-            event = Event("dive", float(F.min()), ledger.full, f"{self.prey.number(len(X))} prey")
+            event = Event("refinement", float(F.min()), ledger.full, f"{self.prey.number(len(X))} prey")
         else:
             after = self._evolve(state, ledger)
             event = Event("evolution", float(after.F.min()), ledger.full)
-        return replace(after, generation=state.generation + 1, books=ledger.books), event
+        return replace(after, generation=state.generation + 1, evaluations=ledger.evaluations), event
 
     def _evolve(self, state: PopulationState, ledger: Ledger) -> PopulationState:
         """Return the population after mutation, crossover, selection and what follows it."""
@@ -149,4 +149,4 @@ class DifferentialEvolution:
         for operator in self.after_selection:
             X, F = operator(Selected(X, F, state.F), ledger, generator)
         memory = self.control.learn(state.memory, scale, rate, state.F, costs)
-        return replace(state, X=X, F=F, memory=memory, stream=from_generator(generator))
+        return replace(state, X=X, F=F, memory=memory, stream=RandomStream.of(generator))

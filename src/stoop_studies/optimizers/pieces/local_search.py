@@ -14,9 +14,9 @@ from typing import Any, Final, Protocol
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.optimize.alone import one_blas_thread
 from stoop.optimize.ledger import Ledger
-from stoop.optimize.levenberg import FULL, Settings, dive
+from stoop.optimize.libraries import one_blas_thread
+from stoop.optimize.local_refinement import FULL, Settings, refine
 
 BETA: Final = (sqrt(5.0) - 1.0) / 2.0  #: of the golden section
 STEP: Final = 1e-6  #: of the forward difference; a cost is rounded more coarsely than a residual
@@ -139,7 +139,7 @@ class LevenbergMarquardt:
 
     def __call__(self, ledger: Ledger, x: FloatArray, cost: float) -> tuple[FloatArray, float]:
         """Return the end of the descent from x, (D,), and the cost there."""
-        end = dive(ledger, np.concatenate([x, np.zeros(ledger.extra)]), ledger.full, self.settings)
+        end = refine(ledger, np.concatenate([x, np.zeros(ledger.extra)]), ledger.full, self.settings)
         y, lower = end.z[: len(x)], end.cost
         if ledger.extra and lower < cost:
             lower = float(ledger.costs(y[None, :], ledger.full)[0])
