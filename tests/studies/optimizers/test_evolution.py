@@ -54,12 +54,12 @@ def test_local_search_replaces_every_twentieth_generation(oscillation: Callable[
         state, event = optimizer.step(state, problem)
         kinds.append(event.kind)
         spent.append(state.evaluations.trajectories)
-        if event.kind == "dive":
+        if event.kind == "refinement":
             worse = np.argsort(before.F)[3:]
             assert (state.X[worse] == before.X[worse]).all()
             assert (state.F <= before.F).all()
-    assert [i + 1 for i, kind in enumerate(kinds) if kind == "dive"] == [20, 40]
-    assert np.diff(spent).tolist() == [3 * (4 + 4 + 1) if k == "dive" else 50 for k in kinds]
+    assert [i + 1 for i, kind in enumerate(kinds) if kind == "refinement"] == [20, 40]
+    assert np.diff(spent).tolist() == [3 * (4 + 4 + 1) if k == "refinement" else 50 for k in kinds]
 
 
 @pytest.mark.parametrize("make", MAKERS)

@@ -32,7 +32,7 @@ def theirs(cost: Any, dimension: int, seed: int, generations: int) -> Any:
 
     algorithm = GA(pop_size=50)
     algorithm.setup(Box(), seed=1, termination=("n_gen", generations + 1))
-    algorithm.random_state = RandomStream.RandomStream.from_seed(seed).generator()
+    algorithm.random_state = RandomStream.from_seed(seed).generator()
     while algorithm.has_next():
         algorithm.next()
     return algorithm

@@ -74,7 +74,7 @@ def first_population(
     """
     ledger, generator = (
         Ledger.at(problem, Evaluations.none(problem)),
-        RandomStream.RandomStream.from_seed(seed).generator(),
+        RandomStream.from_seed(seed).generator(),
     )
     X = placed(initialization(members, problem.dimension, generator), starts)
     return ledger, generator, X, ledger.costs(X, ledger.full)
