@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.flight.air_data import AirData
 from stoop.flight.flight import Flight
 from stoop.flight.load import load
-from stoop.flight.reconstruction import AirData
 
 
 @pytest.fixture(scope="module")

@@ -95,7 +95,7 @@ def _of_window(
     prepared = prepare(biased, flights, [window])
     begun = [_begun(biased, window, piece) for piece in prepared.pieces]
     pieces = tuple(replace(p, changes={**p.changes, **biases}) for p, _ in begun)
-    notes = tuple(note for note in prepared.notes if not note.endswith(DEFAULTED))
+    notes = tuple(note for note in prepared.notes if not str(note).endswith(DEFAULTED))
     warnings = dict.fromkeys(said for _, said in begun if said)
     return replace(prepared, pieces=pieces, notes=notes, warnings=(*prepared.warnings, *warnings))
 

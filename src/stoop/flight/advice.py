@@ -72,7 +72,9 @@ def unit_faults(channels: Sequence[Channels], places: Mapping[str, str]) -> list
         units = {name: unit for name in group.values if (unit := declared_units.get(name, ""))}
         told = list(_impossible(group, places, units)) or list(_odd_force(group, places, units))
         for name, size, words in told:
-            found.append(described("wrong unit", name, size, float(group.time[0]), float(group.time[-1]), words))
+            found.append(
+                described("wrong unit", name, size, float(group.time[0]), float(group.time[-1]), words)
+            )
     return sorted(found, key=lambda fault: list(VARIABLES).index(fault.variable))
 
 
@@ -195,7 +197,9 @@ def motion_faults(
     found, mended = contradictions(data, rate, own)
     span = float(time[0]), float(time[-1])
     return [
-        described("inconsistent", told[0].change.names[0], told[0].evidence, *span, _contradiction(told, places))
+        described(
+            "inconsistent", told[0].change.names[0], told[0].evidence, *span, _contradiction(told, places)
+        )
         for told in found
     ], mended
 

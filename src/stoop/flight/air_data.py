@@ -160,8 +160,10 @@ def _pitot(air: AirData, slope_prior: float, speed: float, density: float) -> It
         yield notice("pitot-pressure-offset", "airspeed_pitot", reading=rest, pressure=pressure)
         explained = pressure / (density * speed)
         if calibrated and abs(air.pitot_error(speed) - explained) > MAX_PITOT_INCONSISTENCY:
-            values = {"explained": explained, "speed": speed, "error": air.pitot_error(speed)}
-            yield notice("pitot-offset-inconsistent", "airspeed_pitot", **values)
+            error = air.pitot_error(speed)
+            yield notice(
+                "pitot-offset-inconsistent", "airspeed_pitot", explained=explained, speed=speed, error=error
+            )
 
 
 def _other_winds(air: AirData, log_wind: LogWind) -> Iterator[Notice]:
@@ -172,10 +174,14 @@ def _other_winds(air: AirData, log_wind: LogWind) -> Iterator[Notice]:
             [air.wind_n_std, air.wind_e_std], [north_std, east_std]
         )
         distance = float(np.sqrt(np.mean(scaled**2)))
-        values = {"north": north, "north_std": north_std, "east": east, "east_std": east_std}
-        agrees = distance < MAX_DISAGREEMENT
-        code = "sideslip-wind-agrees" if agrees else "sideslip-wind-disagrees"
-        yield notice(code, distance=distance, **values)
+        yield notice(
+            "sideslip-wind-agrees" if distance < MAX_DISAGREEMENT else "sideslip-wind-disagrees",
+            north=north,
+            north_std=north_std,
+            east=east,
+            east_std=east_std,
+            distance=distance,
+        )
     if log_wind.known and "log" not in air.method:
         yield notice(
             "logged-wind-unused",

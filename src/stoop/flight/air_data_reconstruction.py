@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -270,9 +270,7 @@ def _log_wind(record: _Record, samples: Airborne) -> LogWind:
     return LogWind(wind.mean(axis=0), wind.std(axis=0))
 
 
-def _best_wind(
-    samples: Airborne, log_wind: LogWind, prior: Prior, sideslip: Fit | None
-) -> tuple[str, Fit]:
+def _best_wind(samples: Airborne, log_wind: LogWind, prior: Prior, sideslip: Fit | None) -> tuple[str, Fit]:
     """Trust the pitot when it determines the wind, else the most certain of the other estimates."""
     with_pitot = samples.with_pitot()
     pitot: list[Evidence] = []
@@ -318,7 +316,8 @@ def _air_data(record: _Record, samples: Airborne, motion: Smoothed) -> AirData:
     speed = float(np.median(air_relative(samples.velocity, theta)[1]))
     smoothing = float(np.nanmedian(motion.std)) if np.isfinite(motion.std).any() else 0.0
     rms = found.rms[0] if found.rms else NAN
-    pitot, calibration = "pitot" in method, {}
+    pitot = "pitot" in method
+    calibration: dict[str, Any] = {}
     if pitot:
         calibration = {
             "pitot_scale": float(1.0 / theta[SLOPE]),

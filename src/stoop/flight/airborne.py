@@ -119,9 +119,7 @@ def rotor_pulses(flight: Flight) -> list[str]:
     }
     finite = {name: x[np.isfinite(x)] for name, x in columns.items()}
     levels = {name: float(np.median(x)) for name, x in finite.items() if x.size and np.ptp(x) > 0.0}
-    running = {
-        name: level for name, level in levels.items() if RUNNING_PULSES[0] < level < RUNNING_PULSES[1]
-    }
+    running = {name: level for name, level in levels.items() if RUNNING_PULSES[0] < level < RUNNING_PULSES[1]}
     usual = float(np.median([*running.values()])) if running else 0.0
     names = [n for n, level in running.items() if abs(level - usual) < LEVEL_SPREAD * (usual - 1000.0)]
     if len(names) < MIN_PULSE_MOTORS or not {"p", "q"} <= flight.names:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -85,7 +85,11 @@ def with_true_airspeed(
     source = sources[EQUIVALENT]
     columns = {**data, TRUE: data[EQUIVALENT] * np.sqrt(SEA_LEVEL_DENSITY / density)}
     median = float(np.median(density))
-    values = {"source": source.source, "density": median, "factor": float(np.sqrt(SEA_LEVEL_DENSITY / median))}
+    values: dict[str, Any] = {
+        "source": source.source,
+        "density": median,
+        "factor": float(np.sqrt(SEA_LEVEL_DENSITY / median)),
+    }
     found = (
         notice("true-airspeed", TRUE, method=method, **values)
         if method

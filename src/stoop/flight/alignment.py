@@ -32,7 +32,9 @@ from stoop.flight.time_delay import Lag, Signal, find_lag, with_drift
 from stoop.logs import Recording
 
 MIN_CORRELATION: Final = 0.5  #: below which a shift means nothing
-MAX_ATTITUDE_DELAY: Final = 1.0  #: s; an attitude that comes later than this was not estimated from these rates
+MAX_ATTITUDE_DELAY: Final = (
+    1.0  #: s; an attitude that comes later than this was not estimated from these rates
+)
 MIN_SHIFT: Final = 0.02  #: s; smaller disagreements are not worth a suggestion
 QUANTITIES: Final = {
     "p": "roll rate, measured or from the attitude",
@@ -137,7 +139,12 @@ def align(
     notices = []
     for one in alignments:
         lag = one.lag(recording, supply)
-        values = {"shift": lag.shift, "std": lag.sigma, "correlation": lag.correlation, "overlap": lag.overlap}
+        values = {
+            "shift": lag.shift,
+            "std": lag.sigma,
+            "correlation": lag.correlation,
+            "overlap": lag.overlap,
+        }
         notices.append(
             notice("clock-aligned", one.stream, reference=one.reference, using=lag.using, **values)
         )

@@ -268,7 +268,9 @@ def _values(stream: Stream, source: Source) -> dict[str, FloatArray]:
     for i, variable in enumerate(source.variables):
         weights = source.columns[i]
         if set(weights) <= set(stream.columns):
-            with np.errstate(over="ignore", invalid="ignore"):  # impossible values are dropped later, with a notice
+            with np.errstate(
+                over="ignore", invalid="ignore"
+            ):  # impossible values are dropped later, with a notice
                 total = sum(weight * stream.columns[name] for name, weight in weights.items())
                 x = np.asarray(total) * source.factors[i] + source.offsets[i]
             good = stream.columns.get(source.valid[i]) if source.valid[i] else None
@@ -345,8 +347,8 @@ def unmapped(mapping: FlightMapping, recording: Recording) -> dict[str, tuple[st
     named: dict[str, set[str]] = {}
     for source in mapping.sources:
         columns = {name for columns in source.columns for name in columns}
-        for stream in [source.stream] if source.stream else recording.streams:
-            named.setdefault(stream, set()).update(columns, source.valid, {source.stamp})
+        for topic in [source.stream] if source.stream else recording.streams:
+            named.setdefault(topic, set()).update(columns, source.valid, {source.stamp})
     clocks = {clock.column for clock in (*mapping.clocks.values(), mapping.clock) if clock is not None}
     left: dict[str, tuple[str, ...]] = {}
     for name, stream in recording.streams.items():

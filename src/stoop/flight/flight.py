@@ -141,7 +141,12 @@ def dataset(time: FloatArray, data: Mapping[str, FloatArray]) -> xr.Dataset:
     columns = {}
     for name, x in data.items():
         known = VARIABLES[name]
-        texts = {"units": known.unit, "long_name": known.meaning, "frame": known.frame, "positive": known.sign}
+        texts = {
+            "units": known.unit,
+            "long_name": known.meaning,
+            "frame": known.frame,
+            "positive": known.sign,
+        }
         columns[name] = ("time", x, {key: value for key, value in texts.items() if value})
     clock = ("time", time, {"units": "s", "long_name": "time on the log's own clock"})
     return xr.Dataset(columns, coords={"time": clock})

@@ -101,7 +101,15 @@ def _gridded(path: Path, recording: Recording, mapped: Mapped, rate: float) -> F
         *(fault.notice for fault in faults),
     )
     return Flight(
-        flight_name(path), path, dataset(grid.time, data), rate, sources, notices, None, faults, mapped.unmapped
+        flight_name(path),
+        path,
+        dataset(grid.time, data),
+        rate,
+        sources,
+        notices,
+        None,
+        faults,
+        mapped.unmapped,
     )
 
 

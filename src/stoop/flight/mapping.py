@@ -230,8 +230,7 @@ def _line(place: str, name: str, line: VariableTable) -> Group:
         raise FlightError(f"{at} is no variable of stoop; {nearest(name, VARIABLES)}")
     shared = line.model_dump(exclude={"column", "file", "stream"})
     stream = line.stream if "stream" in line.model_fields_set else line.file
-    columns = [line.column] if isinstance(line.column, dict) else line.column
-    table = SourceTable(variables=[name], columns=columns, stream=stream, **shared)
+    table = SourceTable(variables=[name], columns=[line.column], stream=stream, **shared)
     return Group((replace(_source(at, table), required=not line.optional),))
 
 

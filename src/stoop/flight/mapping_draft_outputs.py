@@ -111,7 +111,11 @@ class Outputs:
     def _told(self, said: str) -> str:
         """Return what is unsure of a motor: its number, its range."""
         number = "" if self.functions or self.called else "a motor by what it turns, check its number; "
-        return f"unsure: {number}" if number or not said.startswith(_MOTORS) else ""
+        return (
+            f"unsure: {number}"
+            if number or not said.startswith(tuple(f"by {low}" for low, _ in RANGES))
+            else ""
+        )
 
     def _range(self, pulse: str) -> tuple[float, float, str]:
         """Return idle and full of a motor in us, and the parameters that say so."""
@@ -154,8 +158,9 @@ def turning(signals: Mapping[str, Signal]) -> list[str]:
 
 def _driving(pulses: Sequence[str]) -> list[str]:
     """Say what to do with the pulses of motors that the ready mapping takes."""
+    idle, full = DEFAULT_RANGE
     return [
         "",
         f"# {' '.join(pulses)} turn the vehicle against one another, as motors do: name each as the channel of its rotor in",
-        f"# the vehicle file, with gain = {1.0 / (DEFAULT_RANGE[1] - DEFAULT_RANGE[0]):g} and idle = {DEFAULT_RANGE[0]:g} (yours) under [rotors].",
+        f"# the vehicle file, with gain = {1.0 / (full - idle):g} and idle = {idle:g} (yours) under [rotors].",
     ]

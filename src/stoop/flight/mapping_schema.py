@@ -19,7 +19,9 @@ from stoop.errors import LogError
 TimeUnit: TypeAlias = Literal["s", "ms", "us", "ns"]
 Text: TypeAlias = Annotated[str, Field(min_length=1)]
 Number: TypeAlias = Annotated[float, Field(gt=-1e300, lt=1e300)]
-Columns: TypeAlias = str | Annotated[dict[str, Number], Field(min_length=1)]  #: one column, or weights of a sum
+Columns: TypeAlias = (
+    str | Annotated[dict[str, Number], Field(min_length=1)]
+)  #: one column, or weights of a sum
 FrameName: TypeAlias = Literal["frd", "flu", "ned", "enu", "nwu"]
 MixerKind: TypeAlias = Literal["v-tail", "inverted v-tail", "elevon", "flaperon"]
 Quantity: TypeAlias = Literal["p", "q", "r", "psi_dot", "turning", "vn", "ve", "vd", "load"]

@@ -14,8 +14,8 @@ from stoop.base.rotations import wrap
 from stoop.base.units import DEGREE, FACTORS, KINDS, STANDARD_GRAVITY, ZEROS
 from stoop.base.variables import VARIABLES
 from stoop.flight.advice import RANGES
-from stoop.flight.time_delay import Signal
 from stoop.flight.plausible import LIMITS
+from stoop.flight.time_delay import Signal
 from stoop.logs.mapping import PULSES
 
 SPAN: Final = 0.2  #: s over which an angle is differenced

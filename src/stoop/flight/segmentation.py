@@ -133,7 +133,9 @@ def _stack(columns: Mapping[str, FloatArray], names: Sequence[str], size: int) -
 def _holes(flight: Flight, t: FloatArray, missing: BoolArray) -> list[Notice]:
     """Name the holes of the inputs; a single sample at the edge is the rounding of the window, no hole."""
     holes = [
-        run for run in run_slices(missing) if run.stop - run.start > 1 or not {run.start, run.stop} & {0, t.size}
+        run
+        for run in run_slices(missing)
+        if run.stop - run.start > 1 or not {run.start, run.stop} & {0, t.size}
     ]
     if len(holes) <= MAX_LISTED:
         return [

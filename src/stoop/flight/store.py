@@ -78,13 +78,17 @@ def restore(recording: Recording, name: str) -> Flight:
         if "air" in content:
             entries = json.loads(content["air"])
             found = _notices({key: entries.pop(key) for key in (NOTICES, "notes") if key in entries})
-            numbers = {key: tuple(x) if isinstance(x, list) else x for key, x in entries.items()}
+            numbers: dict[str, Any] = {
+                key: tuple(x) if isinstance(x, list) else x for key, x in entries.items()
+            }
             traces = recording.streams.get(AIR)
             curves = {} if traces is None else {"time": traces.time, **traces.columns}
             air = AirData(**numbers, notices=found, traces=curves)
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError):
         raise LogError(f"{recording.path}: {_FOREIGN}") from None
-    uniform = rate > 0.0 and math.isfinite(rate) and bool(np.all(np.abs(np.diff(stream.time) * rate - 1.0) < 1e-2))
+    uniform = (
+        rate > 0.0 and math.isfinite(rate) and bool(np.all(np.abs(np.diff(stream.time) * rate - 1.0) < 1e-2))
+    )
     possible = bool(data) and not any((np.abs(values) > MAX_VALUE).any() for values in data.values())
     if not (uniform and possible and set(data) <= set(sources)):
         raise LogError(f"{recording.path}: {_FOREIGN}")
@@ -98,7 +102,7 @@ def _notices(content: Mapping[str, Any]) -> tuple[Notice, ...]:
         found = tuple(from_dict(entry) for entry in content[NOTICES])
         _ = [str(one) for one in found]  # raises where a value that the sentence needs is missing
         return found
-    return tuple(notice("remark", text=str(sentence)) for sentence in content["notes"])
+    return tuple(notice("untyped-flight-note", text=str(sentence)) for sentence in content["notes"])
 
 
 def _fault(content: Mapping[str, Any]) -> Fault:

@@ -65,7 +65,7 @@ def describe(flight: Flight) -> FlightSummary:
     useless = []
     missing = tuple(n for n in RATES if n not in flight.data or not np.isfinite(flight.column(n)).any())
     if missing:
-        useless.append(notice("rates-not-recorded", variables=missing))
+        useless.append(notice("no-body-rates", variables=missing))
     if not motors_ran(flight):
         useless.append(notice("motors-never-ran"))
     return FlightSummary(flight, rows, tuple(find_maneuvers(flight)), (*flight.notices, *useless))

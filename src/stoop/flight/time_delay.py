@@ -70,7 +70,9 @@ class Lag:
     def trusted(self) -> bool:
         """Whether records are alike when shifted so, and nowhere else (Fisher's z of both correlations)."""
         z, other = (np.arctanh(min(x, MAX_CORRELATION)) for x in (self.correlation, self.rival))
-        return bool(self.correlation >= MIN_CORRELATION and (z - other) * np.sqrt(0.5 * self.samples) > MIN_SEPARATION)
+        return bool(
+            self.correlation >= MIN_CORRELATION and (z - other) * np.sqrt(0.5 * self.samples) > MIN_SEPARATION
+        )
 
     def moved(self, time: FloatArray) -> FloatArray:
         """Return times [s] of the moved clock as the other one shows them."""
@@ -262,4 +264,6 @@ def _masked(
     power_b = np.maximum(correlated(b**2, holds_a) - sum_b**2 / safe, 0.0)
     power = np.sqrt(power_a * power_b)
     floor = 1e-6 * float(np.sqrt((a @ a) * (b @ b))) + 1e-300
-    return np.where(power > floor, (correlated(b, a) - sum_a * sum_b / safe) / np.maximum(power, floor), 0.0), n
+    return np.where(
+        power > floor, (correlated(b, a) - sum_a * sum_b / safe) / np.maximum(power, floor), 0.0
+    ), n

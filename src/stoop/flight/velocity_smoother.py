@@ -27,6 +27,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.units import DEGREE, STANDARD_GRAVITY
 from stoop.flight.gridding import complete
@@ -34,7 +35,9 @@ from stoop.flight.instrument_errors import prior_std
 
 SIZE: Final = 7  #: of the state: velocity (3), accelerometer bias (3), heading error (1)
 VELOCITY_PRIOR: Final = 100.0  #: m/s, standard deviation of a velocity of which nothing is known
-BIAS_PRIOR: Final = 0.5  #: m/s2; wider than that of the instrument, for errors of roll and pitch look like a bias
+BIAS_PRIOR: Final = (
+    0.5  #: m/s2; wider than that of the instrument, for errors of roll and pitch look like a bias
+)
 BIAS_WALK: Final = 0.01  #: m/s2 per square root of a second: 0.1 m/s2 in 100 s
 HEADING_PRIOR: Final = prior_std("psi.bias")
 HEADING_WALK: Final = 0.1 * DEGREE  #: per square root of a second: random walk of a compass and its filter

@@ -119,9 +119,7 @@ def default_prior(rest_offset: float) -> Prior:
     """Return the priors of the instrument errors, the offset of the pitot about what it reads at rest."""
     offset = rest_offset if np.isfinite(rest_offset) else 0.0
     names = ("wind.n", "wind.e", "airspeed_pitot.scale", "airspeed_pitot.bias", "beta.bias")
-    return Prior(
-        np.array([0.0, 0.0, 1.0, offset, 0.0, 0.0]), np.array([*map(prior_std, names), KAPPA_PRIOR])
-    )
+    return Prior(np.array([0.0, 0.0, 1.0, offset, 0.0, 0.0]), np.array([*map(prior_std, names), KAPPA_PRIOR]))
 
 
 @dataclass(frozen=True)

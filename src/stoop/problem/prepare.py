@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice
 from stoop.errors import FlightError, VehicleError
 from stoop.flight import Flight, Segment, segments
-from stoop.flight.segments import SHORTEST
+from stoop.flight.segmentation import MIN_SEGMENT
 from stoop.problem import Nuisance, Piece
 from stoop.problem.start import first_complete, guess_start, state_channels
 from stoop.problem.windows import Window
@@ -37,7 +38,7 @@ class Prepared:
     windows : tuple of Window
         One per maneuver.
     pieces : tuple of Piece
-    notes : tuple of str
+    notes : tuple of Notice or str
         What was trimmed, split or dropped.
     warnings : tuple of str
         What makes the result doubtful.
@@ -45,7 +46,7 @@ class Prepared:
 
     windows: tuple[Window, ...]
     pieces: tuple[Piece, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Notice | str, ...]
     warnings: tuple[str, ...] = ()
 
     def of_maneuver(self, maneuver: int) -> list[int]:
@@ -62,7 +63,7 @@ def prepare(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[W
         A channel that the vehicle needs is not in the flight, or nothing observable is.
     """
     pieces: list[Piece] = []
-    notes: list[str] = []
+    notes: list[Notice | str] = []
     for index, window in enumerate(windows):
         cut, said = _pieces(vehicle, flights[window.flight], window, index)
         pieces += cut
@@ -70,11 +71,14 @@ def prepare(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[W
     return Prepared(tuple(windows), tuple(pieces), tuple(notes))
 
 
-def _pieces(vehicle: Vehicle, flight: Flight, window: Window, index: int) -> tuple[list[Piece], list[str]]:
+def _pieces(
+    vehicle: Vehicle, flight: Flight, window: Window, index: int
+) -> tuple[list[Piece], list[Notice | str]]:
     inputs = list(vehicle.recorded)
     extras = _extras(vehicle, flight)
     flight = with_average_voltage(vehicle, flight)
-    found, notes = segments(flight, window.start, window.stop, inputs, vehicle.outputs, extras)
+    found, cut = segments(flight, window.start, window.stop, inputs, vehicle.outputs, extras)
+    notes: list[Notice | str] = [*cut]
     if not any(np.isfinite(s.z).any() for s in found):
         raise FlightError(
             f"{window}: none of {', '.join(vehicle.outputs)} was recorded there; choose another window"
@@ -87,7 +91,7 @@ def _pieces(vehicle: Vehicle, flight: Flight, window: Window, index: int) -> tup
         notes += said
     if not out:
         raise FlightError(
-            f"{window}: nowhere {SHORTEST:g} s in which its whole state was measured; choose another window"
+            f"{window}: nowhere {MIN_SEGMENT:g} s in which its whole state was measured; choose another window"
         )
     return out, notes
 
@@ -121,7 +125,7 @@ def _piece(
     first = first_complete(readings)
     notes = [f"{window}: begins at {segment.t[first]:.2f} s, where its state was measured"] if first else []
     t = segment.t[first:]
-    if t[-1] - t[0] < 0.9 * SHORTEST:
+    if t[-1] - t[0] < 0.9 * MIN_SEGMENT:
         return None, [
             f"{window}: {segment.t[0]:.2f}:{segment.t[-1]:.2f} was dropped: its state was measured too late"
         ]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from stoop.base.rotations import continuous, euler_angles, product, quaternions_of
-from stoop.flight.between import following_rates, integrated
-from stoop.flight.build import build
+from stoop.flight.attitude_interpolation import integrated, interpolate_by_rates
 from stoop.flight.channels import Channels
+from stoop.flight.gridding import grid_channels
 
 RATES = ("p", "q", "r")
 
@@ -33,10 +33,10 @@ def recorded(slow: np.ndarray, fast: np.ndarray, bias: float = 0.0) -> list[Chan
 
 def off(channels: list[Channels], follow: bool) -> tuple[float, str]:
     """Return the largest error of phi and theta on the grid, rad, and what was said."""
-    grid, data, sources = build(channels, 100.0, "test")
+    grid, data, sources = grid_channels(channels, 100.0, "test")
     note = ""
     if follow:
-        data, note = following_rates(grid, data, sources, channels)
+        data, note = interpolate_by_rates(grid, data, sources, channels)
     truth = wobbling(grid.time)[0]
     there = np.isfinite(data["q0"]) & np.isfinite(data["p"])
     found = np.column_stack([data["phi"], data["theta"]])
@@ -63,8 +63,8 @@ def test_holes_stay() -> None:
     slow = slow[(slow < 6.0) | (slow > 7.5)]
     fast = fast[(fast < 12.0) | (fast > 13.0)]
     channels = recorded(slow, fast)
-    grid, data, sources = build(channels, 100.0, "test")
-    after, _ = following_rates(grid, data, sources, channels)
+    grid, data, sources = grid_channels(channels, 100.0, "test")
+    after, _ = interpolate_by_rates(grid, data, sources, channels)
     np.testing.assert_array_equal(np.isnan(after["q0"]), np.isnan(data["q0"]))
     np.testing.assert_array_equal(np.isnan(after["phi"]), np.isnan(data["phi"]))
     assert off(channels, True)[0] < 0.03
@@ -74,7 +74,7 @@ def test_fast_attitudes_and_slow_rates_are_left() -> None:
     fast = recorded(np.arange(0.0, 5.0, 0.02), np.arange(0.0, 5.0, 0.004))
     slow = recorded(np.arange(0.0, 5.0, 0.1), np.arange(0.0, 5.0, 0.1))
     for channels in (fast, slow, slow[:1], slow[1:]):
-        grid, data, sources = build(channels, 100.0, "test")
-        after, note = following_rates(grid, data, sources, channels)
+        grid, data, sources = grid_channels(channels, 100.0, "test")
+        after, note = interpolate_by_rates(grid, data, sources, channels)
         assert note == ""
         assert all(after[name] is data[name] for name in data)

@@ -10,9 +10,9 @@ import pytest
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, LogError
 from stoop.flight import load
+from stoop.flight.alignment import lateness, quantities, read_alignments
 from stoop.flight.channels import Channels
-from stoop.flight.clocks import lateness, quantities, read_alignments
-from stoop.flight.lag import Lag, find_lag, with_drift
+from stoop.flight.time_delay import Lag, find_lag, with_drift
 
 RNG = np.random.default_rng(7)
 TONES = [

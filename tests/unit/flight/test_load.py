@@ -11,8 +11,8 @@ from stoop.base.units import FACTORS
 from stoop.base.variables import variable
 from stoop.errors import FlightError, LogError, StoopError
 from stoop.flight import OUTPUTS, VARIABLES, Flight, from_columns, load
+from stoop.flight.flight import flight_name
 from stoop.flight.load import with_air, without
-from stoop.flight.make import named
 from stoop.logs.ulog_write import Topic, ulog
 
 MAPPING = """[time]
@@ -142,7 +142,7 @@ def test_wild_times_do_not_fill_the_memory(tmp_path: Path) -> None:
 
 
 def test_names_lose_their_endings() -> None:
-    assert [named(Path(p)) for p in ("a/b.csv.gz", "a/b.ulg", "b.nc", "x/flight2", "v1.2.csv")] == [
+    assert [flight_name(Path(p)) for p in ("a/b.csv.gz", "a/b.ulg", "b.nc", "x/flight2", "v1.2.csv")] == [
         "b",
         "b",
         "b",

@@ -10,7 +10,7 @@ import pytest
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import LogError, StoopError
-from stoop.flight.mapped import Mapped, apply
+from stoop.flight.apply_mapping import Mapped, apply_mapping
 from stoop.flight.mapping import READY, read_flight_mapping, ready
 from stoop.logs import Recording, Stream
 
@@ -24,7 +24,7 @@ def stream(**columns: FloatArray | float) -> Stream:
 def mapped(folder: Path, text: str, **streams: Stream) -> Mapped:
     path = folder / "m.toml"
     path.write_text(text)
-    return apply(read_flight_mapping(path), Recording(Path("log"), "mat", streams))
+    return apply_mapping(read_flight_mapping(path), Recording(Path("log"), "mat", streams))
 
 
 def values(found: Mapped) -> dict[str, FloatArray]:
@@ -32,7 +32,7 @@ def values(found: Mapped) -> dict[str, FloatArray]:
 
 
 def first(name: str, format_: str, streams: dict[str, Stream]) -> dict[str, float]:
-    found = apply(ready(name), Recording(Path("log"), format_, streams))
+    found = apply_mapping(ready(name), Recording(Path("log"), format_, streams))
     return {variable: float(x[0]) for variable, x in values(found).items()}
 
 
@@ -114,7 +114,7 @@ def test_an_attitude_of_one_form_takes_the_place_of_the_other(tmp_path: Path) ->
 
 def test_an_empty_wind_and_unused_outputs_are_left_out() -> None:
     streams = {"RCOU": stream(C1=1500.0, C2=0.0), "XKF2": stream(VWN=0.0, VWE=0.0)}
-    found = apply(ready("ardupilot"), Recording(Path("l"), "dataflash", streams))
+    found = apply_mapping(ready("ardupilot"), Recording(Path("l"), "dataflash", streams))
     assert set(values(found)) == {"pwm_1"}
 
 
@@ -162,7 +162,7 @@ def test_crazyflie() -> None:
     found = {
         name: x[0]
         for name, x in values(
-            apply(ready("crazyflie"), Recording(Path("l"), "crazyflie", {"any": card}))
+            apply_mapping(ready("crazyflie"), Recording(Path("l"), "crazyflie", {"any": card}))
         ).items()
     }
     g = 9.80665
@@ -180,18 +180,20 @@ def test_px4_of_a_hovering_vehicle() -> None:
         "esc_status": stream(**{"esc[0].esc_rpm": 3000.0, "esc[1].esc_rpm": 0.0}),
         "rpm": stream(rpm_estimate=9.0),
     }
-    found = values(apply(ready("px4"), Recording(Path("l"), "ulog", streams)))
+    found = values(apply_mapping(ready("px4"), Recording(Path("l"), "ulog", streams)))
     assert found["control_throttle"][0] == pytest.approx(0.6)
     assert found["rotor_1"][0] == pytest.approx(100.0 * math.pi)
     still = {**streams, "vehicle_thrust_setpoint": stream(**{f"xyz[{i}]": 0.0 for i in range(3)})}
-    assert (values(apply(ready("px4"), Recording(Path("l"), "ulog", still)))["control_throttle"] == 0.0).all()
+    assert (
+        values(apply_mapping(ready("px4"), Recording(Path("l"), "ulog", still)))["control_throttle"] == 0.0
+    ).all()
 
 
 def test_a_unit_that_the_file_contradicts_is_told(tmp_path: Path) -> None:
     path = tmp_path / "m.toml"
     path.write_text('[variables]\np = {stream = "g", column = "x", unit = "deg/s"}\n')
     log = Recording(Path("log"), "dataflash", {"g": stream(x=1.0)}, units={"g": {"x": "rad/s"}})
-    (note,) = apply(read_flight_mapping(path), log).notes
+    (note,) = apply_mapping(read_flight_mapping(path), log).notes
     assert "variables.p says deg/s, the file itself rad/s" in note
 
 

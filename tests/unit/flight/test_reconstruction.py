@@ -15,8 +15,8 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from stoop.base.rotations import matrices_of, quaternions_of
-from stoop.flight.reconstruction import reconstruct
-from stoop.flight.smoother import (
+from stoop.flight.air_data_reconstruction import reconstruct
+from stoop.flight.velocity_smoother import (
     BIAS_PRIOR,
     BIAS_WALK,
     HEADING_PRIOR,

@@ -15,7 +15,7 @@ from hypothesis.extra import numpy as hnp
 from stoop.base.arrays import FloatArray
 from stoop.errors import LogError, OutputError, StoopError
 from stoop.flight import Fault, Flight, from_columns, load, save
-from stoop.flight.reconstruction import AirData
+from stoop.flight.air_data import AirData
 
 any_file = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 finite = st.floats(-1e6, 1e6) | st.just(float("nan"))

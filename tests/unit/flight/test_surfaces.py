@@ -11,8 +11,8 @@ import pytest
 from stoop.base.arrays import FloatArray
 from stoop.errors import LogError
 from stoop.flight import load
+from stoop.flight.calibration import Surfaces, deflections, read_surfaces
 from stoop.flight.channels import Channels
-from stoop.flight.surfaces import Surfaces, deflections, read_surfaces
 
 POINTS = "points = [[1100, -0.4], [1500, 0.0], [1900, 0.38]]\n"
 

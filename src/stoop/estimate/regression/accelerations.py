@@ -18,11 +18,11 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import FloatArray, run_slices
 from stoop.estimate.regression.domain import Domain
 from stoop.estimate.regression.least_squares import Block, Priors, Solved, solve
 from stoop.estimate.regression.measured import FORCES, RATES, lagged
-from stoop.flight.segments import SHORTEST, runs
+from stoop.flight.segmentation import MIN_SEGMENT
 from stoop.problem import Layout, Nuisance, Piece
 from stoop.problem.start import through_air
 from stoop.simulate import parameter_rows
@@ -178,9 +178,9 @@ def stretches(vehicle: Vehicle, piece: Piece) -> list[Stretch]:
     """Return the stretches of a piece in which the motion was measured whole, with its accelerations."""
     needed = [vehicle.outputs.index(c) for c in (*_MOTION, *FORCES)]
     there = np.asarray(np.isfinite(piece.measured[:, needed]).all(axis=1))
-    least = max(8, round(SHORTEST / piece.dt))
+    least = max(8, round(MIN_SEGMENT / piece.dt))
     out = []
-    for run in runs(there):
+    for run in run_slices(there):
         if run.stop - run.start >= least:
             time = piece.time[run]
             rates = [piece.measured[run, vehicle.outputs.index(c)] for c in RATES]

@@ -26,9 +26,9 @@ from typing import Final
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import FloatArray, run_slices
 from stoop.estimate.regression.measured import FORCES, RATES, Measured, complete, measured, states
-from stoop.flight.segments import SHORTEST, runs
+from stoop.flight.segmentation import MIN_SEGMENT
 from stoop.problem import Piece
 from stoop.vehicle import Vehicle, terms
 from stoop.vehicle.schema import Term
@@ -85,9 +85,9 @@ def histories(vehicle: Vehicle, piece: Piece) -> tuple[History, ...]:
     made_of = variables(vehicle, found)
     present = np.zeros(len(piece.time), dtype=np.bool_)
     present[found.kept] = True
-    least = max(FEWEST, round(0.5 * SHORTEST / piece.dt))
+    least = max(FEWEST, round(0.5 * MIN_SEGMENT / piece.dt))
     position = np.cumsum(present) - 1
-    stretches = [slice(position[r.start], position[r.stop - 1] + 1) for r in runs(present)]
+    stretches = [slice(position[r.start], position[r.stop - 1] + 1) for r in run_slices(present)]
     return tuple(
         _history(vehicle, piece, found, base, gains, made_of, s)
         for s in stretches

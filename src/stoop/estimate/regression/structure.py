@@ -104,7 +104,7 @@ def determine(
         )
     _check_variables(vehicle, {c: candidates[c] for c in known}, found[0])
     chosen = {c: _chosen(vehicle, c, tuple(candidates[c]), found, choose, domain) for c in known}
-    return Structure(chosen, found, tuple(dict.fromkeys((*prepared.warnings, *prepared.notes))))
+    return Structure(chosen, found, tuple(dict.fromkeys(map(str, (*prepared.warnings, *prepared.notes)))))
 
 
 def _check_variables(vehicle: Vehicle, candidates: Mapping[str, Sequence[str]], history: History) -> None:

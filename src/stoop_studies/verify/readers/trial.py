@@ -199,7 +199,7 @@ def _of_flight(flight: Flight) -> Told:
     _see_clock(flight.time)
     for name in sorted(map(str, flight.data.data_vars)):
         _add(check, name, flight.data[name].to_numpy())
-    return Told(check.hexdigest(), _lines(flight.notes))
+    return Told(check.hexdigest(), _lines(map(str, flight.notices)))
 
 
 def _see_clock(time: Any) -> None:
