@@ -193,8 +193,9 @@ def test_a_unit_that_the_file_contradicts_is_told(tmp_path: Path) -> None:
     path = tmp_path / "m.toml"
     path.write_text('[variables]\np = {stream = "g", column = "x", unit = "deg/s"}\n')
     log = Recording(Path("log"), "dataflash", {"g": stream(x=1.0)}, units={"g": {"x": "rad/s"}})
-    (note,) = apply_mapping(read_flight_mapping(path), log).notes
-    assert "variables.p says deg/s, the file itself rad/s" in note
+    (found,) = apply_mapping(read_flight_mapping(path), log).notices
+    assert (found.code, found.subject) == ("unit-contradicted", "g.x")
+    assert (found.values["unit"], found.values["stated"]) == ("deg/s", "rad/s")
 
 
 GOOD = '[variables]\np = {stream = "g", column = "x", unit = "rad/s"}\n'
@@ -210,19 +211,19 @@ GOOD = '[variables]\np = {stream = "g", column = "x", unit = "rad/s"}\n'
         (GOOD.replace("rad/s", "m/s"), r"'m/s' is a speed, but p is a rate of turn; write one of rad/s"),
         (GOOD.replace("rad/s", "rads"), r"unit = 'rads' is unknown; did you mean"),
         (GOOD.replace('"x",', '"x", frame = "enu",'), r"frame = enu says nothing about p"),
-        (GOOD.replace('"x",', '"x", frame = "xyz",'), r"frame is unknown; write one of frd, flu"),
-        (GOOD.replace('"x",', '"x", gain = 1,'), r"variables\.p\.gain is unknown; the keys are"),
-        (GOOD.replace("[variables]", "[variable]"), "unknown table 'variable'"),
+        (GOOD.replace('"x",', '"x", frame = "xyz",'), r"variables\.p\.frame: it must be 'frd', 'flu'"),
+        (GOOD.replace('"x",', '"x", gain = 1,'), r"variables\.p\.gain: unknown key"),
+        (GOOD.replace("[variables]", "[variable]"), "variable: unknown key; .*did you mean variables"),
         (GOOD + 'vn = {stream = "g", column = "x", unit = "m/s", frame = "enu"}', "vn alone; name vn, ve, vd together"),
         ('extends = "px5"', "there is no ready mapping 'px5'; did you mean px4"),
         ("", "it names no variable"),
         ('[group.a]\nvariables = ["p", "q"]\nstream = "g"\ncolumns = "x"', "2 variables, but 1 columns"),
         ('[group.a]\nvariables = ["pwm_{1..900}"]\nstream = "g"\ncolumns = "x"', "stands for nothing, or for more than"),
-        ('[group.a]\nvariables = ["p"]\nstream = "g"\ncolumns = "x"\nchoose = "best"', "choose is unknown"),
-        ('[group.a]\nvariables = ["p"]\nstream = "g"\ncolumns = [{}]', "a sum of no columns"),
-        ("[group]\na = 1", r"group\.a is not a table"),
+        ('[group.a]\nvariables = ["p"]\nstream = "g"\ncolumns = "x"\nchoose = "best"', r"group\.a\.choose: it must be 'fastest'"),
+        ('[group.a]\nvariables = ["p"]\nstream = "g"\ncolumns = [{}]', r"group\.a\.columns"),
+        ("[group]\na = 1", r"group\.a: this must be a table"),
         ('[clock.g]\ncolumn = "t"\nunit = "s"\n' + GOOD, r"clock\.g\.column = 't' is not in g"),
-        ('[time]\ncolumn = "t"\nunit = "h"\n' + GOOD, r"time\.unit = 'h' is no unit of time"),
+        ('[time]\ncolumn = "t"\nunit = "h"\n' + GOOD, r"time\.unit: it must be 's', 'ms'"),
     ],
 )  # fmt: skip
 def test_each_mistake_is_one_line(tmp_path: Path, text: str, words: str) -> None:
@@ -232,5 +233,5 @@ def test_each_mistake_is_one_line(tmp_path: Path, text: str, words: str) -> None
 
 
 def test_a_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="the mapping cannot be read"):
+    with pytest.raises(LogError, match="cannot read the mapping file"):
         read_flight_mapping(tmp_path / "no.toml")

@@ -40,7 +40,7 @@ def test_no_value_in_a_gap_and_a_value_everywhere_else(gaps: list[float]) -> Non
 @given(steps)
 def test_stretches_hold_every_sample_that_has_a_near_neighbor(gaps: list[float]) -> None:
     time = times(gaps)
-    parts = stretches(time, time)
+    parts = stretches(time)
     limit = longest_allowed(time)
     covered = np.zeros(time.size, dtype=bool)
     for part in parts:

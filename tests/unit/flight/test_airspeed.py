@@ -51,7 +51,7 @@ def wavering(level: float) -> np.ndarray:
 
 
 def told(flight: Flight) -> str:
-    return next((note for note in flight.notes if "equivalent airspeed" in note), "")
+    return next((str(found) for found in flight.notices if found.code.startswith("true-airspeed")), "")
 
 
 BARO = table("BARO", Press=STANDARD[0])

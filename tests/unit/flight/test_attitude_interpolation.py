@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from stoop.base.notices import Notice
 from stoop.base.rotations import continuous, euler_angles, product, quaternions_of
-from stoop.flight.attitude_interpolation import integrated, interpolate_by_rates
+from stoop.base.variables import RATES
+from stoop.flight.attitude_interpolation import integrate_rates, interpolate_by_rates
 from stoop.flight.channels import Channels
 from stoop.flight.gridding import grid_channels
-
-RATES = ("p", "q", "r")
 
 
 def wobbling(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -31,22 +32,22 @@ def recorded(slow: np.ndarray, fast: np.ndarray, bias: float = 0.0) -> list[Chan
     ]
 
 
-def off(channels: list[Channels], follow: bool) -> tuple[float, str]:
-    """Return the largest error of phi and theta on the grid, rad, and what was said."""
+def off(channels: list[Channels], follow: bool) -> tuple[float, list[Notice]]:
+    """Return the largest error of phi and theta on the grid, rad, and the notices."""
     grid, data, sources = grid_channels(channels, 100.0, "test")
-    note = ""
+    notices: list[Notice] = []
     if follow:
-        data, note = interpolate_by_rates(grid, data, sources, channels)
+        data, notices = interpolate_by_rates(grid, data, sources, channels)
     truth = wobbling(grid.time)[0]
     there = np.isfinite(data["q0"]) & np.isfinite(data["p"])
     found = np.column_stack([data["phi"], data["theta"]])
-    return float(np.max(np.abs(found - truth[:, :2])[there])), note
+    return float(np.max(np.abs(found - truth[:, :2])[there])), notices
 
 
 def test_rates_are_integrated() -> None:
     t = np.arange(0.0, 10.0, 0.01)
     angles, rates = wobbling(t)
-    turned = product(np.repeat(quaternions_of(angles[:1]), len(t), axis=0), integrated(rates, 100.0))
+    turned = product(np.repeat(quaternions_of(angles[:1]), len(t), axis=0), integrate_rates(rates, 100.0))
     np.testing.assert_allclose(euler_angles(turned)[:, :2], angles[:, :2], atol=2e-3)
 
 
@@ -55,7 +56,7 @@ def test_quick_motion_between_slow_samples() -> None:
     before, after = off(channels, False)[0], off(channels, True)
     assert before > 0.1
     assert after[0] < 0.03, "the ends of filtered rates are the worst"
-    assert after[1] == "the attitude was logged at 5 Hz; between its samples it follows the rates"
+    assert [(n.code, n.values["rate"]) for n in after[1]] == [("attitude-follows-rates", pytest.approx(5.0))]
 
 
 def test_holes_stay() -> None:
@@ -75,6 +76,6 @@ def test_fast_attitudes_and_slow_rates_are_left() -> None:
     slow = recorded(np.arange(0.0, 5.0, 0.1), np.arange(0.0, 5.0, 0.1))
     for channels in (fast, slow, slow[:1], slow[1:]):
         grid, data, sources = grid_channels(channels, 100.0, "test")
-        after, note = interpolate_by_rates(grid, data, sources, channels)
-        assert note == ""
+        after, notices = interpolate_by_rates(grid, data, sources, channels)
+        assert notices == []
         assert all(after[name] is data[name] for name in data)
