@@ -31,7 +31,7 @@ from stoop.results.result import (
     SensorBiases,
     WindEstimate,
 )
-from stoop.vehicle.latex import equations, symbols
+from stoop.vehicle.notation import symbols
 from stoop.workflow.curves import Flown, maneuver_curves
 from stoop.workflow.errorbars import ErrorBars
 from stoop.workflow.evidence import with_evidence
@@ -70,7 +70,7 @@ def assemble(
         result=replace(result, seconds=time.perf_counter() - began),
         traces=traces,
         vehicle=vehicle.name,
-        equations=equations(vehicle),
+        equations=vehicle.kernel().latex,
         convergence=fit.outcome.history,
         units=_units(vehicle.outputs, vehicle.inputs, vehicle.controls),
         symbols=symbols(vehicle),

@@ -18,7 +18,7 @@ from stoop.flight.maneuvers import find_maneuvers
 from stoop.problem.windows import Window, parse_window
 from stoop.results.result import Identification, ManeuverResult, ManeuverTrace
 from stoop.vehicle import Vehicle
-from stoop.vehicle.latex import equations, symbols
+from stoop.vehicle.notation import symbols
 from stoop.workflow.curves import Flown, maneuver_curves
 from stoop.workflow.identified import Identified, read_identified
 from stoop.workflow.outputs import RESULT
@@ -263,7 +263,7 @@ def _identification(
         result=result,
         traces=traces,
         vehicle=vehicle.name,
-        equations=equations(vehicle),
+        equations=vehicle.kernel().latex,
         units=_units(vehicle),
         symbols=symbols(vehicle),
         statements=vehicle.file.notes,
