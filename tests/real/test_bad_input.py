@@ -15,7 +15,7 @@ from stoop.flight import Flight, load
 from stoop.vehicle.load import parse_vehicle
 from stoop.vehicle.plausible import inertia_doubts
 from stoop.workflow import identify
-from stoop.workflow.run import Job
+from stoop.workflow.identification import Job
 
 BUDGET = Options(budget=400.0)
 
