@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -11,13 +12,14 @@ from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
 from stoop.estimate.equation_error import equation_error
-from stoop.estimate.noise import effective_variance, first_variance
+from stoop.estimate.noise import effective_variance, first_variance, noise_variance
 from stoop.estimate.ratios import with_mass_held
 from stoop.estimate.rotors_seen import check_motors, check_rotors
 from stoop.flight import Flight
-from stoop.optimize.ledger import Halt, blank
-from stoop.optimize.levenberg import FULL
+from stoop.optimize.ledger import Evaluations, Halt
+from stoop.optimize.local_refinement import FULL
 from stoop.problem import Layout, Misfit, Weights
+from stoop.problem.evidence import Evidence, simulation_evidence
 from stoop.problem.misfit import horizon_ladder
 from stoop.problem.prepare import Prepared, nuisances, prepare
 from stoop.problem.windows import Window
@@ -71,32 +73,6 @@ class Options:
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
-    """What the estimates of a method rest on; k = parameters, nuisances, then whatever else it estimates.
-
-    Attributes
-    ----------
-    residuals : tuple of (n, n_y)
-        Of each piece, whitened; NaN where nothing was measured.
-    jacobians : tuple of (n, n_y, k)
-        Derivatives of what was subtracted from the measurements, likewise whitened, per SI unit.
-    information : (k, k)
-        What is known beside these residuals: priors, and what the size of the residuals tells.
-    edges : tuple of tuple of int
-        Where windows of each piece begin, and its length, where windows begin anew: residuals are then no stationary
-        noise, but the same from window to window. Else empty.
-    gaps : tuple of ((w - 1, e), (w - 1, e, k))
-        Residuals and derivatives, whitened, of how each piece's windows meet, where `edges` are; in `information` too.
-    """
-
-    residuals: tuple[FloatArray, ...]
-    jacobians: tuple[FloatArray, ...]
-    information: FloatArray
-    edges: tuple[tuple[int, ...], ...] = ()
-    gaps: tuple[tuple[FloatArray, FloatArray], ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
 class Fit:
     """A finished search.
 
@@ -121,12 +97,14 @@ class Fit:
         residuals.
     covariance : (D + E, D + E), optional
         Of parameters and nuisances in SI, where the method gives it with the estimates.
-    evidence : Evidence, optional
-        Residuals and sensitivities, where they are not those of the simulation.
+    own_evidence : Evidence, optional
+        Where it is not that of the simulation, see :attr:`evidence`.
     simulated : tuple of (n, n_y), optional
         Readings of each piece, where they are not those of one simulation from its first sample.
     white : (D + E, D + E), optional
         Like `covariance`, as if residuals were white, where the method looked at their color.
+    noise_given : bool
+        Whether the covariance of the measurement noise was given and not estimated.
     """
 
     problem: Misfit
@@ -139,9 +117,23 @@ class Fit:
     statements: tuple[str, ...] = field(default=())
     noise: FloatArray | None = None
     covariance: FloatArray | None = None
-    evidence: Evidence | None = None
+    own_evidence: Evidence | None = None
     simulated: tuple[FloatArray, ...] | None = None
     white: FloatArray | None = None
+    noise_given: bool = False
+
+    @cached_property
+    def evidence(self) -> Evidence:
+        """What the estimates rest on, for error bars; a regression that gives none has `covariance`."""
+        return self.own_evidence or simulation_evidence(self.problem, self.z, self.inflation)
+
+    @property
+    def inflation(self) -> float:
+        """By how much the variance in the weights exceeds that of the residuals, for their correlation."""
+        if self.noise_given or self.noise is not None:
+            return 1.0
+        ratio = np.diag(self.problem.weights.covariance) / noise_variance(self.problem, self.z)
+        return float(np.median(ratio))
 
     @property
     def estimates(self) -> dict[str, float]:
@@ -334,7 +326,8 @@ def refine(
     notes = () if rested or outcome.status == "interrupted" else (UNRESTED,)
     spent += outcome.trajectories
     warnings = (*prepared.warnings, *notes)
-    return Fit(problem, prepared, z, outcome, _cost(problem, z), spent, warnings)
+    cost = _cost(problem, z)
+    return Fit(problem, prepared, z, outcome, cost, spent, warnings, noise_given=not estimate_noise)
 
 
 @dataclass(frozen=True, eq=False)
@@ -348,11 +341,11 @@ class _End:
 
 def _dive(problem: Misfit, z: FloatArray, settings: optimize.Settings, budget: float = np.inf) -> _End:
     """Dive on the full record; Ctrl-C or an empty purse keeps the best so far."""
-    ledger = optimize.Ledger(problem, blank(problem), budget)
+    ledger = optimize.Ledger(problem, Evaluations.none(problem), budget)
     try:
-        end = optimize.dive(ledger, z, len(problem.prices) - 1, settings)
+        end = optimize.refine(ledger, z, len(problem.prices) - 1, settings)
     except (KeyboardInterrupt, Halt) as reason:
-        books = ledger.books
+        books = ledger.evaluations
         best = books.best if np.isfinite(books.cost) else z
         return _End(best, books.trajectories, getattr(reason, "status", "interrupted"))
     return _End(end.z if np.isfinite(end.cost) else z, ledger.spent)

@@ -16,10 +16,11 @@ from stoop.estimate.filter_error.gains import Gain, Steady, Varying
 from stoop.estimate.filter_error.likelihood import Likelihood
 from stoop.estimate.filter_error.noise import Noise, first_guess
 from stoop.estimate.filter_error.scoring import ITERATIONS, Ascent, Slope, ascend, slope
-from stoop.estimate.fit import Evidence, Fit, Options, pose, starts
+from stoop.estimate.fit import Fit, Options, pose, starts
 from stoop.flight import Flight
 from stoop.optimize.minimize import Status
 from stoop.problem import Layout, Misfit, Nuisance
+from stoop.problem.evidence import Evidence, PieceEvidence, Unknown, unknowns_of
 from stoop.problem.prepare import Prepared
 from stoop.problem.windows import Window
 from stoop.simulate.delays import output_delays
@@ -188,22 +189,25 @@ def _fit(
         warnings,
         statements=_statements(likelihood, tail, at),
         noise=np.where(np.eye(len(noise)) > 0.0, noise, 0.0),
-        evidence=_evidence(likelihood, best.z, at),
+        own_evidence=_evidence(likelihood, best.z, at),
     )
 
 
 def _evidence(likelihood: Likelihood, z: FloatArray, at: Slope) -> Evidence:
     """Return innovations and sensitivities per SI unit (of logarithms, for the noise)."""
-    scales = np.concatenate([likelihood.problem.layout.scales, np.ones(likelihood.noise.size)])
-    residuals, jacobians = [], []
-    information = likelihood.prior(z)[1]
+    noise, layout = likelihood.noise, likelihood.problem.layout
+    scales = np.concatenate([layout.scales, np.ones(noise.size)])
+    pieces, prior = [], likelihood.prior(z)[1]
     for piece, found in zip(likelihood.problem.pieces, at.pieces, strict=True):
-        whole = np.zeros((*found.white.shape, likelihood.size))
-        whole[:, :, found.entries] = -found.slopes
-        residuals.append(np.where(np.isfinite(piece.measured), found.white, np.nan))
-        jacobians.append(whole / scales)
-        information[np.ix_(found.entries, found.entries)] += found.spread_information
-    return Evidence(tuple(residuals), tuple(jacobians), information / np.outer(scales, scales))
+        jacobian = np.zeros((*found.white.shape, likelihood.size))
+        jacobian[:, :, found.entries] = -found.slopes
+        residual = np.where(np.isfinite(piece.measured), found.white, np.nan)
+        pieces.append(PieceEvidence(residual, jacobian / scales))
+        prior[np.ix_(found.entries, found.entries)] += found.spread_information
+    known = likelihood.size - noise.size
+    intensities = [Unknown(f"noise {i}", "noise", float(x), 1.0) for i, x in enumerate(z[known:])]
+    unknowns = (*unknowns_of(layout, z[:known]), *intensities)
+    return Evidence(unknowns, tuple(pieces), prior / np.outer(scales, scales))
 
 
 def _statements(likelihood: Likelihood, tail: FloatArray, at: Slope) -> tuple[str, ...]:

@@ -150,7 +150,7 @@ class MultipleShooting:
             warnings,
             statements=tuple(statements),
             noise=np.diag(_noise(found.meeting, place)),
-            evidence=evidence(found.meeting, place),
+            own_evidence=evidence(found.meeting, place),
             simulated=found.meeting.simulated(place),
         )
 

@@ -42,7 +42,7 @@ def test_truth_lies_within_the_error_bars(gusty_start, gusty_flight):
 
 def test_innovations_are_white(gusty_start, gusty_flight):
     found, _ = scores(gusty_start, gusty_flight, "filter-error")
-    for residual in found.evidence.residuals:
+    for residual in (piece.residual for piece in found.evidence.pieces):
         lag = np.mean(residual[1:] * residual[:-1], axis=0) / np.mean(residual**2, axis=0)
         assert np.abs(lag).max() < 4.0 / np.sqrt(len(residual))
         assert np.mean(residual**2) == pytest.approx(1.0, abs=0.1)
