@@ -10,6 +10,7 @@ import numpy as np
 
 from stoop.assess.covariance import intervals_95
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import of_severity
 from stoop.estimate.excitation import too_few
 from stoop.estimate.fit import Fit, Options
 from stoop.estimate.noise import noise_variance
@@ -64,7 +65,8 @@ def assemble(
     result = _result(fit, bars, maneuvers, flights, inputs, options)
     result = replace(result, modes=modes(fit, result.covariance.names, result.covariance.matrix))
     result = with_evidence(result, fit, bars)
-    doubts = (said for group in groups if group.role == "validation" for said in group.prepared.warnings)
+    predicted_notices = [n for g in groups if g.role == "validation" for n in g.prepared.notices]
+    doubts = map(str, of_severity(predicted_notices, "warning"))
     result = replace(result, warnings=(*result.warnings, *doubts, *_trimmed(groups)))
     return Identification(
         result=replace(result, seconds=time.perf_counter() - began),
@@ -75,7 +77,7 @@ def assemble(
         units=_units(vehicle.outputs, vehicle.inputs, vehicle.controls),
         symbols=symbols(vehicle),
         statements=(
-            *fit.statements,
+            *map(str, of_severity(fit.notices, "info")),
             *_ratios(fit, result),
             *statements(vehicle, flights, color),
         ),
@@ -87,7 +89,7 @@ def assemble(
 
 def _trimmed(groups: Sequence[Flown]) -> list[str]:
     """Return what was cut from windows that reach beyond the record."""
-    notes = dict.fromkeys(note for g in groups for note in g.prepared.notes)
+    notes = dict.fromkeys(str(note) for g in groups for note in g.prepared.notices)
     return [f"{note}." for note in notes if TRIMMED in note]
 
 
@@ -140,7 +142,12 @@ def _result(
 
 def _notes(flights: Mapping[str, Flight], groups: Sequence[Flown]) -> tuple[str, ...]:
     of_flights = [note for flight in flights.values() for note in flight.notes]
-    return tuple(dict.fromkeys([*of_flights, *(note for g in groups for note in g.prepared.notes)]))
+    return tuple(dict.fromkeys([*of_flights, *_prepared(groups)]))
+
+
+def _prepared(groups: Sequence[Flown]) -> list[str]:
+    """Return how windows were prepared."""
+    return [str(n) for g in groups for n in of_severity(g.prepared.notices, "info")]
 
 
 def _noise(fit: Fit, options: Options) -> FloatArray:

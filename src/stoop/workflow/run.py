@@ -152,7 +152,7 @@ def search(
     vehicle = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     methods.find(options.method)
     known = _by_name(_each(flights))
-    method = methods.chosen(options.method, vehicle, known.values())
+    method = methods.choose_method(options.method, vehicle, known.values())
     options = replace(options, method=method.name)
     fitted, predicted = _windows(maneuvers, validate, known)
     for name in dict.fromkeys(w.flight for w in (*fitted, *predicted)):
@@ -161,8 +161,7 @@ def search(
     known = {name: without_faults(without(flight, _spans(name, predicted))) for name, flight in known.items()}
     prepare(vehicle, known, predicted)  # so that its errors come before the search
     found = methods.find(method.name).fitter()(vehicle, known, fitted, options, callback, state)
-    if method.why:
-        found = replace(found, statements=(method.why, *found.statements))
+    found = replace(found, notices=(*method.notices, *found.notices))
     read = (Path(vehicle.where), *flight_files(known.values()), *files)
     return Search(found, known, predicted, options, inputs, read, began, command)
 

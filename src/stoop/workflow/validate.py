@@ -10,6 +10,7 @@ from pathlib import Path
 from stoop.assess.baseline import BaselineManeuver
 from stoop.assess.record import Validation
 from stoop.base.files import write_text_atomic
+from stoop.base.notices import of_severity
 from stoop.errors import FlightError, StoopError
 from stoop.estimate.mismatch import check_inputs
 from stoop.estimate.predict import predicted
@@ -194,8 +195,8 @@ def _assembled(
         found, drawn = maneuver_curves(vehicle, [Flown("validation", prepared, simulated)], learned)
         results += found
         traces += drawn
-        notes += [*flight.notes, *prepared.notes]
-        doubts += prepared.warnings
+        notes += [*flight.notes, *map(str, of_severity(prepared.notices, "info"))]
+        doubts += map(str, of_severity(prepared.notices, "warning"))
     doubts = [*_doubts(identified, results), *doubts]
     record = _record(identified, flights, tuple(results), doubts, tuple(dict.fromkeys(notes)), command)
     return Validated(record, _identification(identified, record, doubts, tuple(traces)))

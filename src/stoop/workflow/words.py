@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from stoop.estimate.excitation import excitation_warnings
+from stoop.base.notices import of_severity
+from stoop.estimate.excitation import excitation_notices
 from stoop.estimate.fit import Fit
 from stoop.estimate.mismatch import unlike
 from stoop.estimate.motors_swapped import swapped_motors
@@ -60,7 +61,7 @@ def warnings(
     out += _not_measured(fit, maneuvers)
     out += strange_motors(fit.problem.layout.vehicle, flights, fit.prepared.windows)
     out += swapped_motors(fit.problem.layout.vehicle, flights, fit.prepared.windows)
-    out += excitation_warnings(fit.problem, fit.z, slowest_rate(fit, flights))
+    out += map(str, excitation_notices(fit.problem, fit.z, slowest_rate(fit, flights)))
     held = [name for name, p in parameters.items() if p.at_bound]
     if held:
         out.append(
@@ -78,7 +79,7 @@ def warnings(
             out.append(
                 f"{m.flight} {m.start:g}:{m.stop:g} ({m.role}): no better than a first-order lag in {', '.join(weak)}."
             )
-    out += list(fit.warnings)
+    out += map(str, of_severity((*fit.prepared.notices, *fit.notices), "warning"))
     return tuple(out)
 
 
