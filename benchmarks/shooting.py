@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from stoop.estimate.shooting.windows import Shots, measured_states
 
 from benchmarks.clock import interleave, ratio
 from benchmarks.table import Row
 from stoop.cli import demo
 from stoop.estimate.fit import Options, estimation_problem
+from stoop.estimate.shooting.windows import Shots, measured_states
 from stoop.problem import Misfit
 from stoop.problem.windows import Window
 from stoop.simulate import parse_maneuver, simulate_flight

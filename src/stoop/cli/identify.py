@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from stoop.vehicle import Vehicle
     from stoop.workflow import Job
     from stoop.workflow.checkpoint import Checkpoint
+    from stoop.workflow.identification import Search
     from stoop.workflow.repeat import Alone
-    from stoop.workflow.run import Search
 
 _WINDOW = "[FLIGHT@]START:STOP[#LOADING]"
 _INTERRUPTED = 130
@@ -202,13 +202,13 @@ def _identify(
     watch: Watch,
 ) -> tuple[Job, bool]:
     """Return the job, its results written, and whether Ctrl-C came."""
+    from stoop.workflow.identification import finish, search
     from stoop.workflow.interrupt import deferred_interrupt
     from stoop.workflow.outputs import place_outputs
     from stoop.workflow.repeat import with_repeatability
-    from stoop.workflow.run import finish, search
 
     state = checkpoint.load() if arguments.resume else None
-    watch.count_from(0.0 if state is None else state.books.trajectories)
+    watch.count_from(0.0 if state is None else state.evaluations.trajectories)
 
     def see(progress: Progress) -> None:
         checkpoint.keep(progress.state)
@@ -277,9 +277,9 @@ def tell(job: Job, folder: Path) -> None:
     if result.warnings:
         out.heading("warnings")
         out.bullets(result.warnings)
-    if job.identification.statements:
+    if result.basis:
         out.heading("how to read this")
-        out.bullets(job.identification.statements)
+        out.bullets(map(str, result.basis))
     out.line()
     advice = f": {result.advice}" if result.advice else ""
     out.line(f"{result.status}{advice} ({result.trajectories:.0f} trajectories, {result.seconds:.1f} s)")

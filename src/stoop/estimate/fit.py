@@ -24,8 +24,8 @@ from stoop.estimate.noise import effective_variance, first_variance, noise_varia
 from stoop.estimate.ratios import with_mass_held
 from stoop.estimate.rotors_seen import check_motors, check_rotors
 from stoop.flight import Flight
-from stoop.optimize.ledger import Halt, blank
-from stoop.optimize.levenberg import FULL
+from stoop.optimize.ledger import Evaluations, Halt
+from stoop.optimize.local_refinement import FULL
 from stoop.problem import Layout, Misfit, Weights
 from stoop.problem.evidence import Evidence, simulation_evidence
 from stoop.problem.misfit import horizon_ladder
@@ -320,11 +320,11 @@ class _End:
 
 def _dive(problem: Misfit, z: FloatArray, settings: optimize.Settings, budget: float = np.inf) -> _End:
     """Refine locally on the full record; Ctrl-C or a spent budget keeps the best so far."""
-    ledger = optimize.Ledger(problem, blank(problem), budget)
+    ledger = optimize.Ledger(problem, Evaluations.none(problem), budget)
     try:
-        end = optimize.dive(ledger, z, len(problem.prices) - 1, settings)
+        end = optimize.refine(ledger, z, len(problem.prices) - 1, settings)
     except (KeyboardInterrupt, Halt) as reason:
-        books = ledger.books
+        books = ledger.evaluations
         best = books.best if np.isfinite(books.cost) else z
         return _End(best, books.trajectories, getattr(reason, "status", "interrupted"))
     return _End(end.z if np.isfinite(end.cost) else z, ledger.spent)

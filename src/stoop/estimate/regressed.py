@@ -12,7 +12,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.estimate.fit import SHORT, Fit
 from stoop.estimate.noise import noise_variance
-from stoop.optimize.ledger import Halt, blank
+from stoop.optimize.ledger import Evaluations, Halt
 from stoop.problem import Misfit, Weights
 from stoop.problem.prepare import Prepared
 
@@ -79,9 +79,9 @@ def _with_nuisances(problem: Misfit, z: FloatArray) -> tuple[FloatArray, float]:
     states = replace(problem, layout=layout)
     if not states.extra:
         return z, 0.0
-    ledger = optimize.Ledger(states, blank(states), np.inf)
+    ledger = optimize.Ledger(states, Evaluations.none(states), np.inf)
     try:
-        end = optimize.dive(ledger, z[problem.dimension :], len(states.prices) - 1, SHORT)
+        end = optimize.refine(ledger, z[problem.dimension :], len(states.prices) - 1, SHORT)
     except (KeyboardInterrupt, Halt):
         return z, ledger.spent
     found = end.z if np.isfinite(end.cost) else z[problem.dimension :]

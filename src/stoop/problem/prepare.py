@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.base.notices import Notice, notice
+from stoop.base.notices import Notice, as_notice, notice
 from stoop.errors import FlightError, VehicleError
 from stoop.flight import Flight, Segment, segments
-from stoop.flight.segments import SHORTEST
+from stoop.flight.segments import SHORTEST, TRIMMED
 from stoop.problem import Nuisance, Piece
 from stoop.problem.observation import (
     LAG_SCALE,
@@ -70,7 +70,7 @@ def _pieces(vehicle: Vehicle, flight: Flight, window: Window, index: int) -> tup
     extras = tuple(name for name in wanted if name in flight.data)
     flight = with_average_voltage(vehicle, flight)
     cut, notes = segments(flight, window.start, window.stop, list(vehicle.recorded), vehicle.outputs, extras)
-    notices = [notice("untyped-flight-note", str(window), text=note) for note in notes]
+    notices = [as_notice(n, "warning" if TRIMMED in n else "info", "flight") for n in notes]
     if not any(np.isfinite(s.z).any() for s in cut):
         raise FlightError(
             f"{window}: none of {', '.join(vehicle.outputs)} was recorded there; choose another window"

@@ -105,7 +105,7 @@ def autocorrelation_panel(values: FloatArray, period: float, samples: int, name:
 
 
 @dataclass(frozen=True)
-class Interval:
+class ForestRow:
     """One row of the forest plot; NaN for what does not exist."""
 
     estimate: float
@@ -118,7 +118,7 @@ class Interval:
     kind: str  #: class: "sure", "unsure" or "bound"
 
 
-def forest_row(row: Interval, description: str) -> Markup:
+def forest_row(row: ForestRow, description: str) -> Markup:
     """Return estimate and interval over prior, starting value and bounds, on a scale of the row's own."""
     width, height = 260.0, 26.0
     middle = height / 2

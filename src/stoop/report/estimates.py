@@ -13,7 +13,7 @@ from markupsafe import Markup, escape
 from stoop.assess.covariance import NORMAL_95, correlation
 from stoop.base.arrays import FloatArray
 from stoop.base.numbers import NOTHING, clock, compact, number, readable_unit, rounded_to_error, window
-from stoop.report.charts import Interval, forest_row
+from stoop.report.charts import ForestRow, forest_row
 from stoop.report.formula import mathml
 from stoop.results.result import Identification, ParameterEstimate, Quantity
 
@@ -81,9 +81,9 @@ def _row(identification: Identification, name: str, one: ParameterEstimate) -> P
     )
 
 
-def _interval(one: ParameterEstimate) -> Interval:
+def _interval(one: ParameterEstimate) -> ForestRow:
     lower, upper = _drawn(one)
-    return Interval(
+    return ForestRow(
         one.estimate,
         lower,
         upper,

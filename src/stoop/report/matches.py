@@ -17,7 +17,7 @@ from stoop.base.numbers import NOTHING, factor_and_unit, number, share, window
 from stoop.base.variables import VARIABLES
 from stoop.report.charts import Curves, autocorrelation_panel, channel_panel, plain_panel
 from stoop.report.estimates import label
-from stoop.results.result import ChannelFigures, Identification, ManeuverResult, ManeuverTrace, TheilShares
+from stoop.results.result import GoodnessOfFit, Identification, ManeuverResult, ManeuverTrace, TheilShares
 
 ABSURD: Final = 1e15  #: a simulation that has left for infinity is not drawn on
 EVIDENT: Final = 4.0  #: standard errors of an autocorrelation: no matter of chance in any channel
@@ -145,7 +145,7 @@ def _cell(maneuver: ManeuverResult, name: str) -> SummaryCell:
     return SummaryCell(_decimals(one.theil), _decimals(one.baseline_theil), _against_lag(one))
 
 
-def _against_lag(one: ChannelFigures) -> str:
+def _against_lag(one: GoodnessOfFit) -> str:
     compared = math.isfinite(one.baseline_theil) and math.isfinite(one.theil)
     return ("better" if one.theil < one.baseline_theil else "worse") if compared else ""
 
@@ -181,7 +181,7 @@ def _reach(maneuver: ManeuverResult) -> float:
     return max(0.1, math.ceil(10.0 * max((v for v in found if math.isfinite(v)), default=1.0) - 1e-9) / 10.0)
 
 
-def _figures(identification: Identification, name: str, one: ChannelFigures, reach: float) -> FigureRow:
+def _figures(identification: Identification, name: str, one: GoodnessOfFit, reach: float) -> FigureRow:
     factor, unit = factor_and_unit(_unit(identification, name))
     parts = one.theil_shares
     return FigureRow(
@@ -198,7 +198,7 @@ def _figures(identification: Identification, name: str, one: ChannelFigures, rea
     )
 
 
-def _skill(identification: Identification, name: str, one: ChannelFigures) -> SkillRow:
+def _skill(identification: Identification, name: str, one: GoodnessOfFit) -> SkillRow:
     factor, unit = factor_and_unit(_unit(identification, name))
     lag = one.baseline
     return SkillRow(

@@ -16,7 +16,7 @@ from stoop.report.modes import mode_views
 from stoop.report.repeatability import repeat_view
 from stoop.report.templating import environment
 from stoop.report.uncertainty import uncertainty_view
-from stoop.report.words import verdict
+from stoop.report.verdict import prediction, verdict
 from stoop.results.result import Identification
 
 
@@ -41,6 +41,28 @@ def write_report(identification: Identification, path: Path) -> None:
 def render(identification: Identification) -> str:
     """Return the report as HTML."""
     return environment().get_template("report.html").render(**_context(identification))
+
+
+def write_validation(identification: Identification, path: Path) -> None:
+    """Write the page of a validation: the result that was validated, with the maneuvers that were predicted.
+
+    Raises
+    ------
+    OutputError
+        When the file cannot be written.
+    """
+    text = (
+        environment()
+        .get_template("validation.html")
+        .render(
+            it=identification,
+            result=identification.result,
+            sentence=prediction(identification.result),
+            summary=matches.summary(identification.result.maneuvers),
+            maneuvers=matches.maneuver_views(identification),
+        )
+    )
+    write_text_atomic(path, text)
 
 
 def _context(identification: Identification) -> dict[str, Any]:

@@ -12,8 +12,8 @@ from markupsafe import Markup
 from stoop.base.numbers import NOTHING, number, readable_unit, rounded_to_error
 from stoop.report.estimates import label
 from stoop.report.svg import Scale, drawing, element, spanning
-from stoop.results.evidence import MethodSpread, Spread
 from stoop.results.result import Identification, ParameterEstimate
+from stoop.results.uncertainty import Interval, MethodIntervals
 
 TITLES: Final = {
     "corrected": "corrected for color",
@@ -95,7 +95,7 @@ def uncertainty_view(identification: Identification) -> UncertaintyView | None:
     )
 
 
-def _method(name: str, spread: MethodSpread) -> MethodView:
+def _method(name: str, spread: MethodIntervals) -> MethodView:
     said = [f"{FIGURES.get(key, key)} {_figure(value)}" for key, value in spread.figures.items()]
     return MethodView(TITLES.get(name, name), f"method-{_class(name)}", "; ".join(said), spread.notes)
 
@@ -122,19 +122,19 @@ def _row(identification: Identification, name: str, one: ParameterEstimate) -> M
     )
 
 
-def _error(one: ParameterEstimate, spread: Spread | None, sure: bool) -> str:
+def _error(one: ParameterEstimate, spread: Interval | None, sure: bool) -> str:
     if spread is None:
         return ""
     shown = rounded_to_error(one.estimate, spread.std_error)[1] if np.isfinite(spread.std_error) else NOTHING
     return shown if sure or shown == NOTHING else f"({shown})"
 
 
-def _said(key: str, spread: Spread) -> str:
+def _said(key: str, spread: Interval) -> str:
     ends = [number(end, 4) for end in (spread.ci95_lower, spread.ci95_upper)]
     return f"{TITLES.get(key, key)} from {ends[0]} to {ends[1]}"
 
 
-def method_bars(estimate: float, spreads: Sequence[tuple[str, Spread | None]], description: str) -> Markup:
+def method_bars(estimate: float, spreads: Sequence[tuple[str, Interval | None]], description: str) -> Markup:
     """Return the estimate as a line and one interval per method under another; an open end runs to the edge."""
     ends = [e for _, s in spreads if s is not None for e in (s.ci95_lower, s.ci95_upper)]
     scale = Scale(*spanning([np.array([estimate, *ends])], 0.08), 4.0, WIDTH - 4.0)
@@ -159,7 +159,7 @@ def method_bars(estimate: float, spreads: Sequence[tuple[str, Spread | None]], d
     return drawing(WIDTH, height, description, parts)
 
 
-def _bar(scale: Scale, estimate: float, spread: Spread, y: float, kind: str) -> list[Markup]:
+def _bar(scale: Scale, estimate: float, spread: Interval, y: float, kind: str) -> list[Markup]:
     known = np.isfinite([spread.ci95_lower, spread.ci95_upper])
     dot = element(
         "circle", cx=scale.at(estimate), cy=y, r=2.6, class_=f"dot {kind}{'' if known.any() else ' nothing'}"

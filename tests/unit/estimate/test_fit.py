@@ -141,7 +141,7 @@ def test_weights_do_not_depend_on_the_budget(wrong: Vehicle, flight: Flight) -> 
     states: list[optimize.State] = []
     fit(wrong, {"sim": flight}, WINDOW, Options(budget=150.0), lambda p: states.append(p.state))
     few, many = states[0], fit(wrong, {"sim": flight}, WINDOW, Options(), state=states[0])
-    assert many.outcome.cost <= few.books.cost
+    assert many.outcome.cost <= few.evaluations.cost
     assert np.array_equal(many.z, fit(wrong, {"sim": flight}, WINDOW, Options()).z)
 
 
@@ -244,7 +244,7 @@ def test_interrupted_refinement_keeps_the_search(
         raise KeyboardInterrupt
 
     found = fit(wrong, {"sim": flight}, WINDOW, Options())
-    monkeypatch.setattr("stoop.optimize.dive", interrupt)
+    monkeypatch.setattr("stoop.optimize.refine", interrupt)
     again = refine(found.problem, found.prepared, found.outcome, estimate_noise=True)
     assert again.outcome.status == "interrupted"
     assert np.array_equal(again.z, found.outcome.z)

@@ -105,7 +105,7 @@ def test_what_a_reader_looks_for_is_there(page: Page, examples: ModuleType) -> N
         "Prediction: nothing was fitted here",
         "the data cannot tell",
         "on its bound",
-        "reconstructed: the aircraft carries no vane",
+        "V and alpha are reconstructed from inertial velocity",
         "142.47:142.75",
         "The pitot reads 5.4 m/s too little",
         "wind_n",
@@ -146,7 +146,7 @@ def bare(examples: ModuleType) -> Identification:
         biases=(),
         wind=(),
         maneuvers=(),
-        warnings=(),
+        notices=(),
         versions={},
         inputs={},
     )

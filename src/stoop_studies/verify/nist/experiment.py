@@ -46,11 +46,11 @@ class Fitted:
 
     certified: Certified
     start: int
-    descent: optimize.Dive
+    descent: optimize.Refinement
     parameters: float
     deviations: float
     least: float
-    dive: optimize.Dive
+    dive: optimize.Refinement
     dive_parameters: float
 
     @property
@@ -76,7 +76,7 @@ def fit_certified(certified: Certified, start: int) -> Fitted:
     b = certified.starts[start - 1]
     problem = Regression(certified, np.where(b != 0.0, np.abs(b), 1.0))
     z = b / problem.scale
-    found, dived = optimize.descend(problem, z, 0), optimize.dive(problem, z, 0, PATIENT)
+    found, dived = optimize.descend(problem, z, 0), optimize.refine(problem, z, 0, PATIENT)
     return Fitted(
         certified,
         start,
@@ -89,7 +89,7 @@ def fit_certified(certified: Certified, start: int) -> Fitted:
     )
 
 
-def deviations(problem: Regression, found: optimize.Dive) -> FloatArray:
+def deviations(problem: Regression, found: optimize.Refinement) -> FloatArray:
     """Return the standard deviations (p,) at an optimum, in the parameters' units."""
     J, _ = problem.jacobian(found.z, 0, found.z)
     variance = found.cost / (J.shape[0] - J.shape[1])

@@ -100,8 +100,8 @@ def test_what_was_not_fitted_is_predicted_window_by_window(job):
     for channel in ("p", "q", "r", "az"):
         assert predicted.channels[channel].theil < 0.3, channel
     assert predicted.channels["az"].theil < predicted.channels["az"].baseline_theil
-    assert any("each begin as measured" in note for note in job.identification.notes)
-    assert any("windows of 1 s" in s for s in job.identification.statements)
+    assert any("each begin as measured" in str(note) for note in job.identification.result.data_notices)
+    assert any("windows of 1 s" in str(s) for s in job.identification.result.basis)
 
 
 def test_motors_that_were_logged_slowly_are_fitted_by_their_accelerations(start, flight):
