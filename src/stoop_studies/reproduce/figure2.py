@@ -15,7 +15,7 @@ from stoop.optimize.ledger import Evaluations
 from stoop.report.plots import Mark, Series, contour_plot, plot
 from stoop.report.sheet import Code, Figure, Prose, Section, Table
 from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number
-from stoop_studies.optimizers.pieces.golden import BETA, SteepestDive, forward_gradient
+from stoop_studies.optimizers.pieces.local_search import BETA, SteepestDescent, forward_gradient
 from stoop_studies.problems.paper import Paper, paper
 
 PAIR: Final = ("CLalpha", "Cmalpha")
@@ -167,7 +167,7 @@ def chain(recorder: Recorder, x: FloatArray) -> list[End]:
     cost = float(ledger.costs(x[None], 0)[0])
     ends = [End(x, cost, 1)]
     for _ in range(CHAIN):
-        x, cost = SteepestDive(REACH, TOLERANCE)(ledger, x, cost)
+        x, cost = SteepestDescent(REACH, TOLERANCE)(ledger, x, cost)
         ends.append(End(x, cost, len(recorder.points)))
     return ends
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
-from stoop.estimate.fit import Options, pose
+from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.domain import Band
 from stoop.estimate.regression.estimate import regressed
 from stoop.estimate.regression.recursive import RealTime
@@ -122,7 +122,9 @@ def replay(vehicle: Vehicle, flight: Flight, online: RealTime) -> Iterator[int]:
 def ends(arguments: Mapping[str, Any], stops: list[int | None]) -> list[Any]:
     """Return the estimates of both at the end of the flight of ``seed``."""
     vehicle, flight = scene(int(arguments["seed"]))
-    problem, _ = pose(vehicle, {flight.name: flight}, [Window(flight.name, 0.0, DURATION)], Options())
+    problem, _ = estimation_problem(
+        vehicle, {flight.name: flight}, [Window(flight.name, 0.0, DURATION)], Options()
+    )
     batch = regressed(problem.layout, problem.pieces, BAND)
     assert batch is not None  # noqa: S101 - everything was measured
     online = RealTime(vehicle, 1.0 / RATE, BAND.frequencies(len(flight.time), 1.0 / RATE))

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice
 from stoop.base.rotations import quaternions_of
 from stoop.base.variables import QUATERNION
-from stoop.flight.consistency import rate_faults
+from stoop.checks.kinematics import check_motion, check_rates
 
 RATE = 100.0  #: Hz
 TIME = np.arange(3000) / RATE
@@ -27,22 +28,27 @@ def record(size: float, seed: int, swap: bool = False) -> dict[str, FloatArray]:
     return dict(zip(QUATERNION, e.T, strict=True)) | dict(zip("pqr", rates.T, strict=True))
 
 
+def found(data: dict[str, FloatArray]) -> list[Notice]:
+    wrong, corrected = check_motion(data, RATE, {})
+    return [*wrong, *check_rates(corrected, RATE, {})]
+
+
 @pytest.mark.parametrize("size", [0.0, 0.005, 0.02, 0.05, 0.3])
 @pytest.mark.parametrize("seed", range(3))
 def test_noise_accuses_nobody(size: float, seed: int) -> None:
-    assert rate_faults(TIME, record(size, seed), RATE) == []
+    assert found(record(size, seed)) == []
 
 
 def test_swapped_axes_are_seen_through_noise() -> None:
-    faults = rate_faults(TIME, record(0.3, 0, swap=True), RATE)
-    assert [(f.variable, "axes are swapped" in f.message) for f in faults] == [("p", True)]
+    (notice,) = found(record(0.3, 0, swap=True))
+    assert (notice.code, notice.values["lines"]) == ("mapping-exchange", ("p", "q"))
 
 
 def test_a_wrong_scale_is_seen_through_noise() -> None:
     data = record(0.3, 0)
-    faults = rate_faults(TIME, data | {"p": 0.5 * data["p"]}, RATE)
-    assert [f.variable for f in faults] == ["p"]
-    assert "2.0" in faults[0].message
+    (notice,) = found(data | {"p": 0.5 * data["p"]})
+    assert (notice.code, notice.subject) == ("rate-scale", "p")
+    assert notice.values["gain"] == pytest.approx(2.0, rel=0.05)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -51,4 +57,4 @@ def test_noise_that_the_filter_of_the_grid_smoothed_accuses_nobody(size: float, 
     """Neighbors on the grid then scatter less than what was recorded; correlations of 0.8 were false alarms."""
     data = record(size, seed)
     smooth = {name: np.convolve(x, [0.25, 0.5, 0.25], mode="same")[2:-2] for name, x in data.items()}
-    assert rate_faults(TIME[2:-2], smooth, RATE) == []
+    assert found(smooth) == []

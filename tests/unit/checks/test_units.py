@@ -1,4 +1,4 @@
-"""A wrong mapping is told in words, with the line to change."""
+"""A wrong unit or sign of a mapping is reported, with the line to change."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.base.notices import Notice
+from stoop.checks.lines import Line, Lines
+from stoop.checks.units import check_units
 from stoop.errors import FlightError
 from stoop.flight import Flight, load
-from stoop.flight.advice import unit_faults
-from stoop.flight.channels import Channels
 
 T = 0.01 * np.arange(3000)
 VARIABLES = {
@@ -46,44 +47,45 @@ def test_a_right_mapping_is_not_accused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "factor", "words"),
+    ("name", "factor", "fix"),
     [
-        ("p", -1.0, ["sign", "write scale = -1 for variables.p in", "f.csv.toml"]),
-        ("az", -1.0, ["level flight reads about -9.8", "variables.az in", "f.csv.toml"]),
-        ("voltage", 1e3, ['looks like mV: write unit = "mV" for variables.voltage in', "f.csv.toml"]),
+        ("p", -1.0, "write scale = -1 for variables.p in"),
+        ("az", -1.0, "write scale = -1 for variables.az in"),
+        ("voltage", 1e3, 'write unit = "mV" for variables.voltage in'),
     ],
 )
-def test_a_sign_and_a_unit(tmp_path: Path, name: str, factor: float, words: list[str]) -> None:
-    found = [fault.message for fault in flight(tmp_path, **{name: factor * motion()[name]}).faults]
-    (message,) = (m for m in found if name in m)
-    assert all(word in message for word in words), message
+def test_a_sign_and_a_unit(tmp_path: Path, name: str, factor: float, fix: str) -> None:
+    (fault,) = flight(tmp_path, **{name: factor * motion()[name]}).faults
+    assert fault.variable == name
+    assert fix in fault.message
+    assert fault.message.endswith("f.csv.toml")
 
 
 def test_gravity_tells_the_unit_of_the_specific_force(tmp_path: Path) -> None:
     force = {name: motion()[name] / 9.8 for name in ("ax", "ay", "az")}
     (fault,) = flight(tmp_path, **force).faults
     assert fault.kind == "wrong unit"
-    assert (
-        "the specific force is 1.02 m/s2 in the median, which no flight has; its column looks like g"
-        in fault.message
-    )
     assert fault.message.endswith(
-        f'write unit = "g" for variables.az in {tmp_path / "f.csv.toml"}, and for ax and ay'
+        f'write unit = "g" for variables.ax, variables.ay and variables.az in {tmp_path / "f.csv.toml"}'
     )
 
 
 def test_swapped_axes(tmp_path: Path) -> None:
     m = motion()
-    found = [fault.message for fault in flight(tmp_path, p=m["q"], q=m["p"]).faults]
-    assert any(
-        "it follows q instead: axes are swapped; exchange the columns for variables.p in" in x for x in found
-    )
+    (fault,) = flight(tmp_path, p=m["q"], q=m["p"]).faults
+    assert "p and q are exchanged" in fault.message
+    assert "exchange the columns for variables.p and variables.q in" in fault.message
 
 
 @pytest.mark.parametrize(("name", "unit"), [("p", "deg/s"), ("phi", "deg")])
 def test_degrees_name_the_key(tmp_path: Path, name: str, unit: str) -> None:
     with pytest.raises(FlightError, match=rf'write unit = "{unit}" for variables\.{name} in .*f\.csv\.toml'):
         flight(tmp_path, **{name: np.degrees(motion()[name])})
+
+
+def noticed(lines: Lines | None = None, **columns: np.ndarray | float) -> list[Notice]:
+    signals = {name: (T, np.broadcast_to(np.asarray(x, float), T.shape)) for name, x in columns.items()}
+    return check_units(signals, lines or {})[1]
 
 
 def test_units_that_explain_a_size() -> None:
@@ -95,15 +97,14 @@ def test_units_that_explain_a_size() -> None:
         "motor_1": 55.0,
         "density": 3.0,
     }
-    group = Channels("f", T, {name: np.full(T.size, x) for name, x in columns.items()})
-    found = {
-        fault.variable: fault.message
-        for fault in unit_faults([group], {"motor_1": "m.toml: variables.motor_1"})
-    }
+    line = Line("m.toml", "variables.motor_1")
+    found = {one.subject: one for one in noticed({"motor_1": line}, **columns)}
     meant = {"pressure": "hPa", "temperature": "degC", "rotor_1": "rpm", "pwm_1": "s", "motor_1": "percent"}
-    assert all(f'write unit = "{unit}"' in found[name] for name, unit in meant.items()), found
-    assert "write another column" in found["density"]
-    assert found["motor_1"].endswith("for variables.motor_1 in m.toml")
+    assert {name: one.values["fix"] for name, one in found.items() if name != "density"} == {
+        name: f'write unit = "{unit}"' for name, unit in meant.items()
+    }
+    assert found["density"].code == "size-unexplained"
+    assert found["motor_1"].values["suggestion"].endswith("for variables.motor_1 in m.toml")
 
 
 def noisy(folder: Path, units: str, **factors: float) -> list[str]:
@@ -127,7 +128,7 @@ def noisy(folder: Path, units: str, **factors: float) -> list[str]:
     ("units", "factors", "fix"),
     [
         ("m/s2 m/s2 g", {}, 'write unit = "m/s2" for variables.az in M'),
-        ("g g g", {}, 'write unit = "m/s2" for variables.az in M, and for ax and ay'),
+        ("g g g", {}, 'write unit = "m/s2" for variables.ax, variables.ay and variables.az in M'),
         ("m/s2 m/s2 m/s2", {"az": 1 / 9.80665}, 'write unit = "g" for variables.az in M'),
         ("g m/s2 m/s2", {}, 'write unit = "m/s2" for variables.ax in M'),
         (
@@ -148,12 +149,16 @@ def test_axes_in_units_of_their_own_are_right(tmp_path: Path) -> None:
     assert noisy(tmp_path, "g m/s2 g", ax=1 / 9.80665, az=1 / 9.80665) == []
 
 
-def test_a_plain_number_has_no_unit() -> None:
-    (found,) = unit_faults([Channels("f", T, {"motor_1": 67.0 + 0.0 * T})], {})
-    assert found.message.startswith("motor_1 is 67 in the median")
+def test_motors_in_percent_or_microseconds() -> None:
+    (found,) = noticed(motor_1=67.0)
+    assert (found.code, found.values["size"], found.values["unit"]) == ("unit-size", 67.0, "")
+    (found,) = noticed(motor_2=1670.0)
+    assert found.code == "command-in-pulses"
+    assert "scale = 0.001 and offset = -1" in found.values["fix"]
+    assert "or call it pwm_2" in found.values["fix"]
 
 
-def test_motors_in_microseconds_are_pulses() -> None:
-    (found,) = unit_faults([Channels("f", T, {"motor_2": 1670.0 + 0.0 * T})], {})
-    assert "looks like pulses in us: write scale = 0.001 and offset = -1" in found.message
-    assert "or call it pwm_2" in found.message
+def test_a_vertical_force_that_points_up_is_a_wrong_sign() -> None:
+    assert noticed(az=-9.8) == []
+    (found,) = noticed(az=10.3)
+    assert (found.code, found.values["fix"]) == ("force-points-up", "write scale = -1")

@@ -11,8 +11,10 @@ from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of, to_body
 from stoop.base.units import FACTORS
 from stoop.base.variables import QUATERNION
+from stoop.checks.engine import search
+from stoop.checks.kinematics import Kinematics, check_motion, mapping_edits
+from stoop.checks.lines import Line
 from stoop.flight import VARIABLES, load
-from stoop.flight.motion import contradictions
 
 RATE, GRAVITY = 100.0, 9.80665
 TIME = np.arange(3000) / RATE
@@ -61,9 +63,13 @@ def with_quaternion(data: dict[str, FloatArray]) -> dict[str, FloatArray]:
     return {**data, **dict(zip(QUATERNION, quaternions_of(angles).T, strict=True))}
 
 
+OWN = {name: Line("M.toml", f"variables.{name}", VARIABLES[name].unit) for name in VARIABLES}
+
+
 def told(data: dict[str, FloatArray]) -> list[list[tuple[str, ...]]]:
-    own = {name: VARIABLES[name].unit for name in data}
-    return [[one.change.names for one in found] for found in contradictions(data, RATE, own)[0]]
+    """Return the lines of each finding; several where no channel decides."""
+    found, _ = search(data, lambda columns: mapping_edits(columns, OWN), Kinematics(RATE))
+    return [list(one.lines) for one in found]
 
 
 @pytest.mark.parametrize("much", [0.0, 0.05, 0.3, 1.0])
@@ -96,9 +102,9 @@ def test_a_unit_of_the_velocity(unit: str) -> None:
     data = flown(2)
     names = ("vn", "ve", "vd")
     changed = {**data, **{name: data[name] / FACTORS[unit] for name in names}}
-    found, mended = contradictions(changed, RATE, {name: VARIABLES[name].unit for name in data})
-    assert [[one.change.fix for one in told] for told in found] == [[f'write unit = "{unit}"']]
-    np.testing.assert_allclose(mended["vn"], data["vn"], atol=1e-12)
+    found, corrected = check_motion(changed, RATE, OWN)
+    assert [(one.code, one.values["fix"]) for one in found] == [("mapping-unit", f'write unit = "{unit}"')]
+    np.testing.assert_allclose(corrected["vn"], data["vn"], atol=1e-12)
 
 
 def test_what_no_third_channel_decides_is_told_of_both() -> None:
@@ -134,5 +140,5 @@ def test_the_line_is_named(tmp_path: Path) -> None:
     (tmp_path / "f.csv.toml").write_text(f'[time]\ncolumn = "t"\nunit = "s"\n[variables]\n{lines}')
     (fault,) = load(tmp_path / "f.csv").faults
     assert (fault.kind, fault.variable) == ("inconsistent", "vd")
-    assert "the sign of vd is wrong; write scale = -1 for variables.vd in" in fault.message
+    assert "write scale = -1 for variables.vd in" in fault.message
     assert fault.message.endswith("f.csv.toml")
