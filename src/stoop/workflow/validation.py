@@ -10,7 +10,7 @@ from pathlib import Path
 from stoop.assess.baseline import BaselineManeuver
 from stoop.assess.record import Validation
 from stoop.base.files import write_text_atomic
-from stoop.base.notices import Notice, as_notice, notice
+from stoop.base.notices import Notice, as_notice, notice, of_severity
 from stoop.errors import FlightError, StoopError
 from stoop.estimate.mismatch import check_inputs
 from stoop.estimate.predict import predicted
@@ -170,8 +170,8 @@ def _predicted(
         used.append(flight)
         results += found
         traces += drawn
-        of_data += [*flight.notes, *prepared.notes]
-        doubts += prepared.warnings
+        of_data += [*flight.notes, *of_severity(prepared.notices, "info")]
+        doubts += of_severity(prepared.notices, "warning")
     status = search_notices(identified.result.status, identified.result.advice)
     warnings = [*status, *_diverging(results), *map(as_notice, doubts)]
     record = _record(identified, used, tuple(results), warnings, data_notices([*notices, *of_data]), command)

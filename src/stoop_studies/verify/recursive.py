@@ -9,7 +9,7 @@ import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.csv_text import Cell
-from stoop.estimate.fit import Options, pose
+from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.domain import Band
 from stoop.estimate.regression.estimate import regressed
 from stoop.estimate.regression.recursive import RealTime
@@ -70,7 +70,9 @@ def replay(vehicle: Vehicle, flight: Flight) -> Iterator[tuple[int, RealTime]]:
 def compare(case: str, seed: int) -> dict[str, Any]:
     """Return the estimates of both at the end of the flight of ``seed``."""
     vehicle, flight = scene(seed)
-    problem, _ = pose(vehicle, {flight.name: flight}, [Window(flight.name, 0.0, DURATION)], Options())
+    problem, _ = estimation_problem(
+        vehicle, {flight.name: flight}, [Window(flight.name, 0.0, DURATION)], Options()
+    )
     batch = regressed(problem.layout, problem.pieces, BAND)
     assert batch is not None  # noqa: S101 - everything was measured
     *_, (_, online) = replay(vehicle, flight)
