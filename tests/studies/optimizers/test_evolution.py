@@ -11,16 +11,12 @@ import numpy as np
 import pytest
 
 from stoop import optimize
-from stoop.optimize.pieces.bounds import clip
-from stoop.optimize.pieces.crossover import binomial
-from stoop.optimize.pieces.initialization import chaos
-from stoop_studies.optimizers.de_best_2_bin import de_best_2_bin
-from stoop_studies.optimizers.de_rand_1_bin import de_rand_1_bin
+from stoop.optimize.operators import binomial
+from stoop_studies.optimizers.compositions import de_best_2_bin, de_rand_1_bin, ps_gde
 from stoop_studies.optimizers.pieces.control import SuccessHistory
-from stoop_studies.optimizers.pieces.islands import Islands, Whole
-from stoop_studies.optimizers.pieces.mutation import Ordered, Rand1, distinct
-from stoop_studies.optimizers.pieces.weighing import Graded, WeightedCentroid
-from stoop_studies.optimizers.ps_gde import ps_gde
+from stoop_studies.optimizers.pieces.diversity import Islands, Whole
+from stoop_studies.optimizers.pieces.mutation import Ordered, Rand1, ScaledByCost, WeightedCentroid, distinct
+from stoop_studies.optimizers.pieces.operators import chaos, clip
 
 MAKERS = [ps_gde, de_rand_1_bin, de_best_2_bin]
 
@@ -51,19 +47,19 @@ def test_local_search_replaces_every_twentieth_generation(oscillation: Callable[
     """Three prey of fifty; each takes D for the gradient, four for the search, one for its end."""
     problem, optimizer = oscillation(), ps_gde()
     state = optimizer.init(problem, 1, np.empty((0, 4)))
-    spent = [state.books.trajectories]
+    spent = [state.evaluations.trajectories]
     kinds = []
     for _ in range(40):
         before = state
         state, event = optimizer.step(state, problem)
         kinds.append(event.kind)
-        spent.append(state.books.trajectories)
-        if event.kind == "dive":
+        spent.append(state.evaluations.trajectories)
+        if event.kind == "refinement":
             worse = np.argsort(before.F)[3:]
             assert (state.X[worse] == before.X[worse]).all()
             assert (state.F <= before.F).all()
-    assert [i + 1 for i, kind in enumerate(kinds) if kind == "dive"] == [20, 40]
-    assert np.diff(spent).tolist() == [3 * (4 + 4 + 1) if k == "dive" else 50 for k in kinds]
+    assert [i + 1 for i, kind in enumerate(kinds) if kind == "refinement"] == [20, 40]
+    assert np.diff(spent).tolist() == [3 * (4 + 4 + 1) if k == "refinement" else 50 for k in kinds]
 
 
 @pytest.mark.parametrize("make", MAKERS)
@@ -94,7 +90,7 @@ def test_evolution_never_claims_convergence(make: Callable[[], Any], oscillation
     assert "before an optimum was confirmed" in outcome.advice
 
 
-@pytest.mark.parametrize("mutation", [Ordered(), Rand1(), WeightedCentroid(), Graded()])
+@pytest.mark.parametrize("mutation", [Ordered(), Rand1(), WeightedCentroid(), ScaledByCost()])
 @pytest.mark.parametrize("structure", [Whole(), Islands(3)])
 def test_what_a_control_has_learnt_is_kept_with_any_mutation_and_structure(
     mutation: Any, structure: Any, oscillation: Callable[..., Any], tmp_path: Path

@@ -11,9 +11,8 @@ from pymoo.algorithms.soo.nonconvex.ga import GA
 from pymoo.core.problem import Problem
 
 from stoop import optimize
-from stoop.optimize.stream import from_seed
-from stoop_studies.optimizers.ga import GeneticAlgorithm
-from stoop_studies.optimizers.pieces.genetic import Polynomial, SimulatedBinary, repeated, tournament
+from stoop.optimize.state import RandomStream
+from stoop_studies.optimizers.ga import GeneticAlgorithm, Polynomial, SimulatedBinary, repeated, tournament
 
 
 def coarse(X: np.ndarray) -> np.ndarray:
@@ -33,7 +32,7 @@ def theirs(cost: Any, dimension: int, seed: int, generations: int) -> Any:
 
     algorithm = GA(pop_size=50)
     algorithm.setup(Box(), seed=1, termination=("n_gen", generations + 1))
-    algorithm.random_state = from_seed(seed).generator()
+    algorithm.random_state = RandomStream.from_seed(seed).generator()
     while algorithm.has_next():
         algorithm.next()
     return algorithm

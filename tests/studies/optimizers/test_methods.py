@@ -10,8 +10,8 @@ import pytest
 from stoop import optimize
 from stoop.errors import IdentificationError
 from stoop.optimize import Stop
-from stoop.optimize.pieces.initialization import MEMBERS
-from stoop.optimize.scalar import Scalar
+from stoop.optimize.operators import MEMBERS
+from stoop.optimize.problem import ScalarProblem
 
 METHODS = (
     "ps-gde", "de-rand-1-bin", "de-best-2-bin", "weighted-centroid", "multi-population", "hybrid",
@@ -21,7 +21,7 @@ every = pytest.mark.parametrize("name", METHODS)
 PLACE = np.linspace(0.25, 0.8, 10)
 
 
-class Costs(Scalar):
+class Costs(ScalarProblem):
     """Ten variables of which only a cost is known; `asked` counts candidates."""
 
     dimension = 10
@@ -69,8 +69,8 @@ def test_a_step_is_a_generation_of_the_same_size_for_all(name: str) -> None:
         before = problem.asked
         state, event = optimizer.step(state, problem)
         assert state.X.shape == (MEMBERS, 10)
-        assert problem.asked - before >= MEMBERS or event.kind == "dive"
-        assert state.books.trajectories == problem.asked
+        assert problem.asked - before >= MEMBERS or event.kind == "refinement"
+        assert state.evaluations.trajectories == problem.asked
         assert event.cost == state.F.min()
 
 

@@ -8,7 +8,7 @@ from naive import swarm
 from naive.landscapes import Only, ellipsoid, rastrigin, sphere
 
 from stoop import optimize
-from stoop.optimize.stream import from_seed
+from stoop.optimize.state import RandomStream
 from stoop_studies.optimizers.pso import CHI, FASTEST, ParticleSwarm
 
 
@@ -19,7 +19,7 @@ def test_constriction_is_the_published_one() -> None:
 
 def test_the_swarm_moves_as_its_naive_twin() -> None:
     problem, optimizer = Only(rastrigin, 3), ParticleSwarm(members=7)
-    ledger = optimize.Ledger(problem, optimize.ledger.blank(problem))
+    ledger = optimize.Ledger(problem, optimize.Evaluations.none(problem))
     state = optimizer.init(ledger, 4, np.empty((0, 3)))
     x, v = state.X.tolist(), (5.0 * state.V).tolist()  # fast enough to meet the bounds
     state = type(state)(**{**vars(state), "V": 5.0 * state.V})
@@ -36,7 +36,7 @@ def test_the_swarm_moves_as_its_naive_twin() -> None:
 
 def test_particles_stay_in_the_box_and_below_the_largest_velocity() -> None:
     problem, optimizer = Only(lambda X: -X.sum(axis=1), 4), ParticleSwarm()
-    ledger = optimize.Ledger(problem, optimize.ledger.blank(problem))
+    ledger = optimize.Ledger(problem, optimize.Evaluations.none(problem))
     state = optimizer.init(ledger, 0, np.empty((0, 4)))
     for _ in range(30):
         state, _ = optimizer.step(state, ledger)
@@ -58,4 +58,4 @@ def test_own_values_take_the_first_places() -> None:
     starts = np.array([[0.1, 0.2, 0.9], [2.0, -1.0, 0.5]])
     state = ParticleSwarm().init(problem, 0, starts)
     assert state.X[:2].tolist() == [[0.1, 0.2, 0.9], [1.0, 0.0, 0.5]]
-    assert state.stream != from_seed(0)
+    assert state.stream != RandomStream.from_seed(0)

@@ -13,22 +13,18 @@ from naive.shade import evaluations_to
 
 from stoop import optimize
 from stoop.errors import IdentificationError
-from stoop.optimize.pieces.adaptation import (
+from stoop.optimize.adaptation import ParameterMemory, success_means
+from stoop.optimize.operators import OrderedToPBest, elite, two_others, update_archive
+from stoop_studies.optimizers.l_shade import jso, jso_limit, keep_best, l_shade, linear_size
+from stoop_studies.optimizers.ordered_shade import OrderedShade
+from stoop_studies.optimizers.pieces.local_search import QuasiNewton
+from stoop_studies.optimizers.pieces.operators import (
     TERMINAL,
-    Memory,
-    fresh_memory,
+    CurrentToPBest,
+    elite_but_self,
     learn_halfway,
     learn_terminal,
-    successful,
 )
-from stoop.optimize.pieces.archive import remember
-from stoop.optimize.pieces.directed import CurrentToPBest, OrderedToPBest, elite, elite_but_self, two_others
-from stoop_studies.optimizers import jso as jso_module
-from stoop_studies.optimizers.jso import jso
-from stoop_studies.optimizers.l_shade import l_shade
-from stoop_studies.optimizers.ordered_shade import OrderedShade
-from stoop_studies.optimizers.pieces.quasi_newton import QuasiNewtonDive
-from stoop_studies.optimizers.pieces.structure import keep_best, linear_size
 
 SCALES, RATES = np.array([0.2, 0.4, 0.9]), np.array([0.5, 0.0, 1.0])
 GAINS, WON = np.array([3.0, 1.0, np.inf]), np.array([True, True, False])
@@ -36,25 +32,25 @@ GAINS, WON = np.array([3.0, 1.0, np.inf]), np.array([True, True, False])
 
 # -------------------------------------------------------------------------------------------------- memory
 def test_successful_is_the_weighted_lehmer_mean() -> None:
-    scale, rate = successful(SCALES, RATES, GAINS, WON)
+    scale, rate = success_means(SCALES, RATES, GAINS, WON)
     assert scale == pytest.approx((0.75 * 0.04 + 0.25 * 0.16) / (0.75 * 0.2 + 0.25 * 0.4))
     assert rate == pytest.approx(0.5)
 
 
 def test_l_shade_keeps_a_rate_of_zero_for_good() -> None:
-    memory = fresh_memory(2, 0.5, 0.5)
+    memory = ParameterMemory.fresh(2, 0.5, 0.5)
     nothing = np.zeros(3)
     memory = learn_terminal(memory, SCALES, nothing, GAINS, WON)
     assert memory.rates.tolist() == [TERMINAL, 0.5]
-    memory = Memory(memory.scales, memory.rates, 0)
+    memory = ParameterMemory(memory.scales, memory.rates, 0)
     assert learn_terminal(memory, SCALES, RATES, GAINS, WON).rates[0] == TERMINAL
     _, rates = memory.sample(400, np.random.default_rng(0))
     assert 120 < (rates == 0.0).sum() < 280  # every second entry, and few normal draws below zero
 
 
 def test_jso_goes_halfway_and_never_learns_its_last_entry() -> None:
-    memory = jso_module.first_memory()
-    scale, rate = successful(SCALES, RATES, GAINS, WON)
+    memory = jso().memory
+    scale, rate = success_means(SCALES, RATES, GAINS, WON)
     for k in range(5):
         memory = learn_halfway(memory, SCALES, RATES, GAINS, WON)
         assert memory.slot == (k + 1) % 5
@@ -62,9 +58,9 @@ def test_jso_goes_halfway_and_never_learns_its_last_entry() -> None:
     assert memory.rates.tolist() == pytest.approx([(0.8 + rate) / 2] * 4 + [0.9])
 
 
-@pytest.mark.parametrize("learn", [Memory.learn, learn_terminal, learn_halfway])
-def test_nothing_is_learnt_where_nothing_won(learn: Callable[..., Memory]) -> None:
-    memory = fresh_memory()
+@pytest.mark.parametrize("learn", [ParameterMemory.learn, learn_terminal, learn_halfway])
+def test_nothing_is_learnt_where_nothing_won(learn: Callable[..., ParameterMemory]) -> None:
+    memory = ParameterMemory.fresh()
     assert learn(memory, SCALES, RATES, GAINS, np.zeros(3, dtype=bool)) is memory
 
 
@@ -72,7 +68,7 @@ def test_nothing_is_learnt_where_nothing_won(learn: Callable[..., Memory]) -> No
     ("progress", "low", "high"), [(0.0, 0.7, 0.7), (0.3, 0.6, 0.7), (0.55, 0.0, 0.7), (0.8, 0.0, 1.0)]
 )
 def test_jso_limits_early_scales_and_rates(progress: float, low: float, high: float) -> None:
-    scales, rates = jso_module.limit(np.array([0.1, 1.0]), np.array([0.0, 1.0]), progress)
+    scales, rates = jso_limit(np.array([0.1, 1.0]), np.array([0.0, 1.0]), progress)
     assert scales.tolist() == [0.1, high]
     assert rates.tolist() == [low, 1.0]
 
@@ -122,8 +118,8 @@ def test_current_to_pbest_with_scale_zero_stays_and_pull_leads_to_the_elite() ->
 
 def test_the_archive_forgets_at_random_beyond_its_size() -> None:
     archive, losers = np.zeros((3, 2)), np.ones((4, 2))
-    assert len(remember(archive, losers, 9, np.random.default_rng(0))) == 7
-    kept = remember(archive, losers, 5, np.random.default_rng(0))
+    assert len(update_archive(archive, losers, 9, np.random.default_rng(0))) == 7
+    kept = update_archive(archive, losers, 5, np.random.default_rng(0))
     assert len(kept) == 5
     assert set(kept[:, 0]) == {0.0, 1.0}
 
@@ -204,7 +200,7 @@ def test_ordered_shade_uses_residuals_where_there_are_some(
     assert outcome.status == "target"
 
 
-def test_a_new_herd_is_larger_and_knows_no_ends() -> None:
+def test_a_new_population_is_larger_and_knows_no_optima() -> None:
     seen: list[Any] = []
     stop = optimize.Stop(generations=10**6, budget=6000)
     optimize.minimize(
@@ -214,21 +210,21 @@ def test_a_new_herd_is_larger_and_knows_no_ends() -> None:
         stop=stop,
         callback=lambda p: seen.append(p.state),
     )
-    sizes = [len(s.herd.X) for s in seen]
+    sizes = [len(s.population.X) for s in seen]
     assert sizes[0] == 8
     assert sorted(set(sizes)) == sizes[:1] + [k for k in sorted(set(sizes)) if k > 8]
-    changed = [b for a, b in pairwise(seen) if len(b.herd.X) > len(a.herd.X)]
+    changed = [b for a, b in pairwise(seen) if len(b.population.X) > len(a.population.X)]
     assert changed
-    assert all(len(s.ends) == 0 for s in changed)
+    assert all(len(s.optima) == 0 for s in changed)
 
 
 # ----------------------------------------------------------------------------------------- the dive itself
 def test_every_difference_of_the_dive_is_booked() -> None:
     problem = Only(rosenbrock, 4)
-    ledger = optimize.Ledger(problem, optimize.ledger.blank(problem))
+    ledger = optimize.Ledger(problem, optimize.Evaluations.none(problem))
     x = np.full(4, 0.3)
     cost = float(ledger.costs(x[None, :], 0)[0])
-    y, end = QuasiNewtonDive()(ledger, x, cost)
+    y, end = QuasiNewton()(ledger, x, cost)
     assert ledger.spent == problem.asked
     assert end < 1e-10 < cost
     assert end == rosenbrock(y[None, :])[0]
@@ -237,8 +233,8 @@ def test_every_difference_of_the_dive_is_booked() -> None:
 
 def test_a_dive_against_a_bound_ends_on_it() -> None:
     problem = Only(lambda X: ((X - 1.4) ** 2).sum(axis=1), 3)
-    ledger = optimize.Ledger(problem, optimize.ledger.blank(problem))
-    y, _ = QuasiNewtonDive()(ledger, np.full(3, 0.5), np.inf)
+    ledger = optimize.Ledger(problem, optimize.Evaluations.none(problem))
+    y, _ = QuasiNewton()(ledger, np.full(3, 0.5), np.inf)
     assert y.tolist() == [1.0] * 3
     assert problem.outside <= 0.0
 
@@ -248,9 +244,9 @@ def test_a_dive_beside_infinity_comes_back() -> None:
         return np.where(X[:, 0] > 0.4, np.inf, sphere(X + 0.3))
 
     problem = Only(half, 3)
-    ledger = optimize.Ledger(problem, optimize.ledger.blank(problem))
+    ledger = optimize.Ledger(problem, optimize.Evaluations.none(problem))
     x = np.array([0.4 - 1e-12, 0.5, 0.5])
-    y, end = QuasiNewtonDive()(ledger, x, float(half(x[None, :])[0]))
+    y, end = QuasiNewton()(ledger, x, float(half(x[None, :])[0]))
     assert end <= half(x[None, :])[0]
     assert end == half(y[None, :])[0]
 
@@ -258,13 +254,13 @@ def test_a_dive_beside_infinity_comes_back() -> None:
 def test_a_dive_that_cannot_reach_the_incumbent_is_let_go() -> None:
     problem = Only(lambda X: 1.0 + 1e-3 * rosenbrock(X), 4)
     patient, hasty = (
-        optimize.Ledger(problem, optimize.ledger.blank(problem)),
-        optimize.Ledger(problem, optimize.ledger.blank(problem)),
+        optimize.Ledger(problem, optimize.Evaluations.none(problem)),
+        optimize.Ledger(problem, optimize.Evaluations.none(problem)),
     )
     x = np.full(4, 0.3)
     cost = float(problem.costs(x[None, :], 0)[0])
-    QuasiNewtonDive()(patient, x, cost)
-    QuasiNewtonDive()(hasty, x, cost, incumbent=0.0)
+    QuasiNewton()(patient, x, cost)
+    QuasiNewton()(hasty, x, cost, incumbent=0.0)
     assert hasty.spent < patient.spent
 
 

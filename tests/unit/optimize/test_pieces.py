@@ -10,11 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stoop.optimize.pieces.adaptation import fresh_memory
-from stoop.optimize.pieces.bounds import clip, midpoint
-from stoop.optimize.pieces.crossover import binomial
-from stoop.optimize.pieces.initialization import EXCLUDED, chaos, chaotic_start, latin_hypercube, placed
-from stoop.optimize.pieces.selection import greedy
+from stoop.optimize.adaptation import ParameterMemory
+from stoop.optimize.operators import binomial, greedy, latin_hypercube, midpoint
+from stoop_studies.optimizers.pieces.operators import EXCLUDED, chaos, chaotic_start, clip, placed
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -57,7 +55,7 @@ def test_chaos_never_starts_where_the_map_is_not_chaotic() -> None:
     assert not np.isin(c, EXCLUDED).any()
 
 
-def test_an_orbit_that_is_caught_begins_anew() -> None:
+def test_an_orbit_that_is_absorbed_begins_anew() -> None:
     caught = (1.0 + math.sqrt(1.0 - 1e-13)) / 2.0  # next iterate 1e-13: absorbed
     answers = iter([np.array([caught]), np.array([0.3])])
     X = chaos(3, 1, Mock(random=lambda n: next(answers)[:n].copy()))
@@ -105,7 +103,7 @@ def test_selection_keeps_the_parent_on_a_tie_and_never_takes_nan() -> None:
 @settings(deadline=None)
 @given(SEEDS)
 def test_sampled_scales_and_rates_are_in_range(seed: int) -> None:
-    scales, rates = fresh_memory().sample(100, np.random.default_rng(seed))
+    scales, rates = ParameterMemory.fresh().sample(100, np.random.default_rng(seed))
     assert ((scales > 0.0) & (scales <= 1.0)).all()
     assert ((rates >= 0.0) & (rates <= 1.0)).all()
 
@@ -113,7 +111,7 @@ def test_sampled_scales_and_rates_are_in_range(seed: int) -> None:
 def test_memory_learns_weighted_lehmer_means_in_turn() -> None:
     scales, rates, gains = np.array([0.2, 0.9, 0.5]), np.array([1.0, 0.1, 0.3]), np.array([1.0, 5.0, 3.0])
     won = np.array([True, False, True])
-    memory = fresh_memory(entries=2).learn(scales, rates, gains, won)
+    memory = ParameterMemory.fresh(entries=2).learn(scales, rates, gains, won)
     assert memory.scales[0] == pytest.approx((0.25 * 0.04 + 0.75 * 0.25) / (0.25 * 0.2 + 0.75 * 0.5))
     assert memory.rates[0] == pytest.approx((0.25 * 1.0 + 0.75 * 0.09) / (0.25 * 1.0 + 0.75 * 0.3))
     assert (memory.scales[1], memory.rates[1], memory.slot) == (0.5, 0.8, 1)
@@ -122,7 +120,9 @@ def test_memory_learns_weighted_lehmer_means_in_turn() -> None:
 
 
 def test_memory_survives_infinite_parents() -> None:
-    memory = fresh_memory().learn(np.array([0.4]), np.array([0.6]), np.array([np.inf]), np.array([True]))
+    memory = ParameterMemory.fresh().learn(
+        np.array([0.4]), np.array([0.6]), np.array([np.inf]), np.array([True])
+    )
     assert (memory.scales[0], memory.rates[0]) == (pytest.approx(0.4), pytest.approx(0.6))
 
 

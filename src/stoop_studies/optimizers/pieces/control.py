@@ -9,7 +9,7 @@ import numpy as np
 from numpy.random import Generator
 
 from stoop.base.arrays import Factor, FloatArray
-from stoop.optimize.pieces.adaptation import Memory, fresh_memory
+from stoop.optimize.adaptation import ParameterMemory
 
 TINY: Final = 1e-300  #: keeps a range of costs from being zero
 
@@ -114,18 +114,25 @@ class SuccessHistory:
 
     entries: int = 6
 
-    def begin(self, members: int) -> Memory:
+    def begin(self, members: int) -> ParameterMemory:
         """Return a memory without any success."""
-        return fresh_memory(self.entries)
+        return ParameterMemory.fresh(self.entries)
 
-    def sample(self, memory: Memory, F: FloatArray, generator: Generator) -> tuple[FloatArray, FloatArray]:
+    def sample(
+        self, memory: ParameterMemory, F: FloatArray, generator: Generator
+    ) -> tuple[FloatArray, FloatArray]:
         """Return scales and rates, (n, 1) each."""
         scales, rates = memory.sample(len(F), generator)
         return scales[:, None], rates[:, None]
 
     def learn(
-        self, memory: Memory, scale: FloatArray, rate: FloatArray, before: FloatArray, costs: FloatArray
-    ) -> Memory:
+        self,
+        memory: ParameterMemory,
+        scale: FloatArray,
+        rate: FloatArray,
+        before: FloatArray,
+        costs: FloatArray,
+    ) -> ParameterMemory:
         """Return the memory after a generation: means of the successful, weighted by the gain in cost."""
         with np.errstate(invalid="ignore"):
             gains = before - costs
