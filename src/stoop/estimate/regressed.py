@@ -9,6 +9,7 @@ import numpy as np
 
 from stoop import optimize
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice, notice
 from stoop.estimate.fit import SHORT, Fit
 from stoop.estimate.noise import noise_variance
 from stoop.optimize.ledger import Evaluations, Halt
@@ -24,8 +25,7 @@ def regressed_fit(
     values: Mapping[str, float],
     covariance: FloatArray,
     name: str,
-    warnings: Sequence[str] = (),
-    statements: Sequence[str] = (),
+    notices: Sequence[Notice] = (),
     white: FloatArray | None = None,
 ) -> Fit:
     """Return the fit of a method that does not simulate.
@@ -36,7 +36,7 @@ def regressed_fit(
     Parameters
     ----------
     problem : Misfit
-        As posed, see :func:`stoop.estimate.fit.pose`.
+        As posed, see :func:`stoop.estimate.fit.estimation_problem`.
     prepared : Prepared
     values : mapping
         Estimates by the names of free numbers, SI; a free number that is not among them keeps the file's value.
@@ -45,7 +45,7 @@ def regressed_fit(
         estimated.
     name : str
         Of the method.
-    warnings, statements : sequence of str
+    notices : sequence of Notice
     white : (D, D), optional
         Likewise, as if residuals were white; none where the method did not look at their color.
     """
@@ -58,11 +58,10 @@ def regressed_fit(
         problem = problem.weighted(Weights.of(noise_variance(problem, z)))
         cost = float(np.sum(problem.residuals(z[None, :], len(problem.prices) - 1) ** 2))
     outcome = optimize.Outcome(z, cost, spent, 0, "converged", "", np.empty((0, 2)), None, name)
-    said = (*prepared.warnings, *warnings, *(() if np.isfinite(cost) else (DIVERGED,)))
+    diverged = () if np.isfinite(cost) else (notice("untyped-warning", text=DIVERGED),)
+    said = (*notices, *diverged)
     whole, plain = (None if c is None else _padded(c, len(z)) for c in (covariance, white))
-    return Fit(
-        problem, prepared, z, outcome, cost, spent, said, tuple(statements), covariance=whole, white=plain
-    )
+    return Fit(problem, prepared, z, outcome, cost, spent, said, covariance=whole, white=plain)
 
 
 def _padded(covariance: FloatArray, size: int) -> FloatArray:

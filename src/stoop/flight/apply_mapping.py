@@ -48,7 +48,7 @@ class Mapped:
     places: Mapping[str, str] = field(default_factory=dict)
 
 
-def read_mapped(path: Path, given: Path | None = None) -> tuple[Recording, Mapped | None, Path | None]:
+def read_mapped(path: Path, given: Path | None = None) -> tuple[Recording, Mapped | None]:
     """Read the streams of a log that its mapping needs, and name its channels by the registry.
 
     Parameters
@@ -60,7 +60,6 @@ def read_mapped(path: Path, given: Path | None = None) -> tuple[Recording, Mappe
     -------
     recording : of any format
     mapped : its channels; None for a flight that stoop wrote
-    place : of the mapping; None for the ready one
 
     Raises
     ------
@@ -84,10 +83,10 @@ def read_mapped(path: Path, given: Path | None = None) -> tuple[Recording, Mappe
     needed = None if not form or mapping is None or "" in mapping.streams else mapping.streams
     recording = logs.read(path, given, needed)
     if recording.format == "stoop-netcdf":
-        return recording, None, place
+        return recording, None
     if recording.format == "table" and place is not None and is_first_edition(content):
         found = _first_edition(recording, place)
-        return recording, replace(found, notices=_suggestions(recording, found, place)), place
+        return recording, replace(found, notices=_suggestions(recording, found, place))
     if mapping is None and recording.format not in READY:
         start = beside(recording.path)
         raise FlightError(
@@ -99,7 +98,7 @@ def read_mapped(path: Path, given: Path | None = None) -> tuple[Recording, Mappe
     found = apply_mapping(mapping, whole)
     if not mapping.alignments and (mapping.files or recording.format not in READY):
         found = replace(found, notices=[*found.notices, *_suggestions(whole, found, place)])
-    return recording, found, place
+    return recording, found
 
 
 def _first_edition(recording: Recording, place: Path) -> Mapped:

@@ -161,14 +161,12 @@ def without_faulty(time: FloatArray, x: FloatArray, faults: Sequence[Fault]) -> 
     return out
 
 
-def sign_faults(time: FloatArray, data: Mapping[str, FloatArray]) -> list[Fault]:
-    """Look for a vertical specific force that points up most of the time: a sign lost in a mapping."""
-    t, az = finite(time, data["az"]) if "az" in data else (np.empty(0), np.empty(0))
-    value = float(np.median(az)) if az.size else 0.0
-    if value < 0.5 * STANDARD_GRAVITY:
-        return []
-    found = notice("specific-force-upward", "az", value=value)
-    return [Fault("wrong sign", "az", value, float(t[0]), float(t[-1]), found)]
+def contradiction(found: Notice, start: float, stop: float) -> Fault:
+    """Return what contradicts a mapping as a fault of the channel, over the record [s]."""
+    kind: Kind = "wrong sign" if found.code == "force-points-up" else "wrong unit"
+    kind = "inconsistent" if found.code.startswith(("mapping-", "rate-")) else kind
+    value = next((found.values[name] for name in ("gain", "size", "evidence") if name in found.values), 0.0)
+    return Fault(kind, found.subject, float(str(value)), start, stop, found)
 
 
 def at_rest(data: Mapping[str, FloatArray], rate: float) -> BoolArray:

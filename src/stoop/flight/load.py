@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -10,7 +10,10 @@ from typing import Final
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.variables import EULER, QUATERNION, RATES, VARIABLES
-from stoop.flight.advice import advised, motion_faults, unit_faults
+from stoop.checks.kinematics import MOTION, check_motion, check_rates
+from stoop.checks.lines import Lines, read_lines
+from stoop.checks.units import check_units
+from stoop.errors import FlightError
 from stoop.flight.air_data_reconstruction import with_air
 from stoop.flight.airborne import carried_by_rotors
 from stoop.flight.airspeed import faults_of_true_airspeed, with_true_airspeed
@@ -18,12 +21,9 @@ from stoop.flight.alignment import attitude_delay
 from stoop.flight.apply_mapping import Mapped, read_mapped
 from stoop.flight.attitude_interpolation import interpolate_by_rates
 from stoop.flight.channels import SourceRate, drop_outliers
-from stoop.flight.consistency import rate_faults
-from stoop.flight.faults import Fault, recorded_faults, rest_faults, sign_faults, without_faulty
+from stoop.flight.faults import Fault, contradiction, recorded_faults, rest_faults, without_faulty
 from stoop.flight.flight import Flight, dataset, flight_name, with_attitude
 from stoop.flight.gridding import grid_channels
-from stoop.flight.motion import MOTION
-from stoop.flight.plausible import check_radians
 from stoop.flight.store import restore
 from stoop.logs import Recording
 
@@ -53,7 +53,7 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = DEFA
         When it holds no known variable, or degrees where radians belong.
     """
     path = Path(path)
-    recording, mapped, place = read_mapped(path, Path(mapping) if mapping is not None else None)
+    recording, mapped = read_mapped(path, Path(mapping) if mapping is not None else None)
     if mapped is None:
         return restore(recording, flight_name(path))
     notices: list[Notice] = []
@@ -62,31 +62,27 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = DEFA
         cleaned, found = drop_outliers(group)
         channels.append(cleaned)
         notices += found
-    check_radians(channels, str(path), str(place or ""), mapped.places)
     flight = with_air(_gridded(path, recording, replace(mapped, channels=channels), rate))
     return replace(flight, notices=(*notices, *flight.notices, *_limits_of_record(flight)))
 
 
 def _gridded(path: Path, recording: Recording, mapped: Mapped, rate: float) -> Flight:
-    channels = mapped.channels
+    channels, lines = mapped.channels, read_lines(mapped.places)
+    signals = {name: (group.time, x) for group in channels for name, x in group.values.items()}
+    refused, units, _ = check_units(signals, lines)
+    if refused:
+        raise FlightError(f"{path}: {str(refused[0]).removesuffix('.')}")
     grid, data, sources = grid_channels(channels, rate, str(path))
     data, sources = _complete_attitude(data, sources)
     data, sources, airspeed = with_true_airspeed(data, sources)
-    units = unit_faults(channels, mapped.places)
     recorded = faults_of_true_airspeed(recorded_faults(channels), data)
-    # Where sizes or clocks are not sound, or channels stuck or clipped, contradictions would accuse the innocent.
-    sound = not (units or MOTION & {f.variable for f in recorded} or _slow(sources, SUSPECT_CLOCK))
-    signs = sign_faults(grid.time, data)
-    upright = {**data, **{fault.variable: -data[fault.variable] for fault in signs}}
-    wrong, mended = motion_faults(grid.time, upright, rate, mapped.places if sound else {})
-    inconsistent = advised(rate_faults(grid.time, mended, rate), mapped.places)
+    dirty = {fault.variable for fault in recorded} | _slow(sources, SUSPECT_CLOCK).keys()
+    found = _contradictions(data, rate, lines, units, sound=not MOTION & dirty)
+    span = float(grid.time[0]), float(grid.time[-1])
     faults = (
         *recorded,
-        *units,
         *rest_faults(grid.time, data, rate),
-        *advised(signs, mapped.places),
-        *wrong,
-        *inconsistent,
+        *(contradiction(one, *span) for one in found),
     )
     if any(fault.kind == "inconsistent" for fault in faults):
         attitude = attitude_delay(channels)
@@ -111,6 +107,19 @@ def _gridded(path: Path, recording: Recording, mapped: Mapped, rate: float) -> F
         faults,
         mapped.unmapped,
     )
+
+
+def _contradictions(
+    data: Mapping[str, FloatArray], rate: float, lines: Lines, units: Sequence[Notice], *, sound: bool
+) -> list[Notice]:
+    """Return the lines of the mapping that the data contradict, then what else disagrees with these corrected.
+
+    Where units or clocks are wrong, or channels stuck or clipped, kinematics would accuse the innocent.
+    """
+    upward = any(one.code == "force-points-up" for one in units)
+    upright = {**data, "az": -data["az"]} if upward else data
+    wrong, corrected = check_motion(upright, rate, lines if sound and len(units) == upward else {})
+    return [*units, *wrong, *check_rates(corrected, rate, lines)]
 
 
 def _complete_attitude(

@@ -24,7 +24,7 @@ from stoop.estimate.regression.least_squares import Block, Priors, Solved, solve
 from stoop.estimate.regression.measured import FORCES, RATES, lagged
 from stoop.flight.segmentation import MIN_SEGMENT
 from stoop.problem import Layout, Nuisance, Piece
-from stoop.problem.start import through_air
+from stoop.problem.observation import through_air
 from stoop.simulate import parameter_rows
 from stoop.simulate.delays import at_samples, late_inputs
 from stoop.simulate.initial import commanded, kernel_states, rigid_states

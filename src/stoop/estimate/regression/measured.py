@@ -12,7 +12,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from stoop.base.arrays import FloatArray
 from stoop.problem import Piece
-from stoop.problem.start import at_center_of_gravity, true_value
+from stoop.problem.observation import at_center_of_gravity, true_value
 from stoop.simulate import START_NAMES, parameter_rows
 from stoop.simulate.delays import late_inputs
 from stoop.simulate.initial import commanded, kernel_states, rigid_states

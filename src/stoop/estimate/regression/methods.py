@@ -8,8 +8,9 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import notice
 from stoop.errors import IdentificationError
-from stoop.estimate.fit import Fit, Options, pose
+from stoop.estimate.fit import Fit, Options, estimation_problem
 from stoop.estimate.regressed import regressed_fit
 from stoop.estimate.regression.domain import Band, Domain, Time
 from stoop.estimate.regression.estimate import Regressed, regressed
@@ -34,7 +35,7 @@ def equation_error(
 ) -> Fit:
     """Fit the free terms to smoothed samples; a method of `stoop.estimate.methods`."""
     if vehicle.hovers:
-        return of_rotors(*pose(vehicle, flights, windows, options), options.method)
+        return of_rotors(*estimation_problem(vehicle, flights, windows, options), options.method)
     return _fitted(vehicle, flights, windows, options, Time(), "on smoothed samples")
 
 
@@ -60,7 +61,7 @@ def _fitted(
     where: str,
 ) -> Fit:
     others = _other_numbers(vehicle)
-    problem, prepared = pose(vehicle.with_numbers(others), flights, windows, options)
+    problem, prepared = estimation_problem(vehicle.with_numbers(others), flights, windows, options)
     found = regressed(problem.layout, problem.pieces, domain)
     if found is None:
         raise IdentificationError(
@@ -71,9 +72,13 @@ def _fitted(
     values = {layout.parameters[i].name: float(v) for i, v in zip(found.places, solved.values, strict=True)}
     warnings = (*_untouched(others), *_poorly_explained(found))
     white = _covariance(layout, found, solved.white) if domain.sees_color else None
-    statements = (HOW.format(where=where), EXPLAINED.format(shares=_shares(found)))
+    texts = (HOW.format(where=where), EXPLAINED.format(shares=_shares(found)))
+    notices = (
+        *(notice("untyped-fit-note", text=text) for text in texts),
+        *(notice("untyped-warning", text=text) for text in warnings),
+    )
     return regressed_fit(
-        problem, prepared, values, _covariance(layout, found, solved.covariance), options.method, warnings, statements,
+        problem, prepared, values, _covariance(layout, found, solved.covariance), options.method, notices,
         white,
     )  # fmt: skip
 

@@ -28,7 +28,7 @@ from stoop.estimate.regression.history import ESTIMATED, balance, coefficients, 
 from stoop.estimate.regression.least_squares import Block, solve
 from stoop.estimate.regression.measured import RATES, Measured, motion
 from stoop.problem import Layout, Piece
-from stoop.problem.prepare import START_SCALES
+from stoop.problem.observation import AirFrame
 from stoop.simulate import parameter_rows
 from stoop.simulate.delays import delayed, input_delays
 from stoop.simulate.initial import commanded
@@ -220,7 +220,8 @@ class RealTime:
         vehicle = self._vehicle
         readings = {c: np.array([now.get(c, np.nan)]) for c in vehicle.outputs}
         start = {
-            n: now.get(n, vehicle.value("reference.airspeed") if n == "V" else 0.0) for n in START_SCALES
+            n: now.get(n, vehicle.value("reference.airspeed") if n == "V" else 0.0)
+            for n in AirFrame.start_scales
         }
         start["h"] = now.get("altitude", 0.0)
         piece = Piece(0, np.zeros(1), inputs[None, :], np.array([[v[0] for v in readings.values()]]), start)

@@ -9,6 +9,7 @@ import numpy as np
 
 from stoop import optimize
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import notice
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import Fit
 from stoop.estimate.noise import variance_of
@@ -16,7 +17,7 @@ from stoop.estimate.regression.accelerations import LEAST, MOMENTS, Unknowns, fi
 from stoop.estimate.regression.domain import Time
 from stoop.estimate.regression.estimate import boxed
 from stoop.estimate.regression.least_squares import Solved
-from stoop.estimate.shooting.predict import LENGTH, begun_anew
+from stoop.estimate.shooting.windows import WINDOW_LENGTH, outputs_by_window
 from stoop.optimize.minimize import Status
 from stoop.problem import Misfit, on_circle
 from stoop.problem.prepare import Prepared
@@ -25,7 +26,7 @@ HOW: Final = (
     "Angular accelerations and specific force were measured sample by sample, and the free numbers fitted to them by least "
     "squares on smoothed samples, commands taken through the delay and lag of the rotors. Noise of velocities, angles and "
     "rates in the equations biases the estimates, and the error bars do not know of it; multiple shooting does not have this "
-    f"bias. Curves are predictions over windows of {LENGTH:g} s that each begin as measured."
+    f"bias. Curves are predictions over windows of {WINDOW_LENGTH:g} s that each begin as measured."
 )
 EXPLAINED: Final = "Share of each acceleration's motion that the equations explain: {shares}."
 LITTLE: Final = (
@@ -73,8 +74,10 @@ def of_rotors(problem: Misfit, prepared: Prepared, name: str) -> Fit:
         outcome,
         0.0,
         0.0,
-        (*prepared.warnings, *warnings),
-        (HOW, EXPLAINED.format(shares=shares)),
+        (
+            *(notice("untyped-fit-note", text=text) for text in (HOW, EXPLAINED.format(shares=shares))),
+            *(notice("untyped-warning", text=text) for text in warnings),
+        ),
         noise=np.diag(np.where(seen, variance_of(problem, residuals), np.nan)),
         covariance=covariance,
         white=white,
@@ -119,4 +122,4 @@ def _simulated(problem: Misfit, unknowns: Unknowns, solved: Solved) -> list[Floa
         pieces.append(replace(piece, changes={**piece.changes, **biases}))
     held = replace(layout, vehicle=vehicle, parameters=(), nuisances=())
     flown = replace(problem, layout=held, pieces=tuple(pieces))
-    return [begun_anew(flown, i) for i in range(len(pieces))]
+    return [outputs_by_window(flown, i) for i in range(len(pieces))]

@@ -12,7 +12,6 @@ from scipy.sparse.csgraph import connected_components
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
-from stoop.estimate.fit import without_stuck_channels
 from stoop.estimate.regression import hierarchy
 from stoop.estimate.regression.domain import Domain
 from stoop.estimate.regression.history import ESTIMATED, History, histories
@@ -20,7 +19,7 @@ from stoop.estimate.regression.rows import Model, Rows, stack
 from stoop.estimate.regression.selection import TOLERANCE, Selection
 from stoop.flight import Flight
 from stoop.problem import Piece
-from stoop.problem.prepare import prepare
+from stoop.problem.prepare import prepare, without_stuck_channels
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle, terms
 
@@ -104,7 +103,7 @@ def determine(
         )
     _check_variables(vehicle, {c: candidates[c] for c in known}, found[0])
     chosen = {c: _chosen(vehicle, c, tuple(candidates[c]), found, choose, domain) for c in known}
-    return Structure(chosen, found, tuple(dict.fromkeys(map(str, (*prepared.warnings, *prepared.notes)))))
+    return Structure(chosen, found, tuple(dict.fromkeys(map(str, prepared.notices))))
 
 
 def _check_variables(vehicle: Vehicle, candidates: Mapping[str, Sequence[str]], history: History) -> None:

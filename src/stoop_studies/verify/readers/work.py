@@ -14,7 +14,7 @@ from stoop_studies.verify.readers.samples import samples
 from stoop_studies.verify.readers.trial import BAD, CONTAINED, GUARDED, Series
 
 CASES: Final = 250  #: of one piece of work
-_LIBRARIES: Final = ("pandas", "scipy.signal", "scipy.io", "stoop.flight.reconstruction")
+_LIBRARIES: Final = ("pandas", "scipy.signal", "scipy.io", "stoop.flight.air_data_reconstruction")
 
 
 def tried(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[dict[str, Any]]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stoop.errors import IdentificationError
-from stoop.estimate.fit import Options, pose
+from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.domain import Band, transform
 from stoop.estimate.regression.estimate import regressed
 from stoop.estimate.regression.recursive import Estimate, GrowingTransform, RealTime
@@ -54,7 +54,7 @@ def test_forgetting_fades_the_past() -> None:
 
 
 def test_the_end_is_that_of_the_batch(full: Vehicle, noisy: Flight) -> None:
-    problem, _ = pose(full, {"noisy": noisy}, [Window("noisy", 0.0, 25.0)], Options())
+    problem, _ = estimation_problem(full, {"noisy": noisy}, [Window("noisy", 0.0, 25.0)], Options())
     batch = regressed(problem.layout, problem.pieces, BAND)
     assert batch is not None
     found = flown(full, noisy, online(full, noisy))
@@ -103,7 +103,7 @@ def test_lags_and_delays_of_controls_are_those_of_the_batch(full: Vehicle, noisy
     late = parse_vehicle(text, "late").with_numbers(
         {"propulsion.thrust": {"value": full.value("propulsion.thrust")}}
     )
-    problem, _ = pose(late, {"noisy": noisy}, [Window("noisy", 0.0, 25.0)], Options())
+    problem, _ = estimation_problem(late, {"noisy": noisy}, [Window("noisy", 0.0, 25.0)], Options())
     batch = regressed(problem.layout, problem.pieces, BAND)
     assert batch is not None
     found = flown(late, noisy, online(late, noisy))
