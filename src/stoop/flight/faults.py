@@ -59,8 +59,8 @@ class Fault:
 
     @property
     def message(self) -> str:
-        """The sentence of the notice."""
-        return str(self.notice)
+        """The sentence of the notice, without its full stop."""
+        return str(self.notice).removesuffix(".")
 
     def to_dict(self) -> dict[str, Any]:
         """Return what a JSON document holds."""
