@@ -11,7 +11,7 @@ A method is two functions that are composed by `stoop.workflow`; neither knows t
     - ``z``: parameters in the unit box, then nuisances in prior sigmas (zeros: the start as it was guessed);
     - ``outcome``: how it ended; ``warnings``: what is doubtful; ``statements``: how to read it.
 
-    A regression has no search: `stoop.estimate.regressed.regressed_fit` makes its `Fit` from estimates and their
+    A regression has no search: `stoop.estimate.regression.method` makes its `Fit` from estimates and their
     covariance (kept in ``Fit.covariance``), with initial states and biases found for the simulation.
     `callback` and `state` belong to searches that can be resumed; others pass them over.
 
@@ -94,12 +94,12 @@ _METHODS: Final[dict[str, Method]] = {
         "vehicles that are unstable or hover: short windows",
     ),
     "equation-error": Method(
-        "stoop.estimate.regression.methods:equation_error",
+        "stoop.estimate.regression.method:equation_error",
         _GIVEN,
         "a first look without a simulation: smoothed samples",
     ),
     "frequency-domain": Method(
-        "stoop.estimate.regression.methods:frequency_domain",
+        "stoop.estimate.regression.method:frequency_domain",
         _GIVEN,
         "likewise, on the Fourier coefficients of a band",
     ),

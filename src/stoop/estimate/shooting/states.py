@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from stoop.base.arrays import FloatArray
 from stoop.estimate.filter_error.paths import filled, unwrapped
-from stoop.estimate.regression.measured import lagged
+from stoop.estimate.regression.aircraft import first_order_lag
 from stoop.estimate.shooting.windows import Shots
 from stoop.problem import Piece
 from stoop.problem.start import state_channels, through_air
@@ -95,7 +95,7 @@ def _lags(vehicle: Vehicle, piece: Piece, at: NDArray[np.int64]) -> dict[str, Fl
     out = {}
     for name in names:
         prefix = "rotors" if name in vehicle.rotors else f"controls.{name}"
-        behind = lagged(
+        behind = first_order_lag(
             commanded(vehicle, name, whole, inputs.T), float(rows[vehicle.rows[f"{prefix}.lag"], 0]), piece.dt
         )
         out[f"{name}.lag"] = behind[at] - commanded(vehicle, name, early, piece.inputs[at].T)

@@ -11,8 +11,9 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.estimate.fit import Options, pose
-from stoop.estimate.regression.domain import Band
-from stoop.estimate.regression.estimate import regressed
+from stoop.estimate.regression.aircraft import AircraftEquations
+from stoop.estimate.regression.domain import FrequencyDomain
+from stoop.estimate.regression.equations import estimate, unbounded
 from stoop.estimate.regression.recursive import RealTime
 from stoop.flight import Flight
 from stoop.parallel import Plan, Run
@@ -28,7 +29,7 @@ WORK: Final = "stoop_studies.verify.realtime.experiment:ends"
 DURATION: Final = 60.0  #: s
 RATE: Final = 50.0  #: Hz
 ALTITUDE: Final = 200.0  #: m
-BAND: Final = Band(0.05, 1.5)
+BAND: Final = FrequencyDomain(0.05, 1.5)
 AMPLITUDES: Final = {"elevator": 0.2, "aileron": 0.08, "rudder": 0.15}  #: rad
 WELL: Final = (
     0.02  #: standard error of the batch over the estimate, below which a parameter is well identified
@@ -123,18 +124,19 @@ def ends(arguments: Mapping[str, Any], stops: list[int | None]) -> list[Any]:
     """Return the estimates of both at the end of the flight of ``seed``."""
     vehicle, flight = scene(int(arguments["seed"]))
     problem, _ = pose(vehicle, {flight.name: flight}, [Window(flight.name, 0.0, DURATION)], Options())
-    batch = regressed(problem.layout, problem.pieces, BAND)
+    equations = AircraftEquations.of(problem.layout, problem.pieces)
+    batch = estimate(equations, BAND, unbounded(equations))
     assert batch is not None  # noqa: S101 - everything was measured
     online = RealTime(vehicle, 1.0 / RATE, BAND.frequencies(len(flight.time), 1.0 / RATE))
     for _ in replay(vehicle, flight, online):
         pass
     found = online.estimate()
-    kept = [k for k, i in enumerate(batch.places) if not problem.layout.parameters[i].name.endswith("0")]
-    names = [problem.layout.parameters[batch.places[k]].name for k in kept]
-    std = np.sqrt(np.diag(batch.solved.covariance))
+    kept = [k for k, name in enumerate(equations.names) if not name.endswith("0")]
+    names = [equations.names[k] for k in kept]
+    std = np.sqrt(np.diag(batch.covariance))
     told = {
         "names": names,
-        "batch": [float(batch.solved.values[k]) for k in kept],
+        "batch": [float(batch.values[k]) for k in kept],
         "std": [float(std[k]) for k in kept],
         "recursive": [found[n].value for n in names],
     }

@@ -9,10 +9,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.estimate.regression.candidates import parameter_name, standard
-from stoop.estimate.regression.domain import Band
+from stoop.estimate.regression.domain import FrequencyDomain
 from stoop.estimate.regression.selection import Press, orthogonal, stepwise
-from stoop.estimate.regression.structure import Choose, determine
+from stoop.estimate.regression.structure import Choose, determine, parameter_name, standard_candidates
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.simulate import Maneuver, parse_maneuver, simulate_flight, trim
@@ -26,7 +25,7 @@ RATE: Final = 50.0  #: Hz
 FLIGHTS: Final = 4  #: of each aircraft
 AMPLITUDES: Final = {"elevator": 0.22, "aileron": 0.08, "rudder": 0.12}  #: rad
 EXCITED: Final = (0.1, 1.2)  #: Hz, of the multisines
-BAND: Final = Band(0.04, 1.5)
+BAND: Final = FrequencyDomain(0.04, 1.5)
 SPREAD: Final = 0.2  #: every true coefficient is drawn this share about its value
 CHANCE: Final = 0.5  #: that an occasional term is there
 CONSTANTS: Final = {"CL": 0.876, "CD": 0.104, "CQ": 0.004, "Cl": 0.0008, "Cm": -0.0235, "Cn": -0.0006}
@@ -67,7 +66,7 @@ def everything() -> Vehicle:
     level = trim(base, None, ALTITUDE).start["alpha"]
     head = base.text.split("[aerodynamics.", 1)[0].replace("alpha = 0.0", f"alpha = {level:.4f}")
     lines = [head, "[aerodynamics]", "default = false"]
-    for coefficient, candidates in standard(base).items():
+    for coefficient, candidates in standard_candidates(base).items():
         lines += [
             f"[aerodynamics.{coefficient}]",
             f'{coefficient}0 = {{ term = "1", value = {CONSTANTS[coefficient]} }}',
@@ -119,7 +118,7 @@ def found(arguments: Mapping[str, Any], stops: list[int | None]) -> list[Any]:
     drawn = draw(seed)
     flights = flown(drawn.vehicle, seed)
     windows = [Window(name, 0.0, DURATION) for name in flights]
-    candidates = standard(everything())
+    candidates = standard_candidates(everything())
     told = {
         name: {c: list(chosen.terms) for c, chosen in determine(
             drawn.vehicle, flights, windows, candidates, choose, BAND
