@@ -17,9 +17,9 @@ import numpy as np
 from benchmarks.clock import interleave
 from benchmarks.table import Row
 from stoop import optimize
-from stoop.optimize import herd as herds
-from stoop.optimize.ledger import blank
-from stoop.optimize.pieces.initialization import latin_hypercube
+from stoop.optimize.ledger import Evaluations
+from stoop.optimize.operators import latin_hypercube
+from stoop.optimize.population import Population
 from stoop.problem import Misfit
 from stoop_studies.problems.paper import paper
 
@@ -63,7 +63,7 @@ def _generations(name: str, problem: Misfit) -> Callable[[], object]:
     """Return a call that does the next generation; dives are left out, they are other work."""
     whole: Any = optimize.create(name)
     optimizer = replace(whole, members=MEMBERS, **({"prey": None} if name == "ps-gde" else {}))
-    ledger = optimize.Ledger(problem, blank(problem))
+    ledger = optimize.Ledger(problem, Evaluations.none(problem))
     state = optimizer.init(ledger, 0, np.empty((0, problem.dimension)))
 
     def step() -> None:
@@ -75,14 +75,14 @@ def _generations(name: str, problem: Misfit) -> Callable[[], object]:
 
 def _herd(problem: Misfit) -> Callable[[], object]:
     """Return a call that moves the default's herd by one generation."""
-    ledger = optimize.Ledger(problem, blank(problem))
+    ledger = optimize.Ledger(problem, Evaluations.none(problem))
     generator = np.random.Generator(np.random.PCG64(0))
     X = latin_hypercube(MEMBERS, problem.dimension, generator)
-    herd = herds.gather(X, ledger.costs(X, ledger.full))
+    herd = Population.first(X, ledger.costs(X, ledger.full))
 
     def step() -> None:
         nonlocal herd
-        trials = herds.ask(herd, generator)
-        herd = herds.tell(herd, trials, ledger.costs(trials.X, ledger.full), generator)
+        trials = herd.ask(generator)
+        herd = herd.tell(trials, ledger.costs(trials.X, ledger.full), generator)
 
     return step

@@ -7,10 +7,8 @@ import numpy as np
 from benchmarks.clock import interleave, ratio
 from benchmarks.table import Row
 from stoop.cli import demo
-from stoop.estimate.fit import Options, pose
-from stoop.estimate.shooting.method import shots_of
-from stoop.estimate.shooting.states import measured_states
-from stoop.estimate.shooting.windows import Shots
+from stoop.estimate.fit import Options, estimation_problem
+from stoop.estimate.shooting.windows import Shots, measured_states
 from stoop.problem import Misfit
 from stoop.problem.windows import Window
 from stoop.simulate import parse_maneuver, simulate_flight
@@ -34,7 +32,7 @@ amplitude = 0.02
 
 def run() -> list[Row]:
     """Fly and differentiate the windows of a minute."""
-    windows = shots_of(_problem(), 0, LENGTH)
+    windows = Shots.of(_problem(), 0, LENGTH)
     nodes = measured_states(windows)
     z = np.concatenate([np.full(windows.problem.dimension, 0.5), np.zeros(windows.problem.extra)])
     taken = interleave(
@@ -71,4 +69,4 @@ def _problem() -> Misfit:
     aircraft = resolve_vehicle("twin-boom")
     flight = simulate_flight(aircraft, parse_maneuver(MANEUVER, "minute"), seed=1, name="minute")
     vehicle = demo.misled(aircraft, 1)
-    return pose(vehicle, {"minute": flight}, [Window("minute", 0.0, SECONDS)], Options())[0]
+    return estimation_problem(vehicle, {"minute": flight}, [Window("minute", 0.0, SECONDS)], Options())[0]

@@ -11,7 +11,8 @@ import pytest
 
 from docs.pages import DOCS, run_python, table
 from stoop import optimize
-from stoop.optimize import pieces
+from stoop.optimize import adaptation, operators
+from stoop_studies.optimizers import pieces
 from stoop_studies.optimizers.pieces.control import Fixed
 from stoop_studies.optimizers.pieces.evolution import DifferentialEvolution
 
@@ -37,7 +38,9 @@ def test_compositions_are_what_the_page_says(name: str) -> None:
         scale, rate = made.control.sample(None, np.arange(9.0), np.random.default_rng(0))
         assert np.abs(scale).max() <= max(_numbers(row["F"]))
         assert (np.min(rate), np.max(rate)) == (min(_numbers(row["CR"])), max(_numbers(row["CR"])))
-    assert bool(row["besides"]) == bool(made.sequels or made.prey or hasattr(made.mutation, "probability"))
+    assert bool(row["besides"]) == bool(
+        made.after_selection or made.prey or hasattr(made.mutation, "probability")
+    )
 
 
 def _numbers(cell: str) -> list[float]:
@@ -45,7 +48,7 @@ def _numbers(cell: str) -> list[float]:
 
 
 def test_every_piece_that_is_named_exists() -> None:
-    known = {
+    known = {*dir(adaptation), *dir(operators)} | {
         name
         for module in pkgutil.iter_modules(pieces.__path__)
         for name in dir(importlib.import_module(f"{pieces.__name__}.{module.name}"))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stoop.optimize.scalar import Scalar
+from stoop.optimize.problem import ScalarProblem
 
 PLACE = 0.3137  # of the optimum, in every variable
 
@@ -31,7 +31,7 @@ def rastrigin(X: np.ndarray) -> np.ndarray:
 
 
 @dataclass
-class Only(Scalar):
+class Only(ScalarProblem):
     """A cost and nothing else; remembers how much was asked of it, and how far outside the box."""
 
     cost: Callable[[np.ndarray], np.ndarray]

@@ -13,7 +13,7 @@ import pytest
 
 from stoop import optimize
 from stoop.errors import IdentificationError
-from stoop.optimize.scalar import has_residuals
+from stoop.optimize.problem import ScalarProblem
 from stoop_studies import problems
 from stoop_studies.problems import bbob
 
@@ -55,8 +55,8 @@ def test_the_sphere_and_its_instances_are_what_they_are_called() -> None:
 
 def test_it_has_no_residuals_and_says_so() -> None:
     problem = problems.pose("bbob-08", 1).problem
-    assert not has_residuals(problem)
-    assert not has_residuals(optimize.Ledger(problem, optimize.ledger.blank(problem)))
+    assert isinstance(problem, ScalarProblem)
+    assert not optimize.Ledger(problem).has_residuals
     with pytest.raises(IdentificationError, match="no residuals"):
         problem.residuals(np.zeros((1, 10)), 0)
     with pytest.raises(IdentificationError, match="no residuals"):

@@ -10,7 +10,7 @@ import numpy as np
 from stoop.assess.covariance import invert
 from stoop.assess.identifiability import COLLINEAR
 from stoop.base.arrays import FloatArray
-from stoop.results.evidence import BlindDirection, CorrelatedPair
+from stoop.results.uncertainty import CorrelatedPair, NearNullDirection
 
 STRONG: Final = 0.9  #: correlation from which a pair is named
 PARTNER: Final = 0.7  #: correlation from which another parameter counts as able to stand in
@@ -51,7 +51,7 @@ def marginal_information(information: FloatArray, count: int) -> FloatArray:
 
 def blind_directions(
     names: Sequence[str], information: FloatArray, sizes: FloatArray
-) -> tuple[BlindDirection, ...]:
+) -> tuple[NearNullDirection, ...]:
     """Return the directions in which the data hardly change, the darkest first.
 
     Parameters
@@ -66,7 +66,9 @@ def blind_directions(
     diagonal = np.sqrt(np.maximum(np.diag(information), 0.0))
     unseen = [name for name, d in zip(names, diagonal, strict=True) if not d > 0.0]
     seen = np.flatnonzero(diagonal > 0.0)
-    out = [BlindDirection(0.0, {name: 1.0}, f"The data do not change with {name} at all.") for name in unseen]
+    out = [
+        NearNullDirection(0.0, {name: 1.0}, f"The data do not change with {name} at all.") for name in unseen
+    ]
     if seen.size > 1:
         scale = diagonal[seen]
         values, vectors = np.linalg.eigh(information[np.ix_(seen, seen)] / np.outer(scale, scale))
@@ -76,7 +78,7 @@ def blind_directions(
         for i in np.flatnonzero(singular < 1.0 / COLLINEAR)[:MOST_DIRECTIONS]:
             step = vectors[:, i] / singular[i]
             parts = _parts([names[int(j)] for j in seen], step / sigma, _cut(step / scale, sizes[seen]))
-            out.append(BlindDirection(float(singular[i]), parts, _words(parts)))
+            out.append(NearNullDirection(float(singular[i]), parts, _words(parts)))
     return tuple(out[:MOST_DIRECTIONS])
 
 

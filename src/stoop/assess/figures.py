@@ -17,7 +17,7 @@ import numpy as np
 from stoop.assess.runs import low_pass
 from stoop.assess.whiteness import whiteness
 from stoop.base.arrays import FloatArray
-from stoop.results.figures import BaselineFigures, ChannelFigures, TheilShares
+from stoop.results.goodness_of_fit import BaselineFit, GoodnessOfFit, TheilShares
 
 NAN: Final = float("nan")
 
@@ -104,7 +104,7 @@ class Match:
 
 def channel_figures(
     measured: FloatArray, model: Match, rate: float, baseline: Match | None = None
-) -> ChannelFigures:
+) -> GoodnessOfFit:
     """Return the figures of one channel of one maneuver.
 
     Parameters
@@ -120,11 +120,11 @@ def channel_figures(
 
     Returns
     -------
-    ChannelFigures
+    GoodnessOfFit
         Theil's coefficients of the curves low-passed at 10 Hz with zero phase, stretch by stretch; all else of the
         curves as they are.
     """
-    return ChannelFigures(
+    return GoodnessOfFit(
         rmse=rmse(measured, model.simulated),
         theil=filtered_theil(measured, model.simulated, rate),
         r2=r2(measured, model.simulated),
@@ -132,12 +132,12 @@ def channel_figures(
         press=_press(model),
         theil_shares=_shares(measured, model),
         whiteness=whiteness(measured - model.simulated),
-        baseline=BaselineFigures() if baseline is None else _baseline_figures(measured, baseline),
+        baseline=BaselineFit() if baseline is None else _baseline_figures(measured, baseline),
     )
 
 
-def _baseline_figures(measured: FloatArray, baseline: Match) -> BaselineFigures:
-    return BaselineFigures(
+def _baseline_figures(measured: FloatArray, baseline: Match) -> BaselineFit:
+    return BaselineFit(
         rmse=rmse(measured, baseline.simulated),
         r2=r2(measured, baseline.simulated),
         press=_press(baseline),

@@ -30,7 +30,7 @@ import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from stoop.base.arrays import FloatArray
-from stoop.results.findings import Estimate, ModeEstimate
+from stoop.results.modes import Estimate, ModeEstimate
 from stoop.simulate.linearize import Mode, modes_of
 
 ComplexArray = npt.NDArray[np.complex128]

@@ -22,7 +22,7 @@ import numpy as np
 from stoop.assess.covariance import NORMAL_95
 from stoop.assess.optimum import Optimum
 from stoop.base.arrays import FloatArray
-from stoop.optimize import Dive, Problem, Settings, dive
+from stoop.optimize import Problem, Refinement, Settings, refine
 
 CROSSING: Final = 0.01  #: of the threshold's root, by which a crossing may be missed
 TRIES: Final = 12  #: refits at most on one side
@@ -117,9 +117,9 @@ def profile(optimum: Optimum, entry: int, factor: float = 1.0) -> Profile:
     return Profile(ends[0], ends[1], np.array(tried), better)
 
 
-def _refitted(optimum: Optimum, entry: int, value: float, start: FloatArray) -> Dive:
+def _refitted(optimum: Optimum, entry: int, value: float, start: FloatArray) -> Refinement:
     """Return the refit of all else with one parameter held."""
-    return dive(Pinned(optimum.problem, entry, value), np.delete(start, entry), optimum.rung, SETTINGS)
+    return refine(Pinned(optimum.problem, entry, value), np.delete(start, entry), optimum.rung, SETTINGS)
 
 
 class _Side:

@@ -16,7 +16,7 @@ import numpy as np
 from stoop.assess.covariance import invert
 from stoop.assess.optimum import Optimum
 from stoop.base.arrays import FloatArray
-from stoop.optimize import Problem, dive
+from stoop.optimize import Problem, refine
 
 SHARED_STEPS: Final = 6  #: at most, with the derivatives at the optimum
 OWN_STEPS: Final = 8  #: at most, with the refit's own
@@ -116,7 +116,7 @@ def _finish(optimum: Optimum, z: FloatArray, shift: FloatArray) -> tuple[FloatAr
     there = _walk(optimum, z, shift)
     if there is not None:
         return there, "arrived"
-    end = dive(Shifted(optimum.problem, shift), optimum.z, optimum.rung)
+    end = refine(Shifted(optimum.problem, shift), optimum.z, optimum.rung)
     if end.converged:
         return end.z, "dived"
     return np.full(len(z), np.nan), "lost"

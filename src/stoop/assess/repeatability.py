@@ -28,7 +28,7 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2
 
-from stoop.results.findings import ParameterRepeatability, SingleEstimate
+from stoop.results.uncertainty import ParameterRepeatability, SingleEstimate
 
 LEVEL: Final = 0.05  #: chance of calling a scatter too large that is not
 MOST_PRIOR: Final = 0.5  #: of an estimate: where the prior knows more than the maneuver, it is the prior's

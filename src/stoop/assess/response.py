@@ -25,7 +25,7 @@ from scipy.optimize import least_squares
 
 from stoop.base.arrays import FloatArray
 from stoop.estimate.noise import correlation_times
-from stoop.results.findings import Estimate, MeasuredMode
+from stoop.results.modes import Estimate, MeasuredMode
 
 CHANNELS: Final[Mapping[str, tuple[str, ...]]] = {
     "short period": ("q", "alpha"),

@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from stoop.results.evidence import MethodSpread, Spread
 from stoop.results.result import ParameterEstimate
+from stoop.results.uncertainty import Interval, MethodIntervals
 
 CRAMER_RAO: Final = "cramer_rao"
 CORRECTED: Final = "corrected"
@@ -22,13 +22,13 @@ RHAT: Final = 1.02  #: above it a posterior says nothing yet
 NAMED: Final = 8
 
 
-def trust(parameters: Mapping[str, ParameterEstimate], methods: Mapping[str, MethodSpread]) -> tuple[str, ...]:  # fmt: skip
+def trust(parameters: Mapping[str, ParameterEstimate], methods: Mapping[str, MethodIntervals]) -> tuple[str, ...]:  # fmt: skip
     """Return which method to trust for which parameters, and where the methods disagree.
 
     Parameters
     ----------
     parameters : mapping of str to ParameterEstimate
-    methods : mapping of str to MethodSpread
+    methods : mapping of str to MethodIntervals
         ``corrected`` at least, without it nothing is said; nothing of color without ``cramer_rao``.
     """
     if CORRECTED not in methods:
@@ -44,7 +44,7 @@ def trust(parameters: Mapping[str, ParameterEstimate], methods: Mapping[str, Met
     return tuple(sentence for sentence in said if sentence)
 
 
-def _color(sure: Mapping[str, ParameterEstimate], methods: Mapping[str, MethodSpread]) -> str:
+def _color(sure: Mapping[str, ParameterEstimate], methods: Mapping[str, MethodIntervals]) -> str:
     ratios = _ratios(sure, methods[CORRECTED], methods[CRAMER_RAO]) if CRAMER_RAO in methods else {}
     if not ratios:
         return ""
@@ -57,7 +57,7 @@ def _color(sure: Mapping[str, ParameterEstimate], methods: Mapping[str, MethodSp
     )
 
 
-def _bootstrap(sure: Mapping[str, ParameterEstimate], methods: Mapping[str, MethodSpread]) -> str:
+def _bootstrap(sure: Mapping[str, ParameterEstimate], methods: Mapping[str, MethodIntervals]) -> str:
     if BOOTSTRAP not in methods:
         return ""
     ratios = _ratios(sure, methods[BOOTSTRAP], methods[CORRECTED])
@@ -74,7 +74,7 @@ def _bootstrap(sure: Mapping[str, ParameterEstimate], methods: Mapping[str, Meth
     return f"{begin} but not everywhere: the bootstrap is {'; and '.join(s for s in said if s)}."
 
 
-def _posterior(sure: Mapping[str, ParameterEstimate], methods: Mapping[str, MethodSpread]) -> list[str]:
+def _posterior(sure: Mapping[str, ParameterEstimate], methods: Mapping[str, MethodIntervals]) -> list[str]:
     if POSTERIOR not in methods:
         return []
     found = methods[POSTERIOR]
@@ -101,7 +101,7 @@ def _posterior(sure: Mapping[str, ParameterEstimate], methods: Mapping[str, Meth
     return said
 
 
-def _profile(sure: Mapping[str, ParameterEstimate], methods: Mapping[str, MethodSpread]) -> list[str]:
+def _profile(sure: Mapping[str, ParameterEstimate], methods: Mapping[str, MethodIntervals]) -> list[str]:
     if PROFILE not in methods:
         return []
     found = methods[PROFILE].parameters
@@ -121,7 +121,7 @@ def _profile(sure: Mapping[str, ParameterEstimate], methods: Mapping[str, Method
 
 
 def _ratios(
-    sure: Mapping[str, ParameterEstimate], one: MethodSpread, other: MethodSpread
+    sure: Mapping[str, ParameterEstimate], one: MethodIntervals, other: MethodIntervals
 ) -> dict[str, float]:
     """Return by how much the standard errors of one method exceed another's, where both have them."""
     pairs = {
@@ -132,7 +132,7 @@ def _ratios(
     return {n: a / b for n, (a, b) in pairs.items() if np.isfinite([a, b]).all() and b > 0.0}
 
 
-def _skewness(p: ParameterEstimate, spread: Spread) -> float:
+def _skewness(p: ParameterEstimate, spread: Interval) -> float:
     """Return the longer over the shorter arm of an interval about the estimate; 1 where it has an open end."""
     arms = sorted([p.estimate - spread.ci95_lower, spread.ci95_upper - p.estimate])
     if not np.isfinite(arms).all():

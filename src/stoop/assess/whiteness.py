@@ -23,8 +23,8 @@ from scipy.stats import chi2
 
 from stoop.assess.runs import runs
 from stoop.base.arrays import FloatArray
-from stoop.estimate.autocorrelation import lagged_products
-from stoop.results.figures import Whiteness
+from stoop.estimate.noise import lagged_products
+from stoop.results.goodness_of_fit import Whiteness
 
 LAGS: Final = (
     20  #: autocorrelations that are summed: 0.2 s at 100 Hz, the fastest motion that a model explains

@@ -47,6 +47,15 @@ class Notice:
         """Return the sentence."""
         return message(self)
 
+    def __hash__(self) -> int:
+        """Return a hash, so that repeated notices can be dropped."""
+        return hash((self.code, self.subject, tuple(sorted(self.values))))
+
+    @property
+    def topic(self) -> str:
+        """Topic of the code: "log", "mapping", "flight", "vehicle", "fit", "assessment" or "design"."""
+        return table()[self.code].topic
+
     def to_dict(self) -> dict[str, Any]:
         """Return what a JSON document holds; the sentence is among it, for people."""
         return {
@@ -79,8 +88,18 @@ def notice(code: str, subject: str = "", **values: Value) -> Notice:
     return Notice(code, table()[code].severity, subject, MappingProxyType(values))
 
 
+def as_notice(found: Notice | str, severity: Severity = "warning", topic: str = "fit") -> Notice:
+    """Return a notice as it is; a sentence without a code becomes one that holds it as its text."""
+    if isinstance(found, Notice):
+        return found
+    code = "untyped-warning" if severity == "warning" else f"untyped-{topic}-note"
+    return notice(code, text=found)
+
+
 def from_dict(content: Mapping[str, Any]) -> Notice:
-    """Return the notice that `Notice.to_dict` gave."""
+    """Return the notice that `Notice.to_dict` gave; of a code that this version does not know its sentence is kept."""
+    if content["code"] not in table():
+        return as_notice(str(content["message"]), content["severity"])
     values = {name: tuple(v) if isinstance(v, list) else v for name, v in content["values"].items()}
     return Notice(content["code"], content["severity"], content["subject"], MappingProxyType(values))
 

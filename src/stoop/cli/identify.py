@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from stoop.vehicle import Vehicle
     from stoop.workflow import Job
     from stoop.workflow.checkpoint import Checkpoint
+    from stoop.workflow.identification import Search
     from stoop.workflow.repeat import Alone
-    from stoop.workflow.run import Search
 
 _WINDOW = "[FLIGHT@]START:STOP[#LOADING]"
 _INTERRUPTED = 130
@@ -157,8 +157,8 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
 
 def _options(arguments: argparse.Namespace, vehicle: Vehicle) -> Options:
     from stoop.estimate.fit import Options
-    from stoop.estimate.given import read_covariance
     from stoop.estimate.methods import find
+    from stoop.estimate.noise import read_covariance
     from stoop.optimize import create
 
     find(arguments.method)
@@ -182,13 +182,13 @@ def _checkpoint(
     options: Options,
     warn: Callable[[str], None],
 ) -> Checkpoint:
-    from stoop.estimate.methods import chosen
+    from stoop.estimate.methods import choose_method
     from stoop.workflow.checkpoint import Checkpoint, identity
     from stoop.workflow.provenance import file_hashes, flight_files
 
     mapping = [arguments.mapping] if arguments.mapping is not None else []
     files = file_hashes([*flight_files(flights), *mapping])
-    options = replace(options, method=chosen(options.method, vehicle, flights).name)
+    options = replace(options, method=choose_method(options.method, vehicle, flights).name)
     problem = identity(vehicle, files, arguments.maneuver, arguments.validate, options)
     return Checkpoint(arguments.output, problem, warn)
 
@@ -202,13 +202,13 @@ def _identify(
     watch: Watch,
 ) -> tuple[Job, bool]:
     """Return the job, its results written, and whether Ctrl-C came."""
+    from stoop.workflow.identification import finish, search
     from stoop.workflow.interrupt import deferred_interrupt
     from stoop.workflow.outputs import place_outputs
     from stoop.workflow.repeat import with_repeatability
-    from stoop.workflow.run import finish, search
 
     state = checkpoint.load() if arguments.resume else None
-    watch.count_from(0.0 if state is None else state.books.trajectories)
+    watch.count_from(0.0 if state is None else state.evaluations.trajectories)
 
     def see(progress: Progress) -> None:
         checkpoint.keep(progress.state)
@@ -277,9 +277,9 @@ def tell(job: Job, folder: Path) -> None:
     if result.warnings:
         out.heading("warnings")
         out.bullets(result.warnings)
-    if job.identification.statements:
+    if result.basis:
         out.heading("how to read this")
-        out.bullets(job.identification.statements)
+        out.bullets(map(str, result.basis))
     out.line()
     advice = f": {result.advice}" if result.advice else ""
     out.line(f"{result.status}{advice} ({result.trajectories:.0f} trajectories, {result.seconds:.1f} s)")

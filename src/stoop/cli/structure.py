@@ -151,7 +151,8 @@ def _tell(found: Determined, arguments: argparse.Namespace) -> None:
                 numbers("std error", columns[3]),
             ]
         )  # fmt: skip
-    notes = [*(str(n) for c in found.structure.chosen.values() for n in c.notices), *found.structure.notes]
+    every = found.structure.chosen.values()
+    notes = [str(n) for n in (*(n for c in every for n in c.notices), *found.structure.notices)]
     if notes:
         out.heading("what to mind")
         out.bullets(notes)

@@ -13,7 +13,7 @@ from stoop.cli.page import busy, page
 from stoop.cli.point import MAPPING_HELP
 
 if TYPE_CHECKING:
-    from stoop.workflow.validate import Validated
+    from stoop.workflow.validation import Validated
 
 _WINDOW = "[FLIGHT@]START:STOP[#LOADING]"
 
@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Predict, write, and say how well."""
     from stoop.flight import load
-    from stoop.workflow.validate import NAMES, validate
+    from stoop.workflow.validation import NAMES, validate
 
     inputs = [*arguments.flight, *([arguments.mapping] if arguments.mapping else [])]
     check_targets(arguments.output, NAMES, arguments.overwrite, inputs)

@@ -14,7 +14,7 @@ from stoop.base.arrays import FloatArray
 from stoop.design.setup import Forecast, Setup
 from stoop.design.shapes import LEAD, SHAPES, Frame, Shape
 from stoop.errors import SimulationError
-from stoop.optimize.scalar import Scalar
+from stoop.optimize.problem import ScalarProblem
 from stoop.simulate import Maneuver
 
 OUTSIDE: Final = 1e3  #: cost of leaving the envelope at all: every maneuver within it is better
@@ -73,7 +73,7 @@ class Design:
 
 
 @dataclass(frozen=True, eq=False)
-class Uninformed(Scalar):
+class Uninformed(ScalarProblem):
     """Cost of a point of a family of inputs: minus what its maneuver tells; outside the envelope, how far."""
 
     setup: Setup

@@ -1,8 +1,13 @@
-"""The horizon ladder: a prey is followed on ever longer records, and shelved where it does not explain them.
+"""The horizon ladder, and when an optimum counts as confirmed.
 
-On a short record a poor candidate has not yet run far from the measurements, so the cost has few wrong optima
-and costs little. The gates know neither the noise nor whether the model is perfect: a rung is passed by
-explaining most of what a constant does not, or by doing about as well as any earlier dive did there.
+A candidate is refined on ever longer records, and deferred where it does not explain them. On a short record a poor
+candidate has not yet departed far from the measurements, so the cost has few wrong optima and is cheap. The gates
+know neither the noise nor whether the model is perfect: a rung is passed by explaining most of what a constant does
+not, or by doing about as well as any earlier refinement did there.
+
+An optimum is confirmed when independent refinements end at the same best cost. Two suffice where the model leaves
+little unexplained. Where it leaves much, a wrong optimum may attract as many refinements as the right one, so there
+must be three.
 """
 
 from __future__ import annotations
@@ -12,19 +17,23 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.optimize.ledger import Ledger
-from stoop.optimize.levenberg import FULL, RUNG, Dive, dive
+from stoop.optimize.local_refinement import AGREE, FULL, RUNG, Refinement, refine
 
-GATE: Final = 0.25  #: share of the trivial model's cost that a passing prey may leave unexplained
+GATE: Final = 0.25  #: share of the trivial model's cost that a passing candidate may leave unexplained
 CONSISTENT: Final = 2.0  #: times the score on the last rung that is still the same score on the full record
-NEARLY: Final = 1e-4  #: share of the trivial model's cost that bars no prey: it may confirm an exact optimum
-SIMILAR: Final = 1.2  #: or this many times the least cost that an earlier dive reached on the rung
+NEARLY_EXACT: Final = (
+    1e-4  #: share of the trivial model's cost that stops no candidate: it may confirm an exact optimum
+)
+SIMILAR: Final = 1.2  #: or this many times the least cost that an earlier refinement reached on the rung
+CLEAR: Final = 0.1  #: share of the trivial model's cost up to which little is left unexplained
+NOTHING: Final = 1e-12  #: of the trivial model's cost: two exact fits agree
 
 
 @dataclass(frozen=True)
-class Descent:
-    """Where a prey came to on the ladder.
+class Climb:
+    """Where a candidate came to on the ladder.
 
     Attributes
     ----------
@@ -32,7 +41,7 @@ class Descent:
     rung, cost : the last rung tried, and the cost there; inf where it diverged
     score : that cost over the trivial model's
     passed : whether it passed every shortened record
-    seen : (rungs,), least cost that dives reached on each rung, this one included
+    least : (rungs,), least cost that refinements reached on each rung, this one included
     """
 
     z: FloatArray
@@ -40,52 +49,52 @@ class Descent:
     cost: float
     score: float
     passed: bool
-    seen: FloatArray
+    least: FloatArray
 
 
-def descend(ledger: Ledger, z: FloatArray, seen: FloatArray, bound: float = np.inf) -> Descent:
-    """Dive from z on each shortened record in turn, as long as the gates let it through.
+def climb(ledger: Ledger, z: FloatArray, least: FloatArray, bound: float = np.inf) -> Climb:
+    """Refine from z on each shortened record in turn, as long as the gates let it pass.
 
     Parameters
     ----------
     ledger : Ledger
     z : (D + E,)
-    seen : (rungs,), least cost that earlier dives reached on each rung
+    least : (rungs,), least cost that earlier refinements reached on each rung
     bound : float
-        What an optimum that is trusted leaves on the full record: a prey that leaves more on a part of it
-        is not better, so it must fall fast on the way there.
+        What a trusted optimum leaves on the full record: a candidate that leaves more on a part of it is not better,
+        so it must fall fast on the way there.
     """
-    bound = max(bound, NEARLY * ledger.reference(ledger.full))
-    seen = seen.copy()
-    descent = Descent(z, 0, np.inf, 0.0, True, seen)
+    bound = max(bound, NEARLY_EXACT * ledger.reference(ledger.full))
+    least = least.copy()
+    found = Climb(z, 0, np.inf, 0.0, True, least)
     for rung in range(ledger.full):
-        end = dive(ledger, descent.z, rung, RUNG, incumbent=bound, worthy=-np.inf)
-        through = end.cost <= bound and passes(ledger, end.cost, rung, seen)
-        seen[rung] = min(seen[rung], end.cost)
-        descent = Descent(end.z, rung, end.cost, relative(ledger, end.cost, rung), through, seen)
+        end = refine(ledger, found.z, rung, RUNG, incumbent=bound, acceptable=-np.inf)
+        through = end.cost <= bound and passes(ledger, end.cost, rung, least)
+        least[rung] = min(least[rung], end.cost)
+        found = Climb(end.z, rung, end.cost, relative(ledger, end.cost, rung), through, least)
         if not through:
             break
-    return descent
+    return found
 
 
-def finish(ledger: Ledger, z: FloatArray, optimum: float, score: float = 0.0) -> Dive:
-    """Dive on the full record, measured against the best so far and the best optimum known.
+def refine_fully(ledger: Ledger, z: FloatArray, optimum: float, score: float = 0.0) -> Refinement:
+    """Refine on the full record, measured against the best so far and the best optimum known.
 
-    A dive is followed to its end, however slowly it falls, if it explains the data, or is near the best so
-    far, or does on the full record about as well as on the last rung (`score`): then it is the model that is
-    imperfect, not the prey.
+    A refinement is followed to its end, however slowly it falls, if it explains the data, or is near the best so
+    far, or does on the full record about as well as on the last rung (`score`): then the model is imperfect, not the
+    candidate.
     """
-    worthy = max(GATE, CONSISTENT * score) * ledger.reference(ledger.full)
+    acceptable = max(GATE, CONSISTENT * score) * ledger.reference(ledger.full)
     if np.isfinite(ledger.cost):
-        worthy = max(worthy, SIMILAR * ledger.cost)
-    return dive(ledger, z, ledger.full, FULL, ledger.cost, worthy, optimum)
+        acceptable = max(acceptable, SIMILAR * ledger.cost)
+    return refine(ledger, z, ledger.full, FULL, ledger.cost, acceptable, optimum)
 
 
-def passes(ledger: Ledger, cost: float, rung: int, seen: FloatArray) -> bool:
+def passes(ledger: Ledger, cost: float, rung: int, least: FloatArray) -> bool:
     """Whether a cost on a rung is good enough to go on."""
     if not np.isfinite(cost):
         return False
-    similar = bool(np.isfinite(seen[rung])) and cost <= SIMILAR * float(seen[rung])
+    similar = bool(np.isfinite(least[rung])) and cost <= SIMILAR * float(least[rung])
     return similar or explains(ledger, cost, rung)
 
 
@@ -98,3 +107,67 @@ def relative(ledger: Ledger, cost: float, rung: int) -> float:
     """Return a cost over the trivial model's: 0 where that is infinite (no gate), inf where it is zero."""
     reference = ledger.reference(rung)
     return cost / reference if reference > 0.0 else np.inf
+
+
+@dataclass(frozen=True)
+class Optima:
+    """Where the refinements on the full record ended.
+
+    Attributes
+    ----------
+    X : (m, D)
+    costs : (m,)
+    lineages : (m,), refinements of one lineage may depend on each other (members of one population)
+    converged : (m,), to an optimum of their own
+    agreed : (m,), stopped as good as an optimum known before
+    unfinished : (m,), still falling when the iterations were used up
+    """
+
+    X: FloatArray
+    costs: FloatArray
+    lineages: IntArray
+    converged: BoolArray
+    agreed: BoolArray
+    unfinished: BoolArray
+
+    @classmethod
+    def none(cls, dimension: int) -> Optima:
+        """Return the optima before the first refinement."""
+        no = np.empty(0, dtype=np.bool_)
+        return cls(np.empty((0, dimension)), np.empty(0), np.empty(0, dtype=np.intp), no, no, no)
+
+    def add(self, end: Refinement, lineage: int) -> Optima:
+        """Return the optima with one more."""
+        return Optima(
+            np.concatenate([self.X, end.z[None, : self.X.shape[1]]]),
+            np.append(self.costs, end.cost),
+            np.append(self.lineages, lineage),
+            np.append(self.converged, end.converged),
+            np.append(self.agreed, end.ending == "agreed"),
+            np.append(self.unfinished, end.ending == "limit"),
+        )
+
+    def best(self) -> int:
+        """Return the index of the lowest."""
+        return int(self.costs.argmin())
+
+    def least_converged(self) -> float:
+        """Return the least cost that a refinement converged to; inf before there is one."""
+        return float(self.costs[self.converged].min(initial=np.inf))
+
+    def confirmed(self, best: float, reference: float) -> bool:
+        """Whether the last end is at the best cost known, with enough of other lineages.
+
+        Parameters
+        ----------
+        best : best cost known on the full record
+        reference : the trivial model's cost there; inf if there is none
+        """
+        if not np.isfinite(best):
+            return False
+        scale = NOTHING * reference if np.isfinite(reference) else 0.0
+        level = np.abs(self.costs - best) <= AGREE * abs(best) + scale
+        there = level & (self.converged | self.agreed)
+        needed = 2 if best <= CLEAR * reference else 3
+        enough = len(np.unique(self.lineages[there])) >= needed
+        return bool(there[-1] and enough and (there & self.converged).any())

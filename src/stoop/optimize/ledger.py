@@ -1,6 +1,6 @@
-"""The ledger: books every trajectory, keeps the best, and ends a run at its budget or target.
+"""The ledger: counts every trajectory, keeps the best, and ends a run at its budget or target.
 
-`Books` is the immutable page kept in a state; `Ledger` is the pen. Every optimizer reaches the problem
+`Evaluations` is the immutable count kept in a state; `Ledger` advances it. Every optimizer reaches the problem
 through a ledger only, so that counting is the same for all of them.
 """
 
@@ -12,10 +12,10 @@ from typing import Final, Literal
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.optimize.problem import Problem
+from stoop.optimize.problem import Problem, ScalarProblem
 
 HUGE: Final = 1e100  #: a cost beyond this is infinite: its products would overflow
-SLACK: Final = 1e-9  #: rounding of summed prices
+ROUNDING: Final = 1e-9  #: of summed prices
 
 
 class Halt(Exception):  # noqa: N818 - not an error: the run ends here
@@ -27,8 +27,8 @@ class Halt(Exception):  # noqa: N818 - not an error: the run ends here
 
 
 @dataclass(frozen=True)
-class Books:
-    """What has been spent and what it brought.
+class Evaluations:
+    """What has been evaluated and the best of it.
 
     Attributes
     ----------
@@ -43,21 +43,21 @@ class Books:
     cost: float
     history: FloatArray
 
-
-def blank(problem: Problem) -> Books:
-    """Return the books of a run that has not begun."""
-    center = np.concatenate([np.full(problem.dimension, 0.5), np.zeros(problem.extra)])
-    return Books(0.0, center, np.inf, np.empty((0, 2)))
+    @classmethod
+    def none(cls, problem: Problem) -> Evaluations:
+        """Return the count of a run that has not begun."""
+        center = np.concatenate([np.full(problem.dimension, 0.5), np.zeros(problem.extra)])
+        return cls(0.0, center, np.inf, np.empty((0, 2)))
 
 
 class Ledger:
-    """A problem that books what it is asked; itself a `Problem`.
+    """A problem that counts what it is asked; itself a `Problem`.
 
     Parameters
     ----------
     problem : Problem
-    books : Books
-        Where to go on from.
+    evaluations : Evaluations, optional
+        Where to continue from.
     budget : float
         Trajectories; a call that would exceed it raises `Halt` ("budget") after spending what is left.
     target : float
@@ -65,7 +65,11 @@ class Ledger:
     """
 
     def __init__(
-        self, problem: Problem, books: Books, budget: float = np.inf, target: float = -np.inf
+        self,
+        problem: Problem,
+        evaluations: Evaluations | None = None,
+        budget: float = np.inf,
+        target: float = -np.inf,
     ) -> None:
         self.problem = problem
         self.budget = budget
@@ -74,37 +78,53 @@ class Ledger:
         self.extra = problem.extra
         self.prices = problem.prices
         self.full = len(problem.prices) - 1
-        self.rewind(books)
+        self.rewind(Evaluations.none(problem) if evaluations is None else evaluations)
 
-    def rewind(self, books: Books) -> None:
-        """Go back to the given page."""
-        self.spent = books.trajectories
-        self.best = books.best
-        self.cost = books.cost
-        self._page = books
-        self._news: list[tuple[float, float]] = []
+    @classmethod
+    def at(cls, problem: Problem, evaluations: Evaluations) -> Ledger:
+        """Return a ledger at the given count: the problem itself, rewound, if it is one already."""
+        if isinstance(problem, Ledger):
+            problem.rewind(evaluations)
+            return problem
+        return cls(problem, evaluations)
+
+    def rewind(self, evaluations: Evaluations) -> None:
+        """Go back to the given count."""
+        self.spent = evaluations.trajectories
+        self.best = evaluations.best
+        self.cost = evaluations.cost
+        self._earlier = evaluations.history
+        self._improvements: list[tuple[float, float]] = []
 
     @property
-    def books(self) -> Books:
-        """The page as it stands."""
-        history = self._page.history
-        if self._news:
-            history = np.concatenate([history, np.array(self._news)])
-        return Books(self.spent, self.best, self.cost, history)
+    def evaluations(self) -> Evaluations:
+        """The count as it stands."""
+        history = self._earlier
+        if self._improvements:
+            history = np.concatenate([history, np.array(self._improvements)])
+        return Evaluations(self.spent, self.best, self.cost, history)
+
+    @property
+    def has_residuals(self) -> bool:
+        """Whether the problem can be asked for residuals."""
+        return not isinstance(self.problem, ScalarProblem)
 
     def costs(self, X: FloatArray, rung: int) -> FloatArray:
-        """Return and book costs; whatever is not finite becomes inf."""
+        """Return and count costs; whatever is not finite becomes inf."""
         price = self.prices[rung]
         room = self._room(price)
         F = np.asarray(self.problem.costs(X[:room] if room < len(X) else X, rung), dtype=np.float64)
         F = np.where(np.isfinite(F), F, np.inf)
-        self._book_population(X, F, rung)
+        before = self.spent
+        self.spent = before + len(F) * price
+        if rung == self.full:
+            self._offer_batch(X, F, before, price)
         if room < len(X):
             raise Halt("budget")
         return F
 
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
-        """Return and book residuals."""
+        """Return and count residuals."""
         if self._room(self.prices[rung]) < len(Z):
             raise Halt("budget")
         R = np.asarray(self.problem.residuals(Z, rung), dtype=np.float64)
@@ -115,7 +135,7 @@ class Ledger:
         return R
 
     def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
-        """Return and book a Jacobian."""
+        """Return and count a Jacobian."""
         if self._room(self.prices[rung]) < len(z):
             raise Halt("budget")
         J, spent = self.problem.jacobian(z, rung, r)
@@ -129,17 +149,13 @@ class Ledger:
 
     def _room(self, price: float) -> int:
         """Return how many trajectories at this price the budget still pays for."""
-        left = (self.budget - self.spent) / price + SLACK
+        left = (self.budget - self.spent) / price + ROUNDING
         if left < 1.0:
             raise Halt("budget")
         return int(min(left, 2.0**62))
 
-    def _book_population(self, X: FloatArray, F: FloatArray, rung: int) -> None:
-        """Book a batch; what improves on the best, at the candidate's own place in it."""
-        before, price = self.spent, self.prices[rung]
-        self.spent = before + len(F) * price
-        if rung != self.full:
-            return
+    def _offer_batch(self, X: FloatArray, F: FloatArray, before: float, price: float) -> None:
+        """Keep what improves on the best, each counted at the candidate's own place in the batch."""
         least = np.minimum.accumulate(np.concatenate([[self.cost], F]))
         for i in np.flatnonzero(least[1:] < least[:-1]).tolist():
             place = before + (i + 1) * price
@@ -148,11 +164,11 @@ class Ledger:
             self._offer(np.concatenate([X[i], np.zeros(self.extra)]), float(F[i]), place)
 
     def _offer(self, z: FloatArray, cost: float, place: float) -> None:
-        """Keep z, whose evaluation was paid for at a place, if it is the best so far."""
+        """Keep z, evaluated at a place of the count, if it is the best so far."""
         if not cost < self.cost:
             return
         self.best, self.cost = z.copy(), cost
-        self._news.append((place, cost))
+        self._improvements.append((place, cost))
         if cost <= self.target:
             raise Halt("target")
 
@@ -167,11 +183,3 @@ def sum_of_squares(r: FloatArray) -> float:
 def inner(a: FloatArray, b: FloatArray) -> float:
     """Return the sum of products; by einsum, as a threaded dot product rounds by the number of threads."""
     return float(np.einsum("i,i->", a, b))
-
-
-def opened(problem: Problem, books: Books) -> Ledger:
-    """Return a ledger at the given page: the problem itself, rewound, if it is one already."""
-    if isinstance(problem, Ledger):
-        problem.rewind(books)
-        return problem
-    return Ledger(problem, books)

@@ -10,7 +10,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
-from stoop.optimize.ledger import Halt, Ledger, blank
+from stoop.optimize.ledger import Evaluations, Halt, Ledger
 from stoop.optimize.problem import Problem
 from stoop.optimize.state import Event, Optimizer, State
 
@@ -53,12 +53,12 @@ class Progress:
     @property
     def cost(self) -> float:
         """Best cost so far."""
-        return self.state.books.cost
+        return self.state.evaluations.cost
 
     @property
     def trajectories(self) -> float:
         """Spent so far."""
-        return self.state.books.trajectories
+        return self.state.evaluations.trajectories
 
 
 @dataclass(frozen=True)
@@ -124,8 +124,8 @@ def minimize(
         If there is nothing to search, or the state belongs to another run.
     """
     _check(optimizer, problem, state)
-    page = blank(problem) if state is None else state.books
-    ledger = Ledger(problem, page, stop.budget, stop.target_cost)
+    evaluations = Evaluations.none(problem) if state is None else state.evaluations
+    ledger = Ledger(problem, evaluations, stop.budget, stop.target_cost)
     run = _Run(optimizer, ledger, stop, callback, state)
     status = run.until_end(seed, _as_starts(starts, problem))
     return run.outcome(status)
@@ -164,23 +164,23 @@ class _Run:
         """Return why to stop before the next step, if there is a reason."""
         if state.converged:
             return "converged"
-        if state.books.cost <= self.stop.target_cost:
+        if state.evaluations.cost <= self.stop.target_cost:
             return "target"
-        if state.books.trajectories >= self.stop.budget:
+        if state.evaluations.trajectories >= self.stop.budget:
             return "budget"
         return "generations" if state.generation >= self.stop.generations else None
 
     def outcome(self, status: Status) -> Outcome:
         """Return the result as the ledger stands."""
-        books = self.ledger.books
+        evaluations = self.ledger.evaluations
         return Outcome(
-            z=books.best,
-            cost=books.cost,
-            trajectories=books.trajectories,
+            z=evaluations.best,
+            cost=evaluations.cost,
+            trajectories=evaluations.trajectories,
             generation=0 if self.state is None else self.state.generation,
             status=status,
-            advice=ADVICE[status if np.isfinite(books.cost) or status == "interrupted" else "nothing"],
-            history=books.history,
+            advice=ADVICE[status if np.isfinite(evaluations.cost) or status == "interrupted" else "nothing"],
+            history=evaluations.history,
             state=self.state,
             optimizer=self.optimizer.name,
         )
@@ -210,8 +210,8 @@ def _check(optimizer: Optimizer[Any], problem: Problem, state: State | None) -> 
         raise IdentificationError(
             f"optimize: the saved state is of {state.optimizer}, not {optimizer.name}; start anew"
         )
-    if len(state.books.best) != problem.dimension + problem.extra:
+    if len(state.evaluations.best) != problem.dimension + problem.extra:
         raise IdentificationError(
-            f"optimize: the saved state has {len(state.books.best)} variables, "
+            f"optimize: the saved state has {len(state.evaluations.best)} variables, "
             f"the problem {problem.dimension + problem.extra}; start anew"
         )

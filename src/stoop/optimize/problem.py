@@ -1,12 +1,13 @@
-"""What an optimizer is told of the work: costs, residuals, and the price of each."""
+"""What an optimizer knows of its problem: costs, residuals, and the price of each."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import NoReturn, Protocol
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray, IntArray
+from stoop.errors import IdentificationError
 
 STEP = 1e-7  #: forward-difference step; balances truncation against rounding for residuals of order one
 
@@ -16,10 +17,10 @@ class Problem(Protocol):
 
     The first `dimension` variables are searched by the population, in [0, 1]. The next `extra` are nuisances
     (initial states, sensor biases): unbounded, scaled so that 1 is about one prior sigma, zero where the
-    measurements put them. Populations keep them at zero; only dives refine them.
+    measurements put them. Populations keep them at zero; only local refinement moves them.
 
-    A rung is a shortened record: 0 the shortest, the last one the full record. What costs are quoted and
-    compared for is always the full record.
+    A rung is a shortened record: 0 the shortest, the last one the full record. Costs are always quoted and compared
+    on the full record.
 
     A candidate that diverges is a value, not an error: its cost is inf, its residuals hold inf or nan.
     """
@@ -37,7 +38,7 @@ class Problem(Protocol):
         """Price of one trajectory on each rung, in trajectories of the full record; the last is 1."""
 
     def costs(self, X: FloatArray, rung: int) -> FloatArray:
-        """Return the costs, (B,), of X, (B, D), with the nuisances at zero; books B prices."""
+        """Return the costs, (B,), of X, (B, D), with the nuisances at zero; counts B prices."""
 
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
         """Return weighted residuals, (B, n_r), of Z, (B, D + E), priors included; cost = sum of squares."""
@@ -50,6 +51,45 @@ class Problem(Protocol):
 
     def reference(self, rung: int) -> float:
         """Return the trivial model's cost (a constant at the first measurement): the scale of the gates."""
+
+
+class ScalarProblem:
+    """Base of problems of which only the cost is known; a child has `dimension` and `costs`.
+
+    Attributes
+    ----------
+    extra : no nuisances
+    prices : one rung, the whole
+    """
+
+    extra: int = 0
+    prices: tuple[float, ...] = (1.0,)
+
+    def residuals(self, Z: FloatArray, rung: int) -> NoReturn:
+        """Refuse: there are none.
+
+        Raises
+        ------
+        IdentificationError
+            Always.
+        """
+        raise IdentificationError(
+            "problem: only its cost is known, there are no residuals; take an optimizer that needs none"
+        )
+
+    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> NoReturn:
+        """Refuse: there is none.
+
+        Raises
+        ------
+        IdentificationError
+            Always.
+        """
+        self.residuals(z[None, :], rung)
+
+    def reference(self, rung: int) -> float:
+        """Return inf: there is no trivial model to compare with."""
+        return float(np.inf)
 
 
 class Residuals(Protocol):

@@ -38,12 +38,10 @@ class Entry:
 
 
 _BUILT_IN: Final[dict[str, Entry]] = {
-    DEFAULT: Entry("stoop.optimize.methods.ps_gde_lm:PsGdeLm", residuals=True),
-    "scipy-de": Entry("stoop.optimize.adapters.scipy_de:scipy_de"),
-    "scipy-least-squares": Entry(
-        "stoop.optimize.adapters.scipy_least_squares:scipy_least_squares", residuals=True
-    ),
-    "cma": Entry("stoop.optimize.adapters.cma_bipop:cma"),
+    DEFAULT: Entry("stoop.optimize.ps_gde_lm:PsGdeLm", residuals=True),
+    "scipy-de": Entry("stoop.optimize.scipy_adapters:scipy_de"),
+    "scipy-least-squares": Entry("stoop.optimize.scipy_adapters:scipy_least_squares", residuals=True),
+    "cma": Entry("stoop.optimize.cma_bipop:cma"),
 }
 
 

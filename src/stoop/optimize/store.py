@@ -21,14 +21,13 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.errors import IdentificationError, OutputError
-from stoop.optimize.adapters.library import LibraryState
-from stoop.optimize.confirmation import Ends
-from stoop.optimize.herd import Herd
-from stoop.optimize.ledger import Books
-from stoop.optimize.methods.ps_gde_lm import PreyState
-from stoop.optimize.pieces.adaptation import Memory
-from stoop.optimize.state import State
-from stoop.optimize.stream import Stream
+from stoop.optimize.adaptation import ParameterMemory
+from stoop.optimize.ladder import Optima
+from stoop.optimize.ledger import Evaluations
+from stoop.optimize.libraries import LibraryState
+from stoop.optimize.population import Population
+from stoop.optimize.ps_gde_lm import PsGdeLmState
+from stoop.optimize.state import RandomStream, State
 
 SCHEMA: Final = "stoop-state/1"
 HEADER: Final = "header"
@@ -46,18 +45,38 @@ BROKEN: Final = (
     zipfile.BadZipFile,
 )  #: what a damaged file may raise
 CLASSES: Final[dict[str, type]] = {
-    c.__name__: c for c in (PreyState, LibraryState, Books, Stream, Ends, Herd, Memory)
+    c.__name__: c
+    for c in (PsGdeLmState, LibraryState, Evaluations, RandomStream, Optima, Population, ParameterMemory)
 }  #: of the optimizers of this package
+FORMER_CLASSES: Final[dict[str, type]] = {
+    "PreyState": PsGdeLmState,
+    "Books": Evaluations,
+    "Stream": RandomStream,
+    "Ends": Optima,
+    "Herd": Population,
+    "Memory": ParameterMemory,
+}  #: names up to release 0.1: files that have them still load
+FORMER_FIELDS: Final = {
+    "books": "evaluations",
+    "gone_on": "resumed",
+    "shelved": "deferred",
+    "seen": "least",
+    "ends": "optima",
+    "herd": "population",
+    "herd_size": "population_size",
+    "size": "population_size",
+    "dived": "refined",
+}  #: likewise, of the fields that a class no longer has
 GROUP: Final = "stoop.optimizer_states"  #: entry points of other packages' state classes, by class name
 
 
 def _state_class(name: str) -> type:
     """Return the class of a name, of this package or registered by another; no other is ever built."""
-    if name not in CLASSES:
+    if name not in CLASSES and name not in FORMER_CLASSES:
         for point in entry_points(group=GROUP):
             if point.name == name:
                 CLASSES[name] = point.load()
-    return CLASSES[name]
+    return FORMER_CLASSES[name] if name in FORMER_CLASSES else CLASSES[name]
 
 
 def save_state(path: Path, state: State, tag: str = "") -> None:
@@ -155,5 +174,10 @@ def _decode(value: Any, arrays: dict[str, np.ndarray[Any, Any]]) -> Any:
         return value
     if "array" in value:
         return arrays[value["array"]]
-    content = {name: _decode(item, arrays) for name, item in value["fields"].items()}
-    return _state_class(value["class"])(**content)
+    kind = _state_class(value["class"])
+    known = {f.name for f in fields(kind)}
+    content = {
+        name if name in known else FORMER_FIELDS.get(name, name): _decode(item, arrays)
+        for name, item in value["fields"].items()
+    }
+    return kind(**content)

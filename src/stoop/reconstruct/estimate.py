@@ -105,7 +105,7 @@ def estimate(prepared: Prepared) -> Estimate:
 def _estimate(prepared: Prepared, problem: Problem) -> Estimate:
     z, rested = first_guess(problem, prepared.flight), False
     for _ in range(ROUNDS):
-        end = optimize.dive(problem, z, 0, _SETTINGS)
+        end = optimize.refine(problem, z, 0, _SETTINGS)
         if not np.isfinite(end.cost):
             raise IdentificationError(
                 f"{prepared.flight.name}: the recorded rates and accelerations cannot be integrated; "

@@ -1,4 +1,4 @@
-"""What an identification found: the frozen result, and its versioned JSON form.
+"""The result of an identification, and its versioned JSON form.
 
 `Result` is what ``result.json`` holds (schema ``stoop-result/1``, described in ``docs/result-schema.md``).
 `Identification` is a result together with the traces that the report draws and the JSON does not carry.
@@ -15,31 +15,29 @@ from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
-import numpy.typing as npt
 
+from stoop.base.arrays import FloatArray
 from stoop.base.files import write_text_atomic
+from stoop.base.notices import Notice, as_notice, from_dict, of_severity
 from stoop.errors import StoopError
-from stoop.results.evidence import Identifiable, MethodSpread
-from stoop.results.figures import BaselineFigures, ChannelFigures, TheilShares, Whiteness
-from stoop.results.findings import (
-    ConditionModes,
-    Estimate,
-    MeasuredMode,
-    ModeEstimate,
+from stoop.results.goodness_of_fit import BaselineFit, GoodnessOfFit, TheilShares, Whiteness
+from stoop.results.modes import ConditionModes, Estimate, MeasuredMode, ModeEstimate
+from stoop.results.uncertainty import (
+    IdentifiabilityAnalysis,
+    MethodIntervals,
     ParameterRepeatability,
     Repeatability,
     SingleEstimate,
 )
 
 __all__ = [
-    "AirDataTrace", "BaselineFigures", "ChannelFigures", "ChannelTrace", "ConditionModes", "Covariance", "Estimate",
+    "AirDataTrace", "BaselineFit", "ChannelTrace", "ConditionModes", "Covariance", "Estimate", "GoodnessOfFit",
     "Identification", "InitialState", "ManeuverResult", "ManeuverTrace", "MeasuredMode", "ModeEstimate",
     "NoiseCovariance", "ParameterEstimate", "ParameterRepeatability", "Quantity", "Repeatability", "Result", "Role",
     "SensorBiases", "SingleEstimate", "TheilShares", "Whiteness", "WindEstimate",
     "from_json", "plain", "read_result", "to_json",
 ]  # fmt: skip
 
-FloatArray: TypeAlias = npt.NDArray[np.float64]
 Role: TypeAlias = Literal["fit", "validation"]
 
 SCHEMA: Final = "stoop-result/1"
@@ -149,7 +147,7 @@ class ManeuverResult:
     stop: float
     role: Role
     segments: tuple[tuple[float, float], ...]
-    channels: Mapping[str, ChannelFigures]
+    channels: Mapping[str, GoodnessOfFit]
     loading: str = ""  #: of the vehicle file, as it was flown; empty where none was named
 
 
@@ -165,8 +163,9 @@ class Result:
         The least cost with the final noise covariance; whole-trajectory equivalents; wall-clock time.
     status, advice : str
         How the search ended, and what to change if it ended badly.
-    warnings : tuple of str
-        Plain words, one sentence each.
+    notices : tuple of Notice
+        Findings about the data and the fit. Those of severity ``"warning"`` make the result doubtful, the most serious
+        first; the others say what the figures rest on. `result.json` also holds the warnings as sentences.
     versions : mapping of str to str
         Package name to version.
     inputs : mapping of str to str
@@ -175,12 +174,11 @@ class Result:
         Natural modes at the fitted flight conditions.
     repeatability : Repeatability
         Empty unless it was asked for.
-    uncertainty : mapping of str to MethodSpread
+    uncertainty : mapping of str to MethodIntervals
         By method: ``corrected``, ``cramer_rao``, and what was asked for of ``bootstrap``, ``posterior``, ``profile``.
     trust : tuple of str
-        Which of them to trust and why, in plain words.
-    identifiability : Identifiable
-        What the data can tell, and what would make them tell more.
+        Which of them to trust and why, one sentence each.
+    identifiability : IdentifiabilityAnalysis
     """
 
     parameters: Mapping[str, ParameterEstimate]
@@ -197,15 +195,32 @@ class Result:
     optimizer: str
     status: str
     advice: str = ""
-    warnings: tuple[str, ...] = ()
+    notices: tuple[Notice, ...] = ()
     versions: Mapping[str, str] = field(default_factory=dict)
     inputs: Mapping[str, str] = field(default_factory=dict)
     method: str = "output-error"  #: of identification, see :func:`stoop.estimate.methods.names`
     modes: tuple[ConditionModes, ...] = ()
     repeatability: Repeatability = field(default_factory=Repeatability)
-    uncertainty: Mapping[str, MethodSpread] = field(default_factory=dict)
+    uncertainty: Mapping[str, MethodIntervals] = field(default_factory=dict)
     trust: tuple[str, ...] = ()
-    identifiability: Identifiable = field(default_factory=Identifiable)
+    identifiability: IdentifiabilityAnalysis = field(default_factory=IdentifiabilityAnalysis)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The sentences of the notices that make the result doubtful."""
+        return tuple(map(str, of_severity(self.notices, "warning")))
+
+    @property
+    def basis(self) -> tuple[Notice, ...]:
+        """What the figures rest on: information about the vehicle, the fit and its assessment."""
+        found = of_severity(self.notices, "info")
+        return tuple(one for one in found if one.topic in ("vehicle", "fit", "assessment"))
+
+    @property
+    def data_notices(self) -> tuple[Notice, ...]:
+        """What was found in the data: information about logs, mappings and flights."""
+        found = of_severity(self.notices, "info")
+        return tuple(one for one in found if one.topic in ("log", "mapping", "flight"))
 
     def to_json(self) -> str:
         """Return the result as JSON text; NaN and infinities become ``null``."""
@@ -281,12 +296,8 @@ class Identification:
         Unit of every channel and input drawn; rad, rad/s are drawn in degrees.
     symbols : mapping of str to str
         LaTeX symbol of a parameter or channel; its plain name is used where there is none.
-    statements : tuple of str
-        What the reader must know to read the figures, e.g. which channels are reconstructions.
     air_data : tuple of AirDataTrace
         One per flight whose air data were reconstructed.
-    notes : tuple of str
-        What was found while preparing the data: gaps, trims, faults.
     command : str
         The command line that made this.
     """
@@ -298,15 +309,13 @@ class Identification:
     convergence: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     units: Mapping[str, str] = field(default_factory=dict)
     symbols: Mapping[str, str] = field(default_factory=dict)
-    statements: tuple[str, ...] = ()
     air_data: tuple[AirDataTrace, ...] = ()
-    notes: tuple[str, ...] = ()
     command: str = ""
 
 
 def to_json(result: Result) -> str:
     """Return `result` as JSON text of schema ``stoop-result/1``; NaN and infinities become ``null``."""
-    document = {"schema": SCHEMA, **plain(result)}
+    document = {"schema": SCHEMA, **plain(result), "warnings": list(result.warnings)}
     return json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
@@ -327,6 +336,8 @@ def from_json(text: str, where: str = "result") -> Result:
     """
     document = _document(text, where)
     try:
+        if "notices" not in document:  # written before notices had codes
+            document["notices"] = [as_notice(str(one)).to_dict() for one in document.get("warnings", ())]
         return cast("Result", _build(Result, document))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         what = f"lacks the key {error}" if isinstance(error, KeyError) else f"is malformed ({error})"
@@ -350,6 +361,8 @@ def read_result(path: Path) -> Result:
 
 def plain(value: Any) -> Any:
     """Return dataclasses, mappings, arrays and numbers as JSON's own types; what is not finite becomes None."""
+    if isinstance(value, Notice):
+        return plain(value.to_dict())
     if is_dataclass(value) and not isinstance(value, type):
         return {item.name: plain(getattr(value, item.name)) for item in fields(value)}
     if isinstance(value, Mapping):
@@ -387,6 +400,8 @@ def _optional(item: Field[Any]) -> bool:
 
 def _decode(kind: Any, value: Any, item: Field[Any] | None = None) -> Any:
     """Return `value` as `kind`: a dataclass, a mapping, a tuple, a matrix, a literal or a scalar."""
+    if kind is Notice:
+        return from_dict(value)
     if is_dataclass(kind):
         return _build(cast("type[Any]", kind), value)
     origin, arguments = get_origin(kind), get_args(kind)

@@ -10,7 +10,7 @@ from stoop.assess.trust import trust
 from stoop.workflow.case import Assessment, Watch, case_of
 
 if TYPE_CHECKING:
-    from stoop.workflow.run import Job
+    from stoop.workflow.identification import Job
 
 
 def assessed(job: Job, assessments: Sequence[Assessment], watch: Watch) -> Job:

@@ -20,7 +20,7 @@ from stoop.assess.noise import ColoredNoise
 from stoop.assess.optimum import Optimum, linearize
 from stoop.base.arrays import FloatArray
 from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run, Tally, execute
-from stoop.results.evidence import MethodSpread
+from stoop.results.uncertainty import MethodIntervals
 from stoop.workflow.case import Case, Finding, Watch, spreads
 from stoop.workflow.posed import pack, unpack
 
@@ -122,7 +122,7 @@ def _ready(text: str) -> tuple[Optimum, Blocks, list[NDArray[np.bool_]]]:
     return optimum, blocks(ColoredNoise(arrays["color"], arrays["innovation"]), residuals), present
 
 
-def _spread(case: Case, results: Mapping[str, Json]) -> MethodSpread:
+def _spread(case: Case, results: Mapping[str, Json]) -> MethodIntervals:
     parts: list[Any] = list(results.values())
     values = np.concatenate([np.array(part["values"], dtype=np.float64) for part in parts])
     endings = [ending for part in parts for ending in part["endings"]]
@@ -138,4 +138,4 @@ def _spread(case: Case, results: Mapping[str, Json]) -> MethodSpread:
             f"{figures['lost']:.0f} of {figures['replicates']:.0f} replicates found no optimum and are left out: the intervals "
             "are those of the others, and too narrow."
         )
-    return MethodSpread(spreads(case, found.std, found.lower, found.upper), figures, tuple(notes))
+    return MethodIntervals(spreads(case, found.std, found.lower, found.upper), figures, tuple(notes))

@@ -18,7 +18,7 @@ from stoop.errors import IdentificationError
 from stoop.estimate.fit import Fit
 from stoop.estimate.methods import DEFAULT
 from stoop.problem import Misfit
-from stoop.results.evidence import MethodSpread, Spread
+from stoop.results.uncertainty import Interval, MethodIntervals
 from stoop.workflow.errorbars import ErrorBars, error_bars
 
 Watch = Callable[[str], None]  #: told how far an assessment is
@@ -110,12 +110,12 @@ class Finding:
 
     Attributes
     ----------
-    spread : MethodSpread
+    spread : MethodIntervals
     files : mapping of str to bytes
         By name, to lie beside the result.
     """
 
-    spread: MethodSpread
+    spread: MethodIntervals
     files: Mapping[str, bytes] = field(default_factory=dict)
 
 
@@ -130,7 +130,7 @@ class Assessment(Protocol):
         """Assess."""
 
 
-def spreads(case: Case, std: FloatArray, lower: FloatArray, upper: FloatArray) -> dict[str, Spread]:
+def spreads(case: Case, std: FloatArray, lower: FloatArray, upper: FloatArray) -> dict[str, Interval]:
     """Return the spreads by name; a parameter that the data cannot tell gets no confident number.
 
     Parameters
@@ -139,6 +139,6 @@ def spreads(case: Case, std: FloatArray, lower: FloatArray, upper: FloatArray) -
     std, lower, upper : (D,), SI
     """
     return {
-        name: Spread(float(s), float(a), float(b)) if told else Spread()
+        name: Interval(float(s), float(a), float(b)) if told else Interval()
         for name, told, s, a, b in zip(case.names, case.told, std, lower, upper, strict=True)
     }

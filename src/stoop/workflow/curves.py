@@ -1,4 +1,4 @@
-"""Curves and figures of merit of every maneuver, fitted or predicted."""
+"""Measured and simulated curves of every maneuver, fitted or predicted, with their goodness of fit."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from stoop.assess.baseline import BaselineManeuver, BaselineSegment, baseline_ma
 from stoop.assess.figures import Match, channel_figures
 from stoop.assess.runs import join
 from stoop.base.arrays import FloatArray
-from stoop.base.variables import WRAPPED
+from stoop.base.variables import VARIABLES, WRAPPED
 from stoop.problem import Piece
 from stoop.problem.prepare import Prepared
-from stoop.results.result import ChannelFigures, ChannelTrace, ManeuverResult, ManeuverTrace, Role
+from stoop.results.result import ChannelTrace, GoodnessOfFit, ManeuverResult, ManeuverTrace, Role
 from stoop.vehicle import Vehicle
 
 
 @dataclass(frozen=True, eq=False)
-class Flown:
+class Simulated:
     """Maneuvers of one role with what was simulated for each piece.
 
     `left_out` are the residuals (n, n_y) of each piece with each second left out of the fit, where that is known.
@@ -36,21 +36,21 @@ class Flown:
 
 
 def maneuver_curves(
-    vehicle: Vehicle, groups: Sequence[Flown], learned: Sequence[BaselineManeuver] = ()
+    vehicle: Vehicle, groups: Sequence[Simulated], fitted: Sequence[BaselineManeuver] = ()
 ) -> tuple[tuple[ManeuverResult, ...], tuple[ManeuverTrace, ...]]:
     """Return figures and curves of all maneuvers, each beside the trivial lag.
 
     Parameters
     ----------
     vehicle : Vehicle
-    groups : sequence of Flown
-    learned : sequence of BaselineManeuver
+    groups : sequence of Simulated
+    fitted : sequence of BaselineManeuver
         Fitted maneuvers that are not among the groups; the lag learns from them.
     """
     flown = [(group, index) for group in groups for index in range(len(group.prepared.windows))]
     rate = 1.0 / flown[0][0].prepared.pieces[0].dt
     shown = [baseline_maneuver(vehicle, g.role, [p for p, _ in g.of(i)]) for g, i in flown]
-    lags = baseline_matches([*learned, *shown], vehicle.outputs)[len(learned) :]
+    lags = baseline_matches([*fitted, *shown], vehicle.outputs)[len(fitted) :]
     traces = [_trace(vehicle, g, i, lag) for (g, i), lag in zip(flown, lags, strict=True)]
     figures = [
         _figures(trace, _left_out(vehicle, g, i), lag, rate)
@@ -74,7 +74,7 @@ def _unwrapped(
     return z, y
 
 
-def _trace(vehicle: Vehicle, group: Flown, index: int, lag: Mapping[str, Match]) -> ManeuverTrace:
+def _trace(vehicle: Vehicle, group: Simulated, index: int, lag: Mapping[str, Match]) -> ManeuverTrace:
     pieces = group.of(index)
     channels = {}
     for i, name in enumerate(vehicle.outputs):
@@ -86,7 +86,7 @@ def _trace(vehicle: Vehicle, group: Flown, index: int, lag: Mapping[str, Match])
     )
 
 
-def _left_out(vehicle: Vehicle, group: Flown, index: int) -> dict[str, FloatArray]:
+def _left_out(vehicle: Vehicle, group: Simulated, index: int) -> dict[str, FloatArray]:
     """Return the left-out residuals of a maneuver by channel, segments joined as its curves are."""
     if group.left_out is None:
         return {}
@@ -96,7 +96,7 @@ def _left_out(vehicle: Vehicle, group: Flown, index: int) -> dict[str, FloatArra
 
 def _figures(
     trace: ManeuverTrace, left_out: Mapping[str, FloatArray], lag: Mapping[str, Match], rate: float
-) -> dict[str, ChannelFigures]:
+) -> dict[str, GoodnessOfFit]:
     return {
         name: channel_figures(curve.measured, Match(curve.simulated, left_out.get(name)), rate, lag.get(name))
         for name, curve in trace.channels.items()
@@ -104,7 +104,7 @@ def _figures(
     }
 
 
-def _result(group: Flown, index: int, figures: Mapping[str, ChannelFigures]) -> ManeuverResult:
+def _result(group: Simulated, index: int, figures: Mapping[str, GoodnessOfFit]) -> ManeuverResult:
     window = group.prepared.windows[index]
     spans = tuple((float(p.time[0]), float(p.time[-1])) for p, _ in group.of(index))
     loading = window.loading or ""
@@ -141,3 +141,9 @@ def mixed_rotors(vehicle: Vehicle, piece: Piece) -> dict[str, FloatArray]:
         "rotors_yaw": about @ u,
         "rotors_heave": u.sum(axis=0),
     }
+
+
+def channel_units(vehicle: Vehicle) -> dict[str, str]:
+    """Return the unit of every output, input and control."""
+    names = dict.fromkeys((*vehicle.outputs, *vehicle.inputs, *vehicle.controls))
+    return {name: VARIABLES[name].unit if name in VARIABLES else "rad" for name in names}

@@ -108,19 +108,7 @@ def _prior_std(fit: Fit) -> FloatArray:
 
 def _sensitivities(fit: Fit) -> list[Sensitivity]:
     """Return whitened residuals and sensitivities of each piece, per SI unit."""
-    problem = fit.problem
-    rung = len(problem.prices) - 1
-    r = problem.residuals(fit.z[None, :], rung)[0]
-    J, _ = problem.jacobian(fit.z, rung, r)
-    J = J / problem.layout.scales
-    ny, first, out = len(problem.layout.vehicle.outputs), 0, []
-    for piece in problem.pieces:
-        block = slice(first, first + piece.measured.size)
-        missing = ~np.isfinite(piece.measured)
-        residual = np.where(missing, np.nan, -r[block].reshape(-1, ny))
-        out.append(Sensitivity(residual, J[block].reshape(len(piece.time), ny, -1)))
-        first = block.stop
-    return out
+    return [Sensitivity(piece.residual, piece.jacobian) for piece in fit.evidence.pieces]
 
 
 def spread(matrix: FloatArray, free: NDArray[np.intp], size: int) -> FloatArray:

@@ -16,8 +16,14 @@ from stoop.assess.trust import CORRECTED, CRAMER_RAO, trust
 from stoop.base.arrays import FloatArray
 from stoop.estimate.fit import Fit
 from stoop.problem import Piece
-from stoop.results.evidence import BlindDirection, Identifiable, MethodSpread, Sight, Spread
 from stoop.results.result import Result
+from stoop.results.uncertainty import (
+    IdentifiabilityAnalysis,
+    Interval,
+    MethodIntervals,
+    NearNullDirection,
+    ParameterIdentifiability,
+)
 from stoop.simulate import parameter_rows
 from stoop.simulate.initial import commanded
 from stoop.vehicle import Vehicle, terms
@@ -29,9 +35,9 @@ _AXES = {"pitch": ("Cm", "elevator"), "roll": ("Cl", "aileron"), "yaw": ("Cn", "
 
 def with_evidence(result: Result, fit: Fit, bars: ErrorBars) -> Result:
     """Return the result with its two error bars side by side, which to trust, and what the data can tell."""
-    methods = {CORRECTED: MethodSpread(_spreads(result, bars, bars.std))}
+    methods = {CORRECTED: MethodIntervals(_spreads(result, bars, bars.std))}
     if not np.isnan(bars.white).all():  # a method that takes residuals as white has nothing to compare
-        methods[CRAMER_RAO] = MethodSpread(_spreads(result, bars, bars.white))
+        methods[CRAMER_RAO] = MethodIntervals(_spreads(result, bars, bars.white))
     return replace(
         result,
         uncertainty=methods,
@@ -40,17 +46,17 @@ def with_evidence(result: Result, fit: Fit, bars: ErrorBars) -> Result:
     )
 
 
-def _spreads(result: Result, bars: ErrorBars, std: FloatArray) -> dict[str, Spread]:
+def _spreads(result: Result, bars: ErrorBars, std: FloatArray) -> dict[str, Interval]:
     out = {}
     for i, (name, p) in enumerate(result.parameters.items()):
         low, high = intervals_95(np.array([p.estimate]), std[i : i + 1])[0]
         sure = p.identifiable and not p.at_bound
         ends = (float(low), float(high)) if sure else (np.nan, np.nan)
-        out[name] = Spread(np.nan if bars.held[i] else float(std[i]), *ends)
+        out[name] = Interval(np.nan if bars.held[i] else float(std[i]), *ends)
     return out
 
 
-def _identifiable(result: Result, fit: Fit, bars: ErrorBars) -> Identifiable:
+def _identifiable(result: Result, fit: Fit, bars: ErrorBars) -> IdentifiabilityAnalysis:
     names = [p.name for p in fit.problem.layout.parameters]
     related = correlation(bars.covariance[: len(names), : len(names)])
     flown = _flown(result, fit)
@@ -60,21 +66,27 @@ def _identifiable(result: Result, fit: Fit, bars: ErrorBars) -> Identifiable:
         hidden = [n for d in directions if name in d.changes for n in d.changes if n != name]
         stand_ins = tuple(dict.fromkeys([*partners(names, related, i), *hidden[:MOST_HIDDEN]]))
         sights[name] = _sight(name, i, bars, stand_ins, flown)
-    return Identifiable(values, sights, worst_pairs(names, related), directions)
+    return IdentifiabilityAnalysis(values, sights, worst_pairs(names, related), directions)
 
 
-def _sight(name: str, index: int, bars: ErrorBars, stand_ins: tuple[str, ...], flown: Flown) -> Sight:
+def _sight(
+    name: str, index: int, bars: ErrorBars, stand_ins: tuple[str, ...], flown: Flown
+) -> ParameterIdentifiability:
     if bars.held[index]:
         doubt = "it lies at its bound"
-        return Sight(np.nan, np.nan, np.nan, stand_ins, doubt, advice(name, stand_ins, flown))
+        return ParameterIdentifiability(
+            np.nan, np.nan, np.nan, stand_ins, doubt, advice(name, stand_ins, flown)
+        )
     one = bars.judged[name]
     said = advice(name, stand_ins, flown) if one.reason else ""
-    return Sight(one.conditional_std, one.marginal_std, one.multiple_correlation, stand_ins, one.reason, said)
+    return ParameterIdentifiability(
+        one.conditional_std, one.marginal_std, one.multiple_correlation, stand_ins, one.reason, said
+    )
 
 
 def _seen(
     fit: Fit, found: Uncertainty | None, bars: ErrorBars, names: list[str]
-) -> tuple[tuple[float, ...], tuple[BlindDirection, ...]]:
+) -> tuple[tuple[float, ...], tuple[NearNullDirection, ...]]:
     """Return singular values of all free unknowns, and the blind directions of the parameters, priors left out."""
     if found is None:
         return (), ()

@@ -9,8 +9,9 @@ from stoop.assess.estimate import estimate_uncertainty
 from stoop.assess.identifiability import Yardstick, identifiability
 from stoop.assess.sensitivity import Sensitivity
 from stoop.assess.windowed import widened, windowed_covariance
-from stoop.estimate.fit import Evidence, Fit
-from stoop.workflow.errorbars import AT_BOUND, ErrorBars, scattered, spread
+from stoop.estimate.fit import Fit
+from stoop.problem.evidence import Evidence
+from stoop.workflow.errorbars import ErrorBars, scattered, spread
 
 
 def error_bars(fit: Fit, _color: float) -> ErrorBars:
@@ -19,18 +20,16 @@ def error_bars(fit: Fit, _color: float) -> ErrorBars:
     The unknowns beyond parameters and nuisances (intensities of noise) take part and are not returned.
     """
     evidence = fit.evidence
-    if evidence is None:
-        raise ValueError("the method gave no evidence")
     many, d = len(fit.z), fit.problem.dimension
-    held = np.zeros(len(evidence.information), dtype=np.bool_)
-    held[:d] = (fit.z[:d] < AT_BOUND) | (fit.z[:d] > 1.0 - AT_BOUND)
-    free = np.flatnonzero(~held)
-    segments, prior = _segments(evidence, free), evidence.information[np.ix_(free, free)]
+    held = np.array([bool(u.fixed) for u in evidence.unknowns])
+    free = evidence.free
+    segments, prior = _segments(evidence, free), evidence.prior[np.ix_(free, free)]
     found = estimate_uncertainty(segments, prior)
     corrected = found.corrected
-    if evidence.edges:
-        gaps = [(gap, slopes[:, :, free]) for gap, slopes in evidence.gaps]
-        windowed = windowed_covariance(segments, evidence.edges, gaps, prior)
+    own_pieces = [piece.of(free) for piece in evidence.pieces]
+    gaps = [(p.gaps, p.gap_jacobian) for p in own_pieces if p.gaps is not None and p.gap_jacobian is not None]
+    if gaps:
+        windowed = windowed_covariance(segments, [p.edges for p in own_pieces], gaps, prior)
         corrected = corrected if windowed is None else widened(windowed, corrected)
     own = free[free < d]
     names = [p.name for p in fit.problem.layout.parameters]
@@ -46,17 +45,11 @@ def error_bars(fit: Fit, _color: float) -> ErrorBars:
 
 
 def _segments(evidence: Evidence, free: np.ndarray) -> list[Sensitivity]:
-    pairs = zip(evidence.residuals, evidence.jacobians, strict=True)
-    return [Sensitivity(r, J[:, :, free]) for r, J in pairs]
+    return [Sensitivity(p.residual, p.jacobian[:, :, free]) for p in evidence.pieces]
 
 
 def _yardstick(fit: Fit, free: np.ndarray) -> Yardstick:
     """Return what the standard errors are held against."""
-    layout = fit.problem.layout
-    rest = len(fit.evidence.information) - len(fit.z) if fit.evidence is not None else 0
-    box = np.concatenate([layout.width, np.full(layout.extra + rest, np.inf)])
-    prior = [p.prior or np.inf for p in layout.parameters]
-    priors = np.concatenate([prior, [n.scale for n in layout.nuisances], np.full(rest, np.inf)])
-    sizes = [max(abs(p.value), abs(fit.estimates[p.name])) for p in layout.parameters]
-    size = np.concatenate([sizes, [n.scale for n in layout.nuisances], np.ones(rest)])
-    return Yardstick(priors[free], box[free], size[free])
+    unknowns = [fit.evidence.unknowns[i] for i in free]
+    prior, width, size = (np.array([getattr(u, n) for u in unknowns]) for n in ("prior", "width", "size"))
+    return Yardstick(prior, width, size)

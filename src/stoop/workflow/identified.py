@@ -18,12 +18,12 @@ from stoop.results.result import Result, read_result
 from stoop.vehicle import Vehicle, load_vehicle
 from stoop.workflow.curves import baseline_maneuver
 from stoop.workflow.outputs import RESULT, flight_file
-from stoop.workflow.provenance import file_hashes
+from stoop.workflow.provenance import file_hashes, flight_files
 
 
 @dataclass(frozen=True, eq=False)
 class Identified:
-    """What stoop identify found and wrote.
+    """The output folder of stoop identify.
 
     Attributes
     ----------
@@ -50,19 +50,21 @@ class Identified:
                 found.setdefault(f"sensors.{channel}.bias", []).append(quantity.estimate)
         return {name: float(np.mean(values)) for name, values in found.items()}
 
-    def learned(self) -> list[BaselineManeuver]:
-        """Return the fitted maneuvers for the trivial model.
+    def name_of(self, flight: Flight) -> str | None:
+        """Return the name under which a flight was fitted; None for one that was not."""
+        digests = file_hashes(flight_files([flight])).values()
+        return next((self.hashes[d] for d in digests if d in self.hashes), None)
+
+    def fitted_maneuvers(self) -> list[BaselineManeuver]:
+        """Return the fitted maneuvers, from which the baseline model is estimated.
 
         Raises
         ------
         StoopError
             A flight no longer lies in the folder, or is not the one that was fitted.
         """
-        windows = [
-            Window(m.flight, m.start, m.stop, m.loading or None)
-            for m in self.result.maneuvers
-            if m.role == "fit"
-        ]
+        fitted = [m for m in self.result.maneuvers if m.role == "fit"]
+        windows = [Window(m.flight, m.start, m.stop, m.loading or None) for m in fitted]
         prepared = prepare(self.vehicle, self.flights(), windows)
         pieces = [[prepared.pieces[i] for i in prepared.of_maneuver(m)] for m in range(len(windows))]
         return [baseline_maneuver(self.vehicle, "fit", some) for some in pieces]

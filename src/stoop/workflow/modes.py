@@ -15,7 +15,7 @@ from stoop.errors import SimulationError
 from stoop.estimate.fit import Fit
 from stoop.estimate.predict import identified_vehicle
 from stoop.problem import Piece
-from stoop.results.findings import ConditionModes, ModeEstimate
+from stoop.results.modes import ConditionModes, ModeEstimate
 from stoop.simulate import Trim, trim
 from stoop.simulate.linearize import state_matrix
 from stoop.simulate.trim import neighbors

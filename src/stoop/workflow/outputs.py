@@ -12,7 +12,7 @@ from stoop.errors import OutputError
 from stoop.flight import save
 
 if TYPE_CHECKING:
-    from stoop.workflow.run import Job
+    from stoop.workflow.identification import Job
 
 RESULT = "result.json"  #: moved into place last: where it is, the others are
 ATTACHED = ("posterior.nc",)  #: files that some results have

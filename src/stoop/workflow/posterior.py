@@ -15,7 +15,7 @@ from stoop.assess.estimate import Uncertainty
 from stoop.assess.optimum import linearize
 from stoop.assess.posterior import Target, reference, stretch
 from stoop.base.arrays import FloatArray
-from stoop.results.evidence import MethodSpread, Spread
+from stoop.results.uncertainty import Interval, MethodIntervals
 from stoop.workflow.case import Case, Finding, Watch
 
 FILE: Final = "posterior.nc"
@@ -72,15 +72,15 @@ def _corrected(case: Case, found: Uncertainty, plain: Target) -> FloatArray | No
     return out
 
 
-def _spread(case: Case, chains: Chains) -> MethodSpread:
+def _spread(case: Case, chains: Chains) -> MethodIntervals:
     layout = case.fit.problem.layout
     values = layout.physical(chains.draws.reshape(-1, layout.dimension))
     lower, upper = np.quantile(values, [0.025, 0.975], axis=0)
     parameters = {
-        name: Spread(float(s), float(a), float(b))
+        name: Interval(float(s), float(a), float(b))
         for name, s, a, b in zip(case.names, values.std(axis=0), lower, upper, strict=True)
     }
-    return MethodSpread(parameters, chains.figures, tuple(_notes(chains)))
+    return MethodIntervals(parameters, chains.figures, tuple(_notes(chains)))
 
 
 def _notes(chains: Chains) -> list[str]:

@@ -15,7 +15,7 @@ def left_out_residuals(fit: Fit) -> list[FloatArray] | None:
 
     None where the estimates do not rest on the residuals of a simulation, or the fit cannot be differentiated.
     """
-    if fit.evidence is not None or fit.covariance is not None:
+    if fit.own_evidence is not None or fit.covariance is not None:
         return None
     problem = fit.problem
     rung = len(problem.prices) - 1

@@ -19,7 +19,7 @@ from stoop.assess.profile import profile
 from stoop.base.text import nearest
 from stoop.errors import IdentificationError
 from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run, Tally, execute
-from stoop.results.evidence import MethodSpread, Spread
+from stoop.results.uncertainty import Interval, MethodIntervals
 from stoop.workflow.case import Case, Finding, Watch
 from stoop.workflow.posed import pack, unpack
 
@@ -127,12 +127,12 @@ def _ready(text: str) -> Optimum:
     return linearize(problem, arrays["z"], arrays["free"].astype(np.intp))
 
 
-def _spread(case: Case, results: Mapping[str, Any]) -> MethodSpread:
+def _spread(case: Case, results: Mapping[str, Any]) -> MethodIntervals:
     layout, parameters, notes = case.fit.problem.layout, {}, []
     for name, told in results.items():
         entry = case.names.index(name)
         low, high = (layout.lower[entry] + layout.width[entry] * float(end) for end in told["ends"])
-        parameters[name] = Spread(float(high - low) / (2.0 * NORMAL_95), float(low), float(high))
+        parameters[name] = Interval(float(high - low) / (2.0 * NORMAL_95), float(low), float(high))
         notes += _open(name, layout.parameters[entry].lower, layout.parameters[entry].upper, low, high)
         if told["better"] > BETTER:
             notes.append(
@@ -142,7 +142,7 @@ def _spread(case: Case, results: Mapping[str, Any]) -> MethodSpread:
     if len(parameters) < len(case.names):
         notes.insert(0, ONLY)
     refits = sum(len(told["points"]) - 1 for told in results.values())
-    return MethodSpread(parameters, {"refits": float(refits)}, tuple(notes))
+    return MethodIntervals(parameters, {"refits": float(refits)}, tuple(notes))
 
 
 def _open(name: str, lowest: float, highest: float, low: float, high: float) -> list[str]:

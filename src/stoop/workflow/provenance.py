@@ -1,25 +1,41 @@
-"""From what a result was made: versions and input hashes."""
+"""Inputs of a result: flights by name, file hashes, versions of packages."""
 
 from __future__ import annotations
 
 import hashlib
 import platform
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 
+from stoop.errors import FlightError
 from stoop.flight import Flight
 from stoop.logs.table import beside
 from stoop.vehicle import Vehicle
 
-_PACKAGES = ("stoop", "numpy", "scipy", "numba", "sympy", "xarray")
-_CHUNK = 1 << 20
-_TABLES = (".csv", ".csv.gz")  #: what a folder's readers read, its mapping aside
+PACKAGES = ("stoop", "numpy", "scipy", "numba", "sympy", "xarray")
+TABLES = (".csv", ".csv.gz")  #: endings of the files that are read of a folder, beside its mapping
+
+
+def by_name(flights: Sequence[Flight], verb: str) -> dict[str, Flight]:
+    """Return flights by their names.
+
+    Raises
+    ------
+    FlightError
+        Two have the same name.
+    """
+    out: dict[str, Flight] = {}
+    for flight in flights:
+        if flight.name in out:
+            raise FlightError(f"{verb}: two flights are called '{flight.name}'; rename one of the files")
+        out[flight.name] = flight
+    return out
 
 
 def versions() -> dict[str, str]:
     """Return the versions that a result depends on."""
-    return {"python": platform.python_version(), **{name: metadata.version(name) for name in _PACKAGES}}
+    return {"python": platform.python_version(), **{name: metadata.version(name) for name in PACKAGES}}
 
 
 def input_hashes(
@@ -46,18 +62,16 @@ def file_hashes(paths: Iterable[Path], taken: Iterable[str] = ()) -> dict[str, s
 
 
 def _hash_path(path: Path) -> str:
-    """Hash a file, or a folder as the sorted names and contents of the files that are read of it."""
+    """Hash a file; of a folder the sorted names and contents of its tables and mapping, not of results beside them."""
     digest = hashlib.sha256()
-    for file in [path] if path.is_file() else _of_folder(path):
+    files = [path]
+    if path.is_dir():
+        read = (p for p in path.iterdir() if p.name.lower().endswith(TABLES) or p == beside(path))
+        files = sorted(p for p in read if p.is_file())
+    for file in files:
         if path.is_dir():
             digest.update(str(file.relative_to(path)).encode())
         with file.open("rb") as stream:
-            while chunk := stream.read(_CHUNK):
+            while chunk := stream.read(1 << 20):
                 digest.update(chunk)
     return digest.hexdigest()
-
-
-def _of_folder(path: Path) -> list[Path]:
-    """Return tables and mapping, and no results that were written into the folder since."""
-    files = (p for p in path.iterdir() if p.name.lower().endswith(_TABLES) or p == beside(path))
-    return sorted(p for p in files if p.is_file())

@@ -13,10 +13,10 @@ from stoop.errors import StoopError
 from stoop.estimate import methods
 from stoop.estimate.fit import Fit
 from stoop.problem.windows import Window
-from stoop.results.findings import Repeatability, SingleEstimate
+from stoop.results.uncertainty import Repeatability, SingleEstimate
 from stoop.workflow.errorbars import ErrorBars
+from stoop.workflow.identification import Job, Search
 from stoop.workflow.judged import judged
-from stoop.workflow.run import Job, Search
 
 NOTHING = SingleEstimate(float("nan"), float("nan"), counted=False)
 

@@ -200,7 +200,7 @@ def write_structure(found: Determined, folder: Path, table: str, command: str) -
 def sheet(found: Determined, command: str) -> Sheet:
     """Return the page."""
     sections = [_section(found, c, chosen) for c, chosen in found.structure.chosen.items()]
-    notes = [*(n for c in found.structure.chosen.values() for n in c.notices), *found.structure.notes]
+    notes = [*(n for c in found.structure.chosen.values() for n in c.notices), *found.structure.notices]
     said = [Section("What to mind", (Prose("\n".join(f"- {n}" for n in notes)),))] if notes else []
     made = Section("Made by", (Code(command),))
     return Sheet(f"Model structure of {found.vehicle.name}", LEAD, (*said, *sections, made))

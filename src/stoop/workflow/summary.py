@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 
 from stoop.estimate.forces import ForceFigures
-from stoop.report.repeatability import comparison
-from stoop.results.evidence import Sight
+from stoop.report.modes import repeatability_summary
 from stoop.results.result import ManeuverResult, Repeatability, Result
+from stoop.results.uncertainty import ParameterIdentifiability
 
 BASIC = ("corrected", "cramer_rao")  #: methods that every result has
 _SHOWN = ("vn", "ve", "vd", "V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "ax", "ay", "az")
@@ -54,7 +54,7 @@ def methods_table(result: Result) -> str:
     return "\n".join(lines)
 
 
-def doubts_by_phrase(seen: Mapping[str, Sight]) -> dict[str, list[str]]:
+def doubts_by_phrase(seen: Mapping[str, ParameterIdentifiability]) -> dict[str, list[str]]:
     """Return what would tell the doubtful parameters: for each doubt one line per advice, those who share it joined."""
     shared: dict[str, dict[str, list[str]]] = {}
     for name, sight in seen.items():
@@ -82,7 +82,7 @@ def repeatability_lines(found: Repeatability) -> list[str]:
     """Return whether maneuvers fitted alone agree: how many parameters were compared, and which; none if not asked for."""
     if not found.maneuvers:
         return []
-    lines = [comparison(tuple(found.parameters.values()))]
+    lines = [repeatability_summary(tuple(found.parameters.values()))]
     for verdict in ("scatter", "agree"):
         named = [
             f"{name} ({1 + one.degrees} maneuvers, p = {one.p_value:.2g})"

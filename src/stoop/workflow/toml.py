@@ -11,7 +11,7 @@ from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.defaults import COEFFICIENTS
 
 if TYPE_CHECKING:
-    from stoop.workflow.run import Job
+    from stoop.workflow.identification import Job
 
 DIGITS = 10
 

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from stoop import optimize
 from stoop.errors import IdentificationError
-from stoop.optimize.scalar import has_residuals
+from stoop.optimize.problem import ScalarProblem
 from stoop.parallel import Json, Plan, Run
 from stoop_studies import problems
 from stoop_studies.compare.race import Race, read_race
@@ -112,7 +112,7 @@ class Field:
     def _offers_residuals(self, problem: str) -> bool:
         if problem == FLIGHT:
             return True
-        return has_residuals(problems.pose(problem, self.seeds[0]).problem)
+        return not isinstance(problems.pose(problem, self.seeds[0]).problem, ScalarProblem)
 
 
 def _key(problem: str, optimizer: str, seed: int) -> str:

@@ -19,7 +19,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
-from stoop.optimize.scalar import Scalar
+from stoop.optimize.problem import ScalarProblem
 from stoop_studies.problems import Posed, take_none
 
 FUNCTIONS: Final = 24
@@ -29,7 +29,7 @@ HIGH: Final = 5.0
 TARGET: Final = 1e-8  #: above the optimum, as BBOB's own last target
 
 
-class Bbob(Scalar):
+class Bbob(ScalarProblem):
     """One instance of one function, on the unit box.
 
     Parameters

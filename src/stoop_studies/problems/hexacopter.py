@@ -22,8 +22,8 @@ from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, IdentificationError
 from stoop.estimate.noise import effective_variance
 from stoop.flight import Flight, load
-from stoop.optimize.ledger import blank
-from stoop.optimize.levenberg import FULL
+from stoop.optimize.ledger import Evaluations
+from stoop.optimize.local_refinement import FULL
 from stoop.problem import Misfit, Weights
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import parse_window
@@ -144,4 +144,4 @@ def _posed(vehicle: Vehicle, flight: Flight) -> Misfit:
 
 
 def _dive(problem: Misfit, z: FloatArray) -> FloatArray:
-    return optimize.dive(optimize.Ledger(problem, blank(problem)), z, 0, FULL).z
+    return optimize.refine(optimize.Ledger(problem, Evaluations.none(problem)), z, 0, FULL).z

@@ -18,7 +18,7 @@ import numpy as np
 from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
-from stoop.optimize.ledger import blank
+from stoop.optimize.ledger import Evaluations
 from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.layout import Nuisance
 from stoop.problem.misfit import horizon_ladder
@@ -163,8 +163,8 @@ def of_known_truth(vehicle: Vehicle, problem: Misfit, noise: bool) -> Posed:
 def optimum(problem: Misfit, truth: FloatArray) -> float:
     """Return the cost where a dive from the truth (D,), SI, in the problem's own order, ends."""
     z = np.concatenate([problem.layout.unit(truth), np.zeros(problem.extra)])
-    ledger = optimize.Ledger(problem, blank(problem))
-    return optimize.dive(ledger, z, len(problem.prices) - 1, PATIENT).cost
+    ledger = optimize.Ledger(problem, Evaluations.none(problem))
+    return optimize.refine(ledger, z, len(problem.prices) - 1, PATIENT).cost
 
 
 def box(kind: str, seed: int, truth: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -18,7 +18,7 @@ from stoop.estimate.filter_error.paths import filled, unwrapped
 from stoop.estimate.regression.aircraft import first_order_lag
 from stoop.estimate.shooting.windows import edges
 from stoop.problem import Layout, Misfit, Piece, Weights
-from stoop.problem.start import through_air
+from stoop.problem.observation import through_air
 from stoop.simulate import parameter_rows
 from stoop.simulate.initial import commanded
 from stoop.vehicle import Vehicle

@@ -17,16 +17,16 @@ from stoop_studies.reproduce.plans import planned
 from stoop_studies.reproduce.races import BUDGET, PAPER, Race, holm, mann_whitney, races, runs
 
 WHOLE: Final = "PS-GDE"
-OFF: Final = {"mutation": "unordered", "initialization": "uniform", "dive": "none"}
+OFF: Final = {"mutation": "unordered", "initialization": "uniform", "search": "none"}
 VARIANTS: Final[dict[str, Any]] = {
     WHOLE: PAPER,
     "without sorting": PAPER | {"mutation": "unordered"},
     "without chaos": PAPER | {"initialization": "uniform"},
-    "without dive": PAPER | {"dive": "none"},
+    "without dive": PAPER | {"search": "none"},
     "schedule as printed": PAPER | {"swapped": True},
-    "Levenberg-Marquardt dive": PAPER | {"dive": "levenberg"},
+    "Levenberg-Marquardt dive": PAPER | {"search": "levenberg"},
     "all off": PAPER | OFF,
-    "sorting alone": PAPER | {"initialization": "uniform", "dive": "none"},
+    "sorting alone": PAPER | {"initialization": "uniform", "search": "none"},
 }
 SURE: Final = 0.05
 LEAD: Final = """\

@@ -9,10 +9,11 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.optimize.pieces.initialization import chaos, latin_hypercube, uniform
+from stoop.optimize.operators import latin_hypercube
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section, Table
 from stoop_studies.findings import Claim, Findings, Results, Setting, number, reproduces
+from stoop_studies.optimizers.pieces.operators import chaos, uniform
 
 MEMBERS: Final = 50
 DIMENSION: Final = 10

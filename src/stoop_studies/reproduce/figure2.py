@@ -11,11 +11,11 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.optimize import Ledger
-from stoop.optimize.ledger import blank
+from stoop.optimize.ledger import Evaluations
 from stoop.report.plots import Mark, Series, contour_plot, plot
 from stoop.report.sheet import Code, Figure, Prose, Section, Table
 from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number
-from stoop_studies.optimizers.pieces.golden import BETA, SteepestDive, forward_gradient
+from stoop_studies.optimizers.pieces.local_search import BETA, SteepestDescent, forward_gradient
 from stoop_studies.problems.paper import Paper, paper
 
 PAIR: Final = ("CLalpha", "Cmalpha")
@@ -163,11 +163,11 @@ class End:
 
 def chain(recorder: Recorder, x: FloatArray) -> list[End]:
     """Dive again and again from where the last dive ended."""
-    ledger = Ledger(recorder, blank(recorder))
+    ledger = Ledger(recorder, Evaluations.none(recorder))
     cost = float(ledger.costs(x[None], 0)[0])
     ends = [End(x, cost, 1)]
     for _ in range(CHAIN):
-        x, cost = SteepestDive(REACH, TOLERANCE)(ledger, x, cost)
+        x, cost = SteepestDescent(REACH, TOLERANCE)(ledger, x, cost)
         ends.append(End(x, cost, len(recorder.points)))
     return ends
 
@@ -200,7 +200,7 @@ def both(recorder: Recorder, x: FloatArray) -> Pair | None:
 
 def line_from(recorder: Recorder, x: FloatArray) -> Callable[[float], float] | None:
     """Return the cost along the unit negative gradient from x, by the distance."""
-    ledger = Ledger(recorder, blank(recorder))
+    ledger = Ledger(recorder, Evaluations.none(recorder))
     gradient = forward_gradient(ledger, x, float(ledger.costs(x[None], 0)[0]))
     length = float(np.sqrt((gradient**2).sum()))
     if not np.isfinite(length) or length == 0.0:

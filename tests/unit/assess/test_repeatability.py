@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stoop.assess.repeatability import agreement, without_prior
-from stoop.results.findings import SingleEstimate
+from stoop.results.uncertainty import SingleEstimate
 
 
 def singles(values: list[float], errors: list[float]) -> list[SingleEstimate]:

@@ -5,22 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from stoop.assess.trust import trust
-from stoop.results.evidence import MethodSpread, Spread
 from stoop.results.result import ParameterEstimate
+from stoop.results.uncertainty import Interval, MethodIntervals
 
 ONE = {"a": ParameterEstimate(1.0, 0.1), "b": ParameterEstimate(2.0, 0.1)}
 
 
 def method(
     std: float, lower: float = 1.96, upper: float = 1.96, figures: Mapping[str, float] | None = None
-) -> MethodSpread:
-    return MethodSpread(
-        {n: Spread(std, p.estimate - lower * std, p.estimate + upper * std) for n, p in ONE.items()},
+) -> MethodIntervals:
+    return MethodIntervals(
+        {n: Interval(std, p.estimate - lower * std, p.estimate + upper * std) for n, p in ONE.items()},
         figures or {},
     )
 
 
-def said(**methods: MethodSpread) -> str:
+def said(**methods: MethodIntervals) -> str:
     return " ".join(trust(ONE, {"corrected": method(0.1), "cramer_rao": method(0.1), **methods}))
 
 
@@ -49,7 +49,7 @@ def test_a_lopsided_or_unconverged_posterior() -> None:
 
 
 def test_a_profile_with_an_open_end() -> None:
-    opened = MethodSpread({"a": Spread(float("nan"), float("nan"), 1.4)})
+    opened = MethodIntervals({"a": Interval(float("nan"), float("nan"), 1.4)})
     assert "profile of a is open" in said(profile=opened)
 
 

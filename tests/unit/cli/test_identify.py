@@ -15,6 +15,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from stoop.workflow.assemble import assemble
 
 from stoop.cli.freed import freed
 from stoop.cli.main import main
@@ -24,7 +25,6 @@ from stoop.flight import Flight, save
 from stoop.optimize import State
 from stoop.results.result import Identification
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.workflow.assemble import assemble
 from stoop.workflow.checkpoint import Checkpoint
 
 VEHICLE = Path(__file__).parents[3] / "src" / "stoop" / "data" / "twin_boom.toml"
@@ -265,7 +265,7 @@ def pressing(times: int) -> Callable[..., Identification]:
 
 
 def test_ctrl_c_after_the_search_waits_for_the_result(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stoop.workflow.run.assemble", pressing(1))
+    monkeypatch.setattr("stoop.workflow.identification.assemble", pressing(1))
     assert main(identify(place, "--maneuver", "0:20", out="late")) == 130
     assert json.loads((place / "late" / "result.json").read_text())["status"] == "converged"
     assert not (place / "late" / "search.npz").exists()
@@ -275,7 +275,7 @@ def test_ctrl_c_twice_stops_and_the_search_is_still_there(
     place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patched:
-        patched.setattr("stoop.workflow.run.assemble", pressing(2))
+        patched.setattr("stoop.workflow.identification.assemble", pressing(2))
         assert main(identify(place, "--maneuver", "0:20", out="twice")) == 130
     assert [p.name for p in (place / "twice").iterdir()] == ["search.npz"]
     assert main(identify(place, "--maneuver", "0:20", "--resume", out="twice")) == 0
@@ -290,7 +290,9 @@ def test_speed_is_of_this_run_alone(
     watch = Watch()
     watch.count_from(5000.0)
     state = SimpleNamespace(generation=7)
-    watch.see(SimpleNamespace(state=state, trajectories=5200.0, cost=1.0, event=SimpleNamespace(kind="dive")))  # type: ignore[arg-type]
+    watch.see(
+        SimpleNamespace(state=state, trajectories=5200.0, cost=1.0, event=SimpleNamespace(kind="refinement"))
+    )  # type: ignore[arg-type]
     assert "5200 trajectories  20/s" in capsys.readouterr().err
 
 

@@ -14,13 +14,14 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from stoop.base.files import write_bytes_atomic, write_text_atomic
+from stoop.base.notices import as_notice
 from stoop.errors import OutputError, StoopError
 from stoop.results.result import (
     SCHEMA,
-    ChannelFigures,
     ConditionModes,
     Covariance,
     Estimate,
+    GoodnessOfFit,
     InitialState,
     ManeuverResult,
     MeasuredMode,
@@ -45,7 +46,7 @@ finite = st.floats(allow_nan=False, allow_infinity=False)
 name = st.text(st.characters(codec="utf-8"), max_size=12)
 quantity = st.builds(Quantity, number, number, name)
 quantities = st.dictionaries(name, quantity, max_size=3)
-figures = st.builds(ChannelFigures, number, number, number, number)
+figures = st.builds(GoodnessOfFit, number, number, number, number)
 
 
 def square(size: int) -> st.SearchStrategy[np.ndarray]:
@@ -98,7 +99,7 @@ result = st.builds(
     optimizer=name,
     status=name,
     advice=name,
-    warnings=st.lists(name, max_size=2).map(tuple),
+    notices=st.lists(name.map(as_notice), max_size=2).map(tuple),
     versions=st.dictionaries(name, name, max_size=2),
     inputs=st.dictionaries(name, name, max_size=2),
 )
@@ -154,7 +155,7 @@ def test_null_bounds_are_unbounded() -> None:
 
 
 def test_a_file_of_an_older_version_is_read() -> None:
-    channel = ChannelFigures(0.1, 0.2, 0.9, 0.3)
+    channel = GoodnessOfFit(0.1, 0.2, 0.9, 0.3)
     one = ManeuverResult("a", 0.0, 1.0, "fit", ((0.0, 1.0),), {"q": channel})
     document = json.loads(to_json(minimal(maneuvers=(one,))))
     for key in ("modes", "repeatability"):

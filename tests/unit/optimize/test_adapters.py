@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import builtins
+import importlib
 import threading
 import warnings
 from collections.abc import Callable
@@ -16,9 +16,8 @@ from threadpoolctl import threadpool_info
 
 from stoop import optimize
 from stoop.errors import IdentificationError
-from stoop.optimize.adapters import cma_bipop
-from stoop.optimize.adapters.library import LARGE, Escape, Library, draw_seed, finite_costs, require
-from stoop.optimize.alone import one_blas_thread
+from stoop.optimize import cma_bipop
+from stoop.optimize.libraries import LARGE, Escape, Library, draw_seed, finite_costs, one_blas_thread, require
 
 SCALAR = ("scipy-de", "pymoo-ga", "pymoo-pso", "cma", "pygmo-sade")
 FOREIGN = (*SCALAR, "scipy-least-squares")
@@ -152,7 +151,7 @@ def test_own_values_are_where_the_first_run_begins(
 @pytest.mark.parametrize("name", EXTRA)
 def test_a_missing_package_is_named(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     package = name.split("-")[0]
-    real = builtins.__import__
+    real = importlib.import_module
 
     def missing(module: str, *arguments: Any, **options: Any) -> Any:
         if module.split(".")[0] == package:
@@ -222,7 +221,7 @@ def test_cma_refuses_a_single_variable() -> None:
 
 def test_an_exception_is_carried_past_a_library() -> None:
     problem = Only(sphere, 2)
-    ledger = optimize.Ledger(problem, optimize.ledger.blank(problem), budget=3.0)
+    ledger = optimize.Ledger(problem, optimize.Evaluations.none(problem), budget=3.0)
     escape = Escape(ledger)
     assert escape.costs(np.full((2, 2), 0.5)).max() < 1.0
     escape.check()
@@ -235,7 +234,7 @@ def test_an_exception_is_carried_past_a_library() -> None:
 
 def test_points_beside_the_box_are_asked_on_its_bound() -> None:
     problem = Only(sphere, 2)
-    ledger = optimize.Ledger(problem, optimize.ledger.blank(problem))
+    ledger = optimize.Ledger(problem, optimize.Evaluations.none(problem))
     finite_costs(ledger, np.array([[1.0 + 1e-16, -1e-18]]))
     assert problem.outside <= 0.0
 

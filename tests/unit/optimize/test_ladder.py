@@ -7,30 +7,29 @@ import numpy as np
 import pytest
 
 from stoop.optimize import Ledger
-from stoop.optimize.confirmation import Ends, no_ends
-from stoop.optimize.ladder import GATE, descend, explains, finish, passes
-from stoop.optimize.ledger import blank
-from stoop.optimize.levenberg import Dive, Ending
+from stoop.optimize.ladder import GATE, Optima, climb, explains, passes, refine_fully
+from stoop.optimize.ledger import Evaluations
+from stoop.optimize.local_refinement import Ending, Refinement
 
 NONE = np.full(3, np.inf)
 
 
 def pen(problem: Any) -> Ledger:
-    return Ledger(problem, blank(problem))
+    return Ledger(problem, Evaluations.none(problem))
 
 
 def test_a_good_prey_climbs_every_rung(
     oscillation: Callable[..., Any], near: Callable[[float], np.ndarray]
 ) -> None:
     ledger = pen(oscillation())
-    descent = descend(ledger, near(0.9), NONE)
-    assert descent.passed
-    assert descent.rung == 1
-    assert descent.score < 0.01
-    assert np.isfinite(descent.seen).tolist() == [True, True, False]
+    found = climb(ledger, near(0.9), NONE)
+    assert found.passed
+    assert found.rung == 1
+    assert found.score < 0.01
+    assert np.isfinite(found.least).tolist() == [True, True, False]
     assert ledger.cost == np.inf  # the full record was not touched
     assert np.isinf(NONE).all()
-    end = finish(ledger, descent.z, np.inf, descent.score)
+    end = refine_fully(ledger, found.z, np.inf, found.score)
     assert end.converged
     assert end.cost == ledger.cost
 
@@ -38,11 +37,11 @@ def test_a_good_prey_climbs_every_rung(
 def test_what_is_worse_on_a_part_than_a_trusted_optimum_on_the_whole_is_shelved(
     oscillation: Callable[..., Any], near: Callable[[float], np.ndarray], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    free = descend(pen(oscillation()), near(0.9), NONE)
-    assert descend(pen(oscillation()), near(0.9), NONE, free.cost).passed
-    assert descend(pen(oscillation()), near(0.9), NONE, 0.0).passed  # nearly exact: it may confirm
-    monkeypatch.setattr("stoop.optimize.ladder.NEARLY", 0.0)
-    barred = descend(pen(oscillation()), near(0.9), NONE, 0.99 * free.seen[0])
+    free = climb(pen(oscillation()), near(0.9), NONE)
+    assert climb(pen(oscillation()), near(0.9), NONE, free.cost).passed
+    assert climb(pen(oscillation()), near(0.9), NONE, 0.0).passed  # nearly exact: it may confirm
+    monkeypatch.setattr("stoop.optimize.ladder.NEARLY_EXACT", 0.0)
+    barred = climb(pen(oscillation()), near(0.9), NONE, 0.99 * free.least[0])
     assert not barred.passed
     assert barred.rung == 0
 
@@ -76,16 +75,16 @@ def test_without_a_reference_there_is_no_gate(reference: float, open_: bool) -> 
 
 
 def test_a_diverging_prey_is_stopped(oscillation: Callable[..., Any]) -> None:
-    descent = descend(pen(oscillation(broken=lambda Z: Z[:, 0] < 2.0)), np.full(5, 0.5), NONE)
-    assert not descent.passed
-    assert (descent.cost, descent.score) == (np.inf, np.inf)
+    found = climb(pen(oscillation(broken=lambda Z: Z[:, 0] < 2.0)), np.full(5, 0.5), NONE)
+    assert not found.passed
+    assert (found.cost, found.score) == (np.inf, np.inf)
 
 
 # ------------------------------------------------------------------------------------------ confirmation
-def ends(*rows: tuple[float, int, Ending]) -> Ends:
-    found = no_ends(2)
+def ends(*rows: tuple[float, int, Ending]) -> Optima:
+    found = Optima.none(2)
     for cost, lineage, ending in rows:
-        found = found.add(Dive(np.zeros(3), cost, ending, 5), lineage)
+        found = found.add(Refinement(np.zeros(3), cost, ending, 5), lineage)
     return found
 
 
@@ -115,8 +114,8 @@ def test_three_must_agree_where_much_is_left_unexplained() -> None:
     two = ends((100.0, 1, "converged"), (100.05, 2, "agreed"))
     assert two.confirmed(100.0, 1001.0)
     assert not two.confirmed(100.0, 999.0)
-    assert two.add(Dive(np.zeros(3), 100.02, "agreed", 5), 3).confirmed(100.0, 999.0)
-    assert not two.add(Dive(np.zeros(3), 100.02, "agreed", 5), 2).confirmed(100.0, 999.0)
+    assert two.add(Refinement(np.zeros(3), 100.02, "agreed", 5), 3).confirmed(100.0, 999.0)
+    assert not two.add(Refinement(np.zeros(3), 100.02, "agreed", 5), 2).confirmed(100.0, 999.0)
     assert not ends(*[(100.0, i, "agreed") for i in range(4)]).confirmed(100.0, 999.0)
 
 

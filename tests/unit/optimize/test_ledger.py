@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stoop.optimize.ledger import Books, Halt, Ledger, blank, opened, sum_of_squares
+from stoop.optimize.ledger import Evaluations, Halt, Ledger, sum_of_squares
 
 
 class Line:
@@ -33,7 +33,7 @@ def column(*values: float) -> np.ndarray:
 
 @pytest.fixture
 def ledger() -> Callable[..., Ledger]:
-    return lambda **limits: Ledger(Line(), blank(Line()), **limits)
+    return lambda **limits: Ledger(Line(), Evaluations.none(Line()), **limits)
 
 
 def test_every_call_is_booked_at_its_price(ledger: Callable[..., Ledger]) -> None:
@@ -42,23 +42,23 @@ def test_every_call_is_booked_at_its_price(ledger: Callable[..., Ledger]) -> Non
     pen.costs(column(1.0, 1.0, 1.0, 1.0), 0)
     pen.residuals(np.array([[4.0, 0.0]]), 1)
     pen.jacobian(np.array([4.0, 0.0]), 1, np.ones(1))
-    assert pen.books.trajectories == pytest.approx(2.0 + 1.0 + 1.0 + 0.7)
+    assert pen.evaluations.trajectories == pytest.approx(2.0 + 1.0 + 1.0 + 0.7)
 
 
 def test_only_the_full_record_counts_for_the_best(ledger: Callable[..., Ledger]) -> None:
     pen = ledger()
     pen.costs(column(0.1), 0)
-    assert pen.books.cost == np.inf
+    assert pen.evaluations.cost == np.inf
     pen.costs(column(3.0, 2.0, 2.5), 1)
     pen.residuals(np.array([[1.0, 5.0], [9.0, 6.0]]), 1)
-    assert pen.books.best.tolist() == [1.0, 5.0]
-    assert pen.books.history == pytest.approx(np.array([[1.25, 3.0], [2.25, 2.0], [4.25, 1.0]]))
+    assert pen.evaluations.best.tolist() == [1.0, 5.0]
+    assert pen.evaluations.history == pytest.approx(np.array([[1.25, 3.0], [2.25, 2.0], [4.25, 1.0]]))
 
 
 def test_whatever_is_not_finite_costs_infinity(ledger: Callable[..., Ledger]) -> None:
     pen = ledger()
     assert pen.costs(column(np.nan, 2.0, -np.inf, np.inf), 1).tolist() == [np.inf, 2.0, np.inf, np.inf]
-    assert pen.books.cost == 2.0
+    assert pen.evaluations.cost == 2.0
     assert sum_of_squares(np.array([1.0, np.nan])) == np.inf
     assert sum_of_squares(np.array([1e200, 1.0])) == np.inf
     assert pen.reference(0) == np.inf
@@ -69,7 +69,7 @@ def test_the_target_is_booked_at_the_candidate_that_reaches_it(ledger: Callable[
     with pytest.raises(Halt) as halt:
         pen.costs(column(5.0, 0.9, 0.1, 3.0), 1)
     assert halt.value.status == "target"
-    assert (pen.books.trajectories, pen.books.cost) == (2.0, 0.9)
+    assert (pen.evaluations.trajectories, pen.evaluations.cost) == (2.0, 0.9)
 
 
 def test_improvements_are_booked_at_their_own_place_and_the_batch_is_paid_for(
@@ -78,8 +78,12 @@ def test_improvements_are_booked_at_their_own_place_and_the_batch_is_paid_for(
     pen = ledger()
     pen.costs(column(5.0, 6.0, 4.0, 4.0, np.inf), 1)
     pen.costs(column(9.0, 3.0, 8.0), 1)
-    assert pen.books.history.tolist() == [[1.0, 5.0], [3.0, 4.0], [7.0, 3.0]]
-    assert (pen.books.trajectories, pen.books.cost, pen.books.best.tolist()) == (8.0, 3.0, [3.0, 0.0])
+    assert pen.evaluations.history.tolist() == [[1.0, 5.0], [3.0, 4.0], [7.0, 3.0]]
+    assert (pen.evaluations.trajectories, pen.evaluations.cost, pen.evaluations.best.tolist()) == (
+        8.0,
+        3.0,
+        [3.0, 0.0],
+    )
 
 
 def test_the_budget_is_used_up_and_never_exceeded(ledger: Callable[..., Ledger]) -> None:
@@ -87,19 +91,19 @@ def test_the_budget_is_used_up_and_never_exceeded(ledger: Callable[..., Ledger])
     with pytest.raises(Halt) as halt:
         pen.costs(column(5.0, 4.0, 3.0, 0.1), 1)
     assert halt.value.status == "budget"
-    assert (pen.books.trajectories, pen.books.cost) == (3.0, 3.0)
+    assert (pen.evaluations.trajectories, pen.evaluations.cost) == (3.0, 3.0)
     pen.costs(column(1.0, 1.0), 0)
     for ask in (lambda: pen.costs(column(0.1), 0), lambda: pen.jacobian(np.ones(2), 0, np.ones(1))):
         with pytest.raises(Halt):
             ask()
-    assert pen.books.trajectories == 3.5
+    assert pen.evaluations.trajectories == 3.5
 
 
 def test_prices_that_sum_to_the_budget_are_all_spent(ledger: Callable[..., Ledger]) -> None:
-    pen = Ledger(_tenths(), blank(Line()), budget=1.0)
+    pen = Ledger(_tenths(), Evaluations.none(Line()), budget=1.0)
     for _ in range(10):
         pen.costs(column(1.0), 0)
-    assert pen.books.trajectories == pytest.approx(1.0)
+    assert pen.evaluations.trajectories == pytest.approx(1.0)
 
 
 def _tenths() -> Any:
@@ -111,12 +115,16 @@ def _tenths() -> Any:
 def test_reopening_goes_back_to_the_page(ledger: Callable[..., Ledger]) -> None:
     pen = ledger()
     pen.costs(column(3.0), 1)
-    page = pen.books
+    page = pen.evaluations
     pen.costs(column(1.0), 1)
-    again = opened(pen, page)
+    again = Ledger.at(pen, page)
     assert again is pen
-    assert (again.books.trajectories, again.books.cost, len(again.books.history)) == (1.0, 3.0, 1)
-    fresh = opened(Line(), page)
+    assert (again.evaluations.trajectories, again.evaluations.cost, len(again.evaluations.history)) == (
+        1.0,
+        3.0,
+        1,
+    )
+    fresh = Ledger.at(Line(), page)
     assert (fresh.spent, fresh.cost) == (1.0, 3.0)
 
 
@@ -124,7 +132,7 @@ def test_the_page_does_not_move_with_the_pen(ledger: Callable[..., Ledger]) -> N
     pen = ledger()
     X = column(3.0)
     pen.costs(X, 1)
-    page: Books = pen.books
+    page: Evaluations = pen.evaluations
     X[0] = 9.0
     pen.costs(column(1.0), 1)
     assert page.best.tolist() == [3.0, 0.0]

@@ -109,7 +109,7 @@ def test_dive_ends_at_the_certified_values(
     regression: Callable[[str], Regression], name: str, start: int
 ) -> None:
     problem = regression(name)
-    end = optimize.dive(problem, problem.unit(problem.starts[start]), 0, PATIENT)
+    end = optimize.refine(problem, problem.unit(problem.starts[start]), 0, PATIENT)
     assert end.converged
     assert end.cost == pytest.approx(problem.least, rel=1e-6)
     # the sums of three exponentials are known to be nearly degenerate
@@ -127,7 +127,7 @@ def test_dive_ends_where_scipy_does_inside_bounds(regression: Callable[[str], Re
     problem.low[0], high[0] = (cut, high[0]) if side else (problem.low[0], cut)
     problem.span = high - problem.low
     z = np.clip(problem.unit(problem.starts[1]), 0.0, 1.0)
-    ours = optimize.dive(problem, z, 0, PATIENT)
+    ours = optimize.refine(problem, z, 0, PATIENT)
     theirs = least_squares(
         lambda v: problem.residuals(v[None, :], 0)[0],
         np.clip(z, 1e-9, 1 - 1e-9),

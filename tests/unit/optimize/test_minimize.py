@@ -20,9 +20,10 @@ from hypothesis import strategies as st
 from stoop import optimize
 from stoop.errors import IdentificationError
 from stoop.optimize import Stop
+from stoop.optimize.libraries import Library
 
 NAMES = optimize.names()
-OWN = tuple(n for n in NAMES if not type(optimize.create(n)).__module__.startswith("stoop.optimize.adapters"))
+OWN = tuple(n for n in NAMES if not isinstance(optimize.create(n), Library))
 every = pytest.mark.parametrize("name", NAMES)
 own = pytest.mark.parametrize("name", OWN)
 
@@ -73,7 +74,7 @@ def test_resuming_from_any_generation_changes_nothing(name: str, tmp_path: Path)
         state = optimize.load_state(path)
         assert _same(state, expected)
     assert _same(whole.state, state)
-    assert name != optimize.names()[0] or whole.state.herd is not None
+    assert name != optimize.names()[0] or whole.state.population is not None
 
 
 class Rugged:
@@ -285,7 +286,7 @@ def test_the_best_of_several_starts_is_dived_from_first(
         stop=Stop(generations=1),
         callback=lambda p: events.append(p.event),
     )
-    assert events[0].kind == "dive"
+    assert events[0].kind == "refinement"
     assert events[0].text.startswith("converged")
 
 

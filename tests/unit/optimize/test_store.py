@@ -26,7 +26,7 @@ def test_a_file_can_be_opened_without_pickle(state: Any, tmp_path: Path) -> None
     optimize.save_state(path, state)
     with np.load(path, allow_pickle=False) as file:
         assert all(not file[name].dtype.hasobject for name in file.files)
-    assert optimize.load_state(path).books.cost == state.books.cost
+    assert optimize.load_state(path).evaluations.cost == state.evaluations.cost
     assert [p.name for p in tmp_path.iterdir()] == ["state.npz"]
 
 
@@ -35,18 +35,18 @@ def test_a_tag_lies_in_the_same_file(state: Any, tmp_path: Path) -> None:
     optimize.save_state(path, state, "this problem")
     loaded, tag = optimize.load_tagged(path)
     assert tag == "this problem"
-    assert loaded.books.cost == state.books.cost == optimize.load_state(path).books.cost
+    assert loaded.evaluations.cost == state.evaluations.cost == optimize.load_state(path).evaluations.cost
     optimize.save_state(path, state)
     assert optimize.load_tagged(path)[1] == ""
 
 
 def test_infinity_and_large_integers_survive(state: Any, tmp_path: Path) -> None:
     path = tmp_path / "state.npz"
-    books = replace(state.books, cost=np.inf, trajectories=1 / 3)
-    optimize.save_state(path, replace(state, books=books))
+    books = replace(state.evaluations, cost=np.inf, trajectories=1 / 3)
+    optimize.save_state(path, replace(state, evaluations=books))
     loaded = optimize.load_state(path)
-    assert loaded.books.cost == np.inf
-    assert loaded.books.trajectories == 1 / 3
+    assert loaded.evaluations.cost == np.inf
+    assert loaded.evaluations.trajectories == 1 / 3
     assert loaded.stream == state.stream
     assert loaded.stream.state > 2**64
 
@@ -131,3 +131,34 @@ def test_what_cannot_be_stored_is_an_error_of_ours(state: Any, tmp_path: Path) -
     with pytest.raises(TypeError, match="cannot hold set"):
         optimize.save_state(tmp_path / "state.npz", replace(state, round={1}))
     assert not list(tmp_path.iterdir())
+
+
+class Rastrigin:
+    """Thousands of local optima: the file beside this one holds a run on it, saved by release 0.1."""
+
+    dimension, extra, prices = 3, 0, (1.0,)
+
+    def costs(self, X: np.ndarray, rung: int) -> np.ndarray:
+        Y = 8 * X - 4
+        return 10 * 3 + (Y**2 - 10 * np.cos(2 * np.pi * Y)).sum(axis=1)
+
+    def residuals(self, Z: np.ndarray, rung: int) -> np.ndarray:
+        return np.sqrt(self.costs(Z, rung))[:, None]
+
+    def jacobian(self, z: np.ndarray, rung: int, r: np.ndarray) -> tuple[np.ndarray, float]:
+        return optimize.forward_jacobian(self, z, rung, r)
+
+    def reference(self, rung: int) -> float:
+        return 1e3
+
+
+def test_a_state_of_release_0_1_loads_and_continues_as_an_uninterrupted_run() -> None:
+    old = optimize.load_state(Path(__file__).parent / "data" / "state-0.1.npz")
+    stop = optimize.Stop(generations=80)
+    resumed = optimize.minimize(optimize.create(), Rastrigin(), seed=0, stop=stop, state=old)
+    whole = optimize.minimize(optimize.create(), Rastrigin(), seed=3, stop=stop)
+    assert old.generation == 60
+    assert whole.state is not None
+    assert whole.state.population is not None
+    assert (resumed.trajectories, resumed.cost) == (whole.trajectories, whole.cost)
+    assert np.array_equal(resumed.history, whole.history)

@@ -7,7 +7,7 @@ import numpy as np
 from stoop.assess.covariance import NORMAL_95
 from stoop.assess.figures import Match, channel_figures
 from stoop.assess.runs import join
-from stoop.results.evidence import BlindDirection, CorrelatedPair, Identifiable, MethodSpread, Sight, Spread
+from stoop.base.notices import as_notice, notice
 from stoop.results.result import (
     AirDataTrace,
     ChannelTrace,
@@ -23,6 +23,14 @@ from stoop.results.result import (
     Role,
     SensorBiases,
     WindEstimate,
+)
+from stoop.results.uncertainty import (
+    CorrelatedPair,
+    IdentifiabilityAnalysis,
+    Interval,
+    MethodIntervals,
+    NearNullDirection,
+    ParameterIdentifiability,
 )
 
 HOSTILE = '<script>alert("x")</script>'
@@ -112,22 +120,22 @@ def parameter(number: int, names: tuple[str, ...]) -> ParameterEstimate:
     )
 
 
-def methods(parameters: dict[str, ParameterEstimate], hostile: str) -> dict[str, MethodSpread]:
+def methods(parameters: dict[str, ParameterEstimate], hostile: str) -> dict[str, MethodIntervals]:
     """Return five methods: a narrow one, a lopsided one, one that is open to a side, one that looked at three only."""
 
-    def of(lower: float, upper: float, few: bool = False) -> dict[str, Spread]:
+    def of(lower: float, upper: float, few: bool = False) -> dict[str, Interval]:
         chosen = list(parameters.items())[: 3 if few else None]
         return {
-            n: Spread(p.std_error, p.estimate - lower * p.std_error, p.estimate + upper * p.std_error)
+            n: Interval(p.std_error, p.estimate - lower * p.std_error, p.estimate + upper * p.std_error)
             for n, p in chosen
         }
 
     return {
-        "corrected": MethodSpread(of(1.96, 1.96)),
-        "cramer_rao": MethodSpread(of(0.4, 0.4)),
-        "bootstrap": MethodSpread(of(1.8, 2.1), {"replicates": 1000.0, "dived": 3.0, "lost": 0.0}),
-        "posterior": MethodSpread(of(1.5, 3.0), {"rhat": 1.004}, ("It is lopsided." + hostile,)),
-        "profile" + hostile: MethodSpread(of(1.7, float("nan"), few=True)),
+        "corrected": MethodIntervals(of(1.96, 1.96)),
+        "cramer_rao": MethodIntervals(of(0.4, 0.4)),
+        "bootstrap": MethodIntervals(of(1.8, 2.1), {"replicates": 1000.0, "dived": 3.0, "lost": 0.0}),
+        "posterior": MethodIntervals(of(1.5, 3.0), {"rhat": 1.004}, ("It is lopsided." + hostile,)),
+        "profile" + hostile: MethodIntervals(of(1.7, float("nan"), few=True)),
     }
 
 
@@ -181,17 +189,19 @@ def example(names: tuple[str, ...] = NAMES, hostile: str = "") -> Identification
         seed=1,
         optimizer="ps-gde with Levenberg-Marquardt prey",
         status="converged",
-        warnings=(
-            "Residuals are colored: the plain Cramer-Rao bound would be 4.1 times too small; the corrected one is shown.",
-            "CDalpha lies on its bound: widen it, or ask why the flight wants more." + hostile,
+        notices=(
+            as_notice("Residuals are colored: the plain Cramer-Rao bound would be 4.1 times too small."),
+            as_notice("CDalpha lies on its bound: widen it, or ask why the flight wants more." + hostile),
+            notice("air-data-reconstructed", "f" + hostile, channels=("V", "alpha"), method="output error"),
+            as_notice("flight2: inputs are missing in 142.47:142.75" + hostile, "info", "flight"),
         ),
         versions={"stoop": "0.1.0", "numpy": "2.4.6", "scipy": "1.17.1" + hostile, "numba": "0.68.1"},
         uncertainty=methods(parameters, hostile),
         trust=("The residuals are colored: trust the corrected errors." + hostile,),
-        identifiability=Identifiable(
+        identifiability=IdentifiabilityAnalysis(
             (3.1, 0.4, 0.002),
             {
-                names[0]: Sight(
+                names[0]: ParameterIdentifiability(
                     0.01,
                     0.5,
                     0.9998,
@@ -201,7 +211,7 @@ def example(names: tuple[str, ...] = NAMES, hostile: str = "") -> Identification
                 )
             },
             (CorrelatedPair(names[0], names[-1], -0.998),),
-            (BlindDirection(0.002, {names[0]: 0.5, names[-1]: -0.2}, "They move together." + hostile),),
+            (NearNullDirection(0.002, {names[0]: 0.5, names[-1]: -0.2}, "They move together." + hostile),),
         ),
         inputs={"flight2/log_5_actuator_controls_0_0.csv.gz" + hostile: "9f" * 32, "vehicle.toml": "3b" * 32},
     )
@@ -215,7 +225,6 @@ def example(names: tuple[str, ...] = NAMES, hostile: str = "") -> Identification
         units=UNITS,
         symbols={"CLalpha": r"C_{L_\alpha}", "Clp": r"C_{l_p}", "alpha": r"\alpha", "beta": r"\beta"}
         | ({"CL0": r"\text{" + hostile + "}"} if hostile else {}),
-        statements=("V, alpha and beta are reconstructed: the aircraft carries no vane." + hostile,),
         air_data=(
             AirDataTrace(
                 "flight2" + hostile,
@@ -228,7 +237,6 @@ def example(names: tuple[str, ...] = NAMES, hostile: str = "") -> Identification
                 },
             ),
         ),
-        notes=("flight2: inputs are missing in 142.47:142.75; no segment crosses it" + hostile,),
         command="stoop identify flight2 --vehicle vtail.toml --maneuver 140:145 --maneuver 146:152 -o out"
         + hostile,
     )

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stoop.assess.identifiability import COMBINED
 from stoop.assess.runs import join
+from stoop.base.notices import as_notice
 from stoop.base.numbers import (
     clock,
     compact,
@@ -23,20 +23,20 @@ from stoop.base.numbers import (
     rounded_to_error,
     window,
 )
-from stoop.report.air import air_panels
 from stoop.report.charts import holes
 from stoop.report.formula import mathml
+from stoop.report.maneuvers import air_panels
 from stoop.report.svg import COLUMNS, Scale, path, plain_text, spanning, tick_text, ticks
-from stoop.report.words import verdict
-from stoop.results.evidence import Identifiable, Sight
+from stoop.report.verdict import verdict
 from stoop.results.result import (
     AirDataTrace,
-    ChannelFigures,
+    GoodnessOfFit,
     ManeuverResult,
     ParameterEstimate,
     Result,
     Whiteness,
 )
+from stoop.results.uncertainty import IdentifiabilityAnalysis, ParameterIdentifiability
 
 
 @pytest.mark.parametrize(
@@ -199,9 +199,8 @@ def test_air_data_share_drawings_and_break_at_pauses(examples: ModuleType) -> No
     time = np.concatenate([np.arange(0.0, 5.0, 0.1), np.arange(9.0, 12.0, 0.1)])
     names = ("speed_inertial", "pitot", "pitot_corrected", "V", "beta", "beta_from_force", "strange<b>")
     trace = AirDataTrace("f", time, {name: time + n for n, name in enumerate(names)})
-    ((flight, panels),) = air_panels(dataclasses.replace(whole, air_data=(trace,)))
-    assert flight == "f"
-    assert [str(panel.name) for panel in panels] == ["Airspeed", "Sideslip", "strange&lt;b&gt;"]
+    panels = air_panels(whole, trace)
+    assert [panel.title for panel in panels] == ["Airspeed", "Sideslip", "strange<b>"]
     assert panels[0].drawing.count("<path") == 4
     assert panels[0].drawing.count("hole") == 1
     assert [panel.unit for panel in panels] == ["m/s", "deg", ""]
@@ -214,19 +213,19 @@ def test_holes_lie_between_segments() -> None:
 
 def good(examples: ModuleType) -> Result:
     whole: Result = examples.example(("CL0",)).result
-    figures = {"p": ChannelFigures(0.1, 0.1, 0.9, 0.2)}
+    figures = {"p": GoodnessOfFit(0.1, 0.1, 0.9, 0.2)}
     maneuvers = (
         ManeuverResult("f", 0.0, 1.0, "fit", (), figures),
         ManeuverResult("f", 2.0, 3.0, "validation", (), figures),
     )
     parameters = {"CL0": ParameterEstimate(1.0, 0.1)}
-    return dataclasses.replace(whole, parameters=parameters, maneuvers=maneuvers, warnings=())
+    return dataclasses.replace(whole, parameters=parameters, maneuvers=maneuvers, notices=())
 
 
 def test_a_good_verdict(examples: ModuleType) -> None:
     found = verdict(good(examples))
     assert found.level == "good"
-    assert "all of them seen by the data" in " ".join(found.sentences)
+    assert "all of them identifiable" in " ".join(found.sentences)
     assert "beats a trivial first-order lag in 1 of 1 comparison" in found.sentences[2]
 
 
@@ -236,35 +235,38 @@ def test_a_channel_in_which_only_noise_is_left_is_not_lost(
 ) -> None:
     """A window that does not move the yaw shows its noise, which no model matches; chance decides who is closer."""
     moved, still = (
-        ChannelFigures(0.1, 0.1, 0.9, 0.2),
-        ChannelFigures(0.1, 0.65, 0.0, 0.63, whiteness=Whiteness(verdict=left)),
+        GoodnessOfFit(0.1, 0.1, 0.9, 0.2),
+        GoodnessOfFit(0.1, 0.65, 0.0, 0.63, whiteness=Whiteness(verdict=left)),
     )
     maneuvers = tuple(
         dataclasses.replace(m, channels={"p": moved, "r": still}) for m in good(examples).maneuvers
     )
     found = verdict(dataclasses.replace(good(examples), maneuvers=maneuvers))
     assert found.level == level
-    drawn = "and leaves but noise in 1 more" in found.sentences[2]
+    drawn = "and leaves only noise in 1 more" in found.sentences[2]
     assert drawn == (left == "white")
     assert ("not in r (0–1 s)" in found.sentences[2]) == (left != "white")
-    assert ChannelFigures(math.nan, math.nan, math.nan, 0.6).lost, "it diverged"
+    assert GoodnessOfFit(math.nan, math.nan, math.nan, 0.6).lost, "it diverged"
 
 
 def test_how_many_parameters_are_known_only_together(examples: ModuleType) -> None:
-    sights = {"CL0": Sight(0.1, 3.5, 0.9996, ("CLalpha",), COMBINED, "fly it")}
-    together = dataclasses.replace(good(examples), identifiability=Identifiable(parameters=sights))
+    sights = {
+        "CL0": ParameterIdentifiability(0.1, 3.5, 0.9996, ("CLalpha",), "known only together", "fly it")
+    }
+    together = dataclasses.replace(good(examples), identifiability=IdentifiabilityAnalysis(parameters=sights))
     said = verdict(together).sentences[1]
     assert said == (
-        "1 parameter estimated, all of them seen by the data; 1 of them known only in combination with others."
+        "1 parameter estimated, all of them identifiable; 1 of them known only in combination with others."
     )
-    alone = dataclasses.replace(good(examples), identifiability=Identifiable())
-    assert verdict(alone).sentences[1] == "1 parameter estimated, all of them seen by the data."
+    alone = dataclasses.replace(good(examples), identifiability=IdentifiabilityAnalysis())
+    assert verdict(alone).sentences[1] == "1 parameter estimated, all of them identifiable."
 
 
 @pytest.mark.parametrize(
     ("changes", "level", "said"),
     [
-        ({"warnings": ("pitot",)}, "caution", ""),
+        ({"notices": (as_notice("pitot"),)}, "caution", ""),
+        ({"notices": (as_notice("from the file", "info"),)}, "good", ""),
         ({"status": "budget"}, "bad", "ran out of its budget"),
         ({"status": "interrupted"}, "bad", "interrupted"),
         ({"status": "something new"}, "bad", "“something new”"),
@@ -272,12 +274,12 @@ def test_how_many_parameters_are_known_only_together(examples: ModuleType) -> No
         (
             {"parameters": {"a": ParameterEstimate(1.0, identifiable=False)}},
             "bad",
-            "cannot tell 1 of them (a)",
+            "1 of them is not identifiable (a)",
         ),
         (
             {"parameters": {"a": ParameterEstimate(1.0, at_bound=True), "b": ParameterEstimate(1.0)}},
             "caution",
-            "1 lies on the edge of the searched box (a)",
+            "1 lies at a bound (a)",
         ),
         ({"advice": "widen the box"}, "good", "widen the box"),
     ],
@@ -290,7 +292,7 @@ def test_verdicts(examples: ModuleType, changes: dict[str, object], level: str, 
 
 def test_a_lag_that_wins_is_named(examples: ModuleType) -> None:
     whole = good(examples)
-    worse = dataclasses.replace(whole.maneuvers[1], channels={"r": ChannelFigures(0.1, 0.6, 0.1, 0.5)})
+    worse = dataclasses.replace(whole.maneuvers[1], channels={"r": GoodnessOfFit(0.1, 0.6, 0.1, 0.5)})
     found = verdict(dataclasses.replace(whole, maneuvers=(whole.maneuvers[0], worse)))
     assert found.level == "caution"
     assert "not in r (2–3 s)" in " ".join(found.sentences)
@@ -300,7 +302,7 @@ def test_nothing_held_back(examples: ModuleType) -> None:
     whole = good(examples)
     found = verdict(dataclasses.replace(whole, maneuvers=whole.maneuvers[:1]))
     assert found.level == "caution"
-    assert "Nothing was held back" in found.sentences[-1]
+    assert "No window was held back" in found.sentences[-1]
 
 
 def test_a_curve_that_varies_by_rounding_is_drawn_flat() -> None:

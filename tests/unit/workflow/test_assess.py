@@ -11,8 +11,8 @@ import pytest
 
 from stoop.errors import IdentificationError, OutputError
 from stoop.parallel import Given, LocalProcesses, execute
-from stoop.results.evidence import MethodSpread
 from stoop.results.result import from_json
+from stoop.results.uncertainty import MethodIntervals
 from stoop.workflow import Bootstrap, Job, Posterior, Profile
 from stoop.workflow.bootstrap import CHUNK, bootstrap_plan
 from stoop.workflow.case import Case, Finding, Watch, case_of
@@ -105,7 +105,7 @@ class Told:
 
     def __call__(self, case: Case, watch: Watch) -> Finding:
         watch("telling")
-        return Finding(MethodSpread({}), {"posterior.nc": b"abc"})
+        return Finding(MethodIntervals({}), {"posterior.nc": b"abc"})
 
 
 def test_attachments_lie_beside_the_result_and_go_with_it(job: Job, tmp_path: Path) -> None:

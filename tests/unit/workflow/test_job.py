@@ -17,7 +17,7 @@ from stoop.results.result import read_result
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 from stoop.workflow import Job, identify
 from stoop.workflow.curves import _unwrapped
-from stoop.workflow.run import _windows
+from stoop.workflow.identification import _windows
 from stoop.workflow.summary import estimates_table, figures_table
 from stoop.workflow.toml import replaced
 

@@ -5,17 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from stoop.report.page import render
 
 from stoop.assess.repeatability import agreement
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
-from stoop.report.page import render
-from stoop.results.findings import Repeatability, SingleEstimate
+from stoop.results.uncertainty import Repeatability, SingleEstimate
 from stoop.simulate import parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop.workflow.identification import Job, finish, search
 from stoop.workflow.repeat import fit_alone, with_repeatability
-from stoop.workflow.run import Job, finish, search
 from stoop.workflow.summary import repeatability_lines
 
 FREE = ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")

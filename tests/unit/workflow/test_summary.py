@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from stoop.results.evidence import Sight
+from stoop.results.uncertainty import ParameterIdentifiability
 from stoop.workflow.summary import doubts_by_phrase
 
 
-def sight(doubt: str, advice: str) -> Sight:
-    return Sight(1.0, 1.0, 0.5, (), doubt, advice)
+def sight(doubt: str, advice: str) -> ParameterIdentifiability:
+    return ParameterIdentifiability(1.0, 1.0, 0.5, (), doubt, advice)
 
 
 def test_doubts_stand_under_one_phrase_and_those_of_one_advice_in_one_line() -> None:

@@ -14,7 +14,7 @@ from stoop.cli.main import main
 from stoop.errors import FlightError, SimulationError, StoopError
 from stoop.flight import Flight, load, save
 from stoop.workflow import Job
-from stoop.workflow.validate import validate
+from stoop.workflow.validation import validate
 
 
 @pytest.fixture(scope="module")
@@ -133,7 +133,7 @@ def test_what_is_missing_is_one_line(job: Job, folder: Path, tmp_path: Path) -> 
         FlightError, match=r"rotors carry the vehicle of this log, but .* has none: is it of another vehicle"
     ):
         validate(folder, [replace(lame, data=lame.data.assign(motors))])
-    with pytest.raises(FlightError, match="same name"):
+    with pytest.raises(FlightError, match="two flights are called"):
         validate(folder, [flight, flight], ["20:28"])
 
 

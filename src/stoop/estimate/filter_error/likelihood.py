@@ -27,7 +27,7 @@ from stoop.estimate.filter_error.noise import Noise
 from stoop.estimate.filter_error.paths import Path, averaged, measured_path, undelayed
 from stoop.estimate.filter_error.points import Linear, linearized
 from stoop.kernels import filtering
-from stoop.optimize.normal import gram
+from stoop.optimize.normal_equations import gram
 from stoop.problem import Misfit
 from stoop.simulate.delays import late_inputs
 

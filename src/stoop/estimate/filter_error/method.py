@@ -11,15 +11,17 @@ from threadpoolctl import threadpool_limits
 
 from stoop import optimize
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
 from stoop.estimate.filter_error.gains import Gain, Steady, Varying
 from stoop.estimate.filter_error.likelihood import Likelihood
 from stoop.estimate.filter_error.noise import Noise, first_guess
 from stoop.estimate.filter_error.scoring import ITERATIONS, Ascent, Slope, ascend, slope
-from stoop.estimate.fit import Evidence, Fit, Options, pose, starts
+from stoop.estimate.fit import Fit, Options, estimation_problem, starts
 from stoop.flight import Flight
 from stoop.optimize.minimize import Status
 from stoop.problem import Layout, Misfit, Nuisance
+from stoop.problem.evidence import Evidence, PieceEvidence, Unknown, unknowns_of
 from stoop.problem.prepare import Prepared
 from stoop.problem.windows import Window
 from stoop.simulate.delays import output_delays
@@ -27,7 +29,6 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import GUST_STATES
 
 DEFAULTS: Final = Options()
-DISAGREED: Final = "From the file's values and from the regression ascents ended at different likelihoods; the better counts."
 SHARES: Final = {
     "u": (1.0,),
     "v": (0.5**0.5, 0.5),
@@ -73,7 +74,7 @@ class FilterError:
     def _fit(
         self, vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window], options: Options
     ) -> Fit:
-        problem, prepared = pose(vehicle, flights, windows, options)
+        problem, prepared = estimation_problem(vehicle, flights, windows, options)
         _check(problem)
         problem = with_gusts(problem)
         noise = Noise(vehicle, first_guess(vehicle, problem.pieces), _given(options))
@@ -173,9 +174,7 @@ def _fit(
         None,
         "scoring",
     )
-    warnings = prepared.warnings
-    if many > 1 and not agreed:
-        warnings += (DISAGREED,)
+    doubt = (notice("starts-disagree"),) if many > 1 and not agreed else ()
     noise = np.diag(likelihood.noise.variances(tail[None, :])[0])
     noise[~np.isfinite(noise)] = np.nan
     return Fit(
@@ -185,40 +184,38 @@ def _fit(
         outcome,
         best.cost,
         runs,
-        warnings,
-        statements=_statements(likelihood, tail, at),
+        (*_notices(likelihood, tail, at), *doubt),
         noise=np.where(np.eye(len(noise)) > 0.0, noise, 0.0),
-        evidence=_evidence(likelihood, best.z, at),
+        own_evidence=_evidence(likelihood, best.z, at),
     )
 
 
 def _evidence(likelihood: Likelihood, z: FloatArray, at: Slope) -> Evidence:
     """Return innovations and sensitivities per SI unit (of logarithms, for the noise)."""
-    scales = np.concatenate([likelihood.problem.layout.scales, np.ones(likelihood.noise.size)])
-    residuals, jacobians = [], []
-    information = likelihood.prior(z)[1]
+    noise, layout = likelihood.noise, likelihood.problem.layout
+    scales = np.concatenate([layout.scales, np.ones(noise.size)])
+    pieces, prior = [], likelihood.prior(z)[1]
     for piece, found in zip(likelihood.problem.pieces, at.pieces, strict=True):
-        whole = np.zeros((*found.white.shape, likelihood.size))
-        whole[:, :, found.entries] = -found.slopes
-        residuals.append(np.where(np.isfinite(piece.measured), found.white, np.nan))
-        jacobians.append(whole / scales)
-        information[np.ix_(found.entries, found.entries)] += found.spread_information
-    return Evidence(tuple(residuals), tuple(jacobians), information / np.outer(scales, scales))
+        jacobian = np.zeros((*found.white.shape, likelihood.size))
+        jacobian[:, :, found.entries] = -found.slopes
+        residual = np.where(np.isfinite(piece.measured), found.white, np.nan)
+        pieces.append(PieceEvidence(residual, jacobian / scales))
+        prior[np.ix_(found.entries, found.entries)] += found.spread_information
+    known = likelihood.size - noise.size
+    intensities = [Unknown(f"noise {i}", "noise", float(x), 1.0) for i, x in enumerate(z[known:])]
+    unknowns = (*unknowns_of(layout, z[:known]), *intensities)
+    return Evidence(unknowns, tuple(pieces), prior / np.outer(scales, scales))
 
 
-def _statements(likelihood: Likelihood, tail: FloatArray, at: Slope) -> tuple[str, ...]:
-    """Say what the figures rest on."""
+def _notices(likelihood: Likelihood, tail: FloatArray, at: Slope) -> list[Notice]:
+    """Return how to read the estimates, and what noise was found."""
     lag = [float(np.mean(p.white[1:] * p.white[:-1]) / np.mean(p.white**2)) for p in at.pieces]
-    said = [
-        "Estimates are those of a filter that corrects the model as it flies (filter error); curves and figures are those "
-        "of the model alone, from its initial state on, so that what gusts did to the flight shows in them as misfit.",
-        f"Innovations of neighboring samples correlate by {np.mean(lag):.2f} (0: nothing is left to explain).",
-    ]
-    found = likelihood.noise.describe(tail)
-    if found:
-        listed = ", ".join(f"{s} {value:.3g}" for s, value in found.items())
-        said.append(f"Process noise per root second, estimated: {listed} (m/s, rad/s).")
-    return tuple(said)
+    found = [notice("filter-error"), notice("innovation-correlation", correlation=float(np.mean(lag)))]
+    process = likelihood.noise.describe(tail)
+    if process:
+        sizes = tuple(process.values())
+        found.append(notice("process-noise", states=tuple(process), intensities=sizes))
+    return found
 
 
 steady = FilterError("filter-error", Steady())

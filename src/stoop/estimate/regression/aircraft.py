@@ -31,7 +31,7 @@ from stoop.estimate.regression.domain import Domain
 from stoop.estimate.regression.least_squares import Bounds, Estimates, Priors, Rows
 from stoop.flight.segments import SHORTEST
 from stoop.problem import Layout, Piece
-from stoop.problem.start import at_center_of_gravity, true_value
+from stoop.problem.observation import at_center_of_gravity, true_value
 from stoop.simulate import START_NAMES, parameter_rows
 from stoop.simulate.delays import late_inputs
 from stoop.simulate.initial import commanded, kernel_states, rigid_states
@@ -283,9 +283,6 @@ class AircraftEquations:
     histories: tuple[History, ...]
 
     linear: ClassVar[bool] = True
-    restarts: ClassVar[bool] = (
-        False  #: whether simulations must restart as measured, the vehicle being unstable
-    )
     explanations: ClassVar[Mapping[str, str]] = {
         "time": "equation-error-aircraft", "frequency": "frequency-domain-aircraft",
     }  #: domain -> code of the notice that explains the method  # fmt: skip

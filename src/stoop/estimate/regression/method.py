@@ -10,16 +10,17 @@ import numpy as np
 
 from stoop import optimize
 from stoop.base.arrays import FloatArray
-from stoop.base.notices import notice, of_severity
+from stoop.base.notices import notice
 from stoop.errors import IdentificationError
-from stoop.estimate.fit import SHORT, Fit, Options, pose
+from stoop.estimate.fit import SHORT, Fit, Options, estimation_problem
 from stoop.estimate.noise import noise_variance, variance_of
 from stoop.estimate.regression.domain import Domain, FrequencyDomain, TimeDomain
 from stoop.estimate.regression.equations import Equations, estimate, kind_of, unbounded
-from stoop.estimate.shooting.predict import begun_anew
+from stoop.estimate.shooting.windows import outputs_by_window
 from stoop.flight import Flight
-from stoop.optimize.ledger import Halt, blank
+from stoop.optimize.ledger import Evaluations, Halt
 from stoop.problem import Layout, Misfit, Weights, on_circle
+from stoop.problem.observation import observation_model
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 
@@ -65,7 +66,7 @@ def _fitted(
             f"{vehicle.where}: frequency-domain regression is for aircraft; use --method equation-error or multiple-shooting"
         )
     fixed = kind.not_estimable(vehicle)
-    problem, prepared = pose(
+    problem, prepared = estimation_problem(
         vehicle.with_numbers({n: {"free": False} for n in fixed}), flights, windows, options
     )
     equations = kind.of(problem.layout, problem.pieces)
@@ -73,14 +74,15 @@ def _fitted(
     if found is None:
         raise IdentificationError(f"{vehicle.where}: no regression is possible: {kind.needed}")
     z = _vector(problem, equations, found.values)
-    flown = (_restarted if kind.restarts else _from_start)(problem, z)
+    open_loop = observation_model(vehicle).open_loop
+    flown = (_from_start if open_loop else _by_window)(problem, z)
     notices = [
         notice(kind.explanations[domain.name], "", **domain.settings),
         notice("r-squared", "", equations=tuple(found.r2), r2=tuple(found.r2.values())),
         *([notice("not-in-regression", ", ".join(fixed))] if fixed else []),
         *(notice("low-r-squared", name, r2=max(r2, 0.0)) for name, r2 in found.r2.items() if r2 < FAIR_R2),
         *kind.notices(found),
-        *([] if np.isfinite(flown.cost) else [notice("simulation-diverges", vehicle.where)]),
+        *([] if np.isfinite(flown.cost) else [notice("estimates-diverge", vehicle.where)]),
     ]
     outcome = optimize.Outcome(
         flown.z, flown.cost, flown.spent, 0, "converged", "", np.empty((0, 2)), None, options.method
@@ -92,8 +94,7 @@ def _fitted(
         outcome,
         flown.cost,
         flown.spent,
-        (*prepared.warnings, *map(str, of_severity(notices, "warning"))),
-        tuple(map(str, of_severity(notices, "info"))),
+        tuple(notices),
         noise=flown.noise,
         covariance=_covariance(equations, found.covariance, len(flown.z)),
         white=_covariance(equations, found.white, len(flown.z)) if domain.colored else None,
@@ -155,9 +156,9 @@ def _with_nuisances(problem: Misfit, z: FloatArray) -> tuple[FloatArray, float]:
     states = replace(problem, layout=replace(_fixed_layout(problem, z), nuisances=problem.layout.nuisances))
     if not states.extra:
         return z, 0.0
-    ledger = optimize.Ledger(states, blank(states), np.inf)
+    ledger = optimize.Ledger(states, Evaluations.none(states), np.inf)
     try:
-        end = optimize.dive(ledger, z[d:], len(states.prices) - 1, SHORT)
+        end = optimize.refine(ledger, z[d:], len(states.prices) - 1, SHORT)
     except (KeyboardInterrupt, Halt):
         return z, ledger.spent
     return np.concatenate([z[:d], end.z if np.isfinite(end.cost) else z[d:]]), ledger.spent
@@ -171,7 +172,7 @@ def _fixed_layout(problem: Misfit, z: FloatArray) -> Layout:
     return replace(layout, vehicle=layout.vehicle.with_numbers(numbers), parameters=(), nuisances=())
 
 
-def _restarted(problem: Misfit, z: FloatArray) -> _Simulated:
+def _by_window(problem: Misfit, z: FloatArray) -> _Simulated:
     """Simulate windows of a second that each start as measured."""
     layout, d, outputs = problem.layout, problem.dimension, problem.layout.vehicle.outputs
     values = [n.center + n.scale * float(x) for n, x in zip(layout.nuisances, z[d:], strict=True)]
@@ -181,7 +182,7 @@ def _restarted(problem: Misfit, z: FloatArray) -> _Simulated:
         biases = {n.name: v for n, v in own if n.is_bias and n.maneuver == piece.maneuver}
         pieces.append(replace(piece, changes={**piece.changes, **biases}))
     fixed = replace(problem, layout=_fixed_layout(problem, z), pieces=tuple(pieces))
-    readings = tuple(begun_anew(fixed, i) for i in range(len(pieces)))
+    readings = tuple(outputs_by_window(fixed, i) for i in range(len(pieces)))
     residuals = [on_circle(p.measured - y, outputs) for p, y in zip(problem.pieces, readings, strict=True)]
     seen = np.any([np.isfinite(r).any(axis=0) for r in residuals], axis=0)
     noise = np.diag(np.where(seen, variance_of(problem, residuals), np.nan))

@@ -26,7 +26,7 @@ from stoop.estimate.regression.domain import Domain
 from stoop.estimate.regression.least_squares import Bounds, Estimates, Priors, Rows, r_squared
 from stoop.flight.segments import SHORTEST
 from stoop.problem import Layout, Nuisance, Piece
-from stoop.problem.start import through_air
+from stoop.problem.observation import through_air, true_value
 from stoop.simulate import parameter_rows
 from stoop.simulate.delays import at_samples, late_inputs
 from stoop.simulate.initial import commanded, kernel_states, rigid_states
@@ -90,9 +90,7 @@ class Stretch:
         piece, out = self.piece, {}
         for channel in _MOTION:
             reading = piece.measured[self.samples, vehicle.outputs.index(channel)]
-            scale = f"sensors.{channel}.scale"
-            factor = rows[vehicle.rows[scale]] if scale in vehicle.rows else 1.0
-            out[channel] = (reading - rows[vehicle.rows[f"sensors.{channel}.bias"]]) / (factor or 1.0)
+            out[channel] = true_value(vehicle, channel, reading, rows)
         down = piece.measured[self.samples, vehicle.outputs.index("vd")]
         sunk = cumulative_trapezoid(down, dx=piece.dt, initial=0)
         return through_air(out) | {"h": float(piece.start.get("h", 0.0)) - sunk}
@@ -157,7 +155,6 @@ class RotorEquations:
     equations: tuple[str, ...] = ACCELERATIONS
 
     linear: ClassVar[bool] = False
-    restarts: ClassVar[bool] = True
     explanations: ClassVar[Mapping[str, str]] = {"time": "equation-error-rotors"}
     needed: ClassVar[str] = (
         "velocity over ground, rates, attitude and accelerations must be measured together for some seconds; use "

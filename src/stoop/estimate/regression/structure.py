@@ -14,12 +14,11 @@ from scipy.sparse.csgraph import connected_components
 
 from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
-from stoop.estimate.fit import without_stuck_channels
 from stoop.estimate.regression.aircraft import COEFFICIENTS, History, histories
 from stoop.estimate.regression.domain import Domain
 from stoop.estimate.regression.selection import TOLERANCE, Model, Regression, Selection
 from stoop.flight import Flight
-from stoop.problem.prepare import prepare
+from stoop.problem.prepare import prepare, without_stuck_channels
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle, defaults, terms
 
@@ -158,7 +157,7 @@ class Structure:
 
     chosen: Mapping[str, ChosenTerms]
     histories: tuple[History, ...]
-    notes: tuple[str, ...]
+    notices: tuple[Notice, ...]
 
 
 def determine(
@@ -200,7 +199,7 @@ def determine(
             f"name some of {', '.join(COEFFICIENTS[vehicle.reduce])}"
         )
     chosen = {c: _chosen(vehicle, c, tuple(candidates[c]), found, choose, domain) for c in estimated}
-    return Structure(chosen, found, tuple(dict.fromkeys((*prepared.warnings, *prepared.notes))))
+    return Structure(chosen, found, prepared.notices)
 
 
 def _chosen(

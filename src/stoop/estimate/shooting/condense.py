@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.optimize.normal import gram, project
+from stoop.optimize.normal_equations import gram, project
 
 
 @dataclass(frozen=True, eq=False)

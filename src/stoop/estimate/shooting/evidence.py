@@ -8,14 +8,15 @@ are eliminated (a Schur complement), and it is as wide as the search vector, how
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.estimate.fit import Evidence
 from stoop.estimate.shooting.condense import Weighted, reduced
 from stoop.estimate.shooting.search import Meeting, Place
 from stoop.estimate.shooting.windows import Window
+from stoop.problem.evidence import Evidence, PieceEvidence, unknowns_of
 
 
 def evidence(meeting: Meeting, place: Place) -> Evidence:
@@ -23,23 +24,24 @@ def evidence(meeting: Meeting, place: Place) -> Evidence:
     layout = meeting.problem.layout
     prior = layout.prior_jacobian() / layout.scales
     information = prior.T @ prior
-    residuals, jacobians, gaps = [], [], []
+    pieces = []
     for shots, windows in zip(meeting.shots, meeting.linear(place), strict=True):
         follow = _following([meeting.weigh(window) for window in windows], layout.scales)
         blocks = [
             window.by_unknown / layout.scales + window.by_state @ own
             for window, own in zip(windows, follow, strict=True)
         ]
-        gaps.append(_met(meeting, windows, follow))
-        rows = gaps[-1][1].reshape(-1, len(layout.scales))
+        gaps, slopes = _met(meeting, windows, follow)
+        rows = slopes.reshape(-1, len(layout.scales))
         information = information + rows.T @ rows
         residual = -np.concatenate([window.residual for window in windows])
-        residuals.append(np.where(np.isfinite(shots.piece.measured), residual, np.nan))
-        jacobians.append(np.concatenate(blocks))
-    found = tuple(residuals), tuple(jacobians), information
-    if not layout.vehicle.hovers:
-        return Evidence(*found)
-    return Evidence(*found, tuple(shots.edges for shots in meeting.shots), tuple(gaps))
+        one = PieceEvidence(
+            np.where(np.isfinite(shots.piece.measured), residual, np.nan), np.concatenate(blocks)
+        )
+        pieces.append(
+            replace(one, edges=shots.edges, gaps=gaps, gap_jacobian=slopes) if layout.vehicle.hovers else one
+        )
+    return Evidence(unknowns_of(layout, place.z), tuple(pieces), information)
 
 
 def _following(windows: Sequence[Weighted], scales: FloatArray) -> list[FloatArray]:

@@ -14,9 +14,8 @@ import numpy as np
 
 from stoop import optimize
 from stoop.base.arrays import FloatArray
-from stoop.estimate.fit import SEARCH, Options
-from stoop.estimate.shooting.states import measured_starts
-from stoop.estimate.shooting.windows import Shots
+from stoop.estimate.fit import SEARCH_SHARE, Options
+from stoop.estimate.shooting.windows import Shots, measured_starts
 from stoop.problem import Layout, Misfit, Piece
 
 POOR: Final = 0.7  #: of the cost of a model that says nothing: a start that is no better is none
@@ -55,7 +54,7 @@ def searched(
     state: Any = None,
 ) -> optimize.Outcome:
     """Search the windowed problem with the optimizer that was asked for."""
-    stop = replace(options.stop, budget=max(SEARCH * options.budget, float(len(starts))))
+    stop = replace(options.stop, budget=max(SEARCH_SHARE * options.budget, float(len(starts))))
     maker = optimize.create(options.optimizer, stop.budget)
     return optimize.minimize(
         maker, problem, seed=options.seed, starts=starts, stop=stop, callback=callback, state=state

@@ -12,16 +12,16 @@ from threadpoolctl import threadpool_limits
 
 from stoop import optimize
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import notice
 from stoop.errors import IdentificationError
 from stoop.estimate.filter_error.paths import undelayed
-from stoop.estimate.fit import MAX_ROUNDS, RESTS, UNRESTED, Fit, Options, pose, starts
+from stoop.estimate.fit import MAX_ROUNDS, NOISE_TOLERANCE, Fit, Options, estimation_problem, starts
 from stoop.estimate.noise import effective_variance_of, first_variance, variance_of
 from stoop.estimate.shooting.evidence import evidence
 from stoop.estimate.shooting.first import is_poor, searched, windowed
 from stoop.estimate.shooting.search import LOOSE, STRICTNESS, End, Meeting, Place, scales_of, search
-from stoop.estimate.shooting.states import measured_states
 from stoop.estimate.shooting.wander import wandering
-from stoop.estimate.shooting.windows import Shots, edges, residual
+from stoop.estimate.shooting.windows import WINDOW_LENGTH, Shots, measured_states, residual
 from stoop.flight import Flight
 from stoop.optimize.minimize import Status
 from stoop.problem import Misfit, Weights
@@ -31,28 +31,12 @@ from stoop.simulate.delays import output_delays
 from stoop.vehicle import Vehicle
 
 DEFAULTS: Final = Options()
-LENGTH: Final = 1.0  #: s of a window: no aircraft runs far in that
 AGAIN: Final = 3000.0  #: trajectories of a search after steps from a fair start led nowhere
 ADVICE: Final = {
     "converged": "",
     "generations": "the windows do not meet at an optimum; begin nearer, or fix what the data cannot tell",
     "interrupted": "stopped by the user",
 }
-STATEMENT: Final = (
-    "Fitted by multiple shooting, in windows of {length:g} s that meet: curves of the fitted maneuvers are those of the "
-    "windows, one flight to within {gap:.0e} of what the sensors tell. Open loop from its first sample an unstable "
-    "vehicle leaves them."
-)
-HOVERING: Final = (
-    "Fitted by multiple shooting, in windows of {length:g} s that each begin in a state of their own: open loop a vehicle "
-    "on rotors falls out of any longer record. Curves of the fitted maneuvers are those of the windows and begin anew "
-    "at each. One steady wind per maneuver is estimated (the biases of vn, ve and vd); turbulence within a window is taken "
-    "for noise, and the error bars are corrected for its color."
-)
-AFAR: Final = (
-    "No start was near enough to step from, so {optimizer} searched windows that begin as measured "
-    "({trajectories:.0f} trajectories) before multiple shooting refined what it found."
-)
 
 
 @dataclass(frozen=True)
@@ -65,7 +49,7 @@ class MultipleShooting:
         Of a window.
     """
 
-    length: float = LENGTH
+    length: float = WINDOW_LENGTH
 
     def __call__(
         self,
@@ -77,13 +61,13 @@ class MultipleShooting:
         state: Any = None,
     ) -> Fit:
         """Fit windows, see :mod:`stoop.estimate.methods`."""
-        problem, prepared = pose(vehicle, flights, windows, options)
+        problem, prepared = estimation_problem(vehicle, flights, windows, options)
         _check(problem)
         with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
             moved = replace(problem, pieces=tuple(undelayed(problem, piece) for piece in problem.pieces))
             if options.covariance is None:
                 moved = moved.weighted(Weights.of(first_variance(moved)))
-            shots = tuple(shots_of(moved, i, self.length) for i in range(len(moved.pieces)))
+            shots = tuple(Shots.of(moved, i, self.length) for i in range(len(moved.pieces)))
             meeting = Meeting(moved, shots, scales_of(moved))
             return self._fit(
                 problem, prepared, meeting, options, _Afar(moved, shots, options, callback, state)
@@ -135,11 +119,12 @@ class MultipleShooting:
             np.empty((0, 2)) if far is None else far.history, None if far is None else far.state,
             "gauss-newton" if far is None else far.optimizer,
         )  # fmt: skip
-        said = HOVERING if problem.layout.vehicle.hovers else STATEMENT
-        statements = [said.format(length=self.length, gap=max(place.gap, 1e-15))]
+        code = "multiple-shooting-rotors" if problem.layout.vehicle.hovers else "multiple-shooting"
+        notices = [notice(code, length=self.length, gap=max(place.gap, 1e-15))]
         if far is not None:
-            statements.append(AFAR.format(optimizer=far.optimizer, trajectories=searched))
-        warnings = prepared.warnings + (() if found.rested or status == "interrupted" else (UNRESTED,))
+            notices.append(notice("global-start", optimizer=far.optimizer, trajectories=searched))
+        if not found.rested and status != "interrupted":
+            notices.append(notice("noise-not-converged"))
         return Fit(
             problem,
             prepared,
@@ -147,10 +132,9 @@ class MultipleShooting:
             outcome,
             place.cost,
             many,
-            warnings,
-            statements=tuple(statements),
+            tuple(notices),
             noise=np.diag(_noise(found.meeting, place)),
-            evidence=evidence(found.meeting, place),
+            own_evidence=evidence(found.meeting, place),
             simulated=found.meeting.simulated(place),
         )
 
@@ -177,7 +161,7 @@ def _refined(meeting: Meeting, place: Place, options: Options) -> _Refined:
             end = search(meeting, end.place, schedule if np.isinf(before) else schedule[-1:])
             spent += end.iterations
             now = meeting.problem.weights.logdet
-            rested = options.covariance is not None or abs(before - now) < RESTS * len(
+            rested = options.covariance is not None or abs(before - now) < NOISE_TOLERANCE * len(
                 meeting.problem.weights.covariance
             )
             if rested:
@@ -232,12 +216,6 @@ def _check(problem: Misfit) -> None:
             raise IdentificationError(
                 f"{vehicle.where}: {p.name}: windows take the delay of a sensor as it is known to be; use --fix {p.name}"
             )
-
-
-def shots_of(problem: Misfit, index: int, length: float) -> Shots:
-    """Return the windows, about so many seconds long, of one piece."""
-    piece = problem.pieces[index]
-    return Shots(problem, index, edges(len(piece.time), max(2, round(length / piece.dt))))
 
 
 def _residuals(meeting: Meeting, place: Place) -> list[FloatArray]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from stoop.base.arrays import FloatArray
 from stoop.estimate.shooting.condense import Reduced, Weighted, reduced
 from stoop.estimate.shooting.windows import Shots, Window, residual
-from stoop.optimize.normal import solve_damped
+from stoop.optimize.normal_equations import solve_damped
 from stoop.problem import Misfit, Weights
 from stoop.simulate import parameter_rows
 from stoop.simulate.initial import commanded

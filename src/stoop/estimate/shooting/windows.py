@@ -5,6 +5,7 @@ Axes: k = sample, i = reading, e = number of a move of the state, j = unknown of
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -12,15 +13,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.base.arrays import FloatArray
+from stoop.estimate.filter_error.paths import filled, unwrapped
 from stoop.estimate.filter_error.points import move_steps, moves_of
+from stoop.estimate.regression.aircraft import first_order_lag
 from stoop.kernels import filtering
 from stoop.kernels.windows import windows
 from stoop.problem import Misfit, Piece, on_circle
+from stoop.problem.observation import state_channels, through_air, true_value
+from stoop.simulate import initial_states, parameter_rows
 from stoop.simulate.delays import input_delays, late_inputs
+from stoop.simulate.initial import commanded
+from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND
 
+WINDOW_LENGTH: Final = 1.0  #: s: no vehicle leaves its record far in that
 STEP: Final = 1e-7  #: of the search vector
 FINER: Final = 1e-2  #: of the steps of a linearization
+SMOOTH: Final = 0.1  #: s over which readings are averaged where a window begins
+BENT: Final = 3  #: numbers of a parabola
 LANES: Final = 4096  #: that fly side by side; more would only take memory
 
 
@@ -68,6 +78,12 @@ class Shots:
     problem: Misfit
     index: int
     edges: tuple[int, ...]
+
+    @classmethod
+    def of(cls, problem: Misfit, index: int, length: float = WINDOW_LENGTH) -> Shots:
+        """Return the windows, about so many seconds long, of one piece."""
+        piece = problem.pieces[index]
+        return cls(problem, index, edges(len(piece.time), max(2, round(length / piece.dt))))
 
     @property
     def piece(self) -> Piece:
@@ -270,3 +286,83 @@ def edges(samples: int, length: int) -> tuple[int, ...]:
     """Return where windows of about so many samples begin, and the number of samples."""
     count = max(1, round(samples / length))
     return tuple(int(e) for e in np.linspace(0, samples, count + 1).round())
+
+
+def outputs_by_window(problem: Misfit, index: int) -> FloatArray:
+    """Return simulated readings (n, n_y) of a piece in short windows, each begun from its measured state."""
+    shots = Shots.of(problem, index)
+    nodes = measured_states(shots)
+    return shots.flown_from(np.concatenate([nodes, np.zeros((len(shots.blown), shots.count))]))
+
+
+def measured_states(shots: Shots) -> FloatArray:
+    """Return the states (n_x, w) that were measured where the windows begin."""
+    piece, vehicle = shots.piece, shots.problem.layout.vehicle
+    starts, at = measured_starts(shots), np.array(shots.edges[:-1])
+    rows = np.repeat(parameter_rows(vehicle, piece.changes), len(at), axis=1)
+    return initial_states(vehicle, starts, rows, np.ascontiguousarray(piece.inputs[at].T))
+
+
+def measured_starts(shots: Shots) -> dict[str, FloatArray]:
+    """Return what :func:`~stoop.simulate.initial_states` takes of every window, (w,) each."""
+    piece, vehicle = shots.piece, shots.problem.layout.vehicle
+    at = np.array(shots.edges[:-1])
+    readings = _smoothed(piece, vehicle, at)
+    still = {n: np.full(len(at), piece.start.get(n, 0.0)) for n in vehicle.start_names}
+    seen = _over_ground(vehicle, piece, readings) if vehicle.hovers else readings
+    return still | seen | _lags(vehicle, piece, at)
+
+
+def _smoothed(piece: Piece, vehicle: Vehicle, at: NDArray[np.int64]) -> dict[str, FloatArray]:
+    """Return the mean reading (w,) about each beginning, of channels that were measured at all."""
+    width = max(1, round(SMOOTH / piece.dt))
+    out = {}
+    for i, channel in enumerate(vehicle.outputs):
+        column = piece.measured[:, i]
+        if channel in state_channels(vehicle) and np.isfinite(column).any():
+            whole = filled(unwrapped(column))
+            if vehicle.hovers:
+                out[channel] = np.array([_parabola(whole, a, width) for a in at])
+                continue
+            smooth = np.pad(whole, width, mode="edge")
+            out[channel] = np.array([smooth[a : a + 2 * width + 1].mean() for a in at])
+    return out
+
+
+def _parabola(column: FloatArray, at: int, width: int) -> float:
+    """Return a parabola through the readings about a sample, there: rates of a multirotor turn within a tenth of a second."""
+    first = max(0, at - width)
+    near = column[first : at + width + 1]
+    if len(near) < 2 * BENT:
+        return float(near.mean())
+    powers = np.vander(np.arange(len(near)) - float(at - first), BENT)
+    return float(np.linalg.lstsq(powers, near, rcond=None)[0][-1])
+
+
+def _over_ground(vehicle: Vehicle, piece: Piece, readings: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Return the motion through the air, body axes: bias and scale of the piece undone, the wind taken off."""
+    rows = parameter_rows(vehicle, piece.changes)[:, 0]
+    true = {c: true_value(vehicle, c, y, rows) for c, y in readings.items()}
+    if not {"vn", "ve", "vd"} & set(true):
+        return true
+    zero = np.zeros(len(next(iter(true.values()))))
+    at_start = {n: zero + piece.start.get(n, 0.0) for n in ("phi", "theta", "psi")}
+    return through_air({**dict.fromkeys(("vn", "ve", "vd"), zero), **at_start, **true})
+
+
+def _lags(vehicle: Vehicle, piece: Piece, at: NDArray[np.int64]) -> dict[str, FloatArray]:
+    """Return by how much lagged surfaces and rotors are off their commands, (w,) each, with the file's lags."""
+    names = [s.removesuffix(".lag") for s in vehicle.states if s.endswith(".lag")]
+    if not names:
+        return {}
+    rows = parameter_rows(vehicle, piece.changes)
+    inputs = late_inputs(vehicle, piece.inputs, rows, piece.dt)
+    whole, early = np.repeat(rows, len(inputs), axis=1), np.repeat(rows, len(at), axis=1)
+    out = {}
+    for name in names:
+        prefix = "rotors" if name in vehicle.rotors else f"controls.{name}"
+        behind = first_order_lag(
+            commanded(vehicle, name, whole, inputs.T), float(rows[vehicle.rows[f"{prefix}.lag"], 0]), piece.dt
+        )
+        out[f"{name}.lag"] = behind[at] - commanded(vehicle, name, early, piece.inputs[at].T)
+    return out

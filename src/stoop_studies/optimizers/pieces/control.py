@@ -6,25 +6,26 @@ from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
 import numpy as np
+from numpy.random import Generator
 
 from stoop.base.arrays import Factor, FloatArray
-from stoop.optimize.pieces.adaptation import Memory, fresh_memory
+from stoop.optimize.adaptation import ParameterMemory
 
 TINY: Final = 1e-300  #: keeps a range of costs from being zero
 
 
 class Control(Protocol):
-    """Scale and rate of each generation, and what is learnt from how its trials fared.
+    """Scale and rate of each generation, and what it learns from the success of its trials.
 
     The memory is kept in the optimizer's state: numbers, arrays (n, ...), None, or a dataclass of these that
     `stoop.optimize.store` names.
     """
 
     def begin(self, members: int) -> Any:
-        """Return the memory of a population that has not moved yet."""
+        """Return the memory of a population before its first generation."""
         ...
 
-    def sample(self, memory: Any, F: FloatArray, generator: np.random.Generator) -> tuple[Factor, Factor]:
+    def sample(self, memory: Any, F: FloatArray, generator: Generator) -> tuple[Factor, Factor]:
         """Return scale and rate for parents of costs F, (n,): a number each, or (n, 1)."""
         ...
 
@@ -33,28 +34,30 @@ class Control(Protocol):
         ...
 
 
+class Memoryless:
+    """A control that learns nothing."""
+
+    def begin(self, members: int) -> None:
+        """Return None."""
+
+    def learn(self, memory: None, scale: Factor, rate: Factor, before: FloatArray, costs: FloatArray) -> None:
+        """Return None."""
+
+
 @dataclass(frozen=True)
-class Fixed:
-    """The same scale and rate for all, always."""
+class Fixed(Memoryless):
+    """The same scale and rate for all members and generations."""
 
     scale: float = 0.5
     rate: float = 0.9
 
-    def begin(self, members: int) -> None:
-        """Return nothing: there is nothing to remember."""
-        return
-
-    def sample(self, memory: None, F: FloatArray, generator: np.random.Generator) -> tuple[float, float]:
+    def sample(self, memory: None, F: FloatArray, generator: Generator) -> tuple[float, float]:
         """Return scale and rate."""
         return self.scale, self.rate
 
-    def learn(self, memory: None, scale: Factor, rate: Factor, before: FloatArray, costs: FloatArray) -> None:
-        """Learn nothing."""
-        return
-
 
 @dataclass(frozen=True)
-class Signed:
+class Signed(Memoryless):
     """A new scale for every mutant, uniform in [low, high] and of either sign; a fixed rate.
 
     References
@@ -66,26 +69,18 @@ class Signed:
     high: float = 1.0
     rate: float = 0.5
 
-    def begin(self, members: int) -> None:
-        """Return nothing: there is nothing to remember."""
-        return
-
-    def sample(self, memory: None, F: FloatArray, generator: np.random.Generator) -> tuple[FloatArray, float]:
+    def sample(self, memory: None, F: FloatArray, generator: Generator) -> tuple[FloatArray, float]:
         """Return scales (n, 1) and the rate."""
         draws = 2.0 * generator.random((len(F), 1)) - 1.0
-        scales: FloatArray = draws * (self.high - self.low)
-        return scales + np.copysign(self.low, draws), self.rate
-
-    def learn(self, memory: None, scale: Factor, rate: Factor, before: FloatArray, costs: FloatArray) -> None:
-        """Learn nothing."""
-        return
+        scales: FloatArray = draws * (self.high - self.low) + np.copysign(self.low, draws)
+        return scales, self.rate
 
 
 @dataclass(frozen=True)
-class ByCost:
+class ByCost(Memoryless):
     """A rate that grows with a parent's cost: good parents change little. Those better than the mean take `low`.
 
-    The scale is fixed; a mutation may take it for the largest that it uses (`weighing.Graded`).
+    The scale is fixed; a mutation may take it for the largest that it uses (`mutation.ScaledByCost`).
 
     References
     ----------
@@ -97,11 +92,7 @@ class ByCost:
     low: float = 0.1
     high: float = 0.6
 
-    def begin(self, members: int) -> None:
-        """Return nothing: there is nothing to remember."""
-        return
-
-    def sample(self, memory: None, F: FloatArray, generator: np.random.Generator) -> tuple[float, FloatArray]:
+    def sample(self, memory: None, F: FloatArray, generator: Generator) -> tuple[float, FloatArray]:
         """Return the scale and rates (n, 1); a parent of infinite cost takes `high`."""
         finite = np.isfinite(F)
         if not finite.any():
@@ -111,14 +102,10 @@ class ByCost:
         rates = np.where(mean < F, self.low + (self.high - self.low) * place, self.low)
         return self.scale, rates[:, None]
 
-    def learn(self, memory: None, scale: Factor, rate: Factor, before: FloatArray, costs: FloatArray) -> None:
-        """Learn nothing."""
-        return
-
 
 @dataclass(frozen=True)
 class SuccessHistory:
-    """Scales and rates near those that won lately, one of each for every parent.
+    """Scales and rates near those of recent successful trials, one of each for every parent.
 
     References
     ----------
@@ -127,21 +114,26 @@ class SuccessHistory:
 
     entries: int = 6
 
-    def begin(self, members: int) -> Memory:
-        """Return a memory that has seen nothing yet."""
-        return fresh_memory(self.entries)
+    def begin(self, members: int) -> ParameterMemory:
+        """Return a memory without any success."""
+        return ParameterMemory.fresh(self.entries)
 
     def sample(
-        self, memory: Memory, F: FloatArray, generator: np.random.Generator
+        self, memory: ParameterMemory, F: FloatArray, generator: Generator
     ) -> tuple[FloatArray, FloatArray]:
         """Return scales and rates, (n, 1) each."""
         scales, rates = memory.sample(len(F), generator)
         return scales[:, None], rates[:, None]
 
     def learn(
-        self, memory: Memory, scale: FloatArray, rate: FloatArray, before: FloatArray, costs: FloatArray
-    ) -> Memory:
-        """Return the memory after a generation: means of what won, weighted by what it gained."""
+        self,
+        memory: ParameterMemory,
+        scale: FloatArray,
+        rate: FloatArray,
+        before: FloatArray,
+        costs: FloatArray,
+    ) -> ParameterMemory:
+        """Return the memory after a generation: means of the successful, weighted by the gain in cost."""
         with np.errstate(invalid="ignore"):
             gains = before - costs
         return memory.learn(scale[:, 0], rate[:, 0], gains, costs < before)

@@ -1,7 +1,7 @@
 """Mutation: from a population to one mutant per parent.
 
-An operator is any callable of (X, F, scale, generator) that returns mutants of the shape of X; bounds are mended
-afterwards, and where the scale comes from is not its business (`pieces.control`). Adding one takes a few lines::
+An operator is any callable of (X, F, scale, generator) that returns mutants of the shape of X. The caller brings
+mutants back into the box, and `pieces.control` decides on the scale. A new operator takes a few lines::
 
     @dataclass(frozen=True)
     class Rand1:
@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from numpy.random import Generator
 
 from stoop.base.arrays import Factor, FloatArray, IntArray
 
@@ -23,10 +24,8 @@ from stoop.base.arrays import Factor, FloatArray, IntArray
 class Mutation(Protocol):
     """From a population X, (n, D), of costs F, (n,), and a scale, one or (n, 1), to mutants, (n, D)."""
 
-    def __call__(
-        self, X: FloatArray, F: FloatArray, scale: Factor, generator: np.random.Generator
-    ) -> FloatArray:
-        """Return mutants; bounds are mended by the caller."""
+    def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
+        """Return mutants; the caller brings them back into the box."""
         ...
 
 
@@ -34,24 +33,19 @@ class Mutation(Protocol):
 class Rand1:
     """DE/rand/1: c + scale (a - b), the paper's eq. (6), first line."""
 
-    def __call__(
-        self, X: FloatArray, F: FloatArray, scale: Factor, generator: np.random.Generator
-    ) -> FloatArray:
+    def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
         """Return mutants, (n, D)."""
-        a, b, c = X[distinct(len(X), 3, generator)]
-        mutants: FloatArray = c + scale * (a - b)
-        return mutants
+        a, b, c = drawn(X, 3, generator)
+        return c + scale * (a - b)
 
 
 @dataclass(frozen=True)
 class Best2:
     """DE/best/2: best + scale (a - b + c - d), the paper's eq. (6), second line."""
 
-    def __call__(
-        self, X: FloatArray, F: FloatArray, scale: Factor, generator: np.random.Generator
-    ) -> FloatArray:
+    def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
         """Return mutants, (n, D)."""
-        a, b, c, d = X[distinct(len(X), 4, generator)]
+        a, b, c, d = drawn(X, 4, generator)
         mutants: FloatArray = X[F.argmin()] + scale * (a - b + c - d)
         return mutants
 
@@ -60,11 +54,9 @@ class Best2:
 class Ordered:
     """The paper's eq. (12): x + scale (a - x + b - c), with a, b, c the best, middle and worst of three."""
 
-    def __call__(
-        self, X: FloatArray, F: FloatArray, scale: Factor, generator: np.random.Generator
-    ) -> FloatArray:
+    def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
         """Return mutants, (n, D)."""
-        a, b, c = X[ranked(distinct(len(X), 3, generator), F)]
+        a, b, c = list(X[ranked(distinct(len(X), 3, generator), F)])
         mutants: FloatArray = X + scale * (a - X + b - c)
         return mutants
 
@@ -73,13 +65,10 @@ class Ordered:
 class Unordered:
     """Eq. (12) with its three picks as drawn: what the sorting is worth."""
 
-    def __call__(
-        self, X: FloatArray, F: FloatArray, scale: Factor, generator: np.random.Generator
-    ) -> FloatArray:
+    def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
         """Return mutants, (n, D)."""
-        a, b, c = X[distinct(len(X), 3, generator)]
-        mutants: FloatArray = X + scale * (a - X + b - c)
-        return mutants
+        a, b, c = drawn(X, 3, generator)
+        return X + scale * (a - X + b - c)
 
 
 @dataclass(frozen=True)
@@ -92,9 +81,7 @@ class Localized:
     Res. 169, 1176-1184 (DERL).
     """
 
-    def __call__(
-        self, X: FloatArray, F: FloatArray, scale: Factor, generator: np.random.Generator
-    ) -> FloatArray:
+    def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
         """Return mutants, (n, D)."""
         picks = distinct(len(X), 3, generator)
         members, best = np.arange(len(X)), F[picks].argmin(axis=0)
@@ -103,7 +90,93 @@ class Localized:
         return mutants
 
 
-def distinct(number: int, picks: int, generator: np.random.Generator) -> IntArray:
+@dataclass(frozen=True)
+class Trigonometric:
+    """DE/rand/1, now and then replaced by a step from the center of three picks towards the cheaper of them.
+
+    With p the share of each pick in the sum of the three absolute costs, the trigonometric mutant is
+    (a + b + c) / 3 + (p_b - p_a) (a - b) + (p_c - p_b) (b - c) + (p_a - p_c) (c - a).
+
+    Attributes
+    ----------
+    probability : of the trigonometric mutant
+
+    References
+    ----------
+    Fan and Lampinen (2003), A trigonometric mutation operation to differential evolution, J. Global Optim. 27,
+    105-129.
+    """
+
+    probability: float = 0.05
+
+    def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
+        """Return mutants, (n, D)."""
+        replaced = np.flatnonzero(generator.random(len(X)) < self.probability)
+        picks = distinct(len(X), 3, generator)
+        a, b, c = picks
+        mutants: FloatArray = X[c] + scale * (X[a] - X[b])
+        if replaced.size:
+            a, b, c = X[picks[:, replaced]]
+            p = _shares(np.abs(F[picks[:, replaced]]))[:, :, None]
+            center = (a + b + c) / 3.0
+            steps = (p[1] - p[0]) * (a - b), (p[2] - p[1]) * (b - c), (p[0] - p[2]) * (c - a)
+            mutants[replaced] = center + steps[0] + steps[1] + steps[2]
+        return mutants
+
+
+@dataclass(frozen=True)
+class ScaledByCost:
+    """Best + F (middle - worst) of three picks; F grows from `lowest` to the scale with the middle one's cost.
+
+    F = lowest + (scale - lowest) (f_middle - f_best) / (f_worst - f_best); the scale where that is not defined.
+
+    Attributes
+    ----------
+    lowest : scale where the middle costs as little as the best
+
+    References
+    ----------
+    Wu, Wang and Zhou (2007), Self-adapting control parameters modified differential evolution for trajectory
+    planning of manipulators, J. Control Theory Appl. 5, 365-373.
+    """
+
+    lowest: float = 0.1
+
+    def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
+        """Return mutants, (n, D)."""
+        picks = ranked(distinct(len(X), 3, generator), F)
+        (best, middle, worst), f = picks, F[picks]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            place = (f[1] - f[0]) / (f[2] - f[0])
+        place = np.where(np.isnan(place), 1.0, place)
+        own = self.lowest + (scale - self.lowest) * place[:, None]
+        mutants: FloatArray = X[best] + own * (X[middle] - X[worst])
+        return mutants
+
+
+@dataclass(frozen=True)
+class WeightedCentroid:
+    """A base between a random member and the weighted centroid of three, plus scale times a difference.
+
+    v = c + k (m - c) + scale (d - e), with m the centroid of a, b, c, each weighted by how far it lies below the
+    population's worst finite cost. The convergence factor k is one minus the mean width of the population in the
+    unit box: at first a base is a random member, in the end a centroid.
+    """
+
+    def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
+        """Return mutants, (n, D)."""
+        picks = distinct(len(X), 5, generator)
+        finite = np.isfinite(F)
+        below = np.where(finite, F[finite].max(initial=-np.inf) - np.where(finite, F, 0.0), 0.0)
+        p = _shares(below[picks[:3]])[:, :, None]
+        a, b, c, d, e = list(X[picks])
+        centroid = p[0] * a + p[1] * b + p[2] * c
+        factor = 1.0 - float((X.max(axis=0) - X.min(axis=0)).mean())
+        mutants: FloatArray = c + factor * (centroid - c) + scale * (d - e)
+        return mutants
+
+
+def distinct(number: int, picks: int, generator: Generator) -> IntArray:
     """Draw `picks` indices for each of `number` parents, all different and none the parent's own.
 
     The k-th draw is uniform over what is left and is then moved up past each index that is taken, lowest
@@ -115,24 +188,27 @@ def distinct(number: int, picks: int, generator: np.random.Generator) -> IntArra
     """
     left = np.arange(number - 1, number - 1 - picks, -1)[:, None]
     draws = (generator.random((picks, number)) * left).astype(np.intp)
-    taken = [np.arange(number)]
+    taken = np.arange(number)[None, :]
     for draw in draws:
         for low in taken:
             draw += draw >= low
-        if len(taken) < picks:
-            _insert(taken, draw)
+        taken = np.sort(np.concatenate([taken, draw[None, :]]), axis=0)
     return draws
 
 
-def _insert(rows: list[IntArray], new: IntArray) -> None:
-    """Add a row to rows that ascend in each column, so that they still do."""
-    for k, row in enumerate(rows):
-        rows[k] = np.minimum(row, new)
-        new = np.maximum(row, new)
-    rows.append(new)
+def drawn(X: FloatArray, picks: int, generator: Generator) -> list[FloatArray]:
+    """Return `picks` other members for each parent, (n, D) each."""
+    return list(X[distinct(len(X), picks, generator)])
 
 
 def ranked(indices: IntArray, F: FloatArray) -> IntArray:
     """Order each parent's indices, (picks, n), by cost, best first; ties stay as drawn."""
     order = np.argsort(F[indices], axis=0, kind="stable")
     return indices[order, np.arange(indices.shape[1])]
+
+
+def _shares(values: FloatArray) -> FloatArray:
+    """Return shares of three non-negative values, (3, m), in their sum; equal ones where that is 0 or infinite."""
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        total = values.sum(axis=0)
+        return np.where(np.isfinite(total) & (total > 0.0), values / total, 1.0 / 3.0)

@@ -12,12 +12,12 @@ from stoop.estimate.filter_error.method import with_gusts
 from stoop.estimate.filter_error.noise import Noise, first_guess
 from stoop.estimate.filter_error.points import linearized
 from stoop.estimate.filter_error.scoring import slope
-from stoop.estimate.fit import Options, pose
+from stoop.estimate.fit import Options, estimation_problem
 from stoop.problem.windows import Window
 
 
 def posed(vehicle, flight, gain):
-    problem, _ = pose(vehicle, {"sim": flight}, [Window("sim", 0.0, 4.0)], Options())
+    problem, _ = estimation_problem(vehicle, {"sim": flight}, [Window("sim", 0.0, 4.0)], Options())
     problem = with_gusts(problem)
     noise = Noise(vehicle, first_guess(vehicle, problem.pieces))
     return Likelihood.of(problem, noise, gain, begin(problem, noise))
@@ -67,7 +67,7 @@ def test_a_straight_flight_has_the_likelihood_of_its_linear_model(gusty, gusty_f
 
 
 def test_second_differences_show_the_noise(gusty, gusty_flight):
-    problem, _ = pose(gusty, {"sim": gusty_flight}, [Window("sim", 0.0, 15.0)], Options())
+    problem, _ = estimation_problem(gusty, {"sim": gusty_flight}, [Window("sim", 0.0, 15.0)], Options())
     true = np.array([getattr(gusty.file.sensors, c).sigma for c in gusty.outputs])
     ratio = first_guess(gusty, problem.pieces) / true
     assert np.all(ratio > 0.7)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stoop.estimate.fit import Options, pose
+from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.aircraft import History, Motion, balance, first_order_lag, histories
 from stoop.flight import Flight
 from stoop.problem.windows import Window
@@ -17,7 +17,9 @@ from stoop.vehicle.load import parse_vehicle
 
 
 def of(vehicle: Vehicle, flight: Flight, stop: float = 25.0) -> tuple[History, ...]:
-    problem, _ = pose(vehicle, {flight.name: flight}, [Window(flight.name, 0.0, stop)], Options())
+    problem, _ = estimation_problem(
+        vehicle, {flight.name: flight}, [Window(flight.name, 0.0, stop)], Options()
+    )
     return tuple(h for piece in problem.pieces for h in histories(vehicle, piece))
 
 
@@ -69,7 +71,7 @@ def test_terms_are_the_ones_that_the_kernel_flies(full: Vehicle, noisy: Flight) 
     shifted = {"CLq": 3.0, "Clp": 0.7, "Cnrudder": -0.2, "CDalpha2": 1.5}
     other = full.with_numbers({n: {"value": full.value(n) + d} for n, d in shifted.items()})
     kernel = full.kernel()
-    problem, _ = pose(full, {"noisy": noisy}, [Window("noisy", 0.0, 25.0)], Options())
+    problem, _ = estimation_problem(full, {"noisy": noisy}, [Window("noisy", 0.0, 25.0)], Options())
     found = Motion.of(full, problem.pieces[0])
     x = found.kernel_states(full)
     rows = found.rows.copy()

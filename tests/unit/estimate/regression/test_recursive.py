@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stoop.errors import IdentificationError
-from stoop.estimate.fit import Options, pose
+from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.aircraft import AircraftEquations
 from stoop.estimate.regression.domain import FrequencyDomain, fourier_transform
 from stoop.estimate.regression.equations import estimate, unbounded
@@ -33,7 +33,7 @@ def flown(
 
 
 def batch_of(vehicle: Vehicle, flight: Flight) -> tuple[AircraftEquations, Estimates]:
-    problem, _ = pose(vehicle, {"noisy": flight}, [Window("noisy", 0.0, 25.0)], Options())
+    problem, _ = estimation_problem(vehicle, {"noisy": flight}, [Window("noisy", 0.0, 25.0)], Options())
     equations = AircraftEquations.of(problem.layout, problem.pieces)
     found = estimate(equations, BAND, unbounded(equations))
     assert found is not None

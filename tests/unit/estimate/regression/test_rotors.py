@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from stoop.estimate.fit import Options, pose
+from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.domain import TimeDomain
 from stoop.estimate.regression.equations import estimate
 from stoop.estimate.regression.least_squares import Estimates
@@ -56,7 +56,7 @@ def solved_for(vehicle: Vehicle, flight: Flight, free: tuple[str, ...]) -> tuple
     """Fit some numbers and hold the others."""
     held = [p.name for p in vehicle.parameters if p.free and p.name not in free]
     own = vehicle.with_numbers({name: {"free": False} for name in held})
-    problem, _ = pose(own, {"quad": flight}, [Window("quad", 0.0, 3.99)], Options())
+    problem, _ = estimation_problem(own, {"quad": flight}, [Window("quad", 0.0, 3.99)], Options())
     equations = RotorEquations.of(problem.layout, problem.pieces)
     solved = estimate(equations, TimeDomain(), equations.bounds)
     assert solved is not None

@@ -1,1 +1,0 @@
-"""Whole optimizers, one a file, each composed from :mod:`stoop.optimize.pieces`."""

@@ -1,0 +1,110 @@
+"""Normal equations of tall, thin least squares, rounded the same for any number of BLAS threads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+
+from stoop.base.arrays import FloatArray, IntArray
+
+SINGLE: Final = (
+    200_000  #: products up to this many multiplications run on one BLAS thread (OpenBLAS: 262,144)
+)
+STRETCH: Final = 2048  #: of the long axis, over which it is seen which variables have a part
+
+
+def gram(rows: FloatArray) -> FloatArray:
+    """Return rows @ rows.T, (v, v), of rows (v, n), n much larger than v.
+
+    The long axis is cut into slices so small that BLAS does each on one thread, and the slices are added in
+    order: the sum does not depend on how many threads there are. Variables without a part in a stretch of the
+    long axis (the initial states of another maneuver) are left out there.
+    """
+    return TallMatrix.of(rows).gram()
+
+
+@dataclass(frozen=True, eq=False)
+class TallMatrix:
+    """A tall, thin matrix (n, v), by stretches of its long axis, each with the variables that have a part there.
+
+    Attributes
+    ----------
+    shape : (n, v)
+    stretches : slices of the long axis
+    present : variables with a part in each stretch
+    parts : their rows there
+    """
+
+    shape: tuple[int, int]
+    stretches: tuple[slice, ...]
+    present: tuple[IntArray, ...]
+    parts: tuple[FloatArray, ...]
+
+    @classmethod
+    def of(cls, rows: FloatArray, largest: float = np.inf) -> TallMatrix:
+        """Take the matrix from its transpose (v, n); a variable with numbers that are not below `largest` has no part."""
+        v, n = rows.shape
+        stretches = tuple(slice(start, min(start + STRETCH, n)) for start in range(0, n, STRETCH))
+        # greatest and least instead of magnitudes: no copy of what may be tens of megabytes
+        high = np.array([rows[:, s].max(axis=1) for s in stretches]).reshape(len(stretches), v)
+        low = np.array([rows[:, s].min(axis=1) for s in stretches]).reshape(len(stretches), v)
+        sound = ((high < largest) & (low > -largest)).all(axis=0)
+        present = tuple(np.flatnonzero(there) for there in ((high > 0.0) | (low < 0.0)) & sound)
+        parts = tuple(rows[some, s] for some, s in zip(present, stretches, strict=True))
+        return cls((n, v), stretches, present, parts)
+
+    def gram(self) -> FloatArray:
+        """Return its product with its own transpose, (v, v)."""
+        total = np.zeros((self.shape[1], self.shape[1]))
+        for some, part in zip(self.present, self.parts, strict=True):
+            total[np.ix_(some, some)] += _sliced(part)
+        return 0.5 * (total + total.T)
+
+    def project(self, r: FloatArray) -> FloatArray:
+        """Return the product of its transpose with r, (v,)."""
+        out = np.zeros(self.shape[1])
+        for some, s, part in zip(self.present, self.stretches, self.parts, strict=True):
+            out[some] += project(part, r[s])
+        return out
+
+    def apply(self, step: FloatArray) -> FloatArray:
+        """Return its product with a step (v,), (n,)."""
+        out = np.empty(self.shape[0])
+        for some, s, part in zip(self.present, self.stretches, self.parts, strict=True):
+            out[s] = project(part.T, step[some])
+        return out
+
+
+def _sliced(rows: FloatArray) -> FloatArray:
+    v, n = rows.shape
+    width = max(8, SINGLE // max(1, v * v))
+    total = np.zeros((v, v))
+    for start in range(0, n, width):
+        part = rows[:, start : start + width]
+        total += part @ part.T
+    return total
+
+
+def project(rows: FloatArray, r: FloatArray) -> FloatArray:
+    """Return rows @ r, summed without BLAS: a threaded product rounds by the number of threads."""
+    product: FloatArray = np.einsum("vn,n->v", rows, r)
+    return product
+
+
+def solve_damped(normal: FloatArray, right: FloatArray, damping: float) -> FloatArray:
+    """Solve (A + damping diag A) x = b, scaled to a unit diagonal, so that units do not matter.
+
+    A variable that nothing depends on (zero diagonal) stays where it is.
+    """
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-24 * max(float(np.diag(normal).max()), 1e-276)))
+    unit = normal / np.outer(scale, scale)
+    unit[np.diag_indices_from(unit)] += damping
+    try:
+        x = cho_solve(cho_factor(unit), right / scale)
+    except LinAlgError:
+        x = np.linalg.lstsq(unit, right / scale, rcond=None)[0]
+    solution: FloatArray = np.asarray(x) / scale
+    return solution

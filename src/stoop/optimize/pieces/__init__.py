@@ -1,1 +1,0 @@
-"""What optimizers are composed of: initialization, mutation, crossover, bounds, selection, adaptation, local dives."""

@@ -1,0 +1,265 @@
+"""The default, "ps-gde-lm": PS-GDE with Levenberg-Marquardt refinement on a horizon ladder.
+
+The user's own values first, then scouts on the shortest record whose best few are followed up the ladder, and
+ordered SHADE as the safety net. It ends when an optimum is confirmed; see `PsGdeLm`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray
+from stoop.optimize.ladder import Optima, climb, explains, refine_fully
+from stoop.optimize.ledger import Evaluations, Ledger, sum_of_squares
+from stoop.optimize.local_refinement import AGREE
+from stoop.optimize.operators import MEMBERS, latin_hypercube
+from stoop.optimize.population import Population, grown
+from stoop.optimize.problem import Problem
+from stoop.optimize.state import Event, RandomStream, State
+
+FROM_START: Final = 0  #: lineage of a refinement from the user's own values
+
+
+@dataclass(frozen=True, kw_only=True)
+class PsGdeLmState(State):
+    """State of a run of the default.
+
+    Attributes
+    ----------
+    starts : (k, D + E), the user's own values, until they are tried
+    scouts : (rounds * scouts, D), one Latin hypercube for all rounds
+    round : rounds begun
+    queue : (q, D), candidates of this round still to be followed up
+    passed : whether a candidate of this round passed every gate
+    resumed : whether the best, unfinished refinement was continued in this round
+    deferred, scores : (s, D + E) and (s,), candidates that a gate stopped, and their costs over the trivial model's
+    least : (rungs,), least cost that refinements reached on each rung
+    optima : where full refinements ended
+    lineages : how many lineages have begun
+    trusted : the best is a converged refinement from the user's own values that explains the data
+    population : once the scouts are used up
+    population_size : of the next population
+    """
+
+    starts: FloatArray
+    scouts: FloatArray
+    round: int
+    queue: FloatArray
+    passed: bool
+    resumed: bool
+    deferred: FloatArray
+    scores: FloatArray
+    least: FloatArray
+    optima: Optima
+    lineages: int
+    trusted: bool
+    population: Population | None
+    population_size: int
+
+
+Step = tuple[PsGdeLmState, Event]
+
+
+@dataclass(frozen=True)
+class PsGdeLm:
+    """PS-GDE with Levenberg-Marquardt refinement and a horizon ladder.
+
+    A step is the refinement from the user's own values, a scouting round, the follow-up of one candidate, or a
+    generation (or refinement) of the population. The search counts as converged when
+
+    - two refinements of different lineage (scouts, the user's values, one population) come on the full record to
+      within 0.1 % of the best cost known, one of them to convergence; three where the model leaves more than a
+      tenth of the trivial model's cost (`ladder.Optima.confirmed`); or
+    - the refinement from the user's own values converged, explains the data (`ladder.GATE`), and a whole scouting
+      round brought nothing better; a candidate that leaves more on a shortened record than this optimum on the
+      full one is not followed up the ladder (`ladder.climb`).
+
+    Attributes
+    ----------
+    scouts : candidates per round
+    tops : candidates followed up per round
+    rounds : at most
+    """
+
+    name: str = "ps-gde-lm"
+    scouts: int = 20
+    tops: int = 5
+    rounds: int = 5
+
+    def init(self, problem: Problem, seed: int, starts: FloatArray) -> PsGdeLmState:
+        """Draw the scouts; nothing is evaluated yet."""
+        D, width = problem.dimension, problem.dimension + problem.extra
+        generator = np.random.Generator(np.random.PCG64(seed))
+        scouts = latin_hypercube(self.scouts * self.rounds, D, generator)
+        return PsGdeLmState(
+            optimizer=self.name,
+            generation=0,
+            stream=RandomStream.of(generator),
+            evaluations=Evaluations.none(problem),
+            starts=np.pad(starts, [(0, 0), (0, width - starts.shape[1])]),  # nuisances not given are zero
+            scouts=scouts,
+            round=0,
+            queue=np.empty((0, D)),
+            passed=False,
+            resumed=False,
+            deferred=np.empty((0, width)),
+            scores=np.empty(0),
+            least=np.full(len(problem.prices), np.inf),
+            optima=Optima.none(D),
+            lineages=1,
+            trusted=False,
+            population=None,
+            population_size=MEMBERS,
+        )
+
+    def step(self, state: PsGdeLmState, problem: Problem) -> Step:
+        """Try starts, queued candidates, the best deferred one, an unfinished refinement, scouts, the population."""
+        ledger = Ledger.at(problem, state.evaluations)
+        if len(state.starts):
+            state, event = _try_starts(state, ledger)
+        elif len(state.queue):
+            state, event = _follow_up_next(state, ledger)
+        elif len(state.deferred) and state.round and not state.passed:
+            state, event = _refine_deferred(state, ledger)
+        elif _best_is_unfinished(state, ledger):
+            lineage = int(state.optima.lineages[state.optima.best()])
+            state, event = _refine(replace(state, resumed=True), ledger, ledger.best, lineage)
+        elif state.round < self.rounds:
+            state, event = self._scout(state, ledger)
+        else:
+            state, event = _evolve(state, ledger)
+        return replace(state, evaluations=ledger.evaluations, generation=state.generation + 1), event
+
+    def _scout(self, state: PsGdeLmState, ledger: Ledger) -> Step:
+        """Evaluate one round of candidates on the shortest record; the best few are queued."""
+        X = state.scouts[state.round * self.scouts : (state.round + 1) * self.scouts]
+        F = ledger.costs(X, 0)
+        order = np.argsort(F, kind="stable")[: self.tops]
+        queue = X[order[np.isfinite(F[order])]]
+        event = Event("scouts", float(F.min()), 0, f"{len(X)} scouts, {len(queue)} followed up")
+        keep = slice(0, None if state.round == 0 else 0)
+        return replace(
+            state,
+            queue=queue,
+            round=state.round + 1,
+            passed=False,
+            resumed=False,
+            deferred=state.deferred[keep],
+            scores=state.scores[keep],
+        ), event
+
+
+def _try_starts(state: PsGdeLmState, ledger: Ledger) -> Step:
+    """Refine from the best of the user's values: at once if it explains the data, else by the ladder.
+
+    Where that does not lead to a trusted optimum, the other values join the first scouts.
+    """
+    # one by one: a budget that ends between them keeps the best of those before
+    F = np.array([sum_of_squares(ledger.residuals(z[None, :], ledger.full)[0]) for z in state.starts])
+    best = int(F.argmin())
+    others = np.delete(state.starts, best, axis=0)[:, : ledger.dimension]
+    z = state.starts[best]
+    state = replace(state, starts=state.starts[:0])
+    if explains(ledger, float(F[best]), ledger.full):
+        state, event = _refine(state, ledger, z, FROM_START)
+    else:
+        state, event = _follow_up(state, ledger, z, FROM_START)
+    trusted = state.optima.converged.any() and explains(ledger, ledger.cost, ledger.full)
+    scouts = state.scouts.copy()
+    if not trusted:
+        scouts[: len(others)] = others[: len(scouts)]
+    return replace(state, scouts=scouts, trusted=bool(trusted)), event
+
+
+def _follow_up_next(state: PsGdeLmState, ledger: Ledger) -> Step:
+    """Follow up the next candidate of the queue."""
+    z = np.concatenate([state.queue[0], np.zeros(ledger.extra)])
+    before = ledger.cost
+    state = replace(state, queue=state.queue[1:], lineages=state.lineages + 1)
+    state, event = _follow_up(state, ledger, z, state.lineages - 1)
+    trusted = state.trusted and ledger.cost >= before * (1.0 - AGREE)
+    unbeaten = trusted and not len(state.queue)
+    return replace(state, trusted=trusted, converged=state.converged or unbeaten), event
+
+
+def _follow_up(state: PsGdeLmState, ledger: Ledger, z: FloatArray, lineage: int) -> Step:
+    """Climb the ladder from z; refine on the full record if every gate opens, else defer the candidate."""
+    found = climb(ledger, z, state.least, ledger.cost if state.trusted else np.inf)
+    state = replace(state, least=found.least)
+    if found.passed:
+        state, event = _refine(state, ledger, found.z, lineage, found.score)
+        return replace(state, passed=True), event
+    deferred = np.concatenate([state.deferred, found.z[None, :]])
+    event = Event("refinement", found.cost, found.rung, "stopped at a gate")
+    return replace(state, deferred=deferred, scores=np.append(state.scores, found.score)), event
+
+
+def _refine_deferred(state: PsGdeLmState, ledger: Ledger) -> Step:
+    """Refine on the full record from the best deferred candidate: none of the round has passed."""
+    z = state.deferred[int(state.scores.argmin())]
+    state = replace(state, deferred=state.deferred[:0], scores=state.scores[:0], lineages=state.lineages + 1)
+    return _refine(state, ledger, z, state.lineages - 1)
+
+
+def _best_is_unfinished(state: PsGdeLmState, ledger: Ledger) -> bool:
+    """Whether the best is the end of a refinement that ran out of iterations; once a round."""
+    optima = state.optima
+    if state.resumed or not len(optima.costs):
+        return False
+    return bool(optima.unfinished[optima.best()]) and float(optima.costs[optima.best()]) <= ledger.cost
+
+
+def _refine(state: PsGdeLmState, ledger: Ledger, z: FloatArray, lineage: int, score: float = 0.0) -> Step:
+    """Refine on the full record and see whether that confirms the best."""
+    end = refine_fully(ledger, z, state.optima.least_converged(), score)
+    optima = state.optima.add(end, lineage)
+    confirmed = optima.confirmed(ledger.cost, ledger.reference(ledger.full))
+    text = f"{end.ending} after {end.iterations} steps" + (", confirmed" if confirmed else "")
+    event = Event("refinement", end.cost, ledger.full, text)
+    return replace(state, optima=optima, converged=state.converged or confirmed), event
+
+
+def _evolve(state: PsGdeLmState, ledger: Ledger) -> Step:
+    """Start a new population, refine one of its members, or evolve it by one generation."""
+    if state.population is None or state.population.exhausted:
+        return _new_population(state, ledger)
+    population = state.population
+    if population.age >= population.due:
+        member, population = population.next_start(state.optima.X)
+        if member is not None:
+            return _refine_member(state, population, member, ledger)
+    generator = state.stream.generator()
+    trials = population.ask(generator)
+    population = population.tell(trials, ledger.costs(trials.X, ledger.full), generator)
+    event = Event("evolution", float(population.F.min()), ledger.full)
+    return replace(state, population=population, stream=RandomStream.of(generator)), event
+
+
+def _new_population(state: PsGdeLmState, ledger: Ledger) -> Step:
+    """Draw a new population, of a new lineage, that uses nothing of what was found before."""
+    generator = state.stream.generator()
+    X = latin_hypercube(state.population_size, ledger.dimension, generator)
+    population = Population.first(X, ledger.costs(X, ledger.full))
+    event = Event("evolution", float(population.F.min()), ledger.full, f"new population of {len(X)}")
+    return replace(
+        state,
+        population=population,
+        population_size=grown(state.population_size),
+        lineages=state.lineages + 1,
+        stream=RandomStream.of(generator),
+    ), event
+
+
+def _refine_member(state: PsGdeLmState, population: Population, member: int, ledger: Ledger) -> Step:
+    """Refine a member of the population; the end stays in the population."""
+    before = ledger.cost
+    z = np.concatenate([population.X[member], np.zeros(ledger.extra)])
+    state, event = _refine(state, ledger, z, state.lineages - 1)
+    improved = ledger.cost < before * (1.0 - 1e-12)
+    x = state.optima.X[-1]
+    # the population lives where the nuisances are zero: only there may its members be compared
+    cost = float(ledger.costs(x[None, :], ledger.full)[0]) if ledger.extra else event.cost
+    return replace(state, population=population.with_refined(member, x, cost, improved)), event

@@ -1,0 +1,92 @@
+"""The natural modes of a fitted model, as a result holds them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+NAN: Final = math.nan
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A derived number with its standard error and 95 % interval; NaN for what does not exist."""
+
+    estimate: float = NAN
+    std_error: float = NAN
+    ci95_lower: float = NAN
+    ci95_upper: float = NAN
+
+
+@dataclass(frozen=True)
+class MeasuredMode:
+    """A mode as the record shows it after the input, no flight-dynamics model involved.
+
+    `frequency` [rad/s], `damping` and their intervals come from damped oscillations fitted to `channels` between
+    `start` and `stop` [s, the log's own clock]; NaN, and `remark` says why, where they cannot be told.
+    """
+
+    maneuver: int  #: counts from 0
+    start: float = NAN
+    stop: float = NAN
+    channels: tuple[str, ...] = ()
+    frequency: Estimate = Estimate()
+    damping: Estimate = Estimate()
+    remark: str = ""
+
+
+@dataclass(frozen=True)
+class ModeEstimate:
+    """One natural mode of the fitted model, with intervals from the covariance of the parameters.
+
+    Attributes
+    ----------
+    name : str
+        Short period, phugoid, Dutch roll, roll, spiral, or what it has become.
+    real, imag : Estimate, 1/s
+        The eigenvalue; of a pair the one with the positive imaginary part.
+    frequency : Estimate, rad/s
+        Undamped natural frequency; of a real mode the size of its eigenvalue.
+    damping : Estimate
+        Damping ratio; 1 or -1 for a real mode.
+    time_constant : Estimate, s
+        Minus one over the real part; no interval where that may be zero.
+    method : str
+        ``"delta"``: standard errors by the derivatives of the eigenvalue; ``"sampled"``: percentiles, because the
+        mode changes its character within the uncertainty of the parameters.
+    other_character : float
+        Share of samples of the parameters in which a pair has become two real modes, or the other way around.
+    remark : str
+        What to know about it, in words.
+    measured : tuple of MeasuredMode
+        The same mode in the records, where it can be told.
+    """
+
+    name: str
+    real: Estimate
+    imag: Estimate
+    frequency: Estimate
+    damping: Estimate
+    time_constant: Estimate
+    method: str = "delta"
+    other_character: float = 0.0
+    remark: str = ""
+    measured: tuple[MeasuredMode, ...] = ()
+
+
+@dataclass(frozen=True)
+class ConditionModes:
+    """The modes at one flight condition: mean airspeed [m/s], altitude [m] and angle of attack [rad] of `maneuvers`.
+
+    `about` is ``"trim"`` (the model's steady straight flight at that airspeed) or ``"mean state"`` (of the
+    maneuvers, where the model has no trim; `remark` says why).
+    """
+
+    maneuvers: tuple[int, ...]  #: count from 0
+    about: str
+    airspeed: float
+    altitude: float
+    alpha: float
+    modes: tuple[ModeEstimate, ...]
+    remark: str = ""

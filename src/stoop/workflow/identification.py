@@ -1,0 +1,215 @@
+"""Identification in one call: fit, uncertainty, prediction, and the folder that holds them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from stoop import optimize
+from stoop.errors import FlightError
+from stoop.estimate import methods
+from stoop.estimate.fit import Fit, Options
+from stoop.estimate.forces import ForceFigures, force_figures
+from stoop.estimate.mismatch import check_inputs
+from stoop.estimate.predict import identified_vehicle
+from stoop.flight import Flight, load, without, without_faults
+from stoop.problem.prepare import prepare
+from stoop.problem.windows import Window, parse_window
+from stoop.results.result import Identification
+from stoop.vehicle import Vehicle, load_vehicle
+from stoop.workflow.case import Assessment
+from stoop.workflow.fit_result import identification
+from stoop.workflow.provenance import by_name, flight_files, input_hashes
+
+DEFAULTS = Options()
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """A finished identification.
+
+    Attributes
+    ----------
+    identification : Identification
+        Result and traces: what the report shows.
+    vehicle : Vehicle
+        With its free numbers at their estimates.
+    flights : tuple of Flight
+        As they were used, air data reconstructed.
+    fit : Fit
+    files : tuple of Path
+        Files that were read; :meth:`save` never writes over them.
+    attachments : mapping of str to bytes
+        Further files for the folder, by name.
+    forces : tuple of ForceFigures
+        Of a vehicle with rotors: the specific force beside the flight, window by window.
+    """
+
+    identification: Identification
+    vehicle: Vehicle
+    flights: tuple[Flight, ...]
+    fit: Fit
+    files: tuple[Path, ...] = ()
+    attachments: Mapping[str, bytes] = field(default_factory=dict)
+    forces: tuple[ForceFigures, ...] = ()
+
+    def assess(self, *assessments: Assessment, watch: Callable[[str], None] | None = None) -> Job:
+        """Return this job with the uncertainty by further methods.
+
+        Parameters
+        ----------
+        assessments : Assessment
+            :class:`stoop.workflow.Bootstrap`, :class:`stoop.workflow.Posterior`, :class:`stoop.workflow.Profile`, or your own.
+        watch : callable, optional
+            Called with the progress of each.
+        """
+        from stoop.workflow.assess import assessed
+
+        return assessed(self, assessments, watch or (lambda text: None))
+
+    def save(self, folder: str | Path, overwrite: bool = False) -> Path:
+        """Write ``result.json``, ``vehicle.toml``, ``flight.nc`` and ``report.html`` into a folder."""
+        from stoop.workflow.outputs import write_outputs
+
+        return write_outputs(self, Path(folder), overwrite)
+
+    def __str__(self) -> str:
+        """Return the estimates as a table."""
+        from stoop.workflow.summary import estimates_table
+
+        return estimates_table(self.identification.result)
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """A finished search; error bars and predictions are still to come, see :func:`finish`."""
+
+    fit: Fit
+    flights: Mapping[str, Flight]
+    predicted: tuple[Window, ...]
+    options: Options
+    inputs: Mapping[str, str]
+    files: tuple[Path, ...]
+    began: float
+    command: str
+
+
+def identify(
+    vehicle: Vehicle | str | Path,
+    flights: Flight | str | Path | Sequence[Flight | str | Path],
+    maneuvers: Sequence[str],
+    validate: Sequence[str] = (),
+    options: Options = DEFAULTS,
+    callback: Callable[[optimize.Progress], None] | None = None,
+    state: optimize.State | None = None,
+    command: str = "",
+    files: Sequence[Path] = (),
+) -> Job:
+    """Identify a vehicle from maneuvers of one or more flights, and predict others.
+
+    Parameters
+    ----------
+    vehicle : Vehicle or path
+        Which numbers are free, their bounds, priors and starting values.
+    flights : Flight, path, or a sequence of them
+    maneuvers : sequence of str
+        ``[FLIGHT@]START:STOP[#LOADING]``, seconds of the log's own clock; fitted jointly.
+    validate : sequence of str
+        Likewise; predicted, nothing is fitted there.
+    options : Options
+    callback : callable, optional
+        Called with an :class:`stoop.optimize.Progress` after each generation.
+    state : optional
+        State of an interrupted search, to resume.
+    command : str
+        Command line, for the report.
+    files : sequence of Path
+        Other files that were read (mapping, noise covariance), for the result's ``inputs``.
+
+    Raises
+    ------
+    StoopError
+        One line that says what is wrong and what to do.
+    """
+    return finish(search(vehicle, flights, maneuvers, validate, options, callback, state, command, files))
+
+
+def search(
+    vehicle: Vehicle | str | Path,
+    flights: Flight | str | Path | Sequence[Flight | str | Path],
+    maneuvers: Sequence[str],
+    validate: Sequence[str] = (),
+    options: Options = DEFAULTS,
+    callback: Callable[[optimize.Progress], None] | None = None,
+    state: optimize.State | None = None,
+    command: str = "",
+    files: Sequence[Path] = (),
+) -> Search:
+    """Do the long part of :func:`identify`; wrong input raises its error before the search."""
+    began = time.perf_counter()
+    vehicle = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
+    methods.find(options.method)
+    several = [flights] if isinstance(flights, Flight | str | Path) else flights
+    known = by_name([f if isinstance(f, Flight) else load(f) for f in several], "identify")
+    _check_rates(known)
+    method = methods.choose_method(options.method, vehicle, known.values())
+    options = replace(options, method=method.name)
+    fitted, predicted = _windows(maneuvers, validate, known)
+    for name in dict.fromkeys(w.flight for w in (*fitted, *predicted)):
+        check_inputs(vehicle, known[name])
+    inputs = input_hashes(vehicle, known, files)
+    for name, flight in known.items():
+        spans = [(w.start, w.stop) for w in predicted if w.flight == name]
+        known[name] = without_faults(without(flight, spans))
+    prepare(vehicle, known, predicted)  # so that its errors come before the search
+    found = methods.find(method.name).fitter()(vehicle, known, fitted, options, callback, state)
+    found = replace(found, notices=(*method.notices, *found.notices))
+    read = (Path(vehicle.where), *flight_files(known.values()), *files)
+    return Search(found, known, predicted, options, inputs, read, began, command)
+
+
+def finish(done: Search) -> Job:
+    """Add error bars, predictions and goodness of fit to a finished search."""
+    return Job(
+        identification(
+            done.fit, done.flights, done.predicted, done.options, done.inputs, done.began, done.command
+        ),
+        identified_vehicle(done.fit),
+        tuple(done.flights.values()),
+        done.fit,
+        done.files,
+        forces=force_figures(done.fit, done.flights, done.predicted),
+    )
+
+
+def _windows(
+    maneuvers: Sequence[str], validate: Sequence[str], flights: Mapping[str, Flight]
+) -> tuple[tuple[Window, ...], tuple[Window, ...]]:
+    """Return windows to fit and windows to predict."""
+    if not maneuvers:
+        raise FlightError(
+            "identify: no maneuver is given; name at least one window START:STOP, see stoop info"
+        )
+    fitted = tuple(parse_window(text, flights) for text in maneuvers)
+    predicted = tuple(parse_window(text, flights) for text in validate)
+    for i, window in enumerate(fitted):
+        _check_apart(window, fitted[:i], "the same samples would count twice; give windows that lie apart")
+    for window in predicted:
+        _check_apart(window, fitted, "nothing may be fitted in a window that is predicted; move one of them")
+    return fitted, predicted
+
+
+def _check_apart(window: Window, others: Sequence[Window], why: str) -> None:
+    for other in others:
+        if window.flight == other.flight and window.start < other.stop and other.start < window.stop:
+            raise FlightError(f"maneuver {window}: overlaps the fitted {other}; {why}")
+
+
+def _check_rates(flights: Mapping[str, Flight]) -> None:
+    rates = sorted({f"{flight.rate:g}" for flight in flights.values()})
+    if len(rates) > 1:
+        raise FlightError(
+            f"identify: the flights are sampled at {' and '.join(rates)} Hz; bring them to one rate first"
+        )

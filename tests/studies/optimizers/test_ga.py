@@ -1,0 +1,101 @@
+"""The genetic algorithm on arrays against pymoo's own, and its operators against what defines them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from naive.landscapes import Only, rastrigin, rosenbrock, sphere
+from pymoo.algorithms.soo.nonconvex.ga import GA
+from pymoo.core.problem import Problem
+
+from stoop import optimize
+from stoop.optimize.state import RandomStream
+from stoop_studies.optimizers.ga import GeneticAlgorithm, Polynomial, SimulatedBinary, repeated, tournament
+
+
+def coarse(X: np.ndarray) -> np.ndarray:
+    """A cost with many ties."""
+    return sphere(X).round(3)
+
+
+def theirs(cost: Any, dimension: int, seed: int, generations: int) -> Any:
+    """Return pymoo's GA after some generations, drawing from our stream."""
+
+    class Box(Problem):
+        def __init__(self) -> None:
+            super().__init__(n_var=dimension, n_obj=1, xl=np.zeros(dimension), xu=np.ones(dimension))
+
+        def _evaluate(self, x: np.ndarray, out: dict[str, Any], *_: Any, **__: Any) -> None:
+            out["F"] = cost(x)[:, None]
+
+    algorithm = GA(pop_size=50)
+    algorithm.setup(Box(), seed=1, termination=("n_gen", generations + 1))
+    algorithm.random_state = RandomStream.from_seed(seed).generator()
+    while algorithm.has_next():
+        algorithm.next()
+    return algorithm
+
+
+@pytest.mark.parametrize("cost", [sphere, coarse, rosenbrock, rastrigin])
+def test_members_are_those_of_pymoo_to_the_last_bit(cost: Any) -> None:
+    generations = 40
+    stop = optimize.Stop(generations=generations)
+    ours = optimize.minimize(GeneticAlgorithm(), Only(cost, 6), seed=11, stop=stop)
+    reference = theirs(cost, 6, 11, generations)
+    assert ours.state is not None
+    assert ours.state.X.tobytes() == reference.pop.get("X").tobytes()
+    assert ours.state.F.tolist() == reference.pop.get("F")[:, 0].tolist()
+    assert ours.trajectories == reference.evaluator.n_eval
+
+
+def test_children_keep_their_parents_mean_and_stay_in_the_box() -> None:
+    generator = np.random.default_rng(0)
+    parents = generator.random((2, 4000, 3))
+    children = SimulatedBinary(mated=1.0, crossed=1.0)(parents, generator)
+    assert ((children >= 0.0) & (children <= 1.0)).all()
+    inner = (np.abs(parents - 0.5) < 0.2).all(axis=0)  # far from the bounds the two spreads are the same
+    difference = (children.mean(axis=0) - parents.mean(axis=0))[inner]
+    assert np.abs(difference).max() < 1e-3
+
+
+def test_spread_of_children_has_the_published_distribution() -> None:
+    """P(spread <= 1) is one half without bounds; far from them the spread's median is 1."""
+    generator = np.random.default_rng(1)
+    parents = np.stack([np.full((20_000, 1), 0.499), np.full((20_000, 1), 0.501)])
+    children = SimulatedBinary(eta=2.0, mated=1.0, crossed=1.0)(parents, generator)
+    spread = np.abs(children[0] - children[1])[:, 0] / 0.002
+    u = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
+    expected = np.where(u <= 0.5, (2 * u) ** (1 / 3), (1 / (2 * (1 - u))) ** (1 / 3))
+    assert np.quantile(spread, u) == pytest.approx(expected, rel=0.02)
+
+
+def test_mutation_moves_one_variable_in_d_and_stays_in_the_box() -> None:
+    generator = np.random.default_rng(2)
+    children = generator.random((20_000, 10))
+    mutants = Polynomial(mutated=1.0)(children, generator)
+    assert ((mutants >= 0.0) & (mutants <= 1.0)).all()
+    assert (mutants != children).mean() == pytest.approx(0.1, rel=0.03)
+    spared = Polynomial(mutated=0.0)(children, generator)
+    assert (spared == children).all()
+
+
+def test_tournament_lets_the_better_of_each_pair_win() -> None:
+    F = np.arange(50.0)
+    winners = tournament(F, 50, np.random.default_rng(3))
+    # over two permutations every member meets two others: the best wins twice, the worst never
+    counts = np.bincount(winners, minlength=50)
+    assert (counts[0], counts[49], counts.sum()) == (2, 0, 50)
+
+
+def test_repeated_members_are_found() -> None:
+    new = np.array([[0.1, 0.2], [0.3, 0.4], [0.1, 0.2], [0.5, 0.6]])
+    assert repeated(new, np.array([[0.5, 0.6]]), np.empty((0, 2))).tolist() == [False, False, True, True]
+
+
+def test_a_flat_cost_ends_without_a_child_too_many() -> None:
+    problem = Only(lambda X: np.zeros(len(X)), 1)
+    outcome = optimize.minimize(GeneticAlgorithm(), problem, seed=0, stop=optimize.Stop(generations=20))
+    assert outcome.generation == 20
+    assert outcome.trajectories == problem.asked <= 21 * 50

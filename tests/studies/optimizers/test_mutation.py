@@ -1,0 +1,206 @@
+"""Mutations against naive twins, and the properties that every operator must have."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stoop.optimize.operators import binomial, midpoint
+from stoop_studies.optimizers.pieces.diversity import Islands
+from stoop_studies.optimizers.pieces.mutation import (
+    Best2,
+    Localized,
+    Ordered,
+    Rand1,
+    ScaledByCost,
+    Trigonometric,
+    Unordered,
+    WeightedCentroid,
+    distinct,
+    ranked,
+)
+from stoop_studies.optimizers.pieces.operators import clip
+
+SEEDS = st.integers(0, 2**32 - 1)
+OPERATORS = [
+    Rand1(), Best2(), Ordered(), Unordered(), Localized(), Trigonometric(), Trigonometric(1.0), ScaledByCost(),
+    WeightedCentroid(),
+]  # fmt: skip
+Twin = Callable[[np.ndarray, np.ndarray, np.ndarray, int], np.ndarray]
+
+
+def _population(seed: int, n: int = 12, d: int = 4) -> tuple[np.ndarray, np.ndarray]:
+    generator = np.random.default_rng(seed)
+    return generator.random((n, d)), 5.0 * generator.random(n)
+
+
+@settings(deadline=None)
+@given(SEEDS, st.integers(6, 40), st.integers(1, 4))
+def test_distinct_indices_differ_from_each_other_and_the_parent(seed: int, n: int, k: int) -> None:
+    picks = distinct(n, k, np.random.default_rng(seed))
+    for i, column in enumerate(picks.T.tolist()):
+        assert len({i, *column}) == k + 1
+        assert all(0 <= j < n for j in column)
+
+
+def test_distinct_indices_are_uniform() -> None:
+    counts = Counter[tuple[int, ...]]()
+    generator = np.random.default_rng(1)
+    for _ in range(6000):
+        picks = distinct(5, 3, generator)
+        counts[tuple(picks[:, 0].tolist())] += 1
+    assert len(counts) == 4 * 3 * 2
+    expected = 6000 / 24
+    chi2 = sum((c - expected) ** 2 / expected for c in counts.values())
+    assert chi2 < 49.7  # 99.9 % of chi-square with 23 degrees of freedom
+
+
+def _rand1(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int, j: int) -> float:
+    a, b, c = picks[:, i]
+    return X[c, j] + 0.7 * (X[a, j] - X[b, j])
+
+
+def _best2(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int, j: int) -> float:
+    best = min(range(len(F)), key=lambda m: F[m])
+    a, b, c, d = picks[:, i]
+    return X[best, j] + 0.7 * (X[a, j] - X[b, j] + X[c, j] - X[d, j])
+
+
+def _ordered(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int, j: int) -> float:
+    r1, r2, r3 = sorted(picks[:, i], key=lambda m: F[m])
+    return X[i, j] + 0.7 * (X[r1, j] - X[i, j] + X[r2, j] - X[r3, j])
+
+
+@pytest.mark.parametrize(
+    ("operator", "twin", "k"), [(Rand1(), _rand1, 3), (Best2(), _best2, 4), (Ordered(), _ordered, 3)]
+)
+def test_paper_mutations_equal_their_naive_twins(operator: object, twin: object, k: int) -> None:
+    X, F = _population(5, d=5)
+    mutants = operator(X, F, 0.7, np.random.default_rng(8))
+    picks = distinct(len(X), k, np.random.default_rng(8))
+    naive = np.array([[twin(X, F, picks, i, j) for j in range(X.shape[1])] for i in range(len(X))])
+    assert mutants == pytest.approx(naive, rel=1e-14)
+
+
+def test_ranked_puts_infinite_costs_last() -> None:
+    F = np.array([np.inf, 2.0, 1.0, np.inf, 3.0])
+    assert ranked(np.array([[0], [4], [2]]), F)[:, 0].tolist() == [2, 4, 0]
+
+
+def _unordered(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int) -> np.ndarray:
+    a, b, c = picks[:, i]
+    return X[i] + 0.7 * (X[a] - X[i] + X[b] - X[c])
+
+
+def _localized(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int) -> np.ndarray:
+    three = picks[:, i].tolist()
+    base = min(three, key=lambda m: F[m])
+    k = three.index(base)
+    return X[base] + 0.7 * (X[three[(k + 1) % 3]] - X[three[(k + 2) % 3]])
+
+
+def _graded(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int) -> np.ndarray:
+    b, m, w = sorted(picks[:, i], key=lambda m: F[m])
+    return X[b] + (0.1 + 0.6 * (F[m] - F[b]) / (F[w] - F[b])) * (X[m] - X[w])
+
+
+def _weighted_centroid(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int) -> np.ndarray:
+    a, b, c, d, e = picks[:, i]
+    factor = 1.0 - np.mean([max(column) - min(column) for column in X.T])
+    weights = [max(F) - F[m] for m in (a, b, c)]
+    centroid = sum(w * X[m] for w, m in zip(weights, (a, b, c), strict=True)) / sum(weights)
+    return X[c] + factor * (centroid - X[c]) + 0.7 * (X[d] - X[e])
+
+
+@pytest.mark.parametrize(
+    ("operator", "twin", "k"),
+    [
+        (Unordered(), _unordered, 3),
+        (Localized(), _localized, 3),
+        (ScaledByCost(0.1), _graded, 3),
+        (WeightedCentroid(), _weighted_centroid, 5),
+    ],
+)
+def test_mutation_equals_its_naive_twin(operator: Twin, twin: Twin, k: int) -> None:
+    X, F = _population(5)
+    mutants = operator(X, F, 0.7, np.random.default_rng(8))
+    picks = distinct(len(X), k, np.random.default_rng(8))
+    assert mutants == pytest.approx(np.array([twin(X, F, picks, i) for i in range(len(X))]), rel=1e-12)
+
+
+def test_trigonometric_mutation_is_the_published_formula() -> None:
+    X, F = _population(6)
+    generator = np.random.default_rng(3)
+    mutants = Trigonometric(0.5)(X, F, 0.7, np.random.default_rng(3))
+    chosen, picks = generator.random(len(X)) < 0.5, distinct(len(X), 3, generator)
+    assert 0 < chosen.sum() < len(X)
+    for i, (a, b, c) in enumerate(picks.T):
+        p1, p2, p3 = (F[m] / (F[a] + F[b] + F[c]) for m in (a, b, c))
+        step = (p2 - p1) * (X[a] - X[b]) + (p3 - p2) * (X[b] - X[c]) + (p1 - p3) * (X[c] - X[a])
+        expected = (X[a] + X[b] + X[c]) / 3 + step if chosen[i] else X[c] + 0.7 * (X[a] - X[b])
+        assert mutants[i] == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_trigonometric_mutant_leans_towards_the_cheapest_pick() -> None:
+    X, F = np.eye(4)[:4], np.array([9.0, 9.0, 9.0, 0.1])
+    mutants = Trigonometric(1.0)(X, F, 0.7, np.random.default_rng(0))
+    assert (mutants[:3].argmax(axis=1) == 3).all()
+
+
+@settings(deadline=None)
+@given(
+    st.sampled_from(OPERATORS),
+    SEEDS,
+    st.integers(6, 50),
+    st.integers(1, 12),
+    st.sampled_from([0.0, 0.3, 1.0]),
+    st.booleans(),
+)
+def test_every_mutation_keeps_shape_and_stays_finite(
+    operator: Twin, seed: int, n: int, d: int, diverged: float, collapsed: bool
+) -> None:
+    """Whatever the costs: some or all infinite, or all the same."""
+    X, F = _population(seed, n, d)
+    F = np.full(n, 2.0) if collapsed else F
+    F[np.random.default_rng(seed).random(n) < diverged] = np.inf
+    before = X.copy(), F.copy()
+    mutants = operator(X, F, 0.7, np.random.default_rng(seed))
+    again = operator(X, F, np.full((n, 1), 0.7), np.random.default_rng(seed))
+    assert mutants.shape == (n, d)
+    assert np.isfinite(mutants).all()
+    assert (mutants == again).all()
+    assert (before[0] == X).all()
+    assert (before[1] == F).all()
+    for mend in (clip, midpoint):
+        inside = mend(mutants, X)
+        assert ((inside >= 0.0) & (inside <= 1.0)).all()
+
+
+@settings(deadline=None)
+@given(SEEDS, st.integers(6, 50), st.integers(1, 12), st.floats(0.0, 1.0))
+def test_crossover_takes_at_least_one_and_nothing_foreign(seed: int, n: int, d: int, rate: float) -> None:
+    X, _ = _population(seed, n, d)
+    rates = np.full((n, 1), rate)
+    T = binomial(X, X + 2.0, rates, np.random.default_rng(seed))
+    assert (binomial(X, X + 2.0, rate, np.random.default_rng(seed)) == T).all()
+    assert ((T == X) | (T == X + 2.0)).all()
+    assert ((T == X + 2.0).sum(axis=1) >= 1).all()
+
+
+@settings(deadline=None)
+@given(st.sampled_from(OPERATORS), SEEDS, st.integers(6, 40), st.integers(1, 6))
+def test_on_islands_a_mutation_sees_its_island_only(operator: Twin, seed: int, n: int, number: int) -> None:
+    X, F = _population(seed, n)
+    islands, scale = Islands(number), np.linspace(0.3, 0.9, n)[:, None]
+    mutants = islands.breed(operator, X, F, scale, np.random.default_rng(seed))
+    generator = np.random.default_rng(seed)
+    places = islands.places(n)
+    assert [m for place in places for m in range(n)[place]] == list(range(n))
+    assert all(place.stop - place.start >= 6 for place in places)
+    for place in places:
+        assert (mutants[place] == operator(X[place], F[place], scale[place], generator)).all()

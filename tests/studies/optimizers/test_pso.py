@@ -1,0 +1,61 @@
+"""The canonical swarm against its naive twin, and against what is known of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from naive import swarm
+from naive.landscapes import Only, ellipsoid, rastrigin, sphere
+
+from stoop import optimize
+from stoop.optimize.state import RandomStream
+from stoop_studies.optimizers.pso import CHI, FASTEST, ParticleSwarm
+
+
+def test_constriction_is_the_published_one() -> None:
+    assert pytest.approx(0.7298, abs=5e-5) == CHI
+    assert pytest.approx(1.49618, abs=5e-6) == CHI * 2.05
+
+
+def test_the_swarm_moves_as_its_naive_twin() -> None:
+    problem, optimizer = Only(rastrigin, 3), ParticleSwarm(members=7)
+    ledger = optimize.Ledger(problem, optimize.Evaluations.none(problem))
+    state = optimizer.init(ledger, 4, np.empty((0, 3)))
+    x, v = state.X.tolist(), (5.0 * state.V).tolist()  # fast enough to meet the bounds
+    state = type(state)(**{**vars(state), "V": 5.0 * state.V})
+    best, costs = [list(p) for p in x], state.F.tolist()
+    for _ in range(40):
+        draws = state.stream.generator().random((2, 7, 3))
+        state, _ = optimizer.step(state, ledger)
+        swarm.moved(x, v, best, costs, draws, lambda p: float(rastrigin(np.array([p]))[0]))
+        assert pytest.approx(np.array(x), abs=1e-12) == state.X
+        assert pytest.approx(np.array(v), abs=1e-12) == state.V
+        assert pytest.approx(np.array(best), abs=1e-12) == state.B
+        assert pytest.approx(np.array(costs), abs=1e-9) == state.F
+
+
+def test_particles_stay_in_the_box_and_below_the_largest_velocity() -> None:
+    problem, optimizer = Only(lambda X: -X.sum(axis=1), 4), ParticleSwarm()
+    ledger = optimize.Ledger(problem, optimize.Evaluations.none(problem))
+    state = optimizer.init(ledger, 0, np.empty((0, 4)))
+    for _ in range(30):
+        state, _ = optimizer.step(state, ledger)
+        assert np.abs(state.V).max() <= FASTEST
+    assert problem.outside <= 0.0
+    assert state.B[state.F.argmin()].tolist() == [1.0] * 4
+
+
+@pytest.mark.parametrize("cost", [sphere, ellipsoid])
+def test_a_smooth_valley_is_descended_by_every_seed(cost: object) -> None:
+    stop = optimize.Stop(generations=600, target_cost=1e-10)
+    for seed in range(5):
+        outcome = optimize.minimize(ParticleSwarm(), Only(cost, 5), seed=seed, stop=stop)
+        assert outcome.status == "target"
+
+
+def test_own_values_take_the_first_places() -> None:
+    problem = Only(sphere, 3)
+    starts = np.array([[0.1, 0.2, 0.9], [2.0, -1.0, 0.5]])
+    state = ParticleSwarm().init(problem, 0, starts)
+    assert state.X[:2].tolist() == [[0.1, 0.2, 0.9], [1.0, 0.0, 0.5]]
+    assert state.stream != RandomStream.from_seed(0)

@@ -1,0 +1,51 @@
+"""Notices: typed, printed once, and the page that lists them."""
+
+from __future__ import annotations
+
+import runpy
+from pathlib import Path
+
+import pytest
+
+from stoop.base.notices import as_notice, from_dict, message, notice, table
+
+ROOT = Path(__file__).parents[3]
+
+
+def test_a_notice_survives_json() -> None:
+    one = notice("lag-not-beaten", "f 1:2", role="fit", channels=("p", "q"))
+    assert from_dict(one.to_dict()) == one
+    assert str(one) == "f 1:2 (fit): no better than a first-order lag in p and q."
+    assert (one.topic, one.severity) == ("fit", "warning")
+
+
+def test_a_code_of_another_version_keeps_its_sentence() -> None:
+    content = {
+        "code": "of-tomorrow",
+        "severity": "warning",
+        "subject": "",
+        "values": {},
+        "message": "Beware.",
+    }
+    assert str(from_dict(content)) == "Beware."
+
+
+@pytest.mark.parametrize(("severity", "topic"), [("warning", "fit"), ("info", "fit"), ("info", "flight")])
+def test_a_sentence_without_a_code_is_a_notice_too(severity: str, topic: str) -> None:
+    one = as_notice("Beware of {braces}.", severity, topic)  # type: ignore[arg-type]
+    assert (message(one), one.severity, one.topic) == ("Beware of {braces}.", severity, topic)
+    assert as_notice(one) is one
+
+
+def test_every_row_of_the_table_is_sound() -> None:
+    topics = {"log", "mapping", "flight", "vehicle", "fit", "assessment", "design"}
+    for code, kind in table().items():
+        assert code == code.lower().replace("_", "-")
+        assert kind.topic in topics
+        assert kind.severity in ("info", "warning")
+
+
+def test_the_page_lists_the_table() -> None:
+    assert (ROOT / "docs" / "notices.md").read_text("utf-8") == runpy.run_path(
+        str(ROOT / "scripts" / "notices.py")
+    )["page"]()

@@ -1,0 +1,184 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stoop import optimize
+from stoop.optimize import Ledger, Settings, refine
+from stoop.optimize.ledger import Evaluations
+from stoop.optimize.local_refinement import FULL, RUNG
+
+
+class Quadratic:
+    """Residuals linear in z: A z - b; with one nuisance the least-squares answer is known in closed form."""
+
+    dimension, extra, prices = 3, 1, (1.0,)
+
+    def __init__(self, seed: int = 0, target: tuple[float, ...] = (0.3, 0.6, 0.5, 4.0)) -> None:
+        generator = np.random.default_rng(seed)
+        self.A = generator.standard_normal((20, 4)) * np.array([1.0, 1e3, 1e-3, 1.0])
+        self.b = self.A @ np.array(target) + generator.standard_normal(20) * 1e-4
+
+    def residuals(self, Z: np.ndarray, rung: int) -> np.ndarray:
+        return Z @ self.A.T - self.b
+
+    def costs(self, X: np.ndarray, rung: int) -> np.ndarray:
+        return (self.residuals(np.concatenate([X, np.zeros((len(X), 1))], axis=1), rung) ** 2).sum(axis=1)
+
+    def jacobian(self, z: np.ndarray, rung: int, r: np.ndarray) -> tuple[np.ndarray, float]:
+        return optimize.forward_jacobian(self, z, rung, r)
+
+    def reference(self, rung: int) -> float:
+        return float((self.b**2).sum())
+
+
+TIGHT = Settings(iterations=200, gain=1e-15, predicted=0.0, stall=200, stall_damping=0.0)
+
+
+def test_a_linear_problem_is_solved_whatever_its_units() -> None:
+    problem = Quadratic()
+    end = refine(problem, np.full(4, 0.5), 0, TIGHT)
+    assert end.converged
+    assert end.z == pytest.approx(np.linalg.lstsq(problem.A, problem.b, rcond=None)[0], rel=1e-4)
+
+
+def test_bounds_hold_the_parameters_but_not_the_nuisances() -> None:
+    problem = Quadratic(target=(1.4, 0.6, 0.5, -7.0))
+    ledger = Ledger(problem, Evaluations.none(problem))
+    end = refine(ledger, np.array([0.5, 0.5, 0.5, 0.0]), 0, TIGHT)
+    assert ((end.z[:3] >= 0.0) & (end.z[:3] <= 1.0)).all()
+    assert end.z[0] == 1.0
+    assert end.z[3] < -1.0
+    gradient = problem.A.T @ (problem.A @ end.z - problem.b)
+    free = (end.z > 0.0) & (end.z < 1.0) | (np.arange(4) == 3)
+    scale = np.linalg.norm(problem.A, axis=0) * np.sqrt(end.cost)
+    assert (np.abs(gradient / scale)[free] < 1e-3).all()
+
+
+def test_a_start_outside_the_box_is_taken_inside() -> None:
+    end = refine(Quadratic(), np.array([-3.0, 9.0, 0.5, 0.0]), 0, TIGHT)
+    assert end.converged
+    assert ((end.z[:3] >= 0.0) & (end.z[:3] <= 1.0)).all()
+
+
+def test_a_start_that_diverges_is_reported() -> None:
+    problem = Quadratic()
+    problem.b[0] = np.nan
+    end = refine(problem, np.full(4, 0.5), 0)
+    assert (end.ending, end.cost, end.iterations) == ("diverged", np.inf, 0)
+
+
+def test_steps_into_divergence_are_rejected(
+    oscillation: Callable[..., Any], near: Callable[[float], np.ndarray]
+) -> None:
+    problem = oscillation(noise=0.0, bias=0.0)
+    free = refine(problem, near(0.95), 2, FULL)
+    fence = max(free.z[0], near(0.95)[0]) + 0.05
+    problem = oscillation(noise=0.0, bias=0.0, broken=lambda Z: Z[:, 0] > fence)
+    fenced = refine(problem, near(0.95), 2, FULL)
+    assert free.converged
+    assert fenced.converged
+    assert fenced.z == pytest.approx(free.z, abs=1e-6)
+
+
+def test_the_ledger_agrees_with_what_was_simulated(oscillation: Callable[..., Any]) -> None:
+    problem = oscillation()
+    ledger = Ledger(problem, Evaluations.none(problem))
+    refine(ledger, np.append(np.full(4, 0.5), 0.0), 1, RUNG)
+    refine(ledger, np.append(np.full(4, 0.4), 0.0), 2, FULL)
+    assert ledger.spent == pytest.approx(problem.spent)
+
+
+def test_a_dive_agrees_with_a_known_optimum_instead_of_converging(
+    oscillation: Callable[..., Any],
+    least: Callable[[Any], float],
+    near: Callable[[float], np.ndarray],
+) -> None:
+    problem, z = oscillation(), near(0.97)
+    alone, with_optimum = (
+        Ledger(problem, Evaluations.none(problem)),
+        Ledger(problem, Evaluations.none(problem)),
+    )
+    whole = refine(alone, z, 2, FULL)
+    short = refine(with_optimum, z, 2, FULL, optimum=whole.cost)
+    assert whole.ending == "converged"
+    assert whole.cost == pytest.approx(least(problem), rel=1e-6)
+    assert short.ending == "agreed"
+    assert whole.cost <= short.cost <= whole.cost * 1.002
+    assert with_optimum.spent < alone.spent
+
+
+def test_a_prey_above_the_incumbent_is_let_go(oscillation: Callable[..., Any]) -> None:
+    problem = oscillation()
+    far = np.array([0.9, 0.0, 0.05, 0.9, 0.0])
+    end = refine(problem, far, 2, FULL, incumbent=1.0, acceptable=-np.inf)
+    assert end.ending in ("hopeless", "stalled")
+    followed = refine(problem, far, 2, FULL, incumbent=1.0)
+    assert followed.ending in ("converged", "limit")
+    assert followed.cost <= end.cost
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.integers(0, 2**32 - 1))
+def test_a_dive_never_rises_and_survives_any_garbage(seed: int) -> None:
+    """Residuals and Jacobians that are nan or inf here and there, at random."""
+
+    class Garbage(Quadratic):
+        generator = np.random.default_rng(seed)
+
+        def residuals(self, Z: np.ndarray, rung: int) -> np.ndarray:
+            R = super().residuals(Z, rung)
+            R[self.generator.random(R.shape) < 0.01] = self.generator.choice([np.nan, np.inf, -np.inf, 1e300])
+            return R
+
+        def jacobian(self, z: np.ndarray, rung: int, r: np.ndarray) -> tuple[np.ndarray, float]:
+            J, spent = super().jacobian(z, rung, r)
+            J[self.generator.random(J.shape) < 0.02] = np.nan
+            return J, spent
+
+    problem = Garbage()
+    start = np.array([0.5, 0.5, 0.5, 0.0])
+    end = refine(problem, start, 0, FULL)
+    clean = Quadratic().residuals(np.array([start, end.z]), 0)
+    if end.ending != "diverged":
+        assert np.isfinite(end.z).all()
+        assert (clean[1] ** 2).sum() <= (clean[0] ** 2).sum()
+        assert ((end.z[:3] >= 0.0) & (end.z[:3] <= 1.0)).all()
+
+
+class Valley:
+    """Rosenbrock's curved valley, on the box of -2 to 2, above a floor: dives crawl along it."""
+
+    dimension, extra, prices = 2, 0, (1.0,)
+
+    def residuals(self, Z: np.ndarray, rung: int) -> np.ndarray:
+        x, y = 4.0 * Z.T - 2.0
+        return np.column_stack([1e4 * (y - x**2), 1.0 - x, np.full(len(Z), 0.1)])
+
+    def costs(self, X: np.ndarray, rung: int) -> np.ndarray:
+        return (self.residuals(X, rung) ** 2).sum(axis=1)
+
+    def jacobian(self, z: np.ndarray, rung: int, r: np.ndarray) -> tuple[np.ndarray, float]:
+        return optimize.forward_jacobian(self, z, rung, r)
+
+    def reference(self, rung: int) -> float:
+        return 100.0
+
+
+def test_a_dive_that_crawls_is_let_go_once_an_optimum_is_known() -> None:
+    """Whatever it is worth: what is far above a known optimum is not held up by noise."""
+    start = np.array([0.2, 0.9])
+    alone = refine(Valley(), start, 0, FULL)
+    assert alone.iterations > 40, "a valley to crawl along"
+    known = refine(Valley(), start, 0, FULL, incumbent=0.01, acceptable=1e3, optimum=0.01)
+    assert known.ending == "hopeless"
+    assert known.iterations < 0.75 * alone.iterations
+    near = refine(
+        Valley(), start, 0, FULL, incumbent=0.9 * alone.cost, acceptable=1e3, optimum=0.9 * alone.cost
+    )
+    assert near.iterations == alone.iterations, "near the optimum noise may hold it up"

@@ -1,0 +1,96 @@
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stoop.optimize.normal_equations import TallMatrix, gram, project, solve_damped
+
+
+@settings(deadline=None)
+@given(st.integers(0, 30), st.integers(0, 3000))
+def test_gram_and_project_are_the_plain_products(v: int, n: int) -> None:
+    generator = np.random.default_rng(v * 10_000 + n)
+    rows, r = generator.standard_normal((v, n)), generator.standard_normal(n)
+    assert gram(rows) == pytest.approx(rows @ rows.T, rel=1e-11, abs=1e-11 * n)
+    assert (gram(rows) == gram(rows).T).all()
+    assert project(rows, r) == pytest.approx(rows @ r, rel=1e-11, abs=1e-11 * n)
+
+
+CODE = """
+import hashlib, numpy as np
+from stoop.optimize.normal_equations import TallMatrix, gram, project, solve_damped
+from stoop.optimize.ledger import sum_of_squares
+g = np.random.default_rng(0)
+rows, r = g.standard_normal((60, 30000)), g.standard_normal(30000)
+A = gram(rows)
+b = project(rows, r)
+tall = TallMatrix.of(rows)
+parts = [A, b, solve_damped(A, b, 1e-3), tall.project(r), tall.apply(b), np.array(sum_of_squares(r))]
+print(hashlib.sha256(b"".join(np.ascontiguousarray(p).tobytes() for p in parts)).hexdigest())
+"""
+
+
+def test_rounding_does_not_depend_on_the_number_of_threads() -> None:
+    seen = set()
+    for threads in ("1", "2", "4"):
+        names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+        environment = os.environ | dict.fromkeys(names, threads)
+        done = subprocess.run([sys.executable, "-c", CODE], env=environment, capture_output=True, check=True)
+        seen.add(done.stdout)
+    assert len(seen) == 1
+
+
+@settings(deadline=None)
+@given(st.integers(1, 12), st.floats(1e-10, 1e3), st.integers(0, 1000))
+def test_solution_does_not_depend_on_units(v: int, damping: float, seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    rows, b = generator.standard_normal((v, 3 * v)), generator.standard_normal(v)
+    units = 10.0 ** generator.uniform(-6, 6, v)
+    A = rows @ rows.T
+    x = solve_damped(A, b, damping)
+    assert (A + damping * np.diag(np.diag(A))) @ x == pytest.approx(b, abs=1e-6)
+    assert solve_damped(A * np.outer(units, units), b * units, damping) * units == pytest.approx(x, rel=1e-6)
+
+
+def test_singular_systems_have_a_finite_answer() -> None:
+    A = np.ones((3, 3))
+    assert np.isfinite(solve_damped(A, np.ones(3), 0.0)).all()
+    A = np.diag([1.0, 0.0])
+    assert solve_damped(A, np.array([1.0, 0.0]), 1e-3) == pytest.approx([1 / 1.001, 0.0])
+    assert solve_damped(np.zeros((2, 2)), np.zeros(2), 1e-3).tolist() == [0.0, 0.0]
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.integers(2, 5), st.integers(0, 1000))
+def test_variables_without_a_part_in_a_stretch_change_nothing(pieces: int, seed: int) -> None:
+    """Initial states of several maneuvers: zeros in all but one block of the long axis."""
+    generator = np.random.default_rng(seed)
+    rows = generator.standard_normal((4 + 3 * pieces, 3000 * pieces))
+    for i in range(pieces):
+        for j in range(pieces):
+            if i != j:
+                rows[4 + 3 * i : 7 + 3 * i, 3000 * j : 3000 * (j + 1)] = 0.0
+    assert gram(rows) == pytest.approx(rows @ rows.T, rel=1e-11, abs=1e-9)
+    assert (gram(rows) == gram(rows).T).all()
+    assert gram(np.zeros((3, 5000))).tolist() == np.zeros((3, 3)).tolist()
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.integers(1, 12), st.integers(1, 5000), st.integers(0, 1000))
+def test_a_tall_matrix_is_the_plain_one_without_what_is_lost(v: int, n: int, seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    rows = generator.standard_normal((v, n))
+    rows[0, : n // 2] = 0.0
+    lost = rows.copy()
+    lost[-1, n // 2] = generator.choice([np.nan, np.inf, -1e9])
+    rows[-1] = 0.0
+    tall, r, step = TallMatrix.of(lost, 1e9), generator.standard_normal(n), generator.standard_normal(v)
+    assert tall.gram() == pytest.approx(rows @ rows.T, rel=1e-11, abs=1e-9)
+    assert tall.project(r) == pytest.approx(rows @ r, rel=1e-11, abs=1e-9)
+    assert tall.apply(step) == pytest.approx(step @ rows, rel=1e-11, abs=1e-11)

@@ -1,0 +1,129 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stoop.optimize.operators import OrderedToPBest
+from stoop.optimize.population import ELITE, PERIOD, Population, Trials
+
+
+def sphere(X: np.ndarray) -> np.ndarray:
+    return ((X - 0.3) ** 2).sum(axis=1)
+
+
+def young(n: int = 20, d: int = 3, seed: int = 0) -> Population:
+    X = np.random.default_rng(seed).random((n, d))
+    return Population.first(X, sphere(X))
+
+
+@settings(deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_trials_lie_in_the_box_and_the_herd_never_worsens(seed: int) -> None:
+    generator, herd = np.random.default_rng(seed), young(seed=seed)
+    for _ in range(12):
+        trials = herd.ask(generator)
+        assert ((trials.X >= 0.0) & (trials.X <= 1.0)).all()
+        after = herd.tell(trials, sphere(trials.X), generator)
+        assert (after.F <= herd.F).all()
+        assert (sphere(after.X) == after.F).all()
+        assert len(after.archive) <= len(after.X)
+        herd = after
+    assert herd.age == 12
+
+
+def parents(herd: Population, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    mutation = OrderedToPBest(herd.archive, ELITE)
+    return mutation.parents(herd.X, herd.F, np.random.default_rng(seed))
+
+
+def test_differences_point_from_worse_to_better() -> None:
+    """With scale 1, rate 1 and the first term taken away, better minus worse is left: it must descend."""
+    herd = young(n=40, d=2)
+    for seed in range(20):
+        towards, better, worse = parents(herd, seed)
+        assert (sphere(better) <= sphere(worse)).all()
+        elite = np.sort(herd.F)[round(ELITE * 40) - 1]
+        assert (sphere(towards) <= elite).all()
+
+
+def test_members_of_the_archive_count_as_worse() -> None:
+    herd = replace(young(), archive=np.full((20, 3), 0.3))  # the very optimum, but a loser
+    for seed in range(20):
+        _, better, _ = parents(herd, seed)
+        assert not (better == 0.3).all(axis=1).any()
+
+
+def test_winners_fill_the_archive_with_their_parents_and_can_be_prey_again() -> None:
+    herd = replace(young(), refined=np.ones(20, dtype=bool))
+    X = herd.X.copy()
+    X[4] = 0.3
+    trials = Trials(X, np.full(20, 0.5), np.full(20, 0.9))
+    costs = np.full(20, np.inf)
+    costs[4] = 0.0
+    after = herd.tell(trials, costs, np.random.default_rng(0))
+    assert after.archive.tolist() == [herd.X[4].tolist()]
+    assert np.flatnonzero(~after.refined).tolist() == [4]
+
+
+def test_prey_is_the_best_not_refined_at_and_not_beside_an_earlier_end() -> None:
+    herd = young()
+    order = np.argsort(herd.F)
+    first, herd = herd.next_start(np.empty((0, 3)))
+    assert first == order[0]
+    second, herd = herd.next_start(np.empty((0, 3)))
+    assert second == order[1]
+    third, herd = herd.next_start(herd.X[order[2]][None, :] + 0.01)
+    assert third is None
+    assert herd.refined[order[:3]].all()
+    assert herd.due == herd.age + herd.period
+
+
+def test_a_herd_without_finite_cost_has_no_prey() -> None:
+    member, _ = replace(young(), F=np.full(20, np.inf)).next_start(np.empty((0, 3)))
+    assert member is None
+
+
+def test_diving_pays_or_is_put_off() -> None:
+    herd = young()
+    better = herd.with_refined(7, np.full(3, 0.31), 1e-4, improved=True)
+    assert better.X[7].tolist() == [0.31] * 3
+    assert better.due == PERIOD // 2
+    worse = herd.with_refined(7, np.full(3, 0.9), 9.0, improved=False)
+    assert (worse.X == herd.X).all()
+    assert worse.period == 2 * PERIOD
+    for _ in range(10):
+        worse = worse.with_refined(7, np.full(3, 0.9), 9.0, improved=False)
+    assert worse.period == 20 * PERIOD
+
+
+@pytest.mark.parametrize(
+    ("change", "gone"),
+    [
+        ({}, False),
+        ({"X": np.full((20, 3), 0.5)}, True),
+        ({"F": np.full(20, 7.0)}, True),
+        ({"F": np.full(20, np.inf)}, False),
+        ({"idle": 161}, True),
+    ],
+)
+def test_a_herd_is_given_up_when_it_collapsed_or_rests(change: dict[str, object], gone: bool) -> None:
+    assert replace(young(), **change).exhausted is gone
+
+
+def test_it_solves_a_valley_by_evolution_alone() -> None:
+    def rosenbrock(X: np.ndarray) -> np.ndarray:
+        Y = 4.0 * X - 2.0
+        return (100.0 * (Y[:, 1:] - Y[:, :-1] ** 2) ** 2 + (1.0 - Y[:, :-1]) ** 2).sum(axis=1)
+
+    generator = np.random.default_rng(0)
+    X = generator.random((40, 4))
+    herd = Population.first(X, rosenbrock(X))
+    for _ in range(400):
+        trials = herd.ask(generator)
+        herd = herd.tell(trials, rosenbrock(trials.X), generator)
+    assert herd.F.min() < 1e-10
+    assert herd.X[herd.F.argmin()] == pytest.approx(0.75, abs=1e-4)
