@@ -40,7 +40,7 @@ def main() -> int:
         chosen = (
             QUICK if arguments.checks == ["quick"] else {n: CHECKS[n] for n in arguments.checks or CHECKS}
         )
-        places = {"scratch": scratch, "durations": folder / "durations.json"}
+        places = {"scratch": scratch, "durations": ROOT / ".durations.json"}
         commands = {name: [w.format(**places) for w in words] for name, words in chosen.items()}
         failed = ["install"] if not install else [n for n, c in commands.items() if not _run(n, c, folder)]
     print(f"\nfailed: {', '.join(failed)}" if failed else f"\nall passed: {', '.join(commands)}", flush=True)
