@@ -27,7 +27,7 @@ from scipy.signal import lfilter
 
 from stoop.assess.noise import ColoredNoise
 from stoop.base.arrays import FloatArray
-from stoop.estimate.autocorrelation import lagged_products
+from stoop.estimate.noise import lagged_products
 
 LONGEST: Final = 0.25  #: of a segment that one block may take: fewer than four would repeat the record
 FEWEST: Final = 20  #: innovations of its own that a segment must have; else it takes those of all

@@ -31,7 +31,7 @@ from stoop.assess.covariance import Inverse
 from stoop.assess.noise import ColoredNoise, fit_noise
 from stoop.assess.sensitivity import Sensitivity
 from stoop.base.arrays import FloatArray
-from stoop.estimate.autocorrelation import lagged_products
+from stoop.estimate.noise import lagged_products
 
 ORDER: Final = 20  #: of the autoregression: at 100 Hz, slow residuals under white noise still come out right
 SAMPLES_PER_LAG: Final = 50  #: short records get a lower order, or the autoregression fits its own noise

@@ -12,7 +12,7 @@ from scipy.fft import rfft
 from scipy.linalg import toeplitz
 
 from stoop.base.arrays import FloatArray
-from stoop.estimate.autocorrelation import lagged_products
+from stoop.estimate.noise import lagged_products
 
 LEAST: Final = 1e-3  #: of the variance: least power at any frequency; bounds how slow the noise can be
 

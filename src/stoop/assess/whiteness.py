@@ -23,7 +23,7 @@ from scipy.stats import chi2
 
 from stoop.assess.runs import runs
 from stoop.base.arrays import FloatArray
-from stoop.estimate.autocorrelation import lagged_products
+from stoop.estimate.noise import lagged_products
 from stoop.results.goodness_of_fit import Whiteness
 
 LAGS: Final = (

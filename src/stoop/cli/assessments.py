@@ -51,11 +51,11 @@ def check(arguments: argparse.Namespace, vehicle: Vehicle, flights: Sequence[Fli
     if not wanted(arguments):
         return
     from stoop.assess.ensemble import libraries
-    from stoop.estimate.methods import chosen
+    from stoop.estimate.methods import choose_method
     from stoop.workflow.case import check_method
     from stoop.workflow.profile import check_names
 
-    check_method(chosen(arguments.method, vehicle, flights).name)
+    check_method(choose_method(arguments.method, vehicle, flights).name)
     if arguments.posterior:
         libraries()
     check_names([p.name for p in vehicle.parameters if p.free], arguments.profile or ())
