@@ -15,7 +15,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.estimate.filter_error.linearization import interpolated, unwrapped
-from stoop.estimate.regression.measured import lagged
+from stoop.estimate.regression.aircraft import first_order_lag
 from stoop.estimate.shooting.windows import edges
 from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.observation import through_air
@@ -58,4 +58,4 @@ def motors_behind(vehicle: Vehicle, piece: Piece) -> dict[str, FloatArray]:
     rows = parameter_rows(vehicle, piece.changes)
     every, lag = np.repeat(rows, len(piece.inputs), axis=1), vehicle.value("rotors.lag")
     asked = {r: commanded(vehicle, r, every, piece.inputs.T) for r in vehicle.rotors}
-    return {f"{r}.lag": lagged(x, lag, piece.dt) - x for r, x in asked.items()}
+    return {f"{r}.lag": first_order_lag(x, lag, piece.dt) - x for r, x in asked.items()}

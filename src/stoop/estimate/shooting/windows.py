@@ -20,7 +20,7 @@ from stoop.estimate.filter_error.linearization import (
     perturbations_of,
     unwrapped,
 )
-from stoop.estimate.regression.measured import lagged
+from stoop.estimate.regression.aircraft import first_order_lag
 from stoop.kernels import filtering
 from stoop.kernels.windows import windows
 from stoop.problem import Misfit, Piece, on_circle
@@ -388,7 +388,7 @@ def _lags(vehicle: Vehicle, piece: Piece, at: IntArray) -> dict[str, FloatArray]
     out = {}
     for name in names:
         prefix = "rotors" if name in vehicle.rotors else f"controls.{name}"
-        behind = lagged(
+        behind = first_order_lag(
             commanded(vehicle, name, whole, inputs.T), float(rows[vehicle.rows[f"{prefix}.lag"], 0]), piece.dt
         )
         out[f"{name}.lag"] = behind[at] - commanded(vehicle, name, early, piece.inputs[at].T)
