@@ -39,7 +39,9 @@ def work_sources(works: Iterable[str]) -> dict[str, str]:
 
 
 def _digest(module: str) -> str:
-    lines = (f"{name}\n{hashlib.sha256(text).hexdigest()}\n" for name, text in sorted(reached(module).items()))
+    lines = (
+        f"{name}\n{hashlib.sha256(text).hexdigest()}\n" for name, text in sorted(reached(module).items())
+    )
     text = "".join(lines)
     return hashlib.sha256(text.encode()).hexdigest() if text else ""
 
