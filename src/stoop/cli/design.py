@@ -17,8 +17,8 @@ from stoop.cli.tables import numbers, words
 from stoop.errors import SimulationError
 
 if TYPE_CHECKING:
+    from stoop.design.proposal import Proposal
     from stoop.vehicle import Vehicle
-    from stoop.workflow.design import Proposal
 
 FAMILIES = ("square", "3-2-1-1", "doublet", "multisine")
 _TURNING = ("alpha", "beta", "phi", "theta", "psi", "p", "q", "r")  #: channels that are given in degrees
@@ -94,11 +94,12 @@ def run(arguments: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from stoop.design import Limits
+    from stoop.design.proposal import propose
     from stoop.simulate import trim
-    from stoop.workflow.design import FILES, believed, propose, write_proposal
+    from stoop.workflow.design import FILES, prior_model, write_proposal
 
     check_targets(arguments.output, FILES, arguments.overwrite)
-    model = believed(arguments.vehicle)
+    model = prior_model(arguments.vehicle)
     model = replace(model, vehicle=freed(model.vehicle, arguments.free, arguments.fix))
     with busy(COMPILING):
         steady = trim(model.vehicle, arguments.airspeed, arguments.altitude)

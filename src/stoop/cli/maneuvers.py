@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Find, write, and say what was found."""
-    from stoop.workflow.windows import FILES, write_windows
+    from stoop.workflow.maneuvers import FILES, write_windows
 
     check_targets(arguments.output, FILES, arguments.overwrite, _inputs(arguments))
     from stoop.design.windows import doubts, find_windows
@@ -122,13 +122,13 @@ def _tell(out: Page, found: Found, folder: Path, following: Sequence[str]) -> No
 
 
 def _windows(found: Found) -> list[Column]:
-    from stoop.workflow.windows import kind_of, numbered, span_of
+    from stoop.report.windows import numbered, span_of, use_of
 
     rows = numbered(found)
     return [
         fixed("", [i for i, _ in rows], 0),
         words("window s", [span_of(w, found) for _, w in rows]),
-        words("use", [kind_of(w) for _, w in rows]),
+        words("use", [use_of(w) for _, w in rows]),
         words("axis", [w.axis for _, w in rows]),
         fixed("information", [w.information for _, w in rows], 2),
         points("gain", [f"{w.gain:.2f}" if w.gain else "-" for _, w in rows]),
@@ -137,7 +137,7 @@ def _windows(found: Found) -> list[Column]:
 
 
 def _tell_expected(out: Page, found: Found) -> None:
-    from stoop.workflow.windows import FIRST_GUESS, percent
+    from stoop.report.windows import FIRST_GUESS, percent
 
     out.heading("expected of the windows to be fitted")
     out.line(FIRST_GUESS)

@@ -15,6 +15,7 @@ from stoop.cli.point import LOG_HELP, MAPPING_HELP
 from stoop.cli.spans import add_window, spans
 
 if TYPE_CHECKING:
+    from stoop.base.notices import Notice
     from stoop.reconstruct.polar import Polar, Propulsion
 
 
@@ -44,13 +45,13 @@ def run(arguments: argparse.Namespace) -> int:
         check_targets(arguments.output, NAMES, arguments.overwrite, [arguments.flight, *others])
     with busy("reading the log"):
         flight = load(arguments.flight, arguments.mapping)
-    polar, notes = drag_polar(
+    polar, notices = drag_polar(
         flight, arguments.mass, arguments.area, spans(arguments.window), _propulsion(arguments)
     )
-    _tell(page(), polar, notes)
+    _tell(page(), polar, notices)
     if arguments.output is not None:
         arguments.output.mkdir(parents=True, exist_ok=True)
-        write_polar(polar, notes, flight, arguments.output, shlex.join(["stoop", *sys.argv[1:]]), others)
+        write_polar(polar, notices, flight, arguments.output, shlex.join(["stoop", *sys.argv[1:]]), others)
         page().line(f"page: {arguments.output / PAGE}")
     return 0
 
@@ -62,7 +63,7 @@ def _propulsion(arguments: argparse.Namespace) -> Propulsion:
     return Propulsion(efficiency, std, arguments.disc)
 
 
-def _tell(out: Page, polar: Polar, notes: tuple[str, ...]) -> None:
+def _tell(out: Page, polar: Polar, notices: tuple[Notice, ...]) -> None:
     from stoop.assess.covariance import NORMAL_95
     from stoop.cli.tables import fixed, numbers, words
     from stoop.report.polar import MEANINGS, grid
@@ -83,4 +84,4 @@ def _tell(out: Page, polar: Polar, notes: tuple[str, ...]) -> None:
     out.heading("Drag coefficient, 95 % interval")
     out.table([fixed("CL", CL, 1), fixed("CD", value, 4), fixed("from", low, 4), fixed("to", high, 4)])
     out.heading("What it rests on")
-    out.bullets(notes)
+    out.bullets(map(str, notices))

@@ -21,7 +21,7 @@ NAMES: Final = (PAGE, FLIGHT, RESULT)  #: the result last: where it is, the othe
 def check_compatibility(
     flight: Flight, windows: Sequence[tuple[float, float]] = ()
 ) -> tuple[Compatibility, Flight]:
-    """Return what the sensors contradict each other in, and the flight with their errors undone.
+    """Return the contradictions between the sensors, and the flight with their errors corrected.
 
     Parameters
     ----------
@@ -47,10 +47,10 @@ def write_compatibility(
     others: Sequence[Path] = (),
 ) -> None:
     """Write page, corrected flight and result into a folder that is there."""
-    from stoop.report.consistency import consistency_sheet
+    from stoop.report.compatibility import compatibility_sheet
     from stoop.report.sheet import write_sheet
 
     hashes = file_hashes([*flight_files([original]), *others])
-    write_sheet(consistency_sheet(result, command), folder / PAGE)
+    write_sheet(compatibility_sheet(result, command), folder / PAGE)
     save(corrected, folder / FLIGHT)
     write_text_atomic(folder / RESULT, result.document(versions(), hashes))

@@ -1,4 +1,4 @@
-"""Model structure: the terms that flights ask for, as a vehicle file, a table of steps and a page."""
+"""Model structure determination: chosen terms, as a vehicle file, a table of steps and a page."""
 
 from __future__ import annotations
 
@@ -11,19 +11,15 @@ from typing import Any, Final
 import numpy as np
 import tomlkit
 
-from stoop.base.arrays import FloatArray
 from stoop.base.files import write_text_atomic
 from stoop.errors import IdentificationError
 from stoop.estimate.regression.candidates import parameter_name
-from stoop.estimate.regression.domain import Domain, Time
+from stoop.estimate.regression.domain import Domain
 from stoop.estimate.regression.estimate import Regressed, from_histories
-from stoop.estimate.regression.history import History
-from stoop.estimate.regression.structure import Choose, Chosen, Structure, determine
+from stoop.estimate.regression.structure import Choose, Structure, determine
 from stoop.flight import Flight
 from stoop.problem import Layout
 from stoop.problem.windows import parse_window
-from stoop.report.plots import Series, plot
-from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table, write_sheet
 from stoop.vehicle import Vehicle
 from stoop.vehicle.defaults import EQUATION_1
 from stoop.vehicle.load import parse_vehicle
@@ -31,10 +27,6 @@ from stoop.vehicle.load import parse_vehicle
 FILES: Final = ("vehicle.toml", "structure.csv", "structure.html")
 HEAD: Final = ("coefficient", "step", "action", "term", "F", "threshold", "terms", "R2", "PRESS", "PSE")
 DIGITS: Final = 6
-LEAD: Final = """\
-Nondimensional coefficients were computed sample by sample from measured accelerations and rates, with the mass \
-properties and the thrust of the vehicle file; terms were then chosen among candidates. A constant is always there. \
-The estimates are those of a regression: a start for stoop identify, not its result."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +78,8 @@ def structure(
     shaped = parse_vehicle(_text(vehicle, names, {}), vehicle.where)
     shaped = shaped if shaped.reduce == vehicle.reduce else shaped.reduced(vehicle.reduce)
     layout = Layout.of(_freed(shaped, names), ())
-    told = from_histories(layout, found.histories, domain)
-    estimates = {} if told is None else _estimates(layout, told)
+    found_values = from_histories(layout, found.histories, domain)
+    estimates = {} if found_values is None else _estimates(layout, found_values)
     values = {n: v for n, (v, _) in estimates.items()}
     final = parse_vehicle(_text(vehicle, names, values), vehicle.where)
     return Determined(found, final, names, estimates, domain)
@@ -192,80 +184,13 @@ def rows(found: Structure) -> Iterator[tuple[Any, ...]]:
 
 def write_structure(found: Determined, folder: Path, table: str, command: str) -> None:
     """Write vehicle, table of steps and page into a folder; each whole or not at all."""
+    from stoop.report.sheet import write_sheet
+    from stoop.report.structure import structure_sheet
+
     folder.mkdir(parents=True, exist_ok=True)
     write_text_atomic(folder / "vehicle.toml", found.vehicle.text)
     write_text_atomic(folder / "structure.csv", table)
-    write_sheet(sheet(found, command), folder / "structure.html")
-
-
-def sheet(found: Determined, command: str) -> Sheet:
-    """Return the page."""
-    sections = [_section(found, c, chosen) for c, chosen in found.structure.chosen.items()]
-    notes = [n for chosen in found.structure.chosen.values() for n in chosen.notes] + list(
-        found.structure.notes
-    )
-    said = [Section("What to mind", (Prose("\n".join(f"- {n}" for n in notes)),))] if notes else []
-    made = Section("Made by", (Code(command),))
-    return Sheet(f"Model structure of {found.vehicle.name}", LEAD, (*said, *sections, made))
-
-
-def _section(found: Determined, coefficient: str, chosen: Chosen) -> Section:
-    parts = (_chosen_table(found, coefficient), _figure(found, coefficient), _steps_table(chosen))
-    share = chosen.selection.model.r2
-    words = Prose(
-        f"{len(chosen.terms)} of {len(chosen.candidates)} candidates; they explain {100.0 * share:.1f} % of the motion."
-    )
-    return Section(coefficient, (words, *parts))
-
-
-def _chosen_table(found: Determined, coefficient: str) -> Table:
-    names = found.names[coefficient]
-    constants = [("1", n) for n, t in found.vehicle.terms[coefficient].items() if t.strip() == "1"]
-    rows = [(term, name, *_estimate(found, name)) for term, name in (*constants, *names.items())]
-    return Table("Chosen terms", ("term", "parameter", "estimate", "std. error"), tuple(rows))
-
-
-def _estimate(found: Determined, name: str) -> tuple[str, str]:
-    value, std = found.estimates.get(name, (np.nan, np.nan))
-    return (_number(value), _number(std)) if np.isfinite(value) else ("–", "–")
-
-
-def _number(value: float) -> str:
-    return f"{value:.4g}".replace("-", "−")
-
-
-def _steps_table(chosen: Chosen) -> Table:
-    steps = chosen.selection.steps
-    rows = tuple(
-        (
-            str(i), s.action, chosen.candidates[s.column], f"{s.f:.1f}", f"{s.threshold:.3g}", str(s.terms),
-            f"{s.r2:.4f}", f"{s.press:.3e}", f"{s.pse:.3e}",
-        )
-        for i, s in enumerate(steps, 1)
-    )  # fmt: skip
-    head = ("step", "action", "term", "partial F", "threshold", "terms", "R²", "PRESS", "PSE")
-    return Table("Steps; F of the term, R², PRESS and PSE of the model after the step", head, rows)
-
-
-def _figure(found: Determined, coefficient: str) -> Figure:
-    """Draw what was measured, smoothed, and what the terms make of it."""
-    smooth, curves = Time(), list[Series]()
-    for history in found.structure.histories:
-        both = np.column_stack(
-            [history.coefficients[coefficient], _modeled(found, coefficient, history), history.time]
-        )
-        turned = smooth.rows(both, history.dt)
-        if len(turned):
-            curves += [
-                Series("measured", turned[:, 2], turned[:, 0]), Series("chosen terms", turned[:, 2], turned[:, 1]),
-            ]  # fmt: skip
-    words = f"{coefficient} as it was flown, smoothed over {smooth.span:g} s, and the chosen terms"
-    return Figure(words, plot(curves, "time, s", coefficient, words))
-
-
-def _modeled(found: Determined, coefficient: str, history: History) -> FloatArray:
-    vehicle = found.vehicle
-    return sum(
-        (vehicle.value(n) * history.regressor(t) for n, t in vehicle.terms[coefficient].items()),
-        np.zeros(len(history.time)),
+    write_sheet(
+        structure_sheet(found.structure, found.vehicle, found.names, found.estimates, command),
+        folder / "structure.html",
     )

@@ -10,7 +10,7 @@ import pytest
 from stoop.cli.design import add_arguments
 from stoop.cli.main import main
 from stoop.simulate import load_maneuver, parse_maneuver
-from stoop.workflow.design import FILES, believed, maneuver_toml
+from stoop.workflow.design import FILES, maneuver_toml, prior_model
 
 QUICK = (
     "--duration",
@@ -124,7 +124,7 @@ def test_does_not_write_over_a_design_unasked(folder: Path, capsys: pytest.Captu
 
 
 def test_priors_are_what_a_vehicle_file_knows(examples: Path) -> None:
-    model = believed(examples / "vtail.toml")
+    model = prior_model(examples / "vtail.toml")
     known = dict(zip(model.knowledge.names, model.knowledge.std(model.knowledge.names), strict=True))
     assert known["CLalpha"] == pytest.approx(1.0)
     assert known["mass.inertia.xx"] == pytest.approx(0.2)

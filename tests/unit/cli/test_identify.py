@@ -333,7 +333,7 @@ def test_demo_replaces_an_earlier_demo_and_nothing_else(
 ) -> None:
     (tmp_path / "vehicle.toml").write_text("mine")
     assert main(["demo", "-o", str(tmp_path)]) == 2
-    assert "holds vehicle.toml already; add --overwrite" in capsys.readouterr().err
+    assert "vehicle.toml: exists already; add --overwrite" in capsys.readouterr().err
     assert (tmp_path / "vehicle.toml").read_text() == "mine"
     assert main(["demo", "-o", str(tmp_path), "--overwrite"]) == 0
     assert main(["demo", "-o", str(tmp_path)]) == 0
