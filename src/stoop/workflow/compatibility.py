@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from stoop.base.files import write_text_atomic
+from stoop.base.files import make_folder, write_text_atomic
 from stoop.flight import Flight, save
 from stoop.reconstruct.corrected import corrected_flight
 from stoop.reconstruct.result import Compatibility, check
@@ -46,10 +46,11 @@ def write_compatibility(
     command: str,
     others: Sequence[Path] = (),
 ) -> None:
-    """Write page, corrected flight and result into a folder that is there."""
+    """Write page, corrected flight and result into a folder, the result last."""
     from stoop.report.compatibility import compatibility_sheet
     from stoop.report.sheet import write_sheet
 
+    make_folder(folder)
     hashes = file_hashes([*flight_files([original]), *others])
     write_sheet(compatibility_sheet(result, command), folder / PAGE)
     save(corrected, folder / FLIGHT)

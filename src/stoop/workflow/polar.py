@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.assess.covariance import NORMAL_95
-from stoop.base.files import write_text_atomic
+from stoop.base.files import make_folder, write_text_atomic
 from stoop.base.notices import Notice, notice
 from stoop.base.numbers import finite_or_none
 from stoop.errors import FlightError
@@ -86,7 +86,7 @@ def _airspeed_std(flight: Flight) -> float:
 def _propulsion_notices(polar: Polar, propulsion: Propulsion) -> list[Notice]:
     if not polar.blocks.powered:
         return [notice("polar-of-gliding-blocks")]
-    assumed = {"efficiency": propulsion.efficiency, "std": propulsion.efficiency_std}
+    assumed: dict[str, Any] = {"efficiency": propulsion.efficiency, "std": propulsion.efficiency_std}
     if propulsion.diameter is None:
         diameter, factor = DISC * float(np.sqrt(polar.area)), float(np.exp(DISC_SPREAD))
         thrust = notice("thrust-from-power-unknown-disc", **assumed, diameter=diameter, factor=factor)
@@ -154,9 +154,10 @@ def write_polar(
     command: str,
     others: Sequence[Path] = (),
 ) -> None:
-    """Write page and result into a folder that is there, the result last."""
+    """Write page and result into a folder, the result last."""
     from stoop.report.polar import polar_sheet
     from stoop.report.sheet import write_sheet
 
+    make_folder(folder)
     write_sheet(polar_sheet(flight.name, polar, notices, command), folder / PAGE)
     write_text_atomic(folder / RESULT, polar_document(polar, notices, flight, others))

@@ -11,7 +11,8 @@ from typing import Any, Final
 import numpy as np
 import tomlkit
 
-from stoop.base.files import write_text_atomic
+from stoop.base.csv_text import csv_text
+from stoop.base.files import make_folder, write_text_atomic
 from stoop.errors import IdentificationError
 from stoop.estimate.regression.candidates import parameter_name
 from stoop.estimate.regression.domain import Domain
@@ -174,7 +175,7 @@ def _revise(entry: Any, number: float | None) -> None:
 
 
 def rows(found: Structure) -> Iterator[tuple[Any, ...]]:
-    """Give the steps of every coefficient under `HEAD`."""
+    """Yield the steps of every coefficient under `HEAD`."""
     for coefficient, chosen in found.chosen.items():
         for i, s in enumerate(chosen.selection.steps, 1):
             yield (
@@ -182,12 +183,13 @@ def rows(found: Structure) -> Iterator[tuple[Any, ...]]:
             )  # fmt: skip
 
 
-def write_structure(found: Determined, folder: Path, table: str, command: str) -> None:
+def write_structure(found: Determined, folder: Path, command: str) -> None:
     """Write vehicle, table of steps and page into a folder; each whole or not at all."""
     from stoop.report.sheet import write_sheet
     from stoop.report.structure import structure_sheet
 
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
+    table = csv_text(HEAD, rows(found.structure))
     write_text_atomic(folder / "vehicle.toml", found.vehicle.text)
     write_text_atomic(folder / "structure.csv", table)
     write_sheet(

@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 from stoop.workflow.assemble import assemble
 
-from stoop.cli.freed import freed
+from stoop.cli.arguments import with_free
 from stoop.cli.main import main
 from stoop.cli.progress import Watch
 from stoop.errors import IdentificationError
@@ -200,11 +200,11 @@ lag = "=controls.aileron.lag"
 def test_a_control_that_the_equations_drop_is_not_freed(aircraft: Vehicle) -> None:
     controls = "[controls.aileron]\nlag = 0.05\n[controls.elevator]\nlag = 0.05\n[controls.rudder]\n"
     whole = parse_vehicle(VEHICLE.read_text() + controls, "v.toml")
-    assert freed(whole, ["controls.aileron.lag"], [])
+    assert with_free(whole, ["controls.aileron.lag"], [])
     with pytest.raises(IdentificationError, match=r"--free controls\.aileron\.lag: the equations of v\.toml"):
-        freed(whole.reduced("longitudinal"), ["controls.aileron.lag"], [])
+        with_free(whole.reduced("longitudinal"), ["controls.aileron.lag"], [])
     with pytest.raises(IdentificationError, match="leave it out"):
-        freed(aircraft, ["Clp"], [])
+        with_free(aircraft, ["Clp"], [])
 
 
 def test_the_result_names_every_file_that_was_read(place: Path) -> None:
