@@ -111,8 +111,8 @@ def _check_output(arguments: argparse.Namespace) -> None:
 
 def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options]:
     from stoop.estimate.fit import Options
-    from stoop.estimate.given import read_covariance
     from stoop.estimate.methods import find
+    from stoop.estimate.noise import read_covariance
     from stoop.flight import load
     from stoop.optimize import create
     from stoop.vehicle.builtin import resolve_vehicle
@@ -137,12 +137,12 @@ def _checkpoint(
     options: Options,
     warn: Callable[[str], None],
 ) -> Checkpoint:
-    from stoop.estimate.methods import chosen
+    from stoop.estimate.methods import choose_method
     from stoop.workflow.checkpoint import Checkpoint, identity
     from stoop.workflow.provenance import file_hashes, flight_files
 
     files = file_hashes([*flight_files(flights), *given_paths(arguments.mapping)])
-    options = replace(options, method=chosen(options.method, vehicle, flights).name)
+    options = replace(options, method=choose_method(options.method, vehicle, flights).name)
     problem = identity(vehicle, files, arguments.maneuver, arguments.validate, options)
     return Checkpoint(arguments.output, problem, warn)
 
@@ -162,7 +162,7 @@ def _identify(
     from stoop.workflow.repeat import fit_alone, with_repeatability
 
     state = checkpoint.load() if arguments.resume else None
-    watch.count_from(0.0 if state is None else state.books.trajectories)
+    watch.count_from(0.0 if state is None else state.evaluations.trajectories)
 
     def see(progress: Progress) -> None:
         checkpoint.keep(progress.state)

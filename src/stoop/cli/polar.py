@@ -41,7 +41,8 @@ def run(arguments: argparse.Namespace) -> int:
         check_targets(folder, NAMES, arguments.overwrite, [arguments.flight, *others])
     with busy("reading the log"):
         flight = load(arguments.flight, arguments.mapping)
-    propulsion = Propulsion(*arguments.efficiency, arguments.disc)
+    efficiency, std = arguments.efficiency
+    propulsion = Propulsion(efficiency, std, arguments.disc)
     used = windows(arguments.window)
     polar, notices = drag_polar(flight, arguments.mass, arguments.area, used, propulsion)
     out = page()

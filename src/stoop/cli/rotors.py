@@ -156,7 +156,7 @@ def _notes(reference: Reference, flown: Sequence[Hover], chance: float) -> list[
     far = [h.name for h in flown if abs(h.voltage / reference.voltage - 1.0) > MAX_VOLTAGE_DIFFERENCE]
     if far:
         notes.append(
-            f"{', '.join(far)}: the battery's voltage is more than {100.0 * MAX_VOLTAGE_DIFFERENCE:.0f} % from that of the healthy flights; "
-            "compare flights on equal charge"
+            f"{', '.join(far)}: the battery's voltage is more than {100.0 * MAX_VOLTAGE_DIFFERENCE:.0f} % from that of the "
+            "healthy flights; compare flights on equal charge"
         )
     return notes

@@ -40,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def trim_document(vehicle: Vehicle, point: Trim, climb_angle: float) -> dict[str, Any]:
     """Return the trim for JSON, SI and rad."""
-    start = point.start
+    start, flown = point.start, dict[str, Any]()
     if "V" in start:
         flown = {"airspeed": start["V"], "altitude": start["h"], "climb_angle": climb_angle}
     else:

@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 
 from stoop.base.numbers import NOTHING
-from stoop.estimate.regression.domain import Time
-from stoop.estimate.regression.structure import Chosen, Structure
+from stoop.estimate.regression.domain import TimeDomain
+from stoop.estimate.regression.structure import ChosenTerms, Structure
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table
 from stoop.vehicle import Vehicle
@@ -53,8 +53,8 @@ def structure_sheet(
         summary = f"{len(chosen.terms)} of {len(chosen.candidates)} candidates; they explain {share:.1f} % of the variation."
         parts = (Prose(summary), table, _figure(structure, vehicle, coefficient), _steps(chosen))
         sections.append(Section(coefficient, parts))
-    notes = [str(n) for chosen in structure.chosen.values() for n in chosen.notes]
-    notes += map(str, structure.notes)
+    notes = [str(n) for chosen in structure.chosen.values() for n in chosen.notices]
+    notes += map(str, structure.notices)
     first = [Section("Notes", (Bullets(notes),))] if notes else []
     made = Section("Made by", (Code(command),))
     return Sheet(f"Model structure of {vehicle.name}", LEAD, (*first, *sections, made))
@@ -67,7 +67,7 @@ def _estimate(found: tuple[float, float] | None) -> tuple[str, str]:
     return value, std
 
 
-def _steps(chosen: Chosen) -> Table:
+def _steps(chosen: ChosenTerms) -> Table:
     rows = tuple(
         (
             str(i), s.action, chosen.candidates[s.column], f"{s.f:.1f}", f"{s.threshold:.3g}", str(s.terms),
@@ -81,7 +81,7 @@ def _steps(chosen: Chosen) -> Table:
 
 def _figure(structure: Structure, vehicle: Vehicle, coefficient: str) -> Figure:
     """Draw the measured coefficient, smoothed, and the chosen terms."""
-    smooth, curves = Time(), list[Series]()
+    smooth, curves = TimeDomain(), list[Series]()
     for history in structure.histories:
         terms = vehicle.terms[coefficient].items()
         modeled = sum(

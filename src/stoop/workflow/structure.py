@@ -14,10 +14,10 @@ import tomlkit
 from stoop.base.csv_text import csv_text
 from stoop.base.files import make_folder, write_text_atomic
 from stoop.errors import IdentificationError
-from stoop.estimate.regression.candidates import parameter_name
+from stoop.estimate.regression.aircraft import AircraftEquations
 from stoop.estimate.regression.domain import Domain
-from stoop.estimate.regression.estimate import Regressed, from_histories
-from stoop.estimate.regression.structure import Choose, Structure, determine
+from stoop.estimate.regression.equations import estimate, unbounded
+from stoop.estimate.regression.structure import Choose, Structure, determine, parameter_name
 from stoop.flight import Flight
 from stoop.problem import Layout
 from stoop.problem.windows import parse_window
@@ -78,9 +78,8 @@ def structure(
     names = {c: _names(vehicle, c, chosen.terms) for c, chosen in found.chosen.items()}
     shaped = parse_vehicle(_text(vehicle, names, {}), vehicle.where)
     shaped = shaped if shaped.reduce == vehicle.reduce else shaped.reduced(vehicle.reduce)
-    layout = Layout.of(_freed(shaped, names), ())
-    found_values = from_histories(layout, found.histories, domain)
-    estimates = {} if found_values is None else _estimates(layout, found_values)
+    equations = AircraftEquations(Layout.of(_freed(shaped, names), ()), found.histories)
+    estimates = _estimates(equations, domain)
     values = {n: v for n, (v, _) in estimates.items()}
     final = parse_vehicle(_text(vehicle, names, values), vehicle.where)
     return Determined(found, final, names, estimates, domain)
@@ -93,12 +92,13 @@ def _freed(vehicle: Vehicle, names: Mapping[str, Mapping[str, str]]) -> Vehicle:
     return vehicle.with_numbers({p.name: {"free": p.name in wanted} for p in vehicle.parameters})
 
 
-def _estimates(layout: Layout, told: Regressed) -> dict[str, tuple[float, float]]:
-    std = np.sqrt(np.maximum(np.diag(told.solved.covariance), 0.0))
-    return {
-        layout.parameters[i].name: (float(v), float(s))
-        for i, v, s in zip(told.places, told.solved.values, std, strict=True)
-    }
+def _estimates(equations: AircraftEquations, domain: Domain) -> dict[str, tuple[float, float]]:
+    """Return estimate and standard error by parameter; none where no row is left."""
+    found = estimate(equations, domain, unbounded(equations))
+    if found is None:
+        return {}
+    std = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+    return {n: (float(v), float(s)) for n, v, s in zip(equations.names, found.values, std, strict=True)}
 
 
 def _same(a: str, b: str) -> bool:

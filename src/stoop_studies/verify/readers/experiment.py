@@ -225,3 +225,6 @@ def _rows(counts: Counts) -> Iterable[tuple[Cell, ...]]:
                 sum(outcomes.values()),
                 *(outcomes[o] for o in (*GOOD, *BAD)),
             )
+
+
+EXPERIMENT: Final = Readers()
