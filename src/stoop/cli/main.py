@@ -43,7 +43,7 @@ GROUP: Final = "stoop.verbs"  #: entry points of other packages, each a mapping 
 
 BUG, USER_ERROR, INTERRUPTED, UNREAD = 1, 2, 130, 141
 BUG_MESSAGE = "this is a bug in stoop: please report it with the lines above and your command"
-DEBUG_HELP = "show the traceback of every error (or set STOOPDEBUG_HELP=1)"
+DEBUG_HELP = "show the traceback of every error (or set STOOP_DEBUG=1)"
 EXAMPLES: Final = """\
 examples:
   stoop demo
@@ -85,7 +85,7 @@ def main(words: Sequence[str] | None = None) -> int:
     if words is None:
         words = sys.argv[1:]
         _prepare_process(words)
-    debug = "--debug" in words or bool(os.environ.get("STOOPDEBUG_HELP"))
+    debug = "--debug" in words or bool(os.environ.get("STOOP_DEBUG"))
     try:
         return _guarded(words, debug)
     except KeyboardInterrupt:

@@ -152,11 +152,11 @@ def test_an_option_given_twice_counts_twice() -> None:
 def test_ctrl_c_ends_all_families_and_writes_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def stop(self: object, family: str, progress: object) -> None:
+    def stop(setup: object, plan: object, family: str, callback: object) -> None:
         print(family)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("stoop.cli.design._Watch.see", stop)
+    monkeypatch.setattr("stoop.design.proposal.design", stop)
     assert main(["design", "twin-boom", *QUICK, "--evaluations", "500", "-o", str(tmp_path / "out")]) == 130
     assert capsys.readouterr().out.split() == ["square"]
     assert not (tmp_path / "out").exists()

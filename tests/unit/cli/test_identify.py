@@ -15,7 +15,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from stoop.workflow.assemble import assemble
+from stoop.workflow.fit_result import identification
 
 from stoop.cli.arguments import with_free
 from stoop.cli.main import main
@@ -259,13 +259,13 @@ def pressing(times: int) -> Callable[..., Identification]:
     def assembled(*arguments: Any) -> Identification:
         for _ in range(times):
             signal.raise_signal(signal.SIGINT)
-        return assemble(*arguments)
+        return identification(*arguments)
 
     return assembled
 
 
 def test_ctrl_c_after_the_search_waits_for_the_result(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stoop.workflow.identification.assemble", pressing(1))
+    monkeypatch.setattr("stoop.workflow.identification.identification", pressing(1))
     assert main(identify(place, "--maneuver", "0:20", out="late")) == 130
     assert json.loads((place / "late" / "result.json").read_text())["status"] == "converged"
     assert not (place / "late" / "search.npz").exists()
@@ -275,7 +275,7 @@ def test_ctrl_c_twice_stops_and_the_search_is_still_there(
     place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patched:
-        patched.setattr("stoop.workflow.identification.assemble", pressing(2))
+        patched.setattr("stoop.workflow.identification.identification", pressing(2))
         assert main(identify(place, "--maneuver", "0:20", out="twice")) == 130
     assert [p.name for p in (place / "twice").iterdir()] == ["search.npz"]
     assert main(identify(place, "--maneuver", "0:20", "--resume", out="twice")) == 0
