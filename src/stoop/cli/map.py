@@ -18,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Read, draft, print or write."""
-    from stoop.flight.draft import draft
+    from stoop.flight.mapping_draft import draft
 
     output: Path | None = arguments.output
     if output is not None:

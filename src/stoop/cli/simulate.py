@@ -90,7 +90,7 @@ def _print(flight: Flight, target: Path, noise: str, mapping: Path | None) -> No
     out.line(f"wrote {target}: {size}, {noise}")
     if mapping is not None:
         out.line(f"wrote {mapping}: the mapping of what the autopilot has no place for, or calls otherwise")
-    out.bullets(note for note in flight.notes if note != "simulated flight")
+    out.bullets(str(found) for found in flight.notices if found.code != "simulated")
 
 
 def _print_next(

@@ -103,14 +103,12 @@ def _notices(
 ) -> list[Notice]:
     """Return what is doubtful about predictions and windows, what the figures rest on, and what the data show."""
     vehicle = fit.problem.layout.vehicle
-    predictions = [
-        n for g in groups if g.role == "validation" for n in of_severity(g.prepared.notices, "warning")
-    ]
+    of_windows = [n for g in groups for n in of_severity(g.prepared.notices, "warning")]
     prepared = [n for g in groups for n in of_severity(g.prepared.notices, "info")]
     per_mass = ratios(vehicle, {name: (p.estimate, p.std_error) for name, p in result.parameters.items()})
-    of_flights = [found for flight in flights.values() for found in flight.notes]
+    of_flights = [found for flight in flights.values() for found in flight.notices]
     return [
-        *predictions,
+        *dict.fromkeys(of_windows),
         *of_severity(fit.notices, "info"),
         *([as_notice(per_mass, "info")] if per_mass else []),
         *basis_notices(vehicle, flights, color),
@@ -228,7 +226,7 @@ def _wind(flights: Mapping[str, Flight]) -> tuple[WindEstimate, ...]:
         if np.isfinite(air.pitot_scale):
             values["pitot_scale"] = Quantity(air.pitot_scale, air.pitot_scale_std, "1")
             values["pitot_offset"] = Quantity(air.pitot_offset, air.pitot_offset_std, "m/s")
-        out.append(WindEstimate(flight.name, values, air.residual_rms, tuple(map(str, air.notes))))
+        out.append(WindEstimate(flight.name, values, air.residual_rms, tuple(map(str, air.notices))))
     return tuple(out)
 
 

@@ -15,7 +15,7 @@ from stoop.base.notices import Notice, notice
 from stoop.base.numbers import finite_or_none
 from stoop.errors import FlightError
 from stoop.flight import Flight
-from stoop.flight.load import RECONSTRUCTED
+from stoop.flight.air_data_reconstruction import RECONSTRUCTED
 from stoop.reconstruct.performance import Blocks, blocks
 from stoop.reconstruct.polar import DISC, DISC_SPREAD, Polar, Propulsion, fit_polar
 from stoop.workflow.notices import data_notices
@@ -62,7 +62,7 @@ def drag_polar(
     cut = blocks(flight, mass, windows)
     _check_lift(flight, cut, mass, area)
     polar = fit_polar(cut, mass, area, _airspeed_std(flight), propulsion)
-    return polar, (*_propulsion_notices(polar, propulsion), *_notices(polar), *data_notices(flight.notes))
+    return polar, (*_propulsion_notices(polar, propulsion), *_notices(polar), *data_notices(flight.notices))
 
 
 def _check_lift(flight: Flight, cut: Blocks, mass: float, area: float) -> None:

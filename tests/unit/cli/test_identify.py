@@ -15,7 +15,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from stoop.workflow.fit_result import identification
 
 from stoop.cli.arguments import with_free
 from stoop.cli.main import main
@@ -26,6 +25,7 @@ from stoop.optimize import State
 from stoop.results.result import Identification
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.workflow.checkpoint import Checkpoint
+from stoop.workflow.fit_result import identification
 
 VEHICLE = Path(__file__).parents[3] / "src" / "stoop" / "data" / "twin_boom.toml"
 
@@ -65,7 +65,7 @@ def test_a_window_beyond_the_record_is_trimmed_and_told(
     place: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(identify(place, "--maneuver", "-5:20", "--generations", "1", out="beyond")) == 0
-    told = "sim -5:20: trimmed to the record, 0.00 to 20.00 s."
+    told = "sim -5:20: trimmed to the record, 0.00 to 20.00 s"
     assert told in " ".join(capsys.readouterr().out.split())
     assert told in json.loads((place / "beyond" / "result.json").read_text())["warnings"]
 
