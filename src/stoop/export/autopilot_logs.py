@@ -15,8 +15,8 @@ import numpy.typing as npt
 from stoop.base.units import DEGREE, MICROSECOND
 from stoop.export.log_layout import Columns, LogLayout, MappingFile, travel
 from stoop.flight import VARIABLES, Flight
+from stoop.flight.calibration import SURFACES
 from stoop.flight.mapping import ready
-from stoop.flight.surfaces import MOVED
 from stoop.logs.crazyflie_write import Event, crazyflie_bytes
 from stoop.logs.dataflash_write import Table, dataflash_bytes
 from stoop.logs.ulog_write import Topic, ulog
@@ -65,7 +65,7 @@ def px4_log(flight: Flight) -> tuple[bytes, str]:
         mapping.add("V", "true_airspeed_m_s", "m/s", "airspeed_validated")
     servos, commanded = ARRAYS["actuator_servos"], streams.get("actuator_servos", {})
     free = [column for column in servos if column not in commanded]
-    for surface, column in zip([n for n in MOVED if n in unmapped], free, strict=False):
+    for surface, column in zip([n for n in SURFACES if n in unmapped], free, strict=False):
         full = travel(unmapped[surface])
         streams.setdefault("actuator_servos", commanded)[column] = unmapped.pop(surface) / full
         mapping.calibrate(surface, f"servo_{servos.index(column) + 1}", -1.0, 1.0, full)
@@ -74,7 +74,7 @@ def px4_log(flight: Flight) -> tuple[bytes, str]:
         streams.setdefault(DEBUG_ARRAY, {})[column] = x
         mapping.add(name, column, VARIABLES[name].unit, DEBUG_ARRAY)
     topics = [_topic(name, flight.time, columns) for name, columns in streams.items()]
-    texts = [(float(flight.time[0]), "INFO", f"stoop: {note}") for note in flight.notes]
+    texts = [(float(flight.time[0]), "INFO", f"stoop: {found}") for found in flight.notices]
     return ulog(topics, info={"sys_name": "PX4", "ver_sw": "simulated by stoop"}, texts=texts), mapping.text()
 
 
@@ -178,7 +178,7 @@ def ardupilot_log(flight: Flight) -> tuple[bytes, str]:
             mapping.add(name, name[:16], VARIABLES[name].unit, stream)
         message = Message(tuple(part), "-" * len(part))
         tables.append(message.table(stream, time, {name: unmapped[name] for name in part}))
-    texts = [f"stoop: {note}"[:64] for note in flight.notes]
+    texts = [f"stoop: {found}"[:64] for found in flight.notices]
     return dataflash_bytes(tables, messages=texts), mapping.text()
 
 
@@ -187,7 +187,7 @@ def _add_pulses(streams: dict[str, Columns], unmapped: Columns, mapping: Mapping
     pulses = streams.get("RCOU", {})
     free = [column for column in _OUTPUTS if column not in pulses]
     motors, servos = ([n for n in unmapped if n.startswith(kind)] for kind in ("motor_", "servo_"))
-    surfaces = [n for n in MOVED if n in unmapped]
+    surfaces = [n for n in SURFACES if n in unmapped]
     for name, column in zip([*motors, *servos, *surfaces], free, strict=False):
         x = unmapped.pop(name)
         table = streams.setdefault("RCOU", pulses)

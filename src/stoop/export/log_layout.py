@@ -11,10 +11,9 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.flight import Flight
-from stoop.flight.frames import turned
-from stoop.flight.mapping import FlightMapping, with_other_form
-from stoop.flight.sources import Source
-from stoop.flight.surfaces import LARGEST
+from stoop.flight.calibration import MAX_DEFLECTION
+from stoop.flight.frames import rotate_axes
+from stoop.flight.mapping import FlightMapping, Source, with_other_form
 
 Columns: TypeAlias = dict[str, FloatArray]
 USUAL_TRAVEL: Final = 0.5  #: rad, of a surface to either side
@@ -64,7 +63,9 @@ class LogLayout:
         if not wanted or (not source.partial and len(wanted) < len(source.variables)):
             return
         names = [source.variables[i] for i in wanted]
-        back = turned({name: known[name] for name in names}, source.frame)  # a half turn is its own inverse
+        back = rotate_axes(
+            {name: known[name] for name in names}, source.frame
+        )  # a half turn is its own inverse
         for i, name in zip(wanted, names, strict=True):
             if (source.stream, name) not in self._placed:
                 self._placed.add((source.stream, name))
@@ -125,4 +126,4 @@ class MappingFile:
 def travel(x: FloatArray) -> float:
     """Return the travel of a surface to either side, rad: the usual, or as far as it went."""
     most = float(np.nanmax(np.abs(x), initial=0.0))
-    return min(max(USUAL_TRAVEL, math.ceil(10.0 * most) / 10.0), LARGEST)
+    return min(max(USUAL_TRAVEL, math.ceil(10.0 * most) / 10.0), MAX_DEFLECTION)
