@@ -1,6 +1,6 @@
-"""Methods of identification by name: who fits, and who says how well it is known.
+"""Methods of identification by name.
 
-A method is two functions that are composed by `stoop.workflow`; neither knows the other methods.
+A method is one function; it knows no other method.
 
 ``fit(vehicle, flights, windows, options, callback, state) -> Fit``
     Turns windows of flights into estimates. It lies in `identify`. `stoop.estimate.fit.pose` gives the problem:
@@ -15,11 +15,10 @@ A method is two functions that are composed by `stoop.workflow`; neither knows t
     covariance (kept in ``Fit.covariance``), with initial states and biases found for the simulation.
     `callback` and `state` belong to searches that can be resumed; others pass them over.
 
-``error_bars(fit, color) -> ErrorBars``
-    Lies in `job`. Sensitivities of the simulation (``stoop.workflow.errorbars:error_bars``), those of the innovations
-    of a filter, or a covariance that came with the estimates (``stoop.workflow.givenbars:error_bars``).
+Error bars come from what the fit rests on (``Fit.evidence``), the same way for all methods: `stoop.assess.error_bars`.
+``Fit.local_problem`` gives the least-squares problem for refits where it is not ``problem``.
 
-To add a method, write the two functions, or take those that are there, and add one line to `_METHODS`.
+To add a method, write the function and add one line to `_METHODS`.
 """
 
 from __future__ import annotations
@@ -48,9 +47,6 @@ FOLDED: Final = (
     "slow in them, and inertia, lag and delay by {hovering} would be wrong. So the fit is by {coarse}, which leaves out moments "
     "that the recorded commands do not explain; --method {hovering} insists."
 )
-_SENSITIVITIES = "stoop.workflow.errorbars:error_bars"
-_INNOVATIONS = "stoop.workflow.filterbars:error_bars"
-_GIVEN = "stoop.workflow.givenbars:error_bars"
 
 
 @dataclass(frozen=True)
@@ -59,49 +55,43 @@ class Method:
 
     Attributes
     ----------
-    fit, error_bars : str
+    fit : str
         ``"module:function"``, see the head of this module.
     purpose : str
         What it is for, in a few words.
+    simulates : bool
+        Whether residuals are those of a simulation, so that bootstrap, posterior and profile can refit it.
     """
 
     fit: str
-    error_bars: str
     purpose: str
+    simulates: bool = True
 
     def fitter(self) -> Callable[..., Any]:
         """Return the function that fits."""
         return _imported(self.fit)
 
-    def judge(self) -> Callable[..., Any]:
-        """Return the function that gives error bars."""
-        return _imported(self.error_bars)
-
 
 _METHODS: Final[dict[str, Method]] = {
-    DEFAULT: Method("stoop.estimate.fit:fit", _SENSITIVITIES, "flights in calm air"),
-    "filter-error": Method(
-        "stoop.estimate.filter_error.method:steady", _INNOVATIONS, "flights in turbulence"
-    ),
+    DEFAULT: Method("stoop.estimate.fit:fit", "flights in calm air"),
+    "filter-error": Method("stoop.estimate.filter_error.method:steady", "flights in turbulence"),
     "filter-error-ekf": Method(
         "stoop.estimate.filter_error.method:varying",
-        _INNOVATIONS,
         "likewise, with a gain that follows large maneuvers",
     ),
     "multiple-shooting": Method(
         "stoop.estimate.shooting.method:fit",
-        _INNOVATIONS,
         "vehicles that are unstable or hover: short windows",
     ),
     "equation-error": Method(
         "stoop.estimate.regression.methods:equation_error",
-        _GIVEN,
         "a first look without a simulation: smoothed samples",
+        simulates=False,
     ),
     "frequency-domain": Method(
         "stoop.estimate.regression.methods:frequency_domain",
-        _GIVEN,
         "likewise, on the Fourier coefficients of a band",
+        simulates=False,
     ),
 }
 

@@ -10,9 +10,8 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
-from stoop.assess.noise import autocorrelation
-from stoop.assess.runs import runs
-from stoop.base.arrays import FloatArray
+from stoop.assess.colored_residuals import autocorrelation
+from stoop.base.arrays import FloatArray, runs
 from stoop.base.numbers import NOTHING, factor_and_unit, number, share, window
 from stoop.base.variables import VARIABLES
 from stoop.report.charts import Curves, autocorrelation_panel, channel_panel, plain_panel
@@ -277,7 +276,7 @@ def _residual_pieces(identification: Identification) -> Mapping[str, tuple[list[
             continue
         for name, channel in trace.channels.items():
             residual = sane(channel.measured - channel.simulated)
-            pieces = [residual[run] for run in runs(np.isfinite(trace.time))]
+            pieces = [residual[a:b] for a, b in runs(np.isfinite(trace.time))]
             if pieces:
                 found.setdefault(name, ([], _period(trace.time)))[0].extend(pieces)
     return found

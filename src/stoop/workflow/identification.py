@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from stoop import optimize
+from stoop.assess.assessment import Assessment
 from stoop.errors import FlightError
 from stoop.estimate import methods
 from stoop.estimate.fit import Fit, Options
@@ -19,7 +20,6 @@ from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window, parse_window
 from stoop.results.result import Identification
 from stoop.vehicle import Vehicle, load_vehicle
-from stoop.workflow.case import Assessment
 from stoop.workflow.fit_result import identification
 from stoop.workflow.provenance import by_name, flight_files, input_hashes
 
@@ -65,9 +65,13 @@ class Job:
         watch : callable, optional
             Called with the progress of each.
         """
-        from stoop.workflow.assess import assessed
+        from stoop.assess.assessment import assess
 
-        return assessed(self, assessments, watch or (lambda text: None))
+        result, files = assess(
+            self.identification.result, self.fit, assessments, watch or (lambda text: None)
+        )
+        identification = replace(self.identification, result=result)
+        return replace(self, identification=identification, attachments={**self.attachments, **files})
 
     def save(self, folder: str | Path, overwrite: bool = False) -> Path:
         """Write ``result.json``, ``vehicle.toml``, ``flight.nc`` and ``report.html`` into a folder."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from stoop.assess.repeatability import agreement
+from stoop.assess.repeatability import scatter
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
 from stoop.report.page import render
@@ -87,7 +87,7 @@ def test_the_terminal_says_how_many_agree(alike: Job) -> None:
 
 def test_what_only_one_maneuver_tells_is_not_compared() -> None:
     one, none = SingleEstimate(1.0, 0.1, True), SingleEstimate(1.0, 0.1, False)
-    found = Repeatability((0, 1), {"CLalpha": agreement([one, none])}, ("the second diverged",))
+    found = Repeatability((0, 1), {"CLalpha": scatter([one, none])}, ("the second diverged",))
     few = "Too few maneuvers tell the same parameter when fitted alone, so nothing can be compared."
     assert repeatability_lines(found) == [few, "the second diverged"]
 

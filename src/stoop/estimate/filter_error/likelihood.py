@@ -152,6 +152,14 @@ class Likelihood:
         """Return what was not foreseen of every piece, with slopes."""
         return [self._innovations(z, i, entries) for i, entries in enumerate(self._entries)]
 
+    def gains_at(self, z: FloatArray) -> list[Gains]:
+        """Return the gains of every piece with the unknowns z."""
+        Z = z[None, :]
+        return [
+            self._gains(Z, *self.problem.candidates(self._known(z)[None, :], i), i)
+            for i in range(len(self.paths))
+        ]
+
     def prior(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return gradient (k,) and information (k, k) of the priors."""
         layout = self.problem.layout
@@ -187,7 +195,7 @@ class Likelihood:
         Z = np.concatenate([z[None, :], z + np.diag(steps)[np.diag(steps).any(axis=1)]])
         rows, start = self.problem.candidates(Z[:, : self.size - self.noise.size], index)
         gains = self._gains(Z, rows, start, index)
-        v, _ = self._run(index, rows, start, gains)
+        v, _ = run_filter(self.problem, index, rows, start, gains)
         taken = steps[entries]
         return _whitened(v, gains, entries, taken)
 
@@ -217,7 +225,7 @@ class Likelihood:
         """Return the states (n_x, r, B) that the anchor's gains find around each point."""
         base, count = self._anchored[index], rows.shape[1]
         gains = Gains(np.repeat(base.gain, count, axis=2), base.covariance, base.which)
-        states = self._run(index, rows, start, gains, states=True)[1]
+        states = run_filter(self.problem, index, rows, start, gains, states=True)[1]
         return averaged(self.problem.layout.vehicle, states, self.plans[index].points)
 
     @cached_property
@@ -230,29 +238,30 @@ class Likelihood:
             out.append(self._gains_of(i, linear, self.anchor[None, self.size - self.noise.size :]))
         return out
 
-    def _run(
-        self, index: int, rows: FloatArray, start: FloatArray, gains: Gains, states: bool = False
-    ) -> tuple[FloatArray, FloatArray]:
-        """Run the filter of every candidate; those that differ in a delay have inputs of their own."""
-        vehicle, piece = self.problem.layout.vehicle, self.problem.pieces[index]
-        inputs = late_inputs(vehicle, piece.inputs, rows, piece.dt)
-        kernel = vehicle.kernel()
-        if inputs.ndim == 2:
-            return filtering.innovations(
-                kernel, rows, start, gains.gain, gains.which, inputs, piece.measured, piece.dt, states
-            )
-        parts = [
-            filtering.innovations(
-                kernel, rows[:, own], start[:, own], gains.gain[:, :, own], gains.which,
-                np.ascontiguousarray(inputs[:, :, own[0]]), piece.measured, piece.dt, states,
-            )
-            for own in _alike(inputs)
-        ]  # fmt: skip
-        order = np.argsort(np.concatenate(_alike(inputs)))
-        first, second = (
-            np.concatenate(part)[order] if part[0].size else part[0] for part in zip(*parts, strict=True)
+
+def run_filter(
+    problem: Misfit, index: int, rows: FloatArray, start: FloatArray, gains: Gains, states: bool = False
+) -> tuple[FloatArray, FloatArray]:
+    """Run the filter of every candidate over one piece; those that differ in a delay have inputs of their own."""
+    vehicle, piece = problem.layout.vehicle, problem.pieces[index]
+    inputs = late_inputs(vehicle, piece.inputs, rows, piece.dt)
+    kernel = vehicle.kernel()
+    if inputs.ndim == 2:
+        return filtering.innovations(
+            kernel, rows, start, gains.gain, gains.which, inputs, piece.measured, piece.dt, states
         )
-        return first, second
+    parts = [
+        filtering.innovations(
+            kernel, rows[:, own], start[:, own], gains.gain[:, :, own], gains.which,
+            np.ascontiguousarray(inputs[:, :, own[0]]), piece.measured, piece.dt, states,
+        )
+        for own in _alike(inputs)
+    ]  # fmt: skip
+    order = np.argsort(np.concatenate(_alike(inputs)))
+    first, second = (
+        np.concatenate(part)[order] if part[0].size else part[0] for part in zip(*parts, strict=True)
+    )
+    return first, second
 
 
 def _distinct(Z: FloatArray) -> tuple[IntArray, IntArray]:
@@ -282,7 +291,7 @@ def _whitened(v: FloatArray, gains: Gains, entries: IntArray, taken: FloatArray)
     lower = np.linalg.cholesky(S[0])
     root = np.linalg.inv(lower)
     logs = 2.0 * np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
-    white = _turned(root, v, gains.which)
+    white = whitened_by(root, v, gains.which)
     slopes = np.moveaxis((white[1:] - white[:1]) / taken[:, None, None], 0, 2)
     turned = root[None] @ (S[1:] - S[:1]) @ np.swapaxes(root, 1, 2)[None] / taken[:, None, None, None]
     return Innovations(
@@ -295,7 +304,7 @@ def _whitened(v: FloatArray, gains: Gains, entries: IntArray, taken: FloatArray)
     )
 
 
-def _turned(root: FloatArray, v: FloatArray, which: IntArray) -> FloatArray:
+def whitened_by(root: FloatArray, v: FloatArray, which: IntArray) -> FloatArray:
     """Return S^-1/2 v (B, n, n_y), each sample by the root that it has."""
     if len(root) == len(which):  # a gain for every sample
         return np.asarray(np.matmul(root, v[..., None])[..., 0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -12,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
+from stoop.estimate.filter_error.frozen import FrozenFilter
 from stoop.estimate.filter_error.gains import Gain, Steady, Varying
 from stoop.estimate.filter_error.likelihood import Likelihood
 from stoop.estimate.filter_error.noise import Noise, first_guess
@@ -190,6 +192,7 @@ def _fit(
         statements=_statements(likelihood, tail, at),
         noise=np.where(np.eye(len(noise)) > 0.0, noise, 0.0),
         own_evidence=_evidence(likelihood, best.z, at),
+        local_problem=partial(FrozenFilter.of, likelihood, best.z),
     )
 
 

@@ -26,7 +26,7 @@ def evidence(meeting: Meeting, place: Place) -> Evidence:
     information = prior.T @ prior
     pieces = []
     for shots, windows in zip(meeting.shots, meeting.linear(place), strict=True):
-        follow = _following([meeting.weigh(window) for window in windows], layout.scales)
+        follow = following([meeting.weigh(window) for window in windows], layout.scales)
         blocks = [
             window.by_unknown / layout.scales + window.by_state @ own
             for window, own in zip(windows, follow, strict=True)
@@ -44,7 +44,7 @@ def evidence(meeting: Meeting, place: Place) -> Evidence:
     return Evidence(unknowns_of(layout, place.z), tuple(pieces), information)
 
 
-def _following(windows: Sequence[Weighted], scales: FloatArray) -> list[FloatArray]:
+def following(windows: Sequence[Weighted], scales: FloatArray) -> list[FloatArray]:
     """Return how the state of each window moves with the search vector, (e, j) each, per SI unit."""
     nodes = reduced(windows, 0.0).nodes
     out = [np.zeros((len(windows[0].by_state), len(scales)))]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Final
 
 import numpy as np
@@ -18,6 +18,7 @@ from stoop.estimate.fit import MAX_ROUNDS, RESTS, UNRESTED, Fit, Options, pose, 
 from stoop.estimate.noise import effective_variance_of, first_variance, variance_of
 from stoop.estimate.shooting.evidence import evidence
 from stoop.estimate.shooting.first import is_poor, searched, windowed
+from stoop.estimate.shooting.following import FollowingWindows
 from stoop.estimate.shooting.search import LOOSE, STRICTNESS, End, Meeting, Place, scales_of, search
 from stoop.estimate.shooting.states import measured_states
 from stoop.estimate.shooting.wander import wandering
@@ -151,6 +152,7 @@ class MultipleShooting:
             statements=tuple(statements),
             noise=np.diag(_noise(found.meeting, place)),
             own_evidence=evidence(found.meeting, place),
+            local_problem=partial(FollowingWindows.of, found.meeting, place),
             simulated=found.meeting.simulated(place),
         )
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from stoop.assess.error_bars import error_bars
 from stoop.base.arrays import FloatArray
 from stoop.estimate import methods
 from stoop.estimate.fit import Options
-from stoop.workflow.judged import judged
 from stoop_studies.verify.coverage.cases import CASES
 
 
@@ -33,13 +33,13 @@ def cover(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[dic
     case, seed = CASES[arguments["case"]], int(arguments["seed"])
     scene, options = case.fly(seed), Options(seed=seed, method=case.method)
     fit = methods.find(case.method).fitter()(scene.start, scene.flights, scene.windows, options, None, None)
-    bars, count = judged(fit, options), len(scene.truth)
-    held = bars.held[:count]
+    bars, count = error_bars(fit), len(scene.truth)
+    held = bars.at_bound[:count]
     found = {
         "names": list(scene.truth),
         "errors": [fit.estimates[name] - value for name, value in scene.truth.items()],
         "sigma": _told(bars.std[:count], held),
-        "cramer_rao": _told(bars.white[:count], held),
+        "cramer_rao": _told(bars.cramer_rao_std[:count], held),
         "status": fit.outcome.status,
     }
     return [found for _ in stops]

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from stoop.assess.error_bars import error_bars
 from stoop.estimate.fit import Options, fit
 from stoop.reconstruct.result import check
-from stoop.workflow.judged import judged
 from stoop_studies.verify.delays.scene import RATE, late_sensors, late_vehicle
 
 
@@ -18,7 +18,7 @@ def identified(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> lis
     seed = int(arguments["seed"])
     scene, options = late_vehicle(seed), Options(seed=seed)
     done = fit(scene.start, scene.flights, scene.windows, options)
-    std = judged(done, options).std
+    std = error_bars(done).std
     places = {p.name: i for i, p in enumerate(done.problem.layout.parameters)}
     found = {name: (done.estimates[name], float(std[places[name]])) for name in scene.truth}
     return [_compared(found, scene.truth, done.outcome.status) for _ in stops]

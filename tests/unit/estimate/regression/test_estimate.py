@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stoop.assess.error_bars import error_bars
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import Options, pose
 from stoop.estimate.regression.domain import Band, Domain, Time
@@ -17,7 +18,6 @@ from stoop.flight import Flight
 from stoop.problem import Layout
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
-from stoop.workflow.givenbars import error_bars
 
 WINDOW = [Window("noisy", 0.0, 25.0)]
 DOMAINS = [Time(), Band(0.04, 1.5)]
@@ -101,11 +101,11 @@ def test_a_control_that_stands_still_gets_no_number(full: Vehicle, noisy: Flight
     """Nor does the constant that it is one with."""
     still = replace(noisy, data=noisy.data.assign(elevator=0.0 * noisy.data["elevator"] - 0.05))
     found = method(full, {"noisy": still}, WINDOW, Options(method="frequency-domain"))  # type: ignore[operator]
-    bars = error_bars(found, 1.0)
+    bars = error_bars(found)
     for name in ("Cmelevator", "Cm0"):
-        assert not bars.judged[name].identifiable
-        assert "do not see it" in bars.judged[name].reason
-    assert bars.judged["Clp"].identifiable
+        assert not bars.identifiability[name].identifiable
+        assert "do not see it" in bars.identifiability[name].reason
+    assert bars.identifiability["Clp"].identifiable
 
 
 @pytest.mark.parametrize(("domain", "color"), [(Band(0.1, 5.0), 0.0), (Time(0.06), 0.0), (Time(0.06), 0.9)])
