@@ -56,7 +56,7 @@ def test_without_a_trim_about_the_mean_state(job: Job, monkeypatch: pytest.Monke
             "x.toml: no steady flight found at 35 m/s (elevator would be 2 rad); try another"
         )
 
-    monkeypatch.setattr("stoop.workflow.modes.trim", fails)
+    monkeypatch.setattr("stoop.assess.flight_conditions.trim", fails)
     covariance = job.identification.result.covariance
     (condition,) = modes(job.fit, covariance.names, covariance.matrix)
     assert condition.about == "mean state"

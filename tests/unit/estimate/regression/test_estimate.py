@@ -144,9 +144,9 @@ def test_methods_of_identify(full: Vehicle, noisy: Flight, method: object) -> No
 
 def test_what_was_not_looked_at_is_not_called_white(full: Vehicle, noisy: Flight) -> None:
     """A band takes residuals as white: that is an assumption and no finding."""
-    band = error_bars(frequency_domain(full, {"noisy": noisy}, WINDOW, Options()), 1.0)
-    assert np.isnan(band.white).all()
-    time = error_bars(equation_error(full, {"noisy": noisy}, WINDOW, Options()), 1.0)
+    band = error_bars(frequency_domain(full, {"noisy": noisy}, WINDOW, Options()))
+    assert np.isnan(band.cramer_rao_std).all()
+    time = error_bars(equation_error(full, {"noisy": noisy}, WINDOW, Options()))
     told = time.std > 0.0
     assert np.isfinite(time.white[told]).all()
     assert (np.abs(time.std[told] / time.white[told] - 1.0) > 0.01).any()
