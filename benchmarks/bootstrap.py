@@ -13,8 +13,7 @@ from stoop.assess.assessment import AssessedFit
 from stoop.assess.bootstrap import bootstrap_plan
 from stoop.estimate.fit import Options, fit
 from stoop.parallel import LocalProcesses, execute
-from stoop_studies.verify.coverage.scene import Scene
-from stoop_studies.verify.coverage.sensors import in_white_noise
+from stoop_studies.verify.scenes import Scene, in_white_noise
 
 PART = "bootstrap"
 REPLICATES = 1000

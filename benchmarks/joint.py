@@ -14,8 +14,7 @@ import numpy as np
 from benchmarks.table import Row
 from stoop.assess.error_bars import error_bars
 from stoop.estimate.fit import Fit, Options, fit
-from stoop_studies.verify.coverage.scene import Scene
-from stoop_studies.verify.coverage.sensors import in_white_noise
+from stoop_studies.verify.scenes import Scene, in_white_noise
 
 PART = "joint"
 SEEDS = 5

@@ -7,9 +7,7 @@ import numpy as np
 from benchmarks.clock import interleave, ratio
 from benchmarks.table import Row
 from stoop.cli import demo
-from stoop.estimate.fit import Options, pose
-from stoop.estimate.shooting.method import shots_of
-from stoop.estimate.shooting.states import measured_states
+from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.shooting.windows import Shots
 from stoop.problem import Misfit
 from stoop.problem.windows import Window
@@ -34,14 +32,14 @@ amplitude = 0.02
 
 def run() -> list[Row]:
     """Fly and differentiate the windows of a minute."""
-    windows = shots_of(_problem(), 0, LENGTH)
-    nodes = measured_states(windows)
+    windows = Shots.of(_problem(), 0, LENGTH)
+    nodes = windows.measured_nodes()
     z = np.concatenate([np.full(windows.problem.dimension, 0.5), np.zeros(windows.problem.extra)])
     taken = interleave(
         {
-            "flown": lambda: windows.flown(z, nodes),
+            "flown": lambda: windows.simulate(z, nodes),
             "flown apart": lambda: _flown_one_by_one(windows, z, nodes),
-            "together": lambda: windows.differentiated(z, nodes),
+            "together": lambda: windows.linearize(z, nodes),
             "apart": lambda: _one_by_one(windows, z, nodes),
         },
         ROUNDS,
@@ -58,17 +56,17 @@ def run() -> list[Row]:
 def _flown_one_by_one(windows: Shots, z: np.ndarray, nodes: np.ndarray) -> None:
     rows, _ = windows.problem.candidates(z[None, :], windows.index)
     for w in range(windows.count):
-        windows.fly(rows, np.ascontiguousarray(nodes[:, w : w + 1]), np.array([w]))
+        windows.integrate(rows, np.ascontiguousarray(nodes[:, w : w + 1]), np.array([w]))
 
 
 def _one_by_one(windows: Shots, z: np.ndarray, nodes: np.ndarray) -> None:
-    back, entries = windows.back(nodes), np.arange(len(z))
+    inverse, entries = windows.inverse(nodes), np.arange(len(z))
     for w in range(windows.count):
-        windows.some(z, nodes, back, range(w, w + 1), entries)
+        windows.linearize_some(z, nodes, inverse, range(w, w + 1), entries)
 
 
 def _problem() -> Misfit:
     aircraft = resolve_vehicle("twin-boom")
     flight = simulate_flight(aircraft, parse_maneuver(MANEUVER, "minute"), seed=1, name="minute")
     vehicle = demo.misled(aircraft, 1)
-    return pose(vehicle, {"minute": flight}, [Window("minute", 0.0, SECONDS)], Options())[0]
+    return estimation_problem(vehicle, {"minute": flight}, [Window("minute", 0.0, SECONDS)], Options())[0]

@@ -1,6 +1,6 @@
 """Optimizers as a plan writes them: a name, or a table of what differs from the paper's PS-GDE.
 
-``{"name": "ps-gde", "scale": 0.5, "mutation": "unordered", "dive": "none"}`` is PS-GDE with F = 0.5, without
+``{"name": "ps-gde", "scale": 0.5, "mutation": "unordered", "search": "none"}`` is PS-GDE with F = 0.5, without
 sorting and without local search. What is left out is as the paper has it.
 """
 
@@ -13,19 +13,18 @@ from stoop import optimize
 from stoop.errors import IdentificationError
 from stoop.optimize.operators import latin_hypercube
 from stoop.optimize.state import Optimizer
-from stoop_studies.optimizers.pieces.golden import SteepestDive
+from stoop_studies.optimizers.compositions import ps_gde
+from stoop_studies.optimizers.pieces.local_search import LevenbergMarquardt, PreySchedule, SteepestDescent
 from stoop_studies.optimizers.pieces.mutation import Ordered, Unordered
 from stoop_studies.optimizers.pieces.operators import chaos, uniform
-from stoop_studies.optimizers.pieces.prey import LevenbergDive, PreySchedule
-from stoop_studies.optimizers.ps_gde import ps_gde
 
 PIECES: Final[Mapping[str, Mapping[str, Any]]] = {
     "mutation": {"ordered": Ordered(), "unordered": Unordered()},
     "initialization": {"chaos": chaos, "uniform": uniform, "latin-hypercube": latin_hypercube},
-    "dive": {"steepest": SteepestDive(), "levenberg": LevenbergDive(), "none": None},
+    "search": {"steepest": SteepestDescent(), "levenberg": LevenbergMarquardt(), "none": None},
 }  #: what a table may name
 _COMPOSED: Final = ("mutation", "initialization", "scale", "rate", "members")
-_SCHEDULED: Final = ("period", "share", "swapped")
+_SCHEDULED: Final = ("search", "period", "share", "swapped")
 Variant = str | Mapping[str, Any]
 
 
@@ -46,13 +45,14 @@ def build(variant: Variant, budget: float | None = None) -> Optimizer[Any]:
     if isinstance(variant, str):
         return optimize.create(variant, budget)
     changes = {k: _piece(k, v) for k, v in variant.items() if k != "name"}
-    unknown = set(changes) - {*_COMPOSED, *_SCHEDULED, "dive"}
+    unknown = set(changes) - {*_COMPOSED, *_SCHEDULED}
     if variant.get("name") != "ps-gde" or unknown:
         wrong = min(unknown, default=f"name {variant.get('name')}")
         raise IdentificationError(f"variant: no {wrong} can be chosen; variants are of ps-gde and its pieces")
-    dive = changes.get("dive", PIECES["dive"]["steepest"])
-    scheduled = {k: v for k, v in changes.items() if k in _SCHEDULED}
-    prey = None if dive is None else PreySchedule(dive, **scheduled)
+    scheduled = {"search": PIECES["search"]["steepest"]} | {
+        k: v for k, v in changes.items() if k in _SCHEDULED
+    }
+    prey = None if scheduled["search"] is None else PreySchedule(**scheduled)
     return ps_gde(prey=prey, **{k: v for k, v in changes.items() if k in _COMPOSED})
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import csv
 
 from docs.pages import DOCS, table
-from stoop_studies.verify.coverage.cases import CASES
-from stoop_studies.verify.coverage.experiment import POOLED
+from stoop_studies.verify.coverage import CASES, POOLED
 
 PAGE = DOCS / "coverage.md"
 

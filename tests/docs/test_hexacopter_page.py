@@ -6,7 +6,8 @@ import csv
 from importlib.resources import files
 
 from docs.pages import DOCS, ROOT, table
-from stoop_studies.verify.hexacopter.fits import MAPPED, MAPPING, PACKAGE
+from stoop_studies.verify.experiment import vehicle_text
+from stoop_studies.verify.hexacopter.fits import MAPPING
 
 PAGE = DOCS / "hexacopter.md"
 AXES = ("ax", "ay", "az")
@@ -53,9 +54,9 @@ def test_what_is_said_of_them() -> None:
 
 
 def test_the_examples_are_what_was_verified() -> None:
-    for package, name in ((PACKAGE, "hexacopter.toml"), (MAPPED, MAPPING)):
-        assert (ROOT / "examples" / name).read_bytes() == files(package).joinpath(name).read_bytes()
-    clocks = (
-        files(MAPPED).joinpath(MAPPING).read_text(encoding="utf-8").partition('extends = "px4"')[2].strip()
-    )
+    package, name = MAPPING
+    mapping = files(package).joinpath(name).read_text(encoding="utf-8")
+    for example, text in ((name, mapping), ("hexacopter.toml", vehicle_text("hexacopter"))):
+        assert (ROOT / "examples" / example).read_text(encoding="utf-8") == text
+    clocks = mapping.partition('extends = "px4"')[2].strip()
     assert clocks in PAGE.read_text(encoding="utf-8").replace("   ", "")

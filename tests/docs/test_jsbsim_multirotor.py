@@ -7,9 +7,10 @@ import csv
 import pytest
 
 from docs.pages import DOCS, table
-from stoop_studies.verify.jsbsim_truth.experiment import SHARE, SIGMAS, cells
-from stoop_studies.verify.multirotor.experiment import HEAD, RECORDS, Multirotor, Record
-from stoop_studies.verify.multirotor.vehicle import NOISE
+from stoop_studies.verify.jsbsim.experiment import SHARE, SIGMAS, cells
+from stoop_studies.verify.jsbsim.flight import Subject
+from stoop_studies.verify.multirotor.experiment import EXPERIMENT, HEAD, RECORDS
+from stoop_studies.verify.multirotor.truth import NOISE
 
 PAGE = DOCS / "jsbsim.md"
 WORDS, COUNTS = ("recorded", "parameter", "agrees"), ("flights", "flights_that_agree")
@@ -32,15 +33,15 @@ def told(record: dict[str, str]) -> tuple[str, ...]:
 
 
 @pytest.mark.parametrize("record", RECORDS, ids=lambda r: r.model)
-def test_the_tables_are_those_that_were_written(record: Record) -> None:
+def test_the_tables_are_those_that_were_written(record: Subject) -> None:
     assert list(table(PAGE, record.title, "parameter").rows) == [told(r) for r in records(record.model)]
 
 
 @pytest.mark.parametrize("record", RECORDS, ids=lambda r: r.model)
-def test_what_is_said_of_them(record: Record) -> None:
+def test_what_is_said_of_them(record: Subject) -> None:
     rows = records(record.model)
     flights = int(rows[0]["flights"])
-    assert flights == Multirotor().runs
+    assert flights == EXPERIMENT.runs
     agree = sum(int(r["flights_that_agree"]) for r in rows)
     square = sum(float(r["rms_difference_in_sigma"]) ** 2 for r in rows) / len(rows)
     summary = next(r for r in table(PAGE, "A quadrotor", "recorded").rows if r[0] == record.title)

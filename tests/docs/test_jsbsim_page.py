@@ -7,9 +7,9 @@ import csv
 import pytest
 
 from docs.pages import DOCS, table
-from stoop_studies.verify.jsbsim_truth.aircraft import FLEET, Stock
-from stoop_studies.verify.jsbsim_truth.experiment import HEAD, SHARE, SIGMAS, JsbsimTruth, cells
-from stoop_studies.verify.jsbsim_truth.vehicle import NOISE
+from stoop_studies.verify.jsbsim.experiment import EXPERIMENT, HEAD, SHARE, SIGMAS, cells
+from stoop_studies.verify.jsbsim.flight import FLEET, Stock
+from stoop_studies.verify.jsbsim.truth import NOISE
 
 PAGE = DOCS / "jsbsim.md"
 WORDS = ("aircraft", "parameter", "agrees")
@@ -42,7 +42,7 @@ def test_the_tables_are_those_that_were_written(stock: Stock) -> None:
 def test_what_is_said_of_them(stock: Stock) -> None:
     rows = records(stock.model)
     flights = int(rows[0]["flights"])
-    assert flights == JsbsimTruth().runs
+    assert flights == EXPERIMENT.runs
     agree = sum(int(r["flights_that_agree"]) for r in rows)
     square = sum(float(r["rms_difference_in_sigma"]) ** 2 for r in rows) / len(rows)
     summary = next(r for r in table(PAGE, "What holds", "aircraft").rows if r[0] == stock.title)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 
 from docs.pages import DOCS, table
-from stoop_studies.verify.nist.models import MODELS
+from stoop_studies.verify.nist import MODELS
 
 PAGE = DOCS / "nist.md"
 COLUMNS = (

@@ -38,7 +38,9 @@ def test_compositions_are_what_the_page_says(name: str) -> None:
         scale, rate = made.control.sample(None, np.arange(9.0), np.random.default_rng(0))
         assert np.abs(scale).max() <= max(_numbers(row["F"]))
         assert (np.min(rate), np.max(rate)) == (min(_numbers(row["CR"])), max(_numbers(row["CR"])))
-    assert bool(row["besides"]) == bool(made.sequels or made.prey or hasattr(made.mutation, "probability"))
+    assert bool(row["besides"]) == bool(
+        made.after_selection or made.prey or hasattr(made.mutation, "probability")
+    )
 
 
 def _numbers(cell: str) -> list[float]:

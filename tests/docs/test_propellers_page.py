@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import csv
 import re
-from pathlib import Path
 
 from docs.pages import DOCS, ROOT, table
-from stoop_studies.verify.propellers import __file__ as package
+from stoop_studies.verify.experiment import vehicle_text
 
 PAGE = DOCS / "propellers.md"
 
@@ -58,7 +57,7 @@ def test_what_is_said_of_them() -> None:
 
 def test_the_example_is_what_was_verified() -> None:
     example = ROOT / "examples" / "crazyflie.toml"
-    assert example.read_bytes() == (Path(package).parent / "crazyflie.toml").read_bytes()
+    assert example.read_text(encoding="utf-8") == vehicle_text("crazyflie")
 
 
 def test_the_page_of_the_command_shows_the_same_digits() -> None:

@@ -7,15 +7,15 @@ import csv
 import pytest
 
 from docs.pages import DOCS, table
-from stoop_studies.verify.realtime.experiment import CLOSE, WELL
-from stoop_studies.verify.structured.scene import (
+from stoop_studies.verify.recursive import DIFFERENCE_LIMIT, WELL_IDENTIFIED
+from stoop_studies.verify.structure import (
     AMPLITUDES,
     CRITERIA,
     DURATION,
     FLIGHTS,
     OCCASIONAL,
     RATE,
-    everything,
+    full_aircraft,
 )
 
 PAGE = DOCS / "structure.md"
@@ -51,7 +51,7 @@ def test_the_scene_is_the_one_that_is_told() -> None:
     assert (FLIGHTS, DURATION, RATE) == (4, 25.0, 50.0)
     assert AMPLITUDES == {"elevator": 0.22, "aileron": 0.08, "rudder": 0.12}
     assert sum(map(len, OCCASIONAL.values())) == 9  # nine others
-    sensors = everything().file.sensors
+    sensors = full_aircraft().file.sensors
     told = {"V": 0.3, "alpha": 0.005, "beta": 0.005, "p": 0.01, "phi": 0.01, "ax": 0.1}
     assert {c: getattr(sensors, c).sigma for c in told} == told
 
@@ -68,10 +68,10 @@ def test_the_table_of_recursive_estimates_is_the_one_that_was_written() -> None:
 
 
 def test_recursive_estimates_reach_what_was_asked_for() -> None:
-    assert (WELL, CLOSE) == (0.02, 0.02)
+    assert (WELL_IDENTIFIED, DIFFERENCE_LIMIT) == (0.02, 0.02)
     found = [r for r in records("recursive") if r["largest_difference_well_identified"]]
     worst = max(found, key=lambda r: float(r["largest_difference_well_identified"]))
-    assert float(worst["largest_difference_well_identified"]) < CLOSE
+    assert float(worst["largest_difference_well_identified"]) < DIFFERENCE_LIMIT
     assert f"within {percent(worst['largest_difference_well_identified'])} of\n" in TEXT
     assert f"largest: {worst['parameter']}" in TEXT
     assert len(found) >= 10

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.checks.kinematics import check_motion, check_rates
 from stoop.errors import FlightError
 from stoop.estimate.fit import Options
 from stoop.flight import Flight, load
-from stoop.flight.consistency import rate_faults
 from stoop.vehicle.load import parse_vehicle
 from stoop.vehicle.plausible import inertia_doubts
 from stoop.workflow import identify
@@ -199,13 +199,12 @@ def test_a_window_with_next_to_no_samples_is_refused(shared_data: Path) -> None:
 def test_a_sign_or_an_axis_of_the_rates_is_found(shared_data: Path) -> None:
     flight = load(shared_data / "altlnt-vtail-8kg-px4" / "flight2")
     data = {str(name): flight.column(str(name)) for name in flight.data.data_vars}
-    assert rate_faults(flight.time, data, flight.rate) == []
-    turned = rate_faults(flight.time, {**data, "q": -data["q"]}, flight.rate)
-    assert [(f.kind, f.variable) for f in turned] == [("inconsistent", "q")]
-    assert "against each other" in turned[0].message
-    swapped = rate_faults(flight.time, {**data, "p": data["q"], "q": data["p"]}, flight.rate)
-    assert [f.variable for f in swapped] == ["p", "q"]
-    assert all("axes are swapped" in f.message for f in swapped)
+    assert check_motion(data, flight.rate, {})[0] == []
+    assert check_rates(data, flight.rate, {}) == []
+    (turned,), _ = check_motion({**data, "q": -data["q"]}, flight.rate, {})
+    assert (turned.code, turned.subject) == ("mapping-sign", "q")
+    (swapped,), _ = check_motion({**data, "p": data["q"], "q": data["p"]}, flight.rate, {})
+    assert (swapped.code, swapped.values["lines"]) == ("mapping-exchange", ("p", "q"))
 
 
 def test_a_stuck_sensor_counts_as_not_measured(shared_data: Path) -> None:

@@ -164,5 +164,7 @@ def test_ten_hertz_without_air_data_must_warn(shared_data: Path, tmp_path: Path)
     _, notes = segments(flight, 60.0, 80.0, ("aileron", "thrust"), OUTPUTS)
     assert any("guessed" in note for note in notes)
     mapping.write_text(SKYWALKER.replace('"rad/s"', '"deg/s"'))
-    with pytest.raises(FlightError, match="'phi' changes"):
+    with pytest.raises(
+        FlightError, match=r"phi changes 59\.4 times .* or write unit = \"rad/s\" for variables\.p, "
+    ):
         load(shared_data / "stanford-skywalker-10hz", mapping)

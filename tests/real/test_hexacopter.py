@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from stoop.errors import StoopError
-from stoop.estimate.methods import chosen
+from stoop.estimate.methods import choose_method
 from stoop.estimate.motors_swapped import swapped_motors
 from stoop.flight import Flight, load
 from stoop.problem.windows import parse_window, whole
 from stoop_studies.findings import Findings, Setting
-from stoop_studies.verify.hexacopter.authors import Blades
-from stoop_studies.verify.hexacopter.experiment import Hexacopter
-from stoop_studies.verify.hexacopter.fits import FOLDER, METHOD, read_log, vehicle
+from stoop_studies.verify.hexacopter.experiment import EXPERIMENT
+from stoop_studies.verify.hexacopter.fits import FOLDER, METHOD, Blades, read_log, vehicle
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "verify"
 MAPPING = Path(__file__).parents[2] / "examples" / "hexacopter_mapping.toml"
@@ -23,7 +22,7 @@ MAPPING = Path(__file__).parents[2] / "examples" / "hexacopter_mapping.toml"
 
 @pytest.fixture(scope="module")
 def findings(shared_data: Path) -> Findings:
-    return Hexacopter().findings(Setting(1, data=shared_data), {})
+    return EXPERIMENT.findings(Setting(1, data=shared_data), {})
 
 
 @pytest.fixture(scope="module")
@@ -64,9 +63,9 @@ def test_its_motors_are_not_accused(flight: Flight) -> None:
 
 def test_its_motors_choose_the_method(flight: Flight) -> None:
     """So that the command of the page needs none, and prints the verified table."""
-    found = chosen("", vehicle(), [flight])
+    found = choose_method("", vehicle(), [flight])
     assert found.name == METHOD
-    assert "logged at 43 Hz" in found.why
+    assert [n.code for n in found.notices] == ["motors-logged-slowly"]
 
 
 def test_velocity_and_accelerometers_agree_then(shared_data: Path, flight: Flight) -> None:
@@ -97,10 +96,12 @@ def test_their_thrust_is_that_of_momentum() -> None:
     blades = Blades(0.01318, 0.0306, 0.0053, -0.177)
     U = np.linspace(50.0, 120.0, 8)
     for climb in (-2.0, 0.0, 6.0):
-        drawn = blades.drawn(U, np.full(8, climb))
+        drawn = blades.inflow(U, np.full(8, climb)) - climb
         momentum = 2.0 * 1.204 * np.pi * 0.11**2 * drawn * (drawn + climb)
         np.testing.assert_allclose(blades.thrust(U, np.full(8, climb)), momentum, rtol=1e-9)
-    assert 6.0 * blades.thrust(np.array([blades.hovering()]), np.zeros(1))[0] == pytest.approx(1.895 * 9.81)
+    assert 6.0 * blades.thrust(np.array([blades.hover_speed()]), np.zeros(1))[0] == pytest.approx(
+        1.895 * 9.81
+    )
 
 
 def test_a_folder_without_the_flight_is_said(tmp_path: Path) -> None:

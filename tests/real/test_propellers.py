@@ -10,15 +10,14 @@ import pytest
 from stoop.errors import StoopError
 from stoop.logs import read
 from stoop_studies.findings import Findings, Setting
-from stoop_studies.verify.propellers.experiment import Propellers
-from stoop_studies.verify.propellers.flights import FOLDER, read_flights
+from stoop_studies.verify.propellers import EXPERIMENT, FOLDER, read_flights
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "verify"
 
 
 @pytest.fixture(scope="module")
 def findings(shared_data: Path) -> Findings:
-    return Propellers().findings(Setting(1, data=shared_data), {})
+    return EXPERIMENT.findings(Setting(1, data=shared_data), {})
 
 
 @pytest.mark.parametrize("part", ["", "conditions"])

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stoop_studies.verify.jsbsim_truth.experiment import SHARE, SIGMAS
-from stoop_studies.verify.multirotor.case import COMMANDS, SPEEDS, case, estimates
+from stoop_studies.verify.jsbsim.experiment import SHARE, SIGMAS
+from stoop_studies.verify.multirotor.experiment import COMMANDS, SPEEDS, case
 
 
 @pytest.mark.slow
@@ -14,7 +14,7 @@ from stoop_studies.verify.multirotor.case import COMMANDS, SPEEDS, case, estimat
 def test_a_quadrotor_is_found_from_its_outputs(recorded: str) -> None:
     """Thrust, torque, inflow, lag, drag, damping and inertia within three standard errors or 2 %."""
     quadrotor = case(recorded)
-    told = estimates(quadrotor, quadrotor.flight(seed=0))
+    told = quadrotor.estimates(quadrotor.flight(seed=0))
     truth, found, sigma = (
         np.array([told[k][n] for n in quadrotor.truth]) for k in ("truth", "estimate", "sigma")
     )

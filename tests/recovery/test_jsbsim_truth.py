@@ -5,15 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stoop_studies.verify.jsbsim_truth.case import case, estimates
-from stoop_studies.verify.jsbsim_truth.experiment import SHARE, SIGMAS
+from stoop_studies.verify.jsbsim.experiment import SHARE, SIGMAS, case
 
 
 @pytest.mark.slow
 def test_a_trainer_is_found_from_its_outputs() -> None:
     """Every derivative within three standard errors or 2 %; together they scatter as they say."""
     trainer = case("T37")
-    told = estimates(trainer, trainer.flight(seed=0))
+    told = trainer.estimates(trainer.flight(seed=0))
     truth, found, sigma = (
         np.array([told[k][n] for n in trainer.truth]) for k in ("truth", "estimate", "sigma")
     )

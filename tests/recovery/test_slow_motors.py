@@ -1,4 +1,4 @@
-"""Motors that are shaken faster than they were logged: where `stoop.estimate.methods.SLOW` lies.
+"""Motors that are shaken faster than they were logged: where `stoop.estimate.methods.MIN_MOTOR_RATE` lies.
 
 A quadrotor flies doublets while its motors are shaken between 30 and 200 Hz, as by an autopilot that answers the noise of
 its gyros. The log holds every n-th command. What was faster than half the rate of the log looks slow in it, so that the
@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from stoop.estimate.fit import Options
-from stoop.estimate.methods import SLOW, chosen, find
+from stoop.estimate.methods import MIN_MOTOR_RATE, choose_method, find
 from stoop.flight import Flight
 from stoop.flight.build import build
 from stoop.flight.channels import Channels
@@ -94,10 +94,10 @@ def log() -> Log:
 @pytest.mark.slow
 def test_half_the_threshold_is_too_slow_and_twice_is_not(log: Log) -> None:
     """At 25, 50, 100, 125, 250 Hz: 2.44, 0.39, 0.13, 0.05, 0.01 by windows; 0.34, 0.24, 0.06, 0.03, 0.001 by regression."""
-    slow, fast = log.at(0.5 * SLOW), log.at(2.5 * SLOW)
-    assert chosen("", log.vehicle, [slow]).name == REGRESSION
-    assert chosen("", log.vehicle, [fast]).name == WINDOWS
-    assert log.off(2.5 * SLOW, WINDOWS) < 0.03
-    wrong = log.off(0.5 * SLOW, WINDOWS)
+    slow, fast = log.at(0.5 * MIN_MOTOR_RATE), log.at(2.5 * MIN_MOTOR_RATE)
+    assert choose_method("", log.vehicle, [slow]).name == REGRESSION
+    assert choose_method("", log.vehicle, [fast]).name == WINDOWS
+    assert log.off(2.5 * MIN_MOTOR_RATE, WINDOWS) < 0.03
+    wrong = log.off(0.5 * MIN_MOTOR_RATE, WINDOWS)
     assert wrong > 0.2
-    assert log.off(0.5 * SLOW, REGRESSION) < 0.75 * wrong
+    assert log.off(0.5 * MIN_MOTOR_RATE, REGRESSION) < 0.75 * wrong

@@ -16,7 +16,7 @@ from stoop.export.jsbsim_flight import fly, specific_force
 from stoop.export.names import file_name
 from stoop.simulate import initial_states, parameter_rows, trim
 from stoop.vehicle import Vehicle
-from stoop_studies.verify.export.aircraft import INPUTS, load
+from stoop_studies.verify.export import INPUTS, load
 
 SLOW = pytest.mark.slow
 VEHICLES = ["twin-boom", *(pytest.param(n, marks=SLOW) for n in ("v-tail", "flying-wing", "crooked"))]

@@ -9,10 +9,15 @@ import pytest
 
 from stoop.errors import StoopError
 from stoop_studies.findings import Setting
-from stoop_studies.verify.nist.experiment import Nist, digits, fit_certified
-from stoop_studies.verify.nist.files import problem_files, read_certified
-from stoop_studies.verify.nist.models import MODELS
-from stoop_studies.verify.nist.problem import Regression
+from stoop_studies.verify.nist import (
+    EXPERIMENT,
+    MODELS,
+    Regression,
+    digits,
+    fit_certified,
+    problem_files,
+    read_certified,
+)
 
 
 @pytest.mark.parametrize("start", [1, 2])
@@ -49,9 +54,9 @@ def test_every_file_is_run(shared_data: Path) -> None:
 
 def test_without_data_it_says_where_to_get_them(tmp_path: Path) -> None:
     with pytest.raises(StoopError, match=r"no folder is named; give --data DIR with the files of https"):
-        Nist().findings(Setting(1), {})
+        EXPERIMENT.findings(Setting(1), {})
     with pytest.raises(StoopError, match="holds none of its files"):
-        Nist().findings(Setting(1, data=tmp_path), {})
+        EXPERIMENT.findings(Setting(1, data=tmp_path), {})
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,22 @@ import numpy as np
 import pytest
 
 from stoop.simulate import initial_states, parameter_rows
+from stoop.vehicle import Vehicle
+from stoop_studies.verify.jsbsim.flight import Recording
 from stoop_studies.verify.multirotor import flight
-from stoop_studies.verify.multirotor.bench import (
+from stoop_studies.verify.multirotor.experiment import COMMANDS, SPEEDS
+from stoop_studies.verify.multirotor.flight import (
+    FOOT_POUND,
+    LIFTS,
+    MOTORS,
+    RATE,
+    TURNS,
+    TWISTS,
+    Quadrotor,
+    fly,
+)
+from stoop_studies.verify.multirotor.truth import (
+    KNOWN,
     climbs,
     fitted_lag,
     lagged,
@@ -15,11 +29,8 @@ from stoop_studies.verify.multirotor.bench import (
     step_response,
     torque_ratio,
     truth,
+    vehicle_of,
 )
-from stoop_studies.verify.multirotor.case import COMMANDS, SPEEDS, Case
-from stoop_studies.verify.multirotor.craft import FOOT_POUND, RATE, Craft
-from stoop_studies.verify.multirotor.flight import LIFTS, MOTORS, TURNS, TWISTS, Recording, fly
-from stoop_studies.verify.multirotor.vehicle import KNOWN, vehicle_of
 
 MORE = {
     **{f"{a}_dot": (f"accelerations/{a}idot-rad_sec2", 1.0) for a in "pqr"},
@@ -29,8 +40,8 @@ MORE = {
 
 
 @pytest.fixture(scope="module")
-def craft() -> Craft:
-    return Craft()
+def craft() -> Quadrotor:
+    return Quadrotor()
 
 
 @pytest.fixture(scope="module")
@@ -39,17 +50,17 @@ def flown() -> Recording:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(flight, "DURATION", 6.0)
         patch.setattr(flight, "READ", {**flight.READ, **MORE})
-        return fly(Craft())
+        return fly(Quadrotor())
 
 
-def short_case(craft: Craft, flown: Recording, recorded: str) -> Case:
+def short_case(craft: Quadrotor, flown: Recording, recorded: str) -> tuple[Vehicle, dict[str, float]]:
     middle = float(np.mean([flown.columns[c].mean() for c in MOTORS]))
     motor = None if recorded == SPEEDS else motor_curve(craft, middle)
     found = truth(craft, flown, motor)
-    return Case(recorded, vehicle_of(craft, flown, found, motor), flown, found)
+    return vehicle_of(craft, flown, found, motor), found
 
 
-def test_balances_are_at_the_arms(craft: Craft, flown: Recording) -> None:
+def test_balances_are_at_the_arms(craft: Quadrotor, flown: Recording) -> None:
     """Thrust times arm, the reaction of the rotors and their gyroscopic moment are what turns JSBSim's body."""
     known = flown.columns
     lift, twist, turn = (np.stack([known[c] for c in names]) for names in (LIFTS, TWISTS, TURNS))
@@ -61,7 +72,7 @@ def test_balances_are_at_the_arms(craft: Craft, flown: Recording) -> None:
     assert -twist.sum(axis=0) == pytest.approx(known["n_moment"], abs=1e-9)
 
 
-def test_hubs_move_as_the_body_turns(craft: Craft, flown: Recording) -> None:
+def test_hubs_move_as_the_body_turns(craft: Quadrotor, flown: Recording) -> None:
     known = flown.columns
     diameter = 9.4 * 0.0254
     for i, climb in enumerate(climbs(craft, flown)):
@@ -70,7 +81,7 @@ def test_hubs_move_as_the_body_turns(craft: Craft, flown: Recording) -> None:
         assert np.std(seen + known["w"]) > 0.03 * np.std(climb), "the turning counts"
 
 
-def test_the_lag_is_that_of_a_step(craft: Craft, flown: Recording) -> None:
+def test_the_lag_is_that_of_a_step(craft: Quadrotor, flown: Recording) -> None:
     middle = float(np.mean([flown.columns[c].mean() for c in MOTORS]))
     motor = motor_curve(craft, middle)
     lag = fitted_lag(flown, climbs(craft, flown), motor)
@@ -79,7 +90,7 @@ def test_the_lag_is_that_of_a_step(craft: Craft, flown: Recording) -> None:
     assert np.std(off[:, 50:]) < 0.1 * np.std(flown.columns[TURNS[0]])
 
 
-def test_the_rotor_is_as_heavy_as_its_file_says(craft: Craft, flown: Recording) -> None:
+def test_the_rotor_is_as_heavy_as_its_file_says(craft: Quadrotor, flown: Recording) -> None:
     turns = np.stack([flown.columns[c] for c in TURNS])
     found = torque_ratio(craft, flown, turns, climbs(craft, flown))
     assert found["rotors.inertia"] == pytest.approx(6.05e-5, rel=2e-3)
@@ -89,10 +100,10 @@ def test_the_rotor_is_as_heavy_as_its_file_says(craft: Craft, flown: Recording) 
     assert found["rotors.torque_ratio"] == pytest.approx(np.polyfit(signs @ lift, left, 1)[0], rel=0.01)
 
 
-def test_torque_is_over_the_thrust_that_is_told(craft: Craft, flown: Recording) -> None:
+def test_torque_is_over_the_thrust_that_is_told(craft: Quadrotor, flown: Recording) -> None:
     """With commands alone the yaw that our numbers give is JSBSim's, though thrust rises less with a command."""
-    case = short_case(craft, flown, COMMANDS)
-    told = {n: case.truth[f"rotors.{n}"] for n in ("T2", "inflow", "torque_ratio", "inertia", "lag")}
+    _, known = short_case(craft, flown, COMMANDS)
+    told = {n: known[f"rotors.{n}"] for n in ("T2", "inflow", "torque_ratio", "inertia", "lag")}
     middle = float(np.mean([flown.columns[c].mean() for c in MOTORS]))
     x = lagged(flown, motor_curve(craft, middle), told["lag"])
     thrust = told["T2"] * x**2 - told["inflow"] * x * climbs(craft, flown)
@@ -122,11 +133,11 @@ def test_a_lag_is_that_of_small_steps() -> None:
     assert x[0] == pytest.approx(np.array(slow)[::1000], rel=1e-4)
 
 
-def test_equations_agree_at_the_states_flown(craft: Craft, flown: Recording) -> None:
+def test_equations_agree_at_the_states_flown(craft: Quadrotor, flown: Recording) -> None:
     """No fit: with JSBSim's numbers our equations give JSBSim's accelerations at its own states."""
-    case = short_case(craft, flown, SPEEDS)
-    known, true = flown.columns, {n: {"value": v} for n, v in case.truth.items() if n not in KNOWN}
-    vehicle = case.vehicle.with_numbers(true)
+    vehicle, found = short_case(craft, flown, SPEEDS)
+    known, true = flown.columns, {n: {"value": v} for n, v in found.items() if n not in KNOWN}
+    vehicle = vehicle.with_numbers(true)
     rows = parameter_rows(vehicle, {}, len(flown.time))
     turns = np.stack([known[c] for c in TURNS])
     told = np.vstack([turns, np.gradient(turns, 1.0 / RATE, axis=1)])
@@ -141,13 +152,13 @@ def test_equations_agree_at_the_states_flown(craft: Craft, flown: Recording) -> 
         assert np.sqrt(np.mean(off**2)) < share * np.std(known[name]), name
 
 
-def test_what_is_told_holds_no_answer(craft: Craft, flown: Recording) -> None:
+def test_what_is_told_holds_no_answer(craft: Quadrotor, flown: Recording) -> None:
     for recorded in (SPEEDS, COMMANDS):
-        case = short_case(craft, flown, recorded)
-        free = {p.name: p.value for p in case.vehicle.parameters if p.free}
-        answers = {n for n in case.truth if n not in KNOWN}
+        vehicle, found = short_case(craft, flown, recorded)
+        free = {p.name: p.value for p in vehicle.parameters if p.free}
+        answers = {n for n in found if n not in KNOWN}
         assert answers <= set(free)
-        far = {n for n in answers if case.truth[n] and abs(free[n] / case.truth[n] - 1.0) > 0.2}
+        far = {n for n in answers if found[n] and abs(free[n] / found[n] - 1.0) > 0.2}
         assert {"rotors.inflow", "rotors.torque_ratio", "rotors.inertia", "mass.inertia.xx"} <= far
 
 
@@ -155,6 +166,6 @@ def test_flights_are_the_same_again_and_quiet(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(flight, "DURATION", 1.0)
-    first, second = (fly(Craft()) for _ in range(2))
+    first, second = (fly(Quadrotor()) for _ in range(2))
     assert all(np.array_equal(first.columns[c], second.columns[c]) for c in first.columns)
     assert "".join(capfd.readouterr()) == "", "JSBSim greets on stdout unless it is told not to"

@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 
 from stoop.simulate import initial_states, parameter_rows
-from stoop_studies.verify.jsbsim_truth import flight
-from stoop_studies.verify.jsbsim_truth.aircraft import FLEET
-from stoop_studies.verify.jsbsim_truth.case import Case
-from stoop_studies.verify.jsbsim_truth.derivatives import derivatives, moment_at_reference
-from stoop_studies.verify.jsbsim_truth.flight import fly, machine, trimmed, written
-from stoop_studies.verify.jsbsim_truth.machine import Machine, State
-from stoop_studies.verify.jsbsim_truth.vehicle import inertia, vehicle_of
+from stoop.vehicle import Vehicle
+from stoop_studies.verify.jsbsim import flight
+from stoop_studies.verify.jsbsim.flight import FLEET, Aircraft, Recording, State, fly, trimmed
+from stoop_studies.verify.jsbsim.truth import derivatives, inertia, moment_at_reference, vehicle_of
 
 CESSNA = FLEET[0]
 TUMBLING = State(V=48.0, altitude=1500.0, alpha=0.05, beta=0.05, phi=0.2, theta=0.1, p=0.5, q=0.2, r=0.3)
@@ -22,13 +19,13 @@ YAWING = ("Cnb", "Cnp", "Cnr", "Cnda", "Cndr")
 
 
 @pytest.fixture(scope="module")
-def cessna() -> Machine:
-    jsbsim = machine(CESSNA)
-    jsbsim.put(TUMBLING, written(CESSNA, {"elevator": 0.05, "aileron": 0.1, "rudder": -0.1}))
+def cessna() -> Aircraft:
+    jsbsim = Aircraft(CESSNA)
+    jsbsim.put(TUMBLING, {"elevator": 0.05, "aileron": 0.1, "rudder": -0.1})
     return jsbsim
 
 
-def test_inertia_is_the_one_that_jsbsim_turns_by(cessna: Machine) -> None:
+def test_inertia_is_the_one_that_jsbsim_turns_by(cessna: Aircraft) -> None:
     i = inertia(cessna)
     tensor = np.array(
         [
@@ -44,7 +41,7 @@ def test_inertia_is_the_one_that_jsbsim_turns_by(cessna: Machine) -> None:
     assert min(abs(i[a]) for a in ("xy", "xz", "yz")) > 1.0, "all three signs count"
 
 
-def test_moment_at_the_reference_point_is_the_sum_of_the_tables(cessna: Machine) -> None:
+def test_moment_at_the_reference_point_is_the_sum_of_the_tables(cessna: Aircraft) -> None:
     sums = [
         sum(cessna[f"aero/coefficient/{name}"] for name in names) for names in (ROLLING, PITCHING, YAWING)
     ]
@@ -53,7 +50,7 @@ def test_moment_at_the_reference_point_is_the_sum_of_the_tables(cessna: Machine)
 
 def test_truth_is_what_the_tables_say() -> None:
     """Constants in the aircraft's file; the moment due to the rate of the angle of attack adds to that of pitching."""
-    found = short_case().truth
+    _, _, found = short_case()
     constants = {
         "CQbeta": -0.1370 / 0.3490, "CQrudder": 0.187, "Clp": -0.484, "Claileron": 0.229, "Clrudder": 0.0147,
         "Cnbeta": 0.0205 / 0.3490, "Cnp": -0.0278, "Cnr": -0.0937, "Cnaileron": -0.0053, "CDbetaabs": 0.17,
@@ -65,10 +62,10 @@ def test_truth_is_what_the_tables_say() -> None:
 
 def test_equations_agree_at_the_states_flown() -> None:
     """No fit: with JSBSim's derivatives our equations give JSBSim's accelerations and readings at its own states."""
-    case = short_case()
-    known = case.flown.columns
-    vehicle = case.vehicle.with_numbers({n: {"value": v} for n, v in case.truth.items()})
-    rows = parameter_rows(vehicle, {}, len(case.flown.time))
+    vehicle, flown, truth = short_case()
+    known = flown.columns
+    vehicle = vehicle.with_numbers({n: {"value": v} for n, v in truth.items()})
+    rows = parameter_rows(vehicle, {}, len(flown.time))
     inputs = np.ascontiguousarray([known[c] for c in vehicle.inputs])
     states = {c: known[c] for c in ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi")}
     start = initial_states(vehicle, {**states, "h": known["altitude"]}, rows, inputs)
@@ -89,25 +86,25 @@ def brief(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(flight, "READ", {**flight.READ, **TURNING})
 
 
-def short_case() -> Case:
+def short_case() -> tuple[Vehicle, Recording, dict[str, float]]:
     jsbsim, trim = ready()
-    jsbsim.put(trim.state, written(CESSNA, trim.deflections))
-    vehicle = vehicle_of(CESSNA, jsbsim, trim)
+    jsbsim.put(trim.state, trim.deflections)
+    vehicle = vehicle_of(jsbsim, trim)
     with pytest.MonkeyPatch.context() as patch:
         brief(patch)
-        flown = fly(CESSNA, jsbsim, trim)
-    return Case(CESSNA, vehicle, flown, derivatives(CESSNA, jsbsim, trim, vehicle, flown))
+        flown = fly(jsbsim, trim)
+    return vehicle, flown, derivatives(jsbsim, trim, vehicle, flown)
 
 
 def test_flights_are_the_same_again(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     brief(monkeypatch)
-    first, second = (fly(CESSNA, *ready()) for _ in range(2))
+    first, second = (fly(*ready()) for _ in range(2))
     assert all(np.array_equal(first.columns[c], second.columns[c]) for c in first.columns)
     assert "".join(capfd.readouterr()) == "", "JSBSim greets on stdout unless it is told not to"
 
 
-def ready() -> tuple[Machine, flight.Trim]:
-    jsbsim = machine(CESSNA)
-    return jsbsim, trimmed(CESSNA, jsbsim)
+def ready() -> tuple[Aircraft, flight.Trim]:
+    jsbsim = Aircraft(CESSNA)
+    return jsbsim, trimmed(jsbsim)

@@ -6,11 +6,10 @@ import pytest
 
 from stoop.errors import IdentificationError
 from stoop.optimize import create
-from stoop_studies.optimizers.pieces.golden import SteepestDive
+from stoop_studies.optimizers.compositions import ps_gde
+from stoop_studies.optimizers.pieces.local_search import LevenbergMarquardt, PreySchedule, SteepestDescent
 from stoop_studies.optimizers.pieces.mutation import Unordered
 from stoop_studies.optimizers.pieces.operators import uniform
-from stoop_studies.optimizers.pieces.prey import LevenbergDive, PreySchedule
-from stoop_studies.optimizers.ps_gde import ps_gde
 from stoop_studies.variants import build
 
 
@@ -20,15 +19,15 @@ def test_a_name_is_the_optimizer_itself() -> None:
 
 
 def test_a_table_exchanges_pieces() -> None:
-    wild = build({"name": "ps-gde", "mutation": "unordered", "initialization": "uniform", "dive": "none"})
+    wild = build({"name": "ps-gde", "mutation": "unordered", "initialization": "uniform", "search": "none"})
     assert wild == ps_gde(Unordered(), uniform, None)
     assert build({"name": "ps-gde", "scale": 0.5, "rate": 0.8, "members": 30}) == ps_gde(
         scale=0.5, rate=0.8, members=30
     )
-    levenberg = build({"name": "ps-gde", "dive": "levenberg", "period": 5, "share": 0.1})
-    assert levenberg == ps_gde(prey=PreySchedule(LevenbergDive(), 5, 0.1))
+    levenberg = build({"name": "ps-gde", "search": "levenberg", "period": 5, "share": 0.1})
+    assert levenberg == ps_gde(prey=PreySchedule(LevenbergMarquardt(), 5, 0.1))
     printed = build({"name": "ps-gde", "swapped": True})
-    assert printed == ps_gde(prey=PreySchedule(SteepestDive(), swapped=True))
+    assert printed == ps_gde(prey=PreySchedule(SteepestDescent(), swapped=True))
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,7 @@ from stoop.assess.refit import Optimum, linearize, refit
 from stoop.assess.windowed_covariance import MIN_WINDOWS, leave_window_out
 from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.notices import Notice, notice
-from stoop.estimate.autocorrelation import lagged_products
+from stoop.estimate.noise import lagged_products
 from stoop.estimate.shooting.following import FollowingWindows
 from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run, Tally, execute
 from stoop.results.uncertainty import MethodIntervals
@@ -207,7 +207,7 @@ class WholeWindows:
         """Return the source of noise like the residuals of windows at an optimum."""
         present = tuple(np.isfinite(piece.measured) for piece in problem.problem.pieces)
         first, gap = 0, sum(mask.size for mask in present)
-        many = len(problem.closeness)
+        many = len(problem.gap_weights)
         windows, gaps = [], []
         for mask, edges in zip(present, problem.edges, strict=True):
             ny, count = mask.shape[1], len(edges) - 1

@@ -32,7 +32,7 @@ from scipy.linalg import toeplitz
 
 from stoop.assess.covariance import Inverse
 from stoop.base.arrays import FloatArray
-from stoop.estimate.autocorrelation import lagged_products
+from stoop.estimate.noise import lagged_products
 from stoop.problem.evidence import PieceEvidence
 
 LEAST: Final = 1e-3  #: of the variance: least power at any frequency; bounds how slow the noise can be

@@ -30,7 +30,7 @@ from scipy.signal import butter, sosfiltfilt
 from scipy.stats import chi2
 
 from stoop.base.arrays import FloatArray, runs
-from stoop.estimate.autocorrelation import lagged_products
+from stoop.estimate.noise import lagged_products
 from stoop.results.goodness_of_fit import BaselineFit, GoodnessOfFit, TheilShares, Whiteness
 
 NAN: Final = float("nan")

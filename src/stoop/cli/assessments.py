@@ -53,9 +53,9 @@ def check(arguments: argparse.Namespace, vehicle: Vehicle, flights: Sequence[Fli
     from stoop.assess.assessment import check_method
     from stoop.assess.posterior import libraries
     from stoop.assess.profile import check_names
-    from stoop.estimate.methods import chosen
+    from stoop.estimate.methods import choose_method
 
-    check_method(chosen(arguments.method, vehicle, flights).name)
+    check_method(choose_method(arguments.method, vehicle, flights).name)
     if arguments.posterior:
         libraries()
     check_names([p.name for p in vehicle.parameters if p.free], arguments.profile or ())

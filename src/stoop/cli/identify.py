@@ -157,8 +157,8 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
 
 def _options(arguments: argparse.Namespace, vehicle: Vehicle) -> Options:
     from stoop.estimate.fit import Options
-    from stoop.estimate.given import read_covariance
     from stoop.estimate.methods import find
+    from stoop.estimate.noise import read_covariance
     from stoop.optimize import create
 
     find(arguments.method)
@@ -182,13 +182,13 @@ def _checkpoint(
     options: Options,
     warn: Callable[[str], None],
 ) -> Checkpoint:
-    from stoop.estimate.methods import chosen
+    from stoop.estimate.methods import choose_method
     from stoop.workflow.checkpoint import Checkpoint, identity
     from stoop.workflow.provenance import file_hashes, flight_files
 
     mapping = [arguments.mapping] if arguments.mapping is not None else []
     files = file_hashes([*flight_files(flights), *mapping])
-    options = replace(options, method=chosen(options.method, vehicle, flights).name)
+    options = replace(options, method=choose_method(options.method, vehicle, flights).name)
     problem = identity(vehicle, files, arguments.maneuver, arguments.validate, options)
     return Checkpoint(arguments.output, problem, warn)
 

@@ -1,9 +1,16 @@
-"""The fit: search with frozen weights, then alternate noise estimate and dive until the likelihood rests."""
+"""Output error: search with fixed weights, then alternate noise-covariance estimation and Gauss-Newton refinement.
+
+The alternation ends when the likelihood converges, that is when the determinant of the noise covariance no longer falls.
+
+References
+----------
+Klein and Morelli, *Aircraft System Identification*, 2nd ed., AIAA, 2016, section 6.2.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -11,10 +18,11 @@ import numpy as np
 
 from stoop import optimize
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
-from stoop.estimate.equation_error import equation_error
 from stoop.estimate.noise import effective_variance, first_variance, noise_variance
 from stoop.estimate.ratios import with_mass_held
+from stoop.estimate.regression.equations import start_value
 from stoop.estimate.rotors_seen import check_motors, check_rotors
 from stoop.flight import Flight
 from stoop.optimize.ledger import Evaluations, Halt
@@ -22,27 +30,26 @@ from stoop.optimize.local_refinement import FULL
 from stoop.problem import Layout, Misfit, Weights
 from stoop.problem.evidence import Evidence, simulation_evidence
 from stoop.problem.misfit import horizon_ladder
-from stoop.problem.prepare import Prepared, nuisances, prepare
+from stoop.problem.prepare import Prepared, nuisances, prepare, without_stuck_channels
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 
-RESTS = 1e-3  #: change of log det R per channel below which the noise estimate has come to rest
-MAX_ROUNDS = 30
-SEARCH = 0.8  #: of the budget; the rest is for the refinement, without which no nuisance is estimated
-MOST_BYTES = 2e9  #: of the sensitivities of all samples
-SETTLING = 3  #: dives at most before the weights are frozen
-SETTLED = 0.05  #: change of log det R per channel below which they need no further dive
-UNSEARCHED = "stopped by the user before the search: the estimates are those of a first dive; run it again"
-STOPPED = "stopped by the user while the estimates were refined"
-UNRESTED = (
-    "The noise estimate did not come to rest: weights and error bars are approximate. Allow a larger budget."
+NOISE_TOLERANCE = 1e-3  #: change of log det R per channel below which the noise covariance has converged
+MAX_ROUNDS = 30  #: alternations of noise covariance and refinement
+SEARCH_SHARE = 0.8  #: of the budget; the rest is for the refinement, without which no nuisance is estimated
+MAX_BYTES = 2e9  #: of the sensitivities of all samples
+INITIAL_ROUNDS = 3  #: refinements at most before the weights are fixed for the search
+INITIAL_TOLERANCE = 0.05  #: change of log det R per channel below which no further one is needed
+STOPPED_BEFORE_SEARCH = (
+    "stopped by the user before the search: the estimates are those of a first local refinement; run it again"
 )
+STOPPED = "stopped by the user while the estimates were refined"
 SHORT = optimize.Settings(iterations=40, gain=1e-4, predicted=1e-4, stall=0, stall_damping=np.inf)
 
 
 @dataclass(frozen=True)
 class Options:
-    """How to search.
+    """Settings of an estimator.
 
     Attributes
     ----------
@@ -50,8 +57,8 @@ class Options:
         Name, see :func:`stoop.optimize.names`.
     seed : int
     generations, budget, target_cost
-        When to give up, see :class:`stoop.optimize.Stop`; a fifth of the budget is kept for the refinement;
-        the few dives that settle the weights count, but are never cut short.
+        When to stop, see :class:`stoop.optimize.Stop`; a fifth of the budget is kept for the refinement; the few
+        refinements that settle the weights count, but are never cut short.
     covariance : (n_y,) or (n_y, n_y) array, optional
         A given noise covariance, the inverse of eq. (3)'s Q; estimated when absent.
     method : str
@@ -75,7 +82,7 @@ class Options:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A finished search.
+    """Estimates of any method, and what they rest on.
 
     Attributes
     ----------
@@ -90,9 +97,8 @@ class Fit:
         J at the optimum with the final weights.
     trajectories : float
         Whole-trajectory equivalents, refinement included.
-    warnings : tuple of str
-    statements : tuple of str
-        How to read what this method found.
+    notices : tuple of Notice
+        Of the method: how to read its estimates, and what makes them doubtful; those of the windows are `prepared`'s.
     noise : (n_y, n_y), optional
         Covariance of the measurement noise, where the method estimates it; else it is that of the simulation's
         residuals.
@@ -117,8 +123,7 @@ class Fit:
     outcome: optimize.Outcome
     cost: float
     trajectories: float
-    warnings: tuple[str, ...] = field(default=())
-    statements: tuple[str, ...] = field(default=())
+    notices: tuple[Notice, ...] = ()
     noise: FloatArray | None = None
     covariance: FloatArray | None = None
     own_evidence: Evidence | None = None
@@ -147,7 +152,7 @@ class Fit:
         return {p.name: float(v) for p, v in zip(self.problem.layout.parameters, values, strict=True)}
 
 
-def pose(
+def estimation_problem(
     vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window], options: Options
 ) -> tuple[Misfit, Prepared]:
     """Turn flights and windows into a least-squares problem.
@@ -157,11 +162,10 @@ def pose(
     IdentificationError
         Nothing is free.
     """
-    vehicle = with_mass_held(vehicle) if vehicle.hovers else vehicle
-    if vehicle.hovers:
-        check_motors(vehicle, flights, windows)
+    vehicle = with_mass_held(vehicle)
+    check_motors(vehicle, flights, windows)
     prepared = without_stuck_channels(vehicle, prepare(vehicle, flights, windows))
-    if vehicle.hovers:
+    if vehicle.rotors:
         check_rotors(vehicle, prepared.windows, prepared.pieces)
     layout = Layout.of(vehicle, nuisances(vehicle, prepared))
     if layout.dimension == 0:
@@ -171,30 +175,25 @@ def pose(
             raise IdentificationError(
                 f"{vehicle.where}: {p.name}: free, but its bounds are [{p.lower:g}, {p.upper:g}]; write bounds = [low, high]"
             )
-    _check_size(vehicle, prepared, layout)
+    samples = sum(len(p.time) for p in prepared.pieces)
+    needed = 8.0 * samples * len(vehicle.outputs) * (layout.dimension + layout.extra)
+    if needed > MAX_BYTES:  # most often a wrong unit of time
+        seconds = sum(float(p.time[-1] - p.time[0]) for p in prepared.pieces)
+        raise IdentificationError(
+            f"{vehicle.where}: the windows hold {seconds:.0f} s, {samples} samples, which would need {needed / 1e9:.0f} GB; "
+            "fit shorter windows, and check the unit of the log's time"
+        )
     sigma = np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs])
     covariance = sigma**2 if options.covariance is None else options.covariance
     problem = Misfit(layout, prepared.pieces, Weights.of(covariance), horizon_ladder(prepared.pieces))
     return problem, prepared
 
 
-def _check_size(vehicle: Vehicle, prepared: Prepared, layout: Layout) -> None:
-    """Refuse windows whose sensitivities would fill the memory: most often a wrong unit of time."""
-    samples = sum(len(p.time) for p in prepared.pieces)
-    needed = 8.0 * samples * len(vehicle.outputs) * (layout.dimension + layout.extra)
-    if needed > MOST_BYTES:
-        seconds = sum(float(p.time[-1] - p.time[0]) for p in prepared.pieces)
-        raise IdentificationError(
-            f"{vehicle.where}: the windows hold {seconds:.0f} s, {samples} samples, which would need {needed / 1e9:.0f} GB; "
-            "fit shorter windows, and check the unit of the log's time"
-        )
-
-
 def starts(problem: Misfit) -> FloatArray:
-    """Return first scouts (k, D): the file's own values and the equation-error estimate."""
+    """Return starting points (k, D): the file's own values and the equation-error estimate."""
     layout = problem.layout
     own = layout.unit(np.array([p.value for p in layout.parameters]))
-    guess = equation_error(layout, problem.pieces)
+    guess = start_value(layout, problem.pieces)
     return np.array([own] if guess is None else [own, guess])
 
 
@@ -208,10 +207,10 @@ def fit(
 ) -> Fit:
     """Fit the free numbers of a vehicle to windows of flights, jointly.
 
-    Without a given noise covariance the weights are settled first, by dives from the best start; the search
-    then runs with frozen weights from there; at last dives and noise estimates alternate until both rest.
+    Without a given noise covariance the weights are settled first, by local refinements from the best start; the search
+    then runs with fixed weights from there; at last refinement and noise estimate alternate until both converge.
     """
-    problem, prepared = pose(vehicle, flights, windows, options)
+    problem, prepared = estimation_problem(vehicle, flights, windows, options)
     guesses, spent = starts(problem), 0.0
     if options.covariance is None:
         settled = settle(problem, guesses)
@@ -220,7 +219,7 @@ def fit(
         problem, spent = settled.problem, settled.spent
         others = np.pad(guesses, [(0, 0), (0, problem.extra)])
         guesses = np.concatenate([settled.z[None, :], others])
-    stop = replace(options.stop, budget=max(SEARCH * (options.budget - spent), float(len(guesses))))
+    stop = replace(options.stop, budget=max(SEARCH_SHARE * (options.budget - spent), float(len(guesses))))
     outcome = optimize.minimize(
         optimize.create(options.optimizer, stop.budget), problem, seed=options.seed, starts=guesses,
         stop=stop, callback=callback, state=state,
@@ -232,33 +231,9 @@ def fit(
     return replace(done, trajectories=done.trajectories + spent)
 
 
-def without_stuck_channels(vehicle: Vehicle, prepared: Prepared) -> Prepared:
-    """Take a channel that never changes for one that was not measured: it would fit perfectly and rule."""
-    stuck = [i for i in range(len(vehicle.outputs)) if _stuck([p.measured[:, i] for p in prepared.pieces])]
-    if not stuck:
-        return prepared
-    pieces = tuple(replace(p, measured=_blanked(p.measured, stuck)) for p in prepared.pieces)
-    names = ", ".join(vehicle.outputs[i] for i in stuck)
-    note = f"{names}: the readings never change in the fitted windows; taken as not measured"
-    return replace(
-        prepared, pieces=pieces, notes=(*prepared.notes, note), warnings=(*prepared.warnings, note)
-    )
-
-
-def _stuck(columns: Sequence[FloatArray]) -> bool:
-    seen = np.concatenate([c[np.isfinite(c)] for c in columns])
-    return seen.size > 1 and float(np.ptp(seen)) <= 1e-12 * max(1.0, float(np.abs(seen).max()))
-
-
-def _blanked(measured: FloatArray, columns: Sequence[int]) -> FloatArray:
-    out = measured.copy()
-    out[:, columns] = np.nan
-    return out
-
-
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """A problem with its weights settled, the place where they were, and what that took."""
+    """A problem with settled weights, the point where they were estimated, and the trajectories that took."""
 
     problem: Misfit
     z: FloatArray
@@ -267,7 +242,7 @@ class Settled:
 
 
 def settle(problem: Misfit, guesses: FloatArray) -> Settled:
-    """Settle the weights by a few short dives from the best start.
+    """Settle the weights by a few short local refinements from the best start.
 
     No budget cuts this short: the weights decide what a cost means, so a search that is resumed with more
     budget must find the same ones.
@@ -276,13 +251,13 @@ def settle(problem: Misfit, guesses: FloatArray) -> Settled:
     costs = problem.costs(guesses, len(problem.prices) - 1)
     z = np.concatenate([guesses[int(np.argmin(costs))], np.zeros(problem.extra)])
     spent = float(len(guesses))
-    for _ in range(SETTLING):
+    for _ in range(INITIAL_ROUNDS):
         end = _dive(problem, z, SHORT)
         z, spent, before = end.z, spent + end.spent, problem.weights.logdet
         problem = problem.weighted(Weights.of(effective_variance(problem, z)))
         if end.cut_short:
             return Settled(problem, z, spent, interrupted=True)
-        if abs(problem.weights.logdet - before) < SETTLED * len(problem.weights.covariance):
+        if abs(problem.weights.logdet - before) < INITIAL_TOLERANCE * len(problem.weights.covariance):
             break
     return Settled(problem, z, spent, interrupted=False)
 
@@ -291,7 +266,7 @@ def _unsearched(settled: Settled, prepared: Prepared, options: Options) -> Fit:
     """Return what there is when Ctrl-C came before the search."""
     cost, history = _cost(settled.problem, settled.z), np.empty((0, 2))
     outcome = optimize.Outcome(
-        settled.z, cost, 0.0, 0, "interrupted", UNSEARCHED, history, None, options.optimizer
+        settled.z, cost, 0.0, 0, "interrupted", STOPPED_BEFORE_SEARCH, history, None, options.optimizer
     )
     return replace(refine(settled.problem, prepared, outcome), trajectories=settled.spent)
 
@@ -307,19 +282,23 @@ def refine(
     budget: float = np.inf,
     estimate_noise: bool = True,
 ) -> Fit:
-    """Alternate the noise estimate and a full dive; population optimizers get their nuisances here.
+    """Alternate noise-covariance estimation and Gauss-Newton refinement until the likelihood converges.
+
+    Population optimizers get their nuisances here.
 
     An interrupted search is not refined; Ctrl-C during the refinement keeps what there is.
     """
     z, before, spent = outcome.z, np.inf, 0.0
-    rested = interrupted = outcome.status == "interrupted"
+    converged = interrupted = outcome.status == "interrupted"
     for _ in range(0 if interrupted else MAX_ROUNDS):
         end = _dive(problem, z, FULL, budget - spent)
         z, spent = end.z, spent + end.spent
         now = problem.weights.logdet
-        rested = not estimate_noise or abs(before - now) < RESTS * len(problem.weights.covariance)
+        converged = not estimate_noise or abs(before - now) < NOISE_TOLERANCE * len(
+            problem.weights.covariance
+        )
         interrupted = end.cut_short == "interrupted"
-        if rested or end.cut_short:
+        if converged or end.cut_short:
             break
         try:
             before, problem = now, problem.weighted(Weights.of(effective_variance(problem, z)))
@@ -328,16 +307,16 @@ def refine(
             break
     if interrupted and outcome.status != "interrupted":
         outcome = replace(outcome, status="interrupted", advice=STOPPED)
-    notes = () if rested or outcome.status == "interrupted" else (UNRESTED,)
+    notices = () if converged or outcome.status == "interrupted" else (notice("noise-not-converged"),)
     spent += outcome.trajectories
-    warnings = (*prepared.warnings, *notes)
-    cost = _cost(problem, z)
-    return Fit(problem, prepared, z, outcome, cost, spent, warnings, noise_given=not estimate_noise)
+    return Fit(
+        problem, prepared, z, outcome, _cost(problem, z), spent, notices, noise_given=not estimate_noise
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class _End:
-    """Where a dive ended, what it took, and what cut it short, if anything did."""
+    """Where a local refinement ended, the trajectories it took, and what cut it short, if anything did."""
 
     z: FloatArray
     spent: float
@@ -345,7 +324,7 @@ class _End:
 
 
 def _dive(problem: Misfit, z: FloatArray, settings: optimize.Settings, budget: float = np.inf) -> _End:
-    """Dive on the full record; Ctrl-C or an empty purse keeps the best so far."""
+    """Refine locally on the full record; Ctrl-C or a spent budget keeps the best so far."""
     ledger = optimize.Ledger(problem, Evaluations.none(problem), budget)
     try:
         end = optimize.refine(ledger, z, len(problem.prices) - 1, settings)

@@ -1,24 +1,20 @@
 """Methods of identification by name.
 
-A method is one function; it knows no other method.
-
 ``fit(vehicle, flights, windows, options, callback, state) -> Fit``
-    Turns windows of flights into estimates. It lies in `identify`. `stoop.estimate.fit.pose` gives the problem:
-    pieces, layout of the unknowns, nuisances. Whatever the method, the returned `Fit` holds
+    Turns windows of flights into estimates. `stoop.estimate.fit.estimation_problem` gives the problem: pieces, layout of
+    the unknowns, nuisances. Whatever the method, the returned `Fit` holds
 
-    - ``problem``: a `Misfit`, or something that has its ``layout``, ``pieces``, ``weights`` and ``outputs(z, i)``,
-      with which the fitted windows are simulated open loop for curves, figures and the baseline beside them;
+    - ``problem``: a `Misfit`, with which the fitted windows are simulated open loop for curves, figures and the baseline;
     - ``z``: parameters in the unit box, then nuisances in prior sigmas (zeros: the start as it was guessed);
-    - ``outcome``: how it ended; ``warnings``: what is doubtful; ``statements``: how to read it.
+    - ``evidence``: residuals, sensitivities and prior information, from which error bars follow;
+    - ``outcome``: how it ended; ``notices``: how to read it, and what is doubtful.
 
-    A regression has no search: `stoop.estimate.regressed.regressed_fit` makes its `Fit` from estimates and their
-    covariance (kept in ``Fit.covariance``), with initial states and biases found for the simulation.
-    `callback` and `state` belong to searches that can be resumed; others pass them over.
+    `callback` and `state` belong to searches that can be resumed; others ignore them.
 
-Error bars come from what the fit rests on (``Fit.evidence``), the same way for all methods: `stoop.assess.error_bars`.
-``Fit.local_problem`` gives the least-squares problem for refits where it is not ``problem``.
+Error bars come from the evidence, the same way for all methods: `stoop.assess.error_bars`. ``local_problem`` gives the
+least-squares problem for refits near the estimate where it is not ``problem``.
 
-To add a method, write the function and add one line to `_METHODS`.
+To add a method, write its function and add one line to `_METHODS`.
 """
 
 from __future__ import annotations
@@ -28,6 +24,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
+from stoop.base.notices import Notice, notice
 from stoop.base.text import nearest
 from stoop.base.variables import VARIABLES
 from stoop.errors import IdentificationError
@@ -35,18 +32,13 @@ from stoop.flight import Flight
 from stoop.vehicle import Vehicle
 
 DEFAULT: Final = "output-error"
-HOVERING: Final = "multiple-shooting"  #: of vehicles with rotors: open loop they fall before a record ends
-COARSE: Final = "equation-error"  #: of those whose motors were logged at less than `SLOW`
-SLOW: Final = 100.0
+WITH_ROTORS: Final = "multiple-shooting"  #: open loop a vehicle on rotors falls before a record ends
+SLOW_MOTORS: Final = "equation-error"  #: with rotors whose motors were logged at less than `MIN_MOTOR_RATE`
+MIN_MOTOR_RATE: Final = 100.0
 """Hz. What moves the motors faster than half the rate of their log looks slow in it, and the vehicle seems to answer less. Of a
-made flight with shaken motors (tests/recovery/test_slow_motors.py) multiple shooting makes the inertia 0.39 too large at 50 Hz,
-0.13 at 100 Hz and 0.05 at 125 Hz; equation error 0.24, 0.06 and 0.03. Above, only multiple shooting knows its error bars."""
-GRIDDED: Final = 0.98  #: of the grid's rate: what was logged faster than that is used as it was logged
-FOLDED: Final = (
-    "The motors were logged at {rate:.0f} Hz, less than {slow:.0f} Hz: what an autopilot commands between the samples looks "
-    "slow in them, and inertia, lag and delay by {hovering} would be wrong. So the fit is by {coarse}, which leaves out moments "
-    "that the recorded commands do not explain; --method {hovering} insists."
-)
+simulated flight with shaken motors (tests/recovery/test_slow_motors.py) multiple shooting makes the inertia 0.39 too large at 50
+Hz, 0.13 at 100 Hz and 0.05 at 125 Hz; equation error 0.24, 0.06 and 0.03. Above, only multiple shooting knows its error bars."""
+GRID_SHARE: Final = 0.98  #: of the grid's rate: what was logged faster than that is used as it was logged
 
 
 @dataclass(frozen=True)
@@ -81,15 +73,15 @@ _METHODS: Final[dict[str, Method]] = {
     ),
     "multiple-shooting": Method(
         "stoop.estimate.shooting.method:fit",
-        "vehicles that are unstable or hover: short windows",
+        "vehicles that are unstable or fly on rotors: short windows",
     ),
     "equation-error": Method(
-        "stoop.estimate.regression.methods:equation_error",
+        "stoop.estimate.regression.method:equation_error",
         "a first look without a simulation: smoothed samples",
         simulates=False,
     ),
     "frequency-domain": Method(
-        "stoop.estimate.regression.methods:frequency_domain",
+        "stoop.estimate.regression.method:frequency_domain",
         "likewise, on the Fourier coefficients of a band",
         simulates=False,
     ),
@@ -102,35 +94,32 @@ def names() -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class Chosen:
-    """The method that is meant.
-
-    Attributes
-    ----------
-    name : str
-    why : str
-        For the user, where neither the user nor the vehicle alone decided.
-    """
+class MethodChoice:
+    """A method, and why where neither the user nor the vehicle alone decided."""
 
     name: str
-    why: str = ""
+    notices: tuple[Notice, ...] = ()
 
 
-def chosen(name: str, vehicle: Vehicle, flights: Iterable[Flight]) -> Chosen:
-    """Return the method that is meant: the one named, or the one of vehicle and flights where none is."""
-    if name or not vehicle.hovers:
-        return Chosen(name or DEFAULT)
-    slowest = min((rate for flight in flights for rate in _interpolated(vehicle, flight)), default=SLOW)
-    if slowest >= SLOW:
-        return Chosen(HOVERING)
-    return Chosen(COARSE, FOLDED.format(rate=slowest, slow=SLOW, coarse=COARSE, hovering=HOVERING))
+def choose_method(name: str, vehicle: Vehicle, flights: Iterable[Flight]) -> MethodChoice:
+    """Return the named method, or the one that suits vehicle and flights where none is named."""
+    if name or not vehicle.rotors:
+        return MethodChoice(name or DEFAULT)
+    rates = (rate for flight in flights for rate in _interpolated(vehicle, flight))
+    slowest = min(rates, default=MIN_MOTOR_RATE)
+    if slowest >= MIN_MOTOR_RATE:
+        return MethodChoice(WITH_ROTORS)
+    why = notice(
+        "motors-logged-slowly", rate=slowest, limit=MIN_MOTOR_RATE, method=SLOW_MOTORS, other=WITH_ROTORS
+    )
+    return MethodChoice(SLOW_MOTORS, (why,))
 
 
 def _interpolated(vehicle: Vehicle, flight: Flight) -> Iterator[float]:
     """Yield the rates, Hz, of the commands of rotors that were logged more slowly than the grid; measured speeds are smooth."""
     for channel in {rotor.channel for rotor in vehicle.file.rotor.values()} & flight.sources.keys():
         rate = flight.sources[channel].rate
-        if VARIABLES[channel].kind != "measurement" and 0.0 < rate < GRIDDED * flight.rate:
+        if VARIABLES[channel].kind != "measurement" and 0.0 < rate < GRID_SHARE * flight.rate:
             yield rate
 
 

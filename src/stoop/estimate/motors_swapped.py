@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.base.arrays import FloatArray
-from stoop.estimate.regression.measured import RATES, lagged
+from stoop.base.variables import RATES
+from stoop.estimate.regression.aircraft import first_order_lag
 from stoop.flight import Flight
 from stoop.flight.aloft import flying
 from stoop.flight.segments import runs
@@ -221,7 +222,7 @@ def _products(
 
     delay, lag = (vehicle.value(n) if n in vehicle.rows else 0.0 for n in ("rotors.delay", "rotors.lag"))
     late = delayed(columns[:, : -len(RATES)], delay * rate)
-    turned = np.column_stack([lagged(c, lag, 1.0 / rate) for c in late.T]) if lag > 0.0 else late
+    turned = np.column_stack([first_order_lag(c, lag, 1.0 / rate) for c in late.T]) if lag > 0.0 else late
     rates = columns[:, -len(RATES) :]
     filters = [butter(ORDER, band, "bandpass", fs=rate, output="sos") for band in BANDS]
     x = [sosfiltfilt(sos, turned, axis=0) for sos in filters]

@@ -1,24 +1,29 @@
-"""The measurement noise covariance by maximum likelihood.
+"""The measurement noise covariance: given in a file, or by maximum likelihood from residuals.
 
 For a given trajectory the likelihood is greatest at R = mean of the residuals' outer products; R then
-changes the weights. The search runs with R frozen; afterwards dive and estimate alternate until the
-logarithm of det R no longer falls (Klein and Morelli, Aircraft System Identification, 2nd ed., section 6.2).
+changes the weights (Klein and Morelli, *Aircraft System Identification*, 2nd ed., section 6.2).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
 
 from stoop.base.arrays import FloatArray
-from stoop.estimate.autocorrelation import lagged_products
+from stoop.errors import IdentificationError
 from stoop.problem import Misfit, on_circle
 
-FLOOR = 1e-4  #: of a channel's spread: no channel is trusted further than that
-SENSOR_FLOOR = 1e-3  #: of the noise that the vehicle file gives a sensor, likewise
-FIRST_GUESS = 0.5  #: of a channel's spread: noise before anything is known, so that no channel rules
-LONGEST = 2.0  #: s; residuals further apart are taken as independent
+FLOOR: Final = 1e-4  #: of a channel's spread: no channel is trusted further than that
+SENSOR_FLOOR: Final = 1e-3  #: of the noise that the vehicle file gives a sensor, likewise
+FIRST_GUESS: Final = (
+    0.5  #: of a channel's spread: noise before anything is known, so that no channel dominates
+)
+MAX_LAG: Final = 2.0  #: s; residuals further apart are taken as independent
+MAX_BYTES: Final = 100_000  #: of a covariance file
 
 
 def channel_residuals(problem: Misfit, z: FloatArray) -> list[FloatArray]:
@@ -41,24 +46,24 @@ def variance_of(problem: Misfit, residuals: list[FloatArray]) -> FloatArray:
     sensors, outputs = problem.layout.vehicle.file.sensors, problem.layout.vehicle.outputs
     out = np.ones(errors.shape[1])
     for i, channel in enumerate(outputs):
-        seen = np.isfinite(errors[:, i])
-        if seen.any():
-            spread = FLOOR * float(np.std(measured[seen, i]))
+        present = np.isfinite(errors[:, i])
+        if present.any():
+            spread = FLOOR * float(np.std(measured[present, i]))
             floor = spread**2 + (SENSOR_FLOOR * getattr(sensors, channel).sigma) ** 2
-            out[i] = max(float(np.mean(errors[seen, i] ** 2)), floor)
+            out[i] = max(float(np.mean(errors[present, i] ** 2)), floor)
     return out
 
 
 def first_variance(problem: Misfit) -> FloatArray:
-    """Return a variance (n_y,) to begin with: a share of each channel's spread within its pieces."""
-    columns = zip(*(p.measured.T for p in problem.pieces), strict=True)
-    return FIRST_GUESS**2 * np.array([_typical_spread(pieces) for pieces in columns])
+    """Return a variance (n_y,) to begin with: a share of each channel's median spread within its pieces.
 
-
-def _typical_spread(pieces: Sequence[FloatArray]) -> float:
-    """Return the median variance of a channel over pieces; one where it was not measured or does not move."""
-    spreads = [float(np.var(y[np.isfinite(y)])) for y in pieces if np.isfinite(y).any()]
-    return float(np.median(spreads) if spreads else 0.0) or 1.0
+    One for a channel that was not measured or does not move.
+    """
+    out = []
+    for columns in zip(*(p.measured.T for p in problem.pieces), strict=True):
+        spreads = [float(np.var(y[np.isfinite(y)])) for y in columns if np.isfinite(y).any()]
+        out.append(float(np.median(spreads) if spreads else 0.0) or 1.0)
+    return FIRST_GUESS**2 * np.array(out)
 
 
 def correlation_times(errors: list[FloatArray], dt: float) -> FloatArray:
@@ -68,13 +73,14 @@ def correlation_times(errors: list[FloatArray], dt: float) -> FloatArray:
     are uncorrelated within chance counts as white.
     """
     count = errors[0].shape[1]
-    return np.array([_correlation_time([e[:, i] for e in errors], round(LONGEST / dt)) for i in range(count)])
+    return np.array(
+        [_correlation_time([e[:, [i]] for e in errors], round(MAX_LAG / dt)) for i in range(count)]
+    )
 
 
-def _correlation_time(pieces: list[FloatArray], longest: int) -> float:
-    seen = [np.isfinite(piece).astype(float)[:, None] for piece in pieces]
-    filled = [np.nan_to_num(piece)[:, None] for piece in pieces]
-    sums, counts = lagged_products(filled, seen, longest)
+def _correlation_time(pieces: list[FloatArray], max_lag: int) -> float:
+    present = [np.isfinite(piece).astype(float) for piece in pieces]
+    sums, counts = lagged_products([np.nan_to_num(piece) for piece in pieces], present, max_lag)
     total, pairs = sums[0], counts[0]
     if pairs[0] < 10 or total[0] <= 0.0:
         return 1.0
@@ -84,6 +90,32 @@ def _correlation_time(pieces: list[FloatArray], longest: int) -> float:
     negative = np.flatnonzero(r <= 0.0)
     end = int(negative[0]) if negative.size else len(r)
     return max(1.0, 1.0 + 2.0 * float(np.sum(r[1:end])))
+
+
+def lagged_products(
+    residuals: Sequence[FloatArray], present: Sequence[FloatArray], lags: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return the sums over all segments of v(i) v(i + l), and how many products they hold, by Fourier transforms.
+
+    Parameters
+    ----------
+    residuals, present : sequences of (n_i, ny)
+        Residuals with zeros where missing; ones where not.
+    lags : int
+        l runs from 0 to `lags`.
+
+    Returns
+    -------
+    sums, counts : (ny, lags + 1)
+    """
+
+    def correlate(values: FloatArray) -> FloatArray:
+        size = next_fast_len(len(values) + lags, real=True)
+        transformed = rfft(values, size, axis=0)
+        return np.asarray(irfft(np.abs(transformed) ** 2, size, axis=0)[: lags + 1].T)
+
+    sums, counts = sum(map(correlate, residuals)), sum(map(correlate, present))
+    return np.asarray(sums), np.maximum(np.rint(np.asarray(counts)), 0.0)
 
 
 def effective_variance(problem: Misfit, z: FloatArray) -> FloatArray:
@@ -98,6 +130,34 @@ def effective_variance(problem: Misfit, z: FloatArray) -> FloatArray:
 
 def effective_variance_of(problem: Misfit, errors: list[FloatArray]) -> FloatArray:
     """Return the variance (n_y,) as :func:`effective_variance`, of measured minus simulated (n, n_y) of each piece."""
-    seen = [i for i in range(errors[0].shape[1]) if any(np.isfinite(e[:, i]).any() for e in errors)]
-    common = float(np.median(correlation_times(errors, problem.pieces[0].dt)[seen]))
+    present = [i for i in range(errors[0].shape[1]) if any(np.isfinite(e[:, i]).any() for e in errors)]
+    common = float(np.median(correlation_times(errors, problem.pieces[0].dt)[present]))
     return variance_of(problem, errors) * common
+
+
+def read_covariance(path: Path, channels: Sequence[str]) -> FloatArray:
+    """Read variances (n_y,) or a covariance (n_y, n_y), the inverse of eq. (3)'s Q, from a small CSV.
+
+    Raises
+    ------
+    IdentificationError
+        Missing, not readable, wrong shape, or not symmetric positive definite.
+    """
+    wanted = f"one row of {len(channels)} variances, or a {len(channels)} by {len(channels)} matrix, for {', '.join(channels)}"
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise IdentificationError(f"{path}: too large for a covariance; write {wanted}")
+        matrix = np.loadtxt(path, delimiter=",", ndmin=2, dtype=np.float64)
+    except FileNotFoundError:
+        raise IdentificationError(f"{path}: no such file; check the name") from None
+    except (OSError, ValueError, UnicodeDecodeError):
+        raise IdentificationError(f"{path}: cannot be read as numbers; write {wanted}") from None
+    if matrix.shape == (1, len(channels)):
+        matrix = np.diag(matrix[0])
+    if matrix.shape != (len(channels), len(channels)):
+        raise IdentificationError(f"{path}: has shape {matrix.shape}; write {wanted}")
+    if not (
+        np.isfinite(matrix).all() and np.allclose(matrix, matrix.T) and np.linalg.eigvalsh(matrix)[0] > 0.0
+    ):
+        raise IdentificationError(f"{path}: is not symmetric positive definite; a covariance must be")
+    return matrix

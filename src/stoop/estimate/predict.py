@@ -1,4 +1,4 @@
-"""Prediction: fly windows with a fitted model; nothing is fitted there."""
+"""Prediction: windows simulated with a fitted model; nothing is fitted there."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import notice
 from stoop.errors import SimulationError
 from stoop.estimate.fit import Fit
-from stoop.estimate.shooting.predict import BEGUN_ANEW, LENGTH, begun_anew
+from stoop.estimate.shooting.windows import WINDOW_LENGTH, outputs_by_window
 from stoop.flight import Flight
 from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.misfit import horizon_ladder
-from stoop.problem.prepare import DEFAULTED, Prepared, prepare
-from stoop.problem.start import FIRST
+from stoop.problem.observation import START_TIME, observation_model
+from stoop.problem.prepare import Prepared, prepare
 from stoop.problem.windows import Window
 from stoop.simulate import START_NAMES, trim
 from stoop.vehicle import Vehicle
@@ -74,48 +75,39 @@ def predicted(
     """
     parts = [_of_window(vehicle, flights, w, b) for w, b in zip(windows, biases, strict=True)]
     pieces = tuple(replace(p, maneuver=i) for i, part in enumerate(parts) for p in part.pieces)
-    notes, doubts = (
-        [said for part in parts for said in getattr(part, kind)] for kind in ("notes", "warnings")
-    )
-    prepared = Prepared(tuple(windows), pieces, tuple(notes), tuple(doubts))
+    notices = [found for part in parts for found in part.notices]
     weights = Weights.of(np.ones(len(vehicle.outputs)))  # a simulation weighs nothing
     problem = Misfit(replace(Layout.of(vehicle, ()), parameters=()), pieces, weights, horizon_ladder(pieces))
-    if vehicle.hovers:
-        said = tuple(BEGUN_ANEW.format(window=w, length=LENGTH) for w in windows)
-        prepared = replace(prepared, notes=(*prepared.notes, *said))
-        return prepared, [begun_anew(problem, i) for i in range(len(pieces))]
-    return prepared, [problem.outputs(np.empty(0), i) for i in range(len(pieces))]
+    if observation_model(vehicle).open_loop:
+        simulated = [problem.outputs(np.empty(0), i) for i in range(len(pieces))]
+    else:
+        simulated = [outputs_by_window(problem, i) for i in range(len(pieces))]
+        notices += [notice("predicted-in-windows", str(w), length=WINDOW_LENGTH) for w in windows]
+    return Prepared(tuple(windows), pieces, tuple(notices)), simulated
 
 
 def _of_window(
     vehicle: Vehicle, flights: Mapping[str, Flight], window: Window, biases: Mapping[str, float]
 ) -> Prepared:
-    """Prepare one window with the biases of its flight, which its start is read with."""
+    """Prepare one window with the biases of its flight, with which its start is read.
+
+    Where nothing was measured at the start, it is that of the steady flight at that airspeed; nothing is fitted here.
+    """
     biased = vehicle.with_numbers({name: {"value": value} for name, value in biases.items()})
     prepared = prepare(biased, flights, [window])
-    begun = [_begun(biased, window, piece) for piece in prepared.pieces]
-    pieces = tuple(replace(p, changes={**p.changes, **biases}) for p, _ in begun)
-    notes = tuple(note for note in prepared.notes if not note.endswith(DEFAULTED))
-    warnings = dict.fromkeys(said for _, said in begun if said)
-    return replace(prepared, pieces=pieces, notes=notes, warnings=(*prepared.warnings, *warnings))
-
-
-def _begun(vehicle: Vehicle, window: Window, piece: Piece) -> tuple[Piece, str]:
-    """Begin where nothing was measured from the steady flight at that airspeed, and say so; nothing here is fitted."""
-    early = piece.measured[piece.time <= piece.time[0] + FIRST]
-    seen = dict(zip(vehicle.outputs, np.isfinite(early).any(axis=0), strict=True))
-    missing = [c for c in vehicle.outputs if c in START_NAMES and not seen[c]]
-    if not missing or vehicle.hovers:
-        return piece, ""
-    steady = _steady(vehicle, piece)
-    start = {**piece.start, **{c: steady[c] for c in missing if c in steady}}
-    begins = (
-        "as in steady flight at that airspeed" if steady else "from a default, for no steady flight was found"
-    )
-    return replace(piece, start=start), (
-        f"{window}: {', '.join(missing)} not recorded at the start; the prediction begins {begins}, "
-        "and a wrong start can cost it the comparison"
-    )
+    pieces, notices = [], [n for n in prepared.notices if n.code != "start-defaulted"]
+    for piece in prepared.pieces:
+        early = piece.measured[piece.time <= piece.time[0] + START_TIME]
+        recorded = dict(zip(vehicle.outputs, np.isfinite(early).any(axis=0), strict=True))
+        missing = tuple(c for c in vehicle.outputs if c in START_NAMES and not recorded[c])
+        start = piece.start
+        if missing and observation_model(vehicle).open_loop:
+            steady = _steady(biased, piece)
+            start = {**start, **{c: steady[c] for c in missing if c in steady}}
+            code = "predicted-from-trim" if steady else "predicted-from-default"
+            notices.append(notice(code, str(window), channels=missing))
+        pieces.append(replace(piece, start=start, changes={**piece.changes, **biases}))
+    return replace(prepared, pieces=tuple(pieces), notices=tuple(notices))
 
 
 def _steady(vehicle: Vehicle, piece: Piece) -> dict[str, float]:

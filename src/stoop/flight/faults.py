@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.base.variables import VARIABLES
 from stoop.flight.channels import Channels, stretches
@@ -31,6 +32,8 @@ REST_SPEED: Final = 0.5  #: m/s over ground
 REST_RATE: Final = 0.05  #: rad/s
 REST_TIME: Final = 2.0  #: s
 
+Kind: TypeAlias = Literal["stuck", "clipped", "offset at rest", "wrong sign", "wrong unit", "inconsistent"]
+
 
 @dataclass(frozen=True)
 class Fault:
@@ -45,7 +48,7 @@ class Fault:
     message : plain words
     """
 
-    kind: Literal["stuck", "clipped", "offset at rest", "wrong sign", "wrong unit", "inconsistent"]
+    kind: Kind
     variable: str
     value: float
     start: float
@@ -157,18 +160,13 @@ def without_faulty(time: FloatArray, x: FloatArray, faults: Sequence[Fault]) -> 
     return out
 
 
-def sign_faults(time: FloatArray, data: Mapping[str, FloatArray]) -> list[Fault]:
-    """Look for a vertical specific force that points up most of the time: a sign lost in a mapping."""
-    az = data.get("az", np.empty(0))
-    seen = np.isfinite(az)
-    value = float(np.median(az[seen])) if seen.any() else 0.0
-    if value < 0.5 * STANDARD_GRAVITY:
-        return []
-    words = (
-        f"az reads {value:.1f} m/s2 most of the time; z points down, so level flight reads about -9.8: "
-        "check its sign (scale = -1 in a mapping)"
-    )
-    return [Fault("wrong sign", "az", value, float(time[seen][0]), float(time[seen][-1]), words)]
+def as_fault(found: Notice, start: float, stop: float) -> Fault:
+    """Return what contradicts a mapping as a fault of the channel, over the record [s]."""
+    signs, motion = ("force-points-up",), ("mapping-", "rate-")
+    kind: Kind = "wrong sign" if found.code in signs else "wrong unit"
+    kind = "inconsistent" if found.code.startswith(motion) else kind
+    value = next((found.values[name] for name in ("gain", "size", "evidence") if name in found.values), 0.0)
+    return Fault(kind, found.subject, float(str(value)), start, stop, str(found).removesuffix("."))
 
 
 def at_rest(data: Mapping[str, FloatArray], rate: float) -> npt.NDArray[np.bool_]:

@@ -10,24 +10,24 @@ import numpy as np
 
 from stoop import logs
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice
 from stoop.base.variables import EULER, QUATERNION, VARIABLES
-from stoop.errors import one_line
-from stoop.flight.advice import advised, motion_faults, unit_faults
+from stoop.checks.kinematics import MOTION, check_motion, check_rates
+from stoop.checks.lines import Lines, read_lines
+from stoop.checks.units import check_units
+from stoop.errors import FlightError, one_line
 from stoop.flight.aloft import hovered, lifting
 from stoop.flight.between import following_rates
 from stoop.flight.build import build
 from stoop.flight.channels import SourceRate, tame
 from stoop.flight.chosen import channels_of, mapping_of, topics_of
 from stoop.flight.clocks import lateness
-from stoop.flight.consistency import rate_faults
 from stoop.flight.equivalent import of_the_true_one, with_true_airspeed
-from stoop.flight.faults import Fault, recorded_faults, rest_faults, sign_faults, without_faulty
+from stoop.flight.faults import Fault, as_fault, recorded_faults, rest_faults, without_faulty
 from stoop.flight.flight import Flight
 from stoop.flight.grid import Grid
 from stoop.flight.make import dataset, named, with_attitude
 from stoop.flight.mapped import Mapped
-from stoop.flight.motion import MOTION
-from stoop.flight.plausible import check_radians
 from stoop.flight.store import restore
 from stoop.logs import Recording
 
@@ -71,25 +71,24 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = DEFA
     named_channels = channels_of(recording, place)
     tamed = [tame(group) for group in named_channels.channels]
     channels = [group for group, _ in tamed]
-    check_radians(channels, str(path), str(place or ""), named_channels.places)
     flight = with_air(_gridded(path, recording, replace(named_channels, channels=channels), rate))
     notes = (*(note for _, told in tamed for note in told), *flight.notes, *_warnings(flight))
     return replace(flight, notes=tuple(map(one_line, notes)))
 
 
 def _gridded(path: Path, recording: Recording, found: Mapped, rate: float) -> Flight:
-    channels = found.channels
+    channels, lines = found.channels, read_lines(found.places)
+    signals = {name: (group.time, x) for group in channels for name, x in group.values.items()}
+    refused, units, _ = check_units(signals, lines)
+    if refused:
+        raise FlightError(f"{path}: {str(refused[0]).removesuffix('.')}")
     grid, whole, known = _with_attitude(*build(channels, rate, str(path)))
     data, sources, air = with_true_airspeed(whole, known)
-    units = unit_faults(channels, found.places)
     recorded = of_the_true_one(recorded_faults(channels), data)
-    dirty = MOTION & {fault.variable for fault in recorded}
-    sound = not units and not dirty and not _slow(sources, WRONG_CLOCK)
     faults = (
         *recorded,
-        *units,
         *rest_faults(grid.time, data, rate),
-        *_inconsistencies(grid.time, data, rate, found.places, sound),
+        *_contradictions(grid.time, data, rate, lines, units, recorded, sources),
     )
     doubted = any(fault.kind == "inconsistent" for fault in faults)
     late = lateness(channels) if doubted else ""
@@ -114,17 +113,27 @@ def _gridded(path: Path, recording: Recording, found: Mapped, rate: float) -> Fl
     )
 
 
-def _inconsistencies(
-    time: FloatArray, data: Mapping[str, FloatArray], rate: float, places: Mapping[str, str], sound: bool
+def _contradictions(
+    time: FloatArray,
+    data: Mapping[str, FloatArray],
+    rate: float,
+    lines: Lines,
+    units: Sequence[Notice],
+    recorded: Sequence[Fault],
+    sources: Mapping[str, SourceRate],
 ) -> list[Fault]:
-    """Tell lost signs, then lines that other channels contradict, then what else disagrees with those mended.
+    """Report lines of the mapping that the data contradict, then what else disagrees with these corrected.
 
-    Where sizes or clocks are not sound, or channels stuck or clipped, contradictions would accuse the innocent.
+    Where units or clocks are wrong, or channels stuck or clipped, kinematics would accuse the innocent.
     """
-    signs = sign_faults(time, data)
-    upright = {**data, **{fault.variable: -data[fault.variable] for fault in signs}}
-    wrong, mended = motion_faults(time, upright, rate, places if sound else {})
-    return [*advised(signs, places), *wrong, *advised(rate_faults(time, mended, rate), places)]
+    up = any(one.code == "force-points-up" for one in units)
+    sound = (
+        len(units) == up and not MOTION & {f.variable for f in recorded} and not _slow(sources, WRONG_CLOCK)
+    )
+    upright = {**data, "az": -data["az"]} if up else data
+    wrong, corrected = check_motion(upright, rate, lines if sound else {})
+    found = [*units, *wrong, *check_rates(corrected, rate, lines)]
+    return [as_fault(one, float(time[0]), float(time[-1])) for one in found]
 
 
 def _with_attitude(

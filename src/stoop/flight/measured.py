@@ -13,9 +13,8 @@ from stoop.base.arrays import FloatArray
 from stoop.base.rotations import wrap
 from stoop.base.units import DEGREE, FACTORS, KINDS, STANDARD_GRAVITY, ZEROS
 from stoop.base.variables import VARIABLES
-from stoop.flight.advice import RANGES
+from stoop.checks.units import LARGEST, MEDIANS
 from stoop.flight.lag import Signal
-from stoop.flight.plausible import LIMITS
 from stoop.logs.mapping import PULSES
 
 SPAN: Final = 0.2  #: s over which an angle is differenced
@@ -109,7 +108,7 @@ def _measurement(line: Line, x: FloatArray) -> Line:
         ending = "/s" if kind == "a rate of turn" else ""
         if name.startswith("rotor_"):
             return replace(line, unit="rpm").doubted("rpm or rad/s: nothing tells")
-        if size > LIMITS.get(name, math.inf):
+        if size > LARGEST.get(name, math.inf):
             return replace(line, unit=f"deg{ending}").remarked(f"up to {size:.3g}: degrees")
         return replace(line, unit=f"rad{ending}")
     if name == "temperature" and size < 100.0:
@@ -120,10 +119,10 @@ def _measurement(line: Line, x: FloatArray) -> Line:
 def _ranged(line: Line, size: float) -> Line:
     """Choose the unit that brings the median size to where flights have it."""
     unit = VARIABLES[line.variable].unit
-    known = RANGES.get(line.variable)
+    known = MEDIANS.get(line.variable)
     if known is None or known.low <= size <= known.high:
         return replace(line, unit=unit)
-    meant = [u for u, many in known.units if many and known.low <= size / many <= known.high]
+    meant = [u for u in known.units if known.low <= size * FACTORS[u] / FACTORS[unit] <= known.high]
     if meant:
         return replace(line, unit=meant[0]).remarked(f"{size:.3g} in the median: {meant[0]}")
     return replace(line, unit=unit).doubted(f"{size:.3g} in the median is no {line.variable} in {unit}")
@@ -169,7 +168,7 @@ def _surface(line: Line, size: float) -> Line:
     if line.unit == "1" or 0.8 < size <= 1.01:
         words = "normalized, no angle: name it servo_N and add a calibration"
         return replace(line, unit="1").doubted(words)
-    if size > LIMITS.get(line.variable, math.inf):
+    if size > LARGEST.get(line.variable, math.inf):
         return replace(line, unit="deg").remarked(f"up to {size:.3g}: degrees")
     return replace(line, unit="rad").doubted(f"up to {size:.3g}: rad, or a normalized command?")
 

@@ -8,24 +8,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice, as_notice, notice
 from stoop.errors import FlightError, VehicleError
 from stoop.flight import Flight, Segment, segments
-from stoop.flight.segments import SHORTEST
+from stoop.flight.segments import SHORTEST, TRIMMED
 from stoop.problem import Nuisance, Piece
-from stoop.problem.start import first_complete, guess_start, state_channels
+from stoop.problem.observation import (
+    LAG_SCALE,
+    first_complete,
+    guess_start,
+    observation_model,
+    state_channels,
+)
 from stoop.problem.windows import Window
 from stoop.simulate import parameter_rows
 from stoop.simulate.initial import commanded
 from stoop.vehicle import Vehicle
-
-START_SCALES = {
-    "V": 2.0, "alpha": 0.1, "beta": 0.1, "p": 0.2, "q": 0.2, "r": 0.2, "phi": 0.1, "theta": 0.1, "psi": 0.1,
-}  #: m/s, rad, rad/s: prior standard deviation of an initial state about its guess, deliberately wide  # fmt: skip
-GROUND_SCALES = {
-    "u": 5.0, "v": 5.0, "w": 2.0, **{n: START_SCALES[n] for n in ("p", "q", "r", "phi", "theta", "psi")},
-}  #: likewise, of a vehicle with rotors: its speed through the air is known as well as the wind  # fmt: skip
-LAG_SCALE = 0.1  #: rad; of a rotor, share of its largest x
-DEFAULTED = "not recorded at the start; a default is used there"
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,16 +35,13 @@ class Prepared:
     windows : tuple of Window
         One per maneuver.
     pieces : tuple of Piece
-    notes : tuple of str
-        What was trimmed, split or dropped.
-    warnings : tuple of str
-        What makes the result doubtful.
+    notices : tuple of Notice
+        What was trimmed, split, dropped or replaced by a default.
     """
 
     windows: tuple[Window, ...]
     pieces: tuple[Piece, ...]
-    notes: tuple[str, ...]
-    warnings: tuple[str, ...] = ()
+    notices: tuple[Notice, ...] = ()
 
     def of_maneuver(self, maneuver: int) -> list[int]:
         """Return the indices of a maneuver's pieces."""
@@ -62,34 +57,34 @@ def prepare(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[W
         A channel that the vehicle needs is not in the flight, or nothing observable is.
     """
     pieces: list[Piece] = []
-    notes: list[str] = []
+    notices: list[Notice] = []
     for index, window in enumerate(windows):
-        cut, said = _pieces(vehicle, flights[window.flight], window, index)
+        cut, found = _pieces(vehicle, flights[window.flight], window, index)
         pieces += cut
-        notes += said
-    return Prepared(tuple(windows), tuple(pieces), tuple(notes))
+        notices += found
+    return Prepared(tuple(windows), tuple(pieces), tuple(notices))
 
 
-def _pieces(vehicle: Vehicle, flight: Flight, window: Window, index: int) -> tuple[list[Piece], list[str]]:
-    inputs = list(vehicle.recorded)
-    extras = _extras(vehicle, flight)
+def _pieces(vehicle: Vehicle, flight: Flight, window: Window, index: int) -> tuple[list[Piece], list[Notice]]:
+    wanted = ("altitude", *(c for c in state_channels(vehicle) if c not in vehicle.outputs))
+    extras = tuple(name for name in wanted if name in flight.data)
     flight = with_average_voltage(vehicle, flight)
-    found, notes = segments(flight, window.start, window.stop, inputs, vehicle.outputs, extras)
-    if not any(np.isfinite(s.z).any() for s in found):
+    cut, notes = segments(flight, window.start, window.stop, list(vehicle.recorded), vehicle.outputs, extras)
+    notices = [as_notice(n, "warning" if TRIMMED in n else "info", "flight") for n in notes]
+    if not any(np.isfinite(s.z).any() for s in cut):
         raise FlightError(
             f"{window}: none of {', '.join(vehicle.outputs)} was recorded there; choose another window"
         )
-    changes = _loading(vehicle, window)
-    out = []
-    for segment in found:
-        piece, said = _piece(vehicle, window, segment, index, changes)
+    changes, out = _loading(vehicle, window), []
+    for segment in cut:
+        piece, found = _piece(vehicle, window, segment, index, changes)
         out += [piece] if piece is not None else []
-        notes += said
+        notices += found
     if not out:
         raise FlightError(
             f"{window}: nowhere {SHORTEST:g} s in which its whole state was measured; choose another window"
         )
-    return out, notes
+    return out, notices
 
 
 def with_average_voltage(vehicle: Vehicle, flight: Flight) -> Flight:
@@ -113,30 +108,24 @@ def with_average_voltage(vehicle: Vehicle, flight: Flight) -> Flight:
 
 def _piece(
     vehicle: Vehicle, window: Window, segment: Segment, index: int, changes: dict[str, float]
-) -> tuple[Piece | None, list[str]]:
+) -> tuple[Piece | None, list[Notice]]:
     """Make a piece that begins where the state can be read off the measurements; None where little is left."""
     blank = np.full(len(segment.t), np.nan)
     columns = dict(zip(vehicle.outputs, segment.z.T, strict=True)) | dict(segment.extras)
     readings = {c: columns.get(c, blank) for c in state_channels(vehicle)}
     first = first_complete(readings)
-    notes = [f"{window}: begins at {segment.t[first]:.2f} s, where its state was measured"] if first else []
-    t = segment.t[first:]
+    t, where = segment.t[first:], str(window)
     if t[-1] - t[0] < 0.9 * SHORTEST:
-        return None, [
-            f"{window}: {segment.t[0]:.2f}:{segment.t[-1]:.2f} was dropped: its state was measured too late"
-        ]
-    start, missing = guess_start(vehicle, t, {c: v[first:] for c, v in readings.items()}, str(window))
+        span = {"start": float(segment.t[0]), "stop": float(segment.t[-1])}
+        return None, [notice("piece-dropped", where, **span)]
+    notices = [notice("piece-starts-late", where, time=float(t[0]))] if first else []
+    start, missing = guess_start(vehicle, t, {c: v[first:] for c, v in readings.items()}, where)
     if missing:
-        notes.append(f"{window}: {', '.join(missing)} {DEFAULTED}")
+        notices.append(notice("start-defaulted", where, channels=tuple(missing)))
     start["h"] = _altitude(vehicle, window, segment.extras, first)
     u = np.zeros((len(t), len(vehicle.inputs)))  # zeros: what is no channel, and the noise behind gusts
     u[:, : segment.u.shape[1]] = segment.u[first:]
-    return Piece(index, t, np.ascontiguousarray(u), segment.z[first:], start, changes), notes
-
-
-def _extras(vehicle: Vehicle, flight: Flight) -> tuple[str, ...]:
-    wanted = ("altitude", *(c for c in state_channels(vehicle) if c not in vehicle.outputs))
-    return tuple(name for name in wanted if name in flight.data)
+    return Piece(index, t, np.ascontiguousarray(u), segment.z[first:], start, changes), notices
 
 
 def _loading(vehicle: Vehicle, window: Window) -> dict[str, float]:
@@ -159,9 +148,9 @@ def _loading(vehicle: Vehicle, window: Window) -> dict[str, float]:
 
 def _altitude(vehicle: Vehicle, window: Window, extras: Mapping[str, FloatArray], first: int) -> float:
     recorded = extras.get("altitude", np.empty(0))[first:]
-    seen = recorded[np.isfinite(recorded)]
-    if seen.size:
-        return float(seen[0])
+    present = recorded[np.isfinite(recorded)]
+    if present.size:
+        return float(present[0])
     if vehicle.file.environment.density == "standard":
         raise FlightError(
             f"{window}: no altitude was recorded; write environment.density as a number in {vehicle.where}"
@@ -169,32 +158,47 @@ def _altitude(vehicle: Vehicle, window: Window, extras: Mapping[str, FloatArray]
     return 0.0
 
 
+def without_stuck_channels(vehicle: Vehicle, prepared: Prepared) -> Prepared:
+    """Take a channel that never changes for one that was not measured: its estimated noise would go to zero."""
+    stuck = []
+    for i in range(len(vehicle.outputs)):
+        column = np.concatenate([p.measured[:, i] for p in prepared.pieces])
+        column = column[np.isfinite(column)]
+        if column.size > 1 and float(np.ptp(column)) <= 1e-12 * max(1.0, float(np.abs(column).max())):
+            stuck.append(i)
+    if not stuck:
+        return prepared
+    pieces = []
+    for piece in prepared.pieces:
+        measured = piece.measured.copy()
+        measured[:, stuck] = np.nan
+        pieces.append(replace(piece, measured=measured))
+    found = (notice("stuck-channel", vehicle.outputs[i]) for i in stuck)
+    return replace(prepared, pieces=tuple(pieces), notices=(*prepared.notices, *found))
+
+
 def nuisances(vehicle: Vehicle, prepared: Prepared) -> tuple[Nuisance, ...]:
     """Return what differs between maneuvers: initial states of every piece, free biases of every maneuver."""
-    out: list[Nuisance] = []
+    model, out = observation_model(vehicle), []
     for i, piece in enumerate(prepared.pieces):
-        for name in _start_names(vehicle):
-            scale = _start_scale(vehicle, piece, name)
+        for name in model.start_names(vehicle):
+            scale = model.start_scales.get(name) or _lag_scale(vehicle, piece, name.removesuffix(".lag"))
             out.append(Nuisance(name, piece.maneuver, i, piece.start.get(name, 0.0), scale))
     for maneuver in range(len(prepared.windows)):
-        out += [n for n in _biases(vehicle, maneuver) if _observed(prepared, maneuver, vehicle, n.name)]
+        own = [prepared.pieces[i] for i in prepared.of_maneuver(maneuver)]
+        for bias in _biases(vehicle, maneuver):
+            channel = vehicle.outputs.index(bias.name.split(".")[1])
+            if any(np.isfinite(p.measured[:, channel]).any() for p in own):
+                out.append(bias)
     return tuple(out)
 
 
-def _start_names(vehicle: Vehicle) -> tuple[str, ...]:
-    rigid = {"longitudinal": ("V", "alpha", "q", "theta"), "lateral": ("beta", "p", "r", "phi", "psi")}
-    lags = tuple(s for s in vehicle.states if s.endswith(".lag"))
-    whole = tuple(GROUND_SCALES if vehicle.hovers else START_SCALES)
-    return (*rigid.get(vehicle.reduce, whole), *lags)
-
-
-def _start_scale(vehicle: Vehicle, piece: Piece, name: str) -> float:
-    """Return the prior standard deviation of one initial state about its guess."""
-    rotor = name.removesuffix(".lag")
-    if rotor not in vehicle.rotors:
-        return (START_SCALES | GROUND_SCALES).get(name, LAG_SCALE)
+def _lag_scale(vehicle: Vehicle, piece: Piece, actuator: str) -> float:
+    """Return the prior standard deviation of how far a lagged actuator is off its command at the start."""
+    if actuator not in vehicle.rotors:
+        return LAG_SCALE
     rows = parameter_rows(vehicle, piece.changes)
-    spin = commanded(vehicle, rotor, np.repeat(rows, len(piece.inputs), axis=1), piece.inputs.T)
+    spin = commanded(vehicle, actuator, np.repeat(rows, len(piece.inputs), axis=1), piece.inputs.T)
     return LAG_SCALE * float(np.max(spin)) or LAG_SCALE * vehicle.value("rotors.gain")
 
 
@@ -207,8 +211,3 @@ def _biases(vehicle: Vehicle, maneuver: int) -> list[Nuisance]:
                 f"{vehicle.where}: {name}: a bias takes no bounds; write prior = SIGMA instead"
             )
     return [Nuisance(n, maneuver, None, free[n].value, free[n].prior or 1.0) for n in names]
-
-
-def _observed(prepared: Prepared, maneuver: int, vehicle: Vehicle, name: str) -> bool:
-    channel = vehicle.outputs.index(name.split(".")[1])
-    return any(np.isfinite(p.measured[:, channel]).any() for p in prepared.pieces if p.maneuver == maneuver)

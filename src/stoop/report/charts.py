@@ -1,7 +1,8 @@
-"""The drawings of the report: curves of a channel, convergence, autocorrelation, correlation, intervals."""
+"""Drawings of the identification report: channels, convergence, autocorrelation, correlation, intervals."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -9,17 +10,24 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
+from stoop.assess.covariance import NORMAL_95
 from stoop.base.arrays import FloatArray
 from stoop.base.numbers import RAISED
-from stoop.report.axes import Axes, Box
-from stoop.report.svg import Scale, drawing, element, spanning, tick_text
+from stoop.report.svg import Axes, Box, Range, Scale, drawing, element, spanning, tick_text
+from stoop.results.result import ParameterEstimate
+from stoop.results.uncertainty import Interval, ParameterRepeatability
 
 WIDTH: Final = 372.0  #: px of one panel; the page lays three side by side
 LARGE: Final = 560.0  #: px of a panel of which two lie side by side
 LEFT, RIGHT, FLOOR = 46.0, 6.0, 18.0
-NAMED: Final = 40  #: rows up to which a correlation matrix shows its numbers
-DARK: Final = 0.85  #: correlation above which a cell is dark enough for white digits
-DIVERGED: Final = 3.0  #: a simulated curve may widen the axis to so many times the measured range
+METHODS_WIDTH, METHODS_STEP = (
+    340.0,
+    9.0,
+)  #: px of the drawing of intervals by method, and from one to the next
+MAX_NUMBERED: Final = 40  #: rows up to which a correlation matrix shows its numbers
+DARK_CELL: Final = 0.85  #: correlation above which a cell is dark enough for white digits
+MAX_REACH: Final = 3.0  #: a simulated curve may widen the axis to so many times the measured range
+Ends = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,24 +39,20 @@ class Curves:
     simulated: FloatArray
     baseline: FloatArray | None = None
 
-    @property
-    def residual(self) -> FloatArray:
-        """Measured minus simulated."""
-        return self.measured - self.simulated
-
 
 def channel_panel(curves: Curves, role: str, description: str) -> Markup:
-    """Return measured against simulated, and their difference to the same scale per px below."""
-    span = _time_span(curves.time)
-    upper = Axes.around(Box(LEFT, 6.0, WIDTH - LEFT - RIGHT, 128.0), span, _range(curves))
-    lower = Axes.around(Box(LEFT, 142.0, WIDTH - LEFT - RIGHT, 44.0), span, _symmetric(curves.residual))
+    """Return measured against simulated, and their difference below."""
+    span, residual = _time_span(curves.time), curves.measured - curves.simulated
+    reach = max(map(abs, spanning([residual])))
+    upper = Axes.around(Box(LEFT, 6.0, WIDTH - LEFT - RIGHT, 128.0), span, _channel_range(curves))
+    lower = Axes.around(Box(LEFT, 142.0, WIDTH - LEFT - RIGHT, 44.0), span, (-reach, reach))
     parts = [axes.hole(*gap) for gap in holes(curves.time) for axes in (upper, lower)]
     parts += upper.frame(bottom_labels=False, rows=5) + lower.frame(rows=4)
     parts.append(upper.curve(curves.time, curves.measured, "curve measured"))
     if curves.baseline is not None:
         parts.append(upper.curve(curves.time, curves.baseline, "curve baseline"))
     parts.append(upper.curve(curves.time, curves.simulated, f"curve {role}"))
-    parts.append(lower.curve(curves.time, curves.residual, "curve residual"))
+    parts.append(lower.curve(curves.time, residual, "curve residual"))
     return drawing(WIDTH, 186.0 + FLOOR, description, parts)
 
 
@@ -60,28 +64,28 @@ def plain_panel(
     height: float = 76.0,
 ) -> Markup:
     """Return curves (n,) over one another, each with its class, the last on top."""
-    span = _time_span(time)
     box = Box(LEFT, 6.0, width - LEFT - RIGHT, height)
-    axes = Axes.around(box, span, spanning([values for _, values in curves]))
+    axes = Axes.around(box, _time_span(time), spanning([values for _, values in curves]))
     parts = [axes.hole(*gap) for gap in holes(time)] + axes.frame(rows=round(height / 25.0))
     parts += [axes.curve(time, values, f"curve {kind}") for kind, values in curves]
     return drawing(width, height + 6.0 + FLOOR, description, parts)
 
 
-def convergence_panel(history: FloatArray) -> Markup:
-    """Return the best cost over the trajectories spent, from `history` (k, 2) with a finite row."""
+def convergence_panel(history: FloatArray) -> Markup | None:
+    """Return the best cost over the trajectories, from `history` (k, 2); None without a finite row."""
     good = history[np.all(np.isfinite(history), axis=1)]
+    if not len(good):
+        return None
     spent, cost = good[:, 0], good[:, 1]
     decades = bool(cost.min() > 0.0 and cost.max() > 10.0 * cost.min())
     level: FloatArray = np.log10(cost) if decades else cost
-    axes = Axes.around(
-        Box(LEFT, 6.0, LARGE - LEFT - RIGHT, 150.0), spanning([spent], 0.02), spanning([level])
-    )
+    box = Box(LEFT, 6.0, LARGE - LEFT - RIGHT, 150.0)
+    axes = Axes.around(box, spanning([spent], 0.02), spanning([level]))
     # The best cost stays until a better one is found: a staircase.
     stairs = axes.curve(np.repeat(spent, 2)[1:], np.repeat(level, 2)[:-1], "curve fit")
     frame = axes.frame(columns=8, text=_power_of_ten if decades else tick_text)
-    words = f"Best cost against trajectories spent, from {cost[0]:.4g} to {cost[-1]:.4g}."
-    return drawing(LARGE, 156.0 + FLOOR, words, [*frame, stairs])
+    description = f"Best cost against trajectories, from {cost[0]:.4g} to {cost[-1]:.4g}."
+    return drawing(LARGE, 156.0 + FLOOR, description, [*frame, stairs])
 
 
 def _power_of_ten(level: float, step: float) -> str:
@@ -91,57 +95,111 @@ def _power_of_ten(level: float, step: float) -> str:
 def autocorrelation_panel(values: FloatArray, period: float, samples: int, name: str) -> Markup:
     """Return the autocorrelation (lags + 1,) with the band in which 95 % of white residuals lie."""
     width, height = 220.0, 74.0
-    axes = Axes.around(
-        Box(30.0, 6.0, width - 36.0, height), (0.0, period * max(len(values) - 1, 1)), (-0.6, 1.05)
-    )
-    band = 1.96 / np.sqrt(max(samples, 1))
-    top, bottom = axes.y.at(band), axes.y.at(-band)
-    shade = element(
-        "rect", x=30.0, y=6.0 + top, width=width - 36.0, height=max(bottom - top, 0.5), class_="band"
-    )
-    curve = axes.curve(period * np.arange(len(values), dtype=np.float64), values, "curve residual")
-    parts = [shade, *axes.frame(rows=3, columns=3), curve]
+    lags = period * np.arange(len(values), dtype=np.float64)
+    axes = Axes.around(Box(30.0, 6.0, width - 36.0, height), (0.0, max(lags[-1], period)), (-0.6, 1.05))
+    reach = NORMAL_95 / np.sqrt(max(samples, 1))
+    parts = [
+        _band(axes, -reach, reach),
+        *axes.frame(rows=3, columns=3),
+        axes.curve(lags, values, "curve residual"),
+    ]
     return drawing(width, height + 6.0 + FLOOR, f"Autocorrelation of the residuals of {name}.", parts)
 
 
-@dataclass(frozen=True)
-class ForestRow:
-    """One row of the forest plot; NaN for what does not exist."""
-
-    estimate: float
-    lower: float
-    upper: float
-    start: float
-    prior_lower: float
-    prior_upper: float
-    bounds: tuple[float, float]
-    kind: str  #: class: "sure", "unsure" or "bound"
+def _band(axes: Axes, low: float, high: float) -> Markup:
+    """Return a shaded range of the y axis."""
+    box, top, bottom = axes.box, axes.y.at(high), axes.y.at(low)
+    height = max(bottom - top, 0.5)
+    return element("rect", x=box.left, y=box.top + top, width=box.width, height=height, class_="band")
 
 
-def forest_row(row: ForestRow, description: str) -> Markup:
-    """Return estimate and interval over prior, starting value and bounds, on a scale of the row's own."""
+def forest_row(one: ParameterEstimate, drawn: Ends, kind: str, description: str) -> Markup:
+    """Return estimate and interval over prior, starting value and bounds, on a scale of the row's own.
+
+    Parameters
+    ----------
+    one : ParameterEstimate
+    drawn : (low, high)
+        Ends of the interval.
+    kind : "sure", "unsure" or "bound"
+        Class of interval and estimate.
+    description : str
+    """
     width, height = 260.0, 26.0
     middle = height / 2
-    inner = [row.estimate, row.lower, row.upper, row.start, row.prior_lower, row.prior_upper]
-    low, high = spanning([np.array(inner)], 0.08)
-    shown = [edge for edge in row.bounds if low - 0.6 * (high - low) <= edge <= high + 0.6 * (high - low)]
-    scale = Scale(*spanning([np.array([low, high, *shown])], 0.01), 4.0, width - 4.0)
+    prior = (one.prior_mean - NORMAL_95 * one.prior_std, one.prior_mean + NORMAL_95 * one.prior_std)
+    low, high = spanning([np.array([one.estimate, *drawn, one.start, *prior])], 0.08)
+    near = 0.6 * (high - low)
+    bounds = [edge for edge in (one.bound_lower, one.bound_upper) if low - near <= edge <= high + near]
+    scale = Scale(*spanning([np.array([low, high, *bounds])], 0.01), 4.0, width - 4.0)
     parts: list[Markup] = [element("line", x1=0.0, x2=width, y1=middle, y2=middle, class_="grid")]
     if scale.low < 0.0 < scale.high:
         parts.append(_tick(scale.at(0.0), 2.0, height - 2.0, "zeroline"))
-    if np.isfinite([row.prior_lower, row.prior_upper]).all():
-        left, right = scale.at(row.prior_lower), scale.at(row.prior_upper)
+    if np.isfinite(prior).all():
+        left, right = map(scale.at, prior)
+        width_of_prior = right - left
         parts.append(
-            element("rect", x=left, y=middle - 7, width=right - left, height=14.0, rx=2.0, class_="prior")
+            element("rect", x=left, y=middle - 7, width=width_of_prior, height=14.0, rx=2.0, class_="prior")
         )
-    parts += [_tick(scale.at(edge), 3.0, height - 3.0, "edge") for edge in shown]
-    if np.isfinite(row.start):
-        parts.append(_tick(scale.at(row.start), middle - 6, middle + 6, "start"))
-    if np.isfinite([row.lower, row.upper]).all():
-        left, right = scale.at(row.lower), scale.at(row.upper)
-        parts.append(element("line", x1=left, x2=right, y1=middle, y2=middle, class_=f"interval {row.kind}"))
-    parts.append(element("circle", cx=scale.at(row.estimate), cy=middle, r=4.0, class_=f"dot {row.kind}"))
+    parts += [_tick(scale.at(edge), 3.0, height - 3.0, "edge") for edge in bounds]
+    if np.isfinite(one.start):
+        parts.append(_tick(scale.at(one.start), middle - 6, middle + 6, "start"))
+    if np.isfinite(drawn).all():
+        left, right = map(scale.at, drawn)
+        parts.append(element("line", x1=left, x2=right, y1=middle, y2=middle, class_=f"interval {kind}"))
+    parts.append(element("circle", cx=scale.at(one.estimate), cy=middle, r=4.0, class_=f"dot {kind}"))
     return drawing(width, height, description, parts)
+
+
+def method_intervals(
+    estimate: float, intervals: Sequence[tuple[str, Interval | None]], description: str
+) -> Markup:
+    """Return the estimate as a line and one interval per method, with its class; an open end runs to the edge."""
+    ends = [e for _, s in intervals if s is not None for e in (s.ci95_lower, s.ci95_upper)]
+    scale = Scale(*spanning([np.array([estimate, *ends])], 0.08), 4.0, METHODS_WIDTH - 4.0)
+    height = METHODS_STEP * len(intervals) + 4.0
+    parts = [_tick(scale.at(estimate), 1.0, height - 1.0, "zeroline")]
+    if scale.low < 0.0 < scale.high:
+        parts.append(_tick(scale.at(0.0), 0.0, height, "grid zero"))
+    for i, (kind, one) in enumerate(intervals):
+        if one is None:
+            continue
+        y = 2.0 + METHODS_STEP * (i + 0.5)
+        known = np.isfinite([one.ci95_lower, one.ci95_upper])
+        if known.any():
+            left = scale.at(one.ci95_lower) if known[0] else 0.0
+            right = scale.at(one.ci95_upper) if known[1] else METHODS_WIDTH
+            open_end = "" if known.all() else " open"
+            parts.append(element("line", x1=left, x2=right, y1=y, y2=y, class_=f"interval {kind}{open_end}"))
+        hollow = "" if known.any() else " nothing"
+        parts.append(element("circle", cx=scale.at(estimate), cy=y, r=2.6, class_=f"dot {kind}{hollow}"))
+    return drawing(METHODS_WIDTH, height, description, parts)
+
+
+def repeatability_panel(name: str, one: ParameterRepeatability, joint: ParameterEstimate) -> Markup:
+    """Return the estimates of single maneuvers with 95 % intervals over their weighted mean (band), the joint fit last."""
+    width, height, top = 300.0, 110.0, 6.0
+    points = [(s.estimate, s.std_error, "sure" if s.counted else "unsure") for s in one.singles]
+    points.append((joint.estimate, joint.std_error, "bound" if joint.at_bound else "joint"))
+    shown = [(v, e) for v, e, kind in points if kind != "unsure" and math.isfinite(v)]
+    ends = [v + sign * NORMAL_95 * np.nan_to_num(e) for v, e in shown for sign in (-1.0, 1.0)]
+    box = Box(LEFT, top, width - LEFT - RIGHT, height)
+    axes = Axes.around(box, (0.4, len(points) + 0.6), spanning([np.array(ends)], 0.08))
+    reach = NORMAL_95 * one.std_error
+    parts = [_band(axes, one.mean - reach, one.mean + reach)] if math.isfinite(reach) else []
+    parts += axes.levels(4)
+    for i, (value, error, kind) in enumerate(points, 1):
+        x = box.left + axes.x.at(i)
+        text = "joint" if i == len(points) else str(i)
+        parts.append(element("text", text, x=x, y=top + height + 13, class_="tick mid"))
+        if kind == "unsure" or not math.isfinite(value):
+            continue
+        if math.isfinite(error):
+            high, low = (top + axes.y.at(value + sign * NORMAL_95 * error) for sign in (1.0, -1.0))
+            parts.append(element("line", x1=x, x2=x, y1=high, y2=low, class_=f"interval {kind}"))
+        parts.append(element("circle", cx=x, cy=top + axes.y.at(value), r=4.0, class_=f"dot {kind}"))
+    description = f"{name}: estimates with 95 % intervals of {len(points) - 1} maneuvers, their mean, and the joint fit."
+    return drawing(width, top + height + FLOOR, description, parts)
 
 
 def correlation_map(names: Sequence[str], matrix: FloatArray) -> Markup:
@@ -152,62 +210,51 @@ def correlation_map(names: Sequence[str], matrix: FloatArray) -> Markup:
     for i, name in enumerate(names):
         y = i * size
         parts.append(element("text", name, x=room - 6, y=y + size / 2 + 3.5, class_="tick end"))
-        parts += [_cell(room + j * size, y, size, float(matrix[i, j]), len(names)) for j in range(i)]
+        numbered = len(names) <= MAX_NUMBERED
+        parts += [_cell(room + j * size, y, size, float(matrix[i, j]), numbered) for j in range(i)]
         parts.append(element("rect", x=room + y, y=y, width=size - 1, height=size - 1, class_="diagonal"))
-        parts.append(_slanted(name, room + y + size / 2, len(names) * size + 8))
+        slant = f"translate({room + y + size / 2:.1f} {len(names) * size + 8:.1f}) rotate(-50)"
+        parts.append(element("text", name, transform=slant, class_="tick end"))
     side = len(names) * size
-    words = "Correlation between the estimates; pairs above 0.9 are listed in the text."
-    return drawing(room + side + 4, side + 0.8 * room + 14, words, parts)
+    description = "Correlation between the estimates; pairs above 0.9 are listed in the text."
+    return drawing(room + side + 4, side + 0.8 * room + 14, description, parts)
 
 
-def holes(time: FloatArray) -> list[tuple[float, float]]:
+def _cell(x: float, y: float, size: float, value: float, numbered: bool) -> Markup:
+    known = np.isfinite(value)
+    kind = ("above" if value > 0 else "below") if known else "hole"
+    opacity = round(value**2, 3) if known else 1.0
+    square = element("rect", x=x, y=y, width=size - 1, height=size - 1, class_=kind, fill_opacity=opacity)
+    if not known or abs(value) < 0.7 or not numbered or size < 16:
+        return square
+    number = f"{abs(value):.2f}".removeprefix("0") if abs(value) < 0.995 else "1.0"
+    kind = "tick mid on-dark" if abs(value) > DARK_CELL else "tick mid on-light"
+    return square + element("text", number, x=x + size / 2 - 0.5, y=y + size / 2 + 3, class_=kind)
+
+
+def holes(time: FloatArray) -> list[Range]:
     """Return the stretches between segments of a joined time axis (n,)."""
     breaks = np.flatnonzero(np.isnan(time))
     inside = breaks[(breaks > 0) & (breaks < len(time) - 1)]
     return [(float(time[i - 1]), float(time[i + 1])) for i in inside]
 
 
-def _cell(x: float, y: float, size: float, value: float, count: int) -> Markup:
-    if not np.isfinite(value):
-        return element("rect", x=x, y=y, width=size - 1, height=size - 1, class_="hole")
-    sign = "above" if value > 0 else "below"
-    square = element(
-        "rect", x=x, y=y, width=size - 1, height=size - 1, class_=sign, fill_opacity=round(value**2, 3)
-    )
-    if abs(value) < 0.7 or count > NAMED or size < 16:
-        return square
-    number = f"{abs(value):.2f}".removeprefix("0") if abs(value) < 0.995 else "1.0"
-    kind = "tick mid on-dark" if abs(value) > DARK else "tick mid on-light"
-    return square + element("text", number, x=x + size / 2 - 0.5, y=y + size / 2 + 3, class_=kind)
-
-
-def _slanted(name: str, x: float, y: float) -> Markup:
-    return element("text", name, transform=f"translate({x:.1f} {y:.1f}) rotate(-50)", class_="tick end")
-
-
 def _tick(x: float, top: float, bottom: float, kind: str) -> Markup:
     return element("line", x1=x, x2=x, y1=top, y2=bottom, class_=kind)
 
 
-def _time_span(time: FloatArray) -> tuple[float, float]:
+def _time_span(time: FloatArray) -> Range:
     finite = time[np.isfinite(time)]
     if finite.size < 2 or finite[0] == finite[-1]:
         return spanning([finite])
     return float(finite[0]), float(finite[-1])
 
 
-def _range(curves: Curves) -> tuple[float, float]:
-    """Return the interval of the y axis: a diverged simulation may not squash the measurements to a line."""
-    known = [curves.measured] if np.isfinite(curves.measured).any() else [curves.simulated]
-    low, high = spanning(known)
-    reach = DIVERGED * (high - low)
+def _channel_range(curves: Curves) -> Range:
+    """Return the range of the y axis; a diverged simulation may not flatten the measurements to a line."""
+    known = curves.measured if np.isfinite(curves.measured).any() else curves.simulated
+    low, high = spanning([known])
+    reach = MAX_REACH * (high - low)
     others = [curves.simulated] + ([curves.baseline] if curves.baseline is not None else [])
-    return spanning(
-        [np.array([low, high]), *(np.clip(other, low - reach, high + reach) for other in others)], 0.02
-    )
-
-
-def _symmetric(values: FloatArray) -> tuple[float, float]:
-    low, high = spanning([values])
-    reach = max(abs(low), abs(high))
-    return -reach, reach
+    clipped = (np.clip(other, low - reach, high + reach) for other in others)
+    return spanning([np.array([low, high]), *clipped], 0.02)

@@ -1,52 +1,40 @@
-"""Rows of the tables about what was estimated: parameters, correlations, states, biases, wind, noise."""
+"""Tables of what was estimated: parameters and their correlation, states, biases, wind, noise."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
 from typing import Final
 
 import numpy as np
 from markupsafe import Markup, escape
 
 from stoop.assess.covariance import NORMAL_95, correlation
-from stoop.base.arrays import FloatArray
 from stoop.base.numbers import NOTHING, clock, compact, number, readable_unit, rounded_to_error, window
-from stoop.report.charts import ForestRow, forest_row
+from stoop.report.charts import correlation_map, forest_row
 from stoop.report.formula import mathml
+from stoop.report.sheet import Details, Drawing, Legend, Part, Prose, Section, Table
 from stoop.results.result import Identification, ParameterEstimate, Quantity
 
-STRONG: Final = 0.9  #: correlations above are listed
-MOST_PAIRS: Final = 12
-
-
-@dataclass(frozen=True)
-class ParameterRow:
-    """One line of the table of estimates; texts as shown."""
-
-    name: Markup
-    estimate: str
-    error: str
-    interval: str
-    unit: str
-    start: str
-    prior: str
-    bounds: str
-    remark: str
-    kind: str
-    forest: Markup
-
-
-@dataclass(frozen=True)
-class QuantityRow:
-    """One line of a table of states, biases or winds."""
-
-    where: str
-    name: Markup
-    estimate: str
-    error: str
-    unit: str
+STRONG_CORRELATION: Final = 0.9  #: pairs above are listed
+MAX_PAIRS: Final = 12
+FAR_FROM_PRIOR: Final = 3.0  #: standard deviations of the prior
+ESTIMATES_LEAD: Final = (
+    "Each row of the drawing has a scale of its own. A standard error in brackets belongs to a parameter that is not "
+    "identifiable: it is no confident statement."
+)
+KEYS: Final = (
+    ("swatch surekey", "estimate and 95 % interval"),
+    ("swatch unsurekey", "not identifiable"),
+    ("swatch boundkey", "at its bound"),
+    ("swatch priorkey", "prior, 95 %"),
+    ("swatch startkey", "vehicle file"),
+    ("swatch edgekey", "bound"),
+)
+HEAD: Final = (
+    "Parameter", "Estimate", "Std. error", "Unit", "Interval and prior, drawn", "95 % interval", "Start", "Prior",
+    "Bounds", "Remark",
+)  # fmt: skip
 
 
 def label(identification: Identification, name: str) -> Markup:
@@ -57,140 +45,117 @@ def label(identification: Identification, name: str) -> Markup:
     return Markup('<span class="symbol" title="{}">{}</span>').format(name, mathml(latex))
 
 
-def parameter_rows(identification: Identification) -> list[ParameterRow]:
+def estimates_section(identification: Identification) -> Section:
     """Return the table of estimates."""
-    return [_row(identification, name, one) for name, one in identification.result.parameters.items()]
+    parameters = identification.result.parameters
+    rows = tuple(_row(identification, name, one) for name, one in parameters.items())
+    kinds = ("", "n", "n", "", "forest", "n", "n", "n", "n", "remark")
+    row_kinds = tuple(estimate_kind(one) for one in parameters.values())
+    table = Table("", HEAD, rows, kinds, row_kinds, "Estimates")
+    return Section("Estimates", (Prose(ESTIMATES_LEAD, muted=True), Legend(KEYS), table))
 
 
-def _row(identification: Identification, name: str, one: ParameterEstimate) -> ParameterRow:
-    estimate, error = rounded_to_error(one.estimate, one.std_error)
-    return ParameterRow(
-        name=label(identification, name),
-        estimate=estimate,
-        error=error if one.identifiable else f"({error})",
-        interval=_span(one.ci95_lower, one.ci95_upper, one.std_error),
-        unit=readable_unit(one.unit),
-        start=compact(one.start, 4),
-        prior=NOTHING
-        if math.isnan(one.prior_std)
-        else f"{compact(one.prior_mean, 4)} ± {compact(one.prior_std)}",
-        bounds=_bounds(one.bound_lower, one.bound_upper),
-        remark=_remark(one),
-        kind=_kind(one),
-        forest=forest_row(_interval(one), f"{name}: {estimate}, standard error {error}, {_kind(one)}"),
-    )
-
-
-def _interval(one: ParameterEstimate) -> ForestRow:
-    lower, upper = _drawn(one)
-    return ForestRow(
-        one.estimate,
-        lower,
-        upper,
-        one.start,
-        one.prior_mean - NORMAL_95 * one.prior_std,
-        one.prior_mean + NORMAL_95 * one.prior_std,
-        (one.bound_lower, one.bound_upper),
-        _kind(one),
-    )
-
-
-def _drawn(one: ParameterEstimate) -> tuple[float, float]:
-    """Return the ends of the bar: of a parameter that the data cannot tell, how wide its doubt is."""
-    if one.identifiable or one.at_bound:
-        return one.ci95_lower, one.ci95_upper
-    return one.estimate - NORMAL_95 * one.std_error, one.estimate + NORMAL_95 * one.std_error
-
-
-def _kind(one: ParameterEstimate) -> str:
+def estimate_kind(one: ParameterEstimate) -> str:
+    """Return the class of an estimate."""
     return "bound" if one.at_bound else "sure" if one.identifiable else "unsure"
 
 
+def _row(identification: Identification, name: str, one: ParameterEstimate) -> tuple[str, ...]:
+    estimate, error = rounded_to_error(one.estimate, one.std_error)
+    kind, drawn = estimate_kind(one), (one.ci95_lower, one.ci95_upper)
+    if kind == "unsure":  # no interval is given; the drawing shows how wide it would be
+        drawn = (one.estimate - NORMAL_95 * one.std_error, one.estimate + NORMAL_95 * one.std_error)
+    interval = prior = NOTHING
+    if math.isfinite(one.ci95_lower) and math.isfinite(one.ci95_upper):
+        ends = (rounded_to_error(end, one.std_error)[0] for end in (one.ci95_lower, one.ci95_upper))
+        interval = " … ".join(ends)
+    if not math.isnan(one.prior_std):
+        prior = f"{compact(one.prior_mean, 4)} ± {compact(one.prior_std)}"
+    return (
+        label(identification, name),
+        estimate,
+        error if one.identifiable else f"({error})",
+        readable_unit(one.unit),
+        forest_row(one, drawn, kind, f"{name}: {estimate}, standard error {error}, {kind}"),
+        interval,
+        compact(one.start, 4),
+        prior,
+        _bounds(one.bound_lower, one.bound_upper),
+        _remark(one),
+    )
+
+
 def _remark(one: ParameterEstimate) -> str:
-    said = []
-    if one.at_bound:
-        said.append("on its bound")
-    if not one.identifiable:
-        said.append("the data cannot tell")
-    if math.isfinite(one.prior_std) and abs(one.estimate - one.prior_mean) > 3.0 * one.prior_std:
-        said.append("more than 3 σ from its prior")
-    return "; ".join(said)
-
-
-def _span(lower: float, upper: float, error: float) -> str:
-    if not (math.isfinite(lower) and math.isfinite(upper)):
-        return NOTHING
-    return f"{rounded_to_error(lower, error)[0]} … {rounded_to_error(upper, error)[0]}"
+    far = abs(one.estimate - one.prior_mean) > FAR_FROM_PRIOR * one.prior_std
+    remarks = {
+        "at its bound": one.at_bound,
+        "not identifiable": not one.identifiable,
+        "more than 3 σ from its prior": math.isfinite(one.prior_std) and far,
+    }
+    return "; ".join(text for text, holds in remarks.items() if holds)
 
 
 def _bounds(lower: float, upper: float) -> str:
     if math.isinf(lower) and math.isinf(upper):
         return NOTHING
-    if lower == -upper:
-        return f"± {compact(upper)}"
-    return f"{compact(lower)} … {compact(upper)}"
+    return f"± {compact(upper)}" if lower == -upper else f"{compact(lower)} … {compact(upper)}"
 
 
-def correlations(identification: Identification) -> tuple[list[str], FloatArray]:
-    """Return the names and the correlation matrix (k, k) of the parameters."""
-    covariance = identification.result.covariance
-    return list(covariance.names), correlation(covariance.matrix)
-
-
-def strong_pairs(names: list[str], matrix: FloatArray) -> list[tuple[str, str, str]]:
-    """Return the most correlated pairs, with the coefficient."""
+def correlation_section(identification: Identification) -> Section | None:
+    """Return the map of correlations; None with fewer than two parameters."""
+    names = list(identification.result.covariance.names)
+    if len(names) < 2:
+        return None
+    matrix = correlation(identification.result.covariance.matrix)
     pairs = [
-        (abs(float(matrix[i, j])), names[i], names[j], number(float(matrix[i, j]), 3))
+        (abs(float(matrix[i, j])), f"{names[i]} and {names[j]} ({number(float(matrix[i, j]), 3)})")
         for i in range(len(names))
         for j in range(i)
-        if np.isfinite(matrix[i, j]) and abs(matrix[i, j]) >= STRONG
+        if np.isfinite(matrix[i, j]) and abs(matrix[i, j]) >= STRONG_CORRELATION
     ]
-    return [pair[1:] for pair in sorted(pairs, key=lambda pair: -pair[0])[:MOST_PAIRS]]
+    strongest = "; ".join(text for _, text in sorted(pairs, key=lambda pair: -pair[0])[:MAX_PAIRS])
+    lead = "Blue below zero, red above. Strongly correlated parameters are known together, not one by one. "
+    lead += f"Strongest: {strongest}." if strongest else f"No pair exceeds {STRONG_CORRELATION}."
+    drawn = Drawing("map", correlation_map(names, matrix), "Correlation map")
+    return Section("Correlation between parameters", (Prose(lead, muted=True), drawn), "Correlation")
 
 
-def state_rows(identification: Identification) -> list[QuantityRow]:
-    """Return the initial states of all segments."""
-    rows = []
-    for state in identification.result.initial_states:
-        segment = f"segment {state.segment + 1} at {clock(state.time)} s"
-        where = f"{_maneuver(identification, state.maneuver)}, {segment}"
-        rows += _quantities(identification, where, state.values)
-    return rows
-
-
-def bias_rows(identification: Identification) -> list[QuantityRow]:
-    """Return the sensor biases of all maneuvers."""
-    return [
-        row
-        for bias in identification.result.biases
-        for row in _quantities(identification, _maneuver(identification, bias.maneuver), bias.values)
+def nuisance_section(identification: Identification) -> Section | None:
+    """Return noise, biases and initial states; None where there are none."""
+    result = identification.result
+    parts: list[Part] = []
+    if result.noise_covariance.channels:
+        parts.append(_noise(identification))
+    biases = [(maneuver_name(identification, one.maneuver), one.values) for one in result.biases]
+    states = [
+        (
+            f"{maneuver_name(identification, s.maneuver)}, segment {s.segment + 1} at {clock(s.time)} s",
+            s.values,
+        )
+        for s in result.initial_states
     ]
+    for title, place, groups in (
+        ("Sensor biases", "Maneuver", biases),
+        ("Initial states", "Segment", states),
+    ):
+        table = quantity_table(identification, title, place, groups)
+        if table.rows:
+            parts.append(Details(f"{title} ({len(table.rows)})", (table,)))
+    return Section("Initial states, biases and noise", parts, "States and biases") if parts else None
 
 
-def wind_rows(identification: Identification) -> list[QuantityRow]:
-    """Return wind and pitot calibration of all flights."""
-    return [
-        row
-        for wind in identification.result.wind
-        for row in _quantities(identification, wind.flight, wind.values)
-    ]
-
-
-def noise_rows(identification: Identification) -> list[tuple[Markup, str, str]]:
-    """Return the standard deviation of the measurement noise of every channel, with its unit."""
+def _noise(identification: Identification) -> Table:
+    """Return the standard deviation of the measurement noise of every channel."""
     noise = identification.result.noise_covariance
     deviations = np.sqrt(np.maximum(np.diag(noise.matrix), 0.0))
-    return [
-        (
-            label(identification, name),
-            number(float(value), 3),
-            readable_unit(identification.units.get(name, "")),
-        )
-        for name, value in zip(noise.channels, deviations, strict=True)
-    ]
+    units = (readable_unit(identification.units.get(name, "")) for name in noise.channels)
+    cells = tuple(f"{number(float(v), 3)} {u}" for v, u in zip(deviations, units, strict=True))
+    caption = "Measurement noise used as weight, standard deviation"
+    return Table(caption, tuple(label(identification, name) for name in noise.channels), (cells,))
 
 
-def _maneuver(identification: Identification, index: int) -> str:
+def maneuver_name(identification: Identification, index: int) -> str:
+    """Return the flight and the window of a maneuver."""
     maneuvers = identification.result.maneuvers
     if not 0 <= index < len(maneuvers):
         return f"maneuver {index + 1}"
@@ -198,11 +163,20 @@ def _maneuver(identification: Identification, index: int) -> str:
     return f"{one.flight} {window(one.start, one.stop)}"
 
 
-def _quantities(
-    identification: Identification, where: str, values: Mapping[str, Quantity]
-) -> list[QuantityRow]:
-    rows = []
-    for name, one in values.items():
-        estimate, error = rounded_to_error(one.estimate, one.std_error)
-        rows.append(QuantityRow(where, label(identification, name), estimate, error, readable_unit(one.unit)))
-    return rows
+def quantity_table(
+    identification: Identification,
+    caption: str,
+    place: str,
+    groups: Iterable[tuple[str, Mapping[str, Quantity]]],
+) -> Table:
+    """Return quantities with their standard errors, each group named at its first."""
+    rows: list[tuple[str, ...]] = []
+    last = None
+    for where, values in groups:
+        for name, one in values.items():
+            estimate, error = rounded_to_error(one.estimate, one.std_error)
+            unit = readable_unit(one.unit)
+            rows.append((where if where != last else "", label(identification, name), estimate, error, unit))
+            last = where
+    head = (place, "Quantity", "Estimate", "Std. error", "Unit")
+    return Table(caption, head, tuple(rows), ("", "", "n", "n", ""))

@@ -1,106 +1,141 @@
-"""Tables of the natural modes."""
+"""Natural modes of the fitted model, and repeatability over maneuvers."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from typing import Final
 
-from stoop.base.numbers import NOTHING, number, rounded_to_error, window
-from stoop.results.result import ConditionModes, Estimate, Identification, MeasuredMode, ModeEstimate
+from stoop.base.numbers import NOTHING, number, readable_unit, rounded_to_error, window
+from stoop.report.charts import repeatability_panel
+from stoop.report.estimates import label
+from stoop.report.sheet import Bullets, Heading, Panel, Panels, Part, Prose, Section, Table
+from stoop.results.modes import ConditionModes, Estimate, MeasuredMode, ModeEstimate
+from stoop.results.result import Identification
+from stoop.results.uncertainty import ParameterRepeatability
 
-FAR = 3.0  #: standard errors; of some twenty numbers on a page one is beyond two by chance
-
-
-@dataclass(frozen=True)
-class ModeRow:
-    """One mode; texts as shown."""
-
-    name: str
-    frequency: str
-    frequency_span: str
-    damping: str
-    damping_span: str
-    amplitude: str
-    amplitude_span: str
-    measured: tuple[str, ...]
-    remark: str
-
-
-@dataclass(frozen=True)
-class ModeView:
-    """The modes at one flight condition."""
-
-    title: str
-    remark: str
-    rows: tuple[ModeRow, ...]
+MAX_DEVIATION: Final = 3.0  #: standard errors; of some twenty numbers on a page one is beyond two by chance
+MODES_LEAD: Final = (
+    "Of the fitted model, with 95 % intervals from the covariance of the parameters; beside them what a damped "
+    "oscillation fitted to the record after the input shows, without any model of the aircraft; its error (±, one standard "
+    "error) counts noise, what is no single oscillation, and that the response was flown about other airspeeds."
+)
+MODES_HEAD: Final = ("Mode", "rad/s", "95 %", "Damping", "95 %", "Time constant, s", "95 %", "In the record")
+REPEATABILITY_LEAD: Final = (
+    "Each fit has the same free parameters, bounds and priors; then each estimate’s own prior is taken out, so that it is "
+    "the maneuver’s alone. A dash: not identifiable from that maneuver. Blue: one maneuver, 95 %; band: their weighted "
+    "mean; black: the joint fit."
+)
+VERDICTS: Final = {"agree": "✓ agree", "scatter": "▲ scatter", "": NOTHING}
 
 
-def mode_views(identification: Identification) -> list[ModeView]:
-    """Return the tables of all flight conditions."""
-    return [_view(identification, condition) for condition in identification.result.modes]
+def modes_section(identification: Identification) -> Section | None:
+    """Return the tables of all flight conditions; None without modes."""
+    parts: list[Part] = [Prose(MODES_LEAD, muted=True)]
+    for condition in identification.result.modes:
+        title = _title(identification, condition)
+        parts.append(Heading(title))
+        parts += [Prose(condition.remark, muted=True)] if condition.remark else []
+        rows = tuple(_mode(identification, mode) for mode in condition.modes)
+        kinds = ("", *("n",) * 6, "wrap")
+        parts += [Table("", MODES_HEAD, rows, kinds, label=title)] if rows else []
+    return Section("Natural modes", parts, "Modes") if identification.result.modes else None
 
 
-def _view(identification: Identification, condition: ConditionModes) -> ModeView:
-    maneuvers = identification.result.maneuvers
-    flown = ", ".join(
-        window(maneuvers[i].start, maneuvers[i].stop) for i in condition.maneuvers if i < len(maneuvers)
-    )
+def _title(identification: Identification, condition: ConditionModes) -> str:
+    flown = ", ".join(filter(None, (_window(identification, i) for i in condition.maneuvers)))
     about = "steady straight flight" if condition.about == "trim" else "the mean state"
     place = f"{number(condition.airspeed, 3)} m/s, {number(condition.altitude, 3)} m, flown in {flown}"
-    rows = tuple(_row(identification, mode) for mode in condition.modes)
-    return ModeView(f"About {about} at {place}", condition.remark, rows)
+    return f"About {about} at {place}"
 
 
-def _row(identification: Identification, mode: ModeEstimate) -> ModeRow:
-    sampled = "intervals sampled" if mode.method == "sampled" else ""
+def _window(identification: Identification, maneuver: int) -> str:
+    maneuvers = identification.result.maneuvers
+    return window(maneuvers[maneuver].start, maneuvers[maneuver].stop) if maneuver < len(maneuvers) else ""
+
+
+def _mode(identification: Identification, mode: ModeEstimate) -> tuple[str, ...]:
     oscillates = mode.imag.estimate > 0.0
-    return ModeRow(
-        name=mode.name,
-        frequency=_value(mode.frequency) if oscillates else NOTHING,
-        frequency_span=_span(mode.frequency) if oscillates else "",
-        damping=_value(mode.damping) if oscillates else NOTHING,
-        damping_span=_span(mode.damping) if oscillates else "",
-        amplitude=_value(mode.time_constant),
-        amplitude_span=_span(mode.time_constant),
-        measured=tuple(_measured(identification, mode, one) for one in mode.measured if oscillates),
-        remark="; ".join(word for word in (mode.remark, sampled) if word),
-    )
+    measured = [_measured(identification, mode, one) for one in mode.measured if oscillates]
+    sampled = "intervals sampled" if mode.method == "sampled" else ""
+    oscillation = (*_pair(mode.frequency), *_pair(mode.damping)) if oscillates else (NOTHING, "") * 2
+    remarks = "; ".join(filter(None, (*measured, mode.remark, sampled)))
+    return mode.name, *oscillation, *_pair(mode.time_constant), remarks
+
+
+def _pair(one: Estimate) -> tuple[str, str]:
+    """Return an estimate and its interval."""
+    value = rounded_to_error(one.estimate, one.std_error)[0]
+    if not (math.isfinite(one.ci95_lower) and math.isfinite(one.ci95_upper)):
+        return value, NOTHING
+    width = 0.25 * (one.ci95_upper - one.ci95_lower)
+    return value, " … ".join(rounded_to_error(end, width)[0] for end in (one.ci95_lower, one.ci95_upper))
 
 
 def _measured(identification: Identification, mode: ModeEstimate, one: MeasuredMode) -> str:
-    maneuvers = identification.result.maneuvers
-    where = (
-        window(maneuvers[one.maneuver].start, maneuvers[one.maneuver].stop)
-        if one.maneuver < len(maneuvers)
-        else ""
-    )
     if math.isnan(one.frequency.estimate):
-        return f"{where}: {one.remark}"
+        return f"{_window(identification, one.maneuver)}: {one.remark}"
     frequency, damping = (
         " ± ".join(rounded_to_error(e.estimate, e.std_error)) for e in (one.frequency, one.damping)
     )
-    seen = f"{', '.join(one.channels)} in {window(one.start, one.stop)}"
-    return f"{frequency} rad/s, damping {damping} ({seen}): {_agreement(mode, one)}"
+    where = f"{', '.join(one.channels)} in {window(one.start, one.stop)}"
+    return f"{frequency} rad/s, damping {damping} ({where}): {_agreement(mode, one)}"
 
 
 def _agreement(mode: ModeEstimate, one: MeasuredMode) -> str:
-    """Say whether model and record agree within both error bars."""
-    off = [
-        abs(a.estimate - b.estimate) / math.hypot(a.std_error, b.std_error)
-        for a, b in ((mode.frequency, one.frequency), (mode.damping, one.damping))
-        if math.hypot(a.std_error, b.std_error) > 0.0
-    ]
-    if not off or not all(math.isfinite(x) for x in off):
+    """Compare model and record in units of both standard errors."""
+    pairs = ((mode.frequency, one.frequency), (mode.damping, one.damping))
+    errors = [math.hypot(a.std_error, b.std_error) for a, b in pairs]
+    off = [abs(a.estimate - b.estimate) / e for (a, b), e in zip(pairs, errors, strict=True) if e > 0.0]
+    if not off or not all(map(math.isfinite, off)):
         return "no interval to compare with"
-    return f"{max(off):.1f} standard errors from the model" if max(off) > FAR else "agrees with the model"
+    far = f"{max(off):.1f} standard errors from the model"
+    return far if max(off) > MAX_DEVIATION else "agrees with the model"
 
 
-def _value(one: Estimate) -> str:
-    return rounded_to_error(one.estimate, one.std_error)[0]
+def repeatability_section(identification: Identification) -> Section | None:
+    """Return plots and table of the maneuvers fitted alone; None where that was not asked for."""
+    found, result = identification.result.repeatability, identification.result
+    if not found.maneuvers:
+        return None
+    titles = tuple(_window(identification, i) for i in found.maneuvers)
+    parameters = {n: p for n, p in found.parameters.items() if any(one.counted for one in p.singles)}
+    summary = repeatability_summary(list(parameters.values()))
+    listed = [f"{i}: {title}" for i, title in enumerate(titles, 1)] + list(found.remarks)
+    parts: list[Part] = [Prose(f"{summary} {REPEATABILITY_LEAD}", muted=True), Bullets(listed)]
+    panels, rows = [], []
+    for name, one in parameters.items():
+        joint = result.parameters[name]
+        verdict = VERDICTS[one.verdict] + (f" (p = {number(one.p_value, 2)})" if one.verdict else "")
+        shown, unit = label(identification, name), readable_unit(joint.unit)
+        panels.append(Panel(shown, repeatability_panel(name, one, joint), unit, note=verdict))
+        singles = (_with_error(s.estimate, s.std_error) if s.counted else NOTHING for s in one.singles)
+        mean, whole = _with_error(one.mean, one.std_error), _with_error(joint.estimate, joint.std_error)
+        chi = f"{number(one.chi_square, 3)} / {one.degrees}" if one.verdict else NOTHING
+        rows.append((shown, *singles, mean, whole, unit, chi, verdict))
+    if rows:
+        head = ("Parameter", *titles, "Weighted mean", "Joint fit", "Unit", "χ² / degrees", "Scatter")
+        kinds = ("", *("n" for _ in titles), "n", "n", "", "n", "")
+        parts += [Panels(panels), Table("", head, tuple(rows), kinds, label="Repeatability")]
+    return Section("Repeatability: each maneuver fitted alone", parts, "Repeatability")
 
 
-def _span(one: Estimate) -> str:
-    if not (math.isfinite(one.ci95_lower) and math.isfinite(one.ci95_upper)):
-        return NOTHING
-    width = 0.25 * (one.ci95_upper - one.ci95_lower)
-    return f"{rounded_to_error(one.ci95_lower, width)[0]} … {rounded_to_error(one.ci95_upper, width)[0]}"
+def repeatability_summary(parameters: Sequence[ParameterRepeatability]) -> str:
+    """Return how many parameters can be compared, and how far they scatter."""
+    compared = [one for one in parameters if one.verdict]
+    if not compared:
+        return "No parameter is identifiable from two maneuvers fitted alone, so nothing can be compared."
+    wild = sum(one.verdict == "scatter" for one in compared)
+    square, degrees = sum(one.chi_square for one in compared), sum(one.degrees for one in compared)
+    expected = (
+        f"by chance about {0.05 * len(compared):.0f} would" if len(compared) >= 20 else "by chance one in 20"
+    )
+    return (
+        f"{len(compared)} parameters are identifiable from two maneuvers or more; {wild} of them scatter more than their "
+        f"error bars explain ({expected}). Over all of them the scatter is {math.sqrt(square / degrees):.2f} times what the "
+        "error bars say."
+    )
+
+
+def _with_error(value: float, error: float) -> str:
+    return " ± ".join(rounded_to_error(value, error)) if math.isfinite(error) else number(value)

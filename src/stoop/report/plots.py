@@ -1,7 +1,7 @@
-"""Drawings of studies: curves over straight or logarithmic axes, contours, strips over one axis.
+"""Plots: curves over straight or logarithmic axes, contours, strips over one axis.
 
-Series differ by color and dash, so that twenty are told apart on paper too; names stand in a list below the
-drawing, where no two can overlap.
+Series differ by color and dash, so that twenty can be distinguished on paper too; their names stand in a list below
+the drawing, where no two can overlap.
 """
 
 from __future__ import annotations
@@ -14,20 +14,17 @@ import numpy as np
 from markupsafe import Markup
 
 from stoop.base.arrays import FloatArray
-from stoop.base.numbers import RAISED
-from stoop.report.axes import Box
-from stoop.report.contours import contour_levels, contour_path
 from stoop.report.svg import (
-    LogScale,
-    Scale,
-    decade_ticks,
+    TENTHS,
+    Axes,
+    Box,
+    Range,
     drawing,
     element,
     path,
     plain_text,
     spanning,
     tick_text,
-    ticks,
 )
 
 WIDTH: Final = 640.0  #: px
@@ -35,11 +32,10 @@ HEIGHT: Final = 300.0  #: px of the box of a plot
 STRIP: Final = 84.0  #: px of the box of one strip
 BETWEEN: Final = 32.0  #: px between strips, so that the lowest tick of one is clear of the name of the next
 LEFT, RIGHT, TOP, FLOOR = 58.0, 14.0, 24.0, 40.0
+LEVELS: Final = 14  #: of a contour plot
 HUES: Final = 8  #: classes hue0, hue1, ... of the style sheet
 DASHES: Final = 3
 Kind = Literal["line", "steps", "points"]
-Span = tuple[float, float]
-AnyScale = Scale | LogScale
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +58,7 @@ class Series:
 
 @dataclass(frozen=True, eq=False)
 class Strip:
-    """One of several plots over a common x axis: what it shows, with the unit, its series, and whether zero is in sight."""
+    """One of several plots over a common x axis: label with unit, series, and whether zero is shown."""
 
     label: str
     series: tuple[Series, ...]
@@ -95,8 +91,8 @@ def plot(
     description: str,
     log_x: bool = False,
     log_y: bool = False,
-    x_range: Span | None = None,
-    y_range: Span | None = None,
+    x_range: Range | None = None,
+    y_range: Range | None = None,
     looks: Mapping[str, int] | None = None,
     x_ticks: Sequence[float] = (),
 ) -> Markup:
@@ -115,12 +111,17 @@ def plot(
         Where the x axis is labeled, for quantities that have few values; by default round numbers.
     """
     looks = looks or _looks([one.name for one in series])
-    x = _axis([one.x for one in series], log_x, x_range, 0.0, WIDTH - LEFT - RIGHT)
-    y = _axis([one.y for one in series], log_y, y_range, HEIGHT, 0.0)
     box = Box(LEFT, TOP, WIDTH - LEFT - RIGHT, HEIGHT)
-    marked = [(x.at(value), f"{value:g}") for value in x_ticks] or _ticks(x, 8)
-    parts = [*_levels(box, y, 6), *_columns(box, marked), *_labels(box, x_label, y_label)]
-    parts += [_inside(box, [_drawn(one, looks[one.name], x, y) for one in series])]
+    axes = Axes.around(
+        box,
+        x_range or _range([one.x for one in series], log_x),
+        y_range or _range([one.y for one in series], log_y),
+        log_x,
+        log_y,
+    )
+    marked = [(value, f"{value:g}") for value in x_ticks] or axes.x.labels(8, _label)
+    parts = [*axes.levels(6, _label), *axes.columns(marked), *_titles(box, x_label, y_label)]
+    parts.append(axes.inside([_drawn(one, looks[one.name], axes) for one in series]))
     whole = drawing(WIDTH, TOP + HEIGHT + FLOOR, description, parts)
     return _with_keys(whole, {one.name: (looks[one.name], one.kind) for one in series})
 
@@ -140,20 +141,22 @@ def stacked_plots(
     """
     every = [one for strip in strips for one in strip.series]
     looks = _looks([one.name for one in every])
-    x = _axis([one.x for one in every], False, None, 0.0, WIDTH - LEFT - RIGHT)
+    x_range = _range([one.x for one in every], log=False)
     parts: list[Markup] = []
-    top = TOP
-    for strip in strips:
-        box = Box(LEFT, top, WIDTH - LEFT - RIGHT, STRIP)
-        seen = [one.y for one in strip.series] + ([np.zeros(1)] if strip.zero else [])
-        y = _axis(seen, False, None, STRIP, 0.0)
-        parts.append(_inside(box, _shaded(shades, x, STRIP)))
-        parts += _shade_names(shades, x, box) if strip is strips[0] else []
-        parts += [*_levels(box, y, _enough(y, 3)), *_columns(box, _ticks(x, 10), strip is strips[-1])]
-        parts += _labels(box, x_label if strip is strips[-1] else "", strip.label)
-        parts.append(_inside(box, [_drawn(one, looks[one.name], x, y) for one in strip.series]))
-        top += STRIP + BETWEEN
-    whole = drawing(WIDTH, top - BETWEEN + FLOOR, description, parts)
+    for i, strip in enumerate(strips):
+        last = i == len(strips) - 1
+        box = Box(LEFT, TOP + i * (STRIP + BETWEEN), WIDTH - LEFT - RIGHT, STRIP)
+        shown = [one.y for one in strip.series] + ([np.zeros(1)] if strip.zero else [])
+        axes = Axes.around(box, x_range, _range(shown, log=False))
+        parts.append(axes.inside(_shaded(shades, axes)))
+        parts += _shade_names(shades, axes) if i == 0 else []
+        # One level is no scale: ask for more ticks where there would be fewer than two.
+        rows = next((n for n in range(3, 6) if len(axes.y.labels(n)) > 1), 3)
+        parts += [*axes.levels(rows, _label), *axes.columns(axes.x.labels(10, _label), last)]
+        parts += _titles(box, x_label if last else "", strip.label)
+        parts.append(axes.inside([_drawn(one, looks[one.name], axes) for one in strip.series]))
+    height = len(strips) * (STRIP + BETWEEN) - BETWEEN
+    whole = drawing(WIDTH, TOP + height + FLOOR, description, parts)
     return _with_keys(whole, {one.name: (looks[one.name], one.kind) for one in every})
 
 
@@ -183,18 +186,45 @@ def contour_plot(
         By default spread so that each lies between equally many grid points.
     """
     box = Box(LEFT, TOP, WIDTH - LEFT - RIGHT, HEIGHT * 1.3)
-    across = Scale(float(x[0]), float(x[-1]), 0.0, box.width)
-    up = Scale(float(y[0]), float(y[-1]), box.height, 0.0)
-    lines = [
-        contour_path(across(x), up(y), values, level, "contour")
+    axes = Axes.around(box, (float(x[0]), float(x[-1])), (float(y[0]), float(y[-1])))
+    inside = [
+        contour_path(axes.x(x), axes.y(y), values, level, "contour")
         for level in (contour_levels(values) if levels is None else levels)
     ]
-    inside = [*lines, *([] if path is None else _trail(across(path[:, 0]), up(path[:, 1])))]
+    if path is not None:
+        inside += _trail(axes.x(path[:, 0]), axes.y(path[:, 1]))
     looks = _looks(["path", *(mark.name for mark in marks)])
-    inside += [_spot(across.at(m.x), up.at(m.y), looks[m.name], 5.0) for m in marks]
-    parts = [*_levels(box, up, 6), *_columns(box, _ticks(across, 8)), *_labels(box, x_label, y_label)]
-    whole = drawing(WIDTH, TOP + box.height + FLOOR, description, [*parts, _inside(box, inside)])
+    inside += [_spot(axes.x.at(m.x), axes.y.at(m.y), looks[m.name], 5.0) for m in marks]
+    parts = [
+        *axes.levels(6, _label),
+        *axes.columns(axes.x.labels(8, _label)),
+        *_titles(box, x_label, y_label),
+    ]
+    whole = drawing(WIDTH, TOP + box.height + FLOOR, description, [*parts, axes.inside(inside)])
     return _with_keys(whole, {mark.name: (looks[mark.name], "points") for mark in marks}, fewest=1)
+
+
+def contour_levels(values: FloatArray, count: int = LEVELS) -> FloatArray:
+    """Return `count` levels (count,) with equally many grid values between each; none where all are equal."""
+    finite = values[np.isfinite(values)]
+    if not finite.size or finite.min() == finite.max():
+        return np.empty(0)
+    levels: FloatArray = np.unique(np.quantile(finite, (np.arange(count) + 0.5) / count))
+    return levels
+
+
+def contour_path(x: FloatArray, y: FloatArray, values: FloatArray, level: float, kind: str) -> Markup:
+    """Return the lines on which `values` (ny, nx) over pixels `x` (nx,) and `y` (ny,) equal `level`."""
+    from contourpy import contour_generator
+
+    lines = contour_generator(x, y, np.ma.masked_invalid(values)).lines(float(level))
+    strokes = ""
+    for line in lines:
+        points = np.rint(TENTHS * np.asarray(line)).astype(int).tolist()
+        strokes += "M" + "L".join(f"{a} {b}" for a, b in points)
+    return Markup(
+        '<path class="{}" transform="scale(.1)" d="{}" vector-effect="non-scaling-stroke"/>'
+    ).format(kind, strokes)
 
 
 def _looks(names: Sequence[str]) -> dict[str, int]:
@@ -206,62 +236,20 @@ def _classes(look: int) -> str:
     return f"hue{look % HUES} dash{look // HUES % DASHES}"
 
 
-def _axis(curves: Sequence[FloatArray], log: bool, given: Span | None, start: float, stop: float) -> AnyScale:
-    """Return a scale from pixel `start` to `stop` that holds all curves, or the range that was given."""
+def _range(curves: Sequence[FloatArray], log: bool) -> Range:
+    """Return the range that holds all curves, with a margin."""
     if not log:
-        low, high = given or spanning(curves, 0.04)
-        return Scale(low, high, start, stop)
-    if given is None:
-        logs = [np.log10(np.where(curve > 0.0, curve, np.nan)) for curve in curves]
-        low, high = (10.0**edge for edge in spanning(logs, 0.03))
-    else:
-        low, high = given
-    return LogScale(low, high, start, stop)
+        return spanning(curves, 0.04)
+    low, high = spanning([np.log10(np.where(curve > 0.0, curve, np.nan)) for curve in curves], 0.03)
+    return 10.0**low, 10.0**high
 
 
-def _ticks(scale: AnyScale, most: int) -> list[tuple[float, str]]:
-    """Return pixels and texts."""
-    if isinstance(scale, LogScale):
-        return [(scale.at(value), _decade_text(value)) for value in decade_ticks(scale.low, scale.high, most)]
-    values = ticks(scale.low, scale.high, most)
-    step = values[1] - values[0] if len(values) > 1 else abs(scale.high - scale.low)
-    text = tick_text if max(map(abs, values), default=0.0) >= 1e6 or step < 1e-4 else plain_text
-    return [(scale.at(value), text(value, step)) for value in values]
+def _label(value: float, step: float) -> str:
+    """Return a tick's label: plain digits but for very large and very small ones."""
+    return tick_text(value, step) if abs(value) >= 1e6 or step < 1e-4 else plain_text(value, step)
 
 
-def _decade_text(value: float) -> str:
-    if 0.009 < value < 99_999.0:
-        return f"{value:.10g}"
-    mantissa, exponent = f"{value:.0e}".split("e")
-    return ("" if mantissa == "1" else mantissa + "·") + "10" + str(int(exponent)).translate(RAISED)
-
-
-def _enough(scale: AnyScale, most: int) -> int:
-    """Return so many ticks, or a few more where those would be less than two: one level is no scale."""
-    return next((n for n in range(most, 2 * most) if len(_ticks(scale, n)) > 1), most)
-
-
-def _levels(box: Box, scale: AnyScale, most: int) -> list[Markup]:
-    parts: list[Markup] = []
-    for place, text in _ticks(scale, most):
-        y = box.top + place
-        parts.append(element("line", x1=box.left, x2=box.left + box.width, y1=y, y2=y, class_="grid"))
-        parts.append(element("text", text, x=box.left - 6, y=y + 3.5, class_="tick end"))
-    return parts
-
-
-def _columns(box: Box, marked: Sequence[tuple[float, str]], labels: bool = True) -> list[Markup]:
-    parts: list[Markup] = []
-    floor = box.top + box.height
-    for place, text in marked:
-        x = box.left + place
-        parts.append(element("line", x1=x, x2=x, y1=box.top, y2=floor, class_="grid"))
-        if labels:
-            parts.append(element("text", text, x=x, y=floor + 14, class_="tick mid"))
-    return parts
-
-
-def _labels(box: Box, x_label: str, y_label: str) -> list[Markup]:
+def _titles(box: Box, x_label: str, y_label: str) -> list[Markup]:
     middle, floor = box.left + box.width / 2, box.top + box.height
     return [
         element("text", y_label, x=4.0, y=box.top - 9, class_="label"),
@@ -269,43 +257,36 @@ def _labels(box: Box, x_label: str, y_label: str) -> list[Markup]:
     ]
 
 
-def _inside(box: Box, parts: Sequence[Markup]) -> Markup:
-    """Return parts moved into the box, and cut at its edges."""
-    content = Markup("").join(parts) or " "
-    return element("svg", content, x=box.left, y=box.top, width=box.width, height=box.height, class_="clip")
-
-
-def _shaded(shades: Sequence[Shade], x: AnyScale, height: float) -> list[Markup]:
-    """Return stretches whose colors never mix, and the edges of all of them, so that neighbors and covered ones show."""
-    behind_first = sorted(shades, key=lambda one: one.kind != "declined")
-    return [_shade(one, x, height) for one in behind_first] + [
+def _shaded(shades: Sequence[Shade], axes: Axes) -> list[Markup]:
+    """Return the stretches, those declined behind the others, then the edges of all, so that covered ones show."""
+    height, x = axes.box.height, axes.x
+    ordered = sorted(shades, key=lambda one: one.kind != "declined")
+    areas = []
+    for one in ordered:
+        left, width = x.at(one.start), max(x.at(one.stop) - x.at(one.start), 1.5)
+        areas.append(element("rect", x=left, y=0.0, width=width, height=height, class_=f"shade {one.kind}"))
+    return areas + [
         element("line", x1=x.at(end), x2=x.at(end), y1=0.0, y2=height, class_=f"brink {one.kind}")
-        for one in behind_first
+        for one in ordered
         for end in (one.start, one.stop)
     ]
 
 
-def _shade(one: Shade, x: AnyScale, height: float) -> Markup:
-    left, right = x.at(one.start), x.at(one.stop)
-    return element(
-        "rect", x=left, y=0.0, width=max(right - left, 1.5), height=height, class_=f"shade {one.kind}"
-    )
-
-
-def _shade_names(shades: Sequence[Shade], x: AnyScale, box: Box) -> list[Markup]:
+def _shade_names(shades: Sequence[Shade], axes: Axes) -> list[Markup]:
     """Return the names above their stretches; those that would meet another are left out, first what is declined."""
     parts: list[Markup] = []
     taken: list[tuple[float, float]] = []
     for one in sorted(shades, key=lambda s: (s.kind == "declined", s.start)):
-        place, half = box.left + 0.5 * (x.at(one.start) + x.at(one.stop)), 4.5 * len(one.name)
+        place = axes.box.left + 0.5 * (axes.x.at(one.start) + axes.x.at(one.stop))
+        half = 4.5 * len(one.name)
         if all(abs(place - other) >= half + wide for other, wide in taken):
-            parts.append(element("text", one.name, x=place, y=box.top + 13, class_="shade-name mid"))
+            parts.append(element("text", one.name, x=place, y=axes.box.top + 13, class_="shade-name mid"))
             taken.append((place, half))
     return parts
 
 
-def _drawn(one: Series, look: int, x: AnyScale, y: AnyScale) -> Markup:
-    across, up = x(one.x), y(one.y)
+def _drawn(one: Series, look: int, axes: Axes) -> Markup:
+    across, up = axes.x(one.x), axes.y(one.y)
     if one.kind == "points":
         there = np.flatnonzero(np.isfinite(across) & np.isfinite(up))
         return Markup("").join(_spot(across[i], up[i], look, 3.0) for i in there)

@@ -1,40 +1,72 @@
-"""Pages of studies: prose, tables and figures in sections -> one HTML file that needs nothing else."""
+"""Pages: sections of prose, tables and figures -> one HTML file that needs nothing else: no network, no scripts.
+
+Reports and studies are written in these parts. All text is shown as text: nothing in it becomes markup.
+"""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import groupby
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
 from markupsafe import Markup
 
 from stoop.base.files import write_text_atomic
-from stoop.report.templating import environment
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 ITEM: Final = "- "  #: begins a line of a list
 NUMERIC: Final = re.compile(r"[<>≤≥≈~±×]?\s?[−+-]?(\d|[.]\d|∞|nan\b|inf\b)")
 WORD: Final = re.compile(r"[^\W\d_]{4,}")  #: a cell with a word in it is text, whatever it begins with
 QUOTED: Final = re.compile(r"`([^`\n]+)`")
-LONG: Final = (
-    34  #: characters of a cell that may go on in the next line; `td.wrap` of the style sheet is as wide
+MAX_UNWRAPPED: Final = (
+    34  #: characters of a cell; longer ones may wrap (`td.wrap` of the style sheet is as wide)
 )
-BESIDE: Final = 3  #: columns that a narrow page has room for
+MAX_BESIDE: Final = 3  #: columns that a narrow page has room for
 EMPTY: Final = ("", "–", "—", "-")
+Level = Literal["good", "caution", "bad"]
 
 
 @dataclass(frozen=True)
 class Prose:
     """Plain text: a blank line ends a paragraph, lines that begin with ``- `` are a list, `names` stand in backticks."""
 
+    template: ClassVar = "prose"
     text: str
+    muted: bool = False  #: an explanation, in the color of what stands aside
+
+    @property
+    def blocks(self) -> list[tuple[str, list[Markup]]]:
+        """Paragraphs and lists: ("text", [paragraph]) or ("list", items)."""
+        blocks: list[tuple[str, list[Markup]]] = []
+        for piece in re.split(r"\n\s*\n", self.text.strip()):
+            lines = [line.strip() for line in piece.splitlines()]
+            for listed, group in groupby(lines, lambda line: line.startswith(ITEM)):
+                found = list(group)
+                texts = [line[len(ITEM) :] for line in found] if listed else [" ".join(found)]
+                blocks.append(("list" if listed else "text", [_with_names(line) for line in texts]))
+        return blocks
+
+
+@dataclass(frozen=True)
+class Bullets:
+    """A list; `kind` is its class: "points", "notes" or "warnings"."""
+
+    template: ClassVar = "bullets"
+    items: Sequence[str]
+    kind: str = "points"
 
 
 @dataclass(frozen=True)
 class Code:
     """A command or other text that is shown as it stands."""
 
+    template: ClassVar = "code"
     text: str
 
 
@@ -47,11 +79,21 @@ class Table:
     caption : str
     head : tuple of str, one per column
     rows : tuple of rows, each as long as the head; the first cell names the row
+    kinds : tuple of str
+        Class of each column ("n": flush right); by default as its cells look.
+    row_kinds : tuple of str
+        Class of each row, if any.
+    label : str
+        For who cannot see it, where there is no caption.
     """
 
+    template: ClassVar = "table"
     caption: str
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    kinds: tuple[str, ...] = ()
+    row_kinds: tuple[str, ...] = ()
+    label: str = "Table"
 
     @property
     def numeric(self) -> tuple[bool, ...]:
@@ -62,28 +104,109 @@ class Table:
     def wraps(self) -> tuple[bool, ...]:
         """Whether each column holds text so long that it may go on in further lines."""
         longest = [max((len(row[i]) for row in self.rows), default=0) for i in range(len(self.head))]
-        return tuple(n > LONG for n in longest)
+        return tuple(n > MAX_UNWRAPPED for n in longest)
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Class of each column."""
+        if self.kinds:
+            return self.kinds
+        pairs = zip(self.numeric, self.wraps, strict=True)
+        return tuple("n" if numeric else "wrap" if wraps else "" for numeric, wraps in pairs)
 
     @property
     def folds(self) -> bool:
         """Whether a narrow page sets the last column below the others, for which there is no room beside them."""
-        return len(self.head) > BESIDE and self.wraps[-1] and sum(self.wraps) == 1
+        if self.kinds:
+            return False
+        return len(self.head) > MAX_BESIDE and self.wraps[-1] and sum(self.wraps) == 1
 
 
 @dataclass(frozen=True)
 class Figure:
-    """A drawing of `stoop.report.plots` and what it shows."""
+    """A drawing and what it shows."""
 
+    template: ClassVar = "figure"
     caption: str
     drawing: Markup
 
 
 @dataclass(frozen=True)
-class Section:
-    """A title and what stands below it, in order."""
+class Panel:
+    """A small drawing with its heading; `meaning` may hold the key of its curves."""
 
     title: str
-    parts: tuple[Prose | Code | Table | Figure, ...]
+    drawing: Markup
+    unit: str = ""
+    meaning: str = ""
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Panels:
+    """Drawings side by side; `size` is "small", "large" or empty."""
+
+    template: ClassVar = "panels"
+    panels: Sequence[Panel]
+    size: str = ""
+
+
+@dataclass(frozen=True)
+class Legend:
+    """What curves and colors mean: class and text of each; classes of swatches begin with "swatch"."""
+
+    template: ClassVar = "legend"
+    items: Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A heading within a section, with a role ("fit", "validation") before it or none."""
+
+    template: ClassVar = "heading"
+    text: str
+    chip: str = ""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Markup of our own that needs no caption: equations, a map; `kind` is the class of its frame."""
+
+    template: ClassVar = "drawing"
+    kind: str
+    content: Markup
+    label: str
+
+
+@dataclass(frozen=True)
+class Details:
+    """Parts that the reader opens."""
+
+    template: ClassVar = "details"
+    summary: str
+    parts: Sequence[Part]
+    open: bool = False
+
+
+Part = Prose | Bullets | Code | Table | Figure | Panels | Legend | Heading | Drawing | Details
+
+
+@dataclass(frozen=True)
+class Section:
+    """A title and what stands below it, in order; `short` is its name in the list of sections."""
+
+    title: str
+    parts: Sequence[Part]
+    short: str = ""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether the result is reliable, and why."""
+
+    level: Level
+    headline: str
+    sentences: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -96,11 +219,16 @@ class Sheet:
     lead : str
         What the reader should know first; written as `Prose`.
     sections : tuple of Section
+    kind : str
+        What sort of page it is.
+    verdict : Verdict, optional
     """
 
     title: str
     lead: str
     sections: tuple[Section, ...]
+    kind: str = "study"
+    verdict: Verdict | None = None
 
 
 def write_sheet(sheet: Sheet, path: Path) -> None:
@@ -115,33 +243,20 @@ def write_sheet(sheet: Sheet, path: Path) -> None:
 
 
 def render_sheet(sheet: Sheet) -> str:
-    """Return the page as HTML; whatever text it holds is shown as text."""
-    sections = [
-        {"title": section.title, "anchor": anchor, "parts": [_part(part) for part in section.parts]}
-        for section, anchor in zip(sheet.sections, _anchors(sheet), strict=True)
-    ]
-    template = environment().get_template("sheet.html")
-    return template.render(sheet=sheet, lead=_blocks(sheet.lead), sections=sections)
+    """Return the page as HTML."""
+    template = _environment().get_template("page.html")
+    sections = list(zip(sheet.sections, _anchors(sheet), strict=True))
+    return template.render(sheet=sheet, lead=Prose(sheet.lead), sections=sections)
 
 
-def _part(part: Prose | Code | Table | Figure) -> tuple[str, Any]:
-    if isinstance(part, Prose):
-        return "prose", _blocks(part.text)
-    if isinstance(part, Code):
-        return "code", part.text
-    return ("table" if isinstance(part, Table) else "figure"), part
+@cache
+def _environment() -> Environment:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
 
-
-def _blocks(text: str) -> list[tuple[str, list[Markup]]]:
-    """Return paragraphs and lists: ("text", [paragraph]) or ("list", items)."""
-    blocks: list[tuple[str, list[Markup]]] = []
-    for piece in re.split(r"\n\s*\n", text.strip()):
-        lines = [line.strip() for line in piece.splitlines()]
-        for listed, group in groupby(lines, lambda line: line.startswith(ITEM)):
-            found = list(group)
-            said = [line[len(ITEM) :] for line in found] if listed else [" ".join(found)]
-            blocks.append(("list" if listed else "text", [_with_names(line) for line in said]))
-    return blocks
+    loader = PackageLoader("stoop.report")
+    return Environment(
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
 
 
 def _with_names(text: str) -> Markup:
@@ -156,7 +271,8 @@ def _anchors(sheet: Sheet) -> list[str]:
     """Return one name per section that a link can point at, no two alike."""
     found: list[str] = []
     for i, section in enumerate(sheet.sections):
-        name = "-".join(re.findall(r"[a-z0-9]+", section.title.lower())) or f"section-{i + 1}"
+        name = "-".join(re.findall(r"[a-z0-9]+", (section.short or section.title).lower()))
+        name = name or f"section-{i + 1}"
         while name in found:
             name += f"-{i + 1}"
         found.append(name)
@@ -164,5 +280,5 @@ def _anchors(sheet: Sheet) -> list[str]:
 
 
 def _numeric(cells: list[str]) -> bool:
-    told = [cell for cell in cells if cell not in EMPTY]
-    return bool(told) and all(NUMERIC.match(cell) and not WORD.search(cell) for cell in told)
+    filled = [cell for cell in cells if cell not in EMPTY]
+    return bool(filled) and all(NUMERIC.match(cell) and not WORD.search(cell) for cell in filled)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 from stoop.base.numbers import count, listed, number, window
+from stoop.report.sheet import Level, Verdict
 from stoop.results.result import ManeuverResult, Result, Role
-
-Level = Literal["good", "caution", "bad"]
 
 MAX_NOT_IDENTIFIABLE: Final = 0.5  #: share of the parameters; above it the estimates are no model
 MAX_LOST_TO_LAG: Final = (
@@ -28,15 +26,6 @@ HEADLINES: Final[dict[Level, str]] = {
     "caution": "Usable, with reservations: read the points below first.",
     "bad": "Do not rely on these numbers yet.",
 }
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """Whether the result is reliable, and why."""
-
-    level: Level
-    headline: str
-    sentences: tuple[str, ...]
 
 
 def verdict(result: Result) -> Verdict:

@@ -15,7 +15,7 @@ from stoop.assess.flight_conditions import modes
 from stoop.assess.press import left_out_residuals
 from stoop.assess.uncertainty import with_uncertainty
 from stoop.base.arrays import FloatArray
-from stoop.base.notices import Notice, as_notice
+from stoop.base.notices import Notice, as_notice, of_severity
 from stoop.base.variables import VARIABLES
 from stoop.estimate.excitation import too_few
 from stoop.estimate.fit import Fit, Options
@@ -23,7 +23,6 @@ from stoop.estimate.noise import noise_variance
 from stoop.estimate.predict import predict
 from stoop.estimate.ratios import ratios
 from stoop.flight import Flight
-from stoop.flight.segments import TRIMMED
 from stoop.problem.windows import Window
 from stoop.results.result import (
     AirDataTrace,
@@ -38,13 +37,12 @@ from stoop.results.result import (
     SensorBiases,
     WindEstimate,
 )
-from stoop.vehicle.latex import equations, symbols
+from stoop.vehicle.notation import symbols
 from stoop.workflow.curves import Simulated, channel_units, maneuver_curves
 from stoop.workflow.notices import basis_notices, data_notices, fit_warnings, slowest_rate
 from stoop.workflow.provenance import versions
 
 TOO_FEW: Final = "there are too few samples for any error bar to hold"
-WINDOW_TRIMMED: Final = "window-trimmed"  #: code of a window that reaches beyond the record
 START_UNITS: Final = {"V": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}  #: of initial states; others rad
 
 
@@ -90,7 +88,7 @@ def identification(
         result=replace(result, seconds=time.perf_counter() - began),
         traces=traces,
         vehicle=vehicle.name,
-        equations=equations(vehicle),
+        equations=vehicle.kernel().latex,
         convergence=fit.outcome.history,
         units=channel_units(vehicle),
         symbols=symbols(vehicle),
@@ -105,22 +103,18 @@ def _notices(
     """Return what is doubtful about predictions and windows, what the figures rest on, and what the data show."""
     vehicle = fit.problem.layout.vehicle
     predictions = [
-        found for group in groups if group.role == "validation" for found in group.prepared.warnings
+        n for g in groups if g.role == "validation" for n in of_severity(g.prepared.notices, "warning")
     ]
-    prepared = list(dict.fromkeys(found for group in groups for found in group.prepared.notes))
-    trimmed = [found for found in prepared if _is_trimmed(found)]
+    prepared = [n for g in groups for n in of_severity(g.prepared.notices, "info")]
     per_mass = ratios(vehicle, {name: (p.estimate, p.std_error) for name, p in result.parameters.items()})
     of_flights = [found for flight in flights.values() for found in flight.notes]
     return [
-        *(as_notice(found) for found in (*predictions, *trimmed)),
-        *(as_notice(found, "info") for found in (*fit.statements, *([per_mass] if per_mass else []))),
+        *predictions,
+        *of_severity(fit.notices, "info"),
+        *([as_notice(per_mass, "info")] if per_mass else []),
         *basis_notices(vehicle, flights, color),
-        *data_notices([*of_flights, *(found for found in prepared if found not in trimmed)]),
+        *data_notices([*of_flights, *prepared]),
     ]
-
-
-def _is_trimmed(found: Notice | str) -> bool:
-    return found.code == WINDOW_TRIMMED if isinstance(found, Notice) else TRIMMED in found
 
 
 def _result(

@@ -158,7 +158,7 @@ def search(
     several = [flights] if isinstance(flights, Flight | str | Path) else flights
     known = by_name([f if isinstance(f, Flight) else load(f) for f in several], "identify")
     _check_rates(known)
-    method = methods.chosen(options.method, vehicle, known.values())
+    method = methods.choose_method(options.method, vehicle, known.values())
     options = replace(options, method=method.name)
     fitted, predicted = _windows(maneuvers, validate, known)
     for name in dict.fromkeys(w.flight for w in (*fitted, *predicted)):
@@ -169,8 +169,7 @@ def search(
         known[name] = without_faults(without(flight, spans))
     prepare(vehicle, known, predicted)  # so that its errors come before the search
     found = methods.find(method.name).fitter()(vehicle, known, fitted, options, callback, state)
-    if method.why:
-        found = replace(found, statements=(method.why, *found.statements))
+    found = replace(found, notices=(*method.notices, *found.notices))
     read = (Path(vehicle.where), *flight_files(known.values()), *files)
     return Search(found, known, predicted, options, inputs, read, began, command)
 

@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 
 from stoop.assess.error_bars import ErrorBars
-from stoop.base.notices import Notice, as_notice, notice
-from stoop.estimate.excitation import excitation_warnings
+from stoop.base.notices import Notice, as_notice, notice, of_severity
+from stoop.estimate.excitation import excitation_notices
 from stoop.estimate.fit import Fit
 from stoop.estimate.mismatch import unlike
 from stoop.estimate.motors_swapped import swapped_motors
@@ -49,10 +49,10 @@ def fit_warnings(
         *_not_measured(fit),
         *strange_motors(vehicle, flights, windows),
         *swapped_motors(vehicle, flights, windows),
-        *excitation_warnings(fit.problem, fit.z, slowest_rate(fit, flights)),
+        *excitation_notices(fit.problem, fit.z, slowest_rate(fit, flights)),
         *_not_determined(parameters, bars),
         *lag_notices(maneuvers),
-        *fit.warnings,
+        *of_severity((*fit.prepared.notices, *fit.notices), "warning"),
     ]
     return tuple(as_notice(one) for one in found)
 

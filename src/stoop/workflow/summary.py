@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from stoop.estimate.forces import ForceFigures
-from stoop.report.repeatability import comparison
+from stoop.report.modes import repeatability_summary
 from stoop.results.result import ManeuverResult, Repeatability, Result
 from stoop.results.uncertainty import ParameterIdentifiability
 
@@ -82,7 +82,7 @@ def repeatability_lines(found: Repeatability) -> list[str]:
     """Return whether maneuvers fitted alone agree: how many parameters were compared, and which; none if not asked for."""
     if not found.maneuvers:
         return []
-    lines = [comparison(tuple(found.parameters.values()))]
+    lines = [repeatability_summary(tuple(found.parameters.values()))]
     for verdict in ("scatter", "agree"):
         named = [
             f"{name} ({1 + one.degrees} maneuvers, p = {one.p_value:.2g})"

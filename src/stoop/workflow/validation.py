@@ -10,7 +10,7 @@ from pathlib import Path
 from stoop.assess.baseline import BaselineManeuver
 from stoop.assess.record import Validation
 from stoop.base.files import write_text_atomic
-from stoop.base.notices import Notice, as_notice, notice
+from stoop.base.notices import Notice, as_notice, notice, of_severity
 from stoop.errors import FlightError, StoopError
 from stoop.estimate.mismatch import check_inputs
 from stoop.estimate.predict import predicted
@@ -18,7 +18,7 @@ from stoop.flight import Flight, without, without_faults
 from stoop.flight.maneuvers import find_maneuvers
 from stoop.problem.windows import Window, parse_window
 from stoop.results.result import Identification, ManeuverResult, ManeuverTrace
-from stoop.vehicle.latex import equations, symbols
+from stoop.vehicle.notation import symbols
 from stoop.workflow.curves import Simulated, channel_units, maneuver_curves
 from stoop.workflow.identified import Identified, read_identified
 from stoop.workflow.notices import basis_notices, data_notices, lag_notices, search_notices, window_of
@@ -170,8 +170,8 @@ def _predicted(
         used.append(flight)
         results += found
         traces += drawn
-        of_data += [*flight.notes, *prepared.notes]
-        doubts += prepared.warnings
+        of_data += [*flight.notes, *of_severity(prepared.notices, "info")]
+        doubts += of_severity(prepared.notices, "warning")
     status = search_notices(identified.result.status, identified.result.advice)
     warnings = [*status, *_diverging(results), *map(as_notice, doubts)]
     record = _record(identified, used, tuple(results), warnings, data_notices([*notices, *of_data]), command)
@@ -186,7 +186,7 @@ def _predicted(
         result=result,
         traces=tuple(traces),
         vehicle=vehicle.name,
-        equations=equations(vehicle),
+        equations=vehicle.kernel().latex,
         units=channel_units(vehicle),
         symbols=symbols(vehicle),
         command=command,

@@ -21,7 +21,7 @@ _MENDABLE = 2
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
-    from stoop_studies.verify.registry import EXPERIMENTS
+    from stoop_studies.verify.suite import EXPERIMENTS
 
     lines = [f"  {name:<12} {entry.words}" for name, entry in EXPERIMENTS.items()]
     what = "\n".join((*lines, f"  {EVERYTHING:<12} each of these, and an index"))
@@ -50,8 +50,7 @@ def _run_one(arguments: argparse.Namespace, name: str) -> tuple[Setting, Finding
 def _run_all(arguments: argparse.Namespace) -> int:
     """Run them all; one that cannot be run, for want of a package or data, does not keep the others from it."""
     from stoop_studies.outputs import INDEX, check_index, write_index
-    from stoop_studies.verify.registry import EXPERIMENTS
-    from stoop_studies.verify.suite import SUITE
+    from stoop_studies.verify.suite import EXPERIMENTS, SUITE
 
     check_index(SUITE, arguments.output, arguments.overwrite)
     done: dict[str, tuple[Setting, Findings]] = {}

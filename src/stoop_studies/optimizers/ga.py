@@ -1,13 +1,17 @@
 """Genetic algorithm: binary tournament, simulated binary crossover, polynomial mutation, elitist survival.
 
-The algorithm of pymoo's ``GA``, with its constants: a test holds the two to the same members, bit for bit. It is
-composed of pieces on arrays here, because a generation of pymoo's loop over individuals costs more than the
-simulation of its members. ``pymoo-ga`` runs the original.
+The algorithm of pymoo's ``GA``, with its constants and random numbers drawn in its order: a test holds the two to
+the same members, bit for bit. It works on arrays, because a generation of pymoo's loop over individuals costs more
+than the simulation of its members. ``pymoo-ga`` runs the original.
 
 References
 ----------
-Blank and Deb (2020), pymoo: multi-objective optimization in Python, IEEE Access 8, 89497-89509; for the
-operators see `pieces.genetic`.
+Blank and Deb (2020), pymoo: multi-objective optimization in Python, IEEE Access 8, 89497-89509.
+Deb and Agrawal (1995), Simulated binary crossover for continuous search space, Complex Systems 9, 115-148.
+Deb and Goyal (1996), A combined genetic adaptive search (GeneAS) for engineering design, Computer Science and
+Informatics 26, 30-45 (polynomial mutation).
+Deb, Sindhya and Okabe (2007), Self-adaptive simulated binary crossover for real-parameter optimization, GECCO,
+1187-1194 (the distribution cut off at bounds).
 """
 
 from __future__ import annotations
@@ -16,17 +20,98 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
+from numpy.random import Generator
 
-from stoop.base.arrays import FloatArray
-from stoop.optimize.ledger import Evaluations, Ledger
+from stoop.base.arrays import BoolArray, FloatArray, IntArray
+from stoop.optimize.ledger import Ledger
 from stoop.optimize.operators import MEMBERS
 from stoop.optimize.problem import Problem
 from stoop.optimize.state import Event, RandomStream
-from stoop_studies.optimizers.pieces.evolution import PopulationState
-from stoop_studies.optimizers.pieces.genetic import Polynomial, SimulatedBinary, repeated, tournament
-from stoop_studies.optimizers.pieces.operators import placed, uniform
+from stoop_studies.optimizers.pieces.evolution import PopulationState, first_population
 
 MATINGS: Final = 100  #: tries to fill a generation with children that are new
+CROSSED_OVER: Final = 0.9  #: share of couples that cross over, and of children that may mutate
+EQUAL_VARIABLES: Final = 1e-14  #: parents nearer than this in a variable hand it on as it is
+EQUAL_MEMBERS: Final = 1e-16  #: distance at which two members are one
+
+
+@dataclass(frozen=True)
+class SimulatedBinary:
+    """Simulated binary crossover: children lie about their parents as those of one-point crossover of bits do.
+
+    Attributes
+    ----------
+    eta : distribution index; the larger, the nearer to the parents
+    mated : share of couples that cross over
+    crossed : share of a couple's variables that do
+    swapped : share of these that change places between the children
+    """
+
+    eta: float = 15.0
+    mated: float = CROSSED_OVER
+    crossed: float = 0.5
+    swapped: float = 0.5
+
+    def __call__(self, parents: FloatArray, generator: Generator) -> FloatArray:
+        """Return two children, (2, n, D), of each of n couples, (2, n, D)."""
+        mate: BoolArray = generator.random((parents.shape[1],)) < self.mated
+        if not mate.any():
+            return parents
+        generator.random(len(mate))  # pymoo draws here whether a couple's children may change places: all may
+        cross = generator.random(parents.shape[1:]) < self.crossed
+        cross &= np.abs(parents[0] - parents[1]) > EQUAL_VARIABLES
+        u = generator.random(int(cross.sum()))
+        low, high = parents[:, cross].min(axis=0), parents[:, cross].max(axis=0)
+        gap, both = high - low, low + high
+        below = _inside(0.5 * (both - self._spread(u, 1.0 + 2.0 * low / gap) * gap))
+        above = _inside(0.5 * (both + self._spread(u, 1.0 + 2.0 * (1.0 - high) / gap) * gap))
+        swap = generator.random(len(below)) < self.swapped
+        children = parents.copy()
+        children[0, cross] = np.where(swap, above, below)
+        children[1, cross] = np.where(swap, below, above)
+        children[:, ~mate] = parents[:, ~mate]
+        return children
+
+    def _spread(self, u: FloatArray, room: FloatArray) -> FloatArray:
+        """Return the children's distance over the parents', where `room` is the largest that fits the box."""
+        share = u * (2.0 - np.power(room, -(self.eta + 1.0)))
+        inner = share <= 1.0
+        spread: FloatArray = np.power(np.where(inner, share, 1.0 / (2.0 - share)), 1.0 / (self.eta + 1.0))
+        return spread
+
+
+@dataclass(frozen=True)
+class Polynomial:
+    """Polynomial mutation: a small step, cut off at the bounds, of one variable in D on average.
+
+    Attributes
+    ----------
+    eta : distribution index; the larger, the smaller the step
+    mutated : share of children that may mutate
+    """
+
+    eta: float = 20.0
+    mutated: float = CROSSED_OVER
+
+    def __call__(self, children: FloatArray, generator: Generator) -> FloatArray:
+        """Return the children, (n, D), after mutation."""
+        number, dimension = children.shape
+        chosen = generator.random(children.shape) < min(0.5, 1.0 / dimension)
+        mutants = children.copy()
+        x = children[chosen]
+        mutants[chosen] = _inside(x + self._step(x, generator.random(len(x))))
+        spared = generator.random(number) > self.mutated
+        mutants[spared] = children[spared]
+        return mutants
+
+    def _step(self, x: FloatArray, u: FloatArray) -> FloatArray:
+        """Return the steps of values x, (k,), by uniform numbers u, (k,): down below one half."""
+        down = u <= 0.5
+        far = np.power(1.0 - np.where(down, x, 1.0 - x), self.eta + 1.0)
+        base = np.where(down, 2.0 * u + (1.0 - 2.0 * u) * far, 2.0 * (1.0 - u) + 2.0 * (u - 0.5) * far)
+        reach = np.power(base, 1.0 / (self.eta + 1.0))
+        step: FloatArray = np.where(down, reach - 1.0, 1.0 - reach)
+        return step
 
 
 @dataclass(frozen=True)
@@ -48,18 +133,17 @@ class GeneticAlgorithm:
 
     def init(self, problem: Problem, seed: int, starts: FloatArray) -> PopulationState:
         """Evaluate the first population; the user's own values take the first places."""
-        ledger = Ledger.at(problem, Evaluations.none(problem))
-        generator = RandomStream.from_seed(seed).generator()
-        X = placed(uniform(self.members, problem.dimension, generator), starts)
-        F = ledger.costs(X, ledger.full)
-        stream, books = RandomStream.of(generator), ledger.evaluations
-        return PopulationState(optimizer=self.name, generation=0, stream=stream, evaluations=books, X=X, F=F)
+        ledger, generator, X, F = first_population(problem, seed, starts, self.members)
+        stream, evaluations = RandomStream.of(generator), ledger.evaluations
+        return PopulationState(
+            optimizer=self.name, generation=0, stream=stream, evaluations=evaluations, X=X, F=F
+        )
 
     def step(self, state: PopulationState, problem: Problem) -> tuple[PopulationState, Event]:
         """Do one generation: as many children as members, and the best of both live on."""
         ledger = Ledger.at(problem, state.evaluations)
         generator = state.stream.generator()
-        children = self.brood(state.X, state.F, generator)
+        children = self.children(state.X, state.F, generator)
         costs = ledger.costs(children, ledger.full) if len(children) else np.empty(0)
         X, F = np.concatenate([state.X, children]), np.append(state.F, costs)
         best = np.argsort(F, kind="stable")[: len(state.X)]
@@ -73,20 +157,45 @@ class GeneticAlgorithm:
         )
         return after, Event("evolution", float(F[best[0]]), ledger.full)
 
-    def brood(self, X: FloatArray, F: FloatArray, generator: np.random.Generator) -> FloatArray:
+    def children(self, X: FloatArray, F: FloatArray, generator: Generator) -> FloatArray:
         """Return as many children as members, none of them the same as another or as a member."""
         children = np.empty((0, X.shape[1]))
         for _ in range(MATINGS):
             missing = len(X) - len(children)
             if not missing:
                 break
-            new = self._mate(X, F, -(-missing // 2), generator)
+            couples = -(-missing // 2)
+            parents = X[tournament(F, 2 * couples, generator)].reshape(couples, 2, -1).swapaxes(0, 1)
+            new = self.mutation(self.crossover(parents, generator).reshape(2 * couples, -1), generator)
             new = new[~repeated(new, X, children)]
             children = np.concatenate([children, new[:missing]])
         return children
 
-    def _mate(self, X: FloatArray, F: FloatArray, couples: int, generator: np.random.Generator) -> FloatArray:
-        """Return two children, (2 couples, D), of each couple that the tournaments bring together."""
-        parents = X[tournament(F, 2 * couples, generator)].reshape(couples, 2, -1).swapaxes(0, 1)
-        children = self.crossover(parents, generator).reshape(2 * couples, -1)
-        return self.mutation(children, generator)
+
+def tournament(F: FloatArray, number: int, generator: Generator) -> IntArray:
+    """Return the winners, (number,), of pairs from random permutations; equal costs are drawn by lot."""
+    rounds = -(-2 * number // len(F))
+    order = np.concatenate([generator.permutation(len(F)) for _ in range(rounds)])
+    pairs = order[: 2 * number].reshape(number, 2)
+    first, second = F[pairs].T
+    winners: IntArray = np.where(first < second, pairs[:, 0], pairs[:, 1])
+    for i in np.flatnonzero(first == second):
+        winners[i] = generator.choice(pairs[i])
+    return winners
+
+
+def repeated(new: FloatArray, *others: FloatArray) -> BoolArray:
+    """Return which of the new, (n,), are the same as an earlier one of them, or as one of the others."""
+    from scipy.spatial.distance import cdist
+
+    known = np.asarray(np.tril(cdist(new, new, "sqeuclidean") <= EQUAL_MEMBERS**2, -1).any(axis=1))
+    for other in others:
+        if len(other):
+            known |= (cdist(new, other, "sqeuclidean") <= EQUAL_MEMBERS**2).any(axis=1)
+    return known
+
+
+def _inside(x: FloatArray) -> FloatArray:
+    """Return x in the unit box; only rounding takes it out."""
+    inside: FloatArray = np.minimum(np.maximum(x, 0.0), 1.0)
+    return inside

@@ -1,38 +1,54 @@
-"""L-SHADE: success-history differential evolution whose population shrinks linearly over the planned budget.
+"""L-SHADE and jSO: success-history differential evolution whose population shrinks linearly over the planned budget.
 
-`LinearShade` also carries jSO (`methods.jso`), which differs in its numbers and in three rules only.
+jSO differs from L-SHADE in its numbers and in three rules only: a weighted step towards the elite, bounds on early
+scales and rates, and an elite other than the parent at first.
 
 References
 ----------
 Tanabe and Fukunaga (2014), Improving the search performance of SHADE using linear population size reduction,
 IEEE CEC, 1658-1665; the constants are those of the paper's section IV.
+Brest, Maucec and Boskovic (2017), Single objective real-parameter optimization: algorithm jSO, IEEE CEC,
+1311-1318.
+Brest, Maucec and Boskovic (2016), iL-SHADE: improved L-SHADE algorithm for single objective real-parameter
+optimization, IEEE CEC, 1188-1195 (the entry fixed at 0.9, and an elite other than the parent at first).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import log, sqrt
 from typing import Final
 
 import numpy as np
+from numpy.random import Generator
 
 from stoop.base.arrays import BoolArray, FloatArray
 from stoop.optimize.adaptation import ParameterMemory
-from stoop.optimize.ledger import Evaluations, Ledger
+from stoop.optimize.ledger import Ledger
 from stoop.optimize.operators import binomial, elite, midpoint, update_archive
 from stoop.optimize.problem import Problem
 from stoop.optimize.state import Event, RandomStream, State
-from stoop_studies.optimizers.pieces.operators import Choice, CurrentToPBest, learn_terminal, placed, uniform
-from stoop_studies.optimizers.pieces.structure import keep_best, linear_size
+from stoop_studies.optimizers.pieces.evolution import first_population
+from stoop_studies.optimizers.pieces.operators import (
+    FIXED,
+    Choice,
+    CurrentToPBest,
+    elite_but_self,
+    learn_halfway,
+    learn_terminal,
+)
 
 FEWEST: Final = 4  #: members at the end; the mutation needs as many
 PER_VARIABLE: Final = 18  #: members of L-SHADE's first population
 PLAN: Final = 10_000  #: evaluations per variable when no budget is given, as in the competitions
+JSO_ENTRIES: Final = 5  #: of jSO's memory
+JSO_ELITE: Final = 0.25  #: share of elite at the start of jSO; half of it at the end
 
 
 @dataclass(frozen=True, kw_only=True)
 class ShadeState(State):
-    """Where a run stands.
+    """State of a shrinking population.
 
     Attributes
     ----------
@@ -65,12 +81,12 @@ class LinearShade:
     name : registered name
     budget : trajectories planned; None for 10,000 per variable
     members : first population, from the number of variables
-    memory : before anything is learnt
-    learn : how the memory is renewed
-    limit : what becomes of scales and rates, (n,) each, at a progress in [0, 1]
+    memory : at the start
+    learn : renews the memory
+    limit : bounds scales and rates, (n,) each, at a progress in [0, 1]
     share : of the members that count as elite, at a progress
     pull : weight of the step towards the elite, at a progress
-    choose : who of the elite, at a progress
+    choose : member of the elite, at a progress
     archive : its size in members
     """
 
@@ -87,10 +103,7 @@ class LinearShade:
 
     def init(self, problem: Problem, seed: int, starts: FloatArray) -> ShadeState:
         """Evaluate the first population; the user's own values take the first places."""
-        ledger = Ledger.at(problem, Evaluations.none(problem))
-        generator = RandomStream.from_seed(seed).generator()
-        X = placed(uniform(self.members(problem.dimension), problem.dimension, generator), starts)
-        F = ledger.costs(X, ledger.full)
+        ledger, generator, X, F = first_population(problem, seed, starts, self.members(problem.dimension))
         return ShadeState(
             optimizer=self.name,
             generation=0,
@@ -104,62 +117,54 @@ class LinearShade:
         )
 
     def step(self, state: ShadeState, problem: Problem) -> tuple[ShadeState, Event]:
-        """Do one generation."""
+        """Do one generation; a trial as good as its parent replaces it but teaches nothing."""
         ledger = Ledger.at(problem, state.evaluations)
         plan = self.budget if self.budget is not None else float(PLAN * problem.dimension)
         progress = min(state.evaluations.trajectories / plan, 1.0)
         generator = state.stream.generator()
-        trials, scales, rates = self.ask(state, progress, generator)
-        state = self.tell(state, trials, ledger.costs(trials, ledger.full), scales, rates, generator)
-        size = max(FEWEST, linear_size(state.first, FEWEST, ledger.spent / plan))
-        state = replace(self.shrunk(state, size, generator), stream=RandomStream.of(generator))
-        return replace(state, evaluations=ledger.evaluations), Event(
-            "evolution", float(state.F.min()), ledger.full
-        )
-
-    def ask(
-        self, state: ShadeState, progress: float, generator: np.random.Generator
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return one trial per member, (n, D), and the scales and rates that made them, (n,) each."""
-        scales, rates = state.memory.sample(len(state.X), generator)
-        scales, rates = self.limit(scales, rates, progress)
-        mutation = CurrentToPBest(
-            state.archive, self.share(progress), self.pull(progress), self.choose(progress)
-        )
-        mutants = mutation(state.X, state.F, scales[:, None], generator)
-        trials = binomial(state.X, midpoint(mutants, state.X), rates[:, None], generator)
-        return trials, scales, rates
-
-    def tell(
-        self,
-        state: ShadeState,
-        trials: FloatArray,
-        costs: FloatArray,
-        scales: FloatArray,
-        rates: FloatArray,
-        generator: np.random.Generator,
-    ) -> ShadeState:
-        """Return the state after selection; a trial as good as its parent replaces it but teaches nothing."""
-        won, moved = costs < state.F, costs <= state.F
+        scales, rates = self.limit(*state.memory.sample(len(state.X), generator), progress)
+        trials = self._trials(state, scales, rates, progress, generator)
+        costs = ledger.costs(trials, ledger.full)
+        won, replaced = costs < state.F, costs <= state.F
         with np.errstate(invalid="ignore"):
             gains = state.F - costs
-        most = round(self.archive * len(state.X))
-        return replace(
+        archive = update_archive(state.archive, state.X[won], round(self.archive * len(state.X)), generator)
+        X, F = np.where(replaced[:, None], trials, state.X), np.where(replaced, costs, state.F)
+        size = max(FEWEST, linear_size(state.first, FEWEST, ledger.spent / plan))
+        if size < len(X):
+            X, F = keep_best(X, F, size)
+            archive = update_archive(archive, X[:0], round(self.archive * size), generator)
+        after = replace(
             state,
-            X=np.where(moved[:, None], trials, state.X),
-            F=np.where(moved, costs, state.F),
-            archive=update_archive(state.archive, state.X[won], most, generator),
+            X=X,
+            F=F,
+            archive=archive,
             memory=self.learn(state.memory, scales, rates, gains, won),
             generation=state.generation + 1,
+            stream=RandomStream.of(generator),
+            evaluations=ledger.evaluations,
         )
+        return after, Event("evolution", float(F.min()), ledger.full)
 
-    def shrunk(self, state: ShadeState, size: int, generator: np.random.Generator) -> ShadeState:
-        """Return the state with the worst members gone, and as much of the archive as that asks for."""
-        if size >= len(state.X):
-            return state
-        X, F = keep_best(state.X, state.F, size)
-        archive = update_archive(state.archive, X[:0], round(self.archive * size), generator)
-        return replace(state, X=X, F=F, archive=archive)
+    def _trials(
+        self, state: ShadeState, scales: FloatArray, rates: FloatArray, progress: float, generator: Generator
+    ) -> FloatArray:
+        """Return one trial per member, (n, D), with scales and rates, (n,) each."""
+        share, pull, choose = self.share(progress), self.pull(progress), self.choose(progress)
+        mutation = CurrentToPBest(state.archive, share, pull, choose)
+        mutants = mutation(state.X, state.F, scales[:, None], generator)
+        return binomial(state.X, midpoint(mutants, state.X), rates[:, None], generator)
+
+
+def linear_size(first: int, last: int, progress: float) -> int:
+    """Return the size on the straight line from `first` to `last` as progress goes from 0 to 1."""
+    return round(first + (last - first) * min(max(progress, 0.0), 1.0))
+
+
+def keep_best(X: FloatArray, F: FloatArray, number: int) -> tuple[FloatArray, FloatArray]:
+    """Return the `number` cheapest members, (number, D), and their costs; the order stays as it was."""
+    kept = np.sort(np.argsort(F, kind="stable")[:number])
+    return X[kept], F[kept]
 
 
 def l_shade(budget: float | None = None) -> LinearShade:
@@ -176,3 +181,29 @@ def l_shade(budget: float | None = None) -> LinearShade:
         choose=lambda progress: elite,
         archive=2.6,
     )
+
+
+def jso(budget: float | None = None) -> LinearShade:
+    """Return jSO, planned over a budget in trajectories (None: 10,000 per variable)."""
+    scales, rates = np.full(JSO_ENTRIES, 0.3), np.full(JSO_ENTRIES, 0.8)
+    scales[-1] = rates[-1] = FIXED
+    return LinearShade(
+        name="jso",
+        budget=budget,
+        members=lambda dimension: max(FEWEST, round(25.0 * log(dimension) * sqrt(dimension))),
+        memory=ParameterMemory(scales, rates, 0),
+        learn=learn_halfway,
+        limit=jso_limit,
+        share=lambda progress: JSO_ELITE * (1.0 - 0.5 * progress),
+        pull=lambda progress: 0.7 if progress < 0.2 else 0.8 if progress < 0.4 else 1.2,
+        choose=lambda progress: elite_but_self if progress < 0.5 else elite,
+        archive=1.0,
+    )
+
+
+def jso_limit(scales: FloatArray, rates: FloatArray, progress: float) -> tuple[FloatArray, FloatArray]:
+    """Return scales and rates, (n,) each, that are kept from extremes early in the search."""
+    if progress < 0.6:
+        scales = np.minimum(scales, 0.7)
+    least = 0.7 if progress < 0.25 else 0.6 if progress < 0.5 else 0.0
+    return scales, np.maximum(rates, least)

@@ -1,4 +1,4 @@
-"""Canonical particle swarm: constriction, and one best place that all know.
+"""Canonical particle swarm: constriction, and one best place known to all.
 
 References
 ----------
@@ -16,11 +16,11 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.optimize.ledger import Evaluations, Ledger
+from stoop.optimize.ledger import Ledger
 from stoop.optimize.operators import MEMBERS
 from stoop.optimize.problem import Problem
 from stoop.optimize.state import Event, RandomStream, State
-from stoop_studies.optimizers.pieces.operators import placed, uniform
+from stoop_studies.optimizers.pieces.evolution import first_population
 
 PHI: Final = 2.05  #: weight of a particle's own best, and of the swarm's
 CHI: Final = 2.0 / abs(2.0 - 2 * PHI - sqrt((2 * PHI) ** 2 - 8 * PHI))  #: constriction, 0.7298
@@ -31,7 +31,7 @@ BOUNCE: Final = -0.5  #: times the velocity of a particle that ran into a bound
 
 @dataclass(frozen=True, kw_only=True)
 class SwarmState(State):
-    """Where a swarm stands.
+    """State of a swarm.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class ParticleSwarm:
     """The constricted swarm with global best; it never claims convergence.
 
     The publication leaves bounds open. Here a particle that would leave the box stops on the bound and its
-    velocity there is turned and halved; velocities are held below half the box.
+    velocity there is reversed and halved; velocities stay below half the box.
 
     Attributes
     ----------
@@ -63,27 +63,29 @@ class ParticleSwarm:
 
     def init(self, problem: Problem, seed: int, starts: FloatArray) -> SwarmState:
         """Evaluate the first places; the user's own values take the first of them."""
-        ledger = Ledger.at(problem, Evaluations.none(problem))
-        generator = RandomStream.from_seed(seed).generator()
-        X = placed(uniform(self.members, problem.dimension, generator), starts)
+        ledger, generator, X, F = first_population(problem, seed, starts, self.members)
         V = FIRST * (2.0 * generator.random(X.shape) - 1.0)
-        F = ledger.costs(X, ledger.full)
-        stream, books = RandomStream.of(generator), ledger.evaluations
+        stream, evaluations = RandomStream.of(generator), ledger.evaluations
         return SwarmState(
-            optimizer=self.name, generation=0, stream=stream, evaluations=books, X=X, V=V, B=X, F=F
+            optimizer=self.name, generation=0, stream=stream, evaluations=evaluations, X=X, V=V, B=X, F=F
         )
 
     def step(self, state: SwarmState, problem: Problem) -> tuple[SwarmState, Event]:
         """Move every particle once."""
         ledger = Ledger.at(problem, state.evaluations)
         generator = state.stream.generator()
-        X, V = moved(state.X, accelerated(state, generator))
+        own, all_ = generator.random((2, *state.X.shape))
+        leader = state.B[state.F.argmin()]
+        V = CHI * (state.V + PHI * own * (state.B - state.X) + PHI * all_ * (leader - state.X))
+        V = np.minimum(np.maximum(V, -FASTEST), FASTEST)
+        ahead = state.X + V
+        X = np.minimum(np.maximum(ahead, 0.0), 1.0)
         costs = ledger.costs(X, ledger.full)
         better = costs < state.F
         after = replace(
             state,
             X=X,
-            V=V,
+            V=np.where(ahead == X, V, BOUNCE * V),
             B=np.where(better[:, None], X, state.B),
             F=np.where(better, costs, state.F),
             generation=state.generation + 1,
@@ -91,19 +93,3 @@ class ParticleSwarm:
             evaluations=ledger.evaluations,
         )
         return after, Event("evolution", float(costs.min()), ledger.full)
-
-
-def accelerated(state: SwarmState, generator: np.random.Generator) -> FloatArray:
-    """Return the velocities, (n, D), drawn to each particle's best and to the swarm's."""
-    own, all_ = generator.random((2, *state.X.shape))
-    leader = state.B[state.F.argmin()]
-    V = CHI * (state.V + PHI * own * (state.B - state.X) + PHI * all_ * (leader - state.X))
-    slow: FloatArray = np.minimum(np.maximum(V, -FASTEST), FASTEST)
-    return slow
-
-
-def moved(X: FloatArray, V: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the next places and the velocities there, (n, D) each."""
-    ahead = X + V
-    inside = np.minimum(np.maximum(ahead, 0.0), 1.0)
-    return inside, np.where(ahead == inside, V, BOUNCE * V)

@@ -24,8 +24,7 @@ import numpy as np
 from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, IdentificationError
-from stoop.estimate.fit import Options, settle, starts
-from stoop.estimate.fit import pose as posed_fit
+from stoop.estimate.fit import Options, estimation_problem, settle, starts
 from stoop.flight import load
 from stoop.problem import Misfit
 from stoop.problem.windows import parse_window
@@ -189,7 +188,7 @@ def _settled(flights: Sequence[str], vehicle: str, maneuvers: Sequence[str]) -> 
     if len(by_name) < len(loaded):
         raise FlightError("flights: two of them have the same name; rename one of the files")
     windows = [parse_window(text, by_name) for text in maneuvers]
-    problem, _ = posed_fit(resolve_vehicle(vehicle), by_name, windows, Options())
+    problem, _ = estimation_problem(resolve_vehicle(vehicle), by_name, windows, Options())
     settled = settle(problem, starts(problem))
     guesses = np.concatenate([settled.z[None, : problem.dimension], starts(problem)])
     return settled.problem, guesses

@@ -1,1 +1,1 @@
-"""stoop's own claims, measured: one file or room per experiment, by name in `registry`."""
+"""stoop's own claims, measured: one file or folder per experiment, by name in `suite`."""

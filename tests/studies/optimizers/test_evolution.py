@@ -12,14 +12,11 @@ import pytest
 
 from stoop import optimize
 from stoop.optimize.operators import binomial
-from stoop_studies.optimizers.de_best_2_bin import de_best_2_bin
-from stoop_studies.optimizers.de_rand_1_bin import de_rand_1_bin
+from stoop_studies.optimizers.compositions import de_best_2_bin, de_rand_1_bin, ps_gde
 from stoop_studies.optimizers.pieces.control import SuccessHistory
-from stoop_studies.optimizers.pieces.islands import Islands, Whole
-from stoop_studies.optimizers.pieces.mutation import Ordered, Rand1, distinct
+from stoop_studies.optimizers.pieces.diversity import Islands, Whole
+from stoop_studies.optimizers.pieces.mutation import Ordered, Rand1, ScaledByCost, WeightedCentroid, distinct
 from stoop_studies.optimizers.pieces.operators import chaos, clip
-from stoop_studies.optimizers.pieces.weighing import Graded, WeightedCentroid
-from stoop_studies.optimizers.ps_gde import ps_gde
 
 MAKERS = [ps_gde, de_rand_1_bin, de_best_2_bin]
 
@@ -93,7 +90,7 @@ def test_evolution_never_claims_convergence(make: Callable[[], Any], oscillation
     assert "before an optimum was confirmed" in outcome.advice
 
 
-@pytest.mark.parametrize("mutation", [Ordered(), Rand1(), WeightedCentroid(), Graded()])
+@pytest.mark.parametrize("mutation", [Ordered(), Rand1(), WeightedCentroid(), ScaledByCost()])
 @pytest.mark.parametrize("structure", [Whole(), Islands(3)])
 def test_what_a_control_has_learnt_is_kept_with_any_mutation_and_structure(
     mutation: Any, structure: Any, oscillation: Callable[..., Any], tmp_path: Path

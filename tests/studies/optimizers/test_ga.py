@@ -12,8 +12,7 @@ from pymoo.core.problem import Problem
 
 from stoop import optimize
 from stoop.optimize.state import RandomStream
-from stoop_studies.optimizers.ga import GeneticAlgorithm
-from stoop_studies.optimizers.pieces.genetic import Polynomial, SimulatedBinary, repeated, tournament
+from stoop_studies.optimizers.ga import GeneticAlgorithm, Polynomial, SimulatedBinary, repeated, tournament
 
 
 def coarse(X: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from scipy.optimize import minimize_scalar
 
 from stoop.optimize import Ledger
 from stoop.optimize.ledger import Evaluations
-from stoop_studies.optimizers.pieces.golden import SteepestDive, forward_gradient, golden_section
+from stoop_studies.optimizers.pieces.local_search import SteepestDescent, forward_gradient, golden_section
 
 FUNCTIONS = {
     "parabola": lambda t: (t - 0.37) ** 2,
@@ -63,14 +63,14 @@ def test_a_dive_goes_down_the_gradient_and_never_up() -> None:
     ledger = Ledger(Bowl(), Evaluations.none(Bowl()))
     x = np.array([0.2, 0.3, 0.9])
     cost = float(Bowl().costs(x[None, :], 1)[0])
-    y, lower = SteepestDive()(ledger, x, cost)
+    y, lower = SteepestDescent()(ledger, x, cost)
     direction = -Bowl.weights * (x - 0.45)
     step = y - x
     assert step @ direction == pytest.approx(np.linalg.norm(step) * np.linalg.norm(direction), rel=1e-6)
     assert np.linalg.norm(step) <= 0.1
     assert lower == Bowl().costs(y[None, :], 1)[0] < cost
     best = np.full(3, 0.45)
-    assert SteepestDive()(ledger, best, 0.0)[0] is best
+    assert SteepestDescent()(ledger, best, 0.0)[0] is best
 
 
 def test_a_dive_from_the_edge_of_divergence_stays() -> None:
@@ -80,6 +80,6 @@ def test_a_dive_from_the_edge_of_divergence_stays() -> None:
 
     ledger = Ledger(Cliff(), Evaluations.none(Cliff()))
     x = np.array([0.2, 0.3, 0.9])
-    y, cost = SteepestDive()(ledger, x, 1.0)
+    y, cost = SteepestDescent()(ledger, x, 1.0)
     assert y is x
     assert cost == 1.0

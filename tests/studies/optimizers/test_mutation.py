@@ -11,22 +11,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stoop.optimize.operators import binomial, midpoint
-from stoop_studies.optimizers.pieces.islands import Islands
+from stoop_studies.optimizers.pieces.diversity import Islands
 from stoop_studies.optimizers.pieces.mutation import (
     Best2,
     Localized,
     Ordered,
     Rand1,
+    ScaledByCost,
+    Trigonometric,
     Unordered,
+    WeightedCentroid,
     distinct,
     ranked,
 )
 from stoop_studies.optimizers.pieces.operators import clip
-from stoop_studies.optimizers.pieces.weighing import Graded, Trigonometric, WeightedCentroid
 
 SEEDS = st.integers(0, 2**32 - 1)
 OPERATORS = [
-    Rand1(), Best2(), Ordered(), Unordered(), Localized(), Trigonometric(), Trigonometric(1.0), Graded(),
+    Rand1(), Best2(), Ordered(), Unordered(), Localized(), Trigonometric(), Trigonometric(1.0), ScaledByCost(),
     WeightedCentroid(),
 ]  # fmt: skip
 Twin = Callable[[np.ndarray, np.ndarray, np.ndarray, int], np.ndarray]
@@ -120,7 +122,7 @@ def _weighted_centroid(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int) 
     [
         (Unordered(), _unordered, 3),
         (Localized(), _localized, 3),
-        (Graded(0.1), _graded, 3),
+        (ScaledByCost(0.1), _graded, 3),
         (WeightedCentroid(), _weighted_centroid, 5),
     ],
 )

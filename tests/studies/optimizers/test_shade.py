@@ -15,10 +15,9 @@ from stoop import optimize
 from stoop.errors import IdentificationError
 from stoop.optimize.adaptation import ParameterMemory, success_means
 from stoop.optimize.operators import OrderedToPBest, elite, two_others, update_archive
-from stoop_studies.optimizers import jso as jso_module
-from stoop_studies.optimizers.jso import jso
-from stoop_studies.optimizers.l_shade import l_shade
+from stoop_studies.optimizers.l_shade import jso, jso_limit, keep_best, l_shade, linear_size
 from stoop_studies.optimizers.ordered_shade import OrderedShade
+from stoop_studies.optimizers.pieces.local_search import QuasiNewton
 from stoop_studies.optimizers.pieces.operators import (
     TERMINAL,
     CurrentToPBest,
@@ -26,8 +25,6 @@ from stoop_studies.optimizers.pieces.operators import (
     learn_halfway,
     learn_terminal,
 )
-from stoop_studies.optimizers.pieces.quasi_newton import QuasiNewtonDive
-from stoop_studies.optimizers.pieces.structure import keep_best, linear_size
 
 SCALES, RATES = np.array([0.2, 0.4, 0.9]), np.array([0.5, 0.0, 1.0])
 GAINS, WON = np.array([3.0, 1.0, np.inf]), np.array([True, True, False])
@@ -52,7 +49,7 @@ def test_l_shade_keeps_a_rate_of_zero_for_good() -> None:
 
 
 def test_jso_goes_halfway_and_never_learns_its_last_entry() -> None:
-    memory = jso_module.first_memory()
+    memory = jso().memory
     scale, rate = success_means(SCALES, RATES, GAINS, WON)
     for k in range(5):
         memory = learn_halfway(memory, SCALES, RATES, GAINS, WON)
@@ -71,7 +68,7 @@ def test_nothing_is_learnt_where_nothing_won(learn: Callable[..., ParameterMemor
     ("progress", "low", "high"), [(0.0, 0.7, 0.7), (0.3, 0.6, 0.7), (0.55, 0.0, 0.7), (0.8, 0.0, 1.0)]
 )
 def test_jso_limits_early_scales_and_rates(progress: float, low: float, high: float) -> None:
-    scales, rates = jso_module.limit(np.array([0.1, 1.0]), np.array([0.0, 1.0]), progress)
+    scales, rates = jso_limit(np.array([0.1, 1.0]), np.array([0.0, 1.0]), progress)
     assert scales.tolist() == [0.1, high]
     assert rates.tolist() == [low, 1.0]
 
@@ -203,7 +200,7 @@ def test_ordered_shade_uses_residuals_where_there_are_some(
     assert outcome.status == "target"
 
 
-def test_a_new_herd_is_larger_and_knows_no_ends() -> None:
+def test_a_new_population_is_larger_and_knows_no_optima() -> None:
     seen: list[Any] = []
     stop = optimize.Stop(generations=10**6, budget=6000)
     optimize.minimize(
@@ -213,12 +210,12 @@ def test_a_new_herd_is_larger_and_knows_no_ends() -> None:
         stop=stop,
         callback=lambda p: seen.append(p.state),
     )
-    sizes = [len(s.herd.X) for s in seen]
+    sizes = [len(s.population.X) for s in seen]
     assert sizes[0] == 8
     assert sorted(set(sizes)) == sizes[:1] + [k for k in sorted(set(sizes)) if k > 8]
-    changed = [b for a, b in pairwise(seen) if len(b.herd.X) > len(a.herd.X)]
+    changed = [b for a, b in pairwise(seen) if len(b.population.X) > len(a.population.X)]
     assert changed
-    assert all(len(s.ends) == 0 for s in changed)
+    assert all(len(s.optima) == 0 for s in changed)
 
 
 # ----------------------------------------------------------------------------------------- the dive itself
@@ -227,7 +224,7 @@ def test_every_difference_of_the_dive_is_booked() -> None:
     ledger = optimize.Ledger(problem, optimize.Evaluations.none(problem))
     x = np.full(4, 0.3)
     cost = float(ledger.costs(x[None, :], 0)[0])
-    y, end = QuasiNewtonDive()(ledger, x, cost)
+    y, end = QuasiNewton()(ledger, x, cost)
     assert ledger.spent == problem.asked
     assert end < 1e-10 < cost
     assert end == rosenbrock(y[None, :])[0]
@@ -237,7 +234,7 @@ def test_every_difference_of_the_dive_is_booked() -> None:
 def test_a_dive_against_a_bound_ends_on_it() -> None:
     problem = Only(lambda X: ((X - 1.4) ** 2).sum(axis=1), 3)
     ledger = optimize.Ledger(problem, optimize.Evaluations.none(problem))
-    y, _ = QuasiNewtonDive()(ledger, np.full(3, 0.5), np.inf)
+    y, _ = QuasiNewton()(ledger, np.full(3, 0.5), np.inf)
     assert y.tolist() == [1.0] * 3
     assert problem.outside <= 0.0
 
@@ -249,7 +246,7 @@ def test_a_dive_beside_infinity_comes_back() -> None:
     problem = Only(half, 3)
     ledger = optimize.Ledger(problem, optimize.Evaluations.none(problem))
     x = np.array([0.4 - 1e-12, 0.5, 0.5])
-    y, end = QuasiNewtonDive()(ledger, x, float(half(x[None, :])[0]))
+    y, end = QuasiNewton()(ledger, x, float(half(x[None, :])[0]))
     assert end <= half(x[None, :])[0]
     assert end == half(y[None, :])[0]
 
@@ -262,8 +259,8 @@ def test_a_dive_that_cannot_reach_the_incumbent_is_let_go() -> None:
     )
     x = np.full(4, 0.3)
     cost = float(problem.costs(x[None, :], 0)[0])
-    QuasiNewtonDive()(patient, x, cost)
-    QuasiNewtonDive()(hasty, x, cost, incumbent=0.0)
+    QuasiNewton()(patient, x, cost)
+    QuasiNewton()(hasty, x, cost, incumbent=0.0)
     assert hasty.spent < patient.spent
 
 

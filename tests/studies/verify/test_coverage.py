@@ -9,17 +9,20 @@ import pytest
 
 from stoop.parallel.canonical import to_text
 from stoop_studies.findings import Setting
-from stoop_studies.verify.coverage.cases import CASES
-from stoop_studies.verify.coverage.experiment import Coverage, key
-from stoop_studies.verify.coverage.scene import BIASES, STEPS, aircraft, coefficients, misled
-from stoop_studies.verify.coverage.sensors import (
-    MEMORY,
-    in_remembering_noise,
+from stoop_studies.verify.coverage import CASES, EXPERIMENT, cover
+from stoop_studies.verify.experiment import run_key
+from stoop_studies.verify.scenes import (
+    AR_COEFFICIENT,
+    BIASES,
+    STEPS,
+    aircraft,
+    autoregressive,
+    coefficients,
+    in_autoregressive_noise,
     in_white_noise,
-    remembering,
     white,
+    wrong_start,
 )
-from stoop_studies.verify.coverage.work import cover
 
 SETTING = Setting(runs=400)
 
@@ -28,7 +31,7 @@ def made_up(scale: dict[str, float], seed: int = 0) -> dict[str, Any]:
     """Return results whose standard errors are too large by a factor for each case; plain ones are right."""
     rng, names = np.random.default_rng(seed), list("abcdefghijkl")
     return {
-        key(case, s): {
+        run_key(case, s): {
             "names": names, "errors": rng.standard_normal(12).tolist(), "sigma": [scale.get(case, 1.0)] * 12,
             "cramer_rao": [1.0] * 12, "status": "converged",
         }
@@ -38,7 +41,7 @@ def made_up(scale: dict[str, float], seed: int = 0) -> dict[str, Any]:
 
 
 def verdicts(results: dict[str, Any]) -> dict[str, list[str]]:
-    found = Coverage().findings(SETTING, results)
+    found = EXPERIMENT.findings(SETTING, results)
     return {
         name: [c.verdict for c in found.claims if c.statement.startswith(f"With {case.words} the")]
         for name, case in CASES.items()
@@ -46,7 +49,7 @@ def verdicts(results: dict[str, Any]) -> dict[str, list[str]]:
 
 
 def test_right_standard_errors_hold() -> None:
-    found = Coverage().findings(SETTING, made_up({}))
+    found = EXPERIMENT.findings(SETTING, made_up({}))
     assert {c.verdict for c in found.claims} == {"holds"}
     pooled = {row[0]: row for row in found.rows if row[1] == "pooled"}
     assert set(pooled) == set(CASES)
@@ -64,29 +67,29 @@ def test_wrong_ones_do_not_in_either_direction(factor: float) -> None:
 def test_one_wrong_parameter_is_seen_though_the_pool_is_right() -> None:
     results = made_up({})
     for s in SETTING.seeds:
-        results[key("white", s)]["sigma"] = [0.7] + [1.0] * 11
+        results[run_key("white", s)]["sigma"] = [0.7] + [1.0] * 11
     assert verdicts(results)["white"] == ["holds", "does not hold"]
 
 
 def test_an_interval_that_is_not_given_holds_nothing() -> None:
     results = made_up({})
     for s in SETTING.seeds:
-        results[key("ar1", s)]["sigma"] = [None] + [1.0] * 11
-    found = Coverage().findings(SETTING, results)
+        results[run_key("ar1", s)]["sigma"] = [None] + [1.0] * 11
+    found = EXPERIMENT.findings(SETTING, results)
     row = next(r for r in found.rows if r[:2] == ("ar1", "a"))
     assert row[3:5] == (0.0, None)
     for s in SETTING.seeds:
-        results[key("ar1", s)]["sigma"] = [None] * 3 + [1.0] * 9
+        results[run_key("ar1", s)]["sigma"] = [None] * 3 + [1.0] * 9
     assert verdicts(results)["ar1"] == ["does not hold"]
 
 
 def test_noise_is_what_it_is_called() -> None:
-    for make, correlation in ((white, 0.0), (remembering, MEMORY)):
+    for make, correlation in ((white, 0.0), (autoregressive, AR_COEFFICIENT)):
         v = make(np.random.default_rng(1), 200_000, 2)
         assert v.std(axis=0) == pytest.approx(1.0, abs=0.03)
         assert np.mean(v[1:] * v[:-1], axis=0) == pytest.approx(correlation, abs=0.02)
         assert abs(np.mean(v[:, 0] * v[:, 1])) < 0.03
-    first = np.array([remembering(np.random.default_rng(s), 2, 50) for s in range(200)])
+    first = np.array([autoregressive(np.random.default_rng(s), 2, 50) for s in range(200)])
     assert first.std() == pytest.approx(1.0, abs=0.02), "stationary from the first sample on"
 
 
@@ -99,12 +102,12 @@ def test_scenes_differ_by_seed_and_in_their_noise_alone() -> None:
     q, same, new = (s.flights["pitch"].data["q"].to_numpy() for s in (scene, again, other))
     assert (q == same).all()
     assert (q != new).any()
-    remembered = in_remembering_noise(3).flights["pitch"].data["q"].to_numpy()
+    remembered = in_autoregressive_noise(3).flights["pitch"].data["q"].to_numpy()
     assert np.diff(remembered).std() < 0.7 * np.diff(q).std()
 
 
 def test_the_start_is_wrong_and_knows_no_bias() -> None:
-    vehicle = misled(aircraft(), np.random.default_rng(0))
+    vehicle = wrong_start(aircraft(), np.random.default_rng(0))
     wrong = [abs(vehicle.value(n) / v - 1.0) for n, v in coefficients(aircraft()).items()]
     assert 0.05 < np.mean(wrong) < 0.3
     assert max(wrong) < 0.3

@@ -10,7 +10,7 @@ from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
 from stoop.assess.colored_residuals import ColoredNoise, autocorrelation, fit_noise
-from stoop.estimate.autocorrelation import lagged_products
+from stoop.estimate.noise import lagged_products
 
 
 def test_lagged_products_are_the_naive_sums() -> None:

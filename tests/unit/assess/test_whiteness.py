@@ -30,7 +30,9 @@ def test_against_the_formula_written_out(rho: float) -> None:
 def test_segments_with_holes_against_the_formula_written_out() -> None:
     residual = colored(300, 0.2, 8)
     residual[[40, 41, 150]] = np.nan
-    assert whiteness(residual).statistic == pytest.approx(naive_ljung_box(residual, WHITENESS_LAGS), rel=1e-10)
+    assert whiteness(residual).statistic == pytest.approx(
+        naive_ljung_box(residual, WHITENESS_LAGS), rel=1e-10
+    )
 
 
 def test_by_hand() -> None:

@@ -39,6 +39,9 @@ CRUISE = (
 )
 FLOWN = {"quad": ("quad-x", HOVER), "twin": ("twin-boom", CRUISE)}
 RATES, ANGLES, FORCE = ("p", "q", "r"), ("phi", "theta", "psi"), ("ax", "ay", "az")
+WHOLE = {
+    names: "variables.{}, variables.{} and variables.{}".format(*names) for names in (RATES, ANGLES, FORCE)
+}
 MOTORS = tuple(f"motor_{n}" for n in range(1, 5))
 Columns = dict[str, np.ndarray]
 
@@ -115,22 +118,22 @@ UNITS = [
     ),
     ("quad", ("phi",), 1.0, "deg", 'write unit = "rad" for variables.phi in x.csv.toml'),
     ("twin", ("phi",), 1 / DEGREE, "rad", 'write unit = "deg" for variables.phi in x.csv.toml'),
-    ("quad", RATES, 1.0, "deg/s", 'write unit = "rad/s" for variables.p in x.csv.toml'),
-    ("quad", RATES, 1 / DEGREE, "rad/s", 'write unit = "deg/s" for variables.p in x.csv.toml'),
-    ("quad", ANGLES, 1.0, "deg", 'write unit = "rad" for variables.phi in x.csv.toml'),
+    ("quad", RATES, 1.0, "deg/s", f'write unit = "rad/s" for {WHOLE[RATES]} in x.csv.toml'),
+    ("quad", RATES, 1 / DEGREE, "rad/s", f'write unit = "deg/s" for {WHOLE[RATES]} in x.csv.toml'),
+    ("quad", ANGLES, 1.0, "deg", f'write unit = "rad" for {WHOLE[ANGLES]} in x.csv.toml'),
     (
         "quad",
         ("az",),
         1 / STANDARD_GRAVITY,
         "m/s2",
-        'looks like g: write unit = "g" for variables.az in x.csv.toml',
+        'write unit = "g" for variables.az in x.csv.toml',
     ),
     (
         "twin",
         FORCE,
         1 / STANDARD_GRAVITY,
         "m/s2",
-        'looks like g: write unit = "g" for variables.az in x.csv.toml',
+        f'write unit = "g" for {WHOLE[FORCE]} in x.csv.toml',
     ),
     ("quad", ("p",), -1.0, "rad/s", "write scale = -1 for variables.p in x.csv.toml"),
 ]  #: flight, columns, their factor, the unit that the mapping says, what is said
@@ -175,7 +178,7 @@ FITS = [
         "quad",
         scaled(FORCE, 1 / STANDARD_GRAVITY),
         "quad-x",
-        'write unit = "g" for variables.az in x.csv.toml',
+        f'write unit = "g" for {WHOLE[FORCE]} in x.csv.toml',
     ),
     ("quad", clipped, "quad-x", "motor_1 never goes above 0.63"),
     ("quad", still, "quad-x", "There is no roll to speak of"),

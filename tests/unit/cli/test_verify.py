@@ -13,8 +13,8 @@ from stoop.cli.main import main
 from stoop.errors import StoopError
 from stoop.parallel import Plan
 from stoop_studies.findings import Experiment, Findings, Results, Setting, holds
-from stoop_studies.verify import registry, suite
-from stoop_studies.verify.registry import EXPERIMENTS, Entry
+from stoop_studies.verify import suite
+from stoop_studies.verify.suite import EXPERIMENTS, Entry
 
 
 @dataclass(frozen=True)
@@ -37,11 +37,10 @@ class Quick:
 def entries(monkeypatch: pytest.MonkeyPatch) -> None:
     """Register an experiment that runs and one whose package is missing."""
     module = ModuleType("quick_experiments")
-    module.__dict__["Quick"] = Quick
+    module.__dict__["EXPERIMENT"] = Quick()
     monkeypatch.setitem(sys.modules, "quick_experiments", module)
-    found = {"quick": Entry("quick_experiments:Quick", "x"), "lame": Entry("lame_experiments:X", "y")}
-    for place in (registry, suite):
-        monkeypatch.setattr(place, "EXPERIMENTS", found)
+    found = {"quick": Entry("quick_experiments", "x"), "lame": Entry("lame_experiments", "y")}
+    monkeypatch.setattr(suite, "EXPERIMENTS", found)
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
@@ -82,9 +81,9 @@ def test_files_of_others_stay(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 
 @pytest.mark.usefixtures("entries")
 def test_a_bug_inside_is_not_a_missing_package(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(suite, "EXPERIMENTS", {"odd": Entry("stoop.no_such:X", "z")})
+    monkeypatch.setattr(suite, "EXPERIMENTS", {"odd": Entry("stoop.no_such", "z")})
     with pytest.raises(ModuleNotFoundError):
         suite.load_experiment("odd")
-    monkeypatch.setattr(suite, "EXPERIMENTS", {"lame": Entry("elsewhere_experiments.inner:X", "z")})
+    monkeypatch.setattr(suite, "EXPERIMENTS", {"lame": Entry("elsewhere_experiments.inner", "z")})
     with pytest.raises(StoopError, match="pip install elsewhere_experiments"):
         suite.load_experiment("lame")

@@ -11,7 +11,7 @@ from stoop.design.robust import mean_ratio, robustness
 from stoop.design.search import Plan, design, one_after_another
 from stoop.design.setup import marginal, sensor_noise
 from stoop.errors import SimulationError
-from stoop.estimate.fit import Options, pose
+from stoop.estimate.fit import Options, estimation_problem
 from stoop.problem.windows import Window
 from stoop.simulate import Maneuver, simulate_flight, trim
 from stoop.vehicle.builtin import resolve_vehicle
@@ -37,7 +37,7 @@ def test_information_is_that_of_the_problem_a_fit_would_pose() -> None:
     """The other way: fly, pose the fit's own problem at the truth, invert everything, take the parameters' block."""
     flight = simulate_flight(setup().vehicle, MOVES, noise=False)
     sigma = np.sqrt(np.diag(setup().noise))
-    problem, _ = pose(
+    problem, _ = estimation_problem(
         setup().vehicle, {"simulated": flight}, [Window("simulated", 0.0, 8.0)], Options(covariance=sigma**2)
     )
     # the truth of the initial state is the trim; the fit guesses it from noise-free readings, a little off

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice
 from stoop.estimate.excitation import collinear
 
 TIME = 0.01 * np.arange(2000)
@@ -24,7 +26,7 @@ def noise(size: float) -> FloatArray:
     return size * RNG.standard_normal(len(TIME))
 
 
-def told(**controls: FloatArray) -> list[str]:
+def told(**controls: FloatArray) -> list[Notice]:
     return list(collinear(controls, MOTIONS))
 
 
@@ -33,19 +35,23 @@ def test_an_open_loop_input_is_not_accused() -> None:
 
 
 def test_feedback_of_one_motion_is_named() -> None:
-    lines = told(elevator=-2.0 * ALPHA + noise(0.005))
-    assert len(lines) == 1
-    assert "elevator and alpha move together (correlation -1.00)" in lines[0]
-    assert "closed loop" in lines[0]
+    (found,) = told(elevator=-2.0 * ALPHA + noise(0.005))
+    assert (found.code, found.subject, found.values["other"]) == (
+        "control-follows-motion",
+        "elevator",
+        "alpha",
+    )
+    assert found.values["correlation"] == pytest.approx(-1.0, abs=0.01)
 
 
 def test_feedback_of_several_motions_is_named() -> None:
-    lines = told(elevator=1.0 * ALPHA + 0.6 * Q + noise(0.002))
-    assert len(lines) == 1
-    assert "nearly a combination of V, alpha, q" in lines[0]
+    (found,) = told(elevator=1.0 * ALPHA + 0.6 * Q + noise(0.002))
+    assert (found.code, found.values["motions"]) == ("control-combination", ("V", "alpha", "q"))
 
 
 def test_controls_that_are_mixed_are_named() -> None:
     moved = 0.1 * np.sign(np.sin(0.7 * TIME))
-    lines = told(aileron=moved, rudder=0.5 * moved + noise(0.002))
-    assert any("aileron and rudder move together" in line for line in lines)
+    found = told(aileron=moved, rudder=0.5 * moved + noise(0.002))
+    assert ("controls-correlated", "aileron", "rudder") in [
+        (n.code, n.subject, n.values.get("other")) for n in found
+    ]

@@ -9,13 +9,13 @@ import pytest
 from stoop import optimize
 from stoop.cli.demo import MANEUVER, TABLE_1
 from stoop.errors import FlightError, IdentificationError, VehicleError
-from stoop.estimate.equation_error import equation_error
-from stoop.estimate.fit import Options, fit, pose, refine, settle, starts
+from stoop.estimate.fit import Options, estimation_problem, fit, refine, settle, starts
 from stoop.estimate.noise import noise_variance
 from stoop.estimate.predict import mean_biases, predict
+from stoop.estimate.regression.equations import start_value
 from stoop.flight import Flight
 from stoop.problem import Misfit
-from stoop.problem.start import first_complete, guess_start
+from stoop.problem.observation import first_complete, guess_start
 from stoop.problem.windows import Window
 from stoop.simulate import START_NAMES, parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle, parse_vehicle
@@ -96,8 +96,8 @@ amplitude = 0.05
 
 def test_without_a_vane_there_is_no_equation_error_but_a_fit(wrong: Vehicle, flight: Flight) -> None:
     blind = replace(flight, data=flight.data.drop_vars("alpha"))
-    problem, _ = pose(wrong, {"sim": blind}, WINDOW, Options())
-    assert equation_error(problem.layout, problem.pieces) is None
+    problem, _ = estimation_problem(wrong, {"sim": blind}, WINDOW, Options())
+    assert start_value(problem.layout, problem.pieces) is None
     found = fit(wrong, {"sim": blind}, WINDOW, Options())
     assert found.estimates["Cmalpha"] == pytest.approx(-2.12, rel=0.2)
 
@@ -106,18 +106,18 @@ def test_a_stuck_channel_counts_as_not_measured(aircraft: Vehicle, wrong: Vehicl
     data = flight.data.copy()
     data["theta"] = data["theta"] * 0.0 + 0.01
     found = fit(wrong, {"sim": replace(flight, data=data)}, WINDOW, Options())
-    assert any("theta" in w and "never change" in w for w in found.warnings)
+    assert ("stuck-channel", "theta") in [(n.code, n.subject) for n in found.prepared.notices]
     assert found.estimates["Cmalpha"] == pytest.approx(aircraft.value("Cmalpha"), rel=0.1)
 
 
 def test_budget_holds_for_the_refinement_too(wrong: Vehicle, flight: Flight) -> None:
     """Settling the weights (some 100 trajectories here) is counted, but not cut: a resumed search needs them."""
-    problem, _ = pose(wrong, {"sim": flight}, WINDOW, Options())
+    problem, _ = estimation_problem(wrong, {"sim": flight}, WINDOW, Options())
     settling = settle(problem, starts(problem)).spent
     for budget in (settling + 20.0, settling + 60.0):
         found = fit(wrong, {"sim": flight}, WINDOW, Options(budget=budget))
         assert found.trajectories <= budget + 4.0
-        assert found.warnings or found.outcome.status != "converged"
+        assert found.notices or found.outcome.status != "converged"
 
 
 def test_optimizers_that_plan_ahead_are_told_the_budget(
@@ -188,8 +188,8 @@ def test_biases_for_a_prediction_come_from_the_same_flight(aircraft: Vehicle, wr
 def test_equation_error_is_exact_without_noise(aircraft: Vehicle, wrong: Vehicle, flight: Flight) -> None:
     """On noise-free states and accelerations only the derivative of q is approximated."""
     clean = simulate_flight(aircraft, parse_maneuver(MANEUVER, "test"), noise=False, name="sim")
-    problem, _ = pose(wrong, {"sim": clean}, WINDOW, Options())
-    guess = equation_error(problem.layout, problem.pieces)
+    problem, _ = estimation_problem(wrong, {"sim": clean}, WINDOW, Options())
+    guess = start_value(problem.layout, problem.pieces)
     assert guess is not None
     found = dict(
         zip([p.name for p in problem.layout.parameters], problem.layout.physical(guess[None])[0], strict=True)
@@ -303,7 +303,7 @@ def test_prediction_starts_from_measurements_and_fits_nothing(wrong: Vehicle, fl
 
 
 def test_starts_include_the_files_own_values(wrong: Vehicle, flight: Flight) -> None:
-    problem, _ = pose(wrong, {"sim": flight}, WINDOW, Options())
+    problem, _ = estimation_problem(wrong, {"sim": flight}, WINDOW, Options())
     own = starts(problem)[0]
     assert problem.layout.physical(own[None])[0] == pytest.approx(
         [p.value for p in problem.layout.parameters]
@@ -313,6 +313,6 @@ def test_starts_include_the_files_own_values(wrong: Vehicle, flight: Flight) -> 
 def test_windows_that_would_fill_the_memory_are_refused(
     wrong: Vehicle, flight: Flight, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("stoop.estimate.fit.MOST_BYTES", 1e5)
+    monkeypatch.setattr("stoop.estimate.fit.MAX_BYTES", 1e5)
     with pytest.raises(IdentificationError, match="unit of the log's time"):
         fit(wrong, {"sim": flight}, WINDOW, Options())

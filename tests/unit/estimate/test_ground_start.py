@@ -8,7 +8,7 @@ from naive.aircraft import rotation
 
 from stoop.flight import Flight, from_columns
 from stoop.problem.layout import Layout
-from stoop.problem.prepare import DEFAULTED, nuisances, prepare
+from stoop.problem.prepare import nuisances, prepare
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
@@ -46,12 +46,14 @@ def test_the_wind_is_taken_off_and_the_attitude_undone(quad: Vehicle) -> None:
     )
     assert all(isinstance(value, float) for value in piece.start.values())
     assert piece.measured.shape[1] == 12
-    assert not prepared.notes
+    assert not prepared.notices
 
 
 def test_what_was_not_recorded_is_said(quad: Vehicle) -> None:
     prepared = prepare(quad, {"drift": drifting(quad, ("vd",))}, [Window("drift", 0.0, 1.9)])
-    assert [n for n in prepared.notes if n.endswith(DEFAULTED)] == [f"drift@0:1.9: vd {DEFAULTED}"]
+    assert [(n.code, n.subject, n.values) for n in prepared.notices] == [
+        ("start-defaulted", "drift@0:1.9", {"channels": ("vd",)})
+    ]
 
 
 def test_nuisances(quad: Vehicle) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stoop.errors import IdentificationError
-from stoop.estimate.methods import SLOW, Chosen, chosen, find
+from stoop.estimate.methods import MIN_MOTOR_RATE, MethodChoice, choose_method, find
 from stoop.flight import Flight
 from stoop.flight.build import build
 from stoop.flight.channels import Channels
@@ -28,24 +28,28 @@ def logged(rate: float, grid: float = 100.0) -> Flight:
 
 @pytest.mark.parametrize(("rate", "name"), [(43.0, "equation-error"), (250.0, "multiple-shooting")])
 def test_motors_that_were_logged_slowly_choose(rate: float, name: str) -> None:
-    found = chosen("", builtin_vehicle("quad-x"), [logged(250.0), logged(rate)])
+    found = choose_method("", builtin_vehicle("quad-x"), [logged(250.0), logged(rate)])
     assert found.name == name
-    assert ("logged at 43 Hz" in found.why) == (rate < SLOW)
+    assert [(n.code, n.values["rate"]) for n in found.notices] == (
+        [("motors-logged-slowly", pytest.approx(43.0, abs=0.5))] if rate < MIN_MOTOR_RATE else []
+    )
 
 
 def test_what_lies_on_the_grid_as_it_was_logged_is_not_slow() -> None:
     """A simulated flight at 50 Hz holds all that was commanded, and a clock of 99.9 Hz is one of 100 Hz."""
     vehicle = builtin_vehicle("quad-x")
-    assert chosen("", vehicle, [logged(50.0, grid=50.0)]) == Chosen("multiple-shooting")
-    assert chosen("", vehicle, [logged(99.9)]) == Chosen("multiple-shooting")
+    assert choose_method("", vehicle, [logged(50.0, grid=50.0)]) == MethodChoice("multiple-shooting")
+    assert choose_method("", vehicle, [logged(99.9)]) == MethodChoice("multiple-shooting")
 
 
 def test_who_names_a_method_gets_it() -> None:
     slow = logged(43.0)
-    assert chosen("multiple-shooting", builtin_vehicle("quad-x"), [slow]) == Chosen("multiple-shooting")
-    assert chosen("", builtin_vehicle("twin-boom"), [slow]) == Chosen("output-error")
+    assert choose_method("multiple-shooting", builtin_vehicle("quad-x"), [slow]) == MethodChoice(
+        "multiple-shooting"
+    )
+    assert choose_method("", builtin_vehicle("twin-boom"), [slow]) == MethodChoice("output-error")
     unknown = replace(slow, sources={})
-    assert chosen("", builtin_vehicle("quad-x"), [unknown]) == Chosen("multiple-shooting")
+    assert choose_method("", builtin_vehicle("quad-x"), [unknown]) == MethodChoice("multiple-shooting")
 
 
 def test_an_unknown_method_is_said() -> None:

@@ -16,7 +16,7 @@ from stoop.export.still import LEFT_OUT, still
 from stoop.simulate import Trim
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
-from stoop_studies.verify.export.aircraft import VEHICLES, load
+from stoop_studies.verify.export import VEHICLES, load
 
 
 @pytest.mark.parametrize("name", VEHICLES)

@@ -20,7 +20,7 @@ from stoop.export.simulink import Matlab, equations, matlab
 from stoop.export.state_space import mat_bytes, state_space
 from stoop.simulate import Trim, initial_states, parameter_rows, trim
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop_studies.verify.export.aircraft import load
+from stoop_studies.verify.export import load
 
 FREE = """
 name = "free"

@@ -88,13 +88,3 @@ def test_offsets_at_rest() -> None:
 def test_always_flying() -> None:
     assert rest_faults(TIME, at_standstill(slice(0, SIZE), airspeed_pitot=-3.0), 100.0) == []
     assert rest_faults(TIME, {"p": noise(0)}, 100.0) == []
-
-
-def test_a_vertical_force_that_points_up_is_a_wrong_sign() -> None:
-    from stoop.flight.faults import sign_faults
-
-    time = np.arange(100) / 100.0
-    assert sign_faults(time, {"az": np.full(100, -9.8)}) == []
-    assert sign_faults(time, {}) == []
-    (found,) = sign_faults(time, {"az": np.full(100, 10.3)})
-    assert "scale = -1" in found.message

@@ -93,10 +93,10 @@ def test_missing_numbers_leave_a_gap(tmp_path: Path) -> None:
         (
             '"phi", unit = "rad"',
             '"phi", unit = "rad", scale = 57.3',
-            r"sortie\.csv: 'phi' changes .*sortie\.csv\.toml",
+            r"sortie\.csv: phi reaches .*sortie\.csv\.toml",
         ),
-        ('"p", unit = "rad/s"', '"p", unit = "rad/s", scale = 57.3', "'p' is in degrees, 'phi' in radians"),
-        ('"psi", unit = "rad"', '"psi", unit = "rad", scale = 57.3', "'psi' reaches 171.9: degrees"),
+        ('"p", unit = "rad/s"', '"p", unit = "rad/s", scale = 57.3', "the unit of p is wrong"),
+        ('"psi", unit = "rad"', '"psi", unit = "rad", scale = 57.3', "psi reaches 171.9 rad: degrees"),
     ],
 )
 def test_mistakes_of_the_mapping(tmp_path: Path, old: str, new: str, words: str) -> None:

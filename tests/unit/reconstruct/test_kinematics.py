@@ -13,7 +13,7 @@ from stoop.reconstruct.corrected import corrected_flight
 from stoop.reconstruct.equations import INPUTS, OUTPUTS, PARAMETERS, SCALED, STATES, kernel
 from stoop.reconstruct.prepare import prepare
 from stoop.reconstruct.result import check
-from stoop_studies.verify.delays.scene import WIND, late_sensors
+from stoop_studies.verify.delays import WIND, late_sensors
 
 
 @pytest.fixture(scope="module")

@@ -23,9 +23,9 @@ from stoop.base.numbers import (
     rounded_to_error,
     window,
 )
-from stoop.report.air import air_panels
 from stoop.report.charts import holes
 from stoop.report.formula import mathml
+from stoop.report.maneuvers import air_panels
 from stoop.report.svg import COLUMNS, Scale, path, plain_text, spanning, tick_text, ticks
 from stoop.report.verdict import verdict
 from stoop.results.result import (
@@ -199,9 +199,8 @@ def test_air_data_share_drawings_and_break_at_pauses(examples: ModuleType) -> No
     time = np.concatenate([np.arange(0.0, 5.0, 0.1), np.arange(9.0, 12.0, 0.1)])
     names = ("speed_inertial", "pitot", "pitot_corrected", "V", "beta", "beta_from_force", "strange<b>")
     trace = AirDataTrace("f", time, {name: time + n for n, name in enumerate(names)})
-    ((flight, panels),) = air_panels(dataclasses.replace(whole, air_data=(trace,)))
-    assert flight == "f"
-    assert [str(panel.name) for panel in panels] == ["Airspeed", "Sideslip", "strange&lt;b&gt;"]
+    panels = air_panels(whole, trace)
+    assert [panel.title for panel in panels] == ["Airspeed", "Sideslip", "strange<b>"]
     assert panels[0].drawing.count("<path") == 4
     assert panels[0].drawing.count("hole") == 1
     assert [panel.unit for panel in panels] == ["m/s", "deg", ""]

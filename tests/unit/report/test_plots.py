@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from stoop.base.arrays import FloatArray
-from stoop.report.contours import contour_levels, contour_path
 from stoop.report.plots import (
     HEIGHT,
     LEFT,
@@ -20,11 +19,13 @@ from stoop.report.plots import (
     Series,
     Shade,
     Strip,
+    contour_levels,
+    contour_path,
     contour_plot,
     plot,
     stacked_plots,
 )
-from stoop.report.svg import LogScale, decade_ticks
+from stoop.report.svg import Scale, decade_ticks
 
 BOX = WIDTH - LEFT - RIGHT
 
@@ -79,7 +80,7 @@ def test_ticks_of_logarithmic_axes(low: float, high: float, most: int, expected:
 
 
 def test_what_has_no_logarithm_has_no_pixel() -> None:
-    assert np.isnan(LogScale(1.0, 10.0, 0.0, 1.0)(np.array([0.0, -1.0, np.nan]))).all()
+    assert np.isnan(Scale(1.0, 10.0, 0.0, 1.0, log=True)(np.array([0.0, -1.0, np.nan]))).all()
 
 
 def test_twenty_series_all_look_different_and_are_named() -> None:
@@ -134,7 +135,7 @@ def test_a_contour_of_a_cone_is_a_circle() -> None:
     points = np.array(re.findall(r"-?\d+", found.split('d="')[1].split('"')[0]), dtype=float).reshape(-1, 2)
     assert np.hypot(*points.T) / 1000.0 == pytest.approx(1.5, abs=2e-3)
     # all around, and nothing left out: the pieces add up to the circumference
-    pieces = np.diff(points.reshape(-1, 2, 2), axis=1)[:, 0]
+    pieces = np.diff(points, axis=0)
     assert np.hypot(*pieces.T).sum() / 1000.0 == pytest.approx(3.0 * np.pi, rel=2e-3)
 
 

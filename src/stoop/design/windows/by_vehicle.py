@@ -23,13 +23,13 @@ from stoop.design.setup import BOX
 from stoop.design.windows.candidates import Candidate
 from stoop.design.windows.choice import Evidence
 from stoop.errors import FlightError, IdentificationError
-from stoop.estimate.fit import starts, without_stuck_channels
+from stoop.estimate.fit import starts
 from stoop.estimate.noise import correlation_times
-from stoop.estimate.shooting.method import LENGTH
+from stoop.estimate.shooting.windows import WINDOW_LENGTH
 from stoop.flight import Flight
 from stoop.problem import Layout, Misfit, Piece, Weights
-from stoop.problem.prepare import Prepared, nuisances, prepare
-from stoop.problem.start import guess_start, state_channels
+from stoop.problem.observation import guess_start, observation_model, state_channels
+from stoop.problem.prepare import Prepared, nuisances, prepare, without_stuck_channels
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 
@@ -180,7 +180,7 @@ def pose_window(vehicle: Vehicle, flight: Flight, one: Candidate) -> Posed | Non
     except FlightError:
         return None
     prepared = without_stuck_channels(vehicle, prepared)
-    if not vehicle.hovers:
+    if observation_model(vehicle).open_loop:
         return Posed(prepared, (1,) * len(prepared.pieces))
     cut = [list(_short(vehicle, piece)) for piece in prepared.pieces]
     pieces = tuple(p for parts in cut for p in parts)
@@ -193,7 +193,7 @@ def pose_window(vehicle: Vehicle, flight: Flight, one: Candidate) -> Posed | Non
 
 def _short(vehicle: Vehicle, piece: Piece) -> Iterator[Piece]:
     """Cut a piece into windows of about a second that begin where the state was measured."""
-    count = max(1, round((piece.time[-1] - piece.time[0]) / LENGTH))
+    count = max(1, round((piece.time[-1] - piece.time[0]) / WINDOW_LENGTH))
     edges = np.linspace(0, len(piece.time), count + 1).astype(int)
     for a, b in pairwise(edges):
         columns = dict(zip(vehicle.outputs, piece.measured[a:b].T, strict=True))

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.estimate.shooting.evidence import following
-from stoop.estimate.shooting.search import Meeting, Place
+from stoop.estimate.shooting.condense import reduced
+from stoop.estimate.shooting.search import Iterate, ShootingProblem, following
 from stoop.estimate.shooting.windows import Shots, residual
 from stoop.optimize import forward_jacobian
 from stoop.problem import Misfit
@@ -31,7 +31,7 @@ class FollowingWindows:
         Layout, weights, priors and pieces, late readings moved.
     edges : tuple of tuple of int
         First sample of each window of each piece, then the number of samples.
-    closeness : (e,)
+    gap_weights : (e,)
         What a gap is multiplied with.
     center : (D + E,)
         The estimate.
@@ -43,7 +43,7 @@ class FollowingWindows:
 
     problem: Misfit
     edges: tuple[tuple[int, ...], ...]
-    closeness: FloatArray
+    gap_weights: FloatArray
     center: FloatArray
     nodes: tuple[FloatArray, ...]
     follow: tuple[FloatArray, ...]
@@ -51,15 +51,14 @@ class FollowingWindows:
     prices: tuple[float, ...] = (1.0,)
 
     @classmethod
-    def of(cls, meeting: Meeting, place: Place) -> FollowingWindows:
-        """Return the problem about a place where a search ended."""
-        ones = np.ones(len(place.z))
-        follow = tuple(
-            np.stack(following([meeting.weigh(window) for window in windows], ones))
-            for windows in meeting.linear(place)
-        )
-        edges = tuple(shots.edges for shots in meeting.shots)
-        return cls(meeting.problem, edges, meeting.closeness, place.z, place.nodes, follow)
+    def of(cls, problem: ShootingProblem, at: Iterate) -> FollowingWindows:
+        """Return the problem about the iterate where a search ended."""
+        ones, follow = np.ones(len(at.z)), []
+        for windows in problem.linearize(at):
+            nodes = reduced([problem.weigh(shot) for shot in windows], 0.0).nodes
+            follow.append(np.stack(following(nodes, windows[0].by_state.shape[2], ones)))
+        edges = tuple(shots.edges for shots in problem.shots)
+        return cls(problem.problem, edges, problem.gap_weights, at.z, at.nodes, tuple(follow))
 
     @classmethod
     def restored(cls, problem: Misfit, arrays: Mapping[str, Any]) -> FollowingWindows:
@@ -67,12 +66,12 @@ class FollowingWindows:
         each = range(len(problem.pieces))
         edges = tuple(tuple(arrays[f"edges.{i}"].tolist()) for i in each)
         nodes, follow = (tuple(arrays[f"{n}.{i}"] for i in each) for n in ("nodes", "follow"))
-        return cls(problem, edges, arrays["closeness"], arrays["center"], nodes, follow)
+        return cls(problem, edges, arrays["gap_weights"], arrays["center"], nodes, follow)
 
     @property
     def arrays(self) -> dict[str, Any]:
         """What :meth:`restored` needs beside `problem`."""
-        out: dict[str, Any] = {"closeness": self.closeness, "center": self.center}
+        out: dict[str, Any] = {"gap_weights": self.gap_weights, "center": self.center}
         for i, (edges, nodes, follow) in enumerate(zip(self.edges, self.nodes, self.follow, strict=True)):
             out |= {f"edges.{i}": np.array(edges), f"nodes.{i}": nodes, f"follow.{i}": follow}
         return out
@@ -121,8 +120,8 @@ class FollowingWindows:
         with np.errstate(over="ignore", invalid="ignore"):
             for shots, nodes, follow in zip(self.shots, self.nodes, self.follow, strict=True):
                 measured = shots.piece.measured
-                found, gap, _ = shots.flown(z, shots.moved(nodes, (follow @ (z - self.center)).T))
+                found, gap, _ = shots.simulate(z, shots.perturbed(nodes, (follow @ (z - self.center)).T))
                 off = residual(self.problem, found, measured)
                 readings.append(self.problem.weights.whiten(off, np.isfinite(measured)).ravel())
-                gaps.append((gap * self.closeness).ravel())
+                gaps.append((gap * self.gap_weights).ravel())
         return np.concatenate([*readings, *gaps])

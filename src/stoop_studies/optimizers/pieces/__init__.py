@@ -1,1 +1,1 @@
-"""What these optimizers are composed of."""
+"""Components of these optimizers."""

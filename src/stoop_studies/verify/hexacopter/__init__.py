@@ -1,1 +1,1 @@
-"""A real hexacopter: its forces told from hover and climbs, and predicted in sprints that were never fitted."""
+"""A real hexacopter: its forces learned from hover and climbs, and predicted in sprints that were never fitted."""

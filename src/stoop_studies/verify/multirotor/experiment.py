@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import functools
 from typing import Any, Final
 
-from stoop.flight import VARIABLES
-from stoop.parallel import Plan, Run
-from stoop.report.sheet import Prose, Section, Table
-from stoop_studies.findings import Findings, Results, Setting
-from stoop_studies.verify.jsbsim_truth.experiment import HEAD as OF_JSBSIM
-from stoop_studies.verify.jsbsim_truth.experiment import Identified, cells, claims, identified, rows
-from stoop_studies.verify.multirotor.case import COMMANDS, SPEEDS, WORK
-from stoop_studies.verify.multirotor.flight import CLIMB, DURATION
-from stoop_studies.verify.multirotor.vehicle import NOISE
+import numpy as np
 
-HEAD: Final = ("recorded", *OF_JSBSIM[1:])
+from stoop_studies.findings import Findings, Setting
+from stoop_studies.verify.experiment import Samples, Verification, work
+from stoop_studies.verify.jsbsim.experiment import HEAD as JSBSIM_HEAD
+from stoop_studies.verify.jsbsim.experiment import Case, Identified, identified_findings
+from stoop_studies.verify.jsbsim.flight import Subject
+from stoop_studies.verify.multirotor.flight import CLIMB, DURATION, MOTORS, TURNS, Quadrotor, fly
+from stoop_studies.verify.multirotor.truth import KNOWN, NOISE, motor_curve, truth, vehicle_of
+
+SPEEDS: Final = "speeds"  #: recorded are the speeds of the rotors
+COMMANDS: Final = "commands"  #: recorded are the commands alone
+HEAD: Final = ("recorded", *JSBSIM_HEAD[1:])
 LEAD: Final = f"""\
 The F450 of JSBSim's own package, a quadrotor of 1.4 kg with brushless motors and tables of measured propellers, is flown \
 by a simple autopilot that shakes it on all four axes for {DURATION:.0f} s of a climb at {CLIMB:g} m/s. Its instruments are \
@@ -26,32 +27,13 @@ WORDS: Final = """\
 Estimate, standard error and difference are those of the first flight. An estimate agrees within 3 of its standard errors \
 or 2 % of the true value, whichever is larger. The last column is the difference of the mean over all flights, in standard \
 errors of one."""
-
-
-@dataclass(frozen=True)
-class Record:
-    """What of the rotors is recorded: a case of the experiment.
-
-    Attributes
-    ----------
-    model : str
-        Its name.
-    title, words : str
-        For the page.
-    """
-
-    model: str
-    title: str
-    words: str
-
-
 RECORDS: Final = (
-    Record(
+    Subject(
         SPEEDS,
         "Speeds of the rotors recorded",
         "As an autopilot does that hears its speed controllers: what the motors do is seen, what the propellers do is found.",
     ),
-    Record(
+    Subject(
         COMMANDS,
         "Commands alone recorded",
         "The lag of the motors is found, too. How fast they turn at a command is told (a straight line from the stand): "
@@ -60,53 +42,45 @@ RECORDS: Final = (
 )
 
 
-@dataclass(frozen=True)
-class Multirotor:
-    """JSBSim's F450 as truth."""
+@functools.cache
+def case(recorded: str) -> Case:
+    """Fly the vehicle, and measure it on the stand.
 
-    name: str = "multirotor"
-    runs: int = 10
-    parts: tuple[str, ...] = ()
-
-    def plan(self, setting: Setting) -> Plan:
-        """Return one run per record and seed."""
-        runs = (
-            Run(key(record.model, seed), WORK, {"recorded": record.model, "seed": seed})
-            for seed in setting.seeds
-            for record in RECORDS
-        )
-        return Plan(self.name, {"experiment": self.name}, tuple(runs))
-
-    def findings(self, setting: Setting, results: Results) -> Findings:
-        """Return how far the estimates are off."""
-        found = [
-            identified(record, [results[key(record.model, seed)] for seed in setting.seeds])
-            for record in RECORDS
-        ]
-        tables = (part for one in found for part in (_table(one), Prose(one.stock.words)))
-        return Findings(
-            "JSBSim's F450, identified from its outputs",
-            LEAD,
-            tuple(claim for one in found for claim in claims(one, "parameter")),
-            (Section("Parameters", (Prose(WORDS), *tables)), Section("Noise", (_noise(NOISE),))),
-            HEAD,
-            tuple(row for one in found for row in rows(one)),
-        )
+    Raises
+    ------
+    StoopError
+        JSBSim is not installed, or its data have changed.
+    """
+    airborne, clamped = Quadrotor(), Quadrotor()
+    flown = fly(airborne)
+    by_speed = recorded == SPEEDS
+    middle = float(np.mean([flown.columns[c].mean() for c in MOTORS]))
+    motor = None if by_speed else motor_curve(clamped, middle)
+    found = truth(clamped, flown, motor)
+    vehicle = vehicle_of(clamped, flown, found, motor)
+    channels = (*NOISE, "altitude", *(TURNS if by_speed else MOTORS))
+    unknown = {n: v for n, v in found.items() if n not in KNOWN}
+    return Case("f450", vehicle, flown, unknown, NOISE, channels, int(by_speed))
 
 
-def key(recorded: str, seed: int) -> str:
-    """Return the name of a run."""
-    return f"{recorded}/{seed:06d}"
+@work
+def identify_once(recorded: str, seed: int) -> dict[str, Any]:
+    """Identify the vehicle from one noisy flight."""
+    known = case(recorded)
+    return known.estimates(known.flight(seed))
 
 
-def _table(found: Identified) -> Table:
-    head = (
-        "parameter", "JSBSim", "estimate", "standard error", "difference in standard errors", "in %", "agrees",
-        "flights that agree", "mean, in standard errors",
-    )  # fmt: skip
-    return Table(found.stock.title, head, tuple(cells(row) for row in rows(found)))
+def show(setting: Setting, samples: Samples) -> Findings:
+    """Return how far the estimates are off."""
+    title = "JSBSim's F450, identified from its outputs"
+    found = [Identified(record, samples[record.model]) for record in RECORDS]
+    return identified_findings(title, LEAD, WORDS, "parameter", HEAD, found, NOISE)
 
 
-def _noise(noise: Mapping[str, Any]) -> Table:
-    told = tuple((c, f"{sigma:g} {VARIABLES[c].unit}") for c, sigma in noise.items())
-    return Table("White, one standard deviation", ("channel", "noise"), told)
+EXPERIMENT: Final = Verification(
+    "multirotor",
+    show,
+    runs=10,
+    work="stoop_studies.verify.multirotor.experiment:identify_once",
+    cases=(SPEEDS, COMMANDS),
+)

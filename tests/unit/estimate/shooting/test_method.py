@@ -8,7 +8,7 @@ import pytest
 from stoop.assess.error_bars import error_bars
 from stoop.cli import demo
 from stoop.estimate import methods
-from stoop.estimate.fit import Options, pose
+from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.shooting.method import MultipleShooting
 from stoop.flight import from_columns
 from stoop.kernels import filtering
@@ -92,7 +92,7 @@ WINDOW = [Window("damped", 0.0, 15.0)]
 
 def test_open_loop_even_the_truth_runs_away(start, flight):
     """From a first sample that is known to the noise only, so that output error has nothing to follow."""
-    problem, _ = pose(start, {"damped": flight}, WINDOW, Options())
+    problem, _ = estimation_problem(start, {"damped": flight}, WINDOW, Options())
     truth = json.loads(flight.data.attrs["truth"])
     right = problem.layout.unit(np.array([truth[p.name] for p in problem.layout.parameters]))
     readings = np.sum(np.isfinite(problem.pieces[0].measured))

@@ -1,0 +1,396 @@
+"""Maneuvers in a report: curves, goodness of fit, residuals; and air data of whole flights."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+from markupsafe import Markup
+
+from stoop.assess.colored_residuals import autocorrelation
+from stoop.base.arrays import FloatArray, runs
+from stoop.base.numbers import NOTHING, factor_and_unit, number, share, window
+from stoop.base.variables import VARIABLES
+from stoop.report.charts import LARGE, Curves, autocorrelation_panel, channel_panel, plain_panel
+from stoop.report.estimates import label, quantity_table
+from stoop.report.sheet import (
+    Bullets,
+    Details,
+    Heading,
+    Legend,
+    Panel,
+    Panels,
+    Part,
+    Prose,
+    Section,
+    Table,
+    Verdict,
+)
+from stoop.results.result import (
+    AirDataTrace,
+    GoodnessOfFit,
+    Identification,
+    ManeuverResult,
+    ManeuverTrace,
+    Role,
+    TheilShares,
+)
+
+MAX_VALUE: Final = 1e15  #: a simulation that has left for infinity is not drawn beyond
+COLORED: Final = 4.0  #: standard errors of an autocorrelation that are no matter of chance in any channel
+MAX_LAGS: Final = 100  #: samples over which autocorrelations are drawn
+PREDICTS, PREDICTS_SOME = 0.75, 0.4  #: share of the comparisons with the lag that a predicting model wins
+AIR_HEIGHT: Final = 150.0  #: px
+MIN_PAUSE: Final = 0.3  #: s without a sample break a curve
+AIR_COLORS: Final = 4  #: classes air0, air1, ... of the style sheet
+LEADS: Final = {
+    "fit": (
+        "The model was fitted to these maneuvers. Theil’s inequality coefficient U is 0 for a perfect match and 1 at worst; "
+        "it is computed below 10 Hz. The lag is a trivial model, one time constant and one dead time from the command of the "
+        "channel’s own axis, fitted to this very maneuver: a model that does not beat it proves nothing. Offset, amplitude "
+        "and rest share out the squared error."
+    ),
+    "validation": (
+        "The initial state comes from the first 0.2 s of measurements (with rotors, anew each second from what is measured "
+        "there), biases and wind from outside the window. The lag is given all commands; it was fitted to the maneuvers "
+        "above and, unlike the model, is granted a bias of its own here."
+    ),
+}
+TITLES: Final = {
+    "fit": ("Fit: measured against simulated", "Fit"),
+    "validation": ("Prediction: nothing was fitted here", "Prediction"),
+}
+MORE_LEAD: Final = (
+    "Left out: the RMS error had each second of the record been left out of the fit in turn (PRESS); far above the plain "
+    "one, the model has too many unknowns for the record. Offset / amplitude / rest share out the squared error (Theil). Q: "
+    "the statistic of Ljung and Box over 20 lags; above 31 the residuals are colored, and hold what the model lacks."
+)
+AIR_LEAD: Final = (
+    "Estimated for each flight from attitude, ground velocity and accelerations (flight-path reconstruction). Wind is the "
+    "velocity of the air over ground; true airspeed = pitot_scale × (reading − pitot_offset)."
+)
+AIR_GROUPS: Final = (
+    (
+        "Airspeed",
+        "m/s",
+        {
+            "speed_inertial": "ground velocity minus wind",
+            "pitot": "pitot as logged",
+            "airspeed_pitot": "pitot as logged",
+            "pitot_corrected": "pitot, corrected",
+            "V": "V",
+        },
+    ),
+    ("Wind as logged", "m/s", {"wind_n_log": "north", "wind_e_log": "east"}),
+    ("Angle of attack", "rad", {"alpha": "alpha"}),
+    ("Sideslip", "rad", {"beta": "reconstructed", "beta_from_force": "from lateral force"}),
+)  #: curves that share a drawing: title, unit, name in the trace -> legend
+
+
+def maneuver_title(maneuver: ManeuverResult) -> str:
+    """Return e.g. ``flight2, 140–145 s``."""
+    return f"{maneuver.flight}, {window(maneuver.start, maneuver.stop)}"
+
+
+def segments_text(maneuver: ManeuverResult) -> str:
+    """Return the stretches of a maneuver that were used."""
+    return ", ".join(window(*segment) for segment in maneuver.segments)
+
+
+def role_section(identification: Identification, role: Role) -> Section | None:
+    """Return the maneuvers of one role; None without any."""
+    parts: list[Part] = [Prose(LEADS[role], muted=True)]
+    pairs = zip(identification.result.maneuvers, identification.traces, strict=True)
+    for maneuver, trace in pairs:
+        if maneuver.role == role:
+            parts.append(Heading(maneuver_title(maneuver), role))
+            parts += maneuver_parts(identification, maneuver, trace)
+    title, short = TITLES[role]
+    return Section(title, parts, short) if len(parts) > 1 else None
+
+
+def maneuver_parts(
+    identification: Identification, maneuver: ManeuverResult, trace: ManeuverTrace
+) -> list[Part]:
+    """Return what a maneuver shows: segments, goodness of fit, curves and inputs."""
+    segments = segments_text(maneuver)
+    each = " Each piece has its own initial state." if ", " in segments else ""
+    keys = (
+        ("key measured", "measured"),
+        (f"key {maneuver.role}", "simulated"),
+        ("key baseline", "first-order lag"),
+        ("key residual", "measured − simulated (lower strip)"),
+        ("", "time in s of the log’s own clock; shaded: no data"),
+    )
+    names = [name for name in trace.channels if name in maneuver.channels]
+    parts: list[Part] = [Prose(f"Data used: {segments}.{each}", muted=True)] if segments else []
+    parts += [
+        _goodness(identification, maneuver, names),
+        _more_goodness(identification, maneuver),
+        Legend(keys),
+        Panels([_channel(identification, name, maneuver, trace) for name in trace.channels]),
+    ]
+    inputs = [_input(identification, name, trace) for name in trace.inputs]
+    return [*parts, Details("Inputs", (Panels(inputs),), open=True)] if inputs else parts
+
+
+def _goodness(identification: Identification, maneuver: ManeuverResult, names: Sequence[str]) -> Table:
+    """Return the goodness of fit of every channel, Theil's coefficient drawn beside the lag's."""
+    found = [v for one in maneuver.channels.values() for v in (one.theil, one.baseline_theil)]
+    greatest = max((v for v in found if math.isfinite(v)), default=1.0)
+    reach = max(0.1, math.ceil(10.0 * greatest - 1e-9) / 10.0)
+    rows = []
+    for name in names:
+        one = maneuver.channels[name]
+        factor, unit = factor_and_unit(_unit(identification, name))
+        bars = [
+            Markup('<span class="{}" style="width:{}%"></span>').format(
+                maneuver.role, _bar(one.theil / reach)
+            )
+        ]
+        if _against_lag(one):
+            bars.append(
+                Markup('<span class="lag" style="width:{}%"></span>').format(_bar(one.baseline_theil / reach))
+            )
+        rows.append(
+            (
+                Markup('<span title="{}">{}</span>').format(_meaning(name), label(identification, name)),
+                number(factor * one.rmse, 3),
+                unit,
+                _decimals(one.theil),
+                _decimals(one.baseline_theil),
+                Markup('<span class="bars" aria-hidden="true">{}</span>').format(Markup("").join(bars)),
+                {"better": "✓ better", "worse": "▲ not better"}.get(_against_lag(one), NOTHING),
+                _decimals(one.r2),
+                *(share(part) for part in _parts(one.theil_shares)),
+            )
+        )
+    head = (
+        "Channel", "RMS error", "Unit", "Theil U", "of the lag", f"0 … {number(reach, 1)}", "Against the lag", "R²",
+        "Offset", "Amplitude", "Rest",
+    )  # fmt: skip
+    kinds = ("", "n", "", "n", "n", "", "", "n", "n", "n", "n")
+    return Table("", head, tuple(rows), kinds, label=f"Goodness of fit, {maneuver_title(maneuver)}")
+
+
+def _more_goodness(identification: Identification, maneuver: ManeuverResult) -> Details:
+    rows = []
+    for name, one in maneuver.channels.items():
+        factor, unit = factor_and_unit(_unit(identification, name))
+        for of, found in (("model", one), ("lag", one.baseline)):
+            first = label(identification, name) if of == "model" else ""
+            rows.append(
+                (
+                    first,
+                    of,
+                    number(factor * found.rmse, 3),
+                    number(factor * found.press, 3),
+                    unit,
+                    _decimals(found.r2),
+                    " / ".join(share(part) for part in _parts(found.theil_shares)),
+                    number(found.whiteness.statistic, 3),
+                    found.whiteness.verdict or NOTHING,
+                )
+            )
+    head = (
+        "Channel", "Of", "RMS error", "Left out", "Unit", "R²", "Offset / amplitude / rest", "Q", "Residuals",
+    )  # fmt: skip
+    kinds = ("", "", "n", "n", "", "n", "n", "n", "")
+    table = Table("", head, tuple(rows), kinds, label=f"More figures, {maneuver_title(maneuver)}")
+    return Details("More figures, each beside the lag’s", (Prose(MORE_LEAD, muted=True), table))
+
+
+def _channel(
+    identification: Identification, name: str, maneuver: ManeuverResult, trace: ManeuverTrace
+) -> Panel:
+    factor, unit = factor_and_unit(_unit(identification, name))
+    channel, baseline, one = trace.channels[name], trace.baseline.get(name), maneuver.channels.get(name)
+    curves = Curves(
+        trace.time,
+        finite_part(factor * channel.measured),
+        finite_part(factor * channel.simulated),
+        None if baseline is None else finite_part(factor * baseline),
+    )
+    description = (
+        f"{name}, {_meaning(name)}: measured, simulated and their difference, {maneuver_title(maneuver)}"
+    )
+    note = ""
+    if one is not None:
+        description += f"; Theil's coefficient {_decimals(one.theil)}"
+        mark = {"better": " ✓", "worse": " ▲"}.get(_against_lag(one), "")
+        lag = f" · lag {_decimals(one.baseline_theil)}{mark}" if mark else ""
+        note = f"U {_decimals(one.theil)}{lag} · R² {_decimals(one.r2)}"
+    drawn = channel_panel(curves, maneuver.role, f"{description}.")
+    return Panel(label(identification, name), drawn, unit, _meaning(name), note)
+
+
+def _input(identification: Identification, name: str, trace: ManeuverTrace) -> Panel:
+    factor, unit = factor_and_unit(_unit(identification, name))
+    drawn = plain_panel(trace.time, [("input", finite_part(factor * trace.inputs[name]))], f"Input {name}.")
+    return Panel(label(identification, name), drawn, unit, _meaning(name))
+
+
+def residuals_section(identification: Identification) -> Section | None:
+    """Return the autocorrelation of the residuals of every channel over the fitted maneuvers."""
+    panels, colored = [], []
+    for name, (residuals, period) in _residuals(identification).items():
+        lags = min(MAX_LAGS, max(len(piece) for piece in residuals) - 1)
+        samples = sum(int(np.isfinite(piece).sum()) for piece in residuals)
+        values = autocorrelation([piece[:, None] for piece in residuals], lags)[0]
+        if samples < 3 or not np.isfinite(values).all():
+            continue
+        drawn = autocorrelation_panel(values, period, samples, name)
+        panels.append(Panel(label(identification, name), drawn, meaning=_meaning(name)))
+        if lags and abs(values[1]) > COLORED / math.sqrt(samples):
+            colored.append(name)
+    if not panels:
+        return None
+    lead = (
+        "Autocorrelation of the residuals in the fitted maneuvers against lag in s. Of white residuals all but the first "
+        "point lie in the band. "
+    )
+    lead += (
+        f"It is clearly left by {len(colored)} of {len(panels)} channels: there the residuals hold physics or turbulence "
+        "that the model lacks, and a plain Cramér–Rao bound is too small."
+        if colored
+        else "No channel clearly leaves it."
+    )
+    return Section(
+        "Residuals: what the model leaves over",
+        (Prose(lead, muted=True), Panels(panels, "small")),
+        "Residuals",
+    )
+
+
+def _residuals(identification: Identification) -> Mapping[str, tuple[list[FloatArray], float]]:
+    """Return the residuals of every channel by segment, and the sample period."""
+    found: dict[str, tuple[list[FloatArray], float]] = {}
+    for maneuver, trace in zip(identification.result.maneuvers, identification.traces, strict=True):
+        if maneuver.role != "fit":
+            continue
+        steps = np.diff(trace.time)
+        steps = steps[np.isfinite(steps)]
+        period = float(np.median(steps)) if steps.size else 1.0
+        for name, channel in trace.channels.items():
+            residual = finite_part(channel.measured - channel.simulated)
+            pieces = [residual[a:b] for a, b in runs(np.isfinite(trace.time))]
+            if pieces:
+                found.setdefault(name, ([], period))[0].extend(pieces)
+    return found
+
+
+def comparison_table(maneuvers: Sequence[ManeuverResult]) -> Table:
+    """Return Theil's coefficients of all maneuvers and channels, the lag's beneath the model's."""
+    channels = tuple(dict.fromkeys(name for m in maneuvers for name in m.channels))
+    rows: list[tuple[str, ...]] = []
+    for m in maneuvers:
+        found = [m.channels.get(name) for name in channels]
+        model = (
+            Markup('<span class="{}">{}</span>').format(_against_lag(one), _decimals(one.theil))
+            if one
+            else NOTHING
+            for one in found
+        )
+        lag = (_decimals(one.baseline_theil) if one else NOTHING for one in found)
+        rows += [(maneuver_title(m), "model", *model), ("", "lag", *lag)]
+    kinds = ("", "", *("n" for _ in channels))
+    return Table("", ("Maneuver", "Of", *channels), tuple(rows), kinds, label="Theil's coefficients")
+
+
+def prediction_verdict(maneuvers: Sequence[ManeuverResult], sentences: tuple[str, ...]) -> Verdict:
+    """Return how well a model predicts, by the share of channels in which it beats the lag."""
+    compared = [found for m in maneuvers for one in m.channels.values() if (found := _against_lag(one))]
+    better = compared.count("better") / len(compared) if compared else 0.0
+    if not compared:
+        return Verdict("caution", "There is no trivial model to compare with.", sentences)
+    if better > PREDICTS:
+        headline = "The model predicts what it was not fitted to, better than a first-order lag."
+        return Verdict("good", headline, sentences)
+    if better > PREDICTS_SOME:
+        return Verdict("caution", "The model predicts some of what it was not fitted to.", sentences)
+    return Verdict("bad", "A first-order lag predicts as well.", sentences)
+
+
+def air_section(identification: Identification) -> Section | None:
+    """Return wind, pitot calibration and air data of all flights; None without any."""
+    result = identification.result
+    parts: list[Part] = [Prose(AIR_LEAD, muted=True)]
+    parts += [Bullets(one.notes) for one in result.wind if one.notes]
+    winds = [(one.flight, one.values) for one in result.wind]
+    if winds:
+        parts.append(quantity_table(identification, "Wind and pitot calibration", "Flight", winds))
+    for air in identification.air_data:
+        parts += [Heading(air.flight), Panels(air_panels(identification, air), "large")]
+    return Section("Wind and pitot", parts) if len(parts) > 1 else None
+
+
+def air_panels(identification: Identification, air: AirDataTrace) -> list[Panel]:
+    """Return the drawings of the air data of a flight; curves of no known kind get one each."""
+    known = {name for _, _, curves in AIR_GROUPS for name in curves}
+    others = [
+        (name, identification.units.get(name, ""), {name: name}) for name in air.curves if name not in known
+    ]
+    return [
+        _air_panel(air, title, unit, {name: text for name, text in curves.items() if name in air.curves})
+        for title, unit, curves in (*AIR_GROUPS, *others)
+        if curves.keys() & air.curves.keys()
+    ]
+
+
+def _air_panel(air: AirDataTrace, title: str, unit: str, legend: Mapping[str, str]) -> Panel:
+    factor, shown_unit = factor_and_unit(unit)
+    steps = np.diff(air.time)
+    pause = max(MIN_PAUSE, 5.0 * float(np.median(steps)) if steps.size else MIN_PAUSE)
+    pauses = np.flatnonzero(steps > pause) + 1
+    kinds = [f"air{i % AIR_COLORS}" for i in range(len(legend))]
+    curves = [np.insert(finite_part(factor * air.curves[name]), pauses, np.nan) for name in legend]
+    # Later curves are drawn over earlier ones: the reconstructed one comes first and is drawn last.
+    drawn = plain_panel(
+        np.insert(air.time, pauses, np.nan),
+        list(zip(kinds, curves, strict=True))[::-1],
+        f"{title} over the flight.",
+        LARGE,
+        AIR_HEIGHT,
+    )
+    keys = Markup(" ").join(
+        Markup('<span class="key {}">{}</span>').format(kind, text)
+        for kind, text in zip(kinds, legend.values(), strict=True)
+    )
+    return Panel(title, drawn, shown_unit, keys)
+
+
+def finite_part(values: FloatArray) -> FloatArray:
+    """Return `values` (n,) with NaN where they have left for infinity."""
+    with np.errstate(invalid="ignore"):
+        return np.where(np.abs(values) < MAX_VALUE, values, np.nan)
+
+
+def _against_lag(one: GoodnessOfFit) -> str:
+    """Return "better" or "worse" than the lag; empty without one."""
+    compared = math.isfinite(one.baseline_theil) and math.isfinite(one.theil)
+    return ("better" if one.theil < one.baseline_theil else "worse") if compared else ""
+
+
+def _parts(shares: TheilShares) -> tuple[float, float, float]:
+    return shares.bias, shares.variance, shares.covariance
+
+
+def _meaning(name: str) -> str:
+    meaning = VARIABLES[name].meaning if name in VARIABLES else ""
+    return meaning if meaning != name else ""
+
+
+def _unit(identification: Identification, name: str) -> str:
+    known = VARIABLES[name].unit if name in VARIABLES else ""
+    return identification.units.get(name, known)
+
+
+def _decimals(value: float) -> str:
+    return number(value, 3) if not math.isfinite(value) else f"{value:.3f}".replace("-", "−")
+
+
+def _bar(part: float) -> float:
+    """Return the length of a bar in percent."""
+    return round(100.0 * min(max(part, 0.0), 1.0), 1) if math.isfinite(part) else 0.0

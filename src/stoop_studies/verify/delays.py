@@ -1,0 +1,271 @@
+"""Delays recovered, in samples: of controls and sensors with the model, of sensors in a compatibility check.
+
+Flights are simulated twenty times as fast as they are recorded, delays are whole steps of that: no interpolation of the
+estimator's kind is in the data, and a delay of 0.35 sample is exactly seven steps.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+import tomlkit
+
+from stoop.assess.covariance import NORMAL_95
+from stoop.assess.error_bars import error_bars
+from stoop.base.arrays import FloatArray
+from stoop.base.rotations import matrices_of, quaternions_of
+from stoop.base.variables import EULER, POSITION, VELOCITY
+from stoop.estimate.fit import Options, fit
+from stoop.flight import Flight, from_columns
+from stoop.reconstruct.result import check
+from stoop.report.sheet import Prose, Section, Table
+from stoop.simulate import Maneuver, simulate_flight
+from stoop.simulate.initial import rigid_states
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.load import parse_vehicle
+from stoop_studies.findings import Claim, Findings, Setting, holds
+from stoop_studies.verify.experiment import Samples, Verification, or_none, work
+from stoop_studies.verify.scenes import (
+    AIRCRAFT,
+    BIASES,
+    DURATION,
+    TRUTHS,
+    Scene,
+    inputs_table,
+    step_maneuvers,
+    whole_maneuvers,
+    with_biases,
+    with_trim_thrust,
+    wrong_start,
+)
+
+RATE: Final = 100.0  #: Hz, as recorded
+SUBSTEPS: Final = 20  #: of the simulation between two samples
+SIMULATION_RATE: Final = RATE * SUBSTEPS
+SLEW: Final = 1.0  #: rad/s: what moves between samples must be seen in them
+BOX: Final = (-0.05, 0.15)  #: s, in which delays are looked for
+START: Final = 0.02  #: s
+MAX_DELAY: Final = 100  #: steps; the longest delay drawn, five samples
+MAX_RECEIVER_DELAY: Final = 300  #: steps; of velocity and position, as a receiver delivers them
+INPUTS: Final = ("elevator", "aileron", "rudder")
+SENSORS: Final = ("V", "alpha", "beta", "phi", "theta", "psi")
+NAMES: Final = (*(f"controls.{c}.delay" for c in INPUTS), *(f"sensors.{c}.delay" for c in SENSORS))
+NOISE: Final = {
+    "V": 0.02, "alpha": 0.001, "beta": 0.001, "p": 0.002, "q": 0.002, "r": 0.002, "phi": 0.0005, "theta": 0.0005,
+    "psi": 0.0005, "ax": 0.03, "ay": 0.03, "az": 0.03, "vn": 0.03, "ve": 0.03, "vd": 0.03, "pn": 0.1, "pe": 0.1, "pd": 0.1,
+}  #: SI, white  # fmt: skip
+STEPS: Final = {
+    "pitch": (("elevator", "3-2-1-1", 1.0, 0.3, 0.12), ("elevator", "doublet", 6.0, 2.0, 0.12)),
+    "heave": (("elevator", "doublet", 1.0, 2.5, 0.12), ("elevator", "doublet", 8.0, 0.5, 0.12)),
+    "roll": (("aileron", "doublet", 1.0, 0.5, 0.10), ("rudder", "2-1-1", 4.0, 0.6, 0.12)),
+    "yaw": (("rudder", "doublet", 1.0, 0.7, 0.15), ("aileron", "2-1-1", 6.0, 0.5, -0.10)),
+}  #: maneuver to its inputs: control, shape, start (s), step (s), amplitude (rad)
+WIND: Final = (3.0, -2.0, 0.0)  #: m/s
+GROUPS: Final = {
+    "rates": ("p", "q", "r"), "attitude": EULER, "V": ("V",), "alpha": ("alpha",), "beta": ("beta",),
+    "velocity": VELOCITY, "position": POSITION,
+}  #: sensors of a compatibility check that are late together  # fmt: skip
+TOLERANCE: Final = 0.1  #: samples
+COVERED: Final = (0.90, 0.99)
+CASES: Final = {
+    "identify": "with the model: controls and sensors, beside 32 coefficients, initial states and biases",
+    "compatibility": "in a compatibility check: sensors, beside biases, scales, positions and wind",
+}
+LEAD: Final = f"""\
+The twin-boom aircraft is simulated at {SIMULATION_RATE:.0f} Hz and recorded at {RATE:.0f} Hz; each delay is drawn as a \
+whole number of steps of the simulation, {1.0 / SUBSTEPS:g} sample each, up to {MAX_DELAY / SUBSTEPS:g} samples \
+({MAX_RECEIVER_DELAY / SUBSTEPS:g} for velocity and position). The interpolation by which stoop shifts signals has no part in \
+the data. Each maneuver lasts {DURATION:.0f} s; white noise of the stated size is added to every channel."""
+WORDS: Final = """\
+An error is estimate less truth, in samples. Coverage is the share of flights in which estimate ± 1.96 standard errors \
+holds the truth. Surfaces move at 1 rad/s: a command that jumps between two samples does not say when, and a zero-order \
+hold adds half of its period to the delay that is found."""
+HEAD: Final = ("case", "delay", "flights", "rms_error", "largest_error", "mean_sigma", "coverage")
+
+
+@functools.cache
+def maneuvers() -> Mapping[str, Maneuver]:
+    """Return the maneuvers by name, at the rate of the simulation."""
+    return step_maneuvers(STEPS, DURATION, SIMULATION_RATE, slew=SLEW)
+
+
+@functools.cache
+def aircraft() -> Vehicle:
+    """Return the twin-boom aircraft with a delay on every control and on every sensor but the inertial ones."""
+    plain = resolve_vehicle(AIRCRAFT)
+    document: Any = tomlkit.parse(plain.text)
+    unknown = {"value": 0.0, "free": True, "bounds": list(BOX)}
+    for table, names in (("controls", INPUTS), ("sensors", SENSORS)):
+        for name in names:
+            document.setdefault(table, {}).setdefault(name, {})["delay"] = dict(unknown)
+    vehicle = parse_vehicle(tomlkit.dumps(document), plain.where)
+    return with_trim_thrust(vehicle.with_numbers({name: {"value": value} for name, value in TRUTHS.items()}))
+
+
+def late_vehicle(seed: int) -> Scene:
+    """Return an identification in which nine delays are unknown beside 32 coefficients."""
+    rng = np.random.default_rng(seed)
+    delays = {name: int(rng.integers(0, MAX_DELAY + 1)) / SIMULATION_RATE for name in NAMES}
+    truth = aircraft().with_numbers({name: {"value": value} for name, value in delays.items()})
+    flights = {}
+    for name, planned in maneuvers().items():
+        flown = simulate_flight(with_biases(truth, rng), planned, noise=False, name=name)
+        columns = {str(c): flown.column(str(c)) for c in flown.data.data_vars}
+        flights[name] = recorded(name, flown.time, columns, rng)
+    unknown = {name: {"value": START, "bounds": BOX} for name in delays}
+    start = wrong_start(aircraft(), rng).with_numbers(unknown)
+    return Scene(start, flights, whole_maneuvers(), delays)
+
+
+def late_sensors(seed: int) -> tuple[Flight, dict[str, float]]:
+    """Return a flight for a compatibility check, and the delay of each group of sensors, s."""
+    rng = np.random.default_rng(seed)
+    most = {"velocity": MAX_RECEIVER_DELAY, "position": MAX_RECEIVER_DELAY}
+    steps = {name: int(rng.integers(0, most.get(name, MAX_DELAY) + 1)) for name in GROUPS}
+    late = {channel: steps[name] for name, channels in GROUPS.items() for channel in channels}
+    prompt = aircraft().with_numbers({name: {"value": 0.0} for name in NAMES})
+    flown = [simulate_flight(prompt, maneuver, noise=False) for maneuver in maneuvers().values()]
+    biases = {c: sigma * rng.standard_normal() for c, sigma in BIASES.items()}
+    parts = [_over_ground({c: f.column(c) for c in prompt.outputs}) for f in flown]
+    gap = np.full(int(SIMULATION_RATE), np.nan)  # a second without a record keeps the maneuvers apart
+    whole = {
+        c: np.concatenate(
+            [x for p in parts for x in (_shifted(p[c] + biases.get(c, 0.0), late.get(c, 0)), gap)]
+        )
+        for c in parts[0]
+    }
+    time = np.arange(len(whole["V"])) / SIMULATION_RATE
+    return recorded(f"late {seed}", time, whole, rng), {n: k / SIMULATION_RATE for n, k in steps.items()}
+
+
+def _over_ground(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Add velocity over ground and position to what a vehicle's sensors read."""
+    body = rigid_states({name: columns[name] for name in ("V", "alpha", "beta")})
+    rotation = matrices_of(quaternions_of(np.column_stack([columns[name] for name in EULER])))
+    air = np.column_stack([body[name] for name in "uvw"])
+    ground = np.einsum("nij,nj->ni", rotation, air) + np.array(WIND)
+    steps = np.cumsum(0.5 * (ground[1:] + ground[:-1]), axis=0) / SIMULATION_RATE
+    place = np.concatenate([np.zeros((1, 3)), steps])
+    return {**columns, **dict(zip((*VELOCITY, *POSITION), (*ground.T, *place.T), strict=True))}
+
+
+def _shifted(x: FloatArray, steps: int) -> FloatArray:
+    return np.concatenate([np.full(steps, x[0]), x[: len(x) - steps]])
+
+
+def recorded(
+    name: str, time: FloatArray, columns: Mapping[str, FloatArray], rng: np.random.Generator
+) -> Flight:
+    """Take every twentieth sample, with noise."""
+    kept = {c: x[::SUBSTEPS] for c, x in columns.items() if c not in ("q0", "q1", "q2", "q3")}
+    noisy = {c: x + NOISE.get(c, 0.0) * rng.standard_normal(len(x)) for c, x in kept.items()}
+    return from_columns(name, time[::SUBSTEPS], noisy)
+
+
+@work
+def recover(case: str, seed: int) -> dict[str, Any]:
+    """Estimate the delays of a flight in an identification, or in a compatibility check; all in samples."""
+    if case == "identify":
+        scene, options = late_vehicle(seed), Options(seed=seed)
+        done = fit(scene.start, scene.flights, scene.windows, options)
+        std = dict(zip((p.name for p in done.problem.layout.parameters), error_bars(done).std, strict=False))
+        truth, status = scene.truth, str(done.outcome.status)
+        found = {name: (done.estimates[name], float(std[name])) for name in truth}
+    else:
+        flight, delays = late_sensors(seed)
+        result, estimate = check(flight)
+        truth = {f"{name}.delay": value for name, value in delays.items()}
+        status = "converged" if estimate.rested else "weights did not rest"
+        found = {name: (result.findings[name].estimate, result.findings[name].std_error) for name in truth}
+    return {
+        "names": list(truth),
+        "truth": [RATE * value for value in truth.values()],
+        "errors": [RATE * (found[name][0] - value) for name, value in truth.items()],
+        "sigma": or_none(np.array([RATE * found[name][1] for name in truth])),
+        "status": status,
+    }
+
+
+class Recovered:
+    """Delays of one case, in samples: names (k,), errors and standard errors (n, k), and statistics (k,)."""
+
+    def __init__(self, results: Sequence[Mapping[str, Any]]) -> None:
+        self.names: tuple[str, ...] = tuple(results[0]["names"])
+        self.errors = np.array([r["errors"] for r in results])
+        sigma = np.array([r["sigma"] for r in results], dtype=np.float64)
+        self.unfinished = sum(r["status"] != "converged" for r in results)
+        self.rms = np.sqrt(np.mean(self.errors**2, axis=0))
+        self.largest = np.max(np.abs(self.errors), axis=0)
+        self.mean_sigma = np.mean(sigma, axis=0)
+        self.coverage = np.mean(np.abs(self.errors) < NORMAL_95 * sigma, axis=0)
+
+    @property
+    def figures(self) -> Iterator[tuple[str, float, float, float, float]]:
+        """Give name, rms and largest error, mean standard error and coverage of each delay."""
+        columns = (self.rms, self.largest, self.mean_sigma, self.coverage)
+        yield from zip(self.names, *(c.tolist() for c in columns), strict=True)
+
+
+def show(setting: Setting, samples: Samples) -> Findings:
+    """Return how far the delays are off."""
+    found = {case: Recovered(samples[case]) for case in CASES}
+    noise = tuple((channel, f"{sigma:g}") for channel, sigma in NOISE.items())
+    return Findings(
+        "Delays of inputs and outputs, fractions of a sample included",
+        LEAD,
+        tuple(claim for case, one in found.items() for claim in _claims(case, one)),
+        (
+            Section("Errors in samples", (*(_table(case, one) for case, one in found.items()), Prose(WORDS))),
+            Section(
+                "What was flown",
+                (
+                    inputs_table(STEPS),
+                    Table("Standard deviation of the noise, SI", ("channel", "noise"), noise),
+                ),
+            ),
+        ),
+        HEAD,
+        tuple(
+            (case, name, len(one.errors), *figures)
+            for case, one in found.items()
+            for name, *figures in one.figures
+        ),
+    )
+
+
+def _claims(case: str, found: Recovered) -> Iterator[Claim]:
+    """Give what is claimed: the model recovers all delays, a compatibility check as well as it says."""
+    flights = f"over {len(found.errors)} flights, {found.unfinished} not finished"
+    if case == "identify":
+        worst = int(np.argmax(found.rms))
+        inside = float(np.mean(np.abs(found.errors) < TOLERANCE))
+        yield holds(
+            f"Delays are recovered within {TOLERANCE:g} sample (root mean square of each), {CASES[case]}",
+            bool(found.rms[worst] < TOLERANCE),
+            f"{100 * inside:.1f} % of {found.errors.size} errors are within; the largest root mean square is "
+            f"{found.rms[worst]:.3f} ({found.names[worst]}), {flights}",
+        )
+    pooled = float(found.coverage.mean())
+    yield holds(
+        f"95 % intervals of delays hold the truth in {100 * COVERED[0]:.0f} to {100 * COVERED[1]:.0f} %, {CASES[case]}",
+        COVERED[0] <= pooled <= COVERED[1],
+        f"{100 * pooled:.1f} % of all; mean standard errors from {found.mean_sigma.min():.3f} to "
+        f"{found.mean_sigma.max():.3f} sample, {flights}",
+    )
+
+
+def _table(case: str, found: Recovered) -> Table:
+    rows = tuple(
+        (name, f"{rms:.3f}", f"{largest:.3f}", f"{sigma:.3f}", f"{100 * share:.0f}")
+        for name, rms, largest, sigma, share in found.figures
+    )
+    return Table(CASES[case], ("delay", "rms error", "largest", "mean standard error", "coverage, %"), rows)
+
+
+EXPERIMENT: Final = Verification(
+    "delays", show, runs=40, work="stoop_studies.verify.delays:recover", cases=tuple(CASES)
+)

@@ -1,1 +1,0 @@
-"""How well delays of inputs and outputs are recovered, fractions of a sample included."""

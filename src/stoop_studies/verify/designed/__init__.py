@@ -1,1 +1,0 @@
-"""Whether a designed input keeps its promise: predicted and achieved error bars against the textbook's."""

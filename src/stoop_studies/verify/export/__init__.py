@@ -1,1 +1,0 @@
-"""Exported aircraft flown by JSBSim beside our own simulation."""

@@ -1,1 +1,0 @@
-"""Recursive estimates in real time against those of the whole record."""

@@ -1,0 +1,175 @@
+"""Recursive estimates at the end of a record against the batch over the same band, and on the way there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Final
+
+import numpy as np
+
+from stoop.base.arrays import BoolArray, FloatArray
+from stoop.base.csv_text import Cell
+from stoop.estimate.fit import Options, estimation_problem
+from stoop.estimate.regression.aircraft import AircraftEquations
+from stoop.estimate.regression.domain import FrequencyDomain
+from stoop.estimate.regression.equations import estimate, unbounded
+from stoop.estimate.regression.recursive import RealTime
+from stoop.flight import Flight
+from stoop.problem.windows import Window
+from stoop.report.plots import Series, Strip, stacked_plots
+from stoop.report.sheet import Figure, Prose, Section, Table
+from stoop.simulate import simulate_flight
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+from stoop_studies.findings import Findings, Setting, holds, number
+from stoop_studies.verify.experiment import Samples, Verification, work
+from stoop_studies.verify.scenes import AIRCRAFT, multisine_maneuver, with_trim_thrust
+
+DURATION: Final = 60.0  #: s
+RATE: Final = 50.0  #: Hz
+BAND: Final = FrequencyDomain(0.05, 1.5)
+AMPLITUDES: Final = {"elevator": (0.2, 6), "aileron": (0.08, 7), "rudder": (0.15, 8)}  #: rad; first harmonic
+EXCITED: Final = 1.2  #: Hz
+WELL_IDENTIFIED: Final = 0.02  #: standard error of the batch over the estimate is below
+DIFFERENCE_LIMIT: Final = 0.02
+DRAWN_EVERY: Final = 50  #: samples
+DRAWN: Final = ("CLalpha", "Cmalpha", "Cmq", "Clp", "Cnbeta")
+CASE: Final = "flight"
+HEAD: Final = (
+    "parameter", "truth", "flights", "well_identified", "batch_std_error", "median_difference", "largest_difference",
+    "largest_difference_well_identified",
+)  # fmt: skip
+LEAD: Final = """\
+The twin-boom aircraft flies {duration:.0f} s at {rate:.0f} Hz with multisines on all controls at once and the sensor noise of \
+its file on all channels. Its terms are estimated twice on Fourier coefficients from {low:g} to {high:g} Hz: by the batch \
+(--method frequency-domain), which takes trends off the whole record and fades its ends, and sample by sample, with \
+transforms that grow, a difference formula of five samples, and bias and drift fitted along. They share the equations and \
+the band, not the transform."""
+WORDS: Final = """\
+Differences are those of the recursive estimate at the end from the batch's, over the batch's. Well identified is a \
+parameter whose standard error in the batch is below {well:.0%} of its estimate; constants, which a band does not hold, \
+are left to the batch."""
+
+
+def scene(seed: int) -> tuple[Vehicle, Flight]:
+    """Return an aircraft, its thrust that of the trim, and its flight."""
+    vehicle = with_trim_thrust(resolve_vehicle(AIRCRAFT))
+    return vehicle, simulate_flight(vehicle, multisine_maneuver(AMPLITUDES, DURATION, RATE, EXCITED), seed)
+
+
+def replay(vehicle: Vehicle, flight: Flight) -> Iterator[tuple[int, RealTime]]:
+    """Give a flight to a recursive estimator sample by sample; yield the count and the estimator after each."""
+    online = RealTime(vehicle, 1.0 / RATE, BAND.frequencies(len(flight.time), 1.0 / RATE))
+    names = [c for c in (*vehicle.outputs, *vehicle.inputs, "altitude") if c in flight.data]
+    table = np.column_stack([flight.column(c) for c in names])
+    for k, row in enumerate(table, 1):
+        online.update(dict(zip(names, row.tolist(), strict=True)))
+        yield k, online
+
+
+@work
+def compare(case: str, seed: int) -> dict[str, Any]:
+    """Return the estimates of both at the end of the flight of ``seed``."""
+    vehicle, flight = scene(seed)
+    problem, _ = estimation_problem(
+        vehicle, {flight.name: flight}, [Window(flight.name, 0.0, DURATION)], Options()
+    )
+    equations = AircraftEquations.of(problem.layout, problem.pieces)
+    batch = estimate(equations, BAND, unbounded(equations))
+    assert batch is not None  # noqa: S101 - everything was measured
+    *_, (_, online) = replay(vehicle, flight)
+    found = online.estimate()
+    names = equations.names
+    kept = [k for k, name in enumerate(names) if not name.endswith("0")]
+    std = np.sqrt(np.diag(batch.covariance))
+    return {
+        "names": [names[k] for k in kept],
+        "batch": [float(batch.values[k]) for k in kept],
+        "std": [float(std[k]) for k in kept],
+        "recursive": [found[names[k]].value for k in kept],
+    }
+
+
+def show(setting: Setting, samples: Samples) -> Findings:
+    """Return how far the recursive estimates are from the batch's."""
+    results = samples[CASE]
+    batch, std, recursive = (np.array([t[k] for t in results]) for k in ("batch", "std", "recursive"))
+    difference, well = np.abs(recursive / batch - 1.0), std < WELL_IDENTIFIED * np.abs(batch)
+    worst = float(difference[well].max()) if well.any() else np.nan
+    claim = holds(
+        "at the end of the record every well identified parameter is within 2 % of the batch",
+        bool(worst < DIFFERENCE_LIMIT),
+        f"largest difference {100.0 * worst:.2f} %, {int(well.sum())} estimates of "
+        f"{int(well.any(axis=0).sum())} parameters in {len(results)} flights",
+    )
+    rows = tuple(_rows(results[0]["names"], std / np.abs(batch), difference, well))
+    return Findings(
+        "Recursive estimates against the batch",
+        LEAD.format(duration=DURATION, rate=RATE, low=BAND.low, high=BAND.high),
+        (claim,),
+        (
+            Section("At the end", (_table(rows), Prose(WORDS.format(well=WELL_IDENTIFIED)))),
+            _on_the_way(setting.seed),
+        ),
+        HEAD,
+        rows,
+    )
+
+
+def _rows(
+    names: list[str], relative_std: FloatArray, difference: FloatArray, well: BoolArray
+) -> Iterator[tuple[Cell, ...]]:
+    truth = resolve_vehicle(AIRCRAFT)
+    for i, name in enumerate(names):
+        own = well[:, i]
+        worst = float(difference[own, i].max()) if own.any() else None
+        yield (
+            name, truth.value(name), len(well), int(own.sum()), float(np.median(relative_std[:, i])),
+            float(np.median(difference[:, i])), float(difference[:, i].max()), worst,
+        )  # fmt: skip
+
+
+def _table(rows: tuple[tuple[Cell, ...], ...]) -> Table:
+    head = (
+        "parameter", "truth", "well identified", "batch std. error", "median difference", "largest",
+        "largest where well identified",
+    )  # fmt: skip
+    shown = tuple(
+        (str(name), number(_float(truth), 4), f"{well} of {flights}", *map(_percent, shares))
+        for name, truth, flights, well, *shares in rows
+    )
+    return Table("Recursive estimates at the end of the record", head, shown)
+
+
+def _float(cell: Cell) -> float:
+    return float(cell) if isinstance(cell, float | int) else np.nan
+
+
+def _percent(cell: Cell) -> str:
+    value = _float(cell)
+    return f"{100.0 * value:.2f} %" if np.isfinite(value) else "–"
+
+
+def _on_the_way(seed: int) -> Section:
+    """Draw estimates and their 95 % intervals over time."""
+    vehicle, flight = scene(seed)
+    history = [
+        (k, e)
+        for k, online in replay(vehicle, flight)
+        if k % DRAWN_EVERY == 0 and (e := online.estimate()) and k / RATE > DURATION / 6.0
+    ]
+    time = np.array([k / RATE for k, _ in history])
+    strips = []
+    for name in DRAWN:
+        value = np.array([e[name].value for _, e in history])
+        reach = 1.96 * np.array([e[name].std_error for _, e in history])
+        truth = np.full(len(time), vehicle.value(name))
+        curves = [("estimate", value), ("95 %", value - reach), ("95 %", value + reach), ("truth", truth)]
+        strips.append(Strip(name, tuple(Series(n, time, y) for n, y in curves)))
+    drawing = stacked_plots(strips, "time, s", "Estimates in flight")
+    return Section("On the way", (Figure("Estimates of one flight as it goes on, once a second", drawing),))
+
+
+EXPERIMENT: Final = Verification(
+    "recursive", show, runs=50, work="stoop_studies.verify.recursive:compare", cases=(CASE,)
+)

@@ -1,0 +1,236 @@
+"""Simulated flights of the twin-boom aircraft: its truth, wrong starts, maneuvers, and noise that a seed draws."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from scipy.signal import lfilter
+
+from stoop.base.arrays import FloatArray
+from stoop.base.units import FOOT, KNOT
+from stoop.flight import Flight
+from stoop.problem.windows import Window
+from stoop.report.sheet import Table
+from stoop.simulate import Maneuver, simulate_flight, trim
+from stoop.vehicle import Parameter, Vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.schema import Turbulence
+
+AIRCRAFT: Final = "twin-boom"  #: built in
+DURATION: Final = 15.0  #: s, of each maneuver
+RATE: Final = 50.0  #: Hz
+START_ERROR: Final = 0.3  #: starting values are off by up to this share
+TRUTHS: Final = {"CLV": 0.05, "CDV": 0.02, "CDalpha2": 1.2, "CmV": 0.03}  #: zero in the built-in vehicle
+BIASES: Final = {
+    "p": 0.01, "q": 0.01, "r": 0.01, "ax": 0.1, "ay": 0.1, "az": 0.1, "alpha": 0.01, "beta": 0.01,
+}  #: SI; standard deviation of each maneuver's biases, and their prior  # fmt: skip
+Step = tuple[str, str, float, float, float]  #: control, shape, start (s), step (s), amplitude (rad)
+STEPS: Final[Mapping[str, tuple[Step, ...]]] = {
+    "pitch": (("elevator", "3-2-1-1", 1.0, 0.3, 0.12), ("elevator", "doublet", 6.0, 1.5, 0.05)),
+    "heave": (("elevator", "doublet", 1.0, 2.5, 0.06), ("elevator", "doublet", 8.0, 0.4, 0.10)),
+    "roll": (("aileron", "doublet", 1.0, 0.5, 0.10), ("rudder", "2-1-1", 4.0, 0.6, 0.12)),
+    "yaw": (("rudder", "doublet", 1.0, 0.7, 0.15), ("aileron", "2-1-1", 6.0, 0.5, -0.10)),
+}  #: maneuver to its inputs
+AR_COEFFICIENT: Final = 0.95  #: correlation of neighboring samples, 50 Hz; 0.4 s
+ALTITUDE: Final = 200.0  #: m
+WIND_20_FT: Final = 30.0 * KNOT  #: m/s at 20 ft: moderate turbulence
+INTENSITY_BOUNDS: Final = (0.05, 10.0)  #: m/s
+Noise = Callable[[np.random.Generator, int, int], FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What is identified.
+
+    Attributes
+    ----------
+    start : Vehicle
+        With wrong values, and what is to be found free.
+    flights : mapping of str to Flight
+    windows : tuple of Window
+    truth : mapping of str to float
+        Of the parameters that are compared, SI.
+    """
+
+    start: Vehicle
+    flights: Mapping[str, Flight]
+    windows: tuple[Window, ...]
+    truth: Mapping[str, float]
+
+
+def step_maneuvers(
+    steps: Mapping[str, tuple[Step, ...]], duration: float, rate: float, **more: Any
+) -> dict[str, Maneuver]:
+    """Return maneuvers of so many seconds at so many Hz; ``more`` holds for each of their inputs."""
+    names = ("control", "shape", "start", "step", "amplitude")
+    return {
+        name: Maneuver.model_validate(
+            {
+                "duration": duration,
+                "rate": rate,
+                "input": [dict(zip(names, s, strict=True)) | more for s in own],
+            }
+        )
+        for name, own in steps.items()
+    }
+
+
+def inputs_table(steps: Mapping[str, tuple[Step, ...]]) -> Table:
+    """Return the inputs of every maneuver for a page."""
+    rows = tuple(
+        (name, control, shape, f"{start:g}", f"{step:g}", f"{amplitude:g}")
+        for name, own in steps.items()
+        for control, shape, start, step, amplitude in own
+    )
+    return Table("Inputs", ("maneuver", "control", "shape", "start, s", "step, s", "amplitude, rad"), rows)
+
+
+def multisine_maneuver(
+    amplitudes: Mapping[str, tuple[float, int]], duration: float, rate: float, band: float
+) -> Maneuver:
+    """Return multisines on all controls at once that share no frequency.
+
+    Parameters
+    ----------
+    amplitudes : mapping
+        Control to amplitude (rad) and number of its first harmonic.
+    duration, rate, band : s, Hz, Hz
+    """
+    common = {
+        "shape": "multisine", "start": 0.0, "duration": duration, "band": band, "stride": len(amplitudes),
+    }  # fmt: skip
+    inputs = [{**common, "control": c, "amplitude": a, "first": k} for c, (a, k) in amplitudes.items()]
+    return Maneuver.model_validate(
+        {"duration": duration, "rate": rate, "altitude": ALTITUDE, "input": inputs}
+    )
+
+
+@functools.cache
+def maneuvers() -> Mapping[str, Maneuver]:
+    """Return the maneuvers of `STEPS` by name."""
+    return step_maneuvers(STEPS, DURATION, RATE)
+
+
+def whole_maneuvers() -> tuple[Window, ...]:
+    """Return a window on all of each maneuver."""
+    return tuple(Window(name, 0.0, DURATION) for name in STEPS)
+
+
+@functools.cache
+def aircraft() -> Vehicle:
+    """Return the truth: the twin-boom aircraft on all six degrees of freedom, none of its 32 coefficients zero."""
+    return with_trim_thrust(
+        resolve_vehicle(AIRCRAFT).with_numbers({n: {"value": v} for n, v in TRUTHS.items()})
+    )
+
+
+def with_trim_thrust(vehicle: Vehicle) -> Vehicle:
+    """Return a vehicle with the thrust of its level flight: what is not free must be right."""
+    thrust = float(trim(vehicle, None, ALTITUDE).thrust["propulsion.thrust"])
+    return vehicle.with_numbers({"propulsion.thrust": {"value": thrust}})
+
+
+def coefficients(vehicle: Vehicle) -> dict[str, float]:
+    """Return the free numbers without sensor biases, by name."""
+    return {p.name: p.value for p in vehicle.parameters if p.free and not p.name.startswith("sensors.")}
+
+
+def with_biases(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
+    """Return a vehicle whose sensors have biases that are drawn from their prior."""
+    return vehicle.with_numbers(
+        {f"sensors.{c}.bias": {"value": s * rng.standard_normal()} for c, s in BIASES.items()}
+    )
+
+
+def wrong_start(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
+    """Return a vehicle to start from: coefficients wrong, in boxes that no estimate meets, and biases unknown."""
+    wrong = {
+        p.name: {"value": p.value * rng.uniform(1.0 - START_ERROR, 1.0 + START_ERROR), "bounds": _widened(p)}
+        for p in vehicle.parameters
+        if p.name in coefficients(vehicle)
+    }
+    unknown = {f"sensors.{c}.bias": {"value": 0.0, "free": True, "prior": s} for c, s in BIASES.items()}
+    return vehicle.with_numbers({**wrong, **unknown})
+
+
+def _widened(parameter: Parameter) -> tuple[float, float]:
+    """Return a box twice as wide as the vehicle file's: a bound that is met has no error bar."""
+    more = 0.5 * (parameter.upper - parameter.lower)
+    return parameter.lower - more, parameter.upper + more
+
+
+def sensor_noise(vehicle: Vehicle) -> FloatArray:
+    """Return the standard deviation (n_y,) of each channel's noise, as the vehicle file says."""
+    return np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs])
+
+
+def white(rng: np.random.Generator, samples: int, channels: int) -> FloatArray:
+    """Return white noise (samples, channels) of unit variance."""
+    return rng.standard_normal((samples, channels))
+
+
+def autoregressive(rng: np.random.Generator, samples: int, channels: int) -> FloatArray:
+    """Return stationary AR(1) noise (samples, channels) of unit variance."""
+    driven = rng.standard_normal((samples, channels))
+    driven[1:] *= np.sqrt(1.0 - AR_COEFFICIENT**2)
+    return np.asarray(lfilter([1.0], [1.0, -AR_COEFFICIENT], driven, axis=0))
+
+
+def _in_sensor_noise(noise: Noise, seed: int) -> Scene:
+    rng = np.random.default_rng(seed)
+    truth = aircraft()
+    flights = {n: _noisy_flight(with_biases(truth, rng), m, noise, rng, n) for n, m in maneuvers().items()}
+    return Scene(wrong_start(truth, rng), flights, whole_maneuvers(), coefficients(truth))
+
+
+def _noisy_flight(
+    vehicle: Vehicle, maneuver: Maneuver, noise: Noise, rng: np.random.Generator, name: str
+) -> Flight:
+    """Fly, then add noise to what the (biased) sensors would read."""
+    flight = simulate_flight(vehicle, maneuver, noise=False, name=name)
+    errors = sensor_noise(vehicle) * noise(rng, len(maneuver.time), len(vehicle.outputs))
+    readings = {
+        channel: (flight.data[channel].dims, flight.data[channel].to_numpy() + error)
+        for channel, error in zip(vehicle.outputs, errors.T, strict=True)
+    }
+    return replace(flight, data=flight.data.assign(readings))
+
+
+in_white_noise = functools.partial(_in_sensor_noise, white)
+in_autoregressive_noise = functools.partial(_in_sensor_noise, autoregressive)
+
+
+@functools.cache
+def turbulent_aircraft() -> Vehicle:
+    """Return the aircraft in moderate Dryden turbulence, the intensities among what is to be found.
+
+    MIL-F-8785C, section 3.7.3.2 (below 1000 ft): L_w = h, L_u = L_v = h / (0.177 + 0.000823 h)^1.2, h and L in ft;
+    sigma_w = 0.1 W_20, sigma_u = sigma_v = sigma_w / (0.177 + 0.000823 h)^0.4.
+    """
+    h = ALTITUDE / FOOT
+    share = 0.177 + 0.000823 * h
+    along = _gust(0.1 * WIND_20_FT / share**0.4, FOOT * h / share**1.2)
+    upward = _gust(0.1 * WIND_20_FT, ALTITUDE)
+    table = Turbulence.model_validate({"u": along, "v": along, "w": upward})
+    return replace(aircraft(), file=aircraft().file.model_copy(update={"turbulence": table}))
+
+
+def _gust(intensity: float, length: float) -> dict[str, Any]:
+    return {"intensity": {"value": intensity, "free": True, "bounds": INTENSITY_BOUNDS}, "length": length}
+
+
+def in_dryden_turbulence(seed: int) -> Scene:
+    """Return maneuvers through gusts that the seed draws, with white noise of the sensors."""
+    rng = np.random.default_rng(seed)
+    truth = turbulent_aircraft()
+    flights = {
+        name: simulate_flight(with_biases(truth, rng), m, seed=int(rng.integers(2**31)), name=name)
+        for name, m in maneuvers().items()
+    }
+    start = wrong_start(truth, rng)
+    bounds = {p.name: {"bounds": INTENSITY_BOUNDS} for p in start.parameters if p.name.endswith(".intensity")}
+    return Scene(start.with_numbers(bounds), flights, whole_maneuvers(), coefficients(truth))

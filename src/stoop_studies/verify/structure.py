@@ -1,0 +1,217 @@
+"""Structure determination: in how many aircraft exactly the true set of terms is found."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from stoop.base.csv_text import Cell
+from stoop.estimate.regression.domain import FrequencyDomain
+from stoop.estimate.regression.selection import Press, orthogonal, stepwise
+from stoop.estimate.regression.structure import Choose, determine, parameter_name, standard_candidates
+from stoop.problem.windows import Window
+from stoop.report.sheet import Prose, Section, Table
+from stoop.simulate import Maneuver, simulate_flight, trim
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.load import parse_vehicle
+from stoop_studies.findings import Findings, Setting, counted, holds
+from stoop_studies.verify.experiment import Samples, Verification, work
+from stoop_studies.verify.scenes import AIRCRAFT, ALTITUDE, multisine_maneuver, with_trim_thrust
+
+DURATION: Final = 25.0  #: s of each flight
+RATE: Final = 50.0  #: Hz
+FLIGHTS: Final = 4  #: of each aircraft
+AMPLITUDES: Final = {"elevator": 0.22, "aileron": 0.08, "rudder": 0.12}  #: rad
+EXCITED: Final = (0.1, 1.2)  #: Hz, of the multisines
+BAND: Final = FrequencyDomain(0.04, 1.5)
+SPREAD: Final = 0.2  #: every true coefficient is drawn this share about its value
+CHANCE: Final = 0.5  #: that an occasional term is there
+CONSTANTS: Final = {"CL": 0.876, "CD": 0.104, "CQ": 0.004, "Cl": 0.0008, "Cm": -0.0235, "Cn": -0.0006}
+ALWAYS: Final[Mapping[str, Mapping[str, float]]] = {
+    "CL": {"alpha": 4.78, "q": 10.47, "elevator": 0.201},
+    "CD": {"alpha": 0.43},
+    "CQ": {"beta": -0.35, "r": 0.22, "rudder": 0.12},
+    "Cl": {"beta": -0.055, "p": -0.48, "r": 0.11, "aileron": 0.15, "rudder": 0.012},
+    "Cm": {"alpha": -2.12, "q": -47.6, "elevator": -0.8},
+    "Cn": {"beta": 0.085, "p": -0.035, "r": -0.13, "aileron": -0.012, "rudder": -0.075},
+}  #: the twin-boom aircraft's, with alpha about its trim
+OCCASIONAL: Final[Mapping[str, Mapping[str, float]]] = {
+    "CL": {"alpha^2": -5.0},
+    "CD": {"alpha^2": 2.5},
+    "Cl": {"alpha*beta": -0.4, "alpha*r": 1.0},
+    "Cm": {"alpha^2": -3.0, "alpha*elevator": 1.5},
+    "Cn": {"beta^3": 0.5, "alpha*p": -1.0, "alpha*beta": 0.3},
+}  #: of a size that shows in the motion
+CRITERIA: Final[Mapping[str, Choose]] = {
+    "f": stepwise,
+    "press": lambda rows: stepwise(rows, Press()),
+    "pse": orthogonal,
+}  #: as stoop structure calls them
+NAMES: Final = {"f": "stepwise, partial F", "press": "stepwise, PRESS", "pse": "orthogonal functions, PSE"}
+DEFAULT: Final = "f"
+REQUIRED_SHARE: Final = 0.9
+CASE: Final = "aircraft"
+HEAD: Final = (
+    "criterion", "coefficient", "candidates", "aircraft", "exact", "missing_a_true_term", "with_a_false_term",
+)  # fmt: skip
+LEAD: Final = """\
+Every aircraft is the twin-boom one with other terms: those of a conventional aeroplane are always there, each of {some} \
+others with a chance of {chance:.0%}, every value drawn within {spread:.0%}. It flies {flights} times {duration:.0f} s at \
+{rate:.0f} Hz with multisines on all controls at once ({amplitudes} rad). All twelve channels are noisy: {noise}. Terms are \
+chosen from what the instruments read, among {candidates} candidates of each coefficient, on Fourier coefficients of \
+{low:g} to {high:g} Hz; mass, geometry and thrust are known. Exact means: every true term and no other."""
+WORDS: Final = """\
+Partial F takes a term in when its ratio exceeds what the largest of so many needless candidates reaches by chance once in \
+a thousand coefficients. PRESS takes in whatever predicts better, however little, and so lets false terms in. The \
+predicted squared error of orthogonal functions charges every term as if all motion were noise: what explains less than one \
+part in as many as there are rows is left out, true or not, but hardly anything false gets in."""
+
+
+@functools.cache
+def full_aircraft() -> Vehicle:
+    """Return the twin-boom aircraft with every candidate as a term of value zero; alpha counts from its trim."""
+    base = resolve_vehicle(AIRCRAFT)
+    level = trim(base, None, ALTITUDE).start["alpha"]
+    head = base.text.split("[aerodynamics.", 1)[0].replace("alpha = 0.0", f"alpha = {level:.4f}")
+    lines = [head, "[aerodynamics]", "default = false"]
+    for coefficient, candidates in standard_candidates(base).items():
+        constant = f'{coefficient}0 = {{ term = "1", value = {CONSTANTS[coefficient]} }}'
+        lines += [f"[aerodynamics.{coefficient}]", constant]
+        lines += [f'{parameter_name(coefficient, t)} = {{ term = "{t}", value = 0.0 }}' for t in candidates]
+    return parse_vehicle("\n".join(lines) + "\n", "twin-boom with all candidates")
+
+
+def draw(seed: int) -> tuple[Vehicle, dict[str, list[str]]]:
+    """Draw an aircraft; return it and the terms that it has, by coefficient."""
+    rng = np.random.default_rng(seed)
+    terms = {c: dict(own) for c, own in ALWAYS.items()}
+    for coefficient, more in OCCASIONAL.items():
+        terms[coefficient] |= {t: v for t, v in more.items() if rng.random() < CHANCE}
+    values = {
+        parameter_name(c, t): {"value": v * rng.uniform(1.0 - SPREAD, 1.0 + SPREAD)}
+        for c, own in terms.items()
+        for t, v in own.items()
+    }
+    vehicle = with_trim_thrust(full_aircraft().with_numbers(values))
+    return vehicle, {c: list(own) for c, own in terms.items()}
+
+
+def maneuver(number: int) -> Maneuver:
+    """Return one of the maneuvers: multisines whose harmonics change places, and whose sign alternates."""
+    low, high = EXCITED
+    amplitudes = {
+        control: (a if number % 2 else -a, round(low * DURATION) + (i + number) % len(AMPLITUDES))
+        for i, (control, a) in enumerate(AMPLITUDES.items())
+    }
+    return multisine_maneuver(amplitudes, DURATION, RATE, high)
+
+
+@work
+def determine_terms(case: str, seed: int) -> dict[str, Any]:
+    """Return the terms of the aircraft of ``seed``, and those that each criterion finds; coefficient -> terms."""
+    vehicle, truth = draw(seed)
+    flights = {
+        f"flight{k}": simulate_flight(vehicle, maneuver(k), FLIGHTS * seed + k, name=f"flight{k}")
+        for k in range(FLIGHTS)
+    }
+    windows = [Window(name, 0.0, DURATION) for name in flights]
+    candidates = standard_candidates(full_aircraft())
+    found = {
+        name: determine(vehicle, flights, windows, candidates, choose, BAND).chosen
+        for name, choose in CRITERIA.items()
+    }
+    chosen = {name: {c: list(own.terms) for c, own in by.items()} for name, by in found.items()}
+    return {"truth": truth, "found": chosen}
+
+
+@dataclass(frozen=True)
+class Tally:
+    """Of so many aircraft: how many were found exactly, lack a true term, have a false one."""
+
+    exact: int
+    missing: int
+    false: int
+
+
+def tally(results: Sequence[Mapping[str, Any]], criterion: str, coefficients: Sequence[str]) -> Tally:
+    """Count the aircraft of which some coefficients were found."""
+    exact = missing = false = 0
+    for one in results:
+        true = {(c, t) for c in coefficients for t in one["truth"][c]}
+        found = {(c, t) for c in coefficients for t in one["found"][criterion][c]}
+        exact += true == found
+        missing += bool(true - found)
+        false += bool(found - true)
+    return Tally(exact, missing, false)
+
+
+def show(setting: Setting, samples: Samples) -> Findings:
+    """Return how often the true terms are found."""
+    results, count = samples[CASE], len(samples[CASE])
+    groups = {**{c: (c,) for c in ALWAYS}, "all": tuple(ALWAYS)}
+    tallies = {k: {name: tally(results, k, group) for name, group in groups.items()} for k in CRITERIA}
+    best = tallies[DEFAULT]["all"]
+    claim = holds(
+        "the true set of terms of all six coefficients is found, and no other term, in at least 90 % of the aircraft",
+        best.exact >= REQUIRED_SHARE * count,
+        f"{counted(best.exact, count)}; {best.missing} lack a true term, {best.false} have a false one",
+    )
+    exact = tuple(
+        ("all six" if name == "all" else name, *(counted(tallies[k][name].exact, count) for k in CRITERIA))
+        for name in groups
+    )
+    truths = tuple((c, _listed(ALWAYS[c]), _listed(OCCASIONAL.get(c, {}))) for c in ALWAYS)
+    about = "Terms and the values about which theirs are drawn"
+    return Findings(
+        "Structure: are the true terms found?",
+        _lead(full_aircraft()),
+        (claim,),
+        (
+            Section(
+                "How often",
+                (Table("Found exactly", ("coefficient", *(NAMES[k] for k in CRITERIA)), exact), Prose(WORDS)),
+            ),
+            Section(
+                "What there is to find", (Table(about, ("coefficient", "always", "occasionally"), truths),)
+            ),
+        ),
+        HEAD,
+        tuple(_rows(tallies, count)),
+    )
+
+
+def _candidates(vehicle: Vehicle) -> dict[str, int]:
+    return {c: len(group) - 1 for c, group in vehicle.terms.items()}  # less the constant
+
+
+def _lead(vehicle: Vehicle) -> str:
+    sensors = vehicle.file.sensors
+    noise = ", ".join(f"{c} {getattr(sensors, c).sigma:g}" for c in vehicle.outputs)
+    amplitudes = ", ".join(f"{c} {a:g}" for c, a in AMPLITUDES.items())
+    return LEAD.format(
+        some=sum(map(len, OCCASIONAL.values())), chance=CHANCE, spread=SPREAD, flights=FLIGHTS, duration=DURATION,
+        rate=RATE, amplitudes=amplitudes, noise=f"{noise} (m/s, rad, rad/s, m/s²)", low=BAND.low, high=BAND.high,
+        candidates=_candidates(vehicle)["CL"],
+    )  # fmt: skip
+
+
+def _listed(terms: Mapping[str, float]) -> str:
+    return ", ".join(f"{t} {v:g}".replace("-", "−") for t, v in terms.items()) or "–"
+
+
+def _rows(tallies: Mapping[str, Mapping[str, Tally]], count: int) -> Iterator[tuple[Cell, ...]]:
+    candidates = _candidates(full_aircraft())
+    candidates["all"] = sum(candidates.values())
+    for k, own in tallies.items():
+        for c, t in own.items():
+            yield k, c, candidates[c], count, t.exact, t.missing, t.false
+
+
+EXPERIMENT: Final = Verification(
+    "structure", show, runs=200, work="stoop_studies.verify.structure:determine_terms", cases=(CASE,)
+)

@@ -1,1 +1,0 @@
-"""Structure determination: whether the true set of terms is found."""

@@ -1,0 +1,133 @@
+"""Coefficient histories: those that were flown, whatever the file says of the terms."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stoop.estimate.fit import Options, estimation_problem
+from stoop.estimate.regression.aircraft import History, Motion, balance, first_order_lag, histories
+from stoop.flight import Flight
+from stoop.problem.windows import Window
+from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.vehicle import Vehicle
+from stoop.vehicle.load import parse_vehicle
+
+
+def of(vehicle: Vehicle, flight: Flight, stop: float = 25.0) -> tuple[History, ...]:
+    problem, _ = estimation_problem(
+        vehicle, {flight.name: flight}, [Window(flight.name, 0.0, stop)], Options()
+    )
+    return tuple(h for piece in problem.pieces for h in histories(vehicle, piece))
+
+
+def by_hand(vehicle: Vehicle, flight: Flight) -> dict[str, np.ndarray]:
+    """Return the coefficients that eq. (1) gives for what was flown."""
+    k = vehicle.value
+    V, b, c = k("reference.airspeed"), k("reference.span"), k("reference.chord")
+    a, beta = flight.column("alpha") - k("reference.alpha"), flight.column("beta")
+    p, q, r = (flight.column(n) * s / (2.0 * V) for n, s in (("p", b), ("q", c), ("r", b)))
+    dV = flight.column("V") / V - 1.0
+    de, da, dr = (flight.column(n) for n in ("elevator", "aileron", "rudder"))
+    return {
+        "CL": k("CL0") + k("CLalpha") * a + k("CLq") * q + k("CLV") * dV + k("CLelevator") * de,
+        "CD": k("CD0") + k("CDalpha") * a + k("CDalpha2") * a**2 + k("CDV") * dV,
+        "CQ": k("CQ0") + k("CQbeta") * beta + k("CQp") * p + k("CQr") * r + k("CQrudder") * dr + k("CQV") * dV,
+        "Cl": k("Cl0") + k("Clbeta") * beta + k("Clp") * p + k("Clr") * r + k("Claileron") * da + k("Clrudder") * dr,
+        "Cm": k("Cm0") + k("Cmalpha") * a + k("Cmq") * q + k("CmV") * dV + k("Cmelevator") * de,
+        "Cn": k("Cn0") + k("Cnbeta") * beta + k("Cnp") * p + k("Cnr") * r + k("Cnaileron") * da + k("Cnrudder") * dr,
+    }  # fmt: skip
+
+
+def test_the_coefficients_are_those_that_were_flown(full: Vehicle, clean: Flight) -> None:
+    """Against eq. (1) written out; rates are differentiated, so moments are as exact as a spline."""
+    (history,) = of(full, clean)
+    wanted = by_hand(full, clean)
+    inside = slice(50, -50)
+    for coefficient, flown in history.coefficients.items():
+        tolerance = 1e-5 if coefficient in ("CL", "CD", "CQ") else 2e-3
+        spread = np.ptp(wanted[coefficient])
+        error = np.abs(flown - wanted[coefficient])[inside].max()
+        assert error < tolerance * spread, coefficient
+
+
+def test_they_do_not_depend_on_the_terms_of_the_file(full: Vehicle, noisy: Flight) -> None:
+    """Also where a coefficient has no constant and the equations are asked of a vehicle made for it."""
+    bare = parse_vehicle(
+        full.text.replace("CL0 = 0.385", "CL0 = false").replace("Cmq = -47.6", "Cmq = false"), "bare"
+    )
+    thrust = full.value("propulsion.thrust")
+    bare = bare.with_numbers({"propulsion.thrust": {"value": thrust}})
+    (one,), (other,) = of(full, noisy), of(bare, noisy)
+    for coefficient, flown in one.coefficients.items():
+        np.testing.assert_allclose(other.coefficients[coefficient], flown, rtol=0.0, atol=1e-12)
+
+
+def test_terms_are_the_ones_that_the_kernel_flies(full: Vehicle, noisy: Flight) -> None:
+    """A regressor is what the coefficient's accelerations change by for a unit of its parameter."""
+    (history,) = of(full, noisy)
+    shifted = {"CLq": 3.0, "Clp": 0.7, "Cnrudder": -0.2, "CDalpha2": 1.5}
+    other = full.with_numbers({n: {"value": full.value(n) + d} for n, d in shifted.items()})
+    kernel = full.kernel()
+    problem, _ = estimation_problem(full, {"noisy": noisy}, [Window("noisy", 0.0, 25.0)], Options())
+    found = Motion.of(full, problem.pieces[0])
+    x = found.kernel_states(full)
+    rows = found.rows.copy()
+    for name in shifted:
+        rows[full.rows[name]] = other.value(name)
+    before, after = (kernel.evaluate(r, x, found.inputs) for r in (found.rows, rows))
+    _, gains = balance(full, found)
+    told = np.zeros((6, len(history.time)))
+    for name, delta in shifted.items():
+        place = ("CL", "CD", "CQ", "Cl", "Cm", "Cn").index(name[:2])
+        told += gains[:, place] * delta * history.regressor(full.terms[name[:2]][name])
+    turning = [full.states.index(c) for c in "pqr"]
+    felt = [full.outputs.index(c) for c in ("ax", "ay", "az")]
+    moved = np.concatenate([(after[0] - before[0])[turning], (after[1] - before[1])[felt]])
+    np.testing.assert_allclose(told, moved, rtol=0.0, atol=1e-9 * np.abs(moved).max())
+
+
+def test_a_hole_makes_two_stretches(full: Vehicle, noisy: Flight) -> None:
+    data = noisy.data.copy(deep=True)
+    data["alpha"][500:520] = np.nan
+    first, second = of(full, replace(noisy, data=data))
+    assert len(first.time) == 500
+    assert second.time[0] == pytest.approx(noisy.time[520])
+    (whole,) = of(full, noisy)
+    np.testing.assert_allclose(second.coefficients["CL"], whole.coefficients["CL"][520:], atol=1e-6)
+
+
+def test_a_lateral_vehicle_has_its_own_three(full: Vehicle, noisy: Flight) -> None:
+    (history,) = of(full.reduced("lateral"), noisy)
+    assert tuple(history.coefficients) == ("CQ", "Cl", "Cn")
+
+
+DOUBLET = """
+duration = 5.0
+rate = 50.0
+[[input]]
+control = "elevator"
+shape = "doublet"
+start = 1.0
+step = 0.5
+amplitude = 0.1
+"""
+
+
+def test_instruments_are_undone(full: Vehicle) -> None:
+    """Biases of the file: the coefficients stay those that were flown."""
+    biases = {"alpha": 0.02, "az": 0.5, "q": 0.01}
+    crooked = full.with_numbers({f"sensors.{c}.bias": {"value": b} for c, b in biases.items()})
+    short = parse_maneuver(DOUBLET, "doublet")
+    (plain,) = of(full, simulate_flight(full, short, noise=False, name="a"), 5.0)
+    (read,) = of(crooked, simulate_flight(crooked, short, noise=False, name="b"), 5.0)
+    for coefficient, flown in plain.coefficients.items():
+        np.testing.assert_allclose(read.coefficients[coefficient], flown, atol=1e-9)
+
+
+def test_a_lag_answers_a_ramp_as_its_formula_says() -> None:
+    t = 0.02 * np.arange(200)
+    lag = 0.1
+    np.testing.assert_allclose(first_order_lag(t, lag, 0.02), t - lag * (1.0 - np.exp(-t / lag)), atol=1e-12)

@@ -1,0 +1,113 @@
+"""Equation error of vehicles with rotors on a simulated fall, whose truth is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from stoop.estimate.fit import Options, estimation_problem
+from stoop.estimate.regression.domain import TimeDomain
+from stoop.estimate.regression.equations import estimate
+from stoop.estimate.regression.least_squares import Estimates
+from stoop.estimate.regression.rotors import MOMENTS, RotorEquations
+from stoop.flight import Flight
+from stoop.flight.make import from_columns
+from stoop.problem.windows import Window
+from stoop.simulate import initial_states, parameter_rows
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import builtin_vehicle
+
+DT = 0.01
+TRUTH = {"rotors.T2": 7.0, "rotors.inflow": 0.3, "rotors.drag": 0.1}
+MOSTLY_HELD = {"rotors.T1": 8.0, "rotors.T2": 1.0, "rotors.inflow": 0.3, "rotors.drag": 0.1}
+WOBBLE = 0.06  #: rad/s, of the gyros' noise
+
+
+def flown(
+    vehicle: Vehicle, mixed: bool, truth: dict[str, float], noise: dict[str, np.ndarray] | None = None
+) -> Flight:
+    """Return seconds of a quadrotor under commands that swing; mixed hides which of its motors was which."""
+    t = DT * np.arange(400)
+    common = 0.12 * np.sin(6.0 * t) + 0.06 * np.sin(17.0 * t)
+    own = 0.006 * np.sin(np.outer(t, [19.0, 23.0, 29.0, 31.0]))
+    own -= own.mean(axis=1, keepdims=True)
+    inputs = np.zeros((len(t), len(vehicle.inputs)))
+    motors = [vehicle.inputs.index(vehicle.file.rotor[name].channel) for name in vehicle.rotors]
+    inputs[:, motors] = 0.6 + common[:, None] + own
+    rows = parameter_rows(vehicle, truth)
+    start = initial_states(vehicle, {"u": 3.0, "v": -1.0, "w": 0.5, "h": 50.0}, rows, inputs[0])
+    out = vehicle.kernel().trajectories(rows, start, inputs, DT)[0]
+    told = inputs.copy()
+    if mixed:
+        told[:, motors] -= 2.0 * own  # what the log holds turns the vehicle the other way
+    columns = dict(zip(vehicle.outputs, out.T, strict=True))
+    columns |= {name: columns[name] + x for name, x in (noise or {}).items()}
+    recorded = {c: told[:, i] for i, c in enumerate(vehicle.inputs) if c.startswith("motor")}
+    return from_columns("quad", t, columns | recorded | {"altitude": np.full(len(t), 50.0)})
+
+
+def regressed(mixed: bool) -> tuple[dict[str, float], Estimates]:
+    vehicle = builtin_vehicle("quad-x")
+    return solved_for(vehicle, flown(vehicle, mixed, TRUTH), tuple(TRUTH))
+
+
+def solved_for(vehicle: Vehicle, flight: Flight, free: tuple[str, ...]) -> tuple[dict[str, float], Estimates]:
+    """Fit some numbers and hold the others."""
+    held = [p.name for p in vehicle.parameters if p.free and p.name not in free]
+    own = vehicle.with_numbers({name: {"free": False} for name in held})
+    problem, _ = estimation_problem(own, {"quad": flight}, [Window("quad", 0.0, 3.99)], Options())
+    equations = RotorEquations.of(problem.layout, problem.pieces)
+    solved = estimate(equations, TimeDomain(), equations.bounds)
+    assert solved is not None
+    names = [p.name for p in problem.layout.parameters]
+    return dict(zip(names, solved.values, strict=False)), solved
+
+
+def test_the_truth_comes_back() -> None:
+    values, solved = regressed(mixed=False)
+    assert values == {name: pytest.approx(value, rel=0.02) for name, value in TRUTH.items()}
+    assert set(MOMENTS) <= solved.r2.keys()
+
+
+def test_moments_that_no_command_explains_are_left_out() -> None:
+    """They would only teach how little the commands do; the forces tell the numbers without them."""
+    values, solved = regressed(mixed=True)
+    assert not {"roll", "yaw"} & solved.r2.keys()
+    assert values == {name: pytest.approx(value, rel=0.1) for name, value in TRUTH.items()}
+
+
+def thrust_mostly_held(start: float, mixed: bool, noise: dict[str, np.ndarray] | None = None) -> Estimates:
+    """Fit a flight of which the held T1 makes nearly all thrust, from some start of T2."""
+    begun = {name: {"value": value} for name, value in {**MOSTLY_HELD, "rotors.T2": start}.items()}
+    vehicle = builtin_vehicle("quad-x").with_numbers(begun)
+    values, solved = solved_for(
+        vehicle, flown(vehicle, mixed, MOSTLY_HELD, noise), ("rotors.T2", "rotors.drag")
+    )
+    assert values["rotors.T2"] == pytest.approx(1.0, rel=0.05)
+    return solved
+
+
+def test_a_share_is_of_what_was_measured() -> None:
+    """The equations know all but the noise of the gyros, so its share is what they leave; wherever they began."""
+    noise = {c: WOBBLE * np.random.default_rng(i).standard_normal(400) for i, c in enumerate("pqr")}
+    vehicle = builtin_vehicle("quad-x")
+    flight = flown(vehicle, False, MOSTLY_HELD, noise)
+    near, far = (thrust_mostly_held(start, False, noise).r2 for start in (1.0, 3.0))
+    for moment, rate in (("roll", "p"), ("pitch", "q")):
+        left, seen = smoothed_slope(noise[rate]), smoothed_slope(flight.column(rate))
+        assert near[moment] == pytest.approx(1.0 - left.var() / seen.var(), abs=0.02)
+        assert far[moment] == pytest.approx(near[moment], abs=1e-3)
+
+
+def smoothed_slope(x: np.ndarray) -> np.ndarray:
+    """Return the derivative of a signal, averaged over 0.2 s by a Hann window, the naive way."""
+    slope = CubicSpline(DT * np.arange(len(x)), x)(DT * np.arange(len(x)), 1)
+    weights = 1.0 - np.cos(2.0 * np.pi * np.arange(1, 22) / 22)
+    return np.array([np.average(slope[k : k + 21], weights=weights) for k in range(len(x) - 20)])
+
+
+def test_what_is_held_explains_no_moment_that_turned_the_other_way() -> None:
+    """Linearized, what T1 says of wrong commands is part of what is to be explained, and T2 explains it well."""
+    solved = thrust_mostly_held(1.0, mixed=True)
+    assert not {"roll", "yaw"} & solved.r2.keys()
