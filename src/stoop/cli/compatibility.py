@@ -11,7 +11,7 @@ from stoop.cli.numbers import windows
 from stoop.cli.page import Page, busy, page
 
 if TYPE_CHECKING:
-    from stoop.reconstruct.result import Compatibility
+    from stoop.reconstruct.compatibility import Compatibility
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,6 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _print(out: Page, result: Compatibility) -> None:
+    from stoop.base.notices import of_severity
     from stoop.base.numbers import factor_and_unit, number, rounded_to_error
     from stoop.cli.tables import words
 
@@ -60,7 +61,8 @@ def _print(out: Page, result: Compatibility) -> None:
         rms, movement = number(factor * left.rms, 3), number(factor * left.movement, 3)
         out.line(f"{name:16}{rms:>8} {unit:6} of {movement:>8} {unit} movement")
     out.heading("What is inconsistent")
-    out.bullets(result.warnings or ("nothing evident",))
-    if result.notes:
+    out.bullets(of_severity(result.notices, "warning") or ("nothing evident",))
+    notes = of_severity(result.notices, "info")
+    if notes:
         out.heading("Notes")
-        out.bullets(result.notes)
+        out.bullets(notes)

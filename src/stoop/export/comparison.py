@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stoop.base.arrays import FloatArray
-from stoop.export.flown import Record, jsbsim_readings, own_readings, relative_differences
-from stoop.export.jsbsim_flight import frames_per_sample
-from stoop.export.jsbsim_folder import PLANET
-from stoop.export.names import file_name
+from stoop.export.jsbsim_aircraft import PLANET
+from stoop.export.jsbsim_flight import frames_per_sample, jsbsim_readings
+from stoop.export.record import Record, file_name, own_readings, relative_differences
 
 
 @dataclass(frozen=True, eq=False)

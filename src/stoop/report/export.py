@@ -11,11 +11,10 @@ from stoop.base.arrays import FloatArray
 from stoop.base.numbers import NOTHING, factor_and_unit
 from stoop.base.variables import VARIABLES, WRAPPED
 from stoop.export.comparison import Comparison
-from stoop.export.flown import differences, relative_differences
-from stoop.export.jsbsim_control import delays
+from stoop.export.jsbsim_aircraft import PLANET, relative_errors
 from stoop.export.jsbsim_flight import FRAME_RATE
-from stoop.export.jsbsim_folder import PLANET
-from stoop.export.jsbsim_reading import changed
+from stoop.export.jsbsim_model import delays
+from stoop.export.record import differences, relative_differences
 from stoop.report.plots import Series, Strip, stacked_plots
 from stoop.report.sheet import Bullets, Code, Figure, Part, Prose, Section, Sheet, Table, render_sheet
 from stoop.vehicle import Vehicle
@@ -49,7 +48,7 @@ def page_text(
     vehicle: Vehicle, aircraft: str, name: str, flown: Sequence[Comparison], notes: Sequence[str]
 ) -> str:
     """Return the page as HTML."""
-    read = changed(vehicle, aircraft)
+    read = relative_errors(vehicle, aircraft)
     lead = (
         f"The aircraft in aircraft/{name} says in JSBSim's terms what the vehicle file says, and flies the same. "
         f"Read back, {len(read)} numbers differ from the vehicle's by at most {max(read.values()):.0e} of themselves."

@@ -12,10 +12,10 @@ from typing import Final
 from stoop.base.files import check_targets, make_folder, write_bytes_atomic
 from stoop.base.variables import VARIABLES
 from stoop.errors import SimulationError
-from stoop.export import excitation, jsbsim_folder, simulink, state_space
+from stoop.export import jsbsim_aircraft, simulink, state_space
 from stoop.export.comparison import Comparison, RecordedManeuver, compare
 from stoop.export.jsbsim_model import THRUST, channel
-from stoop.export.names import file_name
+from stoop.export.record import excitation_record, file_name, steady_record
 from stoop.report.export import PAGE, page_text
 from stoop.simulate import Trim, trim
 from stoop.simulate.linearize import left_out
@@ -97,8 +97,8 @@ def _jsbsim(subject: Subject, condition: Condition) -> Exported:
     except SimulationError as error:
         point = None
         notes.append(f"No start and no script: {error}.")
-    steady = None if point is None else excitation.steady(vehicle, point)
-    texts = jsbsim_folder.folder(vehicle, steady)
+    steady = None if point is None else steady_record(vehicle, point)
+    texts = jsbsim_aircraft.folder(vehicle, steady)
     name = file_name(vehicle.name)
     aircraft = f"aircraft/{name}/{name}.xml"
     if importlib.util.find_spec("jsbsim") is None:
@@ -128,7 +128,7 @@ def _flown(
     out: list[Comparison] = []
     failed: list[str] = []
     for maneuver in (*_excited(subject, point), *subject.maneuvers):
-        loaded = jsbsim_folder.folder(maneuver.record.vehicle, None) if maneuver.loaded else texts
+        loaded = jsbsim_aircraft.folder(maneuver.record.vehicle, None) if maneuver.loaded else texts
         with tempfile.TemporaryDirectory(prefix="stoop-export-") as root:
             _place(Path(root), _encoded(loaded))
             try:
@@ -139,7 +139,7 @@ def _flown(
 
 
 def _excited(subject: Subject, point: Trim | None) -> list[RecordedManeuver]:
-    record = None if point is None else excitation.excited(subject.vehicle, point)
+    record = None if point is None else excitation_record(subject.vehicle, point)
     if record is None:
         return []
     span = record.time[-1] - record.time[0]
