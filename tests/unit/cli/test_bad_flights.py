@@ -250,4 +250,4 @@ def test_stoop_info_tells_a_log_that_shows_nothing(
 def test_flights_as_flown_are_not_accused(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name in FLOWN:
         put(here, name, same, {})
-        assert "Suspected faults - none seen" in said(capsys, "info", "x.csv")
+        assert "Suspected faults - none found" in said(capsys, "info", "x.csv")
