@@ -149,6 +149,18 @@ def test_methods_of_identify(full: Vehicle, noisy: Flight, method: object) -> No
     assert any("least squares" in str(n) for n in found.notices)
 
 
+def test_its_evidence_gives_its_covariance(full: Vehicle, noisy: Flight) -> None:
+    """Information from whitened regressors and priors: the covariance for white residuals."""
+    found = equation_error(full, {"noisy": noisy}, WINDOW, Options())
+    evidence, free = found.evidence, found.evidence.free
+    parts = [piece.of(free).filled()[1].reshape(-1, len(free)) for piece in evidence.pieces]
+    information = evidence.prior[np.ix_(free, free)] + sum(J.T @ J for J in parts)
+    assert found.white is not None
+    np.testing.assert_allclose(np.linalg.inv(information), found.white[np.ix_(free, free)], rtol=1e-6)
+    variances = np.nanvar(np.concatenate([piece.residual for piece in evidence.pieces]), axis=0)
+    np.testing.assert_allclose(variances, 1.0, atol=0.05)
+
+
 def test_what_was_not_looked_at_is_not_called_white(full: Vehicle, noisy: Flight) -> None:
     """A band takes residuals as white: that is an assumption and no finding."""
     band = error_bars(frequency_domain(full, {"noisy": noisy}, WINDOW, Options()))
