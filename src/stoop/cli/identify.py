@@ -113,11 +113,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _doubts(arguments: argparse.Namespace, vehicle: Vehicle, flights: Sequence[Flight]) -> list[str]:
     """Say what speaks against the vehicle before a search that may be long; the report says it again."""
-    from stoop.estimate.mismatch import doubts
+    from stoop.checks.vehicle import check_vehicle
     from stoop.problem.windows import parse_window
 
     known = {flight.name: flight for flight in flights}
-    return doubts(vehicle, known, [parse_window(text, known) for text in arguments.maneuver])
+    return [
+        str(one)
+        for one in check_vehicle(vehicle, known, [parse_window(text, known) for text in arguments.maneuver])
+    ]
 
 
 def _expand(arguments: argparse.Namespace) -> None:

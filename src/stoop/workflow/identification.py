@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from stoop import optimize
+from stoop.checks.vehicle import require_channels
 from stoop.errors import FlightError
 from stoop.estimate import methods
 from stoop.estimate.fit import Fit, Options
 from stoop.estimate.forces import ForceFigures, force_figures
-from stoop.estimate.mismatch import check_inputs
 from stoop.estimate.predict import identified_vehicle
 from stoop.flight import Flight, load, without, without_faults
 from stoop.problem.prepare import prepare
@@ -158,7 +158,7 @@ def search(
     options = replace(options, method=method.name)
     fitted, predicted = _windows(maneuvers, validate, known)
     for name in dict.fromkeys(w.flight for w in (*fitted, *predicted)):
-        check_inputs(vehicle, known[name])
+        require_channels(vehicle, known[name])
     inputs = input_hashes(vehicle, known, files)
     for name, flight in known.items():
         spans = [(w.start, w.stop) for w in predicted if w.flight == name]

@@ -15,11 +15,11 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.estimate.filter_error.paths import filled, unwrapped
-from stoop.estimate.regression.measured import lagged
 from stoop.estimate.shooting.windows import edges
 from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.observation import through_air
 from stoop.simulate import parameter_rows
+from stoop.simulate.delays import lagged
 from stoop.simulate.initial import commanded
 from stoop.vehicle import Vehicle
 

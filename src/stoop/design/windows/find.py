@@ -9,13 +9,13 @@ from typing import Final, Literal
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.checks.vehicle import check_vehicle
 from stoop.design.windows.by_command import Motion, by_command
 from stoop.design.windows.by_vehicle import Posed, Sensitive, by_vehicle, judged, of_flights
 from stoop.design.windows.candidates import Candidate, candidates
 from stoop.design.windows.choice import Choice, Evidence, choose
 from stoop.design.windows.driven import with_motors
 from stoop.design.windows.refuse import no_maneuver, nothing_found, require_commands, require_inputs
-from stoop.estimate import mismatch
 from stoop.flight import Flight
 from stoop.flight.commands import Axis, commands, families
 from stoop.problem.windows import whole
@@ -113,7 +113,7 @@ def doubts(flights: Mapping[str, Flight], vehicle: Vehicle) -> list[str]:
     for flight in flights.values():
         require_inputs(flight, vehicle)
     flights = _driven(flights, vehicle)
-    return mismatch.doubts(vehicle, flights, whole(flights))
+    return [str(one) for one in check_vehicle(vehicle, flights, whole(flights))]
 
 
 def find_windows(

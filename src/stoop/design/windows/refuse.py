@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
+from stoop.checks.vehicle import require_channels
 from stoop.errors import FlightError, listed
-from stoop.estimate.mismatch import check_inputs
 from stoop.flight import Flight
 from stoop.flight.aloft import flying, lift, motors_ran
 from stoop.flight.commands import RATES, commands
@@ -48,7 +48,7 @@ def require_inputs(flight: Flight, vehicle: Vehicle) -> None:
     FlightError
         Names the channels.
     """
-    check_inputs(vehicle, flight)
+    require_channels(vehicle, flight)
     if vehicle.hovers and not motors_ran(flight):
         raise FlightError(f"{flight.name}: {motors_off(flight)}")
 

@@ -21,12 +21,12 @@ from scipy.interpolate import CubicSpline
 from stoop.base.arrays import FloatArray
 from stoop.estimate.regression.domain import Domain
 from stoop.estimate.regression.least_squares import Block, Priors, Solved, solve
-from stoop.estimate.regression.measured import FORCES, RATES, lagged
+from stoop.estimate.regression.measured import FORCES, RATES
 from stoop.flight.segments import SHORTEST, runs
 from stoop.problem import Layout, Nuisance, Piece
 from stoop.problem.observation import through_air
 from stoop.simulate import parameter_rows
-from stoop.simulate.delays import at_samples, late_inputs
+from stoop.simulate.delays import at_samples, lagged, late_inputs
 from stoop.simulate.initial import commanded, kernel_states, rigid_states
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND

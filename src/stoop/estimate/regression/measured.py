@@ -14,7 +14,7 @@ from stoop.base.arrays import FloatArray
 from stoop.problem import Piece
 from stoop.problem.observation import at_center_of_gravity, true_value
 from stoop.simulate import START_NAMES, parameter_rows
-from stoop.simulate.delays import late_inputs
+from stoop.simulate.delays import lagged, late_inputs
 from stoop.simulate.initial import commanded, kernel_states, rigid_states
 from stoop.vehicle import Vehicle
 
@@ -112,13 +112,3 @@ def _deflection(
     if vehicle.file.controls[control].lag is None:
         return command
     return lagged(command, float(rows[vehicle.rows[f"controls.{control}.lag"], 0]), dt)
-
-
-def lagged(command: FloatArray, lag: float, dt: float) -> FloatArray:
-    """Return a first-order lag's response (n,) to a command that is linear between samples, at rest at first."""
-    from scipy.signal import lfilter
-
-    left = float(np.exp(-dt / lag))
-    mean = -float(np.expm1(-dt / lag)) * lag / dt  # of the decay over a sample
-    begin = [mean * float(command[0])]  # so that the first value is the first command
-    return np.asarray(lfilter([1.0 - mean, mean - left], [1.0, -left], command, zi=begin)[0])

@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 from stoop.base.arrays import FloatArray
 from stoop.estimate.filter_error.paths import filled, unwrapped
 from stoop.estimate.filter_error.points import move_steps, moves_of
-from stoop.estimate.regression.measured import lagged
 from stoop.kernels import filtering
 from stoop.kernels.windows import windows
 from stoop.problem import Misfit, Piece, on_circle
 from stoop.problem.observation import state_channels, through_air, true_value
 from stoop.simulate import initial_states, parameter_rows
-from stoop.simulate.delays import input_delays, late_inputs
+from stoop.simulate.delays import input_delays, lagged, late_inputs
 from stoop.simulate.initial import commanded
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND
