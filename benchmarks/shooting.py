@@ -8,7 +8,7 @@ from benchmarks.clock import interleave, ratio
 from benchmarks.table import Row
 from stoop.cli import demo
 from stoop.estimate.fit import Options, estimation_problem
-from stoop.estimate.shooting.windows import Shots, measured_states
+from stoop.estimate.shooting.windows import Shots
 from stoop.problem import Misfit
 from stoop.problem.windows import Window
 from stoop.simulate import parse_maneuver, simulate_flight
@@ -33,13 +33,13 @@ amplitude = 0.02
 def run() -> list[Row]:
     """Fly and differentiate the windows of a minute."""
     windows = Shots.of(_problem(), 0, LENGTH)
-    nodes = measured_states(windows)
+    nodes = windows.measured_nodes()
     z = np.concatenate([np.full(windows.problem.dimension, 0.5), np.zeros(windows.problem.extra)])
     taken = interleave(
         {
-            "flown": lambda: windows.flown(z, nodes),
+            "flown": lambda: windows.simulate(z, nodes),
             "flown apart": lambda: _flown_one_by_one(windows, z, nodes),
-            "together": lambda: windows.differentiated(z, nodes),
+            "together": lambda: windows.linearize(z, nodes),
             "apart": lambda: _one_by_one(windows, z, nodes),
         },
         ROUNDS,
@@ -56,13 +56,13 @@ def run() -> list[Row]:
 def _flown_one_by_one(windows: Shots, z: np.ndarray, nodes: np.ndarray) -> None:
     rows, _ = windows.problem.candidates(z[None, :], windows.index)
     for w in range(windows.count):
-        windows.fly(rows, np.ascontiguousarray(nodes[:, w : w + 1]), np.array([w]))
+        windows.integrate(rows, np.ascontiguousarray(nodes[:, w : w + 1]), np.array([w]))
 
 
 def _one_by_one(windows: Shots, z: np.ndarray, nodes: np.ndarray) -> None:
-    back, entries = windows.back(nodes), np.arange(len(z))
+    inverse, entries = windows.inverse(nodes), np.arange(len(z))
     for w in range(windows.count):
-        windows.some(z, nodes, back, range(w, w + 1), entries)
+        windows.linearize_some(z, nodes, inverse, range(w, w + 1), entries)
 
 
 def _problem() -> Misfit:

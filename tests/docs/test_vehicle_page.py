@@ -30,6 +30,7 @@ HEADINGS: dict[str, type[BaseModel]] = {
     "[rotors]": schema.Rotors,
     "[rotor.NAME]": schema.Rotor,
     "[body_drag]": schema.BodyDrag,
+    "[ground_effect]": schema.GroundEffect,
     "[controls.NAME]": schema.Control,
     "[sensors]": schema.Sensors,
     "[sensors.CHANNEL]": schema.Sensor,
@@ -144,7 +145,7 @@ def place_of(page: Table) -> str:
 def with_example(page: Table, model: type[BaseModel], key: str, example: str) -> str:
     """Return the smallest file with one key written as the reference shows it."""
     file = tomllib.loads(MINIMAL)
-    if page.heading.startswith("[rotor"):
+    if page.heading.startswith("[rotor") or key == "rotor":
         file |= tomllib.loads(LIFTED)
     place: Any = file
     section = place_of(page)
@@ -160,6 +161,8 @@ def with_example(page: Table, model: type[BaseModel], key: str, example: str) ->
         )
     if key == "inertia" and model is schema.Rotors:
         place["drive"] = "speed"
+    if model is schema.GroundEffect:
+        place |= {"radius": 0.1} if key == "rotor" else {"lift": 0.1}
     if key == "center":
         place["mix"] = {"pwm_3": 0.0007, "pwm_4": -0.0007}
     place |= tomllib.loads(example)

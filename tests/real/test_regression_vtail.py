@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from stoop.estimate.fit import Options
-from stoop.estimate.regression.domain import Band
-from stoop.estimate.regression.methods import frequency_domain
+from stoop.estimate.regression.domain import FrequencyDomain
+from stoop.estimate.regression.method import frequency_domain
 from stoop.estimate.regression.recursive import RealTime
 from stoop.flight import load
 from stoop.problem.windows import Window
@@ -33,7 +33,7 @@ def test_in_real_time_as_in_batch(shared_data: Path) -> None:
     std = dict(zip(names, np.sqrt(np.diag(batch.covariance)), strict=False))
     dt = 1.0 / flight.rate
     first, last = np.searchsorted(flight.time, SPAN)
-    online = RealTime(batch.problem.layout.vehicle, dt, Band().frequencies(int(last - first), dt))
+    online = RealTime(batch.problem.layout.vehicle, dt, FrequencyDomain().frequencies(int(last - first), dt))
     channels = [c for c in (*vehicle.outputs, *vehicle.inputs, "altitude") if c in flight.data]
     for row in np.column_stack([flight.column(c)[first:last] for c in channels]):
         online.update(dict(zip(channels, row, strict=True)))

@@ -84,6 +84,7 @@ def _table() -> dict[str, Variable]:
         ("ae", "m/s2", "ned", "east", "acceleration over ground, without gravity"),
         ("ad", "m/s2", "ned", "down", "acceleration over ground, without gravity"),
         ("altitude", "m", "", "up", "height above mean sea level"),
+        ("height", "m", "", "up", "height of the center of gravity above the ground below"),
         ("airspeed_pitot", "m/s", "air", "forward", "true airspeed as the pitot reports it, uncorrected"),
         (
             "airspeed_equivalent",

@@ -22,7 +22,7 @@ from stoop.checks.engine import Edit, Evidence, Finding, Key, Residual, Residual
 from stoop.flight import Flight
 from stoop.flight.aloft import flying
 from stoop.problem.windows import Window, within
-from stoop.simulate.delays import delayed, lagged
+from stoop.simulate.delays import delayed, first_order_lag
 from stoop.simulate.rotors import Range, channel_range, effects
 from stoop.vehicle import Vehicle
 
@@ -206,7 +206,11 @@ def _motions(vehicle: Vehicle, flight: Flight, windows: Sequence[Window], area: 
         if stop - start < MIN_STRETCH * flight.rate:
             continue
         late = delayed(columns[start:stop, : -len(RATES)], delay * flight.rate)
-        turned = np.column_stack([lagged(c, lag, 1.0 / flight.rate) for c in late.T]) if lag > 0.0 else late
+        turned = (
+            np.column_stack([first_order_lag(c, lag, 1.0 / flight.rate) for c in late.T])
+            if lag > 0.0
+            else late
+        )
         rates = columns[start:stop, -len(RATES) :]
         commands = [sosfiltfilt(sos, turned, axis=0)[::step] for sos in filters]
         # slopes of what is filtered: slopes first would let noise in at the ends

@@ -100,7 +100,7 @@ def _by_name(flights: list[Any]) -> dict[str, Any]:
 
 
 def _band(text: str) -> Domain:
-    from stoop.estimate.regression.domain import Band
+    from stoop.estimate.regression.domain import FrequencyDomain
 
     try:
         low, high = (float(part) for part in text.split(":"))
@@ -108,7 +108,7 @@ def _band(text: str) -> Domain:
         low = high = 0.0
     if not 0.0 <= low < high < 1e4:
         raise IdentificationError(f"--band {text}: write LOW:HIGH in Hz, for example {_BAND}")
-    return Band(low, high)
+    return FrequencyDomain(low, high)
 
 
 def _choice(name: str) -> Callable[[Any], Any]:
@@ -119,16 +119,17 @@ def _choice(name: str) -> Callable[[Any], Any]:
 
 def _candidates(texts: list[str], vehicle: Vehicle) -> dict[str, tuple[str, ...]]:
     from stoop.base.toml import read_source
-    from stoop.estimate.regression.candidates import given, standard
+    from stoop.estimate.regression.structure import parse_candidates, standard_candidates
 
     if not texts:
-        return standard(vehicle)
+        return standard_candidates(vehicle)
     out: dict[str, tuple[str, ...]] = {}
     for text in texts:
         if ":" in text and not Path(text).exists():
-            found = given([text], vehicle, "--candidates")
+            found = parse_candidates([text], vehicle, "--candidates")
         else:
-            found = given(read_source(text, "candidates", IdentificationError).splitlines(), vehicle, text)
+            lines = read_source(text, "candidates", IdentificationError).splitlines()
+            found = parse_candidates(lines, vehicle, text)
         out |= {c: (*out.get(c, ()), *terms) for c, terms in found.items()}
     return out
 
@@ -150,7 +151,8 @@ def _tell(found: Determined, arguments: argparse.Namespace) -> None:
                 numbers("std error", columns[3]),
             ]
         )  # fmt: skip
-    notes = [*(n for c in found.structure.chosen.values() for n in c.notes), *found.structure.notes]
+    every = found.structure.chosen.values()
+    notes = [str(n) for n in (*(n for c in every for n in c.notices), *found.structure.notices)]
     if notes:
         out.heading("what to mind")
         out.bullets(notes)

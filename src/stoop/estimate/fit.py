@@ -20,9 +20,9 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.checks.rotor_windows import require_rotor_data, require_rotors
 from stoop.errors import IdentificationError
-from stoop.estimate.equation_error import equation_error
 from stoop.estimate.noise import effective_variance, first_variance, noise_variance
 from stoop.estimate.ratios import with_mass_held
+from stoop.estimate.regression.equations import start_value
 from stoop.flight import Flight
 from stoop.optimize.ledger import Evaluations, Halt
 from stoop.optimize.local_refinement import FULL
@@ -188,7 +188,7 @@ def starts(problem: Misfit) -> FloatArray:
     """Return starting points (k, D): the file's own values and the equation-error estimate."""
     layout = problem.layout
     own = layout.unit(np.array([p.value for p in layout.parameters]))
-    guess = equation_error(layout, problem.pieces)
+    guess = start_value(layout, problem.pieces)
     return np.array([own] if guess is None else [own, guess])
 
 

@@ -15,12 +15,11 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.variables import SPECIFIC_FORCE
 from stoop.estimate.fit import Fit
 from stoop.estimate.predict import identified_vehicle, mean_biases
-from stoop.estimate.regression.accelerations import Stretch, Unknowns, spin, stretches
-from stoop.estimate.regression.measured import FORCES
+from stoop.estimate.regression.rotors import Stretch, lagged_command, stretches
 from stoop.flight import Flight
-from stoop.problem import Layout
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
 from stoop.simulate import parameter_rows
@@ -119,9 +118,8 @@ def force_curves(
     biases : mapping of str to float
         Of the sensors and the wind, SI.
     """
-    unknowns = Unknowns(replace(Layout.of(vehicle, ()), parameters=()), ())
     parts = [
-        _of_stretch(unknowns, stretch)
+        _of_stretch(vehicle, stretch)
         for piece in prepare(vehicle, flights, [window]).pieces
         for stretch in stretches(vehicle, replace(piece, changes={**piece.changes, **biases}))
     ]
@@ -130,14 +128,12 @@ def force_curves(
     return Curves(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def _of_stretch(
-    unknowns: Unknowns, stretch: Stretch
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    vehicle, piece, own = unknowns.layout.vehicle, stretch.piece, stretch.samples
-    foreseen = stretch.foreseen(unknowns, np.empty(0), {})
+def _of_stretch(vehicle: Vehicle, stretch: Stretch) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    piece, own = stretch.piece, stretch.samples
     rows = parameter_rows(vehicle, piece.changes)
-    spins = [spin(vehicle, piece, name, rows, {})[own] for name in vehicle.rotors]
-    columns = np.column_stack([stretch.measured[:, 3:], foreseen[:, 3:], np.sum(np.square(spins), axis=0)])
+    modeled = stretch.modeled(vehicle, rows)
+    spins = [lagged_command(vehicle, piece, name, rows)[own] for name in vehicle.rotors]
+    columns = np.column_stack([stretch.measured[:, 3:], modeled[:, 3:], np.sum(np.square(spins), axis=0)])
     slow = low_passed(columns, piece.dt)
     return piece.time[own], slow[:, :3], slow[:, 3:6], slow[:, 6]
 
@@ -181,7 +177,7 @@ class Simple:
         """Return residuals by axis."""
         static = np.column_stack([np.ones(len(curves.squares)), curves.squares]) @ self.static
         found = [_rms(curves.measured - y) for y in (curves.model, self.mean, static)]
-        return {c: Against(*(float(f[i]) for f in found)) for i, c in enumerate(FORCES)}
+        return {c: Against(*(float(f[i]) for f in found)) for i, c in enumerate(SPECIFIC_FORCE)}
 
 
 def _rms(residuals: FloatArray) -> FloatArray:

@@ -82,12 +82,12 @@ _METHODS: Final[dict[str, Method]] = {
         "vehicles that are unstable or fly on rotors: short windows",
     ),
     "equation-error": Method(
-        "stoop.estimate.regression.methods:equation_error",
+        "stoop.estimate.regression.method:equation_error",
         _GIVEN,
         "a first look without a simulation: smoothed samples",
     ),
     "frequency-domain": Method(
-        "stoop.estimate.regression.methods:frequency_domain",
+        "stoop.estimate.regression.method:frequency_domain",
         _GIVEN,
         "likewise, on the Fourier coefficients of a band",
     ),

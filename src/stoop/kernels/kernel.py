@@ -78,6 +78,7 @@ class Kernel:
     moves: int = 0  #: numbers of a move of the state; zero where no filter takes the model
     filtering: Callable[[], ModuleType] | None = None
     shooting: Callable[[], ModuleType] | None = None
+    latex: tuple[str, ...] = ()  #: the equations, one a line
 
     def cost(
         self,
@@ -320,6 +321,7 @@ def _write_sources(folder: Path, model: SymbolicModel) -> None:
         emitted.states, emitted.inputs, emitted.parameters, emitted.outputs, lanes(emitted), emitted.moves,
     )  # fmt: skip
     (folder / "sizes.txt").write_text(" ".join(map(str, sizes)))
+    (folder / "equations.tex").write_text("\n".join(model.latex))
 
 
 def _build(final: Path, key: str, name: str, write: Callable[[Path], None]) -> Path:
@@ -418,5 +420,8 @@ def _load(key: str, model: Callable[[], SymbolicModel]) -> Kernel:
         filtering = _later(folder, root / f"{key}-filter", key, "filtering")
         shooting = _later(folder, root / f"{key}-windows", key, "windows")
         shared = _open(folder, key, "shared")
-        _loaded[key] = Kernel(folder, lanes, (nx, nu, np_, ny), shared, per_lane, moves, filtering, shooting)
+        latex = tuple((folder / "equations.tex").read_text().splitlines())
+        _loaded[key] = Kernel(
+            folder, lanes, (nx, nu, np_, ny), shared, per_lane, moves, filtering, shooting, latex
+        )
     return _loaded[key]

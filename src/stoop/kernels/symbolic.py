@@ -28,6 +28,8 @@ class SymbolicModel:
         Numbers of a small move of the state, as a filter makes it; none for a model that no filter takes.
     moved : tuple of sympy.Expr
         Each state after the move.
+    latex : tuple of str
+        The equations as LaTeX, kept beside the compiled code: a page then needs no SymPy.
     """
 
     states: tuple[Any, ...]
@@ -40,3 +42,4 @@ class SymbolicModel:
     held: tuple[int, ...] = ()
     moves: tuple[Any, ...] = ()
     moved: tuple[Any, ...] = ()
+    latex: tuple[str, ...] = ()

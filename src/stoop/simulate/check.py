@@ -51,6 +51,8 @@ def controls(vehicle: Vehicle, on_wings: bool) -> list[str]:
     """Return what a maneuver may move: of what hovers on its rotors, set-points and axes of the autopilot as well."""
     names = () if on_wings or not vehicle.hovers else (*EXCITATIONS, *SETPOINTS)
     channels = set(vehicle.recorded) - {"voltage", "density"} if vehicle.hovers else set()
+    if vehicle.file.ground_effect is not None:
+        channels = channels | {vehicle.file.ground_effect.channel}
     return list(dict.fromkeys((*names, *vehicle.controls, *sorted(channels))))
 
 

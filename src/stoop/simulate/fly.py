@@ -29,6 +29,7 @@ from stoop.vehicle.schema import CHANNELS, WIND
 from stoop.vehicle.vehicle import WIND_NUMBERS
 
 GROUND_SPEED_NOISE = 0.1  #: of the velocity over ground that an aircraft records in a wind, m/s
+HEIGHT_PASSES, HEIGHT_TOLERANCE = 50, 1e-9  #: of the fixed point of height and trajectory; m
 _GUSTS, _VELOCITY = 1, 2  #: which stream of the seed
 
 
@@ -111,12 +112,36 @@ def _on_wings(vehicle: Vehicle, maneuver: Maneuver, point: Trim, gusts: np.rando
     rows = parameter_rows(vehicle, point.changes)
     start = initial_states(vehicle, {**point.start, **gust_start(vehicle, gusts)}, rows, inputs[0])
     state = gusts.bit_generator.state
+    _record_height(vehicle, rows, start, inputs, dt, gusts)
     truth = _moving_air(vehicle, rows, start, inputs, dt, gusts)
     velocity = None
     if vehicle.hovers or maneuver.wind is not None:
         gusts.bit_generator.state = state  # the same gusts again
         velocity = _over_ground(vehicle, point, states_flown(vehicle, rows, start, inputs, dt, gusts))
     return Flown(point, maneuver.time, inputs, late_outputs(vehicle, truth, rows, dt)[0], velocity)
+
+
+def _record_height(
+    vehicle: Vehicle,
+    rows: FloatArray,
+    start: FloatArray,
+    inputs: FloatArray,
+    dt: float,
+    gusts: np.random.Generator,
+) -> None:
+    """Fill in the height above the ground that an open-loop flight has: it is an input that follows from the states."""
+    if vehicle.file.ground_effect is None:
+        return
+    column, h = vehicle.inputs.index(vehicle.file.ground_effect.channel), vehicle.states.index("h")
+    terrain, state = inputs[:, column] - start[h, 0], gusts.bit_generator.state
+    for _ in range(HEIGHT_PASSES):
+        gusts.bit_generator.state = state  # the same gusts again
+        flown = states_flown(vehicle, rows, start, inputs, dt, gusts)[:, h] + terrain
+        change = float(np.max(np.abs(flown - inputs[:, column])))
+        inputs[:, column] = flown
+        if not change > HEIGHT_TOLERANCE:
+            break
+    gusts.bit_generator.state = state
 
 
 def _on_rotors(vehicle: Vehicle, maneuver: Maneuver, point: Trim, gusts: np.random.Generator) -> Flown:

@@ -89,7 +89,7 @@ def _closed(
     loop: _Loop, commands: Commands, late: Late, stepper: Stepper, state: FloatArray, dt: float
 ) -> OnRotors:
     """Fly sample by sample; a flight that diverges is left where it does."""
-    count = len(commands.inputs)
+    count, height = len(commands.inputs), _Height.of(stepper.vehicle, commands.inputs, state)
     states, received = np.full((count, len(state)), np.nan), np.full(commands.inputs.shape, np.nan)
     states[0], received[0] = state, late.received(commands.inputs, 0)
     position, before = np.zeros(3), loop.velocity(state)
@@ -99,6 +99,7 @@ def _closed(
             wanted = loop.gains.command(errors, _underway(commands.given, k, late))
             wanted[3] += loop.goal.up[k + late.ahead]
             commands.give(k + late.ahead, wanted)
+        height.record(k + 1, states[k], velocity, dt)
         received[k + 1] = late.received(commands.inputs, k + 1)
         with_slopes(stepper.vehicle, received[k : k + 2], dt)
         states[k + 1] = stepper.step(k, states[k], received[k], received[k + 1])
@@ -108,6 +109,27 @@ def _closed(
         before, velocity = velocity, loop.velocity(states[k + 1])
         position = position + 0.5 * dt * (before + velocity)
     return OnRotors(commands.inputs, received, states, commands.clipped)
+
+
+@dataclass(frozen=True, eq=False)
+class _Height:
+    """Records the height above the ground, where the vehicle feels it."""
+
+    inputs: FloatArray
+    terrain: FloatArray  #: (n,), m, by which the maneuver lowers the ground
+    column: int
+    state: int
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, inputs: FloatArray, state: FloatArray) -> _Height:
+        h, table = vehicle.states.index("h"), vehicle.file.ground_effect
+        column = -1 if table is None else vehicle.inputs.index(table.channel)
+        return cls(inputs, inputs[:, column] - state[h], column, h)
+
+    def record(self, k: int, before: FloatArray, velocity: FloatArray, dt: float) -> None:
+        """Record what the state one sample before leads to; inputs of a step are known before it."""
+        if self.column >= 0:
+            self.inputs[k, self.column] = before[self.state] - dt * velocity[2] + self.terrain[k]
 
 
 def _underway(given: FloatArray, k: int, late: Late) -> FloatArray:

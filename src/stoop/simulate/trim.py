@@ -17,6 +17,7 @@ from stoop.simulate.rotors import channel_range
 from stoop.simulate.steady import TOLERANCE, Trim
 from stoop.vehicle import Vehicle
 
+OUT_OF_GROUND_EFFECT = 1e4  #: m
 _POWERS = (1.0, 4.0, 16.0)  #: steps of thrust to begin with: a propeller at rest has no slope
 
 
@@ -69,7 +70,9 @@ def _layouts(vehicle: Vehicle) -> list[_Layout]:
     return [_Layout(vehicle, names, vehicle.controls, thrust) for names in angles]
 
 
-def neutral_inputs(vehicle: Vehicle, density: float | None = None) -> FloatArray:
+def neutral_inputs(
+    vehicle: Vehicle, density: float | None = None, height: float = OUT_OF_GROUND_EFFECT
+) -> FloatArray:
     """Return channels at their centers, rotors and propellers at idle; density and voltage channels at their values."""
     out = np.zeros(len(vehicle.inputs))
     for control in vehicle.controls:
@@ -79,6 +82,8 @@ def neutral_inputs(vehicle: Vehicle, density: float | None = None) -> FloatArray
                 out[vehicle.inputs.index(channel)] = vehicle.value(name)
     if "density" in vehicle.inputs:
         out[vehicle.inputs.index("density")] = 1.225 if density is None else density
+    if vehicle.file.ground_effect is not None:
+        out[vehicle.inputs.index(vehicle.file.ground_effect.channel)] = height
     return _idling(vehicle, out) if vehicle.hovers else out
 
 
@@ -170,6 +175,7 @@ def trim(
     airspeed : float, m/s, optional
         The vehicle's V* when absent.
     altitude : float, m
+        Also the height above the ground, for a vehicle with a ground effect: the ground lies at zero.
     climb_angle : float, rad
     density : float, kg/m3, optional
         Only where the vehicle takes the density from the log.
@@ -186,7 +192,9 @@ def trim(
         No steady flight at this speed with these controls.
     """
     if vehicle.hovers and airspeed is None:
-        return hover_trim(vehicle, neutral_inputs(vehicle, density), altitude, velocity, wind, heading)
+        return hover_trim(
+            vehicle, neutral_inputs(vehicle, density, altitude), altitude, velocity, wind, heading
+        )
     if vehicle.file.reference is None:
         raise SimulationError(
             f"{vehicle.where}: it has no wings to fly {airspeed:g} m/s on; leave the airspeed out and write velocity"
@@ -194,7 +202,7 @@ def trim(
     if vehicle.reduce == "lateral":
         return trim(vehicle.reduced("full"), airspeed, altitude, climb_angle, density)
     V = vehicle.value("reference.airspeed") if airspeed is None else airspeed
-    quiet = neutral_inputs(vehicle, density)
+    quiet = neutral_inputs(vehicle, density, altitude)
     for layout in _layouts(vehicle):
         condition = _Condition(layout, V, altitude, climb_angle, quiet)
         x, residual = _solved(condition)
@@ -238,7 +246,7 @@ def neighbors(
     if "V" not in point.start:
         return _near(*hover_about(vehicle, point))
     layout = next(n for n in _layouts(vehicle) if ("beta" in point.start) == ("beta" in n.angles))
-    quiet = neutral_inputs(vehicle, density)
+    quiet = neutral_inputs(vehicle, density, point.start["h"])
     known = _Condition(layout, point.start["V"], point.start["h"], climb_angle, quiet)
     return _near(known, _scaled(layout, point))
 

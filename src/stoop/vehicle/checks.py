@@ -13,7 +13,7 @@ from stoop.vehicle.vehicle import Vehicle, leaves
 _POSITIVE = (
     "mass.mass", "mass.inertia.xx", "mass.inertia.yy", "mass.inertia.zz", "reference.area", "reference.chord",
     "reference.span", "reference.airspeed", "environment.gravity", "environment.density",
-    "propulsion.diameter", "propulsion.speed_gain",
+    "propulsion.diameter", "propulsion.speed_gain", "ground_effect.radius",
     *(f"turbulence.{axis}.{number}" for axis in "uvw" for number in ("intensity", "length")),
 )  # fmt: skip
 _AXES = ("xx", "yy", "zz", "xz", "xy", "yz")

@@ -188,6 +188,25 @@ class Turbulence(Table):
     airspeed: Quantity | None = None  #: at which the gusts pass, m/s; V* when absent
 
 
+class GroundEffect(Table):
+    """Lift and thrust near the ground, by a recorded height z above it.
+
+    Thrust of each rotor times 1 + rotor (R/4)^2 / (z^2 + (R/4)^2): Cheeseman and Bennett to first order where
+    rotor = 1. CL times 1 + lift / (1 + (16 z/b)^2): McCormick's ground influence on the trailing vortices, b the span.
+    """
+
+    channel: Name = "height"  #: m
+    rotor: Quantity | None = None
+    lift: Quantity | None = None
+    radius: Quantity | None = None  #: R of a rotor, m; that of [rotors] when absent
+
+    @model_validator(mode="after")
+    def _effect(self) -> GroundEffect:
+        if self.rotor is None and self.lift is None:
+            raise ValueError("there is no effect; write rotor = 1.0 for rotors, or lift = 0.1 for a wing")
+        return self
+
+
 class Model(Table):
     """Which equations are kept."""
 
@@ -213,6 +232,7 @@ class VehicleFile(Table):
     rotors: Rotors | None = None
     rotor: Annotated[dict[Name, Rotor], Field(max_length=MOST_ROTORS)] = Field(default_factory=dict)
     body_drag: BodyDrag | None = None
+    ground_effect: GroundEffect | None = None
 
     @model_validator(mode="after")
     def _complete(self) -> VehicleFile:
@@ -222,4 +242,11 @@ class VehicleFile(Table):
             raise ValueError("rotors: missing; add it with T2, the thrust of one rotor at full command, N")
         if self.rotors is not None and not self.rotor:
             raise ValueError("rotor: missing; add a table for each rotor, e.g. [rotor.m1]")
+        near = self.ground_effect
+        if near is not None and near.lift is not None and self.reference is None:
+            raise ValueError("ground_effect.lift: needs the span of a wing; add [reference], or remove it")
+        if near is not None and near.rotor is not None:
+            radius = near.radius or (self.rotors and self.rotors.radius)
+            if not radius:
+                raise ValueError("ground_effect.radius: missing; add it, the radius of a rotor in m")
         return self

@@ -48,15 +48,16 @@ _ADDED = {
 _TURNED = {"full": ("phi", "theta", "psi"), "longitudinal": ("theta",), "lateral": ("phi", "psi")}
 AIR_START = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "h")  #: m/s, rad, rad/s, m
 GROUND_START = ("u", "v", "w", *AIR_START[3:])  #: likewise, of a vehicle with rotors
-_LATER = ("turbulence", "vn", "ve", "vd", "airspeed", "rotors", "rotor", "body_drag")
+_LATER = ("turbulence", "vn", "ve", "vd", "airspeed", "rotors", "rotor", "body_drag", "ground_effect")
 BIASED_BY_DEFAULT = ("p", "q", "r", "ax", "ay", "az")
+GROUND_EFFECTS = ("ground_effect.rotor", "ground_effect.lift")
 WIND_NUMBERS = tuple(f"sensors.{c}.bias" for c in WIND)  #: the steady wind, m/s north, east, down
 _UNITS = {
     "mass": "kg", "xx": "kg m2", "yy": "kg m2", "zz": "kg m2", "xz": "kg m2", "xy": "kg m2", "yz": "kg m2",
     "area": "m2", "chord": "m", "span": "m", "airspeed": "m/s", "alpha": "rad", "gravity": "m/s2",
     "density": "kg/m3", "thrust": "N", "diameter": "m", "lag": "s", "delay": "s", "offset": "rad",
     "x": "m", "y": "m", "z": "m", "pitch": "rad", "speed_gain": "rev/s per unit", "intensity": "m/s",
-    "length": "m",
+    "length": "m", "radius": "m",
 }  # fmt: skip
 _NO_ROWS = ("name", "notes", "loadings", "sigma", "estimate_biases", "voltage_average")  #: of the kernel
 _EQUATION_SOURCES = (  #: beside all of symbolic/
@@ -133,13 +134,15 @@ def _bounds(name: str, q: Quantity) -> tuple[float, float]:
         return default_bounds(name, q.value)
     if q.prior is not None:
         return q.value - 5.0 * q.prior, q.value + 5.0 * q.prior
+    if name in GROUND_EFFECTS:
+        return min(-1.0, 2.0 * q.value), max(4.0, 2.0 * q.value)
     return tuple(sorted((0.5 * q.value, 1.5 * q.value)))  # type: ignore[return-value]
 
 
 def _is_free(name: str, q: Quantity, biases: bool, estimated: Container[str]) -> bool:
     if q.free is not None:
         return q.free
-    if name in WIND_NUMBERS or rotor_numbers.free_by_default(name):
+    if name in WIND_NUMBERS or name in GROUND_EFFECTS or rotor_numbers.free_by_default(name):
         return True
     return name in estimated or (biases and name in {f"sensors.{c}.bias" for c in BIASED_BY_DEFAULT})
 
@@ -311,6 +314,8 @@ class Vehicle:
             channels.append("voltage")
         if self.file.environment.density == "log":
             channels.append("density")
+        if self.file.ground_effect is not None:
+            channels.append(self.file.ground_effect.channel)
         return tuple(dict.fromkeys(channels))
 
     @functools.cached_property

@@ -33,7 +33,7 @@ from stoop.results.result import (
     SensorBiases,
     WindEstimate,
 )
-from stoop.vehicle.latex import equations, symbols
+from stoop.vehicle.notation import symbols
 from stoop.workflow.curves import Simulated, channel_units, maneuver_curves
 from stoop.workflow.errorbars import ErrorBars
 from stoop.workflow.evidence import with_evidence
@@ -89,7 +89,7 @@ def identification(
         result=replace(result, seconds=time.perf_counter() - began),
         traces=traces,
         vehicle=vehicle.name,
-        equations=equations(vehicle),
+        equations=vehicle.kernel().latex,
         convergence=fit.outcome.history,
         units=channel_units(vehicle),
         symbols=symbols(vehicle),

@@ -14,11 +14,10 @@ import tomlkit
 from stoop.base.arrays import FloatArray
 from stoop.base.files import write_text_atomic
 from stoop.errors import IdentificationError
-from stoop.estimate.regression.candidates import parameter_name
-from stoop.estimate.regression.domain import Domain, Time
-from stoop.estimate.regression.estimate import Regressed, from_histories
-from stoop.estimate.regression.history import History
-from stoop.estimate.regression.structure import Choose, Chosen, Structure, determine
+from stoop.estimate.regression.aircraft import AircraftEquations, History
+from stoop.estimate.regression.domain import Domain, TimeDomain
+from stoop.estimate.regression.equations import estimate, unbounded
+from stoop.estimate.regression.structure import Choose, ChosenTerms, Structure, determine, parameter_name
 from stoop.flight import Flight
 from stoop.problem import Layout
 from stoop.problem.windows import parse_window
@@ -85,9 +84,8 @@ def structure(
     names = {c: _names(vehicle, c, chosen.terms) for c, chosen in found.chosen.items()}
     shaped = parse_vehicle(_text(vehicle, names, {}), vehicle.where)
     shaped = shaped if shaped.reduce == vehicle.reduce else shaped.reduced(vehicle.reduce)
-    layout = Layout.of(_freed(shaped, names), ())
-    told = from_histories(layout, found.histories, domain)
-    estimates = {} if told is None else _estimates(layout, told)
+    equations = AircraftEquations(Layout.of(_freed(shaped, names), ()), found.histories)
+    estimates = _estimates(equations, domain)
     values = {n: v for n, (v, _) in estimates.items()}
     final = parse_vehicle(_text(vehicle, names, values), vehicle.where)
     return Determined(found, final, names, estimates, domain)
@@ -100,12 +98,13 @@ def _freed(vehicle: Vehicle, names: Mapping[str, Mapping[str, str]]) -> Vehicle:
     return vehicle.with_numbers({p.name: {"free": p.name in wanted} for p in vehicle.parameters})
 
 
-def _estimates(layout: Layout, told: Regressed) -> dict[str, tuple[float, float]]:
-    std = np.sqrt(np.maximum(np.diag(told.solved.covariance), 0.0))
-    return {
-        layout.parameters[i].name: (float(v), float(s))
-        for i, v, s in zip(told.places, told.solved.values, std, strict=True)
-    }
+def _estimates(equations: AircraftEquations, domain: Domain) -> dict[str, tuple[float, float]]:
+    """Return estimate and standard error by parameter; none where no row is left."""
+    found = estimate(equations, domain, unbounded(equations))
+    if found is None:
+        return {}
+    std = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+    return {n: (float(v), float(s)) for n, v, s in zip(equations.names, found.values, std, strict=True)}
 
 
 def _same(a: str, b: str) -> bool:
@@ -201,15 +200,13 @@ def write_structure(found: Determined, folder: Path, table: str, command: str) -
 def sheet(found: Determined, command: str) -> Sheet:
     """Return the page."""
     sections = [_section(found, c, chosen) for c, chosen in found.structure.chosen.items()]
-    notes = [n for chosen in found.structure.chosen.values() for n in chosen.notes] + list(
-        found.structure.notes
-    )
+    notes = [*(n for c in found.structure.chosen.values() for n in c.notices), *found.structure.notices]
     said = [Section("What to mind", (Prose("\n".join(f"- {n}" for n in notes)),))] if notes else []
     made = Section("Made by", (Code(command),))
     return Sheet(f"Model structure of {found.vehicle.name}", LEAD, (*said, *sections, made))
 
 
-def _section(found: Determined, coefficient: str, chosen: Chosen) -> Section:
+def _section(found: Determined, coefficient: str, chosen: ChosenTerms) -> Section:
     parts = (_chosen_table(found, coefficient), _figure(found, coefficient), _steps_table(chosen))
     share = chosen.selection.model.r2
     words = Prose(
@@ -234,7 +231,7 @@ def _number(value: float) -> str:
     return f"{value:.4g}".replace("-", "−")
 
 
-def _steps_table(chosen: Chosen) -> Table:
+def _steps_table(chosen: ChosenTerms) -> Table:
     steps = chosen.selection.steps
     rows = tuple(
         (
@@ -249,7 +246,7 @@ def _steps_table(chosen: Chosen) -> Table:
 
 def _figure(found: Determined, coefficient: str) -> Figure:
     """Draw what was measured, smoothed, and what the terms make of it."""
-    smooth, curves = Time(), list[Series]()
+    smooth, curves = TimeDomain(), list[Series]()
     for history in found.structure.histories:
         both = np.column_stack(
             [history.coefficients[coefficient], _modeled(found, coefficient, history), history.time]

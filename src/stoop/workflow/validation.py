@@ -18,7 +18,7 @@ from stoop.flight import Flight, without, without_faults
 from stoop.flight.maneuvers import find_maneuvers
 from stoop.problem.windows import Window, parse_window
 from stoop.results.result import Identification, ManeuverResult, ManeuverTrace
-from stoop.vehicle.latex import equations, symbols
+from stoop.vehicle.notation import symbols
 from stoop.workflow.curves import Simulated, channel_units, maneuver_curves
 from stoop.workflow.identified import Identified, read_identified
 from stoop.workflow.notices import basis_notices, data_notices, lag_notices, search_notices, window_of
@@ -186,7 +186,7 @@ def _predicted(
         result=result,
         traces=tuple(traces),
         vehicle=vehicle.name,
-        equations=equations(vehicle),
+        equations=vehicle.kernel().latex,
         units=channel_units(vehicle),
         symbols=symbols(vehicle),
         command=command,

@@ -14,12 +14,12 @@ from itertools import pairwise
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.estimate.filter_error.paths import filled, unwrapped
+from stoop.estimate.filter_error.linearization import interpolated, unwrapped
 from stoop.estimate.shooting.windows import edges
 from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.observation import through_air
 from stoop.simulate import parameter_rows
-from stoop.simulate.delays import lagged
+from stoop.simulate.delays import first_order_lag
 from stoop.simulate.initial import commanded
 from stoop.vehicle import Vehicle
 
@@ -39,7 +39,7 @@ def windows(vehicle: Vehicle, piece: Piece, length: float, beside: Mapping[str, 
         What is known of the state at every sample (n,) beside the readings: ``NAME.lag``, by how much each rotor is off
         its command, in units of x; the altitude ``h``, m.
     """
-    read = {c: filled(unwrapped(piece.measured[:, i])) for i, c in enumerate(vehicle.outputs)}
+    read = {c: interpolated(unwrapped(piece.measured[:, i])) for i, c in enumerate(vehicle.outputs)}
     state = through_air({n: read[n] for n in ("vn", "ve", "vd", "phi", "theta", "psi")})
     state |= {n: read[n] for n in RATES} | dict(beside)
     cuts = edges(len(piece.time), max(2, round(length / piece.dt)))
@@ -58,4 +58,4 @@ def motors_behind(vehicle: Vehicle, piece: Piece) -> dict[str, FloatArray]:
     rows = parameter_rows(vehicle, piece.changes)
     every, lag = np.repeat(rows, len(piece.inputs), axis=1), vehicle.value("rotors.lag")
     asked = {r: commanded(vehicle, r, every, piece.inputs.T) for r in vehicle.rotors}
-    return {f"{r}.lag": lagged(x, lag, piece.dt) - x for r, x in asked.items()}
+    return {f"{r}.lag": first_order_lag(x, lag, piece.dt) - x for r, x in asked.items()}

@@ -10,8 +10,9 @@ import numpy as np
 from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.csv_text import Cell
 from stoop.estimate.fit import Options, estimation_problem
-from stoop.estimate.regression.domain import Band
-from stoop.estimate.regression.estimate import regressed
+from stoop.estimate.regression.aircraft import AircraftEquations
+from stoop.estimate.regression.domain import FrequencyDomain
+from stoop.estimate.regression.equations import estimate, unbounded
 from stoop.estimate.regression.recursive import RealTime
 from stoop.flight import Flight
 from stoop.problem.windows import Window
@@ -26,7 +27,7 @@ from stoop_studies.verify.scenes import AIRCRAFT, multisine_maneuver, with_trim_
 
 DURATION: Final = 60.0  #: s
 RATE: Final = 50.0  #: Hz
-BAND: Final = Band(0.05, 1.5)
+BAND: Final = FrequencyDomain(0.05, 1.5)
 AMPLITUDES: Final = {"elevator": (0.2, 6), "aileron": (0.08, 7), "rudder": (0.15, 8)}  #: rad; first harmonic
 EXCITED: Final = 1.2  #: Hz
 WELL_IDENTIFIED: Final = 0.02  #: standard error of the batch over the estimate is below
@@ -73,16 +74,17 @@ def compare(case: str, seed: int) -> dict[str, Any]:
     problem, _ = estimation_problem(
         vehicle, {flight.name: flight}, [Window(flight.name, 0.0, DURATION)], Options()
     )
-    batch = regressed(problem.layout, problem.pieces, BAND)
+    equations = AircraftEquations.of(problem.layout, problem.pieces)
+    batch = estimate(equations, BAND, unbounded(equations))
     assert batch is not None  # noqa: S101 - everything was measured
     *_, (_, online) = replay(vehicle, flight)
     found = online.estimate()
-    names = [problem.layout.parameters[i].name for i in batch.places]
+    names = equations.names
     kept = [k for k, name in enumerate(names) if not name.endswith("0")]
-    std = np.sqrt(np.diag(batch.solved.covariance))
+    std = np.sqrt(np.diag(batch.covariance))
     return {
         "names": [names[k] for k in kept],
-        "batch": [float(batch.solved.values[k]) for k in kept],
+        "batch": [float(batch.values[k]) for k in kept],
         "std": [float(std[k]) for k in kept],
         "recursive": [found[names[k]].value for k in kept],
     }

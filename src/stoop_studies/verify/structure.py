@@ -10,10 +10,9 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.csv_text import Cell
-from stoop.estimate.regression.candidates import parameter_name, standard
-from stoop.estimate.regression.domain import Band
+from stoop.estimate.regression.domain import FrequencyDomain
 from stoop.estimate.regression.selection import Press, orthogonal, stepwise
-from stoop.estimate.regression.structure import Choose, determine
+from stoop.estimate.regression.structure import Choose, determine, parameter_name, standard_candidates
 from stoop.problem.windows import Window
 from stoop.report.sheet import Prose, Section, Table
 from stoop.simulate import Maneuver, simulate_flight, trim
@@ -29,7 +28,7 @@ RATE: Final = 50.0  #: Hz
 FLIGHTS: Final = 4  #: of each aircraft
 AMPLITUDES: Final = {"elevator": 0.22, "aileron": 0.08, "rudder": 0.12}  #: rad
 EXCITED: Final = (0.1, 1.2)  #: Hz, of the multisines
-BAND: Final = Band(0.04, 1.5)
+BAND: Final = FrequencyDomain(0.04, 1.5)
 SPREAD: Final = 0.2  #: every true coefficient is drawn this share about its value
 CHANCE: Final = 0.5  #: that an occasional term is there
 CONSTANTS: Final = {"CL": 0.876, "CD": 0.104, "CQ": 0.004, "Cl": 0.0008, "Cm": -0.0235, "Cn": -0.0006}
@@ -80,7 +79,7 @@ def full_aircraft() -> Vehicle:
     level = trim(base, None, ALTITUDE).start["alpha"]
     head = base.text.split("[aerodynamics.", 1)[0].replace("alpha = 0.0", f"alpha = {level:.4f}")
     lines = [head, "[aerodynamics]", "default = false"]
-    for coefficient, candidates in standard(base).items():
+    for coefficient, candidates in standard_candidates(base).items():
         constant = f'{coefficient}0 = {{ term = "1", value = {CONSTANTS[coefficient]} }}'
         lines += [f"[aerodynamics.{coefficient}]", constant]
         lines += [f'{parameter_name(coefficient, t)} = {{ term = "{t}", value = 0.0 }}' for t in candidates]
@@ -121,7 +120,7 @@ def determine_terms(case: str, seed: int) -> dict[str, Any]:
         for k in range(FLIGHTS)
     }
     windows = [Window(name, 0.0, DURATION) for name in flights]
-    candidates = standard(full_aircraft())
+    candidates = standard_candidates(full_aircraft())
     found = {
         name: determine(vehicle, flights, windows, candidates, choose, BAND).chosen
         for name, choose in CRITERIA.items()

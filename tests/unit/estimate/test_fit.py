@@ -9,10 +9,10 @@ import pytest
 from stoop import optimize
 from stoop.cli.demo import MANEUVER, TABLE_1
 from stoop.errors import FlightError, IdentificationError, VehicleError
-from stoop.estimate.equation_error import equation_error
 from stoop.estimate.fit import Options, estimation_problem, fit, refine, settle, starts
 from stoop.estimate.noise import noise_variance
 from stoop.estimate.predict import mean_biases, predict
+from stoop.estimate.regression.equations import start_value
 from stoop.flight import Flight
 from stoop.problem import Misfit
 from stoop.problem.observation import first_complete, guess_start
@@ -97,7 +97,7 @@ amplitude = 0.05
 def test_without_a_vane_there_is_no_equation_error_but_a_fit(wrong: Vehicle, flight: Flight) -> None:
     blind = replace(flight, data=flight.data.drop_vars("alpha"))
     problem, _ = estimation_problem(wrong, {"sim": blind}, WINDOW, Options())
-    assert equation_error(problem.layout, problem.pieces) is None
+    assert start_value(problem.layout, problem.pieces) is None
     found = fit(wrong, {"sim": blind}, WINDOW, Options())
     assert found.estimates["Cmalpha"] == pytest.approx(-2.12, rel=0.2)
 
@@ -189,7 +189,7 @@ def test_equation_error_is_exact_without_noise(aircraft: Vehicle, wrong: Vehicle
     """On noise-free states and accelerations only the derivative of q is approximated."""
     clean = simulate_flight(aircraft, parse_maneuver(MANEUVER, "test"), noise=False, name="sim")
     problem, _ = estimation_problem(wrong, {"sim": clean}, WINDOW, Options())
-    guess = equation_error(problem.layout, problem.pieces)
+    guess = start_value(problem.layout, problem.pieces)
     assert guess is not None
     found = dict(
         zip([p.name for p in problem.layout.parameters], problem.layout.physical(guess[None])[0], strict=True)

@@ -13,7 +13,8 @@ from stoop.errors import VehicleError
 from stoop.report.formula import mathml
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import BUILT_IN, builtin_vehicle
-from stoop.vehicle.latex import equations, symbols
+from stoop.vehicle.notation import symbols
+from stoop.vehicle.symbolic.latex import equations
 
 QUAD = (files("stoop") / "data" / "quad_x.toml").read_text()
 REFERENCE = "[reference]\narea = 0.5\nchord = 0.3\nspan = 2.0\nairspeed = 18.0\n"

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from stoop.report.page import render
 
 from stoop.assess.repeatability import agreement
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
-from stoop.report.page import render
 from stoop.results.uncertainty import Repeatability, SingleEstimate
 from stoop.simulate import parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle

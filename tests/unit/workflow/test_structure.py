@@ -10,10 +10,14 @@ import pytest
 
 from stoop.cli.main import main
 from stoop.errors import IdentificationError, TermError
-from stoop.estimate.regression.candidates import given, parameter_name, standard
-from stoop.estimate.regression.domain import Band
+from stoop.estimate.regression.domain import FrequencyDomain
 from stoop.estimate.regression.selection import stepwise
-from stoop.estimate.regression.structure import determine
+from stoop.estimate.regression.structure import (
+    determine,
+    parameter_name,
+    parse_candidates,
+    standard_candidates,
+)
 from stoop.flight import Flight, save
 from stoop.problem.windows import Window
 from stoop.simulate import parse_maneuver, simulate_flight, trim
@@ -22,7 +26,7 @@ from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.load import load_vehicle, parse_vehicle
 from stoop.workflow.structure import FILES, structure
 
-BAND = Band(0.04, 1.5)
+BAND = FrequencyDomain(0.04, 1.5)
 MANEUVER = """
 duration = 60.0
 rate = 50.0
@@ -68,7 +72,7 @@ def ignorant(aircraft: Vehicle) -> Vehicle:
 
 def test_the_true_terms_are_found_and_written(aircraft: Vehicle, flight: Flight) -> None:
     vehicle = ignorant(aircraft)
-    found = structure(vehicle, {"sim": flight}, ["0:60"], standard(vehicle), stepwise, BAND)
+    found = structure(vehicle, {"sim": flight}, ["0:60"], standard_candidates(vehicle), stepwise, BAND)
     assert set(found.structure.chosen["Cm"].terms) == {"alpha", "q", "elevator", "alpha^2"}
     assert set(found.structure.chosen["CD"].terms) == {"alpha"}
     written = parse_vehicle(found.vehicle.text, "written")
@@ -93,15 +97,22 @@ def test_other_coefficients_stay_as_they_are(aircraft: Vehicle, flight: Flight) 
 def test_what_moves_together_is_said(aircraft: Vehicle, flight: Flight) -> None:
     candidates = {"Cm": ("alpha", "q", "elevator", "2*elevator", "beta")}
     found = determine(aircraft, {"sim": flight}, [Window("sim", 0.0, 60.0)], candidates, stepwise, BAND)
-    notes = found.chosen["Cm"].notes
-    assert any("elevator, 2*elevator move together" in n for n in notes)
-    assert any("beta did not move" in n for n in notes)
+    notices = {n.code: n.values for n in found.chosen["Cm"].notices}
+    assert notices["candidates-correlated"]["terms"] == ("elevator", "2*elevator")
+    assert notices["candidate-constant"]["terms"] == ("beta",)
     assert len({"elevator", "2*elevator"} & set(found.chosen["Cm"].terms)) == 1
 
 
 def test_too_short_windows_are_refused(aircraft: Vehicle, flight: Flight) -> None:
     with pytest.raises(IdentificationError, match="too short"):
-        determine(aircraft, {"sim": flight}, [Window("sim", 0.0, 1.0)], standard(aircraft), stepwise, BAND)
+        determine(
+            aircraft,
+            {"sim": flight},
+            [Window("sim", 0.0, 1.0)],
+            standard_candidates(aircraft),
+            stepwise,
+            BAND,
+        )
 
 
 def test_candidates_of_another_model_are_refused(aircraft: Vehicle, flight: Flight) -> None:
@@ -111,7 +122,10 @@ def test_candidates_of_another_model_are_refused(aircraft: Vehicle, flight: Flig
 
 def test_lines_of_candidates(aircraft: Vehicle) -> None:
     lines = ["# what we think", "Cm: alpha, q,elevator , alpha", "", "CL: alpha^2 # curved"]
-    assert given(lines, aircraft, "c.txt") == {"Cm": ("alpha", "q", "elevator"), "CL": ("alpha^2",)}
+    assert parse_candidates(lines, aircraft, "c.txt") == {
+        "Cm": ("alpha", "q", "elevator"),
+        "CL": ("alpha^2",),
+    }
 
 
 @pytest.mark.parametrize(
@@ -126,7 +140,7 @@ def test_lines_of_candidates(aircraft: Vehicle) -> None:
 )
 def test_other_lines_are_refused(aircraft: Vehicle, line: str, error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
-        given([line], aircraft, "c.txt")
+        parse_candidates([line], aircraft, "c.txt")
 
 
 def test_names_of_parameters() -> None:

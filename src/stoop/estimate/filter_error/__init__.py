@@ -1,7 +1,7 @@
-"""Filter error: the model is corrected by a Kalman filter as it flies, so that gusts do not count as its faults.
+"""Filter error: a Kalman filter corrects the model with every measurement, so that gusts do not count as its errors.
 
-Composed of: points of linearization (`points`), what disturbs and what measures (`noise`), gains (`steady`,
-`varying`), their likelihood (`likelihood`), and the ascent of it (`scoring`).
+Composed of linear models along the flight (`linearization`), process and measurement noise (`noise`), filter gains
+(`gains`), their likelihood (`likelihood`), and its maximization (`method`).
 
 References
 ----------

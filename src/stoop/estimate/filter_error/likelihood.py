@@ -19,25 +19,29 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import FloatArray, IntArray
 from stoop.estimate.filter_error.gains import Gain, Gains, Plan
+from stoop.estimate.filter_error.linearization import (
+    LinearModels,
+    Points,
+    averaged,
+    linearized,
+    measured_points,
+    undelayed,
+)
 from stoop.estimate.filter_error.noise import Noise
-from stoop.estimate.filter_error.paths import Path, averaged, measured_path, undelayed
-from stoop.estimate.filter_error.points import Linear, linearized
 from stoop.kernels import filtering
 from stoop.optimize.normal_equations import gram
 from stoop.problem import Misfit
 from stoop.simulate.delays import late_inputs
 
-IntArray = NDArray[np.int64]
 STEP: Final = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Innovations:
-    """What was not foreseen of one piece, whitened, and how it depends on the unknowns.
+    """Innovations of one piece, whitened, and their dependence on the unknowns.
 
     Attributes
     ----------
@@ -69,7 +73,7 @@ class Innovations:
 
     @cached_property
     def spread_information(self) -> FloatArray:
-        """Return what the size of the innovations tells of the unknowns (j, j)."""
+        """Return the information (j, j) in the size of the innovations."""
         counts = np.bincount(self.which, minlength=len(self.spreads))
         flat = self.spreads.reshape(len(counts), -1, len(self.entries))
         rows = (flat * np.sqrt(0.5 * counts)[:, None, None]).reshape(-1, len(self.entries))
@@ -102,26 +106,26 @@ class Likelihood:
     noise : Noise
         Layout of the third.
     gain : Gain
-    paths : tuple of Path
+    points : tuple of Points
         Where each piece is linearized for the gains of `anchor`.
     anchor : (k,)
         Unknowns whose gains find the states at which any candidate is linearized. So a candidate's points of
-        linearization go where its own states are: were they held, the size of the innovations would seem to tell
-        of what shifts states and readings together (a bias of the vane against the lift at zero incidence).
+        linearization follow its own states: were they fixed, the size of the innovations would seem to depend on
+        what shifts states and readings together (a bias of the vane against the lift at zero incidence).
     """
 
     problem: Misfit
     noise: Noise
     gain: Gain
-    paths: tuple[Path, ...]
+    points: tuple[Points, ...]
     anchor: FloatArray
 
     @classmethod
     def of(cls, problem: Misfit, noise: Noise, gain: Gain, anchor: FloatArray) -> Likelihood:
-        """Return the likelihood, its first gains linearized at what was measured; late readings are moved."""
-        moved = replace(problem, pieces=tuple(undelayed(problem, piece) for piece in problem.pieces))
-        paths = tuple(measured_path(moved, piece, gain.plan(piece).points) for piece in moved.pieces)
-        return cls(moved, noise, gain, paths, anchor)
+        """Return the likelihood, its first gains linearized at what was measured; late readings are shifted."""
+        shifted = replace(problem, pieces=tuple(undelayed(problem, piece) for piece in problem.pieces))
+        points = tuple(measured_points(shifted, piece, gain.plan(piece).points) for piece in shifted.pieces)
+        return cls(shifted, noise, gain, points, anchor)
 
     @cached_property
     def plans(self) -> tuple[Plan, ...]:
@@ -131,7 +135,12 @@ class Likelihood:
     @property
     def size(self) -> int:
         """Number of unknowns."""
-        return self.problem.dimension + self.problem.extra + self.noise.size
+        return self.known + self.noise.size
+
+    @property
+    def known(self) -> int:
+        """Number of parameters and nuisances; logarithms of noise follow."""
+        return self.problem.dimension + self.problem.extra
 
     @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
@@ -143,72 +152,60 @@ class Likelihood:
 
     def cost(self, z: FloatArray) -> float:
         """Return twice the negative logarithm of the posterior; infinite where the filter diverges."""
-        total = float(np.sum(self.problem.layout.prior_residuals(self._known(z)[None, :]) ** 2))
-        for i in range(len(self.paths)):
+        total = float(np.sum(self.problem.layout.prior_residuals(z[None, : self.known]) ** 2))
+        for i in range(len(self.points)):
             total += self._innovations(z, i, np.empty(0, dtype=np.int64)).cost
         return total if np.isfinite(total) else np.inf
 
     def innovations(self, z: FloatArray) -> list[Innovations]:
-        """Return what was not foreseen of every piece, with slopes."""
+        """Return the innovations of every piece, with slopes."""
         return [self._innovations(z, i, entries) for i, entries in enumerate(self._entries)]
 
     def prior(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return gradient (k,) and information (k, k) of the priors."""
         layout = self.problem.layout
         rows = np.zeros((len(layout.prior_jacobian()), self.size))
-        rows[:, : self.size - self.noise.size] = layout.prior_jacobian()
-        return rows.T @ layout.prior_residuals(self._known(z)[None, :])[0], rows.T @ rows
+        rows[:, : self.known] = layout.prior_jacobian()
+        return rows.T @ layout.prior_residuals(z[None, : self.known])[0], rows.T @ rows
 
     def along(self, z: FloatArray) -> Likelihood:
         """Return the likelihood linearized along the states that the filter finds with these unknowns."""
-        paths = []
-        for i, path in enumerate(self.paths):
-            rows, start = self.problem.candidates(self._known(z)[None, :], i)
+        points = []
+        for i, point in enumerate(self.points):
+            rows, start = self.problem.candidates(z[None, : self.known], i)
             states = self._states(i, rows, start)[:, :, 0]
             if not np.isfinite(states).all():
                 return self
-            paths.append(Path(states, path.inputs))
-        return replace(self, paths=tuple(paths), anchor=z)
-
-    def _known(self, z: FloatArray) -> FloatArray:
-        return z[: self.size - self.noise.size]
+            points.append(Points(states, point.inputs))
+        return replace(self, points=tuple(points), anchor=z)
 
     @cached_property
     def _entries(self) -> list[IntArray]:
         """Return the unknowns that touch each piece."""
-        d, first = self.problem.dimension, self.size - self.noise.size
-        tail = range(first, self.size)
+        d, tail = self.problem.dimension, range(self.known, self.size)
         return [
             np.array([*range(d), *(j for j, _ in own), *tail], dtype=np.int64) for own in self.problem.own
         ]
 
     def _innovations(self, z: FloatArray, index: int, entries: IntArray) -> Innovations:
-        steps = self._steps(z, entries)
+        steps = np.zeros(self.size)  # backward at an upper bound
+        steps[entries] = np.where(z[entries] + STEP > self.bounds[1][entries], -STEP, STEP)
         Z = np.concatenate([z[None, :], z + np.diag(steps)[np.diag(steps).any(axis=1)]])
-        rows, start = self.problem.candidates(Z[:, : self.size - self.noise.size], index)
+        rows, start = self.problem.candidates(Z[:, : self.known], index)
         gains = self._gains(Z, rows, start, index)
         v, _ = self._run(index, rows, start, gains)
-        taken = steps[entries]
-        return _whitened(v, gains, entries, taken)
-
-    def _steps(self, z: FloatArray, entries: IntArray) -> FloatArray:
-        """Return steps (k,), zero for unknowns that are not varied, backward at an upper bound."""
-        steps = np.zeros(self.size)
-        steps[entries] = np.where(z[entries] + STEP > self.bounds[1][entries], -STEP, STEP)
-        return steps
+        return _whitened(v, gains, entries, steps[entries])
 
     def _gains(self, Z: FloatArray, rows: FloatArray, start: FloatArray, index: int) -> Gains:
         """Return the gains of candidates, each linearized at its own states."""
-        known = self.size - self.noise.size
-        models, model = _distinct(Z[:, :known])  # the noise of sensors moves no state
+        models, model = _distinct(Z[:, : self.known])  # the noise of sensors changes no state
         few = np.ascontiguousarray(rows[:, models])
         states = self._states(index, few, np.ascontiguousarray(start[:, models]))
-        linear = linearized(
-            self.problem.layout.vehicle, few, states, self.paths[index].inputs, self.problem.pieces[index].dt
-        )
-        return self._gains_of(index, linear.of(model), Z[:, known:])
+        piece, inputs = self.problem.pieces[index], self.points[index].inputs
+        linear = linearized(self.problem.layout.vehicle, few, states, inputs, piece.dt)
+        return self._gains_of(index, linear.of(model), Z[:, self.known :])
 
-    def _gains_of(self, index: int, linear: Linear, tail: FloatArray) -> Gains:
+    def _gains_of(self, index: int, linear: LinearModels, tail: FloatArray) -> Gains:
         process = self.noise.process(tail, linear.drive, self.problem.pieces[index].dt)
         vehicle = self.problem.layout.vehicle
         return self.gain.gains(vehicle, self.plans[index], linear, process, self.noise.variances(tail))
@@ -224,10 +221,10 @@ class Likelihood:
     def _anchored(self) -> list[Gains]:
         """Return the gains of the anchor for each piece."""
         out, vehicle = [], self.problem.layout.vehicle
-        for i, (piece, path) in enumerate(zip(self.problem.pieces, self.paths, strict=True)):
-            rows, _ = self.problem.candidates(self._known(self.anchor)[None, :], i)
-            linear = linearized(vehicle, rows, path.states[:, :, None], path.inputs, piece.dt)
-            out.append(self._gains_of(i, linear, self.anchor[None, self.size - self.noise.size :]))
+        for i, (piece, point) in enumerate(zip(self.problem.pieces, self.points, strict=True)):
+            rows, _ = self.problem.candidates(self.anchor[None, : self.known], i)
+            linear = linearized(vehicle, rows, point.states[:, :, None], point.inputs, piece.dt)
+            out.append(self._gains_of(i, linear, self.anchor[None, self.known :]))
         return out
 
     def _run(
@@ -241,14 +238,16 @@ class Likelihood:
             return filtering.innovations(
                 kernel, rows, start, gains.gain, gains.which, inputs, piece.measured, piece.dt, states
             )
+        _, group = np.unique(inputs.reshape(-1, inputs.shape[2]), axis=1, return_inverse=True)
+        alike = [np.flatnonzero(group.ravel() == g) for g in range(int(group.max()) + 1)]
         parts = [
             filtering.innovations(
                 kernel, rows[:, own], start[:, own], gains.gain[:, :, own], gains.which,
                 np.ascontiguousarray(inputs[:, :, own[0]]), piece.measured, piece.dt, states,
             )
-            for own in _alike(inputs)
+            for own in alike
         ]  # fmt: skip
-        order = np.argsort(np.concatenate(_alike(inputs)))
+        order = np.argsort(np.concatenate(alike))
         first, second = (
             np.concatenate(part)[order] if part[0].size else part[0] for part in zip(*parts, strict=True)
         )
@@ -265,12 +264,6 @@ def _distinct(Z: FloatArray) -> tuple[IntArray, IntArray]:
     return first, kind
 
 
-def _alike(inputs: FloatArray) -> list[IntArray]:
-    """Return groups of candidates that have the same inputs (n, n_u, B)."""
-    _, group = np.unique(inputs.reshape(-1, inputs.shape[2]), axis=1, return_inverse=True)
-    return [np.flatnonzero(group.ravel() == g) for g in range(int(group.max()) + 1)]
-
-
 def _whitened(v: FloatArray, gains: Gains, entries: IntArray, taken: FloatArray) -> Innovations:
     """Whiten innovations (1 + j, n, n_y) by the covariance of the first, and take differences."""
     ny = v.shape[2]
@@ -282,25 +275,20 @@ def _whitened(v: FloatArray, gains: Gains, entries: IntArray, taken: FloatArray)
     lower = np.linalg.cholesky(S[0])
     root = np.linalg.inv(lower)
     logs = 2.0 * np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
-    white = _turned(root, v, gains.which)
+    if len(root) == len(gains.which):  # a gain for every sample
+        white = np.asarray(np.matmul(root, v[..., None])[..., 0])
+    else:
+        white = np.empty_like(v)
+        for g, matrix in enumerate(root):
+            own = slice(None) if len(root) == 1 else np.flatnonzero(gains.which == g)
+            white[:, own] = v[:, own] @ matrix.T
     slopes = np.moveaxis((white[1:] - white[:1]) / taken[:, None, None], 0, 2)
-    turned = root[None] @ (S[1:] - S[:1]) @ np.swapaxes(root, 1, 2)[None] / taken[:, None, None, None]
+    spreads = root[None] @ (S[1:] - S[:1]) @ np.swapaxes(root, 1, 2)[None] / taken[:, None, None, None]
     return Innovations(
         np.ascontiguousarray(white[0]),
         float(np.sum(logs[gains.which])),
         entries,
         np.nan_to_num(slopes),
-        np.nan_to_num(np.moveaxis(turned, 0, 3)),
+        np.nan_to_num(np.moveaxis(spreads, 0, 3)),
         gains.which,
     )
-
-
-def _turned(root: FloatArray, v: FloatArray, which: IntArray) -> FloatArray:
-    """Return S^-1/2 v (B, n, n_y), each sample by the root that it has."""
-    if len(root) == len(which):  # a gain for every sample
-        return np.asarray(np.matmul(root, v[..., None])[..., 0])
-    out = np.empty_like(v)
-    for g, matrix in enumerate(root):
-        own = slice(None) if len(root) == 1 else np.flatnonzero(which == g)
-        out[:, own] = v[:, own] @ matrix.T
-    return out

@@ -1,4 +1,4 @@
-"""What disturbs a flight and what measures it: the noise of a filter, in numbers that can be estimated.
+"""Process and measurement noise of a filter, in numbers that can be estimated.
 
 Gusts of the vehicle file disturb where there are any; their intensities are numbers of the vehicle, free or not. Without
 a table of turbulence white accelerations disturb velocity and rates, one unknown intensity each. The noise of each
@@ -19,16 +19,8 @@ from stoop.problem import Piece
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import RIGID_STATES
 
-UNSTEADY: Final = {
-    "u": 0.3,
-    "v": 0.3,
-    "w": 0.3,
-    "p": 0.1,
-    "q": 0.1,
-    "r": 0.1,
-}  #: first guess, per root second
-LEAST: Final = 1e-3  #: of the first guess: no intensity is estimated below
-MOST: Final = 1e3
+FIRST_INTENSITY: Final = {"u": 0.3, "v": 0.3, "w": 0.3, "p": 0.1, "q": 0.1, "r": 0.1}  #: per root second
+RANGE: Final = (1e-3, 1e3)  #: of the first guess: bounds of an intensity
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,14 +41,9 @@ class Noise:
     given: FloatArray | None = None
 
     @cached_property
-    def moves(self) -> tuple[str, ...]:
-        """Names of the numbers of a move."""
-        return self.vehicle.moves
-
-    @cached_property
     def disturbed(self) -> tuple[str, ...]:
         """States with a white acceleration of unknown intensity: none where gusts disturb."""
-        return () if self.vehicle.gusts else tuple(s for s in self.moves if s in RIGID_STATES)
+        return () if self.vehicle.gusts else tuple(s for s in self.vehicle.moves if s in RIGID_STATES)
 
     @cached_property
     def channels(self) -> tuple[int, ...]:
@@ -71,12 +58,12 @@ class Noise:
     @cached_property
     def start(self) -> FloatArray:
         """The tail to begin with."""
-        return np.log([*(UNSTEADY[s] for s in self.disturbed), *self.first[list(self.channels)]])
+        return np.log([*(FIRST_INTENSITY[s] for s in self.disturbed), *self.first[list(self.channels)]])
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper bounds of the tail."""
-        return self.start + np.log(LEAST), self.start + np.log(MOST)
+        return self.start + np.log(RANGE[0]), self.start + np.log(RANGE[1])
 
     def process(self, tail: FloatArray, drive: FloatArray, dt: float) -> FloatArray:
         """Return the covariance (B, r, n_e, n_e) that a sample adds.
@@ -85,20 +72,20 @@ class Noise:
         ----------
         tail : (B, t)
         drive : (B, r, n_e, n_w)
-            Moves by one unit of noise held over the sample; noise of unit intensity has the variance 1/dt there.
+            Perturbation by one unit of noise held over the sample; noise of unit intensity has the variance 1/dt there.
         dt : float, s
         """
         out: FloatArray = drive @ np.swapaxes(drive, 2, 3) / dt
         for i, name in enumerate(self.disturbed):
-            e = self.moves.index(name)
+            e = self.vehicle.moves.index(name)
             out[:, :, e, e] += np.exp(2.0 * tail[:, i, None]) * dt
         return out
 
     def variances(self, tail: FloatArray) -> FloatArray:
         """Return the measurement variances (B, n_y), infinite for channels that were never measured."""
         if self.given is not None:
-            seen = np.isfinite(self.first)
-            return np.repeat(np.where(seen, self.given, np.inf)[None, :], len(tail), axis=0)
+            known = np.where(np.isfinite(self.first), self.given, np.inf)
+            return np.repeat(known[None, :], len(tail), axis=0)
         out = np.full((len(tail), len(self.first)), np.inf)
         out[:, list(self.channels)] = np.exp(2.0 * tail[:, len(self.disturbed) :])
         return out

@@ -1,1 +1,1 @@
-"""Equation error: aerodynamic coefficients measured sample by sample, and terms fitted to them by linear regression."""
+"""Equation error: regression rows from measured accelerations, least squares in time or frequency domain, structure."""

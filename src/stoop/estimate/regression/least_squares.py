@@ -1,4 +1,4 @@
-"""Least squares over several coefficients at once: a term may be tied to one of another coefficient."""
+"""Least squares over several equations at once; a parameter may stand in more than one of them."""
 
 from __future__ import annotations
 
@@ -7,69 +7,75 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import BoolArray, FloatArray
 from stoop.estimate.regression.domain import Domain
 
-ROUNDS: Final = 3  #: of weighing coefficients by their residuals
-TINY: Final = 1e-9  #: a column below this share of the largest says nothing
-SINGULAR: Final = 1e-13  #: of the greatest scaled eigenvalue; below it is rounding, not information
-TOUCHED: Final = 1e-3  #: a parameter with a larger component in a direction without information is not told
+Bounds = tuple[FloatArray, FloatArray]
+WEIGHT_ROUNDS: Final = 3  #: alternations of estimates and residual variances
+ZERO_COLUMN: Final = 1e-9  #: norm, of the largest column's, below which a column counts as zero
+SINGULAR: Final = 1e-13  #: of the largest scaled eigenvalue; smaller ones are rounding
+NULL_COMPONENT: Final = 1e-3  #: a parameter with a larger component in the null space is not identifiable
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
-    """The rows of one coefficient from one stretch.
+class Rows:
+    """The rows of one equation from one stretch of record without a hole.
 
     Attributes
     ----------
-    coefficient : str
+    equation : str
+        ``"Cm"``, ``"roll"``, ...
     y : (m,)
+        Response.
     X : (m, k)
-        Over all k parameters; zero where the coefficient has none of them.
+        Regressors of all k parameters; zero columns for those that the equation lacks.
     dt : float, s
+        Sample period of the record.
     """
 
-    coefficient: str
+    equation: str
     y: FloatArray
     X: FloatArray
     dt: float
 
     @property
-    def own(self) -> NDArray[np.bool_]:
-        """Which parameters this coefficient has (k,)."""
+    def used(self) -> BoolArray:
+        """Which parameters stand in the equation (k,)."""
         return np.asarray(np.any(self.X != 0.0, axis=0))
+
+    def transformed(self, domain: Domain) -> Rows:
+        """Return the rows in a domain; columns that the transform removes are exactly zero."""
+        both = domain.rows(np.column_stack([self.y, self.X]), self.dt)
+        X = both[:, 1:]
+        if not domain.keeps_constants:
+            X[:, np.linalg.norm(X, axis=0) <= ZERO_COLUMN * np.linalg.norm(self.X, axis=0)] = 0.0
+        return Rows(self.equation, both[:, 0], X, self.dt)
 
 
 @dataclass(frozen=True, eq=False)
 class Priors:
-    """What is known before: value and standard deviation of each parameter, infinite where nothing is."""
+    """Prior mean and standard deviation of each parameter (k,); infinite where there is none."""
 
-    value: FloatArray
+    mean: FloatArray
     sigma: FloatArray
-
-    @property
-    def precision(self) -> FloatArray:
-        """One over the variances (k,)."""
-        return np.asarray(1.0 / self.sigma**2)
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
-    """Estimates of k parameters.
+class Estimates:
+    """Least-squares estimates of k parameters.
 
     Attributes
     ----------
     values : (k,)
     covariance : (k, k)
-        Corrected for the color of the residuals; NaN for what no row tells, alone or in combination.
+        Corrected for the color of the residuals; NaN for parameters that are not identifiable.
     white : (k, k)
         As if the residuals were white.
     sigma : mapping of str to float
-        Standard deviation of the residuals of each coefficient.
+        Standard deviation of the residuals of each equation.
     r2 : mapping of str to float
-        Share of each coefficient's motion, about its mean, that the terms explain.
+        Coefficient of determination of each equation.
     """
 
     values: FloatArray
@@ -79,121 +85,98 @@ class Solved:
     r2: dict[str, float]
 
 
-def solve(
-    blocks: Sequence[Block], bounds: tuple[FloatArray, FloatArray], priors: Priors, domain: Domain
-) -> Solved:
-    """Estimate parameters; coefficients weigh by their residuals, found in a few rounds.
+def solve(rows: Sequence[Rows], bounds: Bounds, priors: Priors, domain: Domain) -> Estimates:
+    """Estimate parameters; the equations are weighted by the variances of their residuals.
 
     Parameters
     ----------
-    blocks : sequence of Block
+    rows : sequence of Rows
+        In `domain`.
     bounds : lower, upper (k,)
     priors : Priors
     domain : Domain
-        It knows what noise does to a sum of rows.
+        Gives the color correction of the covariance.
     """
-    small = [_triangular(b) for b in blocks]
-    sigma = {b.coefficient: 1.0 for b in blocks}
-    sigma = {c: float(np.std(np.concatenate([b.y for b in blocks if b.coefficient == c]))) for c in sigma}
-    values = priors.value
-    for _ in range(ROUNDS):
-        values = _weighted(small, bounds, priors, _kept_above_zero(sigma, blocks))
-        sigma = {c: _residual_sigma(blocks, c, values) for c in sigma}
-    sigma = _kept_above_zero(sigma, blocks)
-    white, covariance = _covariances(blocks, values, priors, sigma, domain)
-    return Solved(values, covariance, white, sigma, {c: _r2(blocks, c, values) for c in sigma})
+    reduced = [_triangular(r) for r in rows]
+    of = {name: [r for r in rows if r.equation == name] for name in dict.fromkeys(r.equation for r in rows)}
+    floor = {c: max(1e-9 * max(float(np.max(np.abs(r.y))) for r in own), 1e-12) for c, own in of.items()}
+    sigma = {c: float(np.std(np.concatenate([r.y for r in own]))) for c, own in of.items()}
+    values = priors.mean
+    for _ in range(WEIGHT_ROUNDS):
+        values = _weighted(reduced, bounds, priors, {c: max(s, floor[c]) for c, s in sigma.items()})
+        left = {c: np.concatenate([r.y - r.X @ values for r in own]) for c, own in of.items()}
+        used = {c: int(np.any([r.used for r in own], axis=0).sum()) for c, own in of.items()}
+        sigma = {c: float(np.sqrt(np.sum(v**2) / max(len(v) - used[c], 1))) for c, v in left.items()}
+    sigma = {c: max(s, floor[c]) for c, s in sigma.items()}
+    white, covariance = _covariances(rows, values, priors, sigma, domain)
+    r2 = {c: r_squared(np.concatenate([r.y for r in own]), left[c]) for c, own in of.items()}
+    return Estimates(values, covariance, white, sigma, r2)
 
 
-def _triangular(block: Block) -> Block:
-    """Return few rows with the same sums of squares: the triangle of a QR decomposition."""
-    own = np.flatnonzero(block.own)
-    triangle = np.asarray(np.linalg.qr(np.column_stack([block.X[:, own], block.y]), mode="r"))
-    X = np.zeros((len(triangle), block.X.shape[1]))
+def r_squared(y: FloatArray, residual: FloatArray) -> float:
+    """Return the coefficient of determination of a response (m,) about its mean; NaN where it is constant."""
+    total = float(np.sum((y - y.mean()) ** 2))
+    return 1.0 - float(np.sum(residual**2)) / total if total > 0.0 else np.nan
+
+
+def _triangular(rows: Rows) -> Rows:
+    """Return few rows with the same normal equations: the triangle of a QR decomposition."""
+    own = np.flatnonzero(rows.used)
+    triangle = np.asarray(np.linalg.qr(np.column_stack([rows.X[:, own], rows.y]), mode="r"))
+    X = np.zeros((len(triangle), rows.X.shape[1]))
     X[:, own] = triangle[:, :-1]
-    return Block(block.coefficient, triangle[:, -1], X, block.dt)
+    return Rows(rows.equation, triangle[:, -1], X, rows.dt)
 
 
-def _kept_above_zero(sigma: dict[str, float], blocks: Sequence[Block]) -> dict[str, float]:
-    size = {
-        c: max((float(np.max(np.abs(b.y))) for b in blocks if b.coefficient == c), default=1.0) for c in sigma
-    }
-    return {c: max(s, 1e-9 * size[c], 1e-12) for c, s in sigma.items()}
-
-
-def _weighted(
-    blocks: Sequence[Block], bounds: tuple[FloatArray, FloatArray], priors: Priors, sigma: dict[str, float]
-) -> FloatArray:
+def _weighted(rows: Sequence[Rows], bounds: Bounds, priors: Priors, sigma: dict[str, float]) -> FloatArray:
+    """Return the bounded weighted estimates; in the null space parameters keep their prior mean."""
     from scipy.optimize import lsq_linear
 
-    believed = np.isfinite(priors.sigma)
-    A = np.concatenate([*(b.X / sigma[b.coefficient] for b in blocks), np.diag(1.0 / priors.sigma)[believed]])
-    y = np.concatenate(
-        [*(b.y / sigma[b.coefficient] for b in blocks), (priors.value / priors.sigma)[believed]]
-    )
+    stated = np.isfinite(priors.sigma)
+    A = np.concatenate([*(r.X / sigma[r.equation] for r in rows), np.diag(1.0 / priors.sigma)[stated]])
+    y = np.concatenate([*(r.y / sigma[r.equation] for r in rows), (priors.mean / priors.sigma)[stated]])
     size = np.linalg.norm(A, axis=0)
-    told = size > TINY * size.max(initial=0.0)
-    scale = size[told]
-    lower, upper = (side[told] * scale for side in bounds)
-    held = priors.value[told] * scale
-    lost = _unseen(A[:, told] / scale)  # along these the numbers stay where they were
-    rows, wanted = np.concatenate([A[:, told] / scale, lost]), np.concatenate([y, lost @ held])
-    out = priors.value.copy()
-    out[told] = lsq_linear(rows, wanted, bounds=(lower, upper)).x / scale
+    free = size > ZERO_COLUMN * size.max(initial=0.0)
+    scale = size[free]
+    lower, upper = (side[free] * scale for side in bounds)
+    scaled = A[:, free] / scale
+    null = np.empty((0, len(scale)))
+    if scaled.size:
+        values, vectors = np.linalg.eigh(scaled.T @ scaled)
+        null = vectors[:, values <= SINGULAR * values[-1]].T
+    target = np.concatenate([y, null @ (priors.mean[free] * scale)])
+    out = priors.mean.copy()
+    out[free] = lsq_linear(np.concatenate([scaled, null]), target, bounds=(lower, upper)).x / scale
     return out
 
 
-def _unseen(A: FloatArray) -> FloatArray:
-    """Return the directions (m, k) that no row tells, of columns of length 1."""
-    if not A.size:
-        return np.empty((0, A.shape[1]))
-    values, vectors = np.linalg.eigh(A.T @ A)
-    return np.asarray(vectors[:, values <= SINGULAR * values[-1]].T)
-
-
-def _residuals(blocks: Sequence[Block], coefficient: str, values: FloatArray) -> FloatArray:
-    return np.concatenate([b.y - b.X @ values for b in blocks if b.coefficient == coefficient])
-
-
-def _residual_sigma(blocks: Sequence[Block], coefficient: str, values: FloatArray) -> float:
-    v = _residuals(blocks, coefficient, values)
-    own = np.any([b.own for b in blocks if b.coefficient == coefficient], axis=0)
-    return float(np.sqrt(np.sum(v**2) / max(len(v) - int(own.sum()), 1)))
-
-
-def _r2(blocks: Sequence[Block], coefficient: str, values: FloatArray) -> float:
-    y = np.concatenate([b.y for b in blocks if b.coefficient == coefficient])
-    about = float(np.sum((y - y.mean()) ** 2))
-    return (
-        1.0 - float(np.sum(_residuals(blocks, coefficient, values) ** 2)) / about if about > 0.0 else np.nan
-    )
-
-
 def _covariances(
-    blocks: Sequence[Block], values: FloatArray, priors: Priors, sigma: dict[str, float], domain: Domain
+    rows: Sequence[Rows], values: FloatArray, priors: Priors, sigma: dict[str, float], domain: Domain
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the covariance of white and of colored residuals, M^-1 and M^-1 [sum X' V X] M^-1."""
-    M, middle = np.diag(priors.precision), np.diag(priors.precision)
-    for b in blocks:
-        weight = 1.0 / sigma[b.coefficient] ** 2
-        own, v = np.flatnonzero(b.own), b.y - b.X @ values
-        X, square = b.X[:, own], np.ix_(own, own)
-        degrees = len(v) / max(len(v) - len(own), 1)
+    """Return the covariance for white and for colored residuals: M^-1 and M^-1 [sum X' V X] M^-1."""
+    M = np.diag(1.0 / priors.sigma**2)
+    middle = M.copy()
+    for r in rows:
+        weight = 1.0 / sigma[r.equation] ** 2
+        own, v = np.flatnonzero(r.used), r.y - r.X @ values
+        X, square = r.X[:, own], np.ix_(own, own)
+        freedom = len(v) / max(len(v) - len(own), 1)
         M[square] += weight * (X.T @ X)
-        middle[square] += weight**2 * degrees * domain.spread(X, v, b.dt)
-    inverse, told = _inverted(M)
-    both = np.outer(told, told)
+        middle[square] += weight**2 * freedom * domain.scatter(X, v, r.dt)
+    inverse, known = _inverse(M)
+    both = np.outer(known, known)
     return np.where(both, inverse, np.nan), np.where(both, inverse @ middle @ inverse, np.nan)
 
 
-def _inverted(M: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Return the inverse (k, k) without the directions that no row tells, and which parameters those leave alone.
+def _inverse(M: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return the inverse (k, k) without the null space, and which parameters have no component in it.
 
-    A pseudo-inverse gives what moves along such a direction an error of zero there: the opposite of the truth.
+    A pseudo-inverse gives a parameter in the null space zero variance there: the opposite of the truth.
     """
     diagonal = np.diag(M)
     scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     values, vectors = np.linalg.eigh(M / np.outer(scale, scale))
     kept = values > SINGULAR * max(float(values[-1]), 0.0)
     factor = vectors[:, kept] / np.sqrt(values[kept]) / scale[:, None]
-    told = (diagonal > 0.0) & (np.linalg.norm(vectors[:, ~kept], axis=1) <= TOUCHED)
-    return factor @ factor.T, told
+    known = (diagonal > 0.0) & (np.linalg.norm(vectors[:, ~kept], axis=1) <= NULL_COMPONENT)
+    return factor @ factor.T, known

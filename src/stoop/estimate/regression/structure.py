@@ -1,58 +1,153 @@
-"""Which terms each coefficient of a vehicle needs, from flights."""
+"""Model structure determination: candidate terms of each coefficient, and those that flights need."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import ast
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
-from stoop.estimate.regression import hierarchy
+from stoop.estimate.regression.aircraft import COEFFICIENTS, History, histories
 from stoop.estimate.regression.domain import Domain
-from stoop.estimate.regression.history import ESTIMATED, History, histories
-from stoop.estimate.regression.rows import Model, Rows, stack
-from stoop.estimate.regression.selection import TOLERANCE, Selection
+from stoop.estimate.regression.selection import TOLERANCE, Model, Regression, Selection
 from stoop.flight import Flight
-from stoop.problem import Piece
 from stoop.problem.prepare import prepare, without_stuck_channels
 from stoop.problem.windows import Window
-from stoop.vehicle import Vehicle, terms
+from stoop.vehicle import Vehicle, defaults, terms
 
-Choose = Callable[[Rows], Selection]
-ALIKE: Final = 0.95  #: correlation above which the data hardly tell two candidates apart
-FAIR: Final = 0.5  #: of the motion explained; less is no structure
-FEWEST_ROWS: Final = 3  #: times the candidates
-UNMEASURED: Final = (
+Choose = Callable[[Regression], Selection]
+SYMMETRIC: Final = ("CL", "CD", "Cm")
+MAX_CANDIDATES: Final = 200  #: of one coefficient
+CORRELATION_LIMIT: Final = 0.95  #: above, the data hardly distinguish two candidates
+FAIR_R2: Final = 0.5  #: below, what was chosen is no structure
+MIN_ROWS: Final = 3
+NOT_MEASURED: Final = (
     "airspeed, flow angles, rates, attitude and accelerations must be measured together, for "
     "longer than a few periods of the lowest frequency; choose other windows"
 )
+_NOT_A_WORD: Final = re.compile(r"[^A-Za-z0-9]+")
+
+
+def standard_candidates(vehicle: Vehicle) -> dict[str, tuple[str, ...]]:
+    """Return the candidates by coefficient that are tried unless others are given.
+
+    Lift, drag and pitching moment: angle of attack up to the third power, pitch rate, speed, every control,
+    their products with angle of attack, and the even part of sideslip. Side force, rolling and yawing moment:
+    sideslip, roll and yaw rate, every control, their products with angle of attack, and sideslip cubed.
+    """
+    controls = vehicle.controls
+    longitudinal = ("alpha", "q", "V", *controls, "alpha^2", "alpha^3", "alpha*q")
+    lateral = ("beta", "p", "r", *controls, "alpha*beta", "alpha*p", "alpha*r", "beta^3")
+    products = tuple(f"alpha*{c}" for c in controls)
+    even = ("beta^2",) if vehicle.reduce == "full" else ()
+    kinds = {True: (*longitudinal, *products, *even), False: (*lateral, *products)}
+    return {c: kinds[c in SYMMETRIC] for c in defaults.COEFFICIENTS}
+
+
+def parse_candidates(lines: Iterable[str], vehicle: Vehicle, where: str) -> dict[str, tuple[str, ...]]:
+    """Return candidates written as ``Cm: alpha, q, alpha^2``; coefficients not named have none.
+
+    Raises
+    ------
+    IdentificationError
+        A line of another form, or a coefficient that does not exist.
+    TermError
+        A term that cannot be read.
+    """
+    names = {*terms.STATE_VARIABLES, *vehicle.file.controls}
+    out: dict[str, tuple[str, ...]] = {}
+    for line in lines:
+        text = line.partition("#")[0].strip()
+        if not text:
+            continue
+        coefficient, colon, rest = (part.strip() for part in text.partition(":"))
+        if not colon or coefficient not in defaults.COEFFICIENTS:
+            raise IdentificationError(
+                f"{where}: cannot read '{text[:60]}'; write a line per coefficient, e.g. Cm: alpha, q, elevator, alpha^2"
+            )
+        found = tuple(dict.fromkeys(t.strip() for t in rest.split(",") if t.strip()))
+        for term in found:
+            terms.parse(term, names, f"{where}: {coefficient}")
+        out[coefficient] = (*out.get(coefficient, ()), *found)
+        if len(out[coefficient]) > MAX_CANDIDATES:
+            raise IdentificationError(
+                f"{where}: {coefficient}: more than {MAX_CANDIDATES} candidates; leave some out"
+            )
+    if not any(out.values()):
+        raise IdentificationError(f"{where}: names no candidate; write e.g. Cm: alpha, q, elevator, alpha^2")
+    return out
+
+
+def parameter_name(coefficient: str, term: str, taken: Iterable[str] = ()) -> str:
+    """Return the name of a term's parameter: ``CLalpha2`` for ``alpha^2``, ``Cmalphaelevator`` for a product."""
+    base = (coefficient + _NOT_A_WORD.sub("", term.replace("^", "")))[:36]
+    used, name, number = set(taken), base, 2
+    while name in used:
+        name, number = f"{base}_{number}", number + 1
+    return name
+
+
+def parents(trees: Sequence[ast.expr]) -> tuple[tuple[int, ...], ...]:
+    """Return for each term the places of the plain variables that it is a product or power of (marginality).
+
+    `alpha^3` without `alpha` would become a model with both at another reference angle. Variables that are no candidates
+    are not asked for, so an even function stays possible: `beta^2` in lift. What is no monomial, such as `abs(beta)`,
+    has none.
+    """
+    plain = {tree.id: i for i, tree in enumerate(trees) if isinstance(tree, ast.Name)}
+    powers = [_powers(tree) for tree in trees]
+    return tuple(
+        () if p is None or p.total() < 2 else tuple(sorted(plain[name] for name in p if name in plain))
+        for p in powers
+    )
+
+
+def _powers(tree: ast.expr) -> Counter[str] | None:
+    """Return the exponents of a monomial; None for anything else."""
+    match tree:
+        case ast.Name(id=name):
+            return Counter({name: 1})
+        case ast.Constant():
+            return Counter()
+        case ast.UnaryOp(operand=inner):
+            return _powers(inner)
+        case ast.BinOp(left=left, op=ast.Mult(), right=right):
+            a, b = _powers(left), _powers(right)
+            return None if a is None or b is None else a + b
+        case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=int(power))) if power > 0:
+            base = _powers(left)
+            return None if base is None else Counter({n: e * power for n, e in base.items()})
+    return None
 
 
 @dataclass(frozen=True, eq=False)
-class Chosen:
-    """What was found of one coefficient.
+class ChosenTerms:
+    """The terms of one coefficient.
 
     Attributes
     ----------
     candidates : tuple of str
+        Those that moved.
     selection : Selection
         Its columns are places in `candidates`.
-    notes : tuple of str
-        Candidates that the flights hardly tell apart, or do not contain.
+    notices : tuple of Notice
+        Candidates that the flights hardly distinguish, or do not contain.
     """
 
     candidates: tuple[str, ...]
     selection: Selection
-    notes: tuple[str, ...]
+    notices: tuple[Notice, ...]
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """The terms that were chosen, in the order of the candidates."""
+        """The chosen terms, in the order of the candidates."""
         return tuple(self.candidates[i] for i in sorted(self.selection.model.columns))
 
 
@@ -60,9 +155,9 @@ class Chosen:
 class Structure:
     """The terms of each coefficient that had candidates, and the histories that they were chosen on."""
 
-    chosen: Mapping[str, Chosen]
+    chosen: Mapping[str, ChosenTerms]
     histories: tuple[History, ...]
-    notes: tuple[str, ...]
+    notices: tuple[Notice, ...]
 
 
 def determine(
@@ -83,9 +178,9 @@ def determine(
     flights, windows
         As for `stoop.estimate.fit.fit`.
     candidates : mapping of str to sequence of str
-        Coefficient -> terms; those of coefficients that are not estimated are passed over.
+        Coefficient -> terms; those of coefficients that are not estimated are ignored.
     choose : callable
-        From the rows of a regression to a selection, such as `stepwise`.
+        From a regression to a selection, such as `stepwise`.
     domain : Domain
 
     Raises
@@ -94,110 +189,70 @@ def determine(
         The motion was not measured, or for too short a time.
     """
     prepared = without_stuck_channels(vehicle, prepare(vehicle, flights, windows))
-    found = all_histories(vehicle, prepared.pieces)
-    known = [c for c in ESTIMATED[vehicle.reduce] if candidates.get(c)]
-    if not known:
+    found = tuple(h for piece in prepared.pieces for h in histories(vehicle, piece))
+    if not found:
+        raise IdentificationError(f"{vehicle.where}: no coefficient can be computed: {NOT_MEASURED}")
+    estimated = [c for c in COEFFICIENTS[vehicle.reduce] if candidates.get(c)]
+    if not estimated:
         raise IdentificationError(
             f"{vehicle.where}: no coefficient of the {vehicle.reduce} model has a candidate; "
-            f"name some of {', '.join(ESTIMATED[vehicle.reduce])}"
+            f"name some of {', '.join(COEFFICIENTS[vehicle.reduce])}"
         )
-    _check_variables(vehicle, {c: candidates[c] for c in known}, found[0])
-    chosen = {c: _chosen(vehicle, c, tuple(candidates[c]), found, choose, domain) for c in known}
-    return Structure(chosen, found, tuple(dict.fromkeys(map(str, prepared.notices))))
-
-
-def _check_variables(vehicle: Vehicle, candidates: Mapping[str, Sequence[str]], history: History) -> None:
-    """Refuse candidates of a control that the vehicle's equations do not have: its deflection is not known."""
-    names = {*terms.STATE_VARIABLES, *vehicle.file.controls}
-    for coefficient, texts in candidates.items():
-        for text in texts:
-            unknown = terms.variables(terms.parse(text, names, coefficient)) - set(history.variables)
-            if unknown:
-                raise IdentificationError(
-                    f"{vehicle.where}: {coefficient}: candidate {text}: no term of the file has {min(unknown)}, so its channel "
-                    "is not read; add one with value 0"
-                )
-
-
-def all_histories(vehicle: Vehicle, pieces: Sequence[Piece]) -> tuple[History, ...]:
-    """Return the histories of all pieces.
-
-    Raises
-    ------
-    IdentificationError
-        There are none.
-    """
-    found = tuple(h for piece in pieces for h in histories(vehicle, piece))
-    if not found:
-        raise IdentificationError(f"{vehicle.where}: no coefficient can be computed: {UNMEASURED}")
-    return found
+    chosen = {c: _chosen(vehicle, c, tuple(candidates[c]), found, choose, domain) for c in estimated}
+    return Structure(chosen, found, prepared.notices)
 
 
 def _chosen(
     vehicle: Vehicle, coefficient: str, candidates: tuple[str, ...], found: Sequence[History],
     choose: Choose, domain: Domain,
-) -> Chosen:  # fmt: skip
+) -> ChosenTerms:  # fmt: skip
+    names = {*terms.STATE_VARIABLES, *vehicle.file.controls}
+    trees = [terms.parse(text, names, coefficient) for text in candidates]
+    for text, tree in zip(candidates, trees, strict=True):
+        unknown = terms.variables(tree) - set(found[0].variables)
+        if unknown:  # a control that the equations lack: its deflection is not known
+            raise IdentificationError(
+                f"{vehicle.where}: {coefficient}: candidate {text}: no term of the file has {min(unknown)}, so its channel "
+                "is not read; add one with value 0"
+            )
     signals = [np.column_stack([h.coefficients[coefficient], *map(h.regressor, candidates)]) for h in found]
-    rows = stack(signals, domain, found[0].dt)
-    if rows.count < FEWEST_ROWS:
-        raise IdentificationError(f"{vehicle.where}: {coefficient}: the windows are too short: {UNMEASURED}")
-    still = np.linalg.norm(rows.X, axis=0) <= 1e-9 * np.sqrt(rows.count)
-    moving = tuple(np.flatnonzero(~still).tolist())
-    names = tuple(candidates[i] for i in moving)
-    known = {*terms.STATE_VARIABLES, *vehicle.file.controls}
-    parents = hierarchy.parents([terms.parse(name, known, coefficient) for name in names])
-    reduced = replace(rows, X=rows.X[:, moving], parents=parents)
-    selection = choose(reduced)
-    notes = (
-        *_still(coefficient, candidates, still), *_alike(coefficient, names, reduced),
-        *_little(coefficient, selection.model.r2),
-    )  # fmt: skip
-    return Chosen(names, selection, notes)
-
-
-def _little(coefficient: str, share: float) -> list[str]:
-    """Say when what was chosen explains little: terms are missing among the candidates, or in the inputs."""
-    if share >= FAIR:
-        return []
-    return [
-        f"{coefficient}: the chosen terms explain {max(share, 0.0):.0%} of its motion only, so this is not its structure: "
-        "larger inputs about its axis, a wider band, other candidates, or channels and inertia that are right"
-    ]
-
-
-def _still(coefficient: str, candidates: Sequence[str], still: NDArray[np.bool_]) -> list[str]:
-    names = [c for c, s in zip(candidates, still, strict=True) if s]
-    return [f"{coefficient}: {', '.join(names)} did not move; nothing can be said of it"] if names else []
-
-
-def _alike(coefficient: str, names: Sequence[str], rows: Rows) -> list[str]:
-    """Say which candidates go together so closely that choosing one of them is luck."""
-    correlation = np.corrcoef(rows.X, rowvar=False).reshape(len(names), len(names))
-    said = [
-        f"{coefficient}: {', '.join(names[i] for i in group)} move together (correlation {_least(correlation, group):.2f} or "
-        "more); these flights hardly tell which is needed"
-        for group in _groups(np.abs(correlation) > ALIKE)
-    ]
-    spanned = [names[i] for i in range(len(names)) if _spanned(rows, i)]
-    if spanned:
-        said.append(
-            f"{coefficient}: {', '.join(spanned)}: more than {1.0 - TOLERANCE:.0%} of it is a combination of the other "
-            "candidates; move the controls independently, or set reference.alpha to the mean angle of attack"
+    whole = Regression.of(signals, domain, found[0].dt)
+    if whole.count < MIN_ROWS:
+        raise IdentificationError(
+            f"{vehicle.where}: {coefficient}: the windows are too short: {NOT_MEASURED}"
         )
-    return said
+    constant = np.linalg.norm(whole.X, axis=0) <= 1e-9 * np.sqrt(whole.count)
+    moving = tuple(np.flatnonzero(~constant).tolist())
+    kept = tuple(candidates[i] for i in moving)
+    regression = replace(whole, X=whole.X[:, moving], parents=parents([trees[i] for i in moving]))
+    selection = choose(regression)
+    notices = []
+    if constant.any():
+        still = tuple(c for c, s in zip(candidates, constant, strict=True) if s)
+        notices.append(notice("candidate-constant", coefficient, terms=still))
+    notices += _indistinct(coefficient, kept, regression)
+    if selection.model.r2 < FAIR_R2:
+        notices.append(notice("structure-low-r-squared", coefficient, r2=max(selection.model.r2, 0.0)))
+    return ChosenTerms(kept, selection, tuple(notices))
 
 
-def _groups(alike: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
-    """Return the places that are alike, directly or by way of others, group by group."""
-    count, member = connected_components(alike, directed=False)
-    groups = [np.flatnonzero(member == g) for g in range(count)]
-    return [group for group in groups if len(group) > 1]
-
-
-def _least(correlation: FloatArray, group: NDArray[np.intp]) -> float:
-    return float(np.min(np.abs(correlation[np.ix_(group, group)])))
-
-
-def _spanned(rows: Rows, column: int) -> bool:
-    others = tuple(i for i in range(rows.X.shape[1]) if i != column)
-    return len(others) < rows.count and Model(rows, others).tolerance(column) < TOLERANCE
+def _indistinct(coefficient: str, names: Sequence[str], regression: Regression) -> list[Notice]:
+    """Return which candidates are so nearly collinear that the choice among them is arbitrary."""
+    correlation = np.abs(np.corrcoef(regression.X, rowvar=False).reshape(len(names), len(names)))
+    groups, member = connected_components(correlation > CORRELATION_LIMIT, directed=False)
+    out = []
+    for places in (np.flatnonzero(member == g) for g in range(groups)):
+        if len(places) > 1:
+            least = float(np.min(correlation[np.ix_(places, places)]))
+            alike = tuple(names[int(i)] for i in places)
+            out.append(notice("candidates-correlated", coefficient, terms=alike, correlation=least))
+    every = range(len(names))
+    others = {i: tuple(j for j in every if j != i) for i in every}
+    spanned = tuple(
+        names[i]
+        for i in every
+        if len(others[i]) < regression.count and Model(regression, others[i]).tolerance(i) < TOLERANCE
+    )
+    if spanned:
+        out.append(notice("candidates-collinear", coefficient, terms=spanned, share=1.0 - TOLERANCE))
+    return out

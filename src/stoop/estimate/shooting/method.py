@@ -1,4 +1,9 @@
-"""The method ``multiple-shooting``."""
+"""The method ``multiple-shooting``.
+
+Gauss-Newton on windows that do not meet yet, alternating with noise-covariance estimation. Where no start of a vehicle
+with rotors is near enough for Gauss-Newton, an optimizer first searches windows that begin as they were measured: each
+is then a piece of its own, so that even a wrong candidate can be simulated to their end.
+"""
 
 from __future__ import annotations
 
@@ -14,25 +19,38 @@ from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
 from stoop.errors import IdentificationError
-from stoop.estimate.filter_error.paths import undelayed
-from stoop.estimate.fit import MAX_ROUNDS, NOISE_TOLERANCE, Fit, Options, estimation_problem, starts
+from stoop.estimate.filter_error.linearization import refuse_free_delays, undelayed
+from stoop.estimate.fit import (
+    MAX_ROUNDS,
+    NOISE_TOLERANCE,
+    SEARCH_SHARE,
+    Fit,
+    Options,
+    estimation_problem,
+    starts,
+)
 from stoop.estimate.noise import effective_variance_of, first_variance, variance_of
-from stoop.estimate.shooting.evidence import evidence
-from stoop.estimate.shooting.first import is_poor, searched, windowed
-from stoop.estimate.shooting.search import LOOSE, STRICTNESS, End, Meeting, Place, scales_of, search
-from stoop.estimate.shooting.wander import wandering
-from stoop.estimate.shooting.windows import WINDOW_LENGTH, Shots, measured_states, residual
+from stoop.estimate.shooting.search import (
+    Iterate,
+    ShootingProblem,
+    Solution,
+    solve,
+    with_likeliest_wind_steps,
+)
+from stoop.estimate.shooting.windows import WINDOW_LENGTH, WindowModel, window_model
 from stoop.flight import Flight
 from stoop.optimize.minimize import Status
-from stoop.problem import Misfit, Weights
+from stoop.problem import Layout, Misfit, Weights
 from stoop.problem.prepare import Prepared
 from stoop.problem.windows import Window
-from stoop.simulate.delays import output_delays
 from stoop.vehicle import Vehicle
 
 DEFAULTS: Final = Options()
-AGAIN: Final = 3000.0  #: trajectories of a search after steps from a fair start led nowhere
-ADVICE: Final = {
+SECOND_BUDGET: Final = (
+    3000.0  #: trajectories of a search after Gauss-Newton from a fair start did not converge
+)
+POOR: Final = 0.7  #: of the cost of constant readings: a start that is no better is none
+ADVICE: Final[dict[Status, str]] = {
     "converged": "",
     "generations": "the windows do not meet at an optimum; begin nearer, or fix what the data cannot tell",
     "interrupted": "stopped by the user",
@@ -60,179 +78,172 @@ class MultipleShooting:
         callback: Callable[[Any], None] | None = None,
         state: Any = None,
     ) -> Fit:
-        """Fit windows, see :mod:`stoop.estimate.methods`."""
-        problem, prepared = estimation_problem(vehicle, flights, windows, options)
-        _check(problem)
-        with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
-            moved = replace(problem, pieces=tuple(undelayed(problem, piece) for piece in problem.pieces))
-            if options.covariance is None:
-                moved = moved.weighted(Weights.of(first_variance(moved)))
-            shots = tuple(Shots.of(moved, i, self.length) for i in range(len(moved.pieces)))
-            meeting = Meeting(moved, shots, scales_of(moved))
-            return self._fit(
-                problem, prepared, meeting, options, _Afar(moved, shots, options, callback, state)
-            )
+        """Fit windows, see :mod:`stoop.estimate.methods`.
 
-    def _fit(
-        self, problem: Misfit, prepared: Prepared, meeting: Meeting, options: Options, afar: _Afar
-    ) -> Fit:
-        """Step from the best start; search first where all are poor, or where the steps led nowhere."""
-        nodes = tuple(
-            np.pad(measured_states(shots), [(0, len(shots.blown)), (0, 0)]) for shots in meeting.shots
-        )
-        firsts = starts(meeting.problem)
-        far = afar.outcome(firsts) if afar.wanted(firsts) else None
-        begins = [np.concatenate([x, np.zeros(problem.extra)]) for x in firsts] if far is None else [far.z]
-        found = self._from(meeting, nodes, begins, options, far)
-        if far is None and found.status == "generations" and problem.layout.vehicle.hovers:
-            far = afar.limited(AGAIN).outcome(firsts)
-            again = self._from(meeting, nodes, [far.z], options, far)
+        `callback` and `state` are those of the global search of vehicles with rotors.
+        """
+        problem, prepared = estimation_problem(vehicle, flights, windows, options)
+        refuse_free_delays(problem)
+        with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
+            shifted = replace(problem, pieces=tuple(undelayed(problem, piece) for piece in problem.pieces))
+            if options.covariance is None:
+                shifted = shifted.weighted(Weights.of(first_variance(shifted)))
+            search = GlobalSearch(ShootingProblem.of(shifted, self.length), options, callback, state)
+            found, start = self._solve(search, options)
+            return self._fit(problem, prepared, found, start)
+
+    def _solve(self, search: GlobalSearch, options: Options) -> tuple[Refined, optimize.Outcome | None]:
+        """Return the solution from the best start; search first where all are poor, or where none converges."""
+        problem = search.shooting.problem
+        nodes = tuple(shots.measured_nodes() for shots in search.shooting.shots)
+        guesses = starts(problem)
+        start = search.outcome(guesses) if search.wanted(guesses) else None
+        padded = list(np.pad(guesses, [(0, 0), (0, problem.extra)]))
+        found = self._from(search.shooting, nodes, padded if start is None else [start.z], options, start)
+        if start is None and found.status == "generations" and search.model.global_start:
+            limited = replace(options, budget=min(SECOND_BUDGET, options.budget))
+            start = replace(search, options=limited).outcome(guesses)
+            again = self._from(search.shooting, nodes, [start.z], options, start)
             found = again if again.status == "converged" else found
-        return self._found(problem, prepared, found, far)
+        return found, start
 
     def _from(
         self,
-        meeting: Meeting,
+        problem: ShootingProblem,
         nodes: tuple[FloatArray, ...],
         begins: Sequence[FloatArray],
         options: Options,
-        far: optimize.Outcome | None,
-    ) -> _Refined:
-        place = min((meeting.place(z, nodes) for z in begins), key=lambda p: p.cost)
-        if not np.isfinite(place.cost):
+        start: optimize.Outcome | None,
+    ) -> Refined:
+        at = min((problem.iterate(z, nodes) for z in begins), key=lambda p: p.cost)
+        if not np.isfinite(at.cost):
             raise IdentificationError(
-                f"{meeting.problem.layout.vehicle.where}: not even windows of {self.length:g} s can be flown from the "
+                f"{problem.problem.layout.vehicle.where}: not even windows of {self.length:g} s can be flown from the "
                 "start; check values and units"
             )
-        if far is not None and far.status == "interrupted":
-            return _Refined(meeting, End(place, False, 0), 0, "interrupted", False)
-        return _refined(meeting, place, options)
+        if start is not None and start.status == "interrupted":
+            return Refined(problem, at, 0, "interrupted", False)
+        return refined(problem, at, options)
 
-    def _found(
-        self, problem: Misfit, prepared: Prepared, found: _Refined, far: optimize.Outcome | None
+    def _fit(
+        self, problem: Misfit, prepared: Prepared, found: Refined, start: optimize.Outcome | None
     ) -> Fit:
-        place, status = found.end.place, found.status
-        searched = 0.0 if far is None else far.trajectories
-        many = searched + float(found.spent * (problem.dimension + problem.extra + 2))
+        at, status = found.at, found.status
+        searched = 0.0 if start is None else start.trajectories
+        many = searched + float(found.iterations * (problem.dimension + problem.extra + 2))
         outcome = optimize.Outcome(
-            place.z, place.cost, many, found.spent, status, ADVICE[status],
-            np.empty((0, 2)) if far is None else far.history, None if far is None else far.state,
-            "gauss-newton" if far is None else far.optimizer,
+            at.z, at.cost, many, found.iterations, status, ADVICE[status],
+            np.empty((0, 2)) if start is None else start.history, None if start is None else start.state,
+            "gauss-newton" if start is None else start.optimizer,
         )  # fmt: skip
-        code = "multiple-shooting-rotors" if problem.layout.vehicle.hovers else "multiple-shooting"
-        notices = [notice(code, length=self.length, gap=max(place.gap, 1e-15))]
-        if far is not None:
-            notices.append(notice("global-start", optimizer=far.optimizer, trajectories=searched))
-        if not found.rested and status != "interrupted":
+        code = window_model(problem.layout.vehicle).notice
+        notices = [notice(code, length=self.length, gap=max(at.gap, 1e-15))]
+        if start is not None:
+            notices.append(notice("global-start", optimizer=start.optimizer, trajectories=searched))
+        if not found.noise_converged and status != "interrupted":
             notices.append(notice("noise-not-converged"))
+        residuals = found.problem.residuals(at)
+        measured = np.any([np.isfinite(r).any(axis=0) for r in residuals], axis=0)
         return Fit(
             problem,
             prepared,
-            place.z,
+            at.z,
             outcome,
-            place.cost,
+            at.cost,
             many,
             tuple(notices),
-            noise=np.diag(_noise(found.meeting, place)),
-            own_evidence=evidence(found.meeting, place),
-            simulated=found.meeting.simulated(place),
+            noise=np.diag(np.where(measured, variance_of(found.problem.problem, residuals), np.nan)),
+            own_evidence=found.problem.evidence(at),
+            simulated=found.problem.simulated(at),
         )
 
 
 @dataclass(frozen=True, eq=False)
-class _Refined:
-    """Where the alternation of search and noise estimate ended."""
+class Refined:
+    """Where the alternation of Gauss-Newton and noise estimate ended."""
 
-    meeting: Meeting
-    end: End
-    spent: int
+    problem: ShootingProblem
+    at: Iterate
+    iterations: int
     status: Status
-    rested: bool
+    noise_converged: bool
 
 
-def _refined(meeting: Meeting, place: Place, options: Options) -> _Refined:
-    """Alternate search and noise estimate until both rest."""
-    schedule = LOOSE if meeting.problem.layout.vehicle.hovers else STRICTNESS
-    meeting = replace(meeting, strictness=schedule[-1])
-    spent, before, rested, interrupted = 0, np.inf, False, False
-    end = End(place, False, 0)
+def refined(problem: ShootingProblem, at: Iterate, options: Options) -> Refined:
+    """Alternate Gauss-Newton and noise-covariance estimation until both converge."""
+    schedule = window_model(problem.problem.layout.vehicle).strictness
+    problem = replace(problem, strictness=schedule[-1])
+    iterations, before, noise_converged, interrupted = 0, np.inf, False, False
+    end = Solution(at, False, 0)
     try:
         for _ in range(MAX_ROUNDS):
-            end = search(meeting, end.place, schedule if np.isinf(before) else schedule[-1:])
-            spent += end.iterations
-            now = meeting.problem.weights.logdet
-            rested = options.covariance is not None or abs(before - now) < NOISE_TOLERANCE * len(
-                meeting.problem.weights.covariance
-            )
-            if rested:
+            end = solve(problem, end.at, schedule if np.isinf(before) else schedule[-1:])
+            iterations += end.iterations
+            weights = problem.problem.weights
+            limit = NOISE_TOLERANCE * len(weights.covariance)
+            noise_converged = options.covariance is not None or abs(before - weights.logdet) < limit
+            if noise_converged:
                 break
-            before, meeting = now, meeting.weighted(Weights.of(_variance(meeting, end.place)))
-            meeting = wandering(meeting, end.place)
-            end = replace(end, place=meeting.place(end.place.z, end.place.nodes))
+            variance = effective_variance_of(problem.problem, problem.residuals(end.at))
+            before, problem = weights.logdet, problem.weighted(Weights.of(variance))
+            problem = with_likeliest_wind_steps(problem, end.at)
+            end = replace(end, at=problem.iterate(end.at.z, end.at.nodes))
     except KeyboardInterrupt:
         interrupted = True
     status: Status = "interrupted" if interrupted else "converged" if end.converged else "generations"
-    return _Refined(meeting, end, spent, status, rested)
+    return Refined(problem, end.at, iterations, status, noise_converged)
 
 
 @dataclass(frozen=True, eq=False)
-class _Afar:
-    """The search of vehicles that hover, for which starts may be far off."""
+class GlobalSearch:
+    """The search of a start by an optimizer, in windows that begin as measured."""
 
-    problem: Misfit
-    shots: tuple[Shots, ...]
+    shooting: ShootingProblem
     options: Options
     callback: Callable[[Any], None] | None
     state: Any
 
-    def limited(self, budget: float) -> _Afar:
-        """Return the same search with no more than a budget, trajectories."""
-        return replace(self, options=replace(self.options, budget=min(budget, self.options.budget)))
+    @property
+    def model(self) -> WindowModel:
+        """How windows begin and meet."""
+        return window_model(self.shooting.problem.layout.vehicle)
 
     @cached_property
     def windowed(self) -> Misfit:
-        return windowed(self.problem, self.shots)
+        """The least-squares problem in which every window is a piece that begins as measured.
 
-    def wanted(self, starts: FloatArray) -> bool:
-        """Tell whether to search before the first step."""
-        return self.problem.layout.vehicle.hovers and (
-            self.state is not None or is_poor(self.windowed, starts)
-        )
+        Its unknowns are the free parameters and the biases; initial states are not among them.
+        """
+        problem = self.shooting.problem
+        biases = tuple(n for n in problem.layout.nuisances if n.is_bias)
+        layout = Layout(problem.layout.vehicle, problem.layout.parameters, biases)
+        pieces = []
+        for shots in self.shooting.shots:
+            states = shots.measured_starts()
+            for w, (a, b) in enumerate(zip(shots.edges, shots.edges[1:], strict=False)):
+                start = {name: float(values[w]) for name, values in states.items()}
+                pieces.append(shots.piece.part(a, b, start))
+        return Misfit(layout, tuple(pieces), problem.weights, (tuple(len(p.time) for p in pieces),))
 
-    def outcome(self, starts: FloatArray) -> optimize.Outcome:
+    def wanted(self, guesses: FloatArray) -> bool:
+        """Return whether to search before Gauss-Newton: no start (k, D) explains more than constant readings do."""
+        if not self.model.global_start:
+            return False
+        poor = POOR * self.windowed.reference(0)
+        return self.state is not None or not float(np.min(self.windowed.costs(guesses, 0))) < poor
+
+    def outcome(self, guesses: FloatArray) -> optimize.Outcome:
         """Return how the search ended, its vector that of the whole problem."""
-        found = searched(self.windowed, starts, self.options, self.callback, self.state)
+        options, problem = self.options, self.shooting.problem
+        stop = replace(options.stop, budget=max(SEARCH_SHARE * options.budget, float(len(guesses))))
+        found = optimize.minimize(
+            optimize.create(options.optimizer, stop.budget), self.windowed, seed=options.seed, starts=guesses,
+            stop=stop, callback=self.callback, state=self.state,
+        )  # fmt: skip
         if not np.isfinite(found.cost):
-            raise IdentificationError(f"{self.problem.layout.vehicle.where}: {found.advice}")
-        d, extra = self.problem.dimension, self.problem.extra - self.windowed.extra
+            raise IdentificationError(f"{problem.layout.vehicle.where}: {found.advice}")
+        d, extra = problem.dimension, problem.extra - self.windowed.extra
         return replace(found, z=np.concatenate([found.z[:d], np.zeros(extra), found.z[d:]]))
-
-
-def _check(problem: Misfit) -> None:
-    vehicle = problem.layout.vehicle
-    late = {vehicle.parameters[row].name for _, row in output_delays(vehicle)}
-    for p in problem.layout.parameters:
-        if p.name in late:
-            raise IdentificationError(
-                f"{vehicle.where}: {p.name}: windows take the delay of a sensor as it is known to be; use --fix {p.name}"
-            )
-
-
-def _residuals(meeting: Meeting, place: Place) -> list[FloatArray]:
-    """Return measured less simulated (n, n_y) of each piece, NaN where nothing was measured."""
-    pairs = zip(meeting.shots, meeting.simulated(place), strict=True)
-    found = [(s.piece.measured, residual(meeting.problem, y, s.piece.measured)) for s, y in pairs]
-    return [np.where(np.isfinite(z), -r, np.nan) for z, r in found]
-
-
-def _variance(meeting: Meeting, place: Place) -> FloatArray:
-    return effective_variance_of(meeting.problem, _residuals(meeting, place))
-
-
-def _noise(meeting: Meeting, place: Place) -> FloatArray:
-    residuals = _residuals(meeting, place)
-    seen = np.any([np.isfinite(r).any(axis=0) for r in residuals], axis=0)
-    return np.where(seen, variance_of(meeting.problem, residuals), np.nan)
 
 
 fit = MultipleShooting()

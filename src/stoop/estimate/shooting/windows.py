@@ -1,41 +1,151 @@
-"""Windows of a piece: what each reads, where it ends, and how both depend on what it begins with.
+"""Windows of a piece: what each one reads, where it ends, and how both depend on what it begins with.
 
-Axes: k = sample, i = reading, e = number of a move of the state, j = unknown of the search vector, w = window.
+Axes: k = sample, i = reading, e = number of a perturbation of the state, j = unknown of the search vector, w = window.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from stoop.base.arrays import FloatArray
-from stoop.estimate.filter_error.paths import filled, unwrapped
-from stoop.estimate.filter_error.points import move_steps, moves_of
+from stoop.base.arrays import FloatArray, IntArray
+from stoop.base.variables import EULER
+from stoop.estimate.filter_error.linearization import (
+    interpolated,
+    perturbation_steps,
+    perturbations_of,
+    unwrapped,
+)
 from stoop.kernels import filtering
 from stoop.kernels.windows import windows
 from stoop.problem import Misfit, Piece, on_circle
-from stoop.problem.observation import state_channels, through_air, true_value
+from stoop.problem.observation import (
+    AirFrame,
+    GroundFrame,
+    observation_model,
+    state_channels,
+    through_air,
+    true_value,
+)
 from stoop.simulate import initial_states, parameter_rows
-from stoop.simulate.delays import input_delays, lagged, late_inputs
+from stoop.simulate.delays import first_order_lag, input_delays, late_inputs
 from stoop.simulate.initial import commanded
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND
 
 WINDOW_LENGTH: Final = 1.0  #: s: no vehicle leaves its record far in that
 STEP: Final = 1e-7  #: of the search vector
-FINER: Final = 1e-2  #: of the steps of a linearization
-SMOOTH: Final = 0.1  #: s over which readings are averaged where a window begins
-BENT: Final = 3  #: numbers of a parabola
-LANES: Final = 4096  #: that fly side by side; more would only take memory
+STATE_STEP: Final = 1e-2  #: of the steps of a linearization
+SMOOTHING_TIME: Final = 0.1  #: s on either side of a window's start over which readings are smoothed
+PARABOLA: Final = 3  #: coefficients
+MAX_LANES: Final = 4096  #: simulated side by side; more would only take memory
+
+
+class WindowModel(ABC):
+    """How the windows of a kind of vehicle begin and meet.
+
+    Attributes
+    ----------
+    winds : tuple of str
+        Readings to which each window adds a wind of its own.
+    strictness : tuple of float
+        A gap counts so many times its scale, one after the other; one entry where windows need not meet.
+    gap_scales : mapping
+        Of a gap, m/s, rad/s; `angle_scale`, rad, for what is not named.
+    notice : str
+        Code of the notice that explains the method.
+    global_start : bool
+        Whether an optimizer searches where no start is near enough.
+    """
+
+    winds: ClassVar[tuple[str, ...]]
+    strictness: ClassVar[tuple[float, ...]]
+    gap_scales: ClassVar[Mapping[str, float]]
+    angle_scale: ClassVar[float]
+    notice: ClassVar[str]
+    global_start: ClassVar[bool]
+
+    @abstractmethod
+    def smoothed(self, column: FloatArray, at: int, width: int) -> float:
+        """Return a complete column (n,) at a sample, smoothed over so many samples on either side."""
+
+    @abstractmethod
+    def states(
+        self, vehicle: Vehicle, piece: Piece, readings: Mapping[str, FloatArray]
+    ) -> dict[str, FloatArray]:
+        """Return the states (w,) that smoothed readings (w,) tell."""
+
+
+class AircraftWindows(WindowModel):
+    """Windows that meet: the end is that of output error."""
+
+    winds = ()
+    strictness = (1.0, 10.0, 100.0, 1e3, 1e4)
+    gap_scales: ClassVar[Mapping[str, float]] = {"u": 1.0, "v": 1.0, "w": 1.0, "p": 0.1, "q": 0.1, "r": 0.1}
+    angle_scale = 0.05
+    notice = "multiple-shooting"
+    global_start = False
+
+    def smoothed(self, column: FloatArray, at: int, width: int) -> float:
+        """Return the mean."""
+        first, stop = max(0, at - width), min(len(column), at + width + 1)
+        before, behind = first - (at - width), at + width + 1 - stop
+        return float(np.pad(column[first:stop], (before, behind), mode="edge").mean())
+
+    def states(
+        self, vehicle: Vehicle, piece: Piece, readings: Mapping[str, FloatArray]
+    ) -> dict[str, FloatArray]:
+        """Return the readings as they are."""
+        return dict(readings)
+
+
+class RotorcraftWindows(WindowModel):
+    """Windows in winds of their own: the effect of a gust within a window is not carried into the next."""
+
+    winds = WIND
+    strictness = (1.0,)
+    gap_scales: ClassVar[Mapping[str, float]] = {"u": 2.0, "v": 2.0, "w": 2.0, "p": 0.5, "q": 0.5, "r": 0.5}
+    angle_scale = 0.2
+    notice = "multiple-shooting-rotors"
+    global_start = True
+
+    def smoothed(self, column: FloatArray, at: int, width: int) -> float:
+        """Return a parabola there: rates of a multirotor turn within a tenth of a second."""
+        first = max(0, at - width)
+        near = column[first : at + width + 1]
+        if len(near) < 2 * PARABOLA:
+            return float(near.mean())
+        powers = np.vander(np.arange(len(near)) - float(at - first), PARABOLA)
+        return float(np.linalg.lstsq(powers, near, rcond=None)[0][-1])
+
+    def states(
+        self, vehicle: Vehicle, piece: Piece, readings: Mapping[str, FloatArray]
+    ) -> dict[str, FloatArray]:
+        """Return the motion through the air, body axes: bias and scale of the piece undone, the wind taken off."""
+        rows = parameter_rows(vehicle, piece.changes)[:, 0]
+        true = {c: true_value(vehicle, c, y, rows) for c, y in readings.items()}
+        if not set(WIND) & set(true):
+            return true
+        zero = np.zeros(len(next(iter(true.values()))))
+        attitude = {n: zero + piece.start.get(n, 0.0) for n in EULER}
+        return through_air({**dict.fromkeys(WIND, zero), **attitude, **true})
+
+
+_MODELS: Final[dict[type, WindowModel]] = {AirFrame: AircraftWindows(), GroundFrame: RotorcraftWindows()}
+
+
+def window_model(vehicle: Vehicle) -> WindowModel:
+    """Return how the windows of a vehicle begin and meet."""
+    return _MODELS[type(observation_model(vehicle))]
 
 
 @dataclass(frozen=True, eq=False)
-class Window:
-    """One window, flown.
+class Shot:
+    """One window, simulated and linearized.
 
     Attributes
     ----------
@@ -44,7 +154,7 @@ class Window:
     by_unknown : (n, n_y, j)
         Its derivative by the search vector.
     by_state : (n, n_y, e)
-        By a move of the state that the window begins with.
+        By a perturbation of the state that the window begins with.
     gap : (e,)
         From the state with which the next window begins to the one where this ends; empty for the last.
     gap_by_unknown, gap_by_state : (e, j), (e, e)
@@ -62,6 +172,9 @@ class Window:
 class Shots:
     """The windows of one piece.
 
+    Nodes are what the windows begin with: states (n_x, w), and below them, where windows have winds, by how much the wind
+    of each differs, m/s north, east, down; winds are perturbed like states.
+
     Attributes
     ----------
     problem : Misfit
@@ -69,9 +182,6 @@ class Shots:
         Of the piece.
     edges : tuple of int
         First sample of each window, then the number of samples.
-
-    Of a vehicle that hovers the wind differs from window to window: rows below the states say by how much, m/s north,
-    east, down, and they are moved like states.
     """
 
     problem: Misfit
@@ -85,6 +195,11 @@ class Shots:
         return cls(problem, index, edges(len(piece.time), max(2, round(length / piece.dt))))
 
     @property
+    def vehicle(self) -> Vehicle:
+        """The vehicle."""
+        return self.problem.layout.vehicle
+
+    @property
     def piece(self) -> Piece:
         """The piece."""
         return self.problem.pieces[self.index]
@@ -95,140 +210,141 @@ class Shots:
         return len(self.edges) - 1
 
     @property
-    def blown(self) -> tuple[int, ...]:
-        """Readings that the wind of a window adds to, by column; none of a vehicle that does not hover."""
-        vehicle = self.problem.layout.vehicle
-        return tuple(vehicle.outputs.index(c) for c in WIND) if vehicle.hovers else ()
+    def wind_columns(self) -> tuple[int, ...]:
+        """Readings to which the wind of a window adds, by column."""
+        return tuple(self.vehicle.outputs.index(c) for c in window_model(self.vehicle).winds)
 
-    def apart(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def measured_nodes(self) -> FloatArray:
+        """Return the nodes as they were measured, without winds."""
+        starts, at = self.measured_starts(), np.array(self.edges[:-1])
+        rows = np.repeat(parameter_rows(self.vehicle, self.piece.changes), len(at), axis=1)
+        states = initial_states(self.vehicle, starts, rows, np.ascontiguousarray(self.piece.inputs[at].T))
+        return np.pad(states, [(0, len(self.wind_columns)), (0, 0)])
+
+    def measured_starts(self) -> dict[str, FloatArray]:
+        """Return what :func:`~stoop.simulate.initial_states` takes of every window, (w,) each."""
+        piece, vehicle, model = self.piece, self.vehicle, window_model(self.vehicle)
+        at, width = self.edges[:-1], max(1, round(SMOOTHING_TIME / piece.dt))
+        readings = {}
+        for i, channel in enumerate(vehicle.outputs):
+            column = piece.measured[:, i]
+            if channel in state_channels(vehicle) and np.isfinite(column).any():
+                whole = interpolated(unwrapped(column))
+                readings[channel] = np.array([model.smoothed(whole, a, width) for a in at])
+        default = {n: np.full(len(at), piece.start.get(n, 0.0)) for n in vehicle.start_names}
+        return default | model.states(vehicle, piece, readings) | _lags(vehicle, piece, np.array(at))
+
+    def split(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return states (n_x, w) and winds (m, w) of nodes."""
-        many = len(self.problem.layout.vehicle.states)
+        many = len(self.vehicle.states)
         return np.ascontiguousarray(nodes[:many]), nodes[many:]
 
-    def moved(self, nodes: FloatArray, moves: FloatArray) -> FloatArray:
-        """Return nodes after moves (e, w)."""
-        states, winds = self.apart(nodes)
-        kernel = self.problem.layout.vehicle.kernel()
-        own, blown = moves[: kernel.moves], moves[kernel.moves :]
-        return np.concatenate([filtering.move(kernel, states, np.ascontiguousarray(own)), winds + blown])
+    def perturbed(self, nodes: FloatArray, steps: FloatArray) -> FloatArray:
+        """Return nodes after perturbations (e, w)."""
+        states, winds = self.split(nodes)
+        kernel = self.vehicle.kernel()
+        own, of_winds = steps[: kernel.moves], steps[kernel.moves :]
+        return np.concatenate([filtering.move(kernel, states, np.ascontiguousarray(own)), winds + of_winds])
 
-    def flown(self, z: FloatArray, nodes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return readings (n, n_y), gaps (w - 1, e), and ends (n_x, w - 1), for nodes: what windows begin with.
+    def simulate(self, z: FloatArray, nodes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return readings (n, n_y), gaps (w - 1, e), and ends (n_x, w - 1), for nodes.
 
-        The first of them is the search vector's.
+        The first node is the search vector's.
         """
         rows, start = self.problem.candidates(z[None, :], self.index)
         nodes = nodes.copy()
         nodes[: len(start), :1] = start
-        return self._flown(rows, nodes)
+        return self._simulate(rows, nodes)
 
-    def flown_from(self, nodes: FloatArray) -> FloatArray:
-        """Return readings (n, n_y) for nodes, the first among them, of a problem that estimates nothing."""
-        rows, _ = self.problem.candidates(np.empty((1, 0)), self.index)
-        return self._flown(rows, nodes)[0]
-
-    def _flown(self, rows: FloatArray, nodes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        begins, winds = self.apart(nodes)
-        out, last = self.fly(np.repeat(rows, self.count, axis=1), begins, np.arange(self.count))
+    def _simulate(self, rows: FloatArray, nodes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        begins, winds = self.split(nodes)
+        out, last = self.integrate(np.repeat(rows, self.count, axis=1), begins, np.arange(self.count))
         ends = np.ascontiguousarray(last[:, :-1])
-        gaps = np.einsum("exw,xw->we", self.back(begins), ends - begins[:, 1:])
-        out[:, :, self.blown] += winds.T[:, None, :]
+        gaps = np.einsum("exw,xw->we", self.inverse(begins), ends - begins[:, 1:])
+        out[:, :, self.wind_columns] += winds.T[:, None, :]
         readings = np.concatenate([own[:n] for own, n in zip(out, np.diff(self.edges), strict=True)])
         return readings, np.concatenate([gaps, -np.diff(winds, axis=1).T], axis=1), ends
 
-    def differentiated(self, z: FloatArray, nodes: FloatArray) -> list[Window]:
+    def linearize(self, z: FloatArray, nodes: FloatArray) -> list[Shot]:
         """Return every window with its derivatives, by differences."""
-        entries = [j for j, _ in self.problem.own[self.index]]
-        starts = [j for j, n in self.problem.own[self.index] if not n.is_bias]
-        first = np.array([*range(self.problem.dimension), *entries], dtype=np.int64)
+        own = self.problem.own[self.index]
+        first = np.array([*range(self.problem.dimension), *(j for j, _ in own)], dtype=np.int64)
+        starts = [j for j, n in own if not n.is_bias]
         later = np.array([j for j in first if j not in starts], dtype=np.int64)
-        nodes, winds = self.apart(nodes)
-        back = self.back(nodes)
-        out = self.some(z, nodes, back, range(1), first)
-        together = max(1, LANES // (1 + len(later) + len(self.problem.layout.vehicle.moves)))
+        states, winds = self.split(nodes)
+        inverse = self.inverse(states)
+        out = self.linearize_some(z, states, inverse, range(1), first)
+        together = max(1, MAX_LANES // (1 + len(later) + len(self.vehicle.moves)))
         for w in range(1, self.count, together):
-            out += self.some(z, nodes, back, range(w, min(w + together, self.count)), later)
-        return [self._in_wind(window, winds, w) for w, window in enumerate(out)] if self.blown else out
+            out += self.linearize_some(z, states, inverse, range(w, min(w + together, self.count)), later)
+        return [self._with_wind(shot, winds, w) for w, shot in enumerate(out)] if self.wind_columns else out
 
-    def _in_wind(self, window: Window, winds: FloatArray, w: int) -> Window:
-        """Return a window in its own wind, which counts as more moves of its state."""
-        n, ny, e = window.by_state.shape
-        m = len(self.blown)
-        seen = np.isfinite(self.piece.measured[self.edges[w] : self.edges[w + 1]])
-        by_state = np.zeros((n, ny, e + m))
-        by_state[:, :, :e] = window.by_state
-        by_state[:, self.blown, e + np.arange(m)] = 1.0
-        residual = window.residual.copy()
-        residual[:, self.blown] += winds[:, w] * seen[:, self.blown]
-        gap, by_unknown, gap_by_state = window.gap, window.gap_by_unknown, np.empty((0, e + m))
-        if w + 1 < self.count:
-            gap = np.concatenate([gap, winds[:, w] - winds[:, w + 1]])
-            by_unknown = np.concatenate([by_unknown, np.zeros((m, by_unknown.shape[1]))])
-            gap_by_state = np.block([[window.gap_by_state, np.zeros((e, m))], [np.zeros((m, e)), np.eye(m)]])
-        return Window(residual, window.by_unknown, by_state, gap, by_unknown, gap_by_state)
-
-    def some(
-        self, z: FloatArray, nodes: FloatArray, back: FloatArray, which: range, entries: NDArray[np.int64]
-    ) -> list[Window]:
-        """Return some windows, flown side by side; `back` as :meth:`back` gives it."""
-        vehicle, d = self.problem.layout.vehicle, self.problem.dimension
+    def linearize_some(
+        self, z: FloatArray, nodes: FloatArray, inverse: FloatArray, which: range, entries: IntArray
+    ) -> list[Shot]:
+        """Return some windows, simulated side by side; `inverse` as :meth:`inverse` gives it."""
+        d = self.problem.dimension
         steps = np.where((entries < d) & (z[entries] + STEP > 1.0), -STEP, STEP)
         Z = np.repeat(z[None, :], 1 + len(entries), axis=0)
         Z[1 + np.arange(len(entries)), entries] += steps
         rows, begin = self.problem.candidates(Z, self.index)
-        sizes = FINER * move_steps(vehicle)
+        sizes = STATE_STEP * perturbation_steps(self.vehicle)
         rows = np.concatenate([rows, np.repeat(rows[:, :1], len(sizes), axis=1)], axis=1)
         lanes = rows.shape[1]
         own = begin if which[0] == 0 else nodes[:, which]
-        moved = filtering.move(
-            vehicle.kernel(),
+        perturbed = filtering.move(
+            self.vehicle.kernel(),
             np.repeat(own[:, : len(which)], len(sizes), axis=1),
             np.tile(np.diag(sizes), len(which)),
         ).reshape(len(nodes), len(which), -1)
         fixed = begin[:, None] if which[0] == 0 else np.repeat(own[:, :, None], 1 + len(entries), axis=2)
-        begins = np.concatenate([fixed, moved], axis=2).reshape(len(nodes), -1)
-        out, last = self.fly(np.tile(rows, len(which)), begins, np.repeat(which, lanes))
+        begins = np.concatenate([fixed, perturbed], axis=2).reshape(len(nodes), -1)
+        out, last = self.integrate(np.tile(rows, len(which)), begins, np.repeat(which, lanes))
         out, last = out.reshape(len(which), lanes, *out.shape[1:]), last.reshape(len(nodes), -1, lanes)
-        changes = np.concatenate([steps, sizes])
-        return [
-            self._window(w, out[i], last[:, i], nodes, back, entries, changes, len(z))
-            for i, w in enumerate(which)
-        ]
+        changes, shots = np.concatenate([steps, sizes]), []
+        for i, w in enumerate(which):
+            readings = out[i][:, : self.edges[w + 1] - self.edges[w]]
+            slopes = np.moveaxis(readings[1:] - readings[:1], 0, 2) / changes
+            measured = self.piece.measured[self.edges[w] : self.edges[w + 1]]
+            gaps = np.empty((0, lanes))
+            if w + 1 < self.count:
+                gaps = inverse[:, :, w] @ (last[:, i] - nodes[:, w + 1 : w + 2])
+            turned = (gaps[:, 1:] - gaps[:, :1]) / changes
+            by_unknown, gap_by_unknown = np.zeros((*readings[0].shape, len(z))), np.zeros((len(gaps), len(z)))
+            by_unknown[:, :, entries] = slopes[:, :, : len(entries)]
+            gap_by_unknown[:, entries] = turned[:, : len(entries)]
+            by_state = np.ascontiguousarray(slopes[:, :, len(entries) :])
+            left = residual(self.problem, readings[0], measured)
+            shots.append(
+                Shot(left, by_unknown, by_state, gaps[:, 0], gap_by_unknown, turned[:, len(entries) :])
+            )
+        return shots
 
-    def _window(
-        self,
-        w: int,
-        out: FloatArray,
-        last: FloatArray,
-        nodes: FloatArray,
-        back: FloatArray,
-        entries: NDArray[np.int64],
-        changes: FloatArray,
-        size: int,
-    ) -> Window:
-        """Return a window from readings (B, n, n_y) and last states (n_x, B): as it is, then after each change."""
-        out = out[:, : self.edges[w + 1] - self.edges[w]]
-        slopes = np.moveaxis(out[1:] - out[:1], 0, 2) / changes
-        wide = np.zeros((*out[0].shape, size))
-        wide[:, :, entries] = slopes[:, :, : len(entries)]
-        own = self._residual(out[0], w), wide, np.ascontiguousarray(slopes[:, :, len(entries) :])
-        many = len(back)
-        if w + 1 == self.count:
-            return Window(*own, np.empty(0), np.empty((0, size)), np.empty((0, many)))
-        gaps = back[:, :, w] @ (last - nodes[:, w + 1 : w + 2])
-        turned = (gaps[:, 1:] - gaps[:, :1]) / changes
-        by_unknown = np.zeros((many, size))
-        by_unknown[:, entries] = turned[:, : len(entries)]
-        return Window(*own, gaps[:, 0], by_unknown, turned[:, len(entries) :])
+    def _with_wind(self, shot: Shot, winds: FloatArray, w: int) -> Shot:
+        """Return a window in its own wind, whose components count as further perturbations of its state."""
+        n, ny, e = shot.by_state.shape
+        m, columns = len(self.wind_columns), self.wind_columns
+        present = np.isfinite(self.piece.measured[self.edges[w] : self.edges[w + 1]])
+        by_state = np.zeros((n, ny, e + m))
+        by_state[:, :, :e] = shot.by_state
+        by_state[:, columns, e + np.arange(m)] = 1.0
+        left = shot.residual.copy()
+        left[:, columns] += winds[:, w] * present[:, columns]
+        gap, by_unknown, gap_by_state = shot.gap, shot.gap_by_unknown, np.empty((0, e + m))
+        if w + 1 < self.count:
+            gap = np.concatenate([gap, winds[:, w] - winds[:, w + 1]])
+            by_unknown = np.concatenate([by_unknown, np.zeros((m, by_unknown.shape[1]))])
+            gap_by_state = np.block([[shot.gap_by_state, np.zeros((e, m))], [np.zeros((m, e)), np.eye(m)]])
+        return Shot(left, shot.by_unknown, by_state, gap, by_unknown, gap_by_state)
 
-    def back(self, nodes: FloatArray) -> FloatArray:
-        """Return what makes moves (e, n_x, w - 1) of differences from the states that windows begin with."""
-        return moves_of(self.problem.layout.vehicle, np.ascontiguousarray(nodes[:, 1:]))
+    def inverse(self, states: FloatArray) -> FloatArray:
+        """Return what makes perturbations (e, n_x, w - 1) of differences from the states that windows begin with."""
+        return perturbations_of(self.vehicle, np.ascontiguousarray(states[:, 1:]))
 
-    def fly(
-        self, rows: FloatArray, begin: FloatArray, which: NDArray[np.int64]
+    def integrate(
+        self, rows: FloatArray, begin: FloatArray, which: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Fly windows side by side.
+        """Simulate windows side by side.
 
         Parameters
         ----------
@@ -246,21 +362,12 @@ class Shots:
         n, edges = len(self.piece.time), np.array(self.edges)
         record, copy = self._record(rows)
         steps = np.minimum(edges[which + 1], n - 1) - edges[which]
-        vehicle = self.problem.layout.vehicle
-        return windows(
-            vehicle.kernel(),
-            rows,
-            begin,
-            record,
-            copy * n + edges[which],
-            (copy + 1) * n,
-            steps,
-            self.piece.dt,
-        )
+        first, behind = copy * n + edges[which], (copy + 1) * n
+        return windows(self.vehicle.kernel(), rows, begin, record, first, behind, steps, self.piece.dt)
 
-    def _record(self, rows: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
+    def _record(self, rows: FloatArray) -> tuple[FloatArray, IntArray]:
         """Return inputs as they arrive, those of different delays one below the other, and which one each lane reads."""
-        vehicle, inputs, dt = self.problem.layout.vehicle, self.piece.inputs, self.piece.dt
+        vehicle, inputs, dt = self.vehicle, self.piece.inputs, self.piece.dt
         late = rows[[row for _, row in input_delays(vehicle)]]
         if not len(late) or not np.ptp(late, axis=1).any():
             return late_inputs(vehicle, inputs, rows[:, :1], dt), np.zeros(rows.shape[1], dtype=np.int64)
@@ -268,88 +375,8 @@ class Shots:
         lanes = late_inputs(vehicle, inputs, np.ascontiguousarray(rows[:, at]), dt)
         return np.concatenate(list(np.moveaxis(lanes, 2, 0))), copy.ravel()
 
-    def _residual(self, readings: FloatArray, w: int) -> FloatArray:
-        measured = self.piece.measured[self.edges[w] : self.edges[w + 1]]
-        return residual(self.problem, readings, measured)
 
-
-def residual(problem: Misfit, readings: FloatArray, measured: FloatArray) -> FloatArray:
-    """Return simulated less measured (n, n_y), zero where nothing was measured."""
-    seen = np.isfinite(measured)
-    with np.errstate(invalid="ignore"):
-        difference = (readings - np.where(seen, measured, 0.0)) * seen
-    return on_circle(difference, problem.layout.vehicle.outputs)
-
-
-def edges(samples: int, length: int) -> tuple[int, ...]:
-    """Return where windows of about so many samples begin, and the number of samples."""
-    count = max(1, round(samples / length))
-    return tuple(int(e) for e in np.linspace(0, samples, count + 1).round())
-
-
-def outputs_by_window(problem: Misfit, index: int) -> FloatArray:
-    """Return simulated readings (n, n_y) of a piece in short windows, each begun from its measured state."""
-    shots = Shots.of(problem, index)
-    nodes = measured_states(shots)
-    return shots.flown_from(np.concatenate([nodes, np.zeros((len(shots.blown), shots.count))]))
-
-
-def measured_states(shots: Shots) -> FloatArray:
-    """Return the states (n_x, w) that were measured where the windows begin."""
-    piece, vehicle = shots.piece, shots.problem.layout.vehicle
-    starts, at = measured_starts(shots), np.array(shots.edges[:-1])
-    rows = np.repeat(parameter_rows(vehicle, piece.changes), len(at), axis=1)
-    return initial_states(vehicle, starts, rows, np.ascontiguousarray(piece.inputs[at].T))
-
-
-def measured_starts(shots: Shots) -> dict[str, FloatArray]:
-    """Return what :func:`~stoop.simulate.initial_states` takes of every window, (w,) each."""
-    piece, vehicle = shots.piece, shots.problem.layout.vehicle
-    at = np.array(shots.edges[:-1])
-    readings = _smoothed(piece, vehicle, at)
-    still = {n: np.full(len(at), piece.start.get(n, 0.0)) for n in vehicle.start_names}
-    seen = _over_ground(vehicle, piece, readings) if vehicle.hovers else readings
-    return still | seen | _lags(vehicle, piece, at)
-
-
-def _smoothed(piece: Piece, vehicle: Vehicle, at: NDArray[np.int64]) -> dict[str, FloatArray]:
-    """Return the mean reading (w,) about each beginning, of channels that were measured at all."""
-    width = max(1, round(SMOOTH / piece.dt))
-    out = {}
-    for i, channel in enumerate(vehicle.outputs):
-        column = piece.measured[:, i]
-        if channel in state_channels(vehicle) and np.isfinite(column).any():
-            whole = filled(unwrapped(column))
-            if vehicle.hovers:
-                out[channel] = np.array([_parabola(whole, a, width) for a in at])
-                continue
-            smooth = np.pad(whole, width, mode="edge")
-            out[channel] = np.array([smooth[a : a + 2 * width + 1].mean() for a in at])
-    return out
-
-
-def _parabola(column: FloatArray, at: int, width: int) -> float:
-    """Return a parabola through the readings about a sample, there: rates of a multirotor turn within a tenth of a second."""
-    first = max(0, at - width)
-    near = column[first : at + width + 1]
-    if len(near) < 2 * BENT:
-        return float(near.mean())
-    powers = np.vander(np.arange(len(near)) - float(at - first), BENT)
-    return float(np.linalg.lstsq(powers, near, rcond=None)[0][-1])
-
-
-def _over_ground(vehicle: Vehicle, piece: Piece, readings: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Return the motion through the air, body axes: bias and scale of the piece undone, the wind taken off."""
-    rows = parameter_rows(vehicle, piece.changes)[:, 0]
-    true = {c: true_value(vehicle, c, y, rows) for c, y in readings.items()}
-    if not {"vn", "ve", "vd"} & set(true):
-        return true
-    zero = np.zeros(len(next(iter(true.values()))))
-    at_start = {n: zero + piece.start.get(n, 0.0) for n in ("phi", "theta", "psi")}
-    return through_air({**dict.fromkeys(("vn", "ve", "vd"), zero), **at_start, **true})
-
-
-def _lags(vehicle: Vehicle, piece: Piece, at: NDArray[np.int64]) -> dict[str, FloatArray]:
+def _lags(vehicle: Vehicle, piece: Piece, at: IntArray) -> dict[str, FloatArray]:
     """Return by how much lagged surfaces and rotors are off their commands, (w,) each, with the file's lags."""
     names = [s.removesuffix(".lag") for s in vehicle.states if s.endswith(".lag")]
     if not names:
@@ -360,8 +387,29 @@ def _lags(vehicle: Vehicle, piece: Piece, at: NDArray[np.int64]) -> dict[str, Fl
     out = {}
     for name in names:
         prefix = "rotors" if name in vehicle.rotors else f"controls.{name}"
-        behind = lagged(
+        behind = first_order_lag(
             commanded(vehicle, name, whole, inputs.T), float(rows[vehicle.rows[f"{prefix}.lag"], 0]), piece.dt
         )
         out[f"{name}.lag"] = behind[at] - commanded(vehicle, name, early, piece.inputs[at].T)
     return out
+
+
+def residual(problem: Misfit, readings: FloatArray, measured: FloatArray) -> FloatArray:
+    """Return simulated less measured (n, n_y), zero where nothing was measured."""
+    present = np.isfinite(measured)
+    with np.errstate(invalid="ignore"):
+        difference = (readings - np.where(present, measured, 0.0)) * present
+    return on_circle(difference, problem.layout.vehicle.outputs)
+
+
+def edges(samples: int, length: int) -> tuple[int, ...]:
+    """Return where windows of about so many samples begin, and the number of samples."""
+    count = max(1, round(samples / length))
+    return tuple(int(e) for e in np.linspace(0, samples, count + 1).round())
+
+
+def outputs_by_window(problem: Misfit, index: int) -> FloatArray:
+    """Return simulated readings (n, n_y) of a piece without unknowns, in windows that each begin as measured."""
+    shots = Shots.of(problem, index)
+    rows, _ = problem.candidates(np.empty((1, 0)), index)
+    return shots._simulate(rows, shots.measured_nodes())[0]

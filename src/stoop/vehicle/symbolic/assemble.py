@@ -11,6 +11,7 @@ from stoop.kernels import SymbolicModel
 from stoop.vehicle.symbolic import component, forces, instruments, moves, rigid_body, rotors, turbulence
 from stoop.vehicle.symbolic.atmosphere import symbolic_density
 from stoop.vehicle.symbolic.frames import air, attitude, over_ground, quaternion_rate, slow_air
+from stoop.vehicle.symbolic.latex import equations
 from stoop.vehicle.symbolic.symbols import Numbers, Vector, scale
 from stoop.vehicle.vehicle import RIGID_STATES, Vehicle, slope_input
 
@@ -122,4 +123,5 @@ def build_model(vehicle: Vehicle) -> SymbolicModel:
         wrapped=tuple(c in _WRAPPED for c in vehicle.outputs),
         moves=tuple(move.values()),
         moved=moves.moved(vehicle, kept, move),
+        latex=equations(vehicle),
     )

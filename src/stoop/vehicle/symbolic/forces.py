@@ -13,6 +13,7 @@ from stoop.vehicle import terms
 from stoop.vehicle.defaults import COEFFICIENTS
 from stoop.vehicle.schema import Propeller
 from stoop.vehicle.symbolic.component import ZERO, Load, Surroundings
+from stoop.vehicle.symbolic.ground_effect import lift_gain
 from stoop.vehicle.symbolic.rotors import body_drag, rotors
 from stoop.vehicle.symbolic.symbols import Vector, add, cross, scale
 
@@ -32,7 +33,7 @@ def coefficients(s: Surroundings) -> dict[str, Any]:
         for name, text in group.items():
             tree = terms.parse(text, known, name)
             out[coefficient] += s.numbers[name] * terms.convert(tree, known)
-    return out
+    return out | {"CL": out["CL"] * lift_gain(s.numbers, s.channels)}
 
 
 def aerodynamics(s: Surroundings) -> Load:

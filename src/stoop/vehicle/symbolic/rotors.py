@@ -38,6 +38,7 @@ import sympy as sp
 
 from stoop.vehicle.atmosphere import SEA_LEVEL_DENSITY
 from stoop.vehicle.symbolic.component import ZERO, Load, Surroundings
+from stoop.vehicle.symbolic.ground_effect import thrust_gain
 from stoop.vehicle.symbolic.symbols import Numbers, Vector, add, cross, scale, subtract
 from stoop.vehicle.vehicle import slope_input
 
@@ -97,10 +98,6 @@ def _dot(a: Vector, b: Vector) -> Any:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def _thrust(n: Numbers, x: Any, axial: Any, inplane2: Any) -> Any:
-    return _static(n, x) - n.get("rotors.inflow") * x * axial + n.get("rotors.translational") * inplane2
-
-
 def _static(n: Numbers, x: Any) -> Any:
     return n.get("rotors.T0") + n.get("rotors.T1") * x + n.get("rotors.T2") * x * x
 
@@ -120,10 +117,30 @@ def _through(n: Numbers, factor: Any, x: Any, axial: Any, inplane2: Any) -> Any:
     return through - missing / (speed + drawn * through / speed + lost)
 
 
-def _torque(n: Numbers, x: Any, thrust: Any) -> Any:
+def blade_loads(
+    n: Numbers, name: str, x: Any, through: Any, inplane2: Any, density_ratio: Any
+) -> tuple[Any, Any, Any]:
+    """Return thrust, N, in-plane force over the in-plane speed, N s/m, and torque, N m, of one rotor.
+
+    Parameters
+    ----------
+    x : command, or speed of rotation in rad/s
+    through : speed of the air through the disc along the axis, m/s
+    inplane2 : square of the speed in the plane of the disc, m2/s2
+    density_ratio : density over that at sea level
+    """
+    thrust = _static(n, x) - n.get("rotors.inflow") * x * through + n.get("rotors.translational") * inplane2
     if "rotors.torque_ratio" in n:
-        return n["rotors.torque_ratio"] * thrust
-    return n.get("rotors.Q0") + n.get("rotors.Q1") * x + n.get("rotors.Q2") * x * x
+        torque = n["rotors.torque_ratio"] * thrust
+    else:
+        torque = n.get("rotors.Q0") + n.get("rotors.Q1") * x + n.get("rotors.Q2") * x * x
+    thickness = n.get(f"rotor.{name}.factor", sp.Integer(1)) * density_ratio
+    drag = n.get("rotors.drag") * x + n.get("rotors.drag_inflow") * through
+    return (
+        thickness * thrust,
+        thickness * drag,
+        n.get(f"rotor.{name}.torque_factor", sp.Integer(1)) * thickness * torque,
+    )
 
 
 def _one(s: Surroundings, name: str) -> Load:
@@ -134,18 +151,12 @@ def _one(s: Surroundings, name: str) -> Load:
     axial = _dot(axis, velocity)
     inplane = subtract(velocity, scale(axial, axis))
     factor = n.get(f"rotor.{name}.factor", sp.Integer(1))
-    thickness = factor * s.density / SEA_LEVEL_DENSITY
     inplane2 = _dot(inplane, inplane)
     through = _through(n, factor, x, axial, inplane2)
-    thrust = _thrust(n, x, through, inplane2)
-    torque = n.get(f"rotor.{name}.torque_factor", sp.Integer(1)) * thickness * _torque(n, x, thrust)
-    force = subtract(scale(thickness * thrust, axis), scale(thickness * _drag(n, x, through), inplane))
+    thrust, drag, torque = blade_loads(n, name, x, through, inplane2, s.density / SEA_LEVEL_DENSITY)
+    force = subtract(scale(thrust * thrust_gain(n, s.channels), axis), scale(drag, inplane))
     moment = add(cross(arm, force), scale(-turns * torque, axis))
     return Load(force, add(moment, _reaction(s, name, scale(turns, axis))))
-
-
-def _drag(n: Numbers, x: Any, through: Any) -> Any:
-    return n.get("rotors.drag") * x + n.get("rotors.drag_inflow") * through
 
 
 def _turns(s: Surroundings, name: str) -> int:
@@ -173,10 +184,14 @@ def rotors(s: Surroundings) -> Load:
 
 def body_drag(s: Surroundings) -> Load:
     """Return what opposes the motion of the body through the air, each axis for itself."""
-    n = s.numbers
+    return body_resistance(s.numbers, s.velocity, s.omega)
+
+
+def body_resistance(n: Numbers, velocity: Vector, omega: Vector) -> Load:
+    """Return -(linear v + quadratic |v| v) and -(rotation omega), each per body axis."""
     linear, quadratic, turning = (
         n.point(f"body_drag.{part}") for part in ("linear", "quadratic", "rotation")
     )
-    x, y, z = (-(a * v + b * sp.Abs(v) * v) for a, b, v in zip(linear, quadratic, s.velocity, strict=True))
-    p, q, r = (-c * w for c, w in zip(turning, s.omega, strict=True))
+    x, y, z = (-(a * v + b * sp.Abs(v) * v) for a, b, v in zip(linear, quadratic, velocity, strict=True))
+    p, q, r = (-c * w for c, w in zip(turning, omega, strict=True))
     return Load((x, y, z), (p, q, r))

@@ -8,10 +8,9 @@ from naive.kalman import kalman
 
 from stoop.estimate.filter_error.gains import Steady, Varying
 from stoop.estimate.filter_error.likelihood import Likelihood
-from stoop.estimate.filter_error.method import with_gusts
+from stoop.estimate.filter_error.linearization import linearized
+from stoop.estimate.filter_error.method import score, with_gusts
 from stoop.estimate.filter_error.noise import Noise, first_guess
-from stoop.estimate.filter_error.points import linearized
-from stoop.estimate.filter_error.scoring import slope
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.problem.windows import Window
 
@@ -34,7 +33,7 @@ def test_gradient_is_the_slope_of_the_cost(gusty, gusty_flight, gain):
     holes.data["alpha"].values[50:60] = np.nan
     likelihood = posed(gusty, holes, gain)
     z = begin(likelihood.problem, likelihood.noise)
-    at = slope(likelihood, z)
+    at = score(likelihood, z)
     for j in range(likelihood.size):
         h = np.zeros_like(z)
         h[j] = 1e-4
@@ -55,7 +54,7 @@ def test_a_straight_flight_has_the_likelihood_of_its_linear_model(gusty, gusty_f
     still = replace(still, pieces=(replace(still.pieces[0], measured=flown + small),))
     likelihood = Likelihood.of(still, likelihood.noise, Varying(1e9), z)
     rows, _ = still.candidates(z[None, : -likelihood.noise.size], 0)
-    point = likelihood.along(z).paths[0]
+    point = likelihood.along(z).points[0]
     model = linearized(gusty, rows, point.states[:, :, None], point.inputs, piece.dt)
     tail = z[None, -likelihood.noise.size :]
     Q = likelihood.noise.process(tail, model.drive, piece.dt)[0, 0]

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
 
-from stoop.estimate.filter_error.steady import covariance
+from stoop.estimate.filter_error.gains import steady_covariance
 
 
 def system(seed: int, n: int = 5, ny: int = 3, count: int = 4) -> tuple[np.ndarray, ...]:
@@ -21,7 +21,7 @@ def system(seed: int, n: int = 5, ny: int = 3, count: int = 4) -> tuple[np.ndarr
 @settings(max_examples=40, deadline=None)
 def test_equals_scipy(seed: int) -> None:
     F, H, Q, R = system(seed)
-    found = covariance(F, H, Q, 1.0 / R)
+    found = steady_covariance(F, H, Q, 1.0 / R)
     for f, h, q, r, P in zip(F, H, Q, R, found, strict=True):
         assert np.allclose(P, solve_discrete_are(f.T, h.T, q, np.diag(r)), rtol=1e-6, atol=1e-9)
 
@@ -30,7 +30,7 @@ def test_equals_scipy(seed: int) -> None:
 @settings(max_examples=40, deadline=None)
 def test_leaves_no_residual(seed: int) -> None:
     F, H, Q, R = system(seed)
-    for f, h, q, r, P in zip(F, H, Q, R, covariance(F, H, Q, 1.0 / R), strict=True):
+    for f, h, q, r, P in zip(F, H, Q, R, steady_covariance(F, H, Q, 1.0 / R), strict=True):
         K = P @ h.T @ np.linalg.inv(h @ P @ h.T + np.diag(r))
         assert np.allclose(f @ (P - K @ h @ P) @ f.T + q, P, rtol=1e-9, atol=1e-12 * np.abs(P).max())
 
@@ -40,14 +40,14 @@ def test_an_unmeasured_channel_informs_of_nothing() -> None:
     information = 1.0 / R
     information[:, 1] = 0.0
     assert np.allclose(
-        covariance(F, H, Q, information), covariance(F, H[:, [0, 2]], Q, information[:, [0, 2]])
+        steady_covariance(F, H, Q, information), steady_covariance(F, H[:, [0, 2]], Q, information[:, [0, 2]])
     )
 
 
 def test_a_candidate_without_a_solution_leaves_the_others_alone() -> None:
     F, H, Q, R = system(4)
-    alone = covariance(F[1:], H[1:], Q[1:], 1.0 / R[1:])
+    alone = steady_covariance(F[1:], H[1:], Q[1:], 1.0 / R[1:])
     F[0], H[0] = 1.5 * np.eye(5), 0.0  # grows and is not seen
-    together = covariance(F, H, Q, 1.0 / R)
+    together = steady_covariance(F, H, Q, 1.0 / R)
     assert not np.isfinite(together[0]).all()
     assert together[1:] == pytest.approx(alone)

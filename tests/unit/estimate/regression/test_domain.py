@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 from naive.regression import double_sum, transform
 
 from stoop.estimate.regression import domain
-from stoop.estimate.regression.domain import Band, Time
+from stoop.estimate.regression.domain import FrequencyDomain, TimeDomain
 
 
 def test_the_transform_is_the_sum() -> None:
     signals = np.random.default_rng(2).standard_normal((80, 2))
     frequencies = np.array([0.3, 0.7, 1.1, 1.5])
-    found = domain.transform(signals, frequencies, 0.05)
+    found = domain.fourier_transform(signals, frequencies, 0.05)
     for k, f in enumerate(frequencies):
         for i in range(2):
             assert found[k, i] == pytest.approx(transform(signals[:, i], f, 0.05), abs=1e-11)
@@ -26,11 +26,11 @@ def test_the_transform_of_an_exponential_is_known() -> None:
     dt, n, a = 0.02, 400, 0.98
     frequencies = 0.1 + 0.05 * np.arange(30)
     z = a * np.exp(-2j * np.pi * frequencies * dt)
-    found = domain.transform(a ** np.arange(n)[:, None], frequencies, dt)[:, 0]
+    found = domain.fourier_transform(a ** np.arange(n)[:, None], frequencies, dt)[:, 0]
     np.testing.assert_allclose(found, (1.0 - z**n) / (1.0 - z), rtol=1e-12)
 
 
-@pytest.mark.parametrize("where", [Time(), Band(0.1, 2.0)])
+@pytest.mark.parametrize("where", [TimeDomain(), FrequencyDomain(0.1, 2.0)])
 def test_a_model_that_holds_is_found_exactly(where: domain.Domain) -> None:
     """A domain is linear: what holds sample by sample holds in it."""
     rng = np.random.default_rng(5)
@@ -47,26 +47,26 @@ def test_a_model_that_holds_is_found_exactly(where: domain.Domain) -> None:
 def test_a_band_sees_neither_bias_nor_drift(bias: float, drift: float) -> None:
     t = 0.02 * np.arange(500)
     signal = np.sin(5.0 * t)
-    plain, moved = (Band().rows(s[:, None], 0.02) for s in (signal, signal + bias + drift * t))
+    plain, moved = (FrequencyDomain().rows(s[:, None], 0.02) for s in (signal, signal + bias + drift * t))
     np.testing.assert_allclose(moved, plain, atol=1e-9)
 
 
 def test_noise_keeps_its_variance_in_a_band() -> None:
     v = np.random.default_rng(0).standard_normal((1000, 200))
-    assert np.var(Band(0.1, 5.0).rows(v, 0.02)) == pytest.approx(1.0, rel=0.03)
+    assert np.var(FrequencyDomain(0.1, 5.0).rows(v, 0.02)) == pytest.approx(1.0, rel=0.03)
 
 
 def test_frequencies_lie_one_over_the_record_apart() -> None:
-    f = Band(0.1, 2.0).frequencies(500, 0.02)
+    f = FrequencyDomain(0.1, 2.0).frequencies(500, 0.02)
     assert np.diff(f) == pytest.approx(0.1)
     assert f[0] == pytest.approx(0.1)
     assert f[-1] <= 2.0 + 1e-9
-    assert Band(0.0, 2.0).frequencies(500, 0.02)[0] == pytest.approx(0.1)
+    assert FrequencyDomain(0.0, 2.0).frequencies(500, 0.02)[0] == pytest.approx(0.1)
 
 
 def test_too_short_a_record_gives_no_rows() -> None:
-    assert len(Band(0.1, 2.0).rows(np.ones((20, 2)), 0.02)) == 0
-    assert len(Time().rows(np.ones((10, 2)), 0.02)) == 0
+    assert len(FrequencyDomain(0.1, 2.0).rows(np.ones((20, 2)), 0.02)) == 0
+    assert len(TimeDomain().rows(np.ones((10, 2)), 0.02)) == 0
 
 
 def test_the_spread_is_the_double_sum() -> None:
@@ -74,10 +74,10 @@ def test_the_spread_is_the_double_sum() -> None:
     v = np.convolve(rng.standard_normal(64), [1.0, 0.7, 0.3], "same")
     X = rng.standard_normal((64, 3))
     lags = 12  # a fifth of the rows
-    np.testing.assert_allclose(Time(span=0.01).spread(X, v, 0.02), double_sum(X, v, lags), rtol=1e-9)
+    np.testing.assert_allclose(TimeDomain(span=0.01).scatter(X, v, 0.02), double_sum(X, v, lags), rtol=1e-9)
 
 
 def test_white_residuals_in_a_band_spread_as_the_normal_matrix() -> None:
     rng = np.random.default_rng(1)
     X, v = rng.standard_normal((50, 2)), rng.standard_normal(50)
-    np.testing.assert_allclose(Band().spread(X, v, 0.02), X.T @ X * np.mean(v**2))
+    np.testing.assert_allclose(FrequencyDomain().scatter(X, v, 0.02), X.T @ X * np.mean(v**2))

@@ -9,10 +9,11 @@ import pytest
 
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import Options, estimation_problem
-from stoop.estimate.regression.domain import Band, Domain, Time
-from stoop.estimate.regression.estimate import regressed
-from stoop.estimate.regression.least_squares import Block, Priors, solve
-from stoop.estimate.regression.methods import equation_error, frequency_domain
+from stoop.estimate.regression.aircraft import AircraftEquations
+from stoop.estimate.regression.domain import Domain, FrequencyDomain, TimeDomain
+from stoop.estimate.regression.equations import estimate, unbounded
+from stoop.estimate.regression.least_squares import Estimates, Priors, Rows, solve
+from stoop.estimate.regression.method import equation_error, frequency_domain
 from stoop.flight import Flight
 from stoop.problem import Layout
 from stoop.problem.windows import Window
@@ -20,18 +21,26 @@ from stoop.vehicle import Vehicle
 from stoop.workflow.givenbars import error_bars
 
 WINDOW = [Window("noisy", 0.0, 25.0)]
-DOMAINS = [Time(), Band(0.04, 1.5)]
+DOMAINS = [TimeDomain(), FrequencyDomain(0.04, 1.5)]
 FREE = Priors(np.zeros(3), np.full(3, np.inf))
 OPEN = (np.full(3, -np.inf), np.full(3, np.inf))
 
 
+def regressed(vehicle: Vehicle, flight: Flight, domain: Domain) -> tuple[AircraftEquations, Estimates]:
+    problem, _ = estimation_problem(
+        vehicle, {flight.name: flight}, [Window(flight.name, 0.0, 25.0)], Options()
+    )
+    equations = AircraftEquations.of(problem.layout, problem.pieces)
+    found = estimate(equations, domain, unbounded(equations))
+    assert found is not None
+    return equations, found
+
+
 @pytest.mark.parametrize("domain", DOMAINS)
 def test_every_term_is_found_without_noise(full: Vehicle, clean: Flight, domain: Domain) -> None:
-    problem, _ = estimation_problem(full, {"clean": clean}, [Window("clean", 0.0, 25.0)], Options())
-    found = regressed(problem.layout, problem.pieces, domain)
-    assert found is not None
-    for place, value in zip(found.places, found.solved.values, strict=True):
-        p = problem.layout.parameters[place]
+    equations, found = regressed(full, clean, domain)
+    for place, value in zip(equations.places, found.values, strict=True):
+        p = equations.layout.parameters[place]
         assert value == pytest.approx(p.value, rel=3e-3, abs=2e-3), p.name
 
 
@@ -39,12 +48,8 @@ def test_every_term_is_found_without_noise(full: Vehicle, clean: Flight, domain:
 def test_what_is_held_is_taken_off(full: Vehicle, clean: Flight, domain: Domain) -> None:
     """Terms that are not free stay as the file has them: a wrong one moves those beside it, and no other."""
     wrong = full.with_numbers({"Cmq": {"value": -40.0, "free": False}, "Clp": {"free": False}})
-    problem, _ = estimation_problem(wrong, {"clean": clean}, [Window("clean", 0.0, 25.0)], Options())
-    found = regressed(problem.layout, problem.pieces, domain)
-    assert found is not None
-    told = {
-        problem.layout.parameters[i].name: v for i, v in zip(found.places, found.solved.values, strict=True)
-    }
+    equations, found = regressed(wrong, clean, domain)
+    told = dict(zip(equations.names, found.values, strict=True))
     assert "Cmq" not in told
     assert told["Clbeta"] == pytest.approx(full.value("Clbeta"), rel=3e-3)
     assert abs(told["Cmelevator"] / full.value("Cmelevator") - 1.0) > 0.01
@@ -59,12 +64,12 @@ def test_a_tie_joins_two_coefficients(full: Vehicle) -> None:
     X[1, :, 0], X[1, :, 2] = x[:, 1], x[:, 0]
     truth = np.array([2.0, -1.0, 0.5])
     noise = rng.standard_normal((2, 200)) * [[0.01], [1.0]]
-    blocks = [Block(c, X[i] @ truth + noise[i], X[i], 0.02) for i, c in enumerate("ab")]
-    solved = solve(blocks, OPEN, FREE, Band())
+    blocks = [Rows(c, X[i] @ truth + noise[i], X[i], 0.02) for i, c in enumerate("ab")]
+    solved = solve(blocks, OPEN, FREE, FrequencyDomain())
     assert (np.abs(solved.values - truth) < 5.0 * np.sqrt(np.diag(solved.covariance))).all()
     assert np.sqrt(solved.covariance[0, 0]) < 0.001  # the quiet equation rules
     whole = np.concatenate([X[i] / solved.sigma[c] for i, c in enumerate("ab")])
-    y = np.concatenate([b.y / solved.sigma[b.coefficient] for b in blocks])
+    y = np.concatenate([b.y / solved.sigma[b.equation] for b in blocks])
     np.testing.assert_allclose(solved.values, np.linalg.lstsq(whole, y, rcond=None)[0], rtol=1e-4)
 
 
@@ -73,13 +78,13 @@ def test_priors_pull_and_bounds_hold() -> None:
     X = rng.standard_normal((100, 3))
     y = X @ [1.0, 2.0, 3.0] + 0.5 * rng.standard_normal(100)
     tight = solve(
-        [Block("a", y, X, 0.02)],
+        [Rows("a", y, X, 0.02)],
         OPEN,
         Priors(np.array([5.0, 0.0, 0.0]), np.array([1e-6, np.inf, np.inf])),
-        Band(),
+        FrequencyDomain(),
     )
     assert tight.values[0] == pytest.approx(5.0, abs=1e-4)
-    boxed = solve([Block("a", y, X, 0.02)], (np.zeros(3), np.array([9.0, 9.0, 2.0])), FREE, Band())
+    boxed = solve([Rows("a", y, X, 0.02)], (np.zeros(3), np.array([9.0, 9.0, 2.0])), FREE, FrequencyDomain())
     assert boxed.values[2] == pytest.approx(2.0)
 
 
@@ -90,7 +95,7 @@ def test_what_no_row_tells_apart_has_no_error_bar(apart: float) -> None:
     x, other, off = rng.standard_normal((3, 400))
     X = np.column_stack([x, 2.0 * x + apart * off, other])
     y = X @ [1.0, 0.5, 1.0] + 0.1 * rng.standard_normal(400)
-    solved = solve([Block("Cm", y, X, 0.02)], OPEN, FREE, Band())
+    solved = solve([Rows("Cm", y, X, 0.02)], OPEN, FREE, FrequencyDomain())
     assert np.isnan(np.diag(solved.covariance)).tolist() == [True, True, False]
     assert solved.values[0] + 2.0 * solved.values[1] == pytest.approx(2.0, abs=0.05)
     assert np.abs(solved.values).max() < 2.0
@@ -108,7 +113,9 @@ def test_a_control_that_stands_still_gets_no_number(full: Vehicle, noisy: Flight
     assert bars.judged["Clp"].identifiable
 
 
-@pytest.mark.parametrize(("domain", "color"), [(Band(0.1, 5.0), 0.0), (Time(0.06), 0.0), (Time(0.06), 0.9)])
+@pytest.mark.parametrize(
+    ("domain", "color"), [(FrequencyDomain(0.1, 5.0), 0.0), (TimeDomain(0.06), 0.0), (TimeDomain(0.06), 0.9)]
+)
 def test_error_bars_are_the_scatter(domain: Domain, color: float) -> None:
     """200 records of white or AR(1) noise on the measured side: claimed over achieved."""
     from scipy.signal import lfilter
@@ -122,7 +129,7 @@ def test_error_bars_are_the_scatter(domain: Domain, color: float) -> None:
     for _ in range(200):
         v = lfilter([1.0], [1.0, -color], rng.standard_normal(1000))
         both = domain.rows(np.column_stack([X @ [1.0, 2.0, 3.0] + v, X]), 0.02)
-        solved = solve([Block("a", both[:, 0], both[:, 1:], 0.02)], OPEN, FREE, domain)
+        solved = solve([Rows("a", both[:, 0], both[:, 1:], 0.02)], OPEN, FREE, domain)
         errors.append(solved.values - [1.0, 2.0, 3.0])
         claimed.append(np.sqrt(np.diag(solved.covariance)))
     ratio = np.mean(claimed, axis=0) / np.sqrt(np.mean(np.square(errors), axis=0))

@@ -9,15 +9,17 @@ import pytest
 
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import Options, estimation_problem
-from stoop.estimate.regression.domain import Band, transform
-from stoop.estimate.regression.estimate import regressed
-from stoop.estimate.regression.recursive import Estimate, GrowingTransform, RealTime
+from stoop.estimate.regression.aircraft import AircraftEquations
+from stoop.estimate.regression.domain import FrequencyDomain, fourier_transform
+from stoop.estimate.regression.equations import estimate, unbounded
+from stoop.estimate.regression.least_squares import Estimates
+from stoop.estimate.regression.recursive import Estimate, RealTime, RecursiveTransform
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 from stoop.vehicle.load import parse_vehicle
 
-BAND = Band(0.04, 1.5)
+BAND = FrequencyDomain(0.04, 1.5)
 
 
 def flown(
@@ -30,6 +32,14 @@ def flown(
     return online.estimate()
 
 
+def batch_of(vehicle: Vehicle, flight: Flight) -> tuple[AircraftEquations, Estimates]:
+    problem, _ = estimation_problem(vehicle, {"noisy": flight}, [Window("noisy", 0.0, 25.0)], Options())
+    equations = AircraftEquations.of(problem.layout, problem.pieces)
+    found = estimate(equations, BAND, unbounded(equations))
+    assert found is not None
+    return equations, found
+
+
 def online(vehicle: Vehicle, flight: Flight, memory: float = np.inf) -> RealTime:
     dt = 1.0 / flight.rate
     return RealTime(vehicle, dt, BAND.frequencies(len(flight.time), dt), memory)
@@ -38,33 +48,30 @@ def online(vehicle: Vehicle, flight: Flight, memory: float = np.inf) -> RealTime
 def test_the_growing_transform_is_the_transform() -> None:
     signals = np.random.default_rng(0).standard_normal((300, 3))
     frequencies = 0.2 + 0.1 * np.arange(15)
-    growing = GrowingTransform(frequencies, 3, 0.02)
+    growing = RecursiveTransform(frequencies, 3, 0.02)
     for row in signals:
         growing.update(row)
-    np.testing.assert_allclose(growing.values, transform(signals, frequencies, 0.02), atol=1e-10)
+    np.testing.assert_allclose(growing.values, fourier_transform(signals, frequencies, 0.02), atol=1e-10)
 
 
 def test_forgetting_fades_the_past() -> None:
     signals = np.random.default_rng(0).standard_normal((300, 1))
-    growing = GrowingTransform(np.array([0.5]), 1, 0.02, memory=1.0)
+    growing = RecursiveTransform(np.array([0.5]), 1, 0.02, memory=1.0)
     for row in signals:
         growing.update(row)
     faded = signals * np.exp(-0.02 * (299 - np.arange(300)))[:, None]
-    np.testing.assert_allclose(growing.values, transform(faded, np.array([0.5]), 0.02), atol=1e-10)
+    np.testing.assert_allclose(growing.values, fourier_transform(faded, np.array([0.5]), 0.02), atol=1e-10)
 
 
 def test_the_end_is_that_of_the_batch(full: Vehicle, noisy: Flight) -> None:
-    problem, _ = estimation_problem(full, {"noisy": noisy}, [Window("noisy", 0.0, 25.0)], Options())
-    batch = regressed(problem.layout, problem.pieces, BAND)
-    assert batch is not None
+    equations, batch = batch_of(full, noisy)
     found = flown(full, noisy, online(full, noisy))
-    std = np.sqrt(np.diag(batch.solved.covariance))
+    std = np.sqrt(np.diag(batch.covariance))
     well = 0
-    for k, place in enumerate(batch.places):
-        p = problem.layout.parameters[place]
-        if p.name in found and std[k] < 0.01 * abs(batch.solved.values[k]):
-            assert found[p.name].value == pytest.approx(batch.solved.values[k], rel=0.02), p.name
-            assert found[p.name].std_error == pytest.approx(std[k], rel=0.3), p.name
+    for k, name in enumerate(equations.names):
+        if name in found and std[k] < 0.01 * abs(batch.values[k]):
+            assert found[name].value == pytest.approx(batch.values[k], rel=0.02), name
+            assert found[name].std_error == pytest.approx(std[k], rel=0.3), name
             well += 1
     assert well >= 6
 
@@ -103,13 +110,10 @@ def test_lags_and_delays_of_controls_are_those_of_the_batch(full: Vehicle, noisy
     late = parse_vehicle(text, "late").with_numbers(
         {"propulsion.thrust": {"value": full.value("propulsion.thrust")}}
     )
-    problem, _ = estimation_problem(late, {"noisy": noisy}, [Window("noisy", 0.0, 25.0)], Options())
-    batch = regressed(problem.layout, problem.pieces, BAND)
-    assert batch is not None
+    equations, batch = batch_of(late, noisy)
     found = flown(late, noisy, online(late, noisy))
-    names = [problem.layout.parameters[i].name for i in batch.places]
     for name in ("Cmelevator", "Cmalpha"):
-        assert found[name].value == pytest.approx(batch.solved.values[names.index(name)], rel=0.02)
+        assert found[name].value == pytest.approx(batch.values[equations.names.index(name)], rel=0.02)
 
 
 def test_nothing_free_is_refused(full: Vehicle) -> None:

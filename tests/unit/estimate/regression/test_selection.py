@@ -11,17 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive.regression import best_subset, press, rss
 
-from stoop.estimate.regression import hierarchy
-from stoop.estimate.regression.domain import Band
-from stoop.estimate.regression.rows import Model, Rows, stack
-from stoop.estimate.regression.selection import PartialF, Press, orthogonal, stepwise
-from stoop.estimate.regression.structure import Choose
+from stoop.estimate.regression.domain import FrequencyDomain
+from stoop.estimate.regression.selection import Model, PartialF, Press, Regression, orthogonal, stepwise
+from stoop.estimate.regression.structure import Choose, parents
 from stoop.vehicle import terms
 
 
-def rows(y: np.ndarray, X: np.ndarray) -> Rows:
+def rows(y: np.ndarray, X: np.ndarray) -> Regression:
     """Return a regression whose residuals count as white."""
-    return Rows(y, X, (slice(0, len(y)),), 1.0, Band())
+    return Regression(y, X, (slice(0, len(y)),), 1.0, FrequencyDomain())
 
 
 def drawn(seed: int, n: int = 120, k: int = 8) -> tuple[np.ndarray, np.ndarray]:
@@ -120,9 +118,9 @@ def test_a_copy_of_a_candidate_is_not_tried() -> None:
 def test_stretches_are_stacked_and_constants_taken_off() -> None:
     t = 0.02 * np.arange(400)
     parts = [np.column_stack([np.sin(t) + 5.0, np.cos(t) - 3.0]) for _ in range(2)]
-    data = stack(parts, Band(0.1, 2.0), 0.02)
+    data = Regression.of(parts, FrequencyDomain(0.1, 2.0), 0.02)
     assert [s.stop - s.start for s in data.stretches] == [data.count // 2] * 2
-    assert data.taken == 0
+    assert data.spent == 0
 
 
 def trees(*texts: str) -> list[ast.expr]:
@@ -140,7 +138,7 @@ def test_products_and_powers_stand_on_their_variables() -> None:
         "2*alpha",
         "rudder*elevator",
     )
-    found = hierarchy.parents(trees(*names))
+    found = parents(trees(*names))
     assert found == ((1,), (), (), (1, 2), (), (), (), (2,))
 
 
@@ -164,4 +162,4 @@ def test_nothing_is_chosen_without_what_it_stands_on(seed: int) -> None:
     data = replace(rows(y, columns), parents=((), (), (), (0,), (1,), (0, 2)))
     for criterion in (stepwise, orthogonal, lambda r: stepwise(r, Press())):
         model = criterion(data).model
-        assert all(set(data.stands_on(c)) <= set(model.columns) for c in model.columns)
+        assert all(set(data.parents_of(c)) <= set(model.columns) for c in model.columns)

@@ -7,10 +7,10 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from stoop.estimate.fit import Options, estimation_problem
-from stoop.estimate.regression.accelerations import MOMENTS, Unknowns, fitted
-from stoop.estimate.regression.domain import Time
-from stoop.estimate.regression.estimate import boxed
-from stoop.estimate.regression.least_squares import Solved
+from stoop.estimate.regression.domain import TimeDomain
+from stoop.estimate.regression.equations import estimate
+from stoop.estimate.regression.least_squares import Estimates
+from stoop.estimate.regression.rotors import MOMENTS, RotorEquations
 from stoop.flight import Flight
 from stoop.flight.make import from_columns
 from stoop.problem.windows import Window
@@ -47,20 +47,19 @@ def flown(
     return from_columns("quad", t, columns | recorded | {"altitude": np.full(len(t), 50.0)})
 
 
-def regressed(mixed: bool) -> tuple[dict[str, float], Solved]:
+def regressed(mixed: bool) -> tuple[dict[str, float], Estimates]:
     vehicle = builtin_vehicle("quad-x")
     return solved_for(vehicle, flown(vehicle, mixed, TRUTH), tuple(TRUTH))
 
 
-def solved_for(vehicle: Vehicle, flight: Flight, free: tuple[str, ...]) -> tuple[dict[str, float], Solved]:
+def solved_for(vehicle: Vehicle, flight: Flight, free: tuple[str, ...]) -> tuple[dict[str, float], Estimates]:
     """Fit some numbers and hold the others."""
     held = [p.name for p in vehicle.parameters if p.free and p.name not in free]
     own = vehicle.with_numbers({name: {"free": False} for name in held})
     problem, _ = estimation_problem(own, {"quad": flight}, [Window("quad", 0.0, 3.99)], Options())
-    found = fitted(problem.layout, problem.pieces, Time(), boxed(problem.layout.parameters))
-    assert found is not None
-    unknowns, solved = found
-    assert isinstance(unknowns, Unknowns)
+    equations = RotorEquations.of(problem.layout, problem.pieces)
+    solved = estimate(equations, TimeDomain(), equations.bounds)
+    assert solved is not None
     names = [p.name for p in problem.layout.parameters]
     return dict(zip(names, solved.values, strict=False)), solved
 
@@ -78,7 +77,7 @@ def test_moments_that_no_command_explains_are_left_out() -> None:
     assert values == {name: pytest.approx(value, rel=0.1) for name, value in TRUTH.items()}
 
 
-def thrust_mostly_held(start: float, mixed: bool, noise: dict[str, np.ndarray] | None = None) -> Solved:
+def thrust_mostly_held(start: float, mixed: bool, noise: dict[str, np.ndarray] | None = None) -> Estimates:
     """Fit a flight of which the held T1 makes nearly all thrust, from some start of T2."""
     begun = {name: {"value": value} for name, value in {**MOSTLY_HELD, "rotors.T2": start}.items()}
     vehicle = builtin_vehicle("quad-x").with_numbers(begun)

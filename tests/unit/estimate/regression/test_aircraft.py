@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from stoop.estimate.fit import Options, estimation_problem
-from stoop.estimate.regression.history import History, histories
-from stoop.estimate.regression.measured import lagged
+from stoop.estimate.regression.aircraft import History, Motion, balance, histories
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.simulate.delays import first_order_lag
 from stoop.vehicle import Vehicle
 from stoop.vehicle.load import parse_vehicle
 
@@ -73,16 +73,12 @@ def test_terms_are_the_ones_that_the_kernel_flies(full: Vehicle, noisy: Flight) 
     other = full.with_numbers({n: {"value": full.value(n) + d} for n, d in shifted.items()})
     kernel = full.kernel()
     problem, _ = estimation_problem(full, {"noisy": noisy}, [Window("noisy", 0.0, 25.0)], Options())
-    from stoop.estimate.regression.measured import measured, states
-
-    found = measured(full, problem.pieces[0])
-    x = states(full, found)
+    found = Motion.of(full, problem.pieces[0])
+    x = found.kernel_states(full)
     rows = found.rows.copy()
     for name in shifted:
         rows[full.rows[name]] = other.value(name)
     before, after = (kernel.evaluate(r, x, found.inputs) for r in (found.rows, rows))
-    from stoop.estimate.regression.history import balance
-
     _, gains = balance(full, found)
     told = np.zeros((6, len(history.time)))
     for name, delta in shifted.items():
@@ -135,4 +131,4 @@ def test_instruments_are_undone(full: Vehicle) -> None:
 def test_a_lag_answers_a_ramp_as_its_formula_says() -> None:
     t = 0.02 * np.arange(200)
     lag = 0.1
-    np.testing.assert_allclose(lagged(t, lag, 0.02), t - lag * (1.0 - np.exp(-t / lag)), atol=1e-12)
+    np.testing.assert_allclose(first_order_lag(t, lag, 0.02), t - lag * (1.0 - np.exp(-t / lag)), atol=1e-12)

@@ -1,0 +1,209 @@
+"""Measure the form of the package: ``python scripts/structure.py [--source DIR] [--fit LOG_FOLDER] [--log FILE]``.
+
+Prints lines and files of each room, the closure of ``stoop identify``, circles between files, flags of the vehicle's
+kind, numeric module constants, helpers with one caller; with ``--fit`` and ``--log`` also how many functions of stoop
+run in a plain fit of the V-tail example and in loading a log.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import re
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+FLAG = re.compile(r"\b(?:hovers|has_rotors)\b")
+VTAIL = ("140:145", "146:152", "160:168.3")
+
+
+def main() -> int:
+    """Print every figure."""
+    parser = argparse.ArgumentParser(description="Measure the form of the package.")
+    parser.add_argument("--source", metavar="DIR", type=Path, default=ROOT / "src")
+    parser.add_argument(
+        "--fit", metavar="FOLDER", type=Path, help="the V-tail's flight2: profile a plain fit"
+    )
+    parser.add_argument("--log", metavar="FILE", type=Path, help="a ULog: profile loading it")
+    arguments = parser.parse_args()
+    source: Path = arguments.source
+    modules = {
+        _name(path, source): path
+        for top in ("stoop", "stoop_studies")
+        for path in (source / top).rglob("*.py")
+    }
+    trees = {name: ast.parse(path.read_text("utf-8")) for name, path in modules.items()}
+    lines = {name: len(path.read_text("utf-8").splitlines()) for name, path in modules.items()}
+    _print_rooms(modules, lines)
+    graph = {name: set(_imports(name, tree, modules)) for name, tree in trees.items()}
+    reached = _closure("stoop.cli.identify", graph) | _closure(
+        "stoop.cli.main", {**graph, "stoop.cli.main": set()}
+    )
+    print(f"closure of stoop identify:   {sum(lines[m] for m in reached)} lines, {len(reached)} files")
+    eager = {name: set(_imports(name, tree, modules, lazy=False)) for name, tree in trees.items()}
+    circles = [c for c in _components(eager) if len(c) > 1]
+    print(f"circles between files:       {len(circles)} {[sorted(c) for c in circles] or ''}")
+    product = {
+        name: tree for name, tree in trees.items() if name.split(".")[0] == "stoop" and ".study" not in name
+    }
+    flags = {name: len(FLAG.findall(modules[name].read_text("utf-8"))) for name in product}
+    print(
+        f"flags of the vehicle's kind: {sum(flags.values())} places in {sum(map(bool, flags.values()))} files"
+    )
+    print(f"numeric module constants:    {sum(_numeric_constants(tree) for tree in product.values())}")
+    single = sum(_single_use(tree) for tree in product.values())
+    print(
+        f"private helpers used once:   {single} of {sum(1 for t in product.values() for _ in _functions(t))} functions"
+    )
+    sys.path.insert(0, str(source))
+    if arguments.fit:
+        _profile_fit(arguments.fit, source)
+    if arguments.log:
+        _profile_log(arguments.log, source)
+    return 0
+
+
+def _name(path: Path, source: Path) -> str:
+    parts = path.relative_to(source).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def _print_rooms(modules: Mapping[str, Path], lines: Mapping[str, int]) -> None:
+    rooms: Counter[str] = Counter()
+    files: Counter[str] = Counter()
+    for name in modules:
+        top, _, rest = name.partition(".")
+        for room in (top, f"  {rest.partition('.')[0] or '(top)'}" if top == "stoop" else top):
+            if room != top or top == "stoop_studies" or room == "stoop":
+                rooms[room] += lines[name]
+                files[room] += 1
+            if top == "stoop_studies":
+                break
+    for room in sorted(rooms, key=lambda r: (not r.startswith("stoop"), r)):
+        print(f"{room:<16} {rooms[room]:>7} lines {files[room]:>4} files")
+
+
+def _imports(name: str, tree: ast.Module, modules: Mapping[str, Path], lazy: bool = True) -> Iterator[str]:
+    """Yield the modules of the package that a module imports; those in functions only where `lazy`."""
+    for node in ast.walk(tree) if lazy else _eager(tree):
+        if isinstance(node, ast.Import):
+            yield from (a.name for a in node.names if a.name in modules)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            for alias in node.names:
+                full = f"{node.module}.{alias.name}"
+                found = full if full in modules else node.module
+                if found in modules and found != name:
+                    yield found
+        elif lazy and isinstance(node, ast.Constant) and isinstance(node.value, str):
+            module = node.value.partition(":")[0]
+            if module in modules and ":" in node.value and module != name:
+                yield module
+
+
+def _eager(tree: ast.Module) -> Iterator[ast.AST]:
+    """Yield the statements that run when a module is imported, without those for type checkers."""
+    for node in tree.body:
+        if not (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)):
+            yield from (n for n in ast.walk(node) if not isinstance(node, ast.FunctionDef | ast.ClassDef))
+
+
+def _closure(start: str, graph: Mapping[str, set[str]]) -> set[str]:
+    reached: set[str] = set()
+    queue = [start]
+    while queue:
+        name = queue.pop()
+        if name in graph and name not in reached:
+            reached.add(name)
+            queue += [*graph[name], *(name.rsplit(".", n)[0] for n in range(1, name.count(".") + 1))]
+    return reached
+
+
+def _components(graph: Mapping[str, set[str]]) -> list[set[str]]:
+    """Return the strongly connected components."""
+    reach = {name: _reach(name, graph) for name in graph}
+    found: list[set[str]] = []
+    for name in graph:
+        if not any(name in c for c in found):
+            found.append({name} | {other for other in reach[name] if name in reach[other]})
+    return found
+
+
+def _reach(start: str, graph: Mapping[str, set[str]]) -> set[str]:
+    seen: set[str] = set()
+    queue = list(graph[start])
+    while queue:
+        name = queue.pop()
+        if name in graph and name not in seen:
+            seen.add(name)
+            queue += graph[name]
+    return seen
+
+
+def _numeric_constants(tree: ast.Module) -> int:
+    """Return how many names of a module are bound to a number, or to an expression of numbers."""
+    found = 0
+    for node in tree.body:
+        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
+            inner = [n for n in ast.walk(node.value) if isinstance(n, ast.expr)]
+            numbers = [n for n in inner if isinstance(n, ast.Constant)]
+            plain = all(isinstance(n, ast.Constant | ast.BinOp | ast.UnaryOp | ast.Name) for n in inner)
+            found += plain and any(
+                isinstance(n.value, int | float) and not isinstance(n.value, bool) for n in numbers
+            )
+    return found
+
+
+def _functions(tree: ast.Module) -> Iterator[ast.FunctionDef]:
+    yield from (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef))
+
+
+def _single_use(tree: ast.Module) -> int:
+    used = Counter(n.id for n in ast.walk(tree) if isinstance(n, ast.Name))
+    used.update(n.attr for n in ast.walk(tree) if isinstance(n, ast.Attribute))
+    return sum(
+        1
+        for f in _functions(tree)
+        if f.name.startswith("_") and not f.name.startswith("__") and used[f.name] == 1
+    )
+
+
+def _print_profile(title: str, run: Callable[[], Any], source: Path) -> None:
+    """Print how many functions of stoop a second run calls: the first one imports and compiles."""
+    seen: set[tuple[str, str]] = set()
+    prefix = str(source / "stoop")
+
+    def see(frame: FrameType, event: str, _: Any) -> None:
+        code = frame.f_code
+        if event == "call" and code.co_filename.startswith(prefix) and not code.co_name.startswith("<"):
+            seen.add((code.co_filename, code.co_qualname))
+
+    run()
+    sys.setprofile(see)
+    try:
+        run()
+    finally:
+        sys.setprofile(None)
+    print(f"functions in {title}: {len(seen)} in {len({file for file, _ in seen})} files")
+
+
+def _profile_fit(folder: Path, source: Path) -> None:
+    import stoop
+
+    vehicle = stoop.load_vehicle(ROOT / "examples" / "vtail.toml")
+    flight = stoop.load_flight(folder)
+    _print_profile("a plain fit", lambda: stoop.fit(vehicle, flight, VTAIL, validate=["187:196"]), source)
+
+
+def _profile_log(path: Path, source: Path) -> None:
+    import stoop
+
+    _print_profile("loading a log", lambda: stoop.load_flight(path), source)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,189 @@
+"""The methods ``equation-error`` and ``frequency-domain``: estimates and error bars without a search."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from stoop import optimize
+from stoop.base.arrays import FloatArray
+from stoop.base.notices import notice
+from stoop.errors import IdentificationError
+from stoop.estimate.fit import SHORT, Fit, Options, estimation_problem
+from stoop.estimate.noise import noise_variance, variance_of
+from stoop.estimate.regression.domain import Domain, FrequencyDomain, TimeDomain
+from stoop.estimate.regression.equations import Equations, estimate, kind_of, unbounded
+from stoop.estimate.shooting.windows import outputs_by_window
+from stoop.flight import Flight
+from stoop.optimize.ledger import Evaluations, Halt
+from stoop.problem import Layout, Misfit, Weights, on_circle
+from stoop.problem.observation import observation_model
+from stoop.problem.windows import Window
+from stoop.vehicle import Vehicle
+
+FAIR_R2: Final = 0.5  #: below, the estimates of an equation are doubtful
+
+
+def equation_error(
+    vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window], options: Options, *_: Any
+) -> Fit:
+    """Fit the free numbers to measured accelerations on smoothed samples; a method of `stoop.estimate.methods`.
+
+    Raises
+    ------
+    IdentificationError
+        The motion was nowhere measured completely.
+    """
+    return _fitted(vehicle, flights, windows, options, TimeDomain())
+
+
+def frequency_domain(
+    vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window], options: Options, *_: Any
+) -> Fit:
+    """Fit the free terms of an aircraft to Fourier coefficients of a band; a method of `stoop.estimate.methods`.
+
+    Raises
+    ------
+    IdentificationError
+        The motion was nowhere measured completely, or the vehicle has rotors.
+    """
+    return _fitted(vehicle, flights, windows, options, FrequencyDomain())
+
+
+def _fitted(
+    vehicle: Vehicle,
+    flights: Mapping[str, Flight],
+    windows: Sequence[Window],
+    options: Options,
+    domain: Domain,
+) -> Fit:
+    kind = kind_of(vehicle)
+    if domain.name not in kind.explanations:
+        raise IdentificationError(
+            f"{vehicle.where}: frequency-domain regression is for aircraft; use --method equation-error or multiple-shooting"
+        )
+    fixed = kind.not_estimable(vehicle)
+    problem, prepared = estimation_problem(
+        vehicle.with_numbers({n: {"free": False} for n in fixed}), flights, windows, options
+    )
+    equations = kind.of(problem.layout, problem.pieces)
+    found = estimate(equations, domain, unbounded(equations) if kind.linear else equations.bounds)
+    if found is None:
+        raise IdentificationError(f"{vehicle.where}: no regression is possible: {kind.needed}")
+    z = _vector(problem, equations, found.values)
+    open_loop = observation_model(vehicle).open_loop
+    flown = (_from_start if open_loop else _by_window)(problem, z)
+    notices = [
+        notice(kind.explanations[domain.name], "", **domain.settings),
+        notice("r-squared", "", equations=tuple(found.r2), r2=tuple(found.r2.values())),
+        *([notice("not-in-regression", ", ".join(fixed))] if fixed else []),
+        *(notice("low-r-squared", name, r2=max(r2, 0.0)) for name, r2 in found.r2.items() if r2 < FAIR_R2),
+        *kind.notices(found),
+        *([] if np.isfinite(flown.cost) else [notice("estimates-diverge", vehicle.where)]),
+    ]
+    outcome = optimize.Outcome(
+        flown.z, flown.cost, flown.spent, 0, "converged", "", np.empty((0, 2)), None, options.method
+    )
+    return Fit(
+        flown.problem,
+        prepared,
+        flown.z,
+        outcome,
+        flown.cost,
+        flown.spent,
+        tuple(notices),
+        noise=flown.noise,
+        covariance=_covariance(equations, found.covariance, len(flown.z)),
+        white=_covariance(equations, found.white, len(flown.z)) if domain.colored else None,
+        simulated=flown.readings,
+    )
+
+
+def _vector(problem: Misfit, equations: Equations, values: FloatArray) -> FloatArray:
+    """Return the search vector: estimates (k,), SI, in their places, file values and guesses elsewhere."""
+    layout, d = problem.layout, problem.dimension
+    z = np.zeros(d + problem.extra)
+    z[:d] = (np.array([p.value for p in layout.parameters]) - layout.lower) / layout.width
+    for place, value in zip(equations.places, values, strict=True):
+        if place < d:
+            z[place] = (value - layout.lower[place]) / layout.width[place]
+        else:
+            nuisance = layout.nuisances[place - d]
+            z[place] = (value - nuisance.center) / nuisance.scale
+    return z
+
+
+def _covariance(equations: Equations, covariance: FloatArray, size: int) -> FloatArray:
+    """Return the covariance (size, size) of the vector, SI: zero where nothing was estimated, infinite where unknown."""
+    own = covariance.copy()
+    unknown = np.flatnonzero(np.isnan(np.diag(own)))
+    own[unknown, :] = own[:, unknown] = 0.0
+    own[unknown, unknown] = np.inf
+    out = np.zeros((size, size))
+    out[np.ix_(equations.places, equations.places)] = own
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Simulated:
+    """The model of the estimates, simulated for figures and curves."""
+
+    problem: Misfit
+    z: FloatArray
+    cost: float
+    spent: float
+    noise: FloatArray | None = None
+    readings: tuple[FloatArray, ...] | None = None
+
+
+def _from_start(problem: Misfit, z: FloatArray) -> _Simulated:
+    """Simulate each piece from its first sample, initial states and biases estimated with the parameters fixed."""
+    z, spent = _with_nuisances(problem, z)
+    rung = len(problem.prices) - 1
+    cost = float(np.sum(problem.residuals(z[None, :], rung) ** 2))
+    if np.isfinite(cost):
+        problem = problem.weighted(Weights.of(noise_variance(problem, z)))
+        cost = float(np.sum(problem.residuals(z[None, :], rung) ** 2))
+    return _Simulated(problem, z, cost, spent)
+
+
+def _with_nuisances(problem: Misfit, z: FloatArray) -> tuple[FloatArray, float]:
+    """Return the vector with the best nuisances, and the trajectories spent."""
+    d = problem.dimension
+    states = replace(problem, layout=replace(_fixed_layout(problem, z), nuisances=problem.layout.nuisances))
+    if not states.extra:
+        return z, 0.0
+    ledger = optimize.Ledger(states, Evaluations.none(states), np.inf)
+    try:
+        end = optimize.refine(ledger, z[d:], len(states.prices) - 1, SHORT)
+    except (KeyboardInterrupt, Halt):
+        return z, ledger.spent
+    return np.concatenate([z[:d], end.z if np.isfinite(end.cost) else z[d:]]), ledger.spent
+
+
+def _fixed_layout(problem: Misfit, z: FloatArray) -> Layout:
+    """Return a layout without unknowns, of the vehicle with its estimates."""
+    layout = problem.layout
+    values = layout.physical(z[None, :])[0]
+    numbers = {p.name: {"value": float(v)} for p, v in zip(layout.parameters, values, strict=True)}
+    return replace(layout, vehicle=layout.vehicle.with_numbers(numbers), parameters=(), nuisances=())
+
+
+def _by_window(problem: Misfit, z: FloatArray) -> _Simulated:
+    """Simulate windows of a second that each start as measured."""
+    layout, d, outputs = problem.layout, problem.dimension, problem.layout.vehicle.outputs
+    values = [n.center + n.scale * float(x) for n, x in zip(layout.nuisances, z[d:], strict=True)]
+    pieces = []
+    for piece in problem.pieces:
+        own = zip(layout.nuisances, values, strict=True)
+        biases = {n.name: v for n, v in own if n.is_bias and n.maneuver == piece.maneuver}
+        pieces.append(replace(piece, changes={**piece.changes, **biases}))
+    fixed = replace(problem, layout=_fixed_layout(problem, z), pieces=tuple(pieces))
+    readings = tuple(outputs_by_window(fixed, i) for i in range(len(pieces)))
+    residuals = [on_circle(p.measured - y, outputs) for p, y in zip(problem.pieces, readings, strict=True)]
+    seen = np.any([np.isfinite(r).any(axis=0) for r in residuals], axis=0)
+    noise = np.diag(np.where(seen, variance_of(problem, residuals), np.nan))
+    return _Simulated(problem, z, 0.0, 0.0, noise, readings)

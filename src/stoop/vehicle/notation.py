@@ -1,0 +1,67 @@
+"""LaTeX symbols of the numbers of a vehicle file; the equations themselves are printed by `vehicle.symbolic.latex`."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+from stoop.vehicle.vehicle import Vehicle
+
+GREEK: Final = ("alpha", "beta", "phi", "theta", "psi")
+SURFACES: Final = {"elevator": r"\delta_e", "aileron": r"\delta_a", "rudder": r"\delta_r"}
+ROTOR_NUMBERS: Final = {
+    "T0": "T_{0}", "T1": "T_{1}", "T2": "T_{2}", "inflow": "k_{v}", "translational": "k_{h}", "drag": "k_{d}",
+    "drag_inflow": "k_{n}", "radius": "R",
+    "Q0": "Q_{0}", "Q1": "Q_{1}", "Q2": "Q_{2}", "torque_ratio": "c_{Q}", "inertia": "J", "lag": r"\tau", "gain": "g",
+    "idle": r"u_{\mathrm{idle}}", "nominal_voltage": "U_{0}", "delay": "t_{d}",
+}  # fmt: skip
+BODY_DRAG: Final = {"linear": "d", "quadratic": "D", "rotation": "c"}
+GROUND_EFFECT: Final = {"rotor": "k_{g}", "lift": r"k_{\ell}", "radius": "R"}
+EACH_ROTOR: Final = {"factor": "f", "torque_factor": "f_Q"}
+
+
+def symbols(vehicle: Vehicle) -> dict[str, str]:
+    """Return the LaTeX symbol of every aerodynamic parameter, and of the numbers of rotors and of body drag."""
+    found = {name: parameter_symbol(name, c) for c, group in vehicle.terms.items() for name in group}
+    for name in vehicle.rows:
+        table, _, rest = name.partition(".")
+        first, _, last = rest.partition(".")
+        if table == "rotors" and first in ROTOR_NUMBERS:
+            found[name] = ROTOR_NUMBERS[first]
+        elif table == "ground_effect":
+            found[name] = GROUND_EFFECT[first]
+        elif table == "body_drag":
+            found[name] = f"{BODY_DRAG[first]}_{{{last}}}"
+        elif table == "rotor":
+            part, _, axis = last.partition(".")
+            letter = EACH_ROTOR.get(part) or {"position": axis, "axis": f"n_{axis}"}[part]
+            found[name] = f"{{{letter}}}_{{" + r"\mathrm{" + plain(first) + "}}"
+    return found
+
+
+def coefficient_symbol(coefficient: str) -> str:
+    """Return e.g. ``C_{L}`` or ``C_{l}``."""
+    return f"C_{{{coefficient[1:]}}}"
+
+
+def parameter_symbol(name: str, coefficient: str | None = None) -> str:
+    r"""Return the LaTeX of a parameter's name, e.g. ``C_{L\alpha}`` for CLalpha."""
+    if coefficient is None or not name.startswith(coefficient):
+        return r"\mathrm{" + plain(name) + "}"
+    known = "|".join((*GREEK, *SURFACES))
+    tail = ""
+    for part in re.split(f"({known}|[0-9]+)", name[len(coefficient) :]):
+        if part in SURFACES:
+            tail += f" {SURFACES[part]}"
+        elif part in GREEK:
+            tail += f" \\{part}"
+        elif part.isdigit():
+            tail += part if part == "0" else f"^{{{part}}}"
+        elif part:
+            tail += f" {plain(part)}"
+    return f"C_{{{coefficient[1:]}{tail}}}"
+
+
+def plain(text: str) -> str:
+    """Return a name that LaTeX prints as it is."""
+    return re.sub(r"[^A-Za-z0-9.]", " ", text)

@@ -1,0 +1,95 @@
+"""Ground effect of rotors and of a wing comes back from simulated flights near the ground, with its error bar."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stoop.errors import VehicleError
+from stoop.estimate.fit import Options
+from stoop.simulate import parse_maneuver, simulate_flight, trim
+from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.builtin import builtin_text
+from stoop.workflow import identify
+
+ROTOR, LIFT = 1.3, 0.2  #: true coefficients
+QUAD = builtin_text("quad-x") + f"\n[ground_effect]\nradius = 0.127\nrotor = {ROTOR}\n"
+WING = builtin_text("twin-boom") + f"\n[ground_effect]\nlift = {LIFT}\n"
+
+
+def maneuver(altitude: float, *inputs: tuple[str, str, float, float, float]) -> str:
+    head = f"duration = 20.0\nrate = 100.0\naltitude = {altitude}\n"
+    return head + "".join(
+        f'[[input]]\ncontrol = "{control}"\nshape = "{shape}"\nstart = {start}\nstep = {step}\namplitude = {amplitude}\n'
+        for control, shape, start, step, amplitude in inputs
+    )
+
+
+LOW_HOVER = maneuver(
+    0.45,
+    ("down", "doublet", 1.0, 1.5, 0.2),
+    ("roll", "doublet", 6.0, 0.15, 6.0),
+    ("pitch", "doublet", 7.5, 0.15, 6.0),
+    ("yaw", "doublet", 9.0, 0.4, 1.0),
+    ("heave", "3-2-1-1", 11.0, 0.25, 1.5),
+    ("down", "doublet", 14.0, 1.5, 0.2),
+)
+LOW_PASS = maneuver(
+    0.6,
+    ("elevator", "3-2-1-1", 1.0, 0.3, 0.05),
+    ("height", "doublet", 5.0, 2.0, 0.3),
+    ("elevator", "doublet", 12.0, 0.5, 0.05),
+    ("height", "doublet", 14.0, 1.5, 0.3),
+)
+
+
+@pytest.mark.parametrize("method", ["equation-error", pytest.param("", marks=pytest.mark.slow)])
+def test_the_ground_effect_of_rotors_is_recovered(method: str) -> None:
+    true = parse_vehicle(QUAD, "quad")
+    flight = simulate_flight(true, parse_maneuver(LOW_HOVER, "m"), seed=1, name="low")
+    assert 0.05 < float(flight.column("height").min()) < 0.25
+    start = true.with_numbers({"ground_effect.rotor": {"value": 0.5}})
+    job = identify(start, flight, ["0:20"], options=Options(method=method))
+    found = job.identification.result.parameters["ground_effect.rotor"]
+    assert abs(found.estimate - ROTOR) < 3.5 * found.std_error
+    assert found.std_error < 0.2 * ROTOR
+
+
+def test_the_ground_effect_on_lift_is_recovered() -> None:
+    true = parse_vehicle(WING, "wing").reduced("longitudinal")
+    flight = simulate_flight(true, parse_maneuver(LOW_PASS, "m"), seed=2, name="low")
+    start = true.with_numbers({"ground_effect.lift": {"value": 0.0, "bounds": (-1.0, 1.0)}})
+    job = identify(start, flight, ["0:20"])
+    found = job.identification.result.parameters["ground_effect.lift"]
+    assert abs(found.estimate - LIFT) < 3.5 * found.std_error
+    assert found.std_error < 0.3 * LIFT
+
+
+def test_near_the_ground_less_command_holds_the_vehicle_and_far_above_as_much_as_ever() -> None:
+    """Cheeseman and Bennett: T / T_free = 1 + (R/4z)^2 to first order, so the hover command falls by that thrust."""
+    true, free = parse_vehicle(QUAD, "quad"), parse_vehicle(builtin_text("quad-x"), "quad")
+    near, far = (trim(true, altitude=z) for z in (0.2, 500.0))
+    columns = [i for i, c in enumerate(true.recorded) if c.startswith("motor_")]
+    np.testing.assert_allclose(far.inputs[columns], trim(free, altitude=500.0).inputs[columns], rtol=1e-6)
+    x, quarter2 = near.inputs[columns[0]], (0.127 / 4) ** 2
+    thrust = 2.5 * x + 6.0 * x * x
+    sea_level = 4 * thrust * (1.0 + ROTOR * quarter2 / (0.2**2 + quarter2))
+    assert sea_level == pytest.approx(1.5 * 9.80665, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "advice"),
+    [
+        (builtin_text("quad-x") + "\n[ground_effect]\nrotor = 1.0\n", "ground_effect.radius"),
+        (builtin_text("quad-x") + "\n[ground_effect]\nlift = 0.1\n", "span of a wing"),
+        (builtin_text("twin-boom") + "\n[ground_effect]\n", "there is no effect"),
+    ],
+)
+def test_a_table_that_cannot_work_says_what_to_write(text: str, advice: str) -> None:
+    with pytest.raises(VehicleError, match=advice):
+        parse_vehicle(text, "file")
+
+
+def test_a_file_without_the_table_has_the_equations_it_had() -> None:
+    plain: Vehicle = parse_vehicle(builtin_text("twin-boom"), "plain")
+    assert "ground_effect" not in plain.structure
