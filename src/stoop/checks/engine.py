@@ -68,6 +68,7 @@ class Edit(Generic[State]):
     apply : data or vehicle -> the same with the edit
     complete : whether it must explain the motion by itself; a unit that shrinks a channel shrinks its noise, too
     prior : logarithm of its odds before any data, against an edit as likely as any
+    value : what the line says then, such as a unit
     """
 
     kind: str
@@ -76,6 +77,7 @@ class Edit(Generic[State]):
     apply: Callable[[State], State]
     complete: bool = False
     prior: float = 0.0
+    value: str = ""
 
 
 class Evidence(Protocol):

@@ -20,7 +20,7 @@ from stoop.base.notices import Notice, notice
 from stoop.base.variables import RATES
 from stoop.checks.engine import Edit, Evidence, Finding, Key, Residual, Residuals, search
 from stoop.flight import Flight
-from stoop.flight.aloft import flying
+from stoop.flight.airborne import flying
 from stoop.problem.windows import Window, within
 from stoop.simulate.delays import delayed, first_order_lag
 from stoop.simulate.rotors import Range, channel_range, effects

@@ -15,7 +15,7 @@ from stoop.checks.kinematics import check_motion, check_rates
 from stoop.checks.motors import check_motors
 from stoop.errors import FlightError
 from stoop.flight import Flight
-from stoop.flight.aloft import flying, lift, lifting
+from stoop.flight.airborne import carried_by_rotors, flying, lift_command
 from stoop.problem.windows import Window, whole, within
 from stoop.vehicle import Vehicle
 
@@ -78,7 +78,7 @@ def check(flight: Flight, vehicle: Vehicle | None = None) -> tuple[Notice, ...]:
     wrong, corrected = check_motion(data, flight.rate, {})
     known = {fault.variable for fault in flight.faults}
     found = [one for one in (*wrong, *check_rates(corrected, flight.rate, {})) if one.subject not in known]
-    out = [*(notice("sensor-fault", flight.name, fault=fault.message) for fault in flight.faults), *found]
+    out = [*(fault.notice for fault in flight.faults), *found]
     if vehicle is not None:
         flights = {flight.name: flight}
         out += [one for one in check_vehicle(vehicle, flights, whole(flights)) if one not in out]
@@ -157,7 +157,7 @@ def require_channels(vehicle: Vehicle, flight: Flight, named_by: str = "--vehicl
 
 def _other_vehicle(vehicle: Vehicle, flight: Flight, missing: Sequence[str]) -> str:
     """Ask whether the flight is of another vehicle, where rotors show it."""
-    on_rotors = lifting(flight)
+    on_rotors = carried_by_rotors(flight)
     if vehicle.rotors and not on_rotors:
         return f"{vehicle.where} flies on rotors, but no rotors are in this log: is it of another vehicle? "
     if on_rotors and not vehicle.rotors:
@@ -177,7 +177,7 @@ def check_lift(vehicle: Vehicle, flights: Mapping[str, Flight]) -> list[Notice]:
     """Return why a flight is hardly of this vehicle, or two flights of one."""
     out, levels = [], {}
     for name, flight in flights.items():
-        if lifting(flight) and not vehicle.rotors:
+        if carried_by_rotors(flight) and not vehicle.rotors:
             out.append(notice("flight-on-rotors", name, vehicle=vehicle.where))
         elif vehicle.rotors and (level := _lift_level(flight)) > 0.0:
             levels[name] = level
@@ -190,7 +190,7 @@ def check_lift(vehicle: Vehicle, flights: Mapping[str, Flight]) -> list[Notice]:
 
 def _lift_level(flight: Flight) -> float:
     """Return the usual command that carries a vehicle; zero where none is known."""
-    command = lift(flight) if lifting(flight) else None
+    command = lift_command(flight) if carried_by_rotors(flight) else None
     if command is None:
         return 0.0
     known = command[flying(flight) & np.isfinite(command)]

@@ -19,6 +19,7 @@ from stoop.cli.point import LOG_HELP, MAPPING_HELP, VEHICLE_HELP
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from stoop.assess.repeatability import SingleFit
     from stoop.cli.progress import Watch
     from stoop.estimate.fit import Options
     from stoop.flight import Flight
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from stoop.workflow import Job
     from stoop.workflow.checkpoint import Checkpoint
     from stoop.workflow.identification import Search
-    from stoop.workflow.repeat import Alone
 
 _WINDOW = "[FLIGHT@]START:STOP[#LOADING]"
 _INTERRUPTED = 130
@@ -131,11 +131,11 @@ def _expand(arguments: argparse.Namespace) -> None:
 
 
 def _check_output(arguments: argparse.Namespace) -> None:
-    from stoop.flight.make import named
+    from stoop.flight.flight import flight_name
     from stoop.problem.windows_file import files_among
     from stoop.workflow.outputs import check_folder
 
-    names = [named(path) for path in arguments.flight]
+    names = [flight_name(path) for path in arguments.flight]
     windows = files_among([*arguments.maneuver, *arguments.validate])
     inputs = [Path(arguments.vehicle), *arguments.flight, *windows, *_others(arguments)]
     replaced = arguments.overwrite or arguments.resume
@@ -230,7 +230,7 @@ def _identify(
     return job, ctrl_c.came or done.fit.outcome.status == "interrupted"
 
 
-def _alone(done: Search, checkpoint: Checkpoint, watch: Watch) -> list[Alone]:
+def _alone(done: Search, checkpoint: Checkpoint, watch: Watch) -> list[SingleFit]:
     """Fit every maneuver alone; the search that was done is safe meanwhile."""
     from stoop.workflow.repeat import fit_alone
 

@@ -1,0 +1,346 @@
+"""Ground velocity at the rate of the accelerometers: strapdown integration tied to the logged velocity.
+
+A navigation velocity is logged at about 5 to 10 Hz, too slow for the incidence angles of a doublet; the
+accelerometers are fast but drift. A fixed-interval smoother joins them [1]_, [2]_::
+
+    dv/dt   = R (f - b) + g + e (z x R f) + white noise of density q     v  ground velocity, NED
+    db/dt   = slow random walk                                           b  accelerometer bias, body
+    de/dt   = slow random walk                                           e  error of the heading
+    logged  = v(t - delay) + white noise of variance r                   R  body -> NED, f specific force
+
+The filter steps from knot to knot at the velocity's own rate (the dataset holds interpolated values: taking
+each of them would count the same information ten times). Between knots the specific force is integrated
+beforehand [3]_, and the mismatch left at the two ends is spread linearly, which is the exact conditional
+mean under white noise. Across a gap of the inertial data the velocity is forgotten and the bias remembered.
+
+References
+----------
+.. [1] Rauch, Tung, Striebel, "Maximum likelihood estimates of linear dynamic systems", AIAA J. 3 (1965) 1445.
+.. [2] Klein, Morelli, "Aircraft System Identification", 2nd ed., ch. 10 (data compatibility).
+.. [3] Forster et al., "On-manifold preintegration for real-time visual-inertial odometry", IEEE Trans.
+   Robotics 33 (2017) 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from stoop.base.arrays import BoolArray, FloatArray, IntArray
+from stoop.base.units import DEGREE, STANDARD_GRAVITY
+from stoop.flight.gridding import complete
+from stoop.flight.instrument_errors import prior_std
+
+SIZE: Final = 7  #: of the state: velocity (3), accelerometer bias (3), heading error (1)
+VELOCITY_PRIOR: Final = 100.0  #: m/s, standard deviation of a velocity of which nothing is known
+BIAS_PRIOR: Final = (
+    0.5  #: m/s2; wider than that of the instrument, for errors of roll and pitch look like a bias
+)
+BIAS_WALK: Final = 0.01  #: m/s2 per square root of a second: 0.1 m/s2 in 100 s
+HEADING_PRIOR: Final = prior_std("psi.bias")
+HEADING_WALK: Final = 0.1 * DEGREE  #: per square root of a second: random walk of a compass and its filter
+MIN_VELOCITY_RATE: Final = 0.1  #: Hz; a velocity without a rate of its own is taken this seldom
+MAX_LAGS: Final = 20  #: knots over which the two kinds of noise are separated
+FLOOR_LOGGED: Final = 5e-3  #: m/s
+FLOOR_FORCE: Final = 0.03  #: m/s2 per square root of Hz
+CHI2_3_MEDIAN: Final = 2.366  #: median of a chi-square variable of three degrees of freedom
+MAX_PASSES: Final = 5  #: to find the delay
+MIN_DELAY: Final = 0.015  #: s; a shorter one is reported but not corrected
+
+
+@dataclass(frozen=True)
+class Record:
+    """What the smoother is given, on a uniform grid; NaN where there is no data.
+
+    Attributes
+    ----------
+    time : (N,) s
+    rotation : (N, 3, 3), body -> NED
+    force : (N, 3) m/s2, specific force, body
+    velocity : (N, 3) m/s, NED, over ground, as logged
+    """
+
+    time: FloatArray
+    rotation: FloatArray
+    force: FloatArray
+    velocity: FloatArray
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """Result of the smoother.
+
+    Attributes
+    ----------
+    velocity : (N, 3) m/s, NED, NaN where the inertial data are missing or the velocity is not tied down
+    std : (N,) m/s, standard deviation per axis
+    bias, bias_std : (3,) m/s2, accelerometer bias in body axes, mean over the flight
+    heading_error, heading_error_std : rad; true heading = logged heading + error
+    delay, delay_std : s, by which the logged velocity is late
+    logged_noise : m/s, white noise of the logged velocity
+    force_noise : m/s2 per square root of Hz, density of the noise of the specific force
+    """
+
+    velocity: FloatArray
+    std: FloatArray
+    bias: FloatArray
+    bias_std: FloatArray
+    heading_error: float
+    heading_error_std: float
+    delay: float
+    delay_std: float
+    logged_noise: float
+    force_noise: float
+
+
+def smooth_velocity(record: Record, rate: float, limit: float = 1.0) -> Smoothed | None:
+    """Smooth the ground velocity over a whole flight.
+
+    Parameters
+    ----------
+    record : N samples
+    rate : Hz at which the velocity was recorded, before it was interpolated
+    limit : m/s; where the standard deviation is above, the velocity is not given
+
+    Returns
+    -------
+    Smoothed, or None where no stretch of inertial data holds a logged velocity
+    """
+    path = _integrate(record)
+    stride = max(1, round(1.0 / (max(rate, MIN_VELOCITY_RATE) * path.step)))
+    ties, delay, delay_std = _find_delay(record, path, stride)
+    if ties.index.size < 2:
+        return None
+    logged_noise, force_noise = _noise_levels(path, ties)
+    holes = np.flatnonzero((path.label >= 0) & ~complete(record.velocity))[::stride]
+    knots = np.unique(np.concatenate([ties.index, path.ends, holes]))
+    chain = _chain(path, knots, ties, force_noise)
+    states, covariances = _smooth(chain, *_filter(chain, logged_noise**2))
+    velocity, std = _fill(path, knots, states, covariances)
+    bad = (path.label < 0) | (std > limit)
+    velocity[bad], std[bad] = np.nan, np.nan
+    mean, spread = states[:, 3:].mean(axis=0), np.sqrt(_diagonal(covariances)[:, 3:].mean(axis=0))
+    return Smoothed(
+        velocity, std, mean[:3], spread[:3], float(mean[3]), float(spread[3]),
+        delay, delay_std, logged_noise, force_noise,
+    )  # fmt: skip
+
+
+def run_labels(valid: BoolArray) -> IntArray:
+    """Give each run of valid samples its number, from 0; -1 elsewhere."""
+    before = np.concatenate([[False], valid[:-1]])
+    return np.where(valid, np.cumsum(valid & ~before) - 1, -1).astype(np.intp)
+
+
+@dataclass(frozen=True)
+class _Path:
+    """Running integrals (trapezoidal) that stand still outside the stretches of inertial data.
+
+    n = sample: label (n,) of the stretch, clock (n,) s, force (n, 3) of R f, turn (n, 3, 3) of R;
+    ends: first and last sample of each stretch; acceleration (n, 3) NED
+    """
+
+    step: float
+    label: IntArray
+    clock: FloatArray
+    force: FloatArray
+    turn: FloatArray
+    ends: IntArray
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Velocity gained without bias, (n, 3) m/s, NED."""
+        fallen = STANDARD_GRAVITY * self.clock
+        return self.force + np.column_stack([np.zeros((fallen.size, 2)), fallen])
+
+    def acceleration(self, index: IntArray, span: int) -> FloatArray:
+        """Mean acceleration within `span` samples on either side, (k, 3) m/s2, NED."""
+        low = np.clip(index - span, 0, self.clock.size - 1)
+        high = np.clip(index + span, 0, self.clock.size - 1)
+        lapse = np.maximum(self.clock[high] - self.clock[low], self.step)
+        return (self.velocity[high] - self.velocity[low]) / lapse[:, None]
+
+
+def _integrate(record: Record) -> _Path:
+    step = float(np.median(np.diff(record.time)))
+    force = np.einsum("nij,nj->ni", record.rotation, record.force)
+    valid = complete(force)
+    label = run_labels(valid)
+    inside = (label[1:] == label[:-1]) & valid[1:]
+    edges = valid & ~(np.append(inside, False) & np.insert(inside, 0, False))
+    rotation = record.rotation.reshape(-1, 9)
+
+    def integral(values: FloatArray) -> FloatArray:
+        pieces = np.where(inside[:, None], 0.5 * step * (values[1:] + values[:-1]), 0.0)
+        return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(pieces, axis=0)])
+
+    clock, gained, turn = integral(np.ones((valid.size, 1))), integral(force), integral(rotation)
+    return _Path(step, label, clock[:, 0], gained, turn.reshape(-1, 3, 3), np.flatnonzero(edges))
+
+
+@dataclass(frozen=True)
+class _Ties:
+    """Logged velocities, each at the sample where it was true: index (k,), velocity (k, 3) m/s NED."""
+
+    index: IntArray
+    velocity: FloatArray
+
+
+def _ties(record: Record, path: _Path, stride: int, late: int) -> _Ties:
+    """Take the logged velocities at their own rate, `late` samples later than they were true."""
+    label = run_labels(complete(record.velocity))
+    start = np.flatnonzero((label >= 0) & (np.insert(label[:-1], 0, -1) != label))
+    count = np.arange(label.size) - start[label] if start.size else np.zeros(label.size, dtype=np.intp)
+    taken = np.flatnonzero((label >= 0) & (count % stride == 0))
+    taken = taken[(taken >= late) & (taken - late < label.size)]
+    taken = taken[path.label[taken - late] >= 0]
+    return _Ties(taken - late, record.velocity[taken])
+
+
+def _find_delay(record: Record, path: _Path, stride: int) -> tuple[_Ties, float, float]:
+    """Find by how much the logged velocity is late; ties are shifted when it is evident."""
+    late, delay, std = 0, 0.0, np.inf
+    ties = _ties(record, path, stride, 0)
+    for _ in range(MAX_PASSES):
+        more, std = _delay(path, ties, stride)
+        delay = late * path.step + more
+        shift = round(delay / path.step) if abs(delay) > max(3.0 * std, MIN_DELAY) else 0
+        if shift == late:
+            break
+        late, ties = shift, _ties(record, path, stride, shift)
+    return ties, delay, std
+
+
+def _delay(path: _Path, ties: _Ties, stride: int) -> tuple[float, float]:
+    """Regress the mismatch of successive velocities on the change of acceleration.
+
+    logged(t) = v(t - delay) ~ v(t) - delay dv/dt, so d(logged - v) = -delay d(dv/dt).
+    """
+    mismatch = ties.velocity - path.velocity[ties.index]
+    same = path.label[ties.index[1:]] == path.label[ties.index[:-1]]
+    jump = np.diff(mismatch, axis=0)[same].ravel()
+    change = np.diff(path.acceleration(ties.index, max(1, stride // 2)), axis=0)[same].ravel()
+    power = float(change @ change)
+    if jump.size < 10 or power <= 0.0:
+        return 0.0, np.inf
+    delay = -float(jump @ change) / power
+    return delay, float(np.std(jump + delay * change) / np.sqrt(power))
+
+
+def _noise_levels(path: _Path, ties: _Ties) -> tuple[float, float]:
+    """Tell the noise of the velocity from that of the force by how their mismatch grows with time.
+
+    Structure function per axis over a lag h: E[(m(t + h) - m(t))^2] = 2 r + q h, with m the logged velocity
+    minus the integrated one. Medians keep jumps of the navigation filter out. Bias and tilt, which grow
+    with h^2, are left in q: they wander, and a filter that took them for constant would be overconfident.
+
+    Returns
+    -------
+    sqrt(r) m/s, sqrt(q) m/s2 per square root of Hz
+    """
+    from scipy.optimize import nnls  # heavy, and only here
+
+    mismatch = ties.velocity - path.velocity[ties.index]
+    rows = []
+    for lag in range(1, MAX_LAGS + 1):
+        later, earlier = ties.index[lag:], ties.index[:-lag]
+        same = path.label[later] == path.label[earlier]
+        if np.count_nonzero(same) >= 10:
+            squares = np.sum((mismatch[lag:] - mismatch[:-lag]) ** 2, axis=1)[same]
+            elapsed = float(np.mean((path.clock[later] - path.clock[earlier])[same]))
+            rows.append((elapsed, max(float(np.median(squares)) / CHI2_3_MEDIAN, FLOOR_LOGGED**2)))
+    if len(rows) < 3:
+        return 0.1, 0.3
+    lapse, growth = np.array(rows).T
+    design = np.column_stack([np.full_like(lapse, 2.0), lapse]) / growth[:, None]
+    (logged, force), _ = nnls(design, np.ones_like(lapse))
+    return max(float(np.sqrt(logged)), FLOOR_LOGGED), max(float(np.sqrt(force)), FLOOR_FORCE)
+
+
+@dataclass(frozen=True)
+class _Chain:
+    """Knot to knot: x[k+1] = transition[k] x[k] + (gain[k], 0) + noise; logged (K, 3), NaN where not tied."""
+
+    transition: FloatArray
+    gain: FloatArray
+    noise: FloatArray
+    logged: FloatArray
+
+
+def _chain(path: _Path, knots: IntArray, ties: _Ties, force_noise: float) -> _Chain:
+    before, after = knots[:-1], knots[1:]
+    lapse = path.clock[after] - path.clock[before]
+    broken = path.label[after] != path.label[before]
+    force = path.force[after] - path.force[before]
+    transition = np.tile(np.eye(SIZE), (before.size, 1, 1))
+    transition[:, :3, 3:6] = path.turn[before] - path.turn[after]
+    transition[:, 0, 6], transition[:, 1, 6] = -force[:, 1], force[:, 0]
+    noise = np.zeros((before.size, SIZE))
+    noise[:, :3] = np.where(broken, VELOCITY_PRIOR**2, force_noise**2 * lapse)[:, None]
+    elapsed = path.step * (after - before)
+    noise[:, 3:] = elapsed[:, None] * np.array([BIAS_WALK] * 3 + [HEADING_WALK]) ** 2
+    logged = np.full((knots.size, 3), np.nan)
+    logged[np.searchsorted(knots, ties.index)] = ties.velocity
+    return _Chain(transition, path.velocity[after] - path.velocity[before], noise, logged)
+
+
+_Moments = tuple[FloatArray, FloatArray]
+
+
+def _filter(chain: _Chain, variance: float) -> tuple[_Moments, _Moments]:
+    """Kalman filter, forward; returns predicted and filtered (mean (K, 7), covariance (K, 7, 7))."""
+    count = chain.logged.shape[0]
+    predicted = np.empty((count, SIZE)), np.empty((count, SIZE, SIZE))
+    filtered = np.empty((count, SIZE)), np.empty((count, SIZE, SIZE))
+    logged = chain.logged[np.isfinite(chain.logged[:, 0])]
+    x = np.concatenate([logged[0], np.zeros(SIZE - 3)])
+    P = np.diag(np.array([VELOCITY_PRIOR] * 3 + [BIAS_PRIOR] * 3 + [HEADING_PRIOR]) ** 2)
+    tied = np.isfinite(chain.logged[:, 0]).tolist()
+    for k in range(count):
+        if k:
+            F = chain.transition[k - 1]
+            x, P = F @ x, F @ P @ F.T
+            x[:3] += chain.gain[k - 1]
+            P.flat[:: SIZE + 1] += chain.noise[k - 1]
+        predicted[0][k], predicted[1][k] = x, P
+        if tied[k]:
+            x, P = _update(x, P, chain.logged[k], variance)
+        filtered[0][k], filtered[1][k] = x, P
+    return predicted, filtered
+
+
+def _update(x: FloatArray, P: FloatArray, logged: FloatArray, variance: float) -> _Moments:
+    innovation = P[:3, :3].copy()
+    innovation.flat[::4] += variance
+    gain = P[:, :3] @ np.linalg.inv(innovation)
+    P = P - gain @ P[:3, :]
+    return x + gain @ (logged - x[:3]), 0.5 * (P + P.T)
+
+
+def _smooth(chain: _Chain, predicted: _Moments, filtered: _Moments) -> _Moments:
+    """Rauch-Tung-Striebel recursion, backward."""
+    x, P = filtered[0].copy(), filtered[1].copy()
+    cross = chain.transition @ filtered[1][:-1]
+    gains = np.linalg.solve(predicted[1][1:], cross).transpose(0, 2, 1)
+    for k in range(x.shape[0] - 2, -1, -1):
+        x[k] += gains[k] @ (x[k + 1] - predicted[0][k + 1])
+        P[k] += gains[k] @ (P[k + 1] - predicted[1][k + 1]) @ gains[k].T
+    return x, P
+
+
+def _fill(path: _Path, knots: IntArray, states: FloatArray, covariances: FloatArray) -> _Moments:
+    """Integrate between knots with the mean bias, and spread what is left over linearly."""
+    mean = states[:, 3:].mean(axis=0)
+    course = path.velocity - path.turn @ mean[:3]
+    course += mean[3] * np.column_stack([-path.force[:, 1], path.force[:, 0], np.zeros(path.clock.size)])
+    sample = np.arange(path.clock.size)
+    left = states[:, :3] - course[knots]
+    velocity = course + np.column_stack([np.interp(sample, knots, column) for column in left.T])
+    std = np.sqrt(np.maximum(_diagonal(covariances)[:, :3].mean(axis=1), 0.0))
+    return velocity, np.interp(sample, knots, std)
+
+
+def _diagonal(covariances: FloatArray) -> FloatArray:
+    return np.diagonal(covariances, axis1=1, axis2=2)

@@ -1,0 +1,445 @@
+"""Simulate, then recover: flights of known wind, pitot, biases and incidence, as a log holds them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
+
+from stoop.base.rotations import matrices_of, quaternions_of
+from stoop.flight import air_data_reconstruction
+from stoop.flight.air_data import AirData
+from stoop.flight.velocity_smoother import (
+    BIAS_PRIOR,
+    BIAS_WALK,
+    HEADING_PRIOR,
+    HEADING_WALK,
+    VELOCITY_PRIOR,
+    Record,
+    smooth_velocity,
+)
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
+RATE = 100.0
+GRAVITY = np.array([0.0, 0.0, 9.80665])
+DEG = np.pi / 180.0
+
+
+@dataclass(frozen=True)
+class Truth:
+    """A flight as smooth functions of time: attitude (n, 3), airspeed, incidence; and the sensors' faults."""
+
+    duration: float = 120.0
+    wind: tuple[float, float] = (-3.0, 2.0)
+    turn: float = 2.0 * np.pi / 45.0  # rad/s
+    slope: float = 0.9
+    offset: float = -2.0
+    bias: tuple[float, float, float] = (0.10, -0.06, 0.08)
+    gust: float = 0.5  # m/s of the pitot, correlated over 1 s
+    velocity_noise: float = 0.05
+    force_noise: float = 0.1
+    delay: float = 0.0
+    heading_error: float = 0.0  # true minus logged
+    start: float = 0.0  # heading at the beginning
+    force_beta: float = -40.0  # kappa [m], for `weathercock`
+    swing: float = 1.0  # of the airspeed
+
+    def speed(self, t: Array) -> Array:
+        return 20.0 + self.swing * (3.0 * np.sin(0.21 * t) + np.sin(1.1 * t))
+
+    def alpha(self, t: Array) -> Array:
+        return 0.05 + 0.04 * np.sin(3.0 * t)
+
+    def attitude(self, t: Array) -> Array:
+        bank = np.arctan(20.0 * self.turn / 9.81) * np.ones_like(t) + 0.15 * np.sin(2.0 * t)
+        return np.column_stack([bank, 0.05 + 0.05 * np.sin(1.3 * t), self.start + self.turn * t])
+
+    def free_beta(self, t: Array) -> Array:
+        return 0.08 * np.sin(2.5 * t) * (np.sin(0.3 * t) > 0.0) * np.sin(0.3 * t) ** 2
+
+
+def ground_velocity(truth: Truth, t: Array, beta: Callable[[Array], Array]) -> Array:
+    speed, alpha, slip = truth.speed(t), truth.alpha(t), beta(t)
+    body = np.column_stack([np.cos(alpha) * np.cos(slip), np.sin(slip), np.sin(alpha) * np.cos(slip)])
+    rotation = matrices_of(quaternions_of(truth.attitude(t)))
+    return np.einsum("nij,nj->ni", rotation, speed[:, None] * body) + np.array([*truth.wind, 0.0])
+
+
+def specific_force(truth: Truth, t: Array, beta: Callable[[Array], Array], h: float = 1e-4) -> Array:
+    acceleration = (ground_velocity(truth, t + h, beta) - ground_velocity(truth, t - h, beta)) / (2.0 * h)
+    rotation = matrices_of(quaternions_of(truth.attitude(t)))
+    return np.einsum("nij,ni->nj", rotation, acceleration - GRAVITY)
+
+
+def weathercock(truth: Truth) -> Callable[[Array], Array]:
+    """Sideslip that obeys a_y = V^2 beta / kappa: dv/dt = a_y - r u + p w + g cos(theta) sin(phi)."""
+    t = np.arange(-1.0, truth.duration + 1.0, 0.005)
+    rotation, speed, alpha = (
+        matrices_of(quaternions_of(truth.attitude(t))),
+        truth.speed(t),
+        truth.alpha(t),
+    )
+    spin = np.einsum("nji,njk->nik", rotation, np.gradient(rotation, t, axis=0))
+    p, r, push = spin[:, 2, 1], spin[:, 1, 0], rotation[:, 2, 1] * 9.80665
+    faster, slip = np.gradient(speed, t), np.zeros_like(t)
+    for k in range(t.size - 1):
+        along = speed[k] * np.cos(slip[k])
+        lateral = speed[k] ** 2 * slip[k] / truth.force_beta + push[k]
+        lateral += along * (p[k] * np.sin(alpha[k]) - r[k] * np.cos(alpha[k]))
+        slip[k + 1] = slip[k] + 0.005 * (lateral - faster[k] * np.sin(slip[k])) / along
+    return CubicSpline(t, slip)
+
+
+def fly(
+    truth: Truth, seed: int = 0, *, gaps: bool = True, beta: Any = None
+) -> tuple[xr.Dataset, dict[str, Array]]:
+    """Make the log of a flight and its truth."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, truth.duration, 1.0 / RATE)
+    beta = beta or truth.free_beta
+    angles = truth.attitude(t) - np.array([0.0, 0.0, truth.heading_error])
+    force = (
+        specific_force(truth, t, beta)
+        + np.array(truth.bias)
+        + truth.force_noise * rng.normal(size=(t.size, 3))
+    )
+    native = np.arange(0.03, truth.duration, 0.1)
+    logged = ground_velocity(truth, native - truth.delay, beta)
+    logged += truth.velocity_noise * rng.normal(size=logged.shape)
+    velocity = np.column_stack([np.interp(t, native, c) for c in logged.T])
+    memory = np.exp(-1.0 / RATE)
+    gust = lfilter([np.sqrt(1 - memory**2)], [1.0, -memory], rng.normal(size=t.size)) * truth.gust
+    columns = {
+        **dict(zip(("q0", "q1", "q2", "q3"), quaternions_of(angles).T, strict=True)),
+        **dict(zip(("ax", "ay", "az"), force.T, strict=True)),
+        **dict(zip(("vn", "ve", "vd"), velocity.T, strict=True)),
+        "airspeed_pitot": truth.slope * truth.speed(t) + truth.offset + gust,
+    }
+    if gaps:
+        hole = holes(t)
+        columns = {name: np.where(hole, np.nan, x) for name, x in columns.items()}
+    exact = {"V": truth.speed(t), "alpha": truth.alpha(t), "beta": beta(t)}
+    exact["velocity"] = ground_velocity(truth, t, beta)
+    return dataset(1000.0 + t, columns), exact
+
+
+def holes(t: Array) -> Array:
+    hole = np.zeros(t.size, dtype=bool)
+    for start in np.arange(11.3, t[-1], 13.7):
+        hole |= (t > start) & (t < start + 0.3 + 0.05 * (start % 7))
+    return hole
+
+
+def dataset(time: Array, columns: dict[str, Array]) -> xr.Dataset:
+    return xr.Dataset({name: ("time", x) for name, x in columns.items()}, coords={"time": time})
+
+
+def reconstruct(data: xr.Dataset) -> tuple[xr.Dataset, AirData]:
+    columns = {str(name): x.to_numpy() for name, x in data.items()}
+    found, air = air_data_reconstruction.reconstruct(data["time"].to_numpy(), columns)
+    return data.assign({name: ("time", x) for name, x in found.items()}), air
+
+
+def codes(air: AirData) -> set[str]:
+    return {found.code for found in air.notices}
+
+
+def rms(x: Array) -> float:
+    return float(np.sqrt(np.nanmean(np.square(x))))
+
+
+def within(estimate: float, std: float, truth: float, sigmas: float = 3.0) -> bool:
+    return abs(estimate - truth) < sigmas * std
+
+
+# ---------------------------------------------------------------- recovery
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_known_wind_pitot_and_bias_are_recovered(seed: int) -> None:
+    truth = Truth()
+    data, exact = fly(truth, seed)
+    out, air = reconstruct(data)
+    assert air.method == "pitot"
+    assert within(air.wind_n, air.wind_n_std, truth.wind[0])
+    assert within(air.wind_e, air.wind_e_std, truth.wind[1])
+    assert within(air.pitot_scale, air.pitot_scale_std, 1.0 / truth.slope)
+    assert within(air.pitot_offset, air.pitot_offset_std, truth.offset)
+    for estimate, std, bias in zip(
+        air.accelerometer_bias, air.accelerometer_bias_std, truth.bias, strict=True
+    ):
+        assert within(estimate, std, bias)
+        assert std < 0.1
+    assert max(air.wind_n_std, air.wind_e_std) < 0.3
+    assert rms(out["V"].to_numpy() - exact["V"]) < 0.3
+    assert rms(out["alpha"].to_numpy() - exact["alpha"]) < 0.3 * DEG
+    assert rms(out["beta"].to_numpy() - exact["beta"]) < 0.7 * DEG
+    assert abs(air.heading_error) < 3.0 * air.heading_error_std
+
+
+def test_velocity_is_finer_than_logged_up_to_the_ends_of_each_stretch() -> None:
+    data, exact = fly(Truth(velocity_noise=0.1), 4)
+    out, _ = reconstruct(data)
+    smooth = np.column_stack([out[name] for name in ("vn_smooth", "ve_smooth", "vd_smooth")])
+    error = smooth - exact["velocity"]
+    assert np.array_equal(np.isnan(smooth[:, 0]), np.isnan(data["ax"].to_numpy()))
+    assert rms(error) < 0.05
+    valid = np.isfinite(smooth[:, 0])
+    edges = np.flatnonzero(valid[1:] != valid[:-1])
+    assert rms(error[np.concatenate([edges, edges + 1])]) < 0.1
+
+
+def test_standard_errors_cover_the_truth() -> None:
+    truth = Truth(duration=90.0, gust=0.7)
+    data, _ = fly(truth)
+    scores = []
+    for seed in range(30):
+        fresh, _ = fly(replace(truth, force_noise=0.0, velocity_noise=0.0), 100 + seed, gaps=False)
+        _, air = reconstruct(data.assign(airspeed_pitot=fresh["airspeed_pitot"]))
+        scores.append(
+            ((air.wind_n - truth.wind[0]) / air.wind_n_std, (air.wind_e - truth.wind[1]) / air.wind_e_std)
+        )
+    assert 0.6 < rms(np.array(scores)) < 1.5
+
+
+@pytest.mark.parametrize("delay", [0.06, 0.2, -0.05])
+def test_a_late_velocity_is_found_and_corrected(delay: float) -> None:
+    data, exact = fly(Truth(delay=delay, duration=60.0), 5)
+    out, air = reconstruct(data)
+    assert air.velocity_delay == pytest.approx(delay, abs=0.01)
+    assert rms(out["ve_smooth"].to_numpy() - exact["velocity"][:, 1]) < 0.15
+    assert ("velocity-late" if delay > 0.0 else "velocity-early") in codes(air)
+
+
+def test_a_velocity_that_is_not_late_is_left_alone() -> None:
+    _, air = reconstruct(fly(Truth(duration=60.0), 6)[0])
+    assert abs(air.velocity_delay) < 0.01
+    assert not codes(air) & {"velocity-late", "velocity-early"}
+
+
+def test_a_wrong_heading_is_reported_and_not_corrected() -> None:
+    truth = Truth(heading_error=4.0 * DEG)
+    out, air = reconstruct(fly(truth, 7)[0])
+    assert air.heading_error == pytest.approx(truth.heading_error, abs=1.0 * DEG)
+    (found,) = (found for found in air.notices if found.code == "heading-error")
+    assert found.values["error"] == -air.heading_error
+    assert float(np.nanmean(out["beta"])) == pytest.approx(truth.heading_error, abs=1.5 * DEG)
+
+
+def test_pitot_offset_at_rest_is_its_own_finding() -> None:
+    truth = Truth(duration=60.0)
+    flying, _ = fly(truth, 8, gaps=False)
+    still = flying.isel(time=slice(0, 1000)).copy(deep=True)
+    for name in still.data_vars:
+        still[name][:] = {"q0": 1.0, "az": -9.80665, "airspeed_pitot": -3.0}.get(str(name), 0.0)
+    still = still.assign_coords(time=still["time"] - 10.0 - 1.0 / RATE)
+    _, air = reconstruct(xr.concat([still, flying], dim="time"))
+    assert air.rest_offset == pytest.approx(-3.0)
+    assert codes(air) >= {"pitot-pressure-offset", "pitot-offset-inconsistent"}
+    assert within(air.pitot_offset, air.pitot_offset_std, truth.offset)
+
+
+# ---------------------------------------------------------------- without a pitot
+
+
+def test_without_a_pitot_sideslip_tells_the_wind() -> None:
+    truth = Truth()
+    data, exact = fly(truth, 9, beta=weathercock(truth))
+    out, air = reconstruct(data.drop_vars("airspeed_pitot"))
+    assert air.method == "sideslip"
+    assert np.hypot(air.wind_n - truth.wind[0], air.wind_e - truth.wind[1]) < max(3.0 * air.wind_n_std, 0.3)
+    assert np.isnan(air.pitot_scale)
+    assert rms(out["beta"].to_numpy() - exact["beta"]) < 1.0 * DEG
+    assert any("no pitot" in str(found.values.get("source")) for found in air.notices)
+
+
+def test_pitot_and_sideslip_agree() -> None:
+    truth = Truth()
+    _, air = reconstruct(fly(truth, 10, beta=weathercock(truth))[0])
+    assert air.method == "pitot"
+    assert "sideslip-wind-agrees" in codes(air)
+
+
+def test_a_log_wind_serves_a_straight_flight_without_pitot() -> None:
+    data, _ = fly(Truth(turn=0.0, duration=60.0), 11)
+    wander = 0.2 * np.sin(np.arange(data.sizes["time"]) / 300.0)
+    data = data.drop_vars("airspeed_pitot").assign(
+        wind_n=("time", -3.0 + wander), wind_e=("time", 2.0 + wander)
+    )
+    _, air = reconstruct(data)
+    assert air.method == "log"
+    assert (air.wind_n, air.wind_e) == pytest.approx((-3.0, 2.0), abs=0.1)
+    assert air.wind_n_std == pytest.approx(0.5)
+
+
+def test_a_vehicle_that_does_not_weathercock_gets_no_wind_from_its_sideslip() -> None:
+    truth = Truth(duration=60.0)
+    data, _ = fly(truth, 12, beta=lambda t: 0.9 * np.sin(0.4 * t))
+    _, air = reconstruct(data.drop_vars("airspeed_pitot"))
+    assert air.method == "still air"
+    assert air.wind_n == 0.0
+    assert "wind-unknown" in codes(air)
+
+
+# ---------------------------------------------------------------- what cannot be told is not invented
+
+
+def test_straight_flight_holds_the_pitot_scale_and_says_so() -> None:
+    truth = Truth(turn=0.0, duration=60.0, swing=0.0)
+    _, air = reconstruct(fly(truth, 13, beta=weathercock(truth))[0])
+    assert codes(air) >= {"steady-wind-poor", "pitot-scale-unknown"}
+    assert max(air.wind_n_std, air.wind_e_std) > 1.5
+    assert within(air.wind_n, air.wind_n_std, truth.wind[0])
+    assert within(air.wind_e, air.wind_e_std, truth.wind[1])
+
+
+@pytest.mark.parametrize("missing", ["velocity", "attitude", "flight", "all", "short"])
+def test_without_the_essentials_the_data_come_back_unchanged(missing: str) -> None:
+    data, _ = fly(Truth(duration=20.0), 14)
+    if missing == "velocity":
+        data = data.drop_vars(["vn", "ve", "vd"])
+    elif missing == "attitude":
+        data = data.drop_vars(["q0", "q1", "q2", "q3"])
+    elif missing == "flight":
+        data = data.assign(
+            {name: 0.0 * data[name] for name in ("vn", "ve", "vd", "ax", "ay", "airspeed_pitot")}
+        )
+    elif missing == "all":
+        data = data.map(lambda x: x * np.nan)
+    else:
+        data = data.isel(time=slice(0, 5))
+    out, air = reconstruct(data)
+    assert out.identical(data)
+    assert air.method == "none"
+    assert np.isnan(air.wind_n)
+    assert air.notices[0].code.startswith("no-air-data")
+
+
+def test_without_accelerometers_the_velocity_is_taken_as_logged() -> None:
+    data, exact = fly(Truth(duration=90.0), 15)
+    out, air = reconstruct(data.drop_vars(["ax", "ay", "az"]))
+    assert np.array_equal(out["vn_smooth"], data["vn"], equal_nan=True)
+    assert np.isnan(air.velocity_delay)
+    assert rms(out["V"].to_numpy() - exact["V"]) < 0.5
+
+
+def test_a_stretch_without_velocity_gets_none() -> None:
+    data, _ = fly(Truth(duration=60.0), 16)
+    t = data["time"].to_numpy()
+    lost = (t > 1025.6) & (t < 1038.2)
+    data = data.assign({name: data[name].where(~lost) for name in ("vn", "ve", "vd")})
+    label = np.cumsum(np.isnan(data["ax"].to_numpy()))
+    whole = [k for k in np.unique(label[lost]) if np.isnan(data["vn"].to_numpy()[label == k]).all()]
+    out, _ = reconstruct(data)
+    assert np.isnan(out["V"].to_numpy()[np.isin(label, whole)]).all()
+    assert np.isfinite(out["alpha"]).sum() > 0.5 * data.sizes["time"]
+
+
+def test_euler_angles_serve_where_there_is_no_quaternion() -> None:
+    truth = Truth(duration=40.0)
+    data, _ = fly(truth, 17, gaps=False)
+    angles = truth.attitude(data["time"].to_numpy() - 1000.0)
+    euler = data.drop_vars(["q0", "q1", "q2", "q3"]).assign(
+        {name: ("time", x) for name, x in zip(("phi", "theta", "psi"), angles.T, strict=True)}
+    )
+    np.testing.assert_allclose(reconstruct(euler)[0]["beta"], reconstruct(data)[0]["beta"], atol=1e-9)
+
+
+def test_nothing_is_given_on_the_ground() -> None:
+    data, _ = fly(Truth(duration=40.0), 18, gaps=False)
+    ground = data["time"].to_numpy() < 1008.0
+    stay = {"vn": 0.0, "ve": 0.0, "vd": 0.0, "airspeed_pitot": 0.0}
+    out, _ = reconstruct(data.assign({name: data[name].where(~ground, x) for name, x in stay.items()}))
+    assert np.isnan(out["alpha"].to_numpy()[data["time"].to_numpy() < 1007.0]).all()
+
+
+# ---------------------------------------------------------------- invariance and reference
+
+
+@settings(max_examples=8, deadline=None)
+@given(turn=st.floats(-np.pi, np.pi), shift=st.floats(-1e4, 1e4))
+def test_turning_the_world_turns_the_wind_only(turn: float, shift: float) -> None:
+    data, _ = fly(Truth(duration=40.0), 19)
+    out, air = reconstruct(data)
+    turned_out, turned = reconstruct(turn_world(data, turn).assign_coords(time=data["time"] + shift))
+    c, s = np.cos(turn), np.sin(turn)
+    assert turned.wind_n == pytest.approx(c * air.wind_n - s * air.wind_e, abs=1e-5)
+    assert turned.wind_e == pytest.approx(s * air.wind_n + c * air.wind_e, abs=1e-5)
+    assert turned.pitot_scale == pytest.approx(air.pitot_scale, abs=1e-6)
+    for name in ("V", "alpha", "beta"):
+        np.testing.assert_allclose(turned_out[name], out[name], atol=1e-5)
+
+
+def turn_world(data: xr.Dataset, angle: float) -> xr.Dataset:
+    c, s = np.cos(angle), np.sin(angle)
+    q0, q1, q2, q3 = (data[f"q{i}"] for i in range(4))
+    hc, hs = np.cos(angle / 2.0), np.sin(angle / 2.0)
+    return data.assign(
+        vn=c * data["vn"] - s * data["ve"],
+        ve=s * data["vn"] + c * data["ve"],
+        q0=hc * q0 - hs * q3,
+        q1=hc * q1 - hs * q2,
+        q2=hc * q2 + hs * q1,
+        q3=hc * q3 + hs * q0,
+    )
+
+
+def test_smoother_equals_one_big_least_squares_problem() -> None:
+    """The same model with a state at every sample, solved at once by dense normal equations."""
+    truth = Truth(duration=1.5)
+    data, _ = fly(truth, 20, gaps=False)
+    columns = [
+        np.column_stack([data[n] for n in names]) for names in (("ax", "ay", "az"), ("vn", "ve", "vd"))
+    ]
+    rotation = matrices_of(np.column_stack([data[f"q{i}"] for i in range(4)]))
+    force, velocity = columns
+    force[70:80] = np.nan  # a gap
+    velocity[:3] = velocity[70:80] = np.nan
+    record = Record(data["time"].to_numpy(), rotation, force, velocity)
+    found = smooth_velocity(record, 10.0)
+    assert found is not None
+    reference, std = dense_smoother(record, found.logged_noise, found.force_noise)
+    valid = np.isfinite(force[:, 0])
+    np.testing.assert_allclose(found.velocity[valid], reference[valid], atol=2e-3)
+    np.testing.assert_allclose(found.std[valid], std[valid], rtol=0.35)
+
+
+def dense_smoother(record: Record, logged_noise: float, force_noise: float) -> tuple[Array, Array]:
+    size, step = record.time.size, 0.01
+    ned = np.einsum("nij,nj->ni", record.rotation, record.force)
+    rows, right = [], []
+
+    def add(blocks: dict[int, Array], value: Array, std: Array) -> None:
+        row = np.zeros((value.size, 7 * size))
+        for k, block in blocks.items():
+            row[:, 7 * k : 7 * k + 7] = block
+        rows.append(row / std[:, None])
+        right.append(value / std)
+
+    prior = np.array([VELOCITY_PRIOR] * 3 + [BIAS_PRIOR] * 3 + [HEADING_PRIOR])
+    first = np.flatnonzero(np.isfinite(record.velocity[:, 0]))[0]
+    add({0: np.eye(7)}, np.concatenate([record.velocity[first], np.zeros(4)]), prior)
+    for k in range(size - 1):
+        move, gain = np.eye(7), np.zeros(7)
+        sigma = np.array([VELOCITY_PRIOR] * 3 + [BIAS_WALK * 0.1] * 3 + [HEADING_WALK * 0.1])
+        if np.isfinite(ned[k : k + 2]).all():
+            mean, turn = 0.5 * (ned[k] + ned[k + 1]), 0.5 * (record.rotation[k] + record.rotation[k + 1])
+            move[:3, 3:6], move[0, 6], move[1, 6] = -step * turn, -step * mean[1], step * mean[0]
+            gain[:3], sigma[:3] = step * (mean + GRAVITY), force_noise * np.sqrt(step)
+        add({k: -move, k + 1: np.eye(7)}, gain, sigma)
+    for run in (np.arange(3, 70), np.arange(80, size)):
+        for k in run[::10]:
+            add({int(k): np.eye(7)[:3]}, record.velocity[k], np.full(3, logged_noise))
+    A, b = np.concatenate(rows), np.concatenate(right)
+    covariance = np.linalg.inv(A.T @ A)
+    states = (covariance @ (A.T @ b)).reshape(size, 7)
+    spread = np.diag(covariance).reshape(size, 7)[:, :3].mean(axis=1)
+    return states[:, :3], np.sqrt(spread)

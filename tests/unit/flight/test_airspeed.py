@@ -1,0 +1,136 @@
+"""The airspeed of an ArduPilot log high above the sea: what ARSP holds is equivalent, what a flight holds true."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.flight import VARIABLES, Flight, load
+from stoop.flight.airspeed import density_at_altitude, density_at_pressure, density_of_gas
+from stoop.flight.load import without_faults
+from stoop.logs.dataflash_write import Table, dataflash_bytes
+from stoop.vehicle.atmosphere import standard_density
+
+HEIGHT = 2000.0  #: m
+STANDARD = (
+    79501.0,
+    275.154,
+    1.0066,
+)  #: Pa, K, kg/m3: U.S. Standard Atmosphere 1976, table I, 2000 m above the sea
+TRUE = 22.0  #: m/s
+EQUIVALENT = TRUE * np.sqrt(STANDARD[2] / 1.225)  #: 19.94 m/s, as the manual of any airspeed indicator has it
+T = np.arange(0.0, 10.0, 0.01)
+
+
+def table(name: str, **columns: np.ndarray | float) -> Table:
+    """Return messages of plain numbers, a hundred a second."""
+    values = {"TimeUS": (1e6 * (T + 1.0)).astype(np.uint64)} | {n: x + 0.0 * T for n, x in columns.items()}
+    letters = "Q" + "f" * len(columns)
+    return Table(name, ",".join(values), letters, "-" * len(letters), "-" * len(letters), values)
+
+
+def flown(folder: Path, airspeed: np.ndarray, mapping: str = "", **others: Table) -> Flight:
+    """Return a flight that goes straight on, as the package's own mapping reads it."""
+    log = [
+        table("ATT", Roll=1.0, Pitch=3.0, Yaw=90.0),
+        table("IMU", GyrX=0.01, GyrY=0.0, GyrZ=0.0, AccX=0.5, AccY=0.0, AccZ=-9.8),
+        table("ARSP", Airspeed=airspeed, Temp=0.0),
+    ]
+    kept = {t.name: t for t in log} | {t.name: t for t in others.values()}
+    path = folder / "high.bin"
+    path.write_bytes(dataflash_bytes(list(kept.values())))
+    if mapping:
+        path.with_name("high.bin.toml").write_text('extends = "ardupilot"\n[variables]\n' + mapping)
+    return load(path)
+
+
+def wavering(level: float) -> np.ndarray:
+    return np.asarray(level + 0.2 * np.sin(2.0 * np.pi * T))
+
+
+def told(flight: Flight) -> str:
+    return next((str(found) for found in flight.notices if found.code.startswith("true-airspeed")), "")
+
+
+BARO = table("BARO", Press=STANDARD[0])
+POS = table("POS", Alt=HEIGHT)
+
+
+def warm(airspeed: np.ndarray, kelvin: float) -> Table:
+    return table("ARSP", Airspeed=airspeed, Temp=kelvin - 273.15)
+
+
+@pytest.mark.parametrize(
+    ("others", "by"),
+    [
+        ([BARO, POS, warm(wavering(EQUIVALENT), STANDARD[1])], "by pressure and temperature"),
+        ([BARO, POS], "by the pressure, in the standard atmosphere"),
+        ([POS], "by the altitude, in the standard atmosphere"),
+    ],
+)
+def test_true_airspeed_in_2000_m(tmp_path: Path, others: list[Table], by: str) -> None:
+    flight = flown(tmp_path, wavering(EQUIVALENT), **{t.name: t for t in others})
+    np.testing.assert_allclose(np.median(flight.column("airspeed_pitot")), TRUE, rtol=5e-4)
+    np.testing.assert_allclose(np.median(flight.column("airspeed_equivalent")), EQUIVALENT, rtol=1e-6)
+    assert told(flight).startswith(
+        "airspeed_pitot is 1.103 times the equivalent airspeed of ARSP: air of 1.00"
+    )
+    assert told(flight).endswith(by)
+    assert list(flight.data) == [name for name in VARIABLES if name in flight.data]
+    assert flight.sources["airspeed_pitot"] == flight.sources["airspeed_equivalent"]
+
+
+def test_a_hot_day(tmp_path: Path) -> None:
+    """Twenty degrees more thin the air by seven percent at the same pressure."""
+    hot = STANDARD[1] + 20.0
+    flight = flown(tmp_path, wavering(EQUIVALENT), a=BARO, b=POS, c=warm(wavering(EQUIVALENT), hot))
+    expected = TRUE * np.sqrt(hot / STANDARD[1])
+    np.testing.assert_allclose(np.median(flight.column("airspeed_pitot")), expected, rtol=5e-4)
+
+
+def test_a_climb_is_followed(tmp_path: Path) -> None:
+    height = np.linspace(100.0, 3100.0, T.size)
+    density = standard_density(height)
+    flight = flown(tmp_path, TRUE * np.sqrt(density / 1.225), a=table("POS", Alt=height))
+    np.testing.assert_allclose(flight.column("airspeed_pitot"), TRUE, rtol=1e-3)
+
+
+def test_a_broken_thermometer_is_not_believed(tmp_path: Path) -> None:
+    flight = flown(tmp_path, wavering(EQUIVALENT), a=BARO, b=warm(wavering(EQUIVALENT), 700.0))
+    np.testing.assert_allclose(np.median(flight.column("airspeed_pitot")), TRUE, rtol=5e-4)
+    assert told(flight).endswith("by the pressure, in the standard atmosphere")
+
+
+def test_nothing_tells_the_density(tmp_path: Path) -> None:
+    flight = flown(tmp_path, wavering(EQUIVALENT))
+    np.testing.assert_array_equal(flight.column("airspeed_pitot"), flight.column("airspeed_equivalent"))
+    assert "neither pressure nor altitude tells the density" in told(flight)
+
+
+@pytest.mark.parametrize("variable", ["airspeed_pitot", "V"])
+def test_what_a_mapping_calls_true_stays(tmp_path: Path, variable: str) -> None:
+    line = f'{variable} = {{ stream = "ARSP", column = "Airspeed", unit = "m/s" }}\n'
+    flight = flown(tmp_path, wavering(TRUE), line, a=POS)
+    np.testing.assert_allclose(flight.column(variable), wavering(TRUE), atol=5e-3)
+    assert told(flight) == ""
+    assert ("airspeed_equivalent" in flight.data) == (variable == "V")
+
+
+def test_a_pitot_that_froze_is_one_in_true_airspeed_too(tmp_path: Path) -> None:
+    frozen = np.where(T < 5.0, wavering(EQUIVALENT) + 0.01 * np.cos(9.0 * T), EQUIVALENT)
+    flight = flown(tmp_path, frozen, a=table("POS", Alt=HEIGHT + 3.0 * T))
+    (fault,) = [f for f in flight.faults if f.variable == "airspeed_pitot"]
+    assert fault.kind == "stuck"
+    assert fault.start == pytest.approx(1.0 + 5.0, abs=0.1)
+    assert np.isnan(without_faults(flight).column("airspeed_pitot")[-100:-1]).all()
+
+
+def test_the_standard_atmosphere_and_its_twin() -> None:
+    heights = np.linspace(-400.0, 10e3, 40)
+    np.testing.assert_allclose(density_at_altitude(heights), standard_density(heights), rtol=1e-14)
+    pressure, temperature, density = (np.array(x) for x in STANDARD)
+    assert density_at_pressure(pressure) == pytest.approx(density, rel=1e-4)
+    assert density_of_gas(pressure, temperature) == pytest.approx(density, rel=1e-4)
+    assert density_at_altitude(np.array(HEIGHT)) == pytest.approx(density, rel=1e-4)

@@ -1,0 +1,81 @@
+"""An attitude that follows the rates between slow samples, against motions known in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stoop.base.notices import Notice
+from stoop.base.rotations import continuous, euler_angles, product, quaternions_of
+from stoop.base.variables import RATES
+from stoop.flight.attitude_interpolation import integrate_rates, interpolate_by_rates
+from stoop.flight.channels import Channels
+from stoop.flight.gridding import grid_channels
+
+
+def wobbling(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return Euler angles (n, 3) and body rates (n, 3) of a quick motion."""
+    phi, theta, psi = 0.4 * np.sin(9.0 * t), 0.3 * np.cos(7.0 * t), 0.8 * t
+    phi_dot, theta_dot, psi_dot = 3.6 * np.cos(9.0 * t), -2.1 * np.sin(7.0 * t), 0.8
+    p = phi_dot - psi_dot * np.sin(theta)
+    q = theta_dot * np.cos(phi) + psi_dot * np.sin(phi) * np.cos(theta)
+    r = -theta_dot * np.sin(phi) + psi_dot * np.cos(phi) * np.cos(theta)
+    return np.column_stack([phi, theta, psi]), np.column_stack([p, q, r])
+
+
+def recorded(slow: np.ndarray, fast: np.ndarray, bias: float = 0.0) -> list[Channels]:
+    angles, rates = wobbling(slow)[0], wobbling(fast)[1] + bias
+    parts = continuous(quaternions_of(angles))
+    return [
+        Channels("estimator", slow, {f"q{i}": x for i, x in enumerate(parts.T)}),
+        Channels("gyro", fast, dict(zip(RATES, rates.T, strict=True))),
+    ]
+
+
+def off(channels: list[Channels], follow: bool) -> tuple[float, list[Notice]]:
+    """Return the largest error of phi and theta on the grid, rad, and the notices."""
+    grid, data, sources = grid_channels(channels, 100.0, "test")
+    notices: list[Notice] = []
+    if follow:
+        data, notices = interpolate_by_rates(grid, data, sources, channels)
+    truth = wobbling(grid.time)[0]
+    there = np.isfinite(data["q0"]) & np.isfinite(data["p"])
+    found = np.column_stack([data["phi"], data["theta"]])
+    return float(np.max(np.abs(found - truth[:, :2])[there])), notices
+
+
+def test_rates_are_integrated() -> None:
+    t = np.arange(0.0, 10.0, 0.01)
+    angles, rates = wobbling(t)
+    turned = product(np.repeat(quaternions_of(angles[:1]), len(t), axis=0), integrate_rates(rates, 100.0))
+    np.testing.assert_allclose(euler_angles(turned)[:, :2], angles[:, :2], atol=2e-3)
+
+
+def test_quick_motion_between_slow_samples() -> None:
+    channels = recorded(np.arange(0.0, 20.0, 0.2), np.arange(0.0, 20.0, 0.004), bias=0.01)
+    before, after = off(channels, False)[0], off(channels, True)
+    assert before > 0.1
+    assert after[0] < 0.03, "the ends of filtered rates are the worst"
+    assert [(n.code, n.values["rate"]) for n in after[1]] == [("attitude-follows-rates", pytest.approx(5.0))]
+
+
+def test_holes_stay() -> None:
+    slow, fast = np.arange(0.0, 20.0, 0.2), np.arange(0.0, 20.0, 0.004)
+    slow = slow[(slow < 6.0) | (slow > 7.5)]
+    fast = fast[(fast < 12.0) | (fast > 13.0)]
+    channels = recorded(slow, fast)
+    grid, data, sources = grid_channels(channels, 100.0, "test")
+    after, _ = interpolate_by_rates(grid, data, sources, channels)
+    np.testing.assert_array_equal(np.isnan(after["q0"]), np.isnan(data["q0"]))
+    np.testing.assert_array_equal(np.isnan(after["phi"]), np.isnan(data["phi"]))
+    assert off(channels, True)[0] < 0.03
+
+
+def test_fast_attitudes_and_slow_rates_are_left() -> None:
+    fast = recorded(np.arange(0.0, 5.0, 0.02), np.arange(0.0, 5.0, 0.004))
+    slow = recorded(np.arange(0.0, 5.0, 0.1), np.arange(0.0, 5.0, 0.1))
+    for channels in (fast, slow, slow[:1], slow[1:]):
+        grid, data, sources = grid_channels(channels, 100.0, "test")
+        after, notices = interpolate_by_rates(grid, data, sources, channels)
+        assert notices == []
+        assert all(after[name] is data[name] for name in data)

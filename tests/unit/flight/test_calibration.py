@@ -1,0 +1,133 @@
+"""Servo outputs become deflections: tables, curves, mixers, and tables that cannot be."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.base.arrays import FloatArray
+from stoop.base.notices import notice
+from stoop.errors import LogError
+from stoop.flight import load
+from stoop.flight.calibration import Surfaces
+from stoop.flight.channels import Channels
+from stoop.flight.mapping import flight_mapping
+
+POINTS = "points = [[1100, -0.4], [1500, 0.0], [1900, 0.38]]\n"
+
+
+def surfaces(text: str) -> Surfaces:
+    return flight_mapping("m.toml", {"extends": "px4", **tomllib.loads(text)}).surfaces
+
+
+def made(text: str, **outputs: FloatArray) -> dict[str, FloatArray]:
+    time = np.arange(next(iter(outputs.values())).size) * 0.02
+    found, _ = surfaces(text).deflections([Channels("out", time, outputs)])
+    return {name: x for group in found for name, x in group.values.items()}
+
+
+def test_a_table_is_read_between_its_points_and_beyond() -> None:
+    text = f"[calibration.pwm_3]\n{POINTS}[surface.elevator]\nfrom = {{pwm_3 = 1}}\n"
+    pulses = np.array([1100.0, 1300.0, 1500.0, 1700.0, 1900.0, 2000.0, 1000.0, 0.0])
+    found = made(text, pwm_3=pulses)["elevator"]
+    expected = [-0.4, -0.2, 0.0, 0.19, 0.38, 0.475, -0.5, np.nan]
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_a_fitted_curve_is_the_polynomial_through_its_points() -> None:
+    """Three points and degree two: Lagrange's formula gives the same parabola."""
+    text = f"[calibration.pwm_3]\n{POINTS}degree = 2\n[surface.elevator]\nfrom = {{pwm_3 = 1}}\n"
+    x = np.linspace(1100, 1900, 9)
+    lagrange = -0.4 * (x - 1500) * (x - 1900) / (400 * 800) + 0.38 * (x - 1100) * (x - 1500) / (800 * 400)
+    np.testing.assert_allclose(made(text, pwm_3=x)["elevator"], lagrange, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("kind", "symmetric", "opposite", "left_down"),
+    [("v-tail", "elevator", "rudder", 1), ("inverted v-tail", "elevator", "rudder", -1),
+     ("elevon", "elevator", "aileron", 1), ("flaperon", "flap", "aileron", 1)],
+)  # fmt: skip
+def test_mixers(kind: str, symmetric: str, opposite: str, left_down: int) -> None:
+    """Both panels down is the symmetric surface; left down and right up is the opposite one."""
+    text = (
+        "[calibration.servo_1]\npoints = [[-1, -20], [1, 20]]\nunit = 'deg'\n"
+        "[calibration.servo_2]\npoints = [[-1, 20], [1, -20]]\nunit = 'deg'\n"
+        f"[mixer.tail]\nkind = '{kind}'\nleft = 'servo_1'\nright = 'servo_2'\n"
+    )
+    found = made(text, servo_1=np.array([1.0, 1.0]), servo_2=np.array([-1.0, 1.0]))
+    full = np.radians(20.0)
+    np.testing.assert_allclose(found[symmetric], [full, 0.0], atol=1e-12)
+    np.testing.assert_allclose(found[opposite], [0.0, left_down * full], atol=1e-12)
+
+
+def test_weights_and_outputs_of_two_clocks() -> None:
+    text = (
+        "[calibration.pwm_1]\npoints = [[1000, -0.5], [2000, 0.5]]\n[calibration.pwm_2]\npoints = [[1000, 0.5], "
+        "[2000, -0.5]]\n[surface.aileron]\nfrom = {pwm_1 = 0.5, pwm_2 = -0.5}\n"
+    )
+    slow, fast = np.arange(10) * 0.1, np.arange(100) * 0.01
+    groups = [
+        Channels("a", slow, {"pwm_1": 1000 + 1000 * slow}),
+        Channels("b", fast, {"pwm_2": 1000 + 1000 * fast}),
+    ]
+    (found,), notices = surfaces(text).deflections(groups)
+    np.testing.assert_allclose(found.values["aileron"], slow - 0.5, atol=1e-12)
+    assert notices == []
+
+
+def test_leaving_the_table_is_told() -> None:
+    text = f"[calibration.pwm_3]\n{POINTS}[surface.elevator]\nfrom = {{pwm_3 = 1}}\n"
+    groups = [Channels("a", np.arange(4.0), {"pwm_3": np.array([1500.0, 1500.0, 1500.0, 2000.0])})]
+    _, (found,) = surfaces(text).deflections(groups)
+    assert found == notice("output-beyond-calibration", "pwm_3", low=1100.0, high=1900.0, share=0.25)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[calibration.pwm_3]\npoints = [[1100, -0.4]]", r"calibration\.pwm_3\.points: list should have at least 2 items"),
+        ("[calibration.pwm_3]\npoints = [[1100, -0.4], [1500]]", r"points\.1: list should have at least 2 items"),
+        ("[calibration.pwm_3]\npoints = [[1100, -0.4], [1500, 0.2], [1900, 0.1]]", "points turn back: the deflection must"),
+        ("[calibration.pwm_3]\npoints = [[1100, -0.4], [1100, 0.2]]", "holds the input 1100 twice"),
+        ("[calibration.pwm_3]\npoints = [[1100, -25], [1900, 25]]", 'are they degrees. write unit = "deg"'),
+        ("[calibration.pwm_3]\npoints = [[1100, -0.4], [1900, nan]]", r"points\.1\.1: it must be a finite number"),
+        ("[calibration.pwm_33]\n" + POINTS, "'pwm_33' is no variable of stoop"),
+        ("[calibration.pwm_3]\ndegree = 3\n" + POINTS, "degree is to be a whole number from 1 to 2 for 3 points"),
+        ("[calibration.pwm_3]\ndegree = true\n" + POINTS, r"degree: it must be a valid integer"),
+        ("[calibration.pwm_3]\ndegree = 3\npoints = [[0, 0.0], [1, 0.4], [9, 0.41], [10, 0.9]]", "curve turns back between"),
+        ("[surface.elevator]\nfrom = {pwm_3 = 1}", r"mixed from pwm_3, which has no calibration; add \[calibration\.pwm_3\]"),
+        ("[calibration.pwm_3]\n" + POINTS + "[surface.wing]\nfrom = {pwm_3 = 1}", "leads to one of elevator"),
+        ("[calibration.pwm_3]\n" + POINTS + "[mixer.a]\nkind = 'x'\nleft = 'pwm_3'\nright = 'pwm_4'", r"kind: it must be"),
+        ("[calibration.pwm_3]\n" + POINTS + "[mixer.a]\nkind = 'elevon'\nleft = 'pwm_3'\nright = 'pwm_3'", "name two"),
+    ],
+)  # fmt: skip
+def test_tables_that_cannot_be(text: str, words: str) -> None:
+    with pytest.raises(LogError, match=words) as caught:
+        surfaces(text)
+    assert "\n" not in str(caught.value)
+    assert str(caught.value).startswith("m.toml: ")
+
+
+def test_an_output_that_was_not_recorded() -> None:
+    text = f"[calibration.pwm_3]\n{POINTS}[surface.elevator]\nfrom = {{pwm_3 = 1}}\n"
+    with pytest.raises(LogError, match="mixed from pwm_3, which this log does not hold; it holds pwm_1"):
+        made(text, pwm_1=np.zeros(5))
+
+
+def test_from_a_table_to_a_flight(tmp_path: Path) -> None:
+    """A CSV with a mapping of the second edition: the deflection stands beside the pulse."""
+    t = np.arange(300) * 0.02
+    rows = np.column_stack([t * 1e3, 1500 + 200 * np.sin(t), 0.1 * np.cos(t)])
+    np.savetxt(tmp_path / "f.csv", rows, delimiter=",", header="t,ch3,gy", comments="")
+    (tmp_path / "f.csv.toml").write_text(
+        '[time]\ncolumn = "t"\nunit = "ms"\n[variables]\npwm_3 = {column = "ch3", unit = "us"}\n'
+        'q = {column = "gy", unit = "rad/s"}\n[calibration.pwm_3]\npoints = [[1100, -0.4], [1900, 0.4]]\n'
+        "[surface.elevator]\nfrom = {pwm_3 = -1}\n"
+    )
+    flight = load(tmp_path / "f.csv")
+    assert flight.time[-1] == pytest.approx(5.98)
+    np.testing.assert_allclose(flight.column("elevator"), -1e-3 * (flight.column("pwm_3") - 1500), atol=1e-9)
+    assert flight.sources["elevator"].source == "f.csv (calibrated)"

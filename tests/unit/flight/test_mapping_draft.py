@@ -1,0 +1,260 @@
+"""Drafted mappings: a flight written with other names, units and signs must come back as it was flown."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.io import netcdf_file
+
+from stoop.base.arrays import FloatArray
+from stoop.base.units import FACTORS
+from stoop.flight import VARIABLES, load
+from stoop.flight.column_names import recognized
+from stoop.flight.mapping_draft import draft, draft_of
+from stoop.flight.measured import growth
+from stoop.logs import Recording, Stream
+
+T = 0.01 * np.arange(4000)
+
+
+def flown() -> dict[str, FloatArray]:
+    """A vehicle that turns about all axes and climbs, SI and forward-right-down."""
+    phi, theta, psi = 0.5 * np.sin(1.7 * T), 0.3 * np.sin(2.3 * T), 0.8 * np.sin(0.7 * T)
+    dphi, dtheta, dpsi = (np.gradient(x, T) for x in (phi, theta, psi))
+    height = 100.0 + 10.0 * np.sin(0.3 * T)
+    return {
+        "phi": phi, "theta": theta, "psi": psi,
+        "p": dphi - dpsi * np.sin(theta),
+        "q": dtheta * np.cos(phi) + dpsi * np.sin(phi) * np.cos(theta),
+        "r": -dtheta * np.sin(phi) + dpsi * np.cos(phi) * np.cos(theta),
+        "ax": 9.80665 * np.sin(theta), "ay": -9.80665 * np.sin(phi), "az": -9.80665 * np.cos(phi) * np.cos(theta),
+        "vd": -np.gradient(height, T), "altitude": height, "voltage": 15.0 - 0.01 * T,
+        "elevator": 0.2 * np.sin(3.0 * T),
+    }  # fmt: skip
+
+
+def written(
+    folder: Path, columns: dict[str, FloatArray], clock: str = "t_ms", per_second: float = 1e3
+) -> Path:
+    path = folder / "log.csv"
+    rows = np.column_stack([T * per_second, *columns.values()])
+    np.savetxt(path, rows, "%.12g", ",", header=",".join([clock, *columns]), comments="")
+    return path
+
+
+def redrafted(path: Path) -> dict[str, FloatArray]:
+    made = draft(path)
+    path.with_name("log.csv.toml").write_text(made.text)
+    flight = load(path)
+    assert flight.time[-1] == pytest.approx(T[-1])
+    return {str(name): flight.column(str(name)) for name in flight.data.data_vars}
+
+
+DEG, G = 180.0 / np.pi, 1.0 / 9.80665
+DIALECTS = {
+    "degrees and g, z up": {
+        "roll": ("phi", DEG), "pitch": ("theta", DEG), "yaw": ("psi", DEG), "roll_rate": ("p", DEG), "GyrY": ("q", DEG),
+        "gyro_z": ("r", DEG), "acc_x": ("ax", G), "acc_y": ("ay", G), "acc_z": ("az", -G), "climb": ("vd", -1.0),
+        "Alt": ("altitude", 1.0), "battery_mv": ("voltage", 1e3), "elev_deg": ("elevator", DEG),
+    },
+    "degrees with rates in radians": {
+        "Roll": ("phi", DEG), "Pitch": ("theta", DEG), "Heading": ("psi", DEG), "p": ("p", 1.0), "q": ("q", 1.0), "r": ("r", 1.0),
+        "linear_acceleration.x": ("ax", 1.0), "linear_acceleration.y": ("ay", 1.0), "linear_acceleration.z": ("az", 1.0),
+        "vd": ("vd", -1.0), "altitude (ft)": ("altitude", 1.0 / 0.3048), "Vbat": ("voltage", 1.0), "de": ("elevator", DEG),
+    },
+    "a rate that counts the other way": {
+        "phi_rad": ("phi", 1.0), "theta_rad": ("theta", 1.0), "psi_rad": ("psi", 1.0), "p_dps": ("p", DEG), "q_dps": ("q", DEG),
+        "r_dps": ("r", -DEG), "az": ("az", 1.0), "h": ("altitude", 1.0), "vbatt [mV]": ("voltage", 1e3),
+        "elevator": ("elevator", 1.0),
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_a_flight_comes_back_from_any_dialect(tmp_path: Path, dialect: str) -> None:
+    truth = flown()
+    names = DIALECTS[dialect]
+    found = redrafted(written(tmp_path, {column: factor * truth[v] for column, (v, factor) in names.items()}))
+    for variable, _ in names.values():
+        np.testing.assert_allclose(found[variable], truth[variable], atol=2e-6, err_msg=variable)
+
+
+@pytest.mark.parametrize(
+    ("clock", "per_second"), [("Systime", 1.0), ("timestamp", 1e6), ("time_ns", 1e9), ("frame clock", 1e3)]
+)
+def test_clocks_are_told_by_name_or_by_their_steps(tmp_path: Path, clock: str, per_second: float) -> None:
+    text = draft(written(tmp_path, {"p": flown()["p"]}, clock, per_second)).text
+    assert tomllib.loads(text)["time"]["unit"] == {1.0: "s", 1e3: "ms", 1e6: "us", 1e9: "ns"}[per_second]
+    assert ("# unsure: its steps are" in text) == (clock != "time_ns")
+
+
+def test_what_is_unsure_is_marked(tmp_path: Path) -> None:
+    columns = {
+        "x": T,
+        "acc_y": flown()["ay"],
+        "acc_z": -flown()["az"],
+        "roll": 0.1 * flown()["phi"],
+        "noise": np.cos(99 * T),
+    }
+    lines = draft(written(tmp_path, columns)).text.splitlines()
+    told = {
+        line.split(" = ")[0]: line.partition("# ")[2]
+        for line in lines
+        if line.startswith(("pn", "ay", "az", "phi"))
+    }
+    assert "unsure: whether x is north" in told["pn"]
+    assert "unsure: z points up, so y may point to the left" in told["ay"]
+    assert told["az"] == "gravity reads 9.62; its z points up: turned"
+    assert "unsure: rad by its size only" in told["phi"]
+    assert '# not recognized in "log.csv": "noise"' in lines
+
+
+def test_a_rate_without_a_name_is_found_by_what_it_does(tmp_path: Path) -> None:
+    truth = flown()
+    columns = {"roll_deg": DEG * truth["phi"], "channel A": np.cos(5 * T), "channel B": -DEG * truth["p"]}
+    text = draft(written(tmp_path, columns)).text
+    entry = tomllib.loads(text)["variables"]["p"]
+    assert entry == {"column": "channel B", "unit": "deg/s", "scale": -1.0}
+    assert "unsure: by its numbers only: the derivative of phi" in text
+
+
+def test_outputs_are_told_apart(tmp_path: Path) -> None:
+    columns = {"motor1": 0.5 + 0.1 * np.sin(T), "motor2": 1500 + 100 * np.sin(T), "ch3": 1.5 + 0.1 * np.sin(T),
+               "m4_rpm": 5000 + T, "throttle": 50 + T, "ch7": 0 * T, "aileron": np.clip(2 * np.sin(T), -1, 1)}  # fmt: skip
+    text = draft(written(tmp_path, columns)).text
+    found = {name: entry["unit"] for name, entry in tomllib.loads(text)["variables"].items()}
+    assert found == {
+        "motor_1": "1", "pwm_2": "us", "pwm_3": "ms", "rotor_4": "rpm", "throttle": "percent", "aileron": "1"
+    }  # fmt: skip
+    assert "unsure: normalized, no angle: name it servo_N and add a calibration" in text
+    assert "# [calibration.pwm_2]" in text
+
+
+def test_units_that_the_file_states_are_taken() -> None:
+    streams = {
+        "IMU": Stream(T, {"GyrX": flown()["p"], "Temp": 20.0 + 0 * T}),
+        "nav": Stream(T, {"Roll": flown()["phi"]}),
+    }
+    units = {"IMU": {"GyrX": "rad/s", "Temp": "degC"}, "nav": {"Roll": "rad"}}
+    made = draft_of(Recording(Path("x.mat"), "mat", streams, units=units))
+    found = tomllib.loads(made.text)["variables"]
+    assert found["p"] == {"stream": "IMU", "column": "GyrX", "unit": "rad/s"}
+    assert found["temperature"]["unit"] == "degC"
+    assert made.unsure == 0
+
+
+def test_a_ready_mapping_is_extended(tmp_path: Path) -> None:
+    streams = {
+        "ATT": Stream(T, {"Roll": T, "Pitch": T, "Yaw": T}),
+        "AOA": Stream(T, {"AOA": 20.0 * np.sin(T), "SSA": 0.0 * T}),
+    }
+    made = draft_of(Recording(Path("x.bin"), "dataflash", streams))
+    assert tomllib.loads(made.text)["extends"] == "ardupilot"
+    assert "#   phi theta psi from ATT (100 Hz)" in made.text
+    assert '# alpha = {stream = "AOA", column = "AOA", unit = "deg"}' in made.text
+
+
+NAMES = {
+    "p": "p roll_rate_dps GyrX gyro[0] angular_velocity.x rollspeed w_x",
+    "az": "az AccZ accel[2] accelerometer_m_s2[2] imu.linear_acceleration.z acc_z",
+    "q0": "q0 qw q[0] orientation.w quat_w", "phi": "phi roll bank_angle roll_deg", "psi": "psi yaw heading",
+    "V": "V vt TAS", "airspeed_pitot": "airspeed ARSPD", "airspeed_equivalent": "IAS EAS calibrated_airspeed",
+    "rotor_3": "rpm3 esc[2].rpm motor3_rpm RPM[2]",
+    "motor_2": "motor2 motor.m2 motors[1]", "pwm_4": "pwm_4 C4 ch4 output[3]", "voltage": "vbat battery_voltage Volt",
+    "": "DesRoll roll_setpoint lat FrameNumber status xyz[0] p1 checksum",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "variable"), [(n, v) for v, names in NAMES.items() for n in names.split()])
+def test_names(name: str, variable: str) -> None:
+    guess = recognized(name)
+    assert (guess.variable if guess else "") == variable
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.dictionaries(st.text(min_size=1, max_size=12), st.floats(-1e6, 1e6), min_size=1, max_size=8))
+def test_a_draft_is_valid_whatever_the_columns_are_called(columns: dict[str, float]) -> None:
+    streams = {'a"\n': Stream(T[:100], {name: np.full(100, x) for name, x in columns.items()})}
+    parsed = tomllib.loads(draft_of(Recording(Path("x.mat"), "mat", streams)).text)
+    assert parsed["variables"].keys() <= VARIABLES.keys()
+    assert {entry["column"] for entry in parsed["variables"].values()} <= set(columns)
+    assert all(entry["unit"] in FACTORS for entry in parsed["variables"].values())
+
+
+def test_the_stream_says_what_its_components_are_of() -> None:
+    """As in bags of ROS, where every vector has x, y and z."""
+    turn = {name: Stream(T, {"point.x": flown()[x], "point.y": flown()[y]}) for name, x, y in (
+        ("/plane/euler", "phi", "theta"), ("/plane/bodyrate", "p", "q"), ("/rompc/att_error", "phi", "theta"))}  # fmt: skip
+    found = tomllib.loads(draft_of(Recording(Path("x.bag"), "rosbag", turn)).text)["variables"]
+    assert {name: (entry["stream"], entry["column"], entry["unit"]) for name, entry in found.items()} == {
+        "phi": ("/plane/euler", "point.x", "rad"), "theta": ("/plane/euler", "point.y", "rad"),
+        "p": ("/plane/bodyrate", "point.x", "rad/s"), "q": ("/plane/bodyrate", "point.y", "rad/s"),
+    }  # fmt: skip
+
+
+def test_growth_is_the_factor_between_an_angle_and_its_rate() -> None:
+    angle, rate = np.sin(T), np.cos(T)
+    for factor in (1.0, -1.0, 57.3):
+        found, likeness = growth((T, factor * angle), (T, rate))
+        assert found == pytest.approx(factor, rel=0.01)
+        assert abs(likeness) > 0.99
+    assert growth((T[:5], angle[:5]), (T, rate))[1] == 0.0
+
+
+def test_what_a_log_says_of_its_clock_stays_a_comment() -> None:
+    info = {"clock of a": 'x\n[variables]\nq = {column = "evil", unit = "rad"}'}
+    recording = Recording(Path("log.mat"), "mat", {"a": Stream(T, {"p": np.sin(T)})}, info=info)
+    assert set(tomllib.loads(draft_of(recording).text)["variables"]) == {"p"}
+
+
+@pytest.mark.parametrize("name", ["(" * 50_000, "a" + " " * 50_000 + "b", "motor " + "9" * 5000])
+def test_a_name_of_any_length_is_looked_at_in_no_time(name: str) -> None:
+    assert recognized(name) is None
+
+
+def test_a_clock_that_hardly_moves_tells_no_rate() -> None:
+    tiny = np.arange(100) * 5e-324
+    assert growth((tiny, np.sin(T[:100])), (tiny, np.cos(T[:100])))[1] == 0.0
+
+
+def test_a_mapping_is_drafted_for_netcdf_3_of_others(tmp_path: Path) -> None:
+    path = tmp_path / "log.nc"
+    with netcdf_file(path, "w") as file:
+        file.createDimension("time", T.size)
+        for name, x in {"time": T, "roll_rate": np.sin(T)}.items():
+            file.createVariable(name, "d", ("time",))[:] = x
+    made = draft(path)
+    path.with_name("log.nc.toml").write_text(made.text)
+    np.testing.assert_allclose(load(path).column("p")[200:-200], np.sin(load(path).time)[200:-200], atol=1e-3)
+
+
+def test_a_rate_that_nothing_tells_has_the_unit_of_its_siblings(tmp_path: Path) -> None:
+    """A heading that hardly changes tells nothing of the unit of its rate."""
+    columns = {
+        "roll": np.degrees(flown()["phi"]), "pitch": np.degrees(flown()["theta"]), "yaw": 5.0 * np.sin(0.7 * T),
+        "gx": np.degrees(flown()["p"]), "gy": np.degrees(flown()["q"]), "gz": 0.2 * np.sin(5.0 * T),
+    }  # fmt: skip
+    made = draft(written(tmp_path, columns))
+    lines = tomllib.loads(made.text)["variables"]
+    assert {name: lines[name]["column"] for name in "pqr"} == {"p": "gx", "q": "gy", "r": "gz"}
+    assert {lines[name]["unit"] for name in "pqr"} == {"deg/s"}
+    assert "deg/s as p and q" in made.text
+
+
+def test_motors_share_their_unit(tmp_path: Path) -> None:
+    columns = {f"motor_{n}": 60.0 + 10.0 * np.sin(n * T) for n in range(1, 5)} | {"motor_5": 0.8 + 0.0 * T}
+    text = draft(written(tmp_path, {**flown(), **columns})).text
+    found = tomllib.loads(text)["variables"]
+    assert {found[f"motor_{n}"]["unit"] for n in range(1, 6)} == {"percent"}
+    assert "unsure: percent as the others" in text
+
+
+def test_the_number_of_a_motor_is_no_unit() -> None:
+    guess = recognized("motor_1")
+    assert guess is not None
+    assert (guess.variable, guess.unit) == ("motor_1", "")

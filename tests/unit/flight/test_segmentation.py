@@ -1,0 +1,135 @@
+"""Segments: cut exactly where an input is missing, as a naive twin cuts them."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stoop.base.arrays import FloatArray
+from stoop.base.notices import notice
+from stoop.errors import FlightError
+from stoop.flight import Flight, SourceRate, from_columns, segments
+
+INPUTS = ("elevator", "throttle")
+OUTPUTS = ("q", "theta", "alpha")
+
+
+def flight(missing: FloatArray | None = None, size: int = 600, rate: float = 100.0) -> Flight:
+    time = 10.0 + np.arange(size) / rate
+    elevator = np.sin(time)
+    if missing is not None:
+        elevator[missing] = np.nan
+    q = np.cos(time)
+    q[5] = np.nan
+    columns = {"elevator": elevator, "throttle": np.ones(size), "q": q, "theta": 0.1 * time, "vn": time}
+    return from_columns("f", time, columns)
+
+
+def naive(present: list[bool], least: int) -> list[list[int]]:
+    pieces: list[list[int]] = [[]]
+    for i, here in enumerate(present):
+        if here:
+            pieces[-1].append(i)
+        elif pieces[-1]:
+            pieces.append([])
+    return [piece for piece in pieces if len(piece) >= least]
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 299), st.integers(1, 80)), max_size=5))
+def test_as_a_naive_twin(holes: list[tuple[int, int]]) -> None:
+    gone = np.zeros(300, dtype=bool)
+    for start, length in holes:
+        gone[start : start + length] = True
+    flown = flight(np.flatnonzero(gone), size=300)
+    expected = naive(list(~gone), 50)
+    if not expected:
+        with pytest.raises(FlightError, match="without a hole"):
+            segments(flown, 10.0, 13.0, INPUTS, OUTPUTS)
+        return
+    found, notices = segments(flown, 10.0, 13.0, INPUTS, OUTPUTS)
+    assert len(found) == len(expected)
+    for segment, rows in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(segment.t, flown.time[rows])
+        np.testing.assert_array_equal(segment.u[:, 0], flown.column("elevator")[rows])
+        np.testing.assert_array_equal(segment.z[:, 0], flown.column("q")[rows])
+        assert np.isfinite(segment.u).all()
+    inner = [run for run in naive(list(gone), 1) if len(run) > 1]
+    assert any(found.code.startswith("inputs-missing") for found in notices) == bool(
+        inner or [r for r in naive(list(gone), 1) if 0 < r[0] < 299]
+    )
+
+
+def test_columns_come_in_the_order_asked_and_outputs_may_be_missing() -> None:
+    found, notices = segments(flight(), 11.0, 12.0, INPUTS, OUTPUTS, extras=("vn",))
+    assert notices == []
+    (segment,) = found
+    assert segment.t[[0, -1]].tolist() == [11.0, 12.0]
+    assert segment.u.shape == (101, 2)
+    assert segment.z.shape == (101, 3)
+    assert np.isnan(segment.z[:, 2]).all()  # no alpha in this flight
+    np.testing.assert_array_equal(segment.extras["vn"], segment.t)
+
+
+def test_a_missing_output_sample_is_nan_and_splits_nothing() -> None:
+    (segment,), _ = segments(flight(), 10.0, 12.0, INPUTS, OUTPUTS)
+    assert np.flatnonzero(np.isnan(segment.z[:, 0])).tolist() == [5]
+
+
+def test_no_inputs_at_all() -> None:
+    (segment,), _ = segments(flight(), 11.0, 12.0, (), OUTPUTS)
+    assert segment.u.shape == (101, 0)
+
+
+def test_a_window_over_the_edge_is_trimmed_and_told() -> None:
+    (segment,), notices = segments(flight(), 5.0, 11.0, INPUTS, OUTPUTS)
+    assert segment.t[[0, -1]].tolist() == [10.0, 11.0]
+    (found,) = notices
+    assert (found.code, found.values["start"]) == ("window-trimmed", 10.0)
+
+
+@pytest.mark.parametrize(
+    ("start", "stop", "words"),
+    [
+        (1.0, 5.0, r"f 1:5: outside the record, which runs from 10.00 to 15.99 s"),
+        (16.0, 18.0, "outside the record"),
+        (12.0, 11.0, "ends before it begins"),
+        (float("nan"), 11.0, "ends before it begins"),
+        (12.0, 12.3, "without a hole"),
+    ],
+)
+def test_impossible_windows(start: float, stop: float, words: str) -> None:
+    with pytest.raises(FlightError, match=words) as caught:
+        segments(flight(), start, stop, INPUTS, OUTPUTS)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_input_that_is_not_there() -> None:
+    with pytest.raises(
+        FlightError, match=r"input 'rudder' is not in this flight; it has q, theta, vn, throttle"
+    ):
+        segments(flight(), 11.0, 12.0, ("rudder",), OUTPUTS)
+
+
+@pytest.mark.parametrize("where", ["inputs", "outputs"])
+def test_a_name_that_no_registry_knows(where: str) -> None:
+    names = {"inputs": INPUTS, "outputs": OUTPUTS, where: ("elevatr",)}
+    with pytest.raises(FlightError, match="no variable 'elevatr'; did you mean elevator"):
+        segments(flight(), 11.0, 12.0, names["inputs"], names["outputs"])
+
+
+def test_many_holes_are_told_in_one_line() -> None:
+    flown = flight(np.concatenate([np.arange(k, k + 9) for k in range(60, 500, 70)]))
+    _, notices = segments(flown, 10.0, 16.0, INPUTS, OUTPUTS)
+    assert [(found.code, found.values["count"]) for found in notices] == [("inputs-missing-often", 7)]
+
+
+def test_a_slowly_logged_input_is_told() -> None:
+    flown = flight()
+    slow = {**flown.sources, "elevator": SourceRate("x", 9.0, 0.2, 0, 10.0, 16.0)}
+    _, notices = segments(dataclasses.replace(flown, sources=slow), 11.0, 12.0, INPUTS, OUTPUTS)
+    assert notices == [notice("slow-input", "f", variable="elevator", rate=9.0)]
