@@ -113,7 +113,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _plan(arguments: argparse.Namespace) -> Any:
-    from stoop.design.search import Plan
+    from stoop.design.optimization import Plan
 
     return Plan(
         duration=arguments.duration, band=arguments.band, optimizer=arguments.optimizer,

@@ -11,6 +11,7 @@ from math import isfinite, nan
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stoop.base.notices import as_notice
 from stoop.cli.freed import freed
 from stoop.cli.outputs import check_targets
 from stoop.cli.page import Page, busy, page
@@ -64,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
             watch.warn(doubt)
         found = find_windows(flights, vehicle, watch.turn_to)
     command, following = shlex.join(["stoop", *sys.argv[1:]]), _next(arguments)
-    written = replace(found, notes=(*warned, *found.notes))
+    written = replace(found, notices=(*map(as_notice, warned), *found.notices))
     name = "" if vehicle is None else vehicle.name
     write_windows(written, flights, name, arguments.output, command, following)
     _tell(page(), found, arguments.output, following)
@@ -112,9 +113,9 @@ def _tell(out: Page, found: Found, folder: Path, following: Sequence[str]) -> No
     out.table(_windows(found))
     if found.expected:
         _tell_expected(out, found)
-    if found.notes:
+    if found.notices:
         out.heading("notes")
-        out.bullets(found.notes)
+        out.bullets(map(str, found.notices))
     out.line()
     out.line(f"edit: {folder / NAME}")
     out.line(f"page: {folder / 'windows.html'}")

@@ -17,9 +17,8 @@ from stoop.base.arrays import FloatArray
 from stoop.base.files import write_text_atomic
 from stoop.base.numbers import finite_or_none
 from stoop.design import SHAPES, Design, Forecast, Knowledge, Limits, Setup, design
-from stoop.design.robust import Robustness, mean_ratio, robustness
-from stoop.design.search import Plan, one_after_another
-from stoop.design.setup import sensor_noise
+from stoop.design.information import sensor_noise
+from stoop.design.optimization import Plan, Robustness, mean_ratio, robustness, textbook_maneuver
 from stoop.errors import OutputError
 from stoop.report.sheet import write_sheet
 from stoop.results.result import Result
@@ -181,7 +180,7 @@ def propose(
         No maneuver stays within the limits.
     """
     setup = Setup(model.vehicle, trim, limits, model.knowledge, model.noise)
-    reference = one_after_another(setup, plan)
+    reference = textbook_maneuver(setup, plan)
     watch = callback or (lambda name, progress: None)
     found = [design(setup, plan, name, lambda progress, name=name: watch(name, progress)) for name in shapes]  # type: ignore[misc]
     designs = tuple(sorted(found, key=lambda one: -one.gain))

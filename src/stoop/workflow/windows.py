@@ -65,7 +65,7 @@ def write_windows(
         )
         for w in found.windows
     ]  # fmt: skip
-    write_text_atomic(folder / NAME, written(entries, shlex.join(following), found.notes))
+    write_text_atomic(folder / NAME, written(entries, shlex.join(following), tuple(map(str, found.notices))))
     write_sheet(windows_sheet(found, flights, vehicle, command, following), folder / "windows.html")
 
 
@@ -83,8 +83,8 @@ def windows_sheet(
         sections.append(
             Section("What they will tell", (Prose(EXPECTED.format(guess=FIRST_GUESS)), _expected(found)))
         )
-    if found.notes:
-        sections.append(Section("What to mind", (Prose("\n".join(f"- {note}" for note in found.notes)),)))
+    if found.notices:
+        sections.append(Section("What to mind", (Prose("\n".join(f"- {note}" for note in found.notices)),)))
     sections.append(Section("Next", (Code(shlex.join(following)), Prose("Made by"), Code(command))))
     return Sheet("Windows worth fitting", LEAD.format(judge=judge, name=NAME), tuple(sections))
 
