@@ -107,8 +107,8 @@ class Found:
         return [f"{w.flight}@{w.start:g}:{w.stop:g}" for w in self.windows if w.accept and w.use == use]
 
 
-def doubts(flights: Mapping[str, Flight], vehicle: Vehicle) -> list[str]:
-    """Return why a flight is hardly of this vehicle, in words; quick, and to be said before any search.
+def doubts(flights: Mapping[str, Flight], vehicle: Vehicle) -> list[Notice]:
+    """Return why a flight is hardly of this vehicle; quick, before any search.
 
     Raises
     ------
