@@ -185,7 +185,7 @@ FITS = [
     ("quad", scaled(MOTORS, 0.0), "quad-x", "the motors are off in 100%"),
     ("quad", silent, "quad-x", "none of the rates p, q, r was recorded"),
     ("twin", silent, "twin-boom", "rates, attitude and accelerations measured together"),
-    ("quad", hexa, "quad-x", "motor_5, motor_6 move too, but no rotor of quad-x has them"),
+    ("quad", hexa, "quad-x", "motor_5 and motor_6 move too, but no rotor of quad-x has them"),
     (
         "quad",
         same,
