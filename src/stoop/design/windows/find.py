@@ -11,6 +11,7 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.variables import RATES
+from stoop.checks.vehicle import check_vehicle, require_channels
 from stoop.design.windows.candidates import Candidate, candidates, with_motors
 from stoop.design.windows.excitation import Excitation, excitation_information
 from stoop.design.windows.selection import CandidateInformation, Selection, select
@@ -21,7 +22,6 @@ from stoop.design.windows.sensitivity import (
     linearization_point,
 )
 from stoop.errors import FlightError, listed
-from stoop.estimate import mismatch
 from stoop.flight import Flight
 from stoop.flight.airborne import flying, lift_command, motors_ran
 from stoop.flight.maneuvers import Axis, commands, output_families
@@ -107,8 +107,8 @@ class Found:
         return [f"{w.flight}@{w.start:g}:{w.stop:g}" for w in self.windows if w.accept and w.use == use]
 
 
-def doubts(flights: Mapping[str, Flight], vehicle: Vehicle) -> list[str]:
-    """Return why a flight is hardly of this vehicle, in words; quick, and to be said before any search.
+def doubts(flights: Mapping[str, Flight], vehicle: Vehicle) -> list[Notice]:
+    """Return why a flight is hardly of this vehicle; quick, before any search.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def doubts(flights: Mapping[str, Flight], vehicle: Vehicle) -> list[str]:
     """
     for flight in flights.values():
         _check_vehicle_inputs(flight, vehicle)
-    return mismatch.doubts(vehicle, {n: with_motors(f, vehicle) for n, f in flights.items()}, whole(flights))
+    return check_vehicle(vehicle, {n: with_motors(f, vehicle) for n, f in flights.items()}, whole(flights))
 
 
 def find_windows(
@@ -309,7 +309,7 @@ def _check_commands(flight: Flight) -> None:
 
 def _check_vehicle_inputs(flight: Flight, vehicle: Vehicle) -> None:
     """Refuse a flight that lacks an input of the vehicle's equations."""
-    mismatch.check_inputs(vehicle, flight)
+    require_channels(vehicle, flight)
     if vehicle.rotors:
         _check_motors(flight)
 

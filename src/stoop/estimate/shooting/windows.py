@@ -20,7 +20,6 @@ from stoop.estimate.filter_error.linearization import (
     perturbations_of,
     unwrapped,
 )
-from stoop.estimate.regression.aircraft import first_order_lag
 from stoop.kernels import filtering
 from stoop.kernels.windows import windows
 from stoop.problem import Misfit, Piece, on_circle
@@ -33,7 +32,7 @@ from stoop.problem.observation import (
     true_value,
 )
 from stoop.simulate import initial_states, parameter_rows
-from stoop.simulate.delays import input_delays, late_inputs
+from stoop.simulate.delays import first_order_lag, input_delays, late_inputs
 from stoop.simulate.initial import commanded
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND
