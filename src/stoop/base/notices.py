@@ -123,7 +123,10 @@ def of_severity(found: Iterable[Notice], severity: Severity) -> tuple[Notice, ..
 
 
 class _Formatter(string.Formatter):
-    """`str.format` with lists (``a, b and c``), angles (``{x:deg .1f}``), shares (``{x:percent .0f}``) and plurals (``{n:plural sample samples}``)."""
+    """`str.format` with lists (``a, b and c``) and more formats.
+
+    Angles ``{x:deg .1f}``, shares ``{x:percent .0f}``, plurals ``{n:plural sample samples}``.
+    """
 
     def format_field(self, value: Any, format_spec: str) -> str:
         if isinstance(value, tuple | list):
