@@ -1,6 +1,6 @@
 """Which maneuver would tell a parameter that this flight does not tell.
 
-A term of the aerodynamic model is told apart from the others when what it multiplies varies enough, and in another
+A term of the aerodynamic model is identifiable beside the others when what it multiplies varies enough, and in another
 way than what they multiply. Both are computed from the motion flown; the variables that lack it lead to the control that
 excites them.
 
@@ -96,12 +96,12 @@ def advice(name: str, stand_ins: Sequence[str], flown: FlownModel) -> str:
     if term is None:
         return _of_vehicle(name, flown)
     shared = [p for p in stand_ins if p not in flown.terms and not p.startswith("sensors.")]
-    said = [_of_term(term, flown, told=bool(shared)), _shared(shared) if shared else ""]
+    said = [_of_term(term, flown, measurable=bool(shared)), _shared(shared) if shared else ""]
     return " ".join(sentence for sentence in said if sentence)
 
 
-def _of_term(term: Term, flown: FlownModel, told: bool) -> str:
-    """Return what to fly for a term; nothing where only numbers that are `told` apart on the ground stand in for it."""
+def _of_term(term: Term, flown: FlownModel, measurable: bool) -> str:
+    """Return what to fly for a term; nothing where only numbers that are `measurable` on the ground stand in for it."""
     if not term.variables:
         return "A constant is told by steady flight at several conditions."
     if _still(term, flown):
@@ -110,7 +110,7 @@ def _of_term(term: Term, flown: FlownModel, told: bool) -> str:
     tied = _tied(term, flown)
     if tied:
         return _separate(term, tied, flown)
-    return "" if told else f"Several others together stand in for it: {_excitation(term, flown)}."
+    return "" if measurable else f"Several others together stand in for it: {_excitation(term, flown)}."
 
 
 def _still(term: Term, flown: FlownModel) -> bool:
