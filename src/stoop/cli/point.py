@@ -127,7 +127,9 @@ def chosen_trim(vehicle: Vehicle, arguments: argparse.Namespace) -> Trim:
 
 def _check_carried(vehicle: Vehicle, arguments: argparse.Namespace) -> None:
     """Refuse what only a flight on rotors has, or only one on wings."""
-    rotors = vehicle.hovers and arguments.airspeed is None
+    from stoop.simulate.steady import flies_on_rotors
+
+    rotors = flies_on_rotors(vehicle, arguments.airspeed)
     for name in ("velocity", "wind") if not rotors else ():
         if getattr(arguments, name) is not None:
             raise SimulationError(

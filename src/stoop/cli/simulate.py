@@ -111,7 +111,7 @@ def _tell_next(
     """Print the fit of this flight, and what must go before it."""
     from stoop.design.planned import planned
 
-    windows, out = planned(maneuver, vehicle.hovers), page()
+    windows, out = planned(maneuver, vehicle), page()
     if not windows.fit:
         out.line(f"no input moves the vehicle: to identify it, add [[input]] tables to {arguments.maneuver}")
         out.command("next: ", ["stoop", "info", str(target)])

@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.flight.segments import runs
+from stoop.problem.observation import observation_model
 from stoop.simulate.maneuver import Maneuver
+from stoop.vehicle import Vehicle
 
 BEFORE: Final = 1.0  #: s of the steady flight before an input
 AFTER_ROTORS: Final = 1.0  #: s after an input to what hovers
@@ -32,12 +34,13 @@ class Planned:
     validate: tuple[str, ...] = ()
 
 
-def planned(maneuver: Maneuver, hovers: bool) -> Planned:
+def planned(maneuver: Maneuver, vehicle: Vehicle) -> Planned:
     """Return the stretches in which controls move; the shortest whose controls move elsewhere too is to be predicted."""
     moves = np.array([signal != 0.0 for signal in maneuver.deflections().values()])
     if not moves.any():
         return Planned()
-    found = _stretches(maneuver, np.any(moves, axis=0), AFTER_ROTORS if hovers else AFTER_WINGS)
+    after = AFTER_WINGS if observation_model(vehicle).open_loop else AFTER_ROTORS
+    found = _stretches(maneuver, np.any(moves, axis=0), after)
     held_out = _held_out(moves, found)
     kept = _joined(found, held_out, round(NEAR * maneuver.rate))
     validate = () if held_out is None else (_text(maneuver, found[held_out]),)

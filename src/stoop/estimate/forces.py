@@ -87,7 +87,7 @@ def force_figures(
 ) -> tuple[ForceFigures, ...]:
     """Return the residuals of fitted and predicted windows; none of a vehicle without rotors."""
     vehicle = identified_vehicle(fit)
-    if not vehicle.hovers:
+    if not vehicle.rotors:
         return ()
     windows = [*fit.prepared.windows, *predicted]
     curves = [force_curves(vehicle, flights, w, mean_biases(fit, w.flight)) for w in windows]

@@ -50,13 +50,13 @@ def check_inputs(vehicle: Vehicle, flight: Flight, named_by: str = "--vehicle") 
         return
     there = [str(name) for name in flight.data.data_vars if str(name).startswith(DRIVEN)]
     other = ""
-    if vehicle.hovers and not lifting(flight):
+    if vehicle.rotors and not lifting(flight):
         other = f"{vehicle.where} flies on rotors, but no rotors are in this log: is it of another vehicle? "
-    elif lifting(flight) and not vehicle.hovers:
+    elif lifting(flight) and not vehicle.rotors:
         other = (
             f"rotors carry the vehicle of this log, but {vehicle.where} has none: is it of another vehicle? "
         )
-    elif vehicle.hovers:
+    elif vehicle.rotors:
         rotors = [r for r, rotor in vehicle.file.rotor.items() if rotor.channel in missing]
         tables = f", or channel in {', '.join(f'[rotor.{r}]' for r in rotors)}" if rotors else ""
         other = (
@@ -111,10 +111,10 @@ def unlike(vehicle: Vehicle, flights: Mapping[str, Flight]) -> list[str]:
     out = [
         f"{name}: rotors carry the vehicle of this log, but {vehicle.where} has none: is it of another vehicle? Check --vehicle."
         for name, on_rotors in carried.items()
-        if on_rotors and not vehicle.hovers
+        if on_rotors and not vehicle.rotors
     ]
     levels = {
-        name: _level(flights[name]) for name, on_rotors in carried.items() if on_rotors and vehicle.hovers
+        name: _level(flights[name]) for name, on_rotors in carried.items() if on_rotors and vehicle.rotors
     }
     known = {name: level for name, level in levels.items() if level > 0.0}
     if len(known) > 1:

@@ -98,7 +98,7 @@ class Neighbor:
 
 def swapped_motors(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> list[str]:
     """Say in words which motors hardly are what the file of a vehicle that hovers says; most often nothing."""
-    if not vehicle.hovers:
+    if not vehicle.rotors:
         return []
     area = channel_range(vehicle)
     out = []

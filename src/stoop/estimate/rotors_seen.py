@@ -198,7 +198,7 @@ def _liveliest(x: FloatArray, dt: float) -> float:
 
 def strange_motors(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> list[str]:
     """Tell which motors of the log move though no rotor of a vehicle that hovers has them."""
-    if not vehicle.hovers:
+    if not vehicle.rotors:
         return []
     out = []
     for name in dict.fromkeys(w.flight for w in windows):

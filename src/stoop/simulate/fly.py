@@ -100,7 +100,7 @@ def flown_trim(vehicle: Vehicle, maneuver: Maneuver) -> Trim:
         )
     point = trim(vehicle, maneuver.airspeed, maneuver.altitude)
     wind = tuple(steady_wind(vehicle, maneuver.wind).tolist())
-    known = dict(zip(WIND_NUMBERS, wind, strict=True)) if vehicle.hovers else {}
+    known = dict(zip(WIND_NUMBERS, wind, strict=True)) if set(WIND_NUMBERS) <= vehicle.rows.keys() else {}
     return replace(
         point, start={**point.start, "psi": maneuver.heading}, changes={**point.changes, **known}, wind=wind
     )
@@ -115,7 +115,7 @@ def _on_wings(vehicle: Vehicle, maneuver: Maneuver, point: Trim, gusts: np.rando
     _record_height(vehicle, rows, start, inputs, dt, gusts)
     truth = _moving_air(vehicle, rows, start, inputs, dt, gusts)
     velocity = None
-    if vehicle.hovers or maneuver.wind is not None:
+    if vehicle.rotors or maneuver.wind is not None:
         gusts.bit_generator.state = state  # the same gusts again
         velocity = _over_ground(vehicle, point, states_flown(vehicle, rows, start, inputs, dt, gusts))
     return Flown(point, maneuver.time, inputs, late_outputs(vehicle, truth, rows, dt)[0], velocity)

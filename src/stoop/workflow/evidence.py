@@ -111,7 +111,7 @@ def _cleaned(data: FloatArray, whole: FloatArray) -> FloatArray:
 def _flown(result: Result, fit: Fit) -> Flown:
     """Return the terms as the model flew them, and the controls and modes of the vehicle."""
     vehicle, layout = fit.problem.layout.vehicle, fit.problem.layout
-    if vehicle.hovers:
+    if vehicle.rotors:
         return Flown({}, frequencies=_frequencies(result))
     free = {p.name for p in layout.parameters}
     columns = [_columns(vehicle, fit, i, piece) for i, piece in enumerate(fit.problem.pieces)]

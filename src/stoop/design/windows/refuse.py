@@ -49,7 +49,7 @@ def require_inputs(flight: Flight, vehicle: Vehicle) -> None:
         Names the channels.
     """
     check_inputs(vehicle, flight)
-    if vehicle.hovers and not motors_ran(flight):
+    if vehicle.rotors and not motors_ran(flight):
         raise FlightError(f"{flight.name}: {motors_off(flight)}")
 
 

@@ -34,7 +34,7 @@ class Balance:
 
     def __post_init__(self) -> None:
         """Refuse a vehicle that this cannot be asked of."""
-        if not self.vehicle.hovers:
+        if not self.vehicle.rotors:
             raise VehicleError(
                 f"{self.vehicle.where}: has no rotors; add [rotors] and a table for each rotor"
             )
