@@ -1,7 +1,8 @@
 """Run every check of the project: ``python3 scripts/test.py [--environment DIR] [CHECK ...]``.
 
 The environment is made if it is not there and stoop is installed into it from this folder, so Python 3.11 is
-all it needs. Without names all checks run; one that fails does not keep the others from running.
+all it needs. Without names all checks run; one that fails does not keep the others from running. ``quick`` runs ruff
+and the tests that take seconds, for while you work.
 """
 
 from __future__ import annotations
@@ -17,14 +18,16 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 OLDEST = (3, 11)
+PYTEST = ["pytest", "-q", "-n", "2", "--dist", "loadfile", "--no-loadscope-reorder"]
 CHECKS = {
     "lint": ["ruff", "check", "."],
     "format": ["ruff", "format", "--check", "."],
     "types": ["mypy"],
     "layers": ["lint-imports"],
-    "tests": ["pytest", "-q", "--durations=10", "-n", "2", "--dist", "loadfile", "--no-loadscope-reorder"],
+    "tests": [*PYTEST, "--durations=10", "--durations-file", "{durations}"],
     "docs": ["sphinx-build", "-q", "-W", "--keep-going", "docs", "{scratch}/site"],
 }  #: name -> command of the environment; {scratch} is thrown away
+QUICK = {"lint": CHECKS["lint"], "format": CHECKS["format"], "quick tests": [*PYTEST, "--quick"]}
 # Two files of tests at a time, each with several GB of compiled kernels, and in order: the long ones come first.
 
 
@@ -34,8 +37,11 @@ def main() -> int:
     folder = arguments.environment.resolve()
     install = _install(folder)
     with tempfile.TemporaryDirectory(prefix="stoop-checks-") as scratch:
-        chosen = {name: CHECKS[name] for name in arguments.checks or CHECKS}
-        commands = {name: [w.format(scratch=scratch) for w in words] for name, words in chosen.items()}
+        chosen = (
+            QUICK if arguments.checks == ["quick"] else {n: CHECKS[n] for n in arguments.checks or CHECKS}
+        )
+        places = {"scratch": scratch, "durations": ROOT / ".durations.json"}
+        commands = {name: [w.format(**places) for w in words] for name, words in chosen.items()}
         failed = ["install"] if not install else [n for n, c in commands.items() if not _run(n, c, folder)]
     print(f"\nfailed: {', '.join(failed)}" if failed else f"\nall passed: {', '.join(commands)}", flush=True)
     return 1 if failed else 0
@@ -45,12 +51,14 @@ def _arguments() -> argparse.Namespace:
     if sys.version_info < OLDEST:
         sys.exit("stoop needs Python 3.11 or later; run this with python3.11")
     parser = argparse.ArgumentParser(description="Run every check of the project.")
-    parser.add_argument("checks", metavar="CHECK", nargs="*", help=f"of {', '.join(CHECKS)} (default: all)")
+    parser.add_argument(
+        "checks", metavar="CHECK", nargs="*", help=f"quick, or some of {', '.join(CHECKS)} (default: all)"
+    )
     parser.add_argument("--environment", metavar="DIR", type=Path, default=ROOT / ".venv-test")
     arguments = parser.parse_args()
-    unknown = set(arguments.checks) - set(CHECKS)
+    unknown = set(arguments.checks) - set(CHECKS) if arguments.checks != ["quick"] else set()
     if unknown:
-        parser.error(f"there is no check '{min(unknown)}'; choose from {', '.join(CHECKS)}")
+        parser.error(f"there is no check '{min(unknown)}'; choose quick, or from {', '.join(CHECKS)}")
     return arguments
 
 

@@ -1,15 +1,19 @@
-"""Where the shared flights, check cases and certified problems lie; CI insists that they are there."""
+"""Where the shared flights, check cases and certified problems lie, how long tests take, and which are quick."""
 
 from __future__ import annotations
 
+import json
 import os
 import signal
+from collections import Counter
 from collections.abc import Generator
 from pathlib import Path
 
 import pytest
 
 SHARED = Path(os.environ.get("STOOP_SHARED", Path(__file__).parents[2] / "shared"))
+LONG_TESTS = Path(__file__).parent / "long_tests.txt"  #: test and seconds; written by scripts/durations.py
+seconds: Counter[str] = Counter()  #: test -> time of its call, set-up and clean-up
 
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # started in the background of a script
@@ -45,3 +49,35 @@ def pytest_make_collect_report() -> Generator[None, pytest.CollectReport, pytest
         report.outcome = "failed"
         report.longrepr = f"skipped in CI: {report.longrepr}"
     return report
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the options of this project."""
+    parser.addoption(
+        "--quick", action="store_true", help=f"leave out the tests of {LONG_TESTS.name} and slow ones"
+    )
+    parser.addoption(
+        "--durations-file", metavar="FILE", help="write how many seconds each test took, as JSON"
+    )
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """With --quick, leave long tests out."""
+    if config.getoption("--quick"):
+        long = {line.split()[1] for line in LONG_TESTS.read_text("utf-8").splitlines() if line[:1].isdigit()}
+        left_out = [i for i in items if i.nodeid.partition("[")[0] in long or i.get_closest_marker("slow")]
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [i for i in items if i not in left_out]
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """Add up the time of a test."""
+    seconds[report.nodeid] += report.duration
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Write the times, once: workers of xdist report theirs to the session that started them."""
+    target = session.config.getoption("--durations-file")
+    if target and not hasattr(session.config, "workerinput"):
+        rounded = {test: round(s, 3) for test, s in seconds.most_common()}
+        Path(target).write_text(json.dumps(rounded, indent=0), encoding="utf-8")

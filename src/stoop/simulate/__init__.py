@@ -1,5 +1,6 @@
 """Vehicle + inputs -> trajectories, trim, linear models and simulated flights."""
 
+from stoop.simulate.arrays import simulate
 from stoop.simulate.fly import numbers_set, simulate_flight
 from stoop.simulate.initial import START_NAMES, initial_states, parameter_rows
 from stoop.simulate.linearize import LinearModel, Mode, linearize
@@ -19,6 +20,7 @@ __all__ = [
     "numbers_set",
     "parameter_rows",
     "parse_maneuver",
+    "simulate",
     "simulate_flight",
     "trim",
 ]

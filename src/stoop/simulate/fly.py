@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -108,17 +109,38 @@ def flown_trim(vehicle: Vehicle, maneuver: Maneuver) -> Trim:
 
 def _on_wings(vehicle: Vehicle, maneuver: Maneuver, point: Trim, gusts: np.random.Generator) -> Flown:
     """Fly without an autopilot."""
-    dt, inputs = 1.0 / maneuver.rate, flown_inputs(vehicle, maneuver, point)
-    rows = parameter_rows(vehicle, point.changes)
+    inputs = flown_inputs(vehicle, maneuver, point)
+    moving = vehicle.has_rotors or maneuver.wind is not None
+    return open_loop(vehicle, maneuver.time, inputs, point, gusts, moving)
+
+
+def open_loop(
+    vehicle: Vehicle,
+    time: FloatArray,
+    inputs: FloatArray,
+    point: Trim,
+    gusts: np.random.Generator,
+    over_ground: bool,
+) -> Flown:
+    """Fly recorded channels (n, n_u) from a trim, without sensor noise.
+
+    Parameters
+    ----------
+    time : (n,), s
+        At one rate.
+    over_ground : bool
+        Whether the velocity over ground is wanted.
+    """
+    dt, rows = float(time[1] - time[0]), parameter_rows(vehicle, point.changes)
     start = initial_states(vehicle, {**point.start, **gust_start(vehicle, gusts)}, rows, inputs[0])
     state = gusts.bit_generator.state
     _record_height(vehicle, rows, start, inputs, dt, gusts)
     truth = _moving_air(vehicle, rows, start, inputs, dt, gusts)
     velocity = None
-    if vehicle.rotors or maneuver.wind is not None:
+    if over_ground:
         gusts.bit_generator.state = state  # the same gusts again
         velocity = _over_ground(vehicle, point, states_flown(vehicle, rows, start, inputs, dt, gusts))
-    return Flown(point, maneuver.time, inputs, late_outputs(vehicle, truth, rows, dt)[0], velocity)
+    return Flown(point, time, inputs, late_outputs(vehicle, truth, rows, dt)[0], velocity)
 
 
 def _record_height(
@@ -221,6 +243,29 @@ def simulate_flight(
     """
     flown = fly(vehicle, maneuver, seed)
     sigma = noise_sigma(vehicle, maneuver) * float(noise)
+    return record(vehicle, flown, sigma, maneuver.altitude, seed, name, maneuver.noise if noise else None)
+
+
+def record(
+    vehicle: Vehicle,
+    flown: Flown,
+    sigma: FloatArray,
+    altitude: float,
+    seed: int,
+    name: str,
+    ground_noise: Mapping[str, float] | None,
+) -> Flight:
+    """Return what the instruments record of a simulated motion.
+
+    Parameters
+    ----------
+    sigma : (n_y,)
+        Noise of each output, its own unit.
+    altitude : float, m
+        At the start.
+    ground_noise : mapping, optional
+        Noise of velocities over ground that are no outputs, m/s, where it is not the usual one; None for no noise.
+    """
     measured = flown.outputs + sigma * np.random.default_rng(seed).standard_normal(flown.outputs.shape)
     columns = dict(zip(vehicle.outputs, measured.T, strict=True))
     columns |= {c: flown.inputs[:, i] for i, c in enumerate(vehicle.recorded)}
@@ -230,31 +275,23 @@ def simulate_flight(
         for c in vehicle.controls
         if c in VARIABLES and c not in vehicle.inputs  # a recorded channel stays as it was commanded
     }
-    if flown.velocity is not None:
-        columns |= _moved(vehicle, maneuver, flown.velocity, seed, noise)
+    if flown.velocity is None:
+        columns["altitude"] = _altitude(vehicle, altitude, flown)
     else:
-        columns["altitude"] = _altitude(vehicle, maneuver, flown)
+        position = traveled(flown.velocity, float(flown.time[1] - flown.time[0]))
+        columns |= dict(zip(("pn", "pe", "pd"), position.T, strict=True))
+        columns["altitude"] = altitude - position[:, 2]
+        draw = np.random.default_rng([seed, _VELOCITY]).standard_normal(flown.velocity.shape)
+        for i, channel in enumerate(WIND):
+            if channel not in vehicle.outputs:
+                noise = 0.0 if ground_noise is None else ground_noise.get(channel, GROUND_SPEED_NOISE)
+                columns[channel] = flown.velocity[:, i] + noise * draw[:, i]
     notes = ("simulated flight", *_changed(vehicle, flown), *_saturated(vehicle, flown))
     flight = from_columns(name, flown.time, columns, notes)
     flight.data.attrs["truth"] = json.dumps(
         {p.name: flown.trim.changes.get(p.name, p.value) for p in vehicle.parameters if p.free}
     )
     return flight
-
-
-def _moved(
-    vehicle: Vehicle, maneuver: Maneuver, velocity: FloatArray, seed: int, noise: bool
-) -> dict[str, FloatArray]:
-    """Return velocity over ground, where the vehicle's own outputs do not have it, position and altitude."""
-    position = traveled(velocity, 1.0 / maneuver.rate)
-    out = dict(zip(("pn", "pe", "pd"), position.T, strict=True))
-    out["altitude"] = maneuver.altitude - out["pd"]
-    draw = np.random.default_rng([seed, _VELOCITY]).standard_normal(velocity.shape)
-    for i, name in enumerate(WIND):
-        if name not in vehicle.outputs:
-            sigma = maneuver.noise.get(name, GROUND_SPEED_NOISE) * float(noise)
-            out[name] = velocity[:, i] + sigma * draw[:, i]
-    return out
 
 
 def _saturated(vehicle: Vehicle, flown: Flown) -> list[str]:
@@ -289,7 +326,7 @@ def _changed(vehicle: Vehicle, flown: Flown) -> list[str]:
     ]
 
 
-def _altitude(vehicle: Vehicle, maneuver: Maneuver, flown: Flown) -> FloatArray:
+def _altitude(vehicle: Vehicle, altitude: float, flown: Flown) -> FloatArray:
     """Integrate the climb rate that the noise-free readings imply, m: gusts count as if the aircraft climbed."""
     y = dict.fromkeys(CHANNELS, np.zeros(len(flown.time))) | dict(
         zip(vehicle.outputs, flown.outputs.T, strict=True)
@@ -297,5 +334,5 @@ def _altitude(vehicle: Vehicle, maneuver: Maneuver, flown: Flown) -> FloatArray:
     rigid = rigid_states({c: y[c] for c in ("V", "alpha", "beta")})
     u, v, w = rigid["u"], rigid["v"], rigid["w"]
     climb = u * np.sin(y["theta"]) - np.cos(y["theta"]) * (v * np.sin(y["phi"]) + w * np.cos(y["phi"]))
-    steps = 0.5 * (climb[1:] + climb[:-1]) / maneuver.rate
-    return maneuver.altitude + np.concatenate([[0.0], np.cumsum(steps)])
+    steps = 0.5 * (climb[1:] + climb[:-1]) / (1.0 / float(flown.time[1] - flown.time[0]))
+    return altitude + np.concatenate([[0.0], np.cumsum(steps)])

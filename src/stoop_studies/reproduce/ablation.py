@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
-from stoop.base.csv_text import Cell
+from stoop.base.numbers import finite_or_none
 from stoop.parallel import Plan
 from stoop.report.plots import Series, plot
-from stoop.report.sheet import Figure, Prose, Section, Table
+from stoop.report.sheet import Figure, Prose, Section
 from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number, reproduces
-from stoop_studies.reproduce.plans import planned
 from stoop_studies.reproduce.races import BUDGET, PAPER, Race, holm, mann_whitney, races, runs
+from stoop_studies.reproduce.suite import PaperExperiment, planned, tabulated
 
 WHOLE: Final = "PS-GDE"
-OFF: Final = {"mutation": "unordered", "initialization": "uniform", "search": "none"}
 VARIANTS: Final[dict[str, Any]] = {
     WHOLE: PAPER,
     "without sorting": PAPER | {"mutation": "unordered"},
@@ -25,7 +23,7 @@ VARIANTS: Final[dict[str, Any]] = {
     "without dive": PAPER | {"search": "none"},
     "schedule as printed": PAPER | {"swapped": True},
     "Levenberg-Marquardt dive": PAPER | {"search": "levenberg"},
-    "all off": PAPER | OFF,
+    "all off": PAPER | {"mutation": "unordered", "initialization": "uniform", "search": "none"},
     "sorting alone": PAPER | {"initialization": "uniform", "search": "none"},
 }
 SURE: Final = 0.05
@@ -44,14 +42,10 @@ HEAD: Final = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Ablation:
+class Ablation(PaperExperiment):
     """Which idea helps."""
 
-    name: str = "ablation"
-    runs: int = 50
-    box: str = "N"
-    parts: tuple[str, ...] = ()
+    name, runs = "ablation", 50
 
     def plan(self, setting: Setting) -> Plan:
         """Return all runs."""
@@ -62,14 +56,33 @@ class Ablation:
         found = races(VARIANTS, setting, results)
         raw = {name: mann_whitney(race, found[WHOLE]) for name, race in found.items() if name != WHOLE}
         sure = holm(raw)
+        table = tabulated(
+            f"{BUDGET:.0f} evaluations at most",
+            {
+                "variant": lambda name: name,
+                "reached": lambda name: counted(found[name].solved, len(found[name].hits)),
+                "median evaluations": lambda name: _count(found[name].median),
+                "expected running time": lambda name: (
+                    f"{found[name].expected:.0f}" if found[name].solved else "–"
+                ),
+                "p": lambda name: _p(sure[name]) if name in sure else "–",
+            },
+            found,
+        )
         return Findings(
             f"Ablation: which idea of PS-GDE helps, box {setting.box}",
             LEAD,
             tuple(_claims(found, sure)),
-            (Section("Races to the target", (_table(found, sure), Prose(WORDS), _figure(found))),),
+            (Section("Races to the target", (table, Prose(WORDS), _figure(found))),),
             HEAD,
-            tuple(_row(name, race, raw.get(name), sure.get(name)) for name, race in found.items()),
-        )
+            tuple(
+                (
+                    name, len(r.hits), r.solved, finite_or_none(r.median), finite_or_none(r.expected),
+                    float(np.median(r.costs)), raw.get(name), sure.get(name),
+                )
+                for name, r in found.items()
+            ),
+        )  # fmt: skip
 
 
 def _claims(found: Mapping[str, Race], sure: Mapping[str, float]) -> list[Claim]:
@@ -78,30 +91,24 @@ def _claims(found: Mapping[str, Race], sure: Mapping[str, float]) -> list[Claim]
         "without chaos": "The chaotic start helps",
         "without dive": "The dive along the gradient helps",
     }
-    said = [
-        reproduces(
-            words, sure[name] < SURE and _slower(found[name], found[WHOLE]), _against(found, sure, name)
-        )
-        for name, words in helps.items()
-    ]
-    printed = found["schedule as printed"]
-    said.append(
+    whole, printed, name = found[WHOLE], found["schedule as printed"], "Levenberg-Marquardt dive"
+    return [
+        *(
+            reproduces(words, sure[n] < SURE and _slower(found[n], whole), _against(found, sure, n))
+            for n, words in helps.items()
+        ),
         holds(
             "Steps 4 and 5 are swapped in print: as printed the search does not converge",
             printed.solved == 0,
             f"{counted(printed.solved, len(printed.hits))} reach the target, "
             f"median cost {number(float(np.median(printed.costs)))}",
-        )
-    )
-    name = "Levenberg-Marquardt dive"
-    said.append(
+        ),
         holds(
             "A Levenberg-Marquardt dive on the same schedule is better than steepest descent",
-            sure[name] < SURE and _slower(found[WHOLE], found[name]),
+            sure[name] < SURE and _slower(whole, found[name]),
             _against(found, sure, name),
-        )
-    )
-    return said
+        ),
+    ]
 
 
 def _slower(one: Race, other: Race) -> bool:
@@ -124,21 +131,6 @@ def _p(value: float) -> str:
     return "< 0.0001" if value < 1e-4 else f"{value:.4f}"
 
 
-def _table(found: Mapping[str, Race], sure: Mapping[str, float]) -> Table:
-    rows = tuple(
-        (
-            name,
-            counted(r.solved, len(r.hits)),
-            _count(r.median),
-            f"{r.expected:.0f}" if r.solved else "–",
-            _p(sure[name]) if name in sure else "–",
-        )
-        for name, r in found.items()
-    )
-    head = ("variant", "reached", "median evaluations", "expected running time", "p")
-    return Table(f"{BUDGET:.0f} evaluations at most", head, rows)
-
-
 def _figure(found: Mapping[str, Race]) -> Figure:
     curves = []
     for name, race in found.items():
@@ -152,13 +144,3 @@ def _figure(found: Mapping[str, Race]) -> Figure:
         log_x=True, y_range=(0.0, 1.02),
     )  # fmt: skip
     return Figure("Share of runs that reached the target", drawing)
-
-
-def _row(name: str, race: Race, raw: float | None, sure: float | None) -> tuple[Cell, ...]:
-    return (
-        name, len(race.hits), race.solved, _given(race.median), _given(race.expected), float(np.median(race.costs)), raw, sure,
-    )  # fmt: skip
-
-
-def _given(value: float) -> float | None:
-    return value if np.isfinite(value) else None

@@ -9,9 +9,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop import optimize
 from stoop.base.arrays import FloatArray
-from stoop.parallel import Json, Run
+from stoop.parallel import Run
 from stoop.problem.layout import Nuisance
 from stoop.simulate import parse_maneuver
 from stoop.simulate.fly import fly
@@ -19,7 +18,7 @@ from stoop_studies.findings import Results, Setting
 from stoop_studies.problems.equation_1 import aircraft
 from stoop_studies.problems.experiment import LATERAL, LATERAL_MANEUVER
 from stoop_studies.problems.paper import Paper, box
-from stoop_studies.reproduce import bound
+from stoop_studies.reproduce.estimates import bound_deviations, fitted
 
 WORK: Final = "stoop_studies.reproduce.asymmetry:work"
 TERMS: Final = ("CQ0", "Cl0", "Cn0")
@@ -68,16 +67,7 @@ def work(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Any]
     case = replace(truth(), names=LATERAL) if model == "terms free" else truth()
     layout = case.bounded(*bounds(case.names, seed), nuisances(model))
     problem = case.misfit(layout, measured(str(arguments["case"]), seed, bool(arguments["noise"])))
-    outcome = optimize.minimize(optimize.create(), problem, seed=seed)
-    values = layout.physical(outcome.z[None, : problem.dimension])[0].tolist()
-    names = [p.name for p in layout.parameters]
-    biases = {
-        n.name: n.scale * float(z) for n, z in zip(layout.nuisances, outcome.z[len(names) :], strict=True)
-    }
-    told = {
-        "values": dict(zip(names, values, strict=True)) | biases, "cost": outcome.cost, "status": outcome.status,
-    }  # fmt: skip
-    return [told for _ in stops]
+    return [fitted(problem, seed)] * len(stops)
 
 
 def nuisances(model: str) -> list[Nuisance]:
@@ -118,7 +108,7 @@ def term_deviations() -> FloatArray:
 def _bound(case: Paper) -> FloatArray:
     """Return the bound (D,) in the order of the case's names."""
     problem = case.misfit(case.bounded(*bounds(case.names, 0)), case.measured(0, noise=False))
-    sigma = bound.deviations(case.posed(problem, noise=False))
+    sigma = bound_deviations(case.posed(problem, noise=False))
     found = dict(zip((p.name for p in problem.layout.parameters), sigma.tolist(), strict=True))
     return np.array([found[n] for n in case.names])
 
@@ -130,23 +120,22 @@ def key(case: str, model: str, noise: bool, seed: int) -> str:
 
 def runs(setting: Setting) -> list[Run]:
     """Return one fit without noise of each case and model, and with all biases one per seed with noise."""
-    clean = [_run(case, model, False, setting.seed) for case in CASES for model in MODELS]
-    return clean + [_run("all", model, True, seed) for model in MODELS for seed in setting.seeds]
-
-
-def _run(case: str, model: str, noise: bool, seed: int) -> Run:
-    arguments: dict[str, Json] = {"case": case, "model": model, "noise": noise, "seed": seed}
-    return Run(key(case, model, noise, seed), WORK, arguments)
+    clean = [(case, model, False, setting.seed) for case in CASES for model in MODELS]
+    noisy = [("all", model, True, seed) for model in MODELS for seed in setting.seeds]
+    return [
+        Run(key(c, m, noise, seed), WORK, {"case": c, "model": m, "noise": noise, "seed": seed})
+        for c, m, noise, seed in clean + noisy
+    ]
 
 
 @dataclass(frozen=True, eq=False)
 class Fits:
-    """What the models gave without noise for one case, and with it.
+    """Fits of all models to one flight.
 
     Attributes
     ----------
     costs : mapping
-        Model -> J without noise.
+        Model -> J.
     errors : mapping
         Model -> (15,) errors of the other coefficients in standard deviations of the noise.
     values : mapping
@@ -171,18 +160,9 @@ class Fits:
         return float(np.sqrt(np.mean(self.errors[model] ** 2)))
 
 
-def fits(setting: Setting, results: Results) -> dict[str, Fits]:
-    """Return what the models gave without noise, by case."""
-    return {case: _fits(case, False, setting.seed, results) for case in CASES}
-
-
-def noisy(setting: Setting, results: Results) -> list[Fits]:
-    """Return what they gave with all biases and noise, by seed."""
-    return [_fits("all", True, seed, results) for seed in setting.seeds]
-
-
-def _fits(case: str, noise: bool, seed: int, results: Results) -> Fits:
-    told = {m: results[key(case, m, noise, seed)] for m in MODELS}
+def fits(case: str, noise: bool, seed: int, results: Results) -> Fits:
+    """Return the fits of a case."""
+    found = {m: results[key(case, m, noise, seed)] for m in MODELS}
     true, sigma = np.array([truth().vehicle.value(n) for n in OTHERS]), deviations()
-    errors = {m: (np.array([t["values"][n] for n in OTHERS]) - true) / sigma for m, t in told.items()}
-    return Fits({m: t["cost"] for m, t in told.items()}, errors, {m: t["values"] for m, t in told.items()})
+    errors = {m: (np.array([t["values"][n] for n in OTHERS]) - true) / sigma for m, t in found.items()}
+    return Fits({m: t["cost"] for m, t in found.items()}, errors, {m: t["values"] for m, t in found.items()})

@@ -1,8 +1,7 @@
-"""Figure 1: the logistic map, and what it is worth as a first population."""
+"""Figure 1: the logistic map, and its use as a first population."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -11,16 +10,18 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.optimize.operators import latin_hypercube
 from stoop.report.plots import Series, plot
-from stoop.report.sheet import Figure, Prose, Section, Table
+from stoop.report.sheet import Figure, Prose, Section
 from stoop_studies.findings import Claim, Findings, Results, Setting, number, reproduces
+from stoop_studies.optimizers.pieces.evolution import Initialization
 from stoop_studies.optimizers.pieces.operators import chaos, uniform
+from stoop_studies.reproduce.suite import PaperExperiment, tabulated
 
 MEMBERS: Final = 50
 DIMENSION: Final = 10
 POINTS: Final = 2000  #: of the long orbit
 BINS: Final = 40
-PROBES: Final = 500  #: random places whose nearest member is sought
-STARTS: Final[dict[str, Callable[[int, int, np.random.Generator], FloatArray]]] = {
+PROBES: Final = 500  #: random places, for the distance to the nearest member
+STARTS: Final[dict[str, Initialization]] = {
     "chaos": chaos,
     "uniform": uniform,
     "Latin hypercube": latin_hypercube,
@@ -38,7 +39,7 @@ what the chaotic start does to the search itself."""
 
 @dataclass(frozen=True)
 class Measures:
-    """How evenly first populations lie, mean over seeds.
+    """How evenly first populations lie, by seed.
 
     Attributes
     ----------
@@ -52,29 +53,32 @@ class Measures:
     empty: FloatArray
 
 
-@dataclass(frozen=True)
-class Figure1:
+class Figure1(PaperExperiment):
     """The logistic map."""
 
-    name: str = "figure1"
-    runs: int = 200
-    box: str = "N"
-    parts: tuple[str, ...] = ()
-
-    def plan(self, setting: Setting) -> None:
-        """Return nothing: it takes no time."""
+    name, runs = "figure1", 200
 
     def findings(self, setting: Setting, results: Results) -> Findings:
         """Return orbit, histogram and evenness."""
         orbit = chaos(POINTS, 1, np.random.default_rng(setting.seed))[:, 0]
         found = {name: measured(start, setting.seeds) for name, start in STARTS.items()}
+        evenness = tabulated(
+            f"{MEMBERS} members, {DIMENSION} parameters; mean over {setting.runs} seeds",
+            {
+                "start": lambda name: name,
+                "discrepancy": lambda name: number(float(found[name].discrepancy.mean())),
+                "mean distance": lambda name: number(float(found[name].distance.mean()), 4),
+                "empty tenths": lambda name: f"{100.0 * found[name].empty.mean():.1f} %",
+            },
+            found,
+        )
         return Findings(
             "Figure 1: the logistic map",
             LEAD,
-            (_covers(orbit), _evenly(found), _near(found)),
+            _claims(orbit, found),
             (
-                Section("Iterates", (_orbit_figure(orbit), _histogram_figure(orbit))),
-                Section("As a first population", (_measures_table(found, setting.runs), Prose(WORDS))),
+                Section("Iterates", _figures(orbit)),
+                Section("As a first population", (evenness, Prose(WORDS))),
             ),
             ("center", "share_of_iterates", "arcsine_law"),
             tuple(zip(*(column.tolist() for column in histogram(orbit)), strict=True)),
@@ -89,63 +93,57 @@ def histogram(orbit: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return 0.5 * (edges[1:] + edges[:-1]), shares, law
 
 
-def measured(start: Callable[[int, int, np.random.Generator], FloatArray], seeds: range) -> Measures:
-    """Return how evenly populations of a start lie, one per seed."""
-    rows = [_measured(start(MEMBERS, DIMENSION, np.random.default_rng(s)), s) for s in seeds]
+def measured(start: Initialization, seeds: range) -> Measures:
+    """Return how evenly populations of an initialization lie, one per seed."""
+    from scipy.stats import qmc
+
+    rows = []
+    for seed in seeds:
+        X = start(MEMBERS, DIMENSION, np.random.default_rng(seed))
+        places = np.random.default_rng(1_000_000 + seed).random((PROBES, DIMENSION))
+        distance = np.sqrt(((places[:, None, :] - X[None, :, :]) ** 2).sum(axis=2)).min(axis=1)
+        filled = sum(len(np.unique(column)) for column in np.minimum((X * 10.0).astype(int), 9).T)
+        empty = 1.0 - filled / (10.0 * DIMENSION)
+        rows.append((float(qmc.discrepancy(X, method="CD")), float(distance.mean()), empty))
     return Measures(*np.array(rows).T)
 
 
-def _measured(X: FloatArray, seed: int) -> tuple[float, float, float]:
-    from scipy.stats import qmc
-
-    places = np.random.default_rng(1_000_000 + seed).random((PROBES, X.shape[1]))
-    distance = np.sqrt(((places[:, None, :] - X[None, :, :]) ** 2).sum(axis=2)).min(axis=1)
-    tenths = np.minimum((X * 10.0).astype(int), 9)
-    filled = sum(len(np.unique(column)) for column in tenths.T)
-    return float(qmc.discrepancy(X, method="CD")), float(distance.mean()), 1.0 - filled / (10.0 * X.shape[1])
-
-
-def _covers(orbit: FloatArray) -> Claim:
+def _claims(orbit: FloatArray, found: dict[str, Measures]) -> tuple[Claim, ...]:
     empty = int((histogram(orbit)[1] == 0.0).sum())
-    return reproduces(
-        "The map wanders over the whole of [0, 1]",
-        empty == 0,
-        f"{POINTS} iterates, {empty} of {BINS} bins empty",
+    discrepancy = {name: float(m.discrepancy.mean()) for name, m in found.items()}
+    distance = {name: float(m.distance.mean()) for name, m in found.items()}
+
+    def values(means: dict[str, float]) -> str:
+        return ", ".join(f"{name} {number(v)}" for name, v in means.items())
+
+    return (
+        reproduces(
+            "The map wanders over the whole of [0, 1]",
+            empty == 0,
+            f"{POINTS} iterates, {empty} of {BINS} bins empty",
+        ),
+        reproduces(
+            "Members of a chaotic start lie more evenly than uniform random ones",
+            discrepancy["chaos"] < discrepancy["uniform"],
+            f"discrepancy {values(discrepancy)}",
+        ),
+        reproduces(
+            "A chaotic start puts members nearer to an optimum that may be anywhere",
+            distance["chaos"] < distance["uniform"],
+            f"mean distance to the nearest of 50, {values(distance)}",
+        ),
     )
 
 
-def _evenly(found: dict[str, Measures]) -> Claim:
-    d = {name: float(m.discrepancy.mean()) for name, m in found.items()}
-    return reproduces(
-        "Members of a chaotic start lie more evenly than uniform random ones",
-        d["chaos"] < d["uniform"],
-        "discrepancy " + ", ".join(f"{name} {number(v)}" for name, v in d.items()),
-    )
-
-
-def _near(found: dict[str, Measures]) -> Claim:
-    d = {name: float(m.distance.mean()) for name, m in found.items()}
-    return reproduces(
-        "A chaotic start puts members nearer to an optimum that may be anywhere",
-        d["chaos"] < d["uniform"],
-        "mean distance to the nearest of 50, " + ", ".join(f"{name} {number(v)}" for name, v in d.items()),
-    )
-
-
-def _orbit_figure(orbit: FloatArray) -> Figure:
+def _figures(orbit: FloatArray) -> tuple[Figure, Figure]:
     first = orbit[:300]
-    drawing = plot(
+    iterates = plot(
         [Series("iterates", np.arange(1.0, len(first) + 1.0), first, "points")],
         "iterate", "c", "300 iterates of the logistic map", y_range=(-0.03, 1.03),
     )  # fmt: skip
-    return Figure("The paper's picture: iterates of one orbit", drawing)
-
-
-def _histogram_figure(orbit: FloatArray) -> Figure:
     center, share, law = histogram(orbit)
-    left = center - 0.5 / BINS
-    edges = np.append(left, 1.0)
-    drawing = plot(
+    edges = np.append(center - 0.5 / BINS, 1.0)
+    density = plot(
         [
             Series(f"{POINTS} iterates", edges, np.append(share, share[-1]) * BINS, "steps"),
             Series("arcsine law", center, law * BINS),
@@ -153,18 +151,6 @@ def _histogram_figure(orbit: FloatArray) -> Figure:
         ],
         "c", "density", "Histogram of the iterates against the arcsine law", x_range=(0.0, 1.0),
     )  # fmt: skip
-    return Figure("Where the iterates are", drawing)
-
-
-def _measures_table(found: dict[str, Measures], runs: int) -> Table:
-    head = ("start", "discrepancy", "mean distance", "empty tenths")
-    rows = tuple(
-        (
-            name,
-            number(float(m.discrepancy.mean())),
-            number(float(m.distance.mean()), 4),
-            f"{100.0 * m.empty.mean():.1f} %",
-        )
-        for name, m in found.items()
+    return Figure("The paper's picture: iterates of one orbit", iterates), Figure(
+        "Where the iterates are", density
     )
-    return Table(f"{MEMBERS} members, {DIMENSION} parameters; mean over {runs} seeds", head, rows)

@@ -1,4 +1,4 @@
-"""Figure 2: the dive along the negative gradient, on a picture of the cost, and the pseudo-code as printed."""
+"""Figure 2: local search along the negative gradient, on a picture of the cost, and the pseudo-code as printed."""
 
 from __future__ import annotations
 
@@ -9,21 +9,26 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.base.csv_text import Cell
 from stoop.optimize import Ledger
 from stoop.optimize.ledger import Evaluations
 from stoop.report.plots import Mark, Series, contour_plot, plot
 from stoop.report.sheet import Code, Figure, Prose, Section, Table
 from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number
-from stoop_studies.optimizers.pieces.local_search import BETA, SteepestDescent, forward_gradient
+from stoop_studies.optimizers.pieces.local_search import (
+    BETA,
+    SteepestDescent,
+    golden_section,
+    steepest_line,
+)
 from stoop_studies.problems.paper import Paper, paper
+from stoop_studies.reproduce.suite import PaperExperiment, tabulated
 
 PAIR: Final = ("CLalpha", "Cmalpha")
 LOW: Final = (3.2, -3.2)
 HIGH: Final = (6.4, -1.2)
 START: Final = (0.20, 0.80)  #: in the unit box
 NEAR_END: Final = (0.45, 0.55)  #: a place near the truth
-CHAIN: Final = 20  #: dives in a row
+CHAIN: Final = 20  #: local searches in a row
 DRAWN: Final = 4  #: of them
 NEAR: Final = 0.05  #: of the unit box, about the truth: where the best members of a late population are
 GRID: Final = 61
@@ -48,14 +53,17 @@ is the answer, however far from the minimum: whenever the lower half of the line
 at the next point. The repaired search moves i1 to a + b - i2 and evaluates it."""
 
 
+Function = Callable[[float], float]
+
+
 @dataclass(frozen=True)
-class Line:
+class LineSearch:
     """A search along a line.
 
     Attributes
     ----------
     end : float
-        Where it ended.
+        Distance at its end.
     cost : float
         There.
     points : (k,)
@@ -74,95 +82,97 @@ class Pair:
     Attributes
     ----------
     cost : float
-        Where it starts.
-    repaired, printed : Line
+        At its beginning.
+    repaired, printed : LineSearch
     """
 
     cost: float
-    repaired: Line
-    printed: Line
+    repaired: LineSearch
+    printed: LineSearch
 
-    def gain(self, line: Line) -> float:
+    def gain(self, line: LineSearch) -> float:
         """Return the share of the cost that a search takes away; none where its end is refused as worse."""
         return max(0.0, 1.0 - line.cost / self.cost)
 
 
 @dataclass
 class Recorder:
-    """A problem that remembers what it was asked."""
+    """The problem on the full record, with all points that were evaluated."""
 
     case: Paper
     points: list[FloatArray] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.problem = self.case.misfit(
-            self.case.bounded(*_bounds(self.case)), self.case.measured(0, noise=False)
-        )
+        layout = self.case.bounded(np.array(LOW), np.array(HIGH))
+        self.problem = self.case.misfit(layout, self.case.measured(0, noise=False))
+        self.full = len(self.problem.prices) - 1
         self.dimension, self.extra, self.prices = 2, 0, (1.0,)
 
     def costs(self, X: FloatArray, rung: int) -> FloatArray:
         """Return the costs (B,) of X (B, 2) in the order of `PAIR`."""
         self.points.extend(X)
-        return self.problem.costs(X, len(self.problem.prices) - 1)
+        return self.problem.costs(X, self.full)
 
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
         """Return the residuals."""
-        return self.problem.residuals(Z, len(self.problem.prices) - 1)
+        return self.problem.residuals(Z, self.full)
 
     def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
         """Return the Jacobian."""
-        return self.problem.jacobian(z, len(self.problem.prices) - 1, r)
+        return self.problem.jacobian(z, self.full, r)
 
     def reference(self, rung: int) -> float:
         """Return the trivial model's cost."""
-        return self.problem.reference(len(self.problem.prices) - 1)
-
-
-@dataclass(frozen=True)
-class Figure2:
-    """The dive along the gradient."""
-
-    name: str = "figure2"
-    runs: int = 100
-    box: str = "N"
-    parts: tuple[str, ...] = ()
-
-    def plan(self, setting: Setting) -> None:
-        """Return nothing: it takes no time."""
-
-    def findings(self, setting: Setting, results: Results) -> Findings:
-        """Return the picture, and what the printed pseudo-code does on the same lines."""
-        recorder = Recorder(replace(paper(), names=PAIR))
-        ends = chain(recorder, np.array(START))
-        asked = np.array(recorder.points)
-        found = {where: lines(recorder, setting.seeds, reach) for where, reach in PLACES.items()}
-        return Findings(
-            "Figure 2: golden section along the negative gradient",
-            LEAD,
-            _claims(found, ends),
-            (
-                Section("On a picture of the cost", (_picture(recorder, ends, asked), _ends_table(ends))),
-                Section(
-                    "The pseudo-code as printed",
-                    (Code(PRINTED_CODE), Prose(WORDS), _profile(recorder), _table(found)),
-                ),
-            ),
-            ("dive", *PAIR, "J", "evaluations_so_far"),
-            tuple(_rows(ends)),
-        )
+        return self.problem.reference(self.full)
 
 
 @dataclass(frozen=True)
 class End:
-    """Where one of a chain of dives ended: in the unit box (2,), its cost, evaluations so far."""
+    """End of one of a chain of searches: in the unit box (2,), its cost, evaluations so far."""
 
     x: FloatArray
     cost: float
     evaluations: int
 
 
+class Figure2(PaperExperiment):
+    """Local search along the gradient."""
+
+    name, runs = "figure2", 100
+
+    def findings(self, setting: Setting, results: Results) -> Findings:
+        """Return the picture, and what the printed pseudo-code does on the same lines."""
+        recorder = Recorder(replace(paper(), names=PAIR))
+        ends = chain(recorder, np.array(START))
+        evaluated = np.array(recorder.points)
+        found = {where: lines(recorder, setting.seeds, reach) for where, reach in PLACES.items()}
+        ends_table = tabulated(
+            "Where dives end",
+            {
+                "dive": lambda i: str(i),
+                PAIR[0]: lambda i: number(float(_physical(ends[i].x)[0]), 5),
+                PAIR[1]: lambda i: number(float(_physical(ends[i].x)[1]), 5),
+                "J": lambda i: number(ends[i].cost, 4),
+                "evaluations so far": lambda i: str(ends[i].evaluations),
+            },
+            [i for i in range(len(ends)) if i <= DRAWN or i % 5 == 0],
+        )
+        code = (Code(PRINTED_CODE), Prose(WORDS), _profile(recorder), _table(found))
+        return Findings(
+            "Figure 2: golden section along the negative gradient",
+            LEAD,
+            _claims(found, ends),
+            (
+                Section("On a picture of the cost", (_picture(recorder, ends, evaluated), ends_table)),
+                Section("The pseudo-code as printed", code),
+            ),
+            ("dive", *PAIR, "J", "evaluations_so_far"),
+            tuple((i, *_physical(e.x).tolist(), e.cost, e.evaluations) for i, e in enumerate(ends)),
+        )
+
+
 def chain(recorder: Recorder, x: FloatArray) -> list[End]:
-    """Dive again and again from where the last dive ended."""
+    """Search again and again from the end of the last search."""
     ledger = Ledger(recorder, Evaluations.none(recorder))
     cost = float(ledger.costs(x[None], 0)[0])
     ends = [End(x, cost, 1)]
@@ -176,69 +186,59 @@ def lines(recorder: Recorder, seeds: range, reach: float) -> list[Pair]:
     """Search one line per seed, from a random place within ``reach`` of the truth in each variable."""
     low, high = np.array(LOW), np.array(HIGH)
     middle = (recorder.case.truth - low) / (high - low)
-    found = []
-    for seed in seeds:
-        x = np.clip(middle + reach * np.random.default_rng(seed).uniform(-1.0, 1.0, 2), 0.0, 1.0)
-        pair = both(recorder, x)
-        if pair is not None:
-            found.append(pair)
-    return found
+    steps = [reach * np.random.default_rng(seed).uniform(-1.0, 1.0, 2) for seed in seeds]
+    pairs = [both(recorder, np.clip(middle + step, 0.0, 1.0)) for step in steps]
+    return [pair for pair in pairs if pair is not None]
 
 
 def both(recorder: Recorder, x: FloatArray) -> Pair | None:
     """Search the line down the gradient from x, as repaired and as printed; None without a gradient."""
-    along = line_from(recorder, x)
+    along = cost_along(recorder, x)
     if along is None:
         return None
-    tolerance = TOLERANCE * REACH
-    return Pair(
-        along(0.0),
-        searched(along, REACH, tolerance, repaired=True),
-        searched(along, REACH, tolerance, repaired=False),
-    )
+    return Pair(along(0.0), searched(along, golden_section), searched(along, printed_section))
 
 
-def line_from(recorder: Recorder, x: FloatArray) -> Callable[[float], float] | None:
+def cost_along(recorder: Recorder, x: FloatArray) -> Function | None:
     """Return the cost along the unit negative gradient from x, by the distance."""
     ledger = Ledger(recorder, Evaluations.none(recorder))
-    gradient = forward_gradient(ledger, x, float(ledger.costs(x[None], 0)[0]))
-    length = float(np.sqrt((gradient**2).sum()))
-    if not np.isfinite(length) or length == 0.0:
+    line = steepest_line(ledger, x, float(ledger.costs(x[None], 0)[0]))
+    if line is None:
         return None
-    return lambda t: float(ledger.costs(np.clip(x - t * gradient / length, 0.0, 1.0)[None], 0)[0])
+    return lambda t: float(ledger.costs(line(t)[None], 0)[0])
 
 
-def searched(f: Callable[[float], float], reach: float, tolerance: float, *, repaired: bool) -> Line:
-    """Search [0, reach] by golden section, repaired or as printed (its first branch evaluates nothing)."""
-    low, high = 0.0, reach
+def searched(function: Function, section: Callable[[Function, float, float, float], float]) -> LineSearch:
+    """Search [0, `REACH`] by a golden section."""
+    points: list[float] = []
+
+    def recorded(t: float) -> float:
+        points.append(t)
+        return function(t)
+
+    end = section(recorded, 0.0, REACH, TOLERANCE * REACH)
+    return LineSearch(end, function(end), np.array(points))
+
+
+def printed_section(function: Function, low: float, high: float, tolerance: float) -> float:
+    """Return the end of the golden section as printed: its first branch moves and evaluates no new point."""
     right = low + BETA * (high - low)
     left = low + high - right
-    points = [right, left]
-    f_right, f_left = f(right), f(left)
+    f_right, f_left = function(right), function(left)
     while abs(left - right) >= tolerance:
         if f_left <= f_right:
             high, right, f_right = right, left, f_left
-            if repaired:
-                left = low + high - right
-                f_left = f(left)
-                points.append(left)
         else:
             low, left, f_left = left, right, f_right
             right = low + BETA * (high - low)
-            f_right = f(right)
-            points.append(right)
-    end = 0.5 * (left + right)
-    return Line(end, f(end), np.array(points))
-
-
-def _bounds(case: Paper) -> tuple[FloatArray, FloatArray]:
-    return np.array(LOW), np.array(HIGH)
+            f_right = function(right)
+    return 0.5 * (left + right)
 
 
 def _claims(found: Mapping[str, list[Pair]], ends: list[End]) -> tuple[Claim, ...]:
     close = found["near the optimum"]
-    early = [sum(_ends_early(p) for p in pairs) for pairs in found.values()]
-    mended = float(np.median([p.gain(p.repaired) for p in close]))
+    early = [sum(len(p.printed.points) < len(p.repaired.points) for p in pairs) for pairs in found.values()]
+    repaired = float(np.median([p.gain(p.repaired) for p in close]))
     printed = float(np.median([p.gain(p.printed) for p in close]))
     reached = next((e for e in ends if e.cost < 1e-6 * ends[0].cost), None)
     return (
@@ -252,8 +252,8 @@ def _claims(found: Mapping[str, list[Pair]], ends: list[End]) -> tuple[Claim, ..
         ),
         holds(
             "Near the optimum, where the best members are, the repaired search brings more",
-            mended > printed,
-            f"median gain {100 * mended:.1f} % of the cost against {100 * printed:.1f} %",
+            repaired > printed,
+            f"median gain {100 * repaired:.1f} % of the cost against {100 * printed:.1f} %",
         ),
         holds(
             f"{CHAIN} dives in a row reach the optimum (1e-6 of the cost that they start from)",
@@ -263,24 +263,21 @@ def _claims(found: Mapping[str, list[Pair]], ends: list[End]) -> tuple[Claim, ..
     )
 
 
-def _ends_early(pair: Pair) -> bool:
-    return len(pair.printed.points) < len(pair.repaired.points)
-
-
 def _physical(points: FloatArray) -> FloatArray:
     low, high = np.array(LOW), np.array(HIGH)
     return np.asarray(low + points * (high - low))
 
 
-def _picture(recorder: Recorder, ends: list[End], asked: FloatArray) -> Figure:
+def _picture(recorder: Recorder, ends: list[End], evaluated: FloatArray) -> Figure:
     axis = np.linspace(0.0, 1.0, GRID)
     places = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
-    values = recorder.problem.costs(places, len(recorder.problem.prices) - 1).reshape(GRID, GRID)
+    values = recorder.problem.costs(places, recorder.full).reshape(GRID, GRID)
     drawn = ends[: DRAWN + 1]
-    trail, points = _physical(np.array([e.x for e in drawn])), _physical(asked[: drawn[-1].evaluations])
+    trail, points = _physical(np.array([e.x for e in drawn])), _physical(evaluated[: drawn[-1].evaluations])
+    x, y = _physical(np.column_stack([axis, axis])).T
     drawing = contour_plot(
-        _physical(np.column_stack([axis, axis]))[:, 0],
-        _physical(np.column_stack([axis, axis]))[:, 1],
+        x,
+        y,
         np.log10(np.maximum(values, 1e-12)),
         trail,
         [
@@ -296,18 +293,9 @@ def _picture(recorder: Recorder, ends: list[End], asked: FloatArray) -> Figure:
     )
 
 
-def _ends_table(ends: list[End]) -> Table:
-    rows = tuple(
-        (str(i), *(number(float(v), 5) for v in _physical(e.x)), number(e.cost, 4), str(e.evaluations))
-        for i, e in enumerate(ends)
-        if i <= DRAWN or i % 5 == 0
-    )
-    return Table("Where dives end", ("dive", *PAIR, "J", "evaluations so far"), rows)
-
-
 def _profile(recorder: Recorder) -> Figure:
     x = np.array(NEAR_END)
-    along, pair = line_from(recorder, x), both(recorder, x)
+    along, pair = cost_along(recorder, x), both(recorder, x)
     assert along is not None and pair is not None  # noqa: S101, PT018 - this place is not an optimum
     t = np.linspace(0.0, REACH, LINES)
     drawing = plot(
@@ -323,23 +311,22 @@ def _profile(recorder: Recorder) -> Figure:
 
 
 def _table(found: Mapping[str, list[Pair]]) -> Table:
-    rows = []
-    for where, pairs in found.items():
-        for name, chosen in (
-            ("repaired", [p.repaired for p in pairs]),
-            ("as printed", [p.printed for p in pairs]),
-        ):
-            gains = np.array([p.gain(line) for p, line in zip(pairs, chosen, strict=True)])
-            spent = np.mean([len(line.points) + 1 for line in chosen])
-            shares = (
-                f"{100 * np.median(gains):.1f} %",
-                f"{100 * gains.mean():.1f} %",
-                f"{100 * np.mean(gains > 0):.0f} %",
-            )
-            rows.append((f"{name}, {where}", *shares, f"{spent:.1f}"))
-    head = ("search", "median gain", "mean gain", "lines with a gain", "evaluations on the line")
-    return Table("Lines from random places; a worse end is refused, and gains nothing", head, tuple(rows))
-
-
-def _rows(ends: list[End]) -> list[tuple[Cell, ...]]:
-    return [(i, *(float(v) for v in _physical(e.x)), e.cost, e.evaluations) for i, e in enumerate(ends)]
+    searches = {
+        f"{name}, {where}": [(pair, getattr(pair, attribute)) for pair in pairs]
+        for where, pairs in found.items()
+        for name, attribute in (("repaired", "repaired"), ("as printed", "printed"))
+    }
+    gains = {name: np.array([p.gain(line) for p, line in chosen]) for name, chosen in searches.items()}
+    return tabulated(
+        "Lines from random places; a worse end is refused, and gains nothing",
+        {
+            "search": lambda name: name,
+            "median gain": lambda name: f"{100 * np.median(gains[name]):.1f} %",
+            "mean gain": lambda name: f"{100 * gains[name].mean():.1f} %",
+            "lines with a gain": lambda name: f"{100 * np.mean(gains[name] > 0):.0f} %",
+            "evaluations on the line": lambda name: (
+                f"{np.mean([len(line.points) + 1 for _, line in searches[name]]):.1f}"
+            ),
+        },
+        searches,
+    )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -15,6 +14,7 @@ from stoop.simulate.fly import Flown
 from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, reproduces
 from stoop_studies.problems.experiment import SAMPLES
 from stoop_studies.problems.paper import paper
+from stoop_studies.reproduce.suite import PaperExperiment, minus, tabulated
 
 STEP: Final = 0.3  #: s, of the 3-2-1-1
 REST: Final = 10.0  #: s, where the pulse ends
@@ -25,17 +25,10 @@ pulse of 3 s, and then rests for the remainder of the record. Airspeed, angle of
 are those of the longitudinal equations, without noise."""
 
 
-@dataclass(frozen=True)
-class Figure3:
+class Figure3(PaperExperiment):
     """The vertical response curve."""
 
-    name: str = "figure3"
-    runs: int = 1
-    box: str = "N"
-    parts: tuple[str, ...] = ()
-
-    def plan(self, setting: Setting) -> None:
-        """Return nothing: it takes no time."""
+    name, runs = "figure3", 1
 
     def findings(self, setting: Setting, results: Results) -> Findings:
         """Return the curves, their extremes and the modes."""
@@ -49,8 +42,8 @@ class Figure3:
             LEAD,
             _claims(flown, curves, modes),
             (
-                Section("Curves", (_drawn(time, curves), _extremes(curves))),
-                Section("Trim and modes", (_trim_table(flown), _modes_table(modes))),
+                Section("Curves", _curves(time, curves)),
+                Section("Trim and modes", _trim_and_modes(flown, modes)),
             ),
             ("time_s", *(name.replace(", ", "_").replace("/", "_per_").replace(" ", "_") for name in curves)),
             tuple(zip(time.tolist(), *(c.tolist() for c in curves.values()), strict=True)),
@@ -105,40 +98,43 @@ def _claims(flown: Flown, curves: dict[str, FloatArray], modes: dict[str, Mode])
     )
 
 
-def _drawn(time: FloatArray, curves: dict[str, FloatArray]) -> Figure:
+def _curves(time: FloatArray, curves: dict[str, FloatArray]) -> tuple[Figure, Table]:
     strips = [
         Strip(name, (Series("input" if name.startswith("elevator") else "response", time, curve),))
         for name, curve in curves.items()
     ]
-    return Figure(
+    figure = Figure(
         "Elevator, airspeed, angle of attack, pitch rate, pitch angle",
         stacked_plots(strips, "time, s", "Response curves"),
     )
-
-
-def _extremes(curves: dict[str, FloatArray]) -> Table:
-    rows = tuple(
-        (name, *(f"{v:.3f}".replace("-", "−") for v in (c[0], c.min(), c.max())))
-        for name, c in curves.items()
+    extremes = tabulated(
+        "Where the curves begin and how far they go",
+        {
+            "curve": lambda name: name,
+            "start": lambda name: minus(f"{curves[name][0]:.3f}"),
+            "least": lambda name: minus(f"{curves[name].min():.3f}"),
+            "greatest": lambda name: minus(f"{curves[name].max():.3f}"),
+        },
+        curves,
     )
-    return Table("Where the curves begin and how far they go", ("curve", "start", "least", "greatest"), rows)
+    return figure, extremes
 
 
-def _trim_table(flown: Flown) -> Table:
+def _trim_and_modes(flown: Flown, modes: dict[str, Mode]) -> tuple[Table, Table]:
     trim = flown.trim
     rows = (
         ("alpha, deg", "5.88", number(DEGREES * trim.start["alpha"], 4)),
         ("elevator, deg", "−1.7", number(DEGREES * trim.deflections["elevator"], 4)),
         ("thrust, N", "220.87", number(next(iter(trim.thrust.values())), 5)),
     )
-    return Table("Trim at 35 m/s and 200 m", ("", "printed", "here"), rows)
-
-
-def _modes_table(modes: dict[str, Mode]) -> Table:
-    rows = tuple(
-        (m.name, f"{m.frequency:.3f}", f"{m.damping:.3f}", f"{2 * np.pi / m.frequency:.2f}")
-        for m in modes.values()
+    linear = tabulated(
+        "Linear modes about the trim",
+        {
+            "mode": lambda m: m.name,
+            "frequency, rad/s": lambda m: f"{m.frequency:.3f}",
+            "damping ratio": lambda m: f"{m.damping:.3f}",
+            "period, s": lambda m: f"{2 * np.pi / m.frequency:.2f}",
+        },
+        modes.values(),
     )
-    return Table(
-        "Linear modes about the trim", ("mode", "frequency, rad/s", "damping ratio", "period, s"), rows
-    )
+    return Table("Trim at 35 m/s and 200 m", ("", "printed", "here"), rows), linear

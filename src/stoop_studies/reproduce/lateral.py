@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -14,10 +13,9 @@ from stoop.report.sheet import Prose, Section, Table
 from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, reproduces
 from stoop_studies.problems.experiment import LATERAL
 from stoop_studies.reproduce import asymmetry, recovery
-from stoop_studies.reproduce.asymmetry import BIASES, MODELS, OTHERS, TERMS, Fits
-from stoop_studies.reproduce.plans import planned
+from stoop_studies.reproduce.asymmetry import BIASES, CASES, MODELS, OTHERS, TERMS, Fits
+from stoop_studies.reproduce.suite import PaperExperiment, minus, planned, tabulated
 
-PROBLEM: Final = "lateral"
 FITS_HEAD: Final = (
     "biased", "model", "noise", "seed", "cost", "error_rms", "error_worst", *LATERAL, *(f"{c}_bias" for c in BIASES),
 )  # fmt: skip
@@ -34,31 +32,27 @@ cause (Cramer-Rao), so that 1 is what a perfect fit of noisy data has. Bounds ar
 so that none is met."""
 
 
-@dataclass(frozen=True)
-class Lateral:
+class Lateral(PaperExperiment):
     """The lateral and directional terms of eq. (1)."""
 
-    name: str = PROBLEM
-    runs: int = 20
-    box: str = "N"
-    parts: tuple[str, ...] = ("biases",)
+    name, runs, parts = "lateral", 20, ("biases",)
 
     def plan(self, setting: Setting) -> Plan:
         """Return all runs of both parts."""
-        return planned(self.name, setting, [*recovery.runs(PROBLEM, setting), *asymmetry.runs(setting)])
+        return planned(self.name, setting, [*recovery.runs(self.name, setting), *asymmetry.runs(setting)])
 
     def findings(self, setting: Setting, results: Results) -> Findings:
         """Return what they show."""
-        found, fits = recovery.recovery(PROBLEM, setting, results), asymmetry.fits(setting, results)
-        noisy = asymmetry.noisy(setting, results)
-        biases = (Prose(WORDS), _costs(fits), _taken(fits), _errors(fits), _with_noise(noisy), _each(fits))
+        found = recovery.recovery(self.name, setting, results)
+        fits = {case: asymmetry.fits(case, False, setting.seed, results) for case in CASES}
+        noisy = [asymmetry.fits("all", True, seed, results) for seed in setting.seeds]
         return Findings(
             f"Eq. (1): the 18 lateral and directional terms, box {setting.box}",
             LEAD,
             (*recovery.claims(found), *_claims(fits, noisy)),
             (
                 Section("Eighteen values from one maneuver", (recovery.table(found),)),
-                Section("Asymmetry terms and biased sensors", biases),
+                Section("Asymmetry terms and biased sensors", (Prose(WORDS), *_tables(fits, noisy))),
             ),
             recovery.HEAD,
             tuple(recovery.rows(found, setting.seeds)),
@@ -69,7 +63,7 @@ class Lateral:
 def _claims(fits: Mapping[str, Fits], noisy: Sequence[Fits]) -> list[Claim]:
     every = fits["all"]
     shares = ", ".join(f"{case} {100 * fits[case].absorbed:.0f} %" for case in fits)
-    rms = {m: float(np.sqrt(np.mean([f.rms(m) ** 2 for f in noisy]))) for m in MODELS}
+    rms = {m: _pooled(noisy, m) for m in MODELS}
     return [
         reproduces(
             "The asymmetry terms absorb most of what biased sensors cause (half of the misfit, or more)",
@@ -96,76 +90,57 @@ def _claims(fits: Mapping[str, Fits], noisy: Sequence[Fits]) -> list[Claim]:
     ]
 
 
+def _pooled(noisy: Sequence[Fits], model: str) -> float:
+    """Return the root mean square of the errors over seeds, in standard deviations."""
+    return float(np.sqrt(np.mean([f.rms(model) ** 2 for f in noisy])))
+
+
 def _visible(fit: Fits) -> bool:
     """Whether a term is off zero by more than three standard deviations of the noise."""
     sigma = asymmetry.term_deviations()
     return bool((np.abs([fit.values["terms free"][n] for n in TERMS]) > 3.0 * sigma).any())
 
 
-def _costs(fits: Mapping[str, Fits]) -> Table:
-    rows = tuple(
-        (
-            case,
-            _size(case),
-            *(number(f.costs[m], 4) for m in MODELS),
-            f"{100 * f.absorbed:.1f} %",
-        )
+def _tables(fits: Mapping[str, Fits], noisy: Sequence[Fits]) -> Iterator[Table]:
+    """Give misfit, terms, errors without noise, errors with it, and each coefficient's error."""
+    costs = [
+        (case, _size(case), *(number(f.costs[m], 4) for m in MODELS), f"{100 * f.absorbed:.1f} %")
         for case, f in fits.items()
-    )
+    ]
     head = ("biased", "by", *(f"J, {m}" for m in MODELS), "taken up by the terms")
-    return Table("Misfit without noise; 18,000 readings", head, rows)
+    yield Table("Misfit without noise; 18,000 readings", head, tuple(costs))
+    sigma = asymmetry.term_deviations()
+    rows = [
+        *((case, *(minus(f"{f.values['terms free'][n]:.5f}") for n in TERMS)) for case, f in fits.items()),
+        ("noise alone, ±", *(f"{s:.5f}" for s in sigma)),
+    ]
+    yield Table("What the terms take up", ("biased", *TERMS), tuple(rows))
+    errors = [
+        (case, *(text for m in MODELS for text in (f"{f.rms(m):.2f}", f"{f.worst(m):.1f}")))
+        for case, f in fits.items()
+    ]
+    head = ("biased", *(text for m in MODELS for text in (f"{m}: rms", "worst")))
+    words = "Errors of the other 15 coefficients without noise, in standard deviations"
+    yield Table(words, head, tuple(errors))
+    yield tabulated(
+        f"All five biased and noisy, {len(noisy)} seeds",
+        {
+            "model": lambda m: m,
+            "mean J": lambda m: number(float(np.mean([f.costs[m] for f in noisy])), 5),
+            "errors, rms": lambda m: f"{_pooled(noisy, m):.2f}",
+            "worst": lambda m: f"{max(f.worst(m) for f in noisy):.1f}",
+        },
+        MODELS,
+    )
+    every = fits["all"]
+    each = [(n, *(minus(f"{every.errors[m][i]:+.1f}") for m in MODELS)) for i, n in enumerate(OTHERS)]
+    words = "All five biased, no noise: each coefficient's error in standard deviations"
+    yield Table(words, ("parameter", *MODELS), tuple(each))
 
 
 def _size(case: str) -> str:
     units = {"ay": "m/s2", "p": "rad/s", "r": "rad/s"}
     return f"{BIASES[case]:g} {units.get(case, 'rad')}" if case in BIASES else "as each"
-
-
-def _taken(fits: Mapping[str, Fits]) -> Table:
-    sigma = asymmetry.term_deviations()
-    rows = [
-        (case, *(f"{f.values['terms free'][n]:.5f}".replace("-", "−") for n in TERMS))
-        for case, f in fits.items()
-    ]
-    rows.append(("noise alone, ±", *(f"{s:.5f}" for s in sigma)))
-    return Table("What the terms take up", ("biased", *TERMS), tuple(rows))
-
-
-def _errors(fits: Mapping[str, Fits]) -> Table:
-    rows = tuple(
-        (case, *(text for m in MODELS for text in (f"{f.rms(m):.2f}", f"{f.worst(m):.1f}")))
-        for case, f in fits.items()
-    )
-    head = ("biased", *(text for m in MODELS for text in (f"{m}: rms", "worst")))
-    return Table("Errors of the other 15 coefficients without noise, in standard deviations", head, rows)
-
-
-def _with_noise(noisy: Sequence[Fits]) -> Table:
-    rows = tuple(
-        (
-            m,
-            number(float(np.mean([f.costs[m] for f in noisy])), 5),
-            f"{np.sqrt(np.mean([f.rms(m) ** 2 for f in noisy])):.2f}",
-            f"{max(f.worst(m) for f in noisy):.1f}",
-        )
-        for m in MODELS
-    )
-    return Table(
-        f"All five biased and noisy, {len(noisy)} seeds", ("model", "mean J", "errors, rms", "worst"), rows
-    )
-
-
-def _each(fits: Mapping[str, Fits]) -> Table:
-    every = fits["all"]
-    rows = tuple(
-        (name, *(f"{every.errors[m][i]:+.1f}".replace("-", "−") for m in MODELS))
-        for i, name in enumerate(OTHERS)
-    )
-    return Table(
-        "All five biased, no noise: each coefficient's error in standard deviations",
-        ("parameter", *MODELS),
-        rows,
-    )
 
 
 def _fit_rows(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -15,10 +14,9 @@ from stoop_studies.findings import Claim, Findings, Results, Setting, number, re
 from stoop_studies.problems.experiment import SAMPLES, TABLE_1
 from stoop_studies.problems.paper import paper
 from stoop_studies.reproduce import propulsion, recovery
-from stoop_studies.reproduce.plans import planned
 from stoop_studies.reproduce.propulsion import MODELS, TERMS, Fits, expected, thrust
+from stoop_studies.reproduce.suite import PaperExperiment, minus, planned, tabulated
 
-PROBLEM: Final = "longitudinal-full"
 FITS_HEAD: Final = ("model", "noise", "seed", "cost", "largest_error", *TABLE_1, *TERMS)
 LEAD: Final = """\
 The paper's model has 14 longitudinal terms, its experiment identifies ten. Here all 14 are found from the same \
@@ -32,31 +30,26 @@ V terms, and one that knows the propeller. To first order a thrust slope T' look
 box W: in box N the wrong model meets a bound."""
 
 
-@dataclass(frozen=True)
-class LongitudinalFull:
+class LongitudinalFull(PaperExperiment):
     """The longitudinal terms of eq. (1)."""
 
-    name: str = PROBLEM
-    runs: int = 20
-    box: str = "N"
-    parts: tuple[str, ...] = ("propulsion",)
+    name, runs, parts = "longitudinal-full", 20, ("propulsion",)
 
     def plan(self, setting: Setting) -> Plan:
         """Return all runs of both parts."""
-        return planned(self.name, setting, [*recovery.runs(PROBLEM, setting), *propulsion.runs(setting)])
+        return planned(self.name, setting, [*recovery.runs(self.name, setting), *propulsion.runs(setting)])
 
     def findings(self, setting: Setting, results: Results) -> Findings:
         """Return what they show."""
-        found, fits = recovery.recovery(PROBLEM, setting, results), propulsion.fits(setting, results)
+        found = recovery.recovery(self.name, setting, results)
+        fits = propulsion.fits(setting, results)
         return Findings(
             f"Eq. (1): all 14 longitudinal terms, box {setting.box}",
             LEAD,
             (*recovery.claims(found), *_claims(fits)),
             (
                 Section("Fourteen values from one maneuver", (recovery.table(found),)),
-                Section(
-                    "V terms and the propulsion", (Prose(WORDS), _costs(fits), _terms(fits), _errors(fits))
-                ),
+                Section("V terms and the propulsion", (Prose(WORDS), *_tables(fits))),
             ),
             recovery.HEAD,
             tuple(recovery.rows(found, setting.seeds)),
@@ -90,54 +83,40 @@ def _claims(fits: Mapping[str, Fits]) -> list[Claim]:
     ]
 
 
-def _costs(fits: Mapping[str, Fits]) -> Table:
+def _tables(fits: Mapping[str, Fits]) -> Iterator[Table]:
+    """Give misfit, V terms, and errors of the ten coefficients."""
     count = 6 * SAMPLES
-    rows = tuple(
-        (name, number(f.cost), number(float(f.costs.mean()), 5), f"{f.costs.mean() / count:.3f}")
-        for name, f in fits.items()
+    yield tabulated(
+        f"What the models leave unexplained; {count} readings, so that noise alone costs about as much",
+        {
+            "model": lambda m: m,
+            "J without noise": lambda m: number(fits[m].cost),
+            "mean J with noise": lambda m: number(float(fits[m].costs.mean()), 5),
+            "per reading": lambda m: f"{fits[m].costs.mean() / count:.3f}",
+        },
+        fits,
     )
-    words = f"What the models leave unexplained; {count} readings, so that noise alone costs about as much"
-    return Table(words, ("model", "J without noise", "mean J with noise", "per reading"), rows)
-
-
-def _terms(fits: Mapping[str, Fits]) -> Table:
     free, wanted = fits["V terms free"], expected()
-    slope = thrust(35.5) - thrust(34.5)
-    rows = tuple(
-        (
-            n,
-            f"{wanted[n]:.4f}".replace("-", "−"),
-            f"{free.clean[n]:.4f}".replace("-", "−"),
-            f"{free.noisy[n].mean():.4f} ± {free.noisy[n].std(ddof=min(1, len(free.noisy[n]) - 1)):.4f}".replace(
-                "-", "−"
-            ),
-        )
-        for n in TERMS
+    noisy = {n: (v.mean(), v.std(ddof=min(1, len(v) - 1))) for n, v in free.noisy.items()}
+    yield tabulated(
+        minus(f"What the V terms take up of a thrust slope of {thrust(35.5) - thrust(34.5):.2f} N per m/s"),
+        {
+            "term": lambda n: n,
+            "expected": lambda n: minus(f"{wanted[n]:.4f}"),
+            "without noise": lambda n: minus(f"{free.clean[n]:.4f}"),
+            "with noise, mean and scatter": lambda n: minus(f"{noisy[n][0]:.4f} ± {noisy[n][1]:.4f}"),
+        },
+        TERMS,
     )
-    words = f"What the V terms take up of a thrust slope of {slope:.2f} N per m/s".replace("-", "−")
-    return Table(words, ("term", "expected", "without noise", "with noise, mean and scatter"), rows)
-
-
-def _errors(fits: Mapping[str, Fits]) -> Table:
-    head = ["parameter"]
-    columns = []
-    for name in MODELS:
-        fit = fits[name]
-        noisy = np.array([fit.noisy[n] for n in TABLE_1])
-        truth = np.array([fits["propeller known"].clean[n] for n in TABLE_1])
-        head += [name, f"{name}, with noise"]
-        columns.append([_percent(v) for v in fit.errors()])
-        columns.append(
-            [_percent(v, sign=False) for v in np.sqrt(np.mean((noisy / truth[:, None] - 1.0) ** 2, axis=1))]
-        )
-    rows = tuple(zip(TABLE_1, *columns, strict=True))
-    return Table(
-        "Errors of the ten coefficients; with noise the root mean square over seeds", tuple(head), rows
-    )
-
-
-def _percent(share: float, sign: bool = True) -> str:
-    return f"{100.0 * share:{'+' if sign else ''}.2f} %".replace("-", "−")
+    columns = {"parameter": list(TABLE_1)}
+    truth = np.array([fits["propeller known"].clean[n] for n in TABLE_1])
+    for model in MODELS:
+        estimates = np.array([fits[model].noisy[n] for n in TABLE_1])
+        rms = np.sqrt(np.mean((estimates / truth[:, None] - 1.0) ** 2, axis=1))
+        columns[model] = [minus(f"{100.0 * v:+.2f} %") for v in fits[model].errors()]
+        columns[f"{model}, with noise"] = [f"{100.0 * v:.2f} %" for v in rms]
+    words = "Errors of the ten coefficients; with noise the root mean square over seeds"
+    yield Table(words, tuple(columns), tuple(zip(*columns.values(), strict=True)))
 
 
 def _fit_rows(fits: Mapping[str, Fits], setting: Setting) -> Iterator[tuple[Cell, ...]]:
@@ -145,12 +124,12 @@ def _fit_rows(fits: Mapping[str, Fits], setting: Setting) -> Iterator[tuple[Cell
     wanted = expected()
     yield ("first order", None, None, None, None, *(None for _ in TABLE_1), *(wanted[n] for n in TERMS))
     for model, fit in fits.items():
-        yield (model, False, setting.seed, fit.cost, *_told(fit.clean))
+        yield (model, False, setting.seed, fit.cost, *_cells(fit.clean))
         for i, (seed, cost) in enumerate(zip(setting.seeds, fit.costs, strict=True)):
-            yield (model, True, seed, float(cost), *_told({n: v[i] for n, v in fit.noisy.items()}))
+            yield (model, True, seed, float(cost), *_cells({n: v[i] for n, v in fit.noisy.items()}))
 
 
-def _told(values: Mapping[str, float]) -> tuple[Cell, ...]:
+def _cells(values: Mapping[str, float]) -> tuple[Cell, ...]:
     """Return the largest relative error of the ten, and all estimates."""
     estimates = [None if n not in values else float(values[n]) for n in (*TABLE_1, *TERMS)]
     off = np.array([values[n] for n in TABLE_1]) / paper().truth - 1.0

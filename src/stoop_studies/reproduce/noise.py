@@ -17,8 +17,8 @@ from stoop.report.sheet import Figure, Prose, Section, Table
 from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number
 from stoop_studies.problems import pose
 from stoop_studies.problems.paper import NEAR
-from stoop_studies.reproduce.bound import deviations
-from stoop_studies.reproduce.plans import planned, searched
+from stoop_studies.reproduce.estimates import Group, bound_deviations
+from stoop_studies.reproduce.suite import PaperExperiment, minus, planned, search_run, tabulated
 
 METHODS: Final = {"default": "ps-gde-lm", "PS-GDE": "ps-gde"}
 STOPS: Final[Mapping[str, int | None]] = {"default": None, "PS-GDE": 500}
@@ -43,24 +43,8 @@ HEAD: Final = (
 
 
 @dataclass(frozen=True, eq=False)
-class Sample:
-    """Estimates of one method.
-
-    Attributes
-    ----------
-    values : (n, D)
-    costs : (n,)
-    evaluations : (n,)
-    """
-
-    values: FloatArray
-    costs: FloatArray
-    evaluations: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
 class Scatter:
-    """How estimates lie about the truth.
+    """Scatter of the estimates of one method about the truth.
 
     Attributes
     ----------
@@ -77,49 +61,64 @@ class Scatter:
     pooled: float
 
 
-@dataclass(frozen=True)
-class Noise:
+class Noise(PaperExperiment):
     """Estimates under noise."""
 
-    name: str = "noise"
-    runs: int = 200
-    box: str = "W"
-    parts: tuple[str, ...] = ()
+    name, runs, box = "noise", 200, "W"
 
     def plan(self, setting: Setting) -> Plan:
         """Return all runs, and the least cost about the truth of each seed."""
-        runs = [_run(method, s, setting) for method in METHODS for s in setting.seeds]
-        return planned(self.name, setting, [*runs, *(_truth_run(s, setting) for s in setting.seeds)])
+        problem, seeds = f"paper-{setting.box}+noise", setting.seeds
+        runs = [
+            search_run(_key(registered, s), registered, problem, s, STOPS[method])
+            for method, registered in METHODS.items()
+            for s in seeds
+        ]
+        optima = [Run(_key("truth", s), OPTIMUM, {"problem": problem, "seed": s}) for s in seeds]
+        return planned(self.name, setting, [*runs, *optima])
 
     def findings(self, setting: Setting, results: Results) -> Findings:
         """Return what they show."""
         posed = pose(f"paper-{setting.box}", setting.seed)
         assert posed.truth is not None  # noqa: S101 - this problem knows it
-        sigma = deviations(posed)
-        samples = {m: _sample([results[_key(m, s)] for s in setting.seeds]) for m in METHODS}
+        names, truth, sigma = posed.parameters, posed.truth, bound_deviations(posed)
+        groups = {
+            m: Group.of(m, STOPS[m], truth, [results[_key(registered, s)] for s in setting.seeds])
+            for m, registered in METHODS.items()
+        }
         least = np.array([results[_key("truth", s)]["cost"] for s in setting.seeds])
-        scatters = {m: scatter(sample.values, posed.truth, sigma) for m, sample in samples.items()}
-        elsewhere = {m: int((s.costs > least * (1.0 + WRONG)).sum()) for m, s in samples.items()}
-        names = posed.parameters
+        scatters = {m: scatter(g.values, truth, sigma) for m, g in groups.items()}
+        elsewhere = {m: int((g.costs > least * (1.0 + WRONG)).sum()) for m, g in groups.items()}
         words = WORDS.format(spread=np.sqrt(0.5 / setting.runs), stop=STOPS["PS-GDE"])
+        effort = tabulated(
+            "The default runs to its own end, PS-GDE for 500 iterations",
+            {
+                "method": lambda g: g.method,
+                "seeds": lambda g: str(len(g.costs)),
+                "median evaluations": lambda g: f"{np.median(g.evaluations):.0f}",
+                "largest cost above the optimum, relative": lambda g: number(
+                    float(np.max(g.costs / least - 1.0)), 2
+                ),
+                "ended elsewhere": lambda g: counted(elsewhere[g.method], len(g.costs)),
+            },
+            groups.values(),
+        )
+        table = _table(names, truth, sigma, scatters)
         return Findings(
             f"Noise: estimates and the Cramer-Rao bound, box {setting.box}",
             LEAD,
             tuple(_claims(scatters, elsewhere, setting.runs)),
             (
-                Section(
-                    "Scatter and bias",
-                    (_table(names, posed.truth, sigma, scatters), Prose(words), _figure(scatters)),
-                ),
-                Section("What it took", (_effort(samples, elsewhere, least),)),
+                Section("Scatter and bias", (table, Prose(words), _figure(scatters))),
+                Section("What it took", (effort,)),
             ),
             HEAD,
-            tuple(_rows(names, posed.truth, sigma, samples, scatters, elsewhere)),
+            tuple(_rows(names, sigma, groups, scatters, elsewhere)),
         )
 
 
 def optimum(arguments: Mapping[str, Any], stops: list[int | None]) -> list[Any]:
-    """Return the least cost about the truth of ``problem`` with ``seed``: a dive from the truth ends there."""
+    """Return the least cost about the truth of ``problem`` with ``seed``: a local refinement from the truth ends there."""
     posed = pose(str(arguments["problem"]), int(arguments["seed"]))
     return [{"cost": posed.target / (1.0 + NEAR)} for _ in stops]
 
@@ -134,27 +133,14 @@ def scatter(values: FloatArray, truth: FloatArray, sigma: FloatArray) -> Scatter
 
 
 def _key(who: str, seed: int) -> str:
-    return f"{METHODS.get(who, who)}/{seed:06d}"
-
-
-def _run(method: str, seed: int, setting: Setting) -> Run:
-    return searched(_key(method, seed), METHODS[method], f"paper-{setting.box}+noise", seed, STOPS[method])
-
-
-def _truth_run(seed: int, setting: Setting) -> Run:
-    return Run(_key("truth", seed), OPTIMUM, {"problem": f"paper-{setting.box}+noise", "seed": seed})
-
-
-def _sample(told: list[Mapping[str, Any]]) -> Sample:
-    return Sample(*(np.array([t[c] for t in told], dtype=float) for c in ("values", "cost", "evaluations")))
+    return f"{who}/{seed:06d}"
 
 
 def _claims(scatters: Mapping[str, Scatter], elsewhere: Mapping[str, int], count: int) -> list[Claim]:
-    said = []
-    for method in METHODS:
-        s = scatters[method]
+    found = []
+    for method, s in scatters.items():
         low, high = float(s.ratios.min()), float(s.ratios.max())
-        said += [
+        found += [
             holds(
                 f"{method}: scatter over the bound lies within 0.95 to 1.05 pooled, within 0.85 to 1.15 each",
                 POOLED[0] <= s.pooled <= POOLED[1] and EACH[0] <= low and high <= EACH[1],
@@ -171,21 +157,23 @@ def _claims(scatters: Mapping[str, Scatter], elsewhere: Mapping[str, int], count
                 counted(elsewhere[method], count),
             ),
         ]
-    return said
+    return found
 
 
 def _table(
     names: tuple[str, ...], truth: FloatArray, sigma: FloatArray, scatters: Mapping[str, Scatter]
 ) -> Table:
-    head = ["parameter", "truth", "bound"]
-    columns = []
+    columns = {
+        "parameter": names,
+        "truth": [number(float(t), 5) for t in truth],
+        "bound": [f"{100.0 * s / abs(t):.2f} %" for s, t in zip(sigma, truth, strict=True)],
+    }
     for method, s in scatters.items():
-        head += [f"{method}: scatter over bound", f"{method}: bias"]
-        columns += [[f"{v:.3f}" for v in s.ratios], [f"{v:+.2f}".replace("-", "−") for v in s.bias]]
-    bounds = [f"{100.0 * s / abs(t):.2f} %" for s, t in zip(sigma, truth, strict=True)]
-    rows = tuple(zip(names, [number(float(t), 5) for t in truth], bounds, *columns, strict=True))
+        columns[f"{method}: scatter over bound"] = [f"{v:.3f}" for v in s.ratios]
+        columns[f"{method}: bias"] = [minus(f"{v:+.2f}") for v in s.bias]
     pooled = [text for s in scatters.values() for text in (f"{s.pooled:.3f}", "")]
-    return Table("Each coefficient, and all pooled", tuple(head), (*rows, ("pooled", "", "", *pooled)))
+    rows = (*zip(*columns.values(), strict=True), ("pooled", "", "", *pooled))
+    return Table("Each coefficient, and all pooled", tuple(columns), rows)
 
 
 def _figure(scatters: Mapping[str, Scatter]) -> Figure:
@@ -201,42 +189,19 @@ def _figure(scatters: Mapping[str, Scatter]) -> Figure:
     return Figure("Scatter over the Cramer-Rao bound", drawing)
 
 
-def _effort(samples: Mapping[str, Sample], elsewhere: Mapping[str, int], least: FloatArray) -> Table:
-    rows = tuple(
-        (
-            m,
-            str(len(s.costs)),
-            f"{np.median(s.evaluations):.0f}",
-            number(float(np.max(s.costs / least - 1.0)), 2),
-            counted(elsewhere[m], len(s.costs)),
-        )
-        for m, s in samples.items()
-    )
-    words = "The default runs to its own end, PS-GDE for 500 iterations"
-    head = (
-        "method",
-        "seeds",
-        "median evaluations",
-        "largest cost above the optimum, relative",
-        "ended elsewhere",
-    )
-    return Table(words, head, rows)
-
-
 def _rows(
     names: tuple[str, ...],
-    truth: FloatArray,
     sigma: FloatArray,
-    samples: Mapping[str, Sample],
+    groups: Mapping[str, Group],
     scatters: Mapping[str, Scatter],
     elsewhere: Mapping[str, int],
 ) -> Iterator[tuple[Cell, ...]]:
     """Give a row per method and coefficient, and one of all pooled; differences are those from the default's."""
     for m, s in scatters.items():
-        errors = samples[m].values - truth
-        apart = np.abs(samples[m].values - samples["default"].values).max(axis=0) / sigma
-        columns = (truth, sigma, s.ratios * sigma, s.ratios, errors.mean(axis=0), s.bias, apart)
-        ends = (len(errors), elsewhere[m])
+        values, truth = groups[m].values, groups[m].truth
+        apart = np.abs(values - groups["default"].values).max(axis=0) / sigma
+        columns = (truth, sigma, s.ratios * sigma, s.ratios, (values - truth).mean(axis=0), s.bias, apart)
+        ends = (len(values), elsewhere[m])
         for i, name in enumerate(names):
             yield (METHODS[m], name, *(finite_or_none(c[i]) for c in columns), *ends)
         yield (METHODS[m], "pooled", None, None, None, s.pooled, None, None, float(apart.max()), *ends)

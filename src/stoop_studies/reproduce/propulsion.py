@@ -9,17 +9,16 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.parallel import Run
 from stoop.simulate import parse_maneuver
 from stoop.simulate.fly import fly
-from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.schema import ConstantThrust, Propeller
 from stoop_studies.findings import Results, Setting
 from stoop_studies.problems.experiment import MANEUVER, TABLE_1
 from stoop_studies.problems.paper import Paper, box, paper
+from stoop_studies.reproduce.estimates import fitted
 
 WORK: Final = "stoop_studies.reproduce.propulsion:work"
 TERMS: Final = ("CLV", "CDV", "CmV")
@@ -57,19 +56,10 @@ def model(free: bool, propeller: bool) -> Paper:
     case, names = truth(), (*TABLE_1, *TERMS) if free else TABLE_1
     if propeller:
         return replace(case, names=names)
-    return Paper(_constant(case.vehicle, thrust(35.0)), _without_throttle(case), names)
-
-
-def _constant(vehicle: Vehicle, newtons: float) -> Vehicle:
-    propulsion = ConstantThrust.model_validate({"kind": "constant", "thrust": newtons})
-    return replace(vehicle, file=vehicle.file.model_copy(update={"propulsion": propulsion}))
-
-
-def _without_throttle(case: Paper) -> Any:
-    """Return the flight with the elevator as its only input."""
-    flown = case.flown
-    elevator = case.vehicle.inputs.index("elevator")
-    return replace(flown, inputs=flown.inputs[:, [elevator]])
+    propulsion = ConstantThrust.model_validate({"kind": "constant", "thrust": thrust(35.0)})
+    vehicle = replace(case.vehicle, file=case.vehicle.file.model_copy(update={"propulsion": propulsion}))
+    elevator = case.vehicle.inputs.index("elevator")  # the only input of this model
+    return Paper(vehicle, replace(case.flown, inputs=case.flown.inputs[:, [elevator]]), names)
 
 
 def thrust(airspeed: float) -> float:
@@ -110,11 +100,7 @@ def work(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Any]
     case, seed = model(*MODELS[str(arguments["model"])]), int(arguments["seed"])
     measured = truth().measured(seed, bool(arguments["noise"]))
     problem = case.misfit(case.bounded(*bounds(case.names, seed)), measured)
-    outcome = optimize.minimize(optimize.create(), problem, seed=seed)
-    names = [p.name for p in problem.layout.parameters]
-    values = problem.layout.physical(outcome.z[None, : problem.dimension])[0].tolist()
-    told = {"values": dict(zip(names, values, strict=True)), "cost": outcome.cost, "status": outcome.status}
-    return [told for _ in stops]
+    return [fitted(problem, seed)] * len(stops)
 
 
 def bounds(names: Sequence[str], seed: int) -> tuple[FloatArray, FloatArray]:
@@ -135,17 +121,17 @@ def key(name: str, noise: bool, seed: int) -> str:
 
 def runs(setting: Setting) -> list[Run]:
     """Return one fit without noise and one per seed with it, of each model."""
-    clean = [_run(name, False, setting.seed) for name in MODELS]
-    return clean + [_run(name, True, seed) for name in MODELS for seed in setting.seeds]
-
-
-def _run(name: str, noise: bool, seed: int) -> Run:
-    return Run(key(name, noise, seed), WORK, {"model": name, "noise": noise, "seed": seed})
+    clean = [(name, False, setting.seed) for name in MODELS]
+    noisy = [(name, True, seed) for name in MODELS for seed in setting.seeds]
+    return [
+        Run(key(m, noise, seed), WORK, {"model": m, "noise": noise, "seed": seed})
+        for m, noise, seed in clean + noisy
+    ]
 
 
 @dataclass(frozen=True, eq=False)
 class Fits:
-    """What one model gave.
+    """Fits of one model.
 
     Attributes
     ----------
@@ -174,7 +160,7 @@ def fits(setting: Setting, results: Results) -> dict[str, Fits]:
     found = {}
     for name in MODELS:
         clean = results[key(name, False, setting.seed)]
-        told = [results[key(name, True, s)] for s in setting.seeds]
-        noisy = {n: np.array([t["values"][n] for t in told]) for n in clean["values"]}
-        found[name] = Fits(clean["values"], clean["cost"], noisy, np.array([t["cost"] for t in told]))
+        seeds = [results[key(name, True, s)] for s in setting.seeds]
+        noisy = {n: np.array([r["values"][n] for r in seeds]) for n in clean["values"]}
+        found[name] = Fits(clean["values"], clean["cost"], noisy, np.array([r["cost"] for r in seeds]))
     return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -11,7 +11,8 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.parallel import Run
 from stoop_studies.findings import Results, Setting
-from stoop_studies.reproduce.plans import searched
+from stoop_studies.reproduce.estimates import hits_of
+from stoop_studies.reproduce.suite import search_run
 
 BUDGET: Final = 60_000.0  #: evaluations after which a run counts as lost
 PAPER: Final[dict[str, Any]] = {"name": "ps-gde"}
@@ -34,7 +35,7 @@ class Race:
 
     @property
     def solved(self) -> int:
-        """How many got there."""
+        """How many reached the target."""
         return int(np.isfinite(self.hits).sum())
 
     @property
@@ -52,29 +53,24 @@ class Race:
 
 def runs(variants: Mapping[str, Any], setting: Setting) -> list[Run]:
     """Return every variant on every seed; one that appears under two names is run once."""
-    return list({run.key: run for name in variants for run in _of(variants[name], setting)}.values())
-
-
-def _of(variant: Any, setting: Setting) -> list[Run]:
-    return [
-        searched(_key(variant, s), variant, f"paper-{setting.box}", s, None, budget=BUDGET, to_target=True)
+    found = [
+        search_run(_key(v, s), v, f"paper-{setting.box}", s, None, budget=BUDGET, to_target=True)
+        for v in variants.values()
         for s in setting.seeds
     ]
+    return list({run.key: run for run in found}.values())
 
 
 def _key(variant: Mapping[str, Any], seed: int) -> str:
-    changes = " ".join(f"{k}={variant[k]}" for k in sorted(variant))
-    return f"{changes}/{seed:06d}"
+    return f"{' '.join(f'{k}={variant[k]}' for k in sorted(variant))}/{seed:06d}"
 
 
 def races(variants: Mapping[str, Any], setting: Setting, results: Results) -> dict[str, Race]:
     """Return the runs by variant."""
-    return {name: _race([results[_key(v, s)] for s in setting.seeds]) for name, v in variants.items()}
-
-
-def _race(told: Sequence[Mapping[str, Any]]) -> Race:
-    hits = np.array([np.inf if t["hit"] is None else t["hit"] for t in told])
-    return Race(hits, np.array([t["cost"] for t in told], dtype=float))
+    found = {name: [results[_key(v, s)] for s in setting.seeds] for name, v in variants.items()}
+    return {
+        name: Race(hits_of(r), np.array([t["cost"] for t in r], dtype=float)) for name, r in found.items()
+    }
 
 
 def mann_whitney(one: Race, other: Race) -> float:

@@ -10,11 +10,11 @@ from stoop_studies.reproduce.figure2 import Figure2
 from stoop_studies.reproduce.figure3 import Figure3
 from stoop_studies.reproduce.lateral import Lateral
 from stoop_studies.reproduce.longitudinal import LongitudinalFull
-from stoop_studies.reproduce.multirotor_page import Multirotor
+from stoop_studies.reproduce.multirotor import Multirotor
 from stoop_studies.reproduce.noise import Noise
 from stoop_studies.reproduce.suite import PaperExperiment
 from stoop_studies.reproduce.sweep import Sweep
-from stoop_studies.reproduce.table1_page import Table1
+from stoop_studies.reproduce.table1 import Table1
 
 _ALL: Final[tuple[PaperExperiment, ...]] = (
     Table1(), Figure1(), Figure2(), Figure3(), Lateral(), LongitudinalFull(), Sweep(), Ablation(), Noise(),

@@ -8,13 +8,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.base.csv_text import Cell
+from stoop.base.numbers import finite_or_none
 from stoop.parallel import Plan
 from stoop.report.plots import Series, plot
-from stoop.report.sheet import Figure, Prose, Section, Table
+from stoop.report.sheet import Figure, Prose, Section
 from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, reproduces
-from stoop_studies.reproduce.plans import planned
 from stoop_studies.reproduce.races import BUDGET, PAPER, Race, races, runs
+from stoop_studies.reproduce.suite import PaperExperiment, planned, tabulated
 
 
 @dataclass(frozen=True)
@@ -55,14 +55,10 @@ weighs speed against reliability. Where a curve breaks off, no run got there."""
 HEAD: Final = ("parameter", "value", "runs", "reached", "median_evaluations", "expected_running_time")
 
 
-@dataclass(frozen=True)
-class Sweep:
+class Sweep(PaperExperiment):
     """What the parameters of PS-GDE do."""
 
-    name: str = "sweep"
-    runs: int = 20
-    box: str = "N"
-    parts: tuple[str, ...] = ()
+    name, runs = "sweep", 20
 
     def plan(self, setting: Setting) -> Plan:
         """Return all runs."""
@@ -71,42 +67,47 @@ class Sweep:
     def findings(self, setting: Setting, results: Results) -> Findings:
         """Return what they show."""
         found = races(variants(), setting, results)
+        by_knob = {k: {v: found[_label(k, v)] for v in k.values} for k in KNOBS}
         return Findings(
             f"Sweep: NC, pr, F and CR of PS-GDE, box {setting.box}",
             LEAD,
-            (*(_influence(k, found) for k in KNOBS), _stagnates(found)),
-            tuple(_section(k, found) for k in KNOBS),
+            (*(_influence(k, own) for k, own in by_knob.items()), _stagnates(found)),
+            tuple(_section(k, own) for k, own in by_knob.items()),
             HEAD,
-            tuple(_row(k, v, found[_label(k, v)]) for k in KNOBS for v in k.values),
+            tuple(
+                (
+                    k.name,
+                    float(v),
+                    len(r.hits),
+                    r.solved,
+                    finite_or_none(r.median),
+                    finite_or_none(r.expected),
+                )
+                for k, own in by_knob.items()
+                for v, r in own.items()
+            ),
         )
 
 
 def variants() -> dict[str, Any]:
-    """Return every variant by its label."""
-    return {_label(k, v): _variant(k, v) for k in KNOBS for v in k.values}
-
-
-def _variant(knob: Knob, value: float) -> dict[str, Any]:
-    """Return PS-GDE with one parameter changed; the paper's own are one and the same variant."""
-    return PAPER if value == knob.chosen else PAPER | {knob.key: value}
+    """Return every variant by its label; the paper's own values are one and the same variant."""
+    return {_label(k, v): PAPER if v == k.chosen else PAPER | {k.key: v} for k in KNOBS for v in k.values}
 
 
 def _label(knob: Knob, value: float) -> str:
     return f"{knob.name} = {value:g}"
 
 
-def _influence(knob: Knob, found: Mapping[str, Race]) -> Claim:
-    times = {v: found[_label(knob, v)].expected for v in knob.values}
-    best, chosen = min(times, key=lambda v: times[v]), times[knob.chosen]
-    worst = max(times.values())
-    so = worst > MATTERS * times[best]
-    figures = (
-        f"expected running time {_count(times[best])} at {best:g}, {_count(chosen)} at {knob.chosen:g}, "
-        f"up to {_count(worst)}"
-    )
-    reach = f"from {knob.values[0]:g} to {knob.values[-1]:g}"
+def _influence(knob: Knob, races: Mapping[float, Race]) -> Claim:
+    times = {v: race.expected for v, race in races.items()}
+    best, worst = min(times, key=lambda v: times[v]), max(times.values())
     verdict = reproduces if knob.name in ("NC", "pr") else holds
-    return verdict(f"{knob.name} matters: {reach} the running time changes {MATTERS:g}-fold", so, figures)
+    return verdict(
+        f"{knob.name} matters: from {knob.values[0]:g} to {knob.values[-1]:g} the running time changes {MATTERS:g}-fold",
+        worst > MATTERS * times[best],
+        f"expected running time {_count(times[best])} at {best:g}, {_count(times[knob.chosen])} at {knob.chosen:g}, "
+        f"up to {_count(worst)}",
+    )
 
 
 def _stagnates(found: Mapping[str, Race]) -> Claim:
@@ -122,37 +123,26 @@ def _count(evaluations: float) -> str:
     return f"{evaluations:.0f}" if np.isfinite(evaluations) else "infinite"
 
 
-def _section(knob: Knob, found: Mapping[str, Race]) -> Section:
-    races_of = [found[_label(knob, v)] for v in knob.values]
-    rows = tuple(
-        (
-            f"{v:g}{' (chosen)' if v == knob.chosen else ''}",
-            counted(r.solved, len(r.hits)),
-            _count(r.median) if np.isfinite(r.median) else f"> {BUDGET:.0f}",
-            _count(r.expected) if r.solved else "–",
-        )
-        for v, r in zip(knob.values, races_of, strict=True)
-    )
-    table = Table(
+def _section(knob: Knob, races: Mapping[float, Race]) -> Section:
+    table = tabulated(
         f"{knob.name}, the others as the paper has them",
-        (knob.name, "reached", "median evaluations", "expected running time"),
-        rows,
+        {
+            knob.name: lambda v: f"{v:g}{' (chosen)' if v == knob.chosen else ''}",
+            "reached": lambda v: counted(races[v].solved, len(races[v].hits)),
+            "median evaluations": lambda v: (
+                _count(races[v].median) if np.isfinite(races[v].median) else f"> {BUDGET:.0f}"
+            ),
+            "expected running time": lambda v: _count(races[v].expected) if races[v].solved else "–",
+        },
+        knob.values,
     )
     x = np.array(knob.values, dtype=float)
-    y = [
-        np.array([r.expected if r.solved else np.nan for r in races_of]),
-        np.array([r.median for r in races_of]),
-    ]
-    y[1][~np.isfinite(y[1])] = np.nan
+    y = np.array([(r.expected, r.median) for r in races.values()])
+    y[~np.isfinite(y)] = np.nan
     drawing = plot(
-        [Series("expected running time", x, y[0]), Series("median", x, y[1])],
+        [Series("expected running time", x, y[:, 0]), Series("median", x, y[:, 1])],
         knob.name, "evaluations to 1e-6 J0", f"Evaluations to the target by {knob.name}",
         log_x=knob.name in ("NC", "pr"), log_y=True,
     )  # fmt: skip
     figure = Figure(f"Evaluations to the target by {knob.name}", drawing)
     return Section(knob.name, (table, figure, *((Prose(WORDS),) if knob is KNOBS[0] else ())))
-
-
-def _row(knob: Knob, value: float, race: Race) -> tuple[Cell, ...]:
-    median, expected = (v if np.isfinite(v) else None for v in (race.median, race.expected))
-    return knob.name, float(value), len(race.hits), race.solved, median, expected

@@ -11,13 +11,12 @@ from stoop_studies.findings import Setting, number
 from stoop_studies.problems import pose
 from stoop_studies.problems.experiment import TABLE_1
 from stoop_studies.problems.paper import paper
-from stoop_studies.reproduce.bound import deviations
+from stoop_studies.reproduce.estimates import bound_deviations
 from stoop_studies.reproduce.noise import Noise, scatter
 from stoop_studies.reproduce.races import Race, holm, mann_whitney
-from stoop_studies.reproduce.reconstructions import RECONSTRUCTIONS
+from stoop_studies.reproduce.suite import RECONSTRUCTIONS
 from stoop_studies.reproduce.sweep import KNOBS, Sweep, variants
-from stoop_studies.reproduce.table1 import ITERATIONS, METHODS, columns, key, printed_costs
-from stoop_studies.reproduce.table1_page import Table1
+from stoop_studies.reproduce.table1 import ITERATIONS, METHODS, Table1, columns, key, printed_costs
 
 SETTING = Setting(runs=3)
 
@@ -97,7 +96,7 @@ def test_noise_asks_for_the_optimum_of_every_seed() -> None:
 
 def test_noise_tells_who_ended_elsewhere_and_how_far_the_methods_are_apart() -> None:
     truth = np.array(pose("paper-W", 0).truth)
-    sigma = deviations(pose("paper-W", 0))
+    sigma = bound_deviations(pose("paper-W", 0))
     z = {"ps-gde-lm": (1.0, -1.0), "ps-gde": (1.25, -1.0)}
     results: dict[str, Any] = {f"truth/{s:06d}": {"cost": 9000.0} for s in (0, 1)}
     for method, scores in z.items():

@@ -15,7 +15,7 @@ from stoop_studies.optimizers.pieces.operators import chaos
 from stoop_studies.outputs import write_index
 from stoop_studies.problems.paper import paper
 from stoop_studies.reproduce.figure1 import Figure1, histogram, measured
-from stoop_studies.reproduce.figure2 import PAIR, Figure2, Recorder, both, searched
+from stoop_studies.reproduce.figure2 import PAIR, Figure2, Recorder, both, printed_section, searched
 from stoop_studies.reproduce.figure3 import Figure3
 from stoop_studies.reproduce.suite import SUITE
 
@@ -52,19 +52,19 @@ def test_the_repaired_search_is_the_one_that_ships(minimum: float) -> None:
     def cost(t: float) -> float:
         return (t - minimum) ** 2
 
-    line = searched(cost, 0.1, 0.01, repaired=True)
+    line = searched(cost, golden_section)
     assert line.end == golden_section(cost, 0.0, 0.1, 0.01)
     assert line.cost == cost(line.end)
 
 
 def test_as_printed_the_first_branch_ends_the_search() -> None:
     """By hand: i2 = 0.0618, i1 = 0.0382; the lower one is better, so i2 becomes i1 and the loop ends."""
-    line = searched(lambda t: t, 0.1, 0.01, repaired=False)
+    line = searched(lambda t: t, printed_section)
     assert line.points == pytest.approx([0.0618, 0.0382], abs=1e-4)
     assert line.end == pytest.approx(0.0382, abs=1e-4)
     rising: Callable[[float], float] = lambda t: -t  # noqa: E731 - a line of its own would hide it
-    upper = searched(rising, 0.1, 0.01, repaired=False)
-    assert upper.end == searched(rising, 0.1, 0.01, repaired=True).end, "the second branch is printed right"
+    upper = searched(rising, printed_section)
+    assert upper.end == searched(rising, golden_section).end, "the second branch is printed right"
 
 
 def test_every_evaluation_of_a_dive_is_recorded() -> None:

@@ -9,7 +9,7 @@ from stoop_studies.problems import pose
 from stoop_studies.problems.experiment import TABLE_1
 from stoop_studies.problems.paper import paper
 from stoop_studies.reproduce import asymmetry, propulsion
-from stoop_studies.reproduce.bound import deviations
+from stoop_studies.reproduce.estimates import bound_deviations, unit_deviations
 
 
 def test_the_propeller_holds_the_trim_and_has_constant_power() -> None:
@@ -78,7 +78,7 @@ def test_freed_biases_are_found_and_the_coefficients_with_them() -> None:
 
 
 def test_the_bound_does_not_depend_on_the_box() -> None:
-    few, many = deviations(pose("paper-N", 1)), deviations(pose("paper-W", 5))
+    few, many = bound_deviations(pose("paper-N", 1)), bound_deviations(pose("paper-W", 5))
     assert few == pytest.approx(many, rel=1e-3)
     truth = pose("paper-N", 1).truth
     assert truth is not None
@@ -87,7 +87,6 @@ def test_the_bound_does_not_depend_on_the_box() -> None:
 
 def test_the_bound_of_a_line_is_that_of_linear_regression() -> None:
     """Residuals z - t: the information of each is the number of readings, in units of the box."""
-    from stoop_studies.reproduce.bound import unit_deviations
 
     class Mean:
         dimension, extra, prices = 1, 0, (1.0,)
@@ -105,5 +104,5 @@ def test_a_bound_needs_the_truth() -> None:
     from dataclasses import replace
 
     with pytest.raises(ValueError, match="does not know"):
-        deviations(replace(pose("paper-N", 1), truth=None))
+        bound_deviations(replace(pose("paper-N", 1), truth=None))
     assert paper().truth.shape == (10,)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import faulthandler
+import importlib
 import json
 import os
 import select
@@ -15,11 +16,13 @@ import signal
 import warnings
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
 from stoop.errors import StoopError
+from stoop_studies.verify.readers.samples import samples
 from stoop_studies.verify.readers.trial import (
     BAD,
     CONTAINED,
@@ -36,8 +39,9 @@ SECONDS: Final = 3  #: of processor time that a case may take
 WALL: Final = 120.0  #: s without a word after which a process is ended
 ROOM: Final = 2**30  #: bytes of address space beyond what the process has at its beginning
 SWELL: Final = 2**28  #: bytes; a case that takes more is too hungry
-_PAGE: Final = 4096
-_FILES: Final = 2**28  #: bytes of a file that may be written
+PAGE: Final = 4096  #: bytes of memory
+MAX_FILE: Final = 2**28  #: bytes of a file that may be written
+LIBRARIES: Final = ("pandas", "scipy.signal", "scipy.io", "stoop.flight.reconstruction")
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,18 @@ class Tried:
     damage: str
     outcome: str
     said: str
+
+
+@cache
+def prepare(reader: str, data: str) -> None:
+    """Load what a reader needs once, so that copies of this process need not.
+
+    Texts of pandas may be Arrow's, whose allocator takes a GiB of addresses when it is first asked: not from a case's room.
+    """
+    for name in (*LIBRARIES, GUARDED.get(reader, "pandas")):
+        importlib.import_module(name)
+    importlib.import_module("pandas").Series(["text"]).isna()
+    samples(reader, data)
 
 
 def try_all(series: Series, count: int) -> Iterator[Tried]:
@@ -63,43 +79,41 @@ def try_all(series: Series, count: int) -> Iterator[Tried]:
         raise StoopError("verify readers: needs a system that can copy processes; run it on Linux or macOS")
     number = 0
     while number < count:
-        with TemporaryDirectory(prefix="stoop-") as place:  # not the child's, which may die
-            for tried in _until_death(series, range(number, count), Path(place)):
-                contained = series.reader in GUARDED and not series.guarded and tried.outcome in BAD
-                yield _apart(series, tried) if contained else tried
-                number = tried.number + 1
+        for tried in _until_death(series, range(number, count)):
+            contained = series.reader in GUARDED and not series.guarded and tried.outcome in BAD
+            yield _guarded(series, tried) if contained else tried
+            number = tried.number + 1
 
 
-def _apart(series: Series, tried: Tried) -> Tried:
+def _guarded(series: Series, tried: Tried) -> Tried:
     """Try a case again as users do: others' code in a process of its own, which may die."""
-    one = range(tried.number, tried.number + 1)
-    with TemporaryDirectory(prefix="stoop-") as place:
-        (again,) = _until_death(replace(series, guarded=True), one, Path(place))
+    (again,) = _until_death(replace(series, guarded=True), range(tried.number, tried.number + 1))
     if again.outcome in BAD:
         return again
     return replace(tried, outcome=CONTAINED, said=f"{tried.outcome}: {tried.said}; {again.said}")
 
 
-def _until_death(series: Series, numbers: range, folder: Path) -> Iterator[Tried]:
+def _until_death(series: Series, numbers: range) -> Iterator[Tried]:
     """Try cases until all are done, or one takes the process along."""
-    end, begin = os.pipe()
-    child = os.fork()
-    if child == 0:
-        os.close(end)
-        _work(begin, series, numbers, folder)  # never comes back
-    os.close(begin)
-    number = numbers.start
-    with os.fdopen(end, "rb") as pipe:
-        while number < numbers.stop and (line := _line(pipe.fileno())):
-            yield Tried(**json.loads(line))
-            number += 1
+    with TemporaryDirectory(prefix="stoop-") as place:  # not the child's, which may die
+        end, begin = os.pipe()
+        child = os.fork()
+        if child == 0:
+            os.close(end)
+            _work(begin, series, numbers, Path(place))  # never comes back
+        os.close(begin)
+        number = numbers.start
+        with os.fdopen(end, "rb") as pipe:
+            while number < numbers.stop and (line := _line(pipe.fileno())):
+                yield Tried(**json.loads(line))
+                number += 1
+            if number < numbers.stop:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(child, signal.SIGKILL if line is None else 0)
+        _, status = os.waitpid(child, 0)
         if number < numbers.stop:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(child, signal.SIGKILL if line is None else 0)
-    _, status = os.waitpid(child, 0)
-    if number < numbers.stop:
-        case = make_case(series, number)
-        yield Tried(number, case.way, case.damage, *asdict(_death(status, line is None)).values())
+            case, death = make_case(series, number), _death(status, line is None)
+            yield Tried(number, case.way, case.damage, death.outcome, death.said)
 
 
 def _line(pipe: int) -> bytes | None:
@@ -119,17 +133,17 @@ def _line(pipe: int) -> bytes | None:
 def _death(status: int, silent: bool) -> Verdict:
     if silent:
         return Verdict("hang", f"no answer for {WALL:g} s")
-    if os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGXCPU:
+    if not os.WIFSIGNALED(status):
+        return Verdict("crash", f"the process ended with {os.waitstatus_to_exitcode(status)}")
+    if os.WTERMSIG(status) == signal.SIGXCPU:
         return Verdict("hang", f"more than {SECONDS} s of processor time")
-    if os.WIFSIGNALED(status):
-        return Verdict("crash", f"signal {os.WTERMSIG(status)}")
-    return Verdict("crash", f"the process ended with {os.waitstatus_to_exitcode(status)}")
+    return Verdict("crash", f"signal {os.WTERMSIG(status)}")
 
 
 def _work(pipe: int, series: Series, numbers: range, folder: Path) -> None:
-    """Try cases and tell each; then end the process, whatever happens."""
+    """Try cases and report each; then end the process, whatever happens."""
     try:
-        _be_silent()
+        _silence()
         _limit_memory()
         warnings.simplefilter("error")  # a user would see them
         with impatient(SECONDS) if series.guarded else in_this_process():
@@ -140,13 +154,13 @@ def _work(pipe: int, series: Series, numbers: range, folder: Path) -> None:
                 verdict = try_case(case, folder)
                 if _peak() - before > SWELL and not series.guarded:
                     verdict = Verdict("memory", f"{_peak() - before >> 20} MiB; {verdict.said}")
-                told = asdict(Tried(number, case.way, case.damage, verdict.outcome, verdict.said))
-                os.write(pipe, json.dumps(told).encode() + b"\n")
+                tried = Tried(number, case.way, case.damage, verdict.outcome, verdict.said)
+                os.write(pipe, json.dumps(asdict(tried)).encode() + b"\n")
     finally:
         os._exit(0)
 
 
-def _be_silent() -> None:
+def _silence() -> None:
     """Print nothing: neither what libraries say of damage, nor where a process died."""
     faulthandler.disable()
     nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -160,10 +174,10 @@ def _limit_memory() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.signal(signal.SIGXCPU, signal.SIG_DFL)
     with open("/proc/self/statm", "rb") as file:  # noqa: PTH123  no path of a user
-        size = int(file.read().split()[0]) * _PAGE
+        size = int(file.read().split()[0]) * PAGE
     resource.setrlimit(resource.RLIMIT_AS, (size + ROOM, size + ROOM))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_FSIZE, (_FILES, _FILES))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (MAX_FILE, MAX_FILE))
 
 
 def _limit_time() -> None:

@@ -1,10 +1,11 @@
-"""Small logs of every kind, made by our own writers and by those of the libraries."""
+"""Small logs of every kind: made by our own writers, by those of the libraries, and beginnings of published ones."""
 
 from __future__ import annotations
 
 import gzip
 from collections.abc import Callable, Mapping
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
@@ -12,17 +13,25 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.variables import RATES, SPECIFIC_FORCE
+from stoop.errors import StoopError
 from stoop.flight import load, save
 from stoop.logs.crazyflie_write import Event, crazyflie_bytes
 from stoop.logs.dataflash_write import Table, dataflash_bytes
 from stoop.logs.ulog_write import Topic, definitions, dropout, message, rows, text, ulog
-from stoop_studies.verify.readers.arrays import hdf5_matlab, hdf5_netcdf, netcdf3, old_matlab, parquet
-from stoop_studies.verify.readers.bags import bags
-from stoop_studies.verify.readers.real import real
-from stoop_studies.verify.readers.sample import Sample, single
+from stoop_studies.verify.readers.damage import ULOG_HEAD, Sample, folder_of, single, ulog_messages
+from stoop_studies.verify.readers.library_samples import (
+    bags,
+    hdf5_matlab,
+    hdf5_netcdf,
+    netcdf3,
+    old_matlab,
+    parquet,
+)
 
 N: Final = 40  #: samples of the fastest stream
 ALIGNABLE: Final = 400  #: the same where clocks are to be aligned
+REAL_LINES: Final = 12  #: of a published table
 RATE: Final = 50.0  #: Hz
 CSV_MAPPING: Final = b"""\
 [time]
@@ -137,15 +146,14 @@ def _ulogs() -> list[Sample]:
 def _tables() -> list[Table]:
     t, m = 1e6 * clock(), motion()
     stamp = t.astype(np.int64)
-    gyro = {
-        "GyrX": m["p"],
-        "GyrY": m["q"],
-        "GyrZ": m["r"],
-        "AccX": m["ax"],
-        "AccY": m["ay"],
-        "AccZ": m["az"],
-    }
-    volts: dict[str, Any] = {
+    gyro = dict(
+        zip(
+            ("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ"),
+            (m[k] for k in RATES + SPECIFIC_FORCE),
+            strict=True,
+        )
+    )
+    pack: dict[str, Any] = {
         "Volt": np.full(8, 15.8),
         "Curr": np.full(8, 9.0),
         "Name": [f"pack {k % 2}" for k in range(8)],
@@ -157,7 +165,7 @@ def _tables() -> list[Table]:
               {"TimeUS": stamp + 5, "Roll": np.degrees(m["phi"]), "Pitch": np.zeros(N), "Yaw": np.full(N, 90.0)}),
         Table("RCOU", "TimeUS,C1,C2,C3", "QHHH", "sYYY", "F000",
               {"TimeUS": stamp[::2], **{f"C{i}": 1500 + np.arange(N // 2) for i in (1, 2, 3)}}),
-        Table("BAT", "TimeUS,Volt,Curr,Name", "QffN", "svA-", "F00-", {"TimeUS": stamp[::5], **volts}),
+        Table("BAT", "TimeUS,Volt,Curr,Name", "QffN", "svA-", "F00-", {"TimeUS": stamp[::5], **pack}),
         Table("TST", "TimeUS,L,e,D,g,q,M", "QLedgqM", "sDm----", "FGB----",
               {"TimeUS": stamp[::4], **{key: np.arange(10) for key in "LeDgqM"}}),
     ]  # fmt: skip
@@ -206,7 +214,7 @@ def _csvs() -> list[Sample]:
     for column, file in ((b"p", b"a"), (b"az", b"a"), (b"phi", b"b")):
         both = both.replace(b'column = "%s"' % column, b'column = "%s", file = "%s.csv"' % (column, file))
     folder = {"a.csv": _csv(), "b.csv": _csv(), "mapping.toml": both}
-    return [plain, packed, Sample(folder, "lines", victims=("a.csv", "b.csv"), mapping="mapping.toml")]
+    return [plain, packed, Sample(folder, "lines", targets=("a.csv", "b.csv"), mapping="mapping.toml")]
 
 
 def _px4_folders() -> list[Sample]:
@@ -218,25 +226,18 @@ def _px4_folders() -> list[Sample]:
         lines = "\n".join(",".join(f"{x:.9g}" for x in row) for row in table)
         files[f"log_1_{topic.name}_{topic.instance}.csv"] = f"{names}\n{lines}\n".encode()
     packed = {f"{name}.gz": gzip.compress(content, mtime=0) for name, content in files.items()}
-    return [Sample(files, "lines"), Sample(packed, "gzip")]
+    return [folder_of(files, "lines"), folder_of(packed, "gzip")]
 
 
 def _mappings() -> list[Sample]:
-    log = ulog(px4_topics()[:4])
-    table = Sample(
-        {"a.csv": _csv(), "mapping.toml": CSV_MAPPING}, "lines", "a.csv", ("mapping.toml",), "mapping.toml"
-    )
-    rich = Sample(
-        {"a.ulg": log, "mapping.toml": RICH_MAPPING}, "lines", "a.ulg", ("mapping.toml",), "mapping.toml"
-    )
-    aligned = Sample(
-        {"a.ulg": ulog(px4_topics(ALIGNABLE)[:4]), "mapping.toml": RICH_MAPPING + ALIGNED},
-        "lines",
-        "a.ulg",
-        rich.victims,
-        rich.mapping,
-    )
-    return [table, rich, aligned]  # fmt: skip
+    log, long = ulog(px4_topics()[:4]), ulog(px4_topics(ALIGNABLE)[:4])
+    cases = (
+        ("a.csv", _csv(), CSV_MAPPING), ("a.ulg", log, RICH_MAPPING), ("a.ulg", long, RICH_MAPPING + ALIGNED),
+    )  # fmt: skip
+    return [
+        Sample({name: content, "mapping.toml": mapping}, "lines", name, ("mapping.toml",), "mapping.toml")
+        for name, content, mapping in cases
+    ]
 
 
 def _own_netcdfs() -> list[Sample]:
@@ -249,6 +250,65 @@ def _own_netcdfs() -> list[Sample]:
         return [single("a.nc", (folder / f"{x}.nc").read_bytes(), "words") for x in "ab"]
 
 
+def real(reader: str, data: Path) -> list[Sample]:
+    """Return published logs of a reader, cut small; none for kinds of which there is no sample.
+
+    Raises
+    ------
+    StoopError
+        The folder does not hold them.
+    """
+    try:
+        return [_REAL[reader](data)] if reader in _REAL else []
+    except OSError as error:
+        raise StoopError(
+            f"verify readers: {data}: {error.strerror}: {error.filename}; name the folder of the published data"
+        ) from None
+
+
+def _real_ulog(data: Path) -> Sample:
+    """Leave out parameters and hardware, which are half of the beginning."""
+    whole = _begin(data / "px4-ulog-reader-samples" / "sample_log_small.ulg", 70_000)
+    kept = (whole[a:b] for a, b in ulog_messages(whole) if whole[a + 2 : a + 3] not in (b"P", b"M"))
+    return single("a.ulg", whole[:ULOG_HEAD] + b"".join(kept), "ulog")
+
+
+def _real_dataflash(data: Path) -> Sample:
+    return single("a.bin", _begin(data / "ardupilot-dataflash-sample" / "test.BIN", 20_000), "dataflash")
+
+
+def _real_crazyflie(data: Path) -> Sample:
+    path = data / "crazypad-propeller-damage" / "normal_flight__E8_log00.usd"
+    return single("a.usd", _begin(path, 8_000), "crazyflie")
+
+
+def _real_px4_csv(data: Path) -> Sample:
+    files = {}
+    for path in sorted((data / "mit-solar-surfer-px4csv").glob("*.csv.gz"))[:5]:
+        with gzip.open(path) as file:
+            files[path.name.removesuffix(".gz")] = b"".join(islice(file, REAL_LINES))
+    return folder_of(files, "lines")
+
+
+def _real_csv(data: Path) -> Sample:
+    path = data / "a430-micro-fixedwing-mocap" / "short_straight_4_20230215_133852.csv"
+    content = b"".join(path.read_bytes().splitlines(keepends=True)[:REAL_LINES])
+    mapping = b"[time]\ncolumn = 'Systime'\nunit = 's'\n[variables]\np = { column = 'p', unit = 'deg/s' }\n"
+    return single("a.csv", content, "lines", mapping)
+
+
+def _begin(path: Path, size: int) -> bytes:
+    with path.open("rb") as file:
+        return file.read(size)
+
+
+_REAL: Final[Mapping[str, Callable[[Path], Sample]]] = {
+    "ulog": _real_ulog,
+    "dataflash": _real_dataflash,
+    "crazyflie": _real_crazyflie,
+    "px4-csv": _real_px4_csv,
+    "csv": _real_csv,
+}
 SAMPLES: Final[Mapping[str, Callable[[], list[Sample]]]] = {
     "ulog": _ulogs,
     "px4-csv": _px4_folders,

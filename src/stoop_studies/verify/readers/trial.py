@@ -1,4 +1,4 @@
-"""One case: a sound log, damaged; read by the door that users take; and what came of it, judged."""
+"""One case: a sound log, damaged; read through the entry point that users take; and what came of it."""
 
 from __future__ import annotations
 
@@ -21,21 +21,16 @@ from stoop import logs
 from stoop.errors import StoopError
 from stoop.flight import describe, load
 from stoop.logs import guard
-from stoop_studies.verify.readers.damage import damaged
-from stoop_studies.verify.readers.sample import Sample
+from stoop_studies.verify.readers.damage import Sample, damaged
 from stoop_studies.verify.readers.samples import samples
 
 if TYPE_CHECKING:
     from stoop.flight import Flight
     from stoop.logs import Recording
 
-READ, FLIGHT, GUARD = (
-    "read",
-    "flight",
-    "guard",
-)  #: reader alone; the whole way to a flight; reader in its own process
-SHARE: Final = 0.1  #: of the cases that go the whole way
-SHARES: Final = {"mapping": 1.0, "stoop-netcdf": 0.5}  #: of readers that do little before
+READ, FLIGHT, GUARD = "read", "flight", "guard"  #: reader alone; to a flight; reader in its own process
+FLIGHT_SHARE: Final = 0.1  #: of the cases that go the whole way
+FLIGHT_SHARES: Final = {"mapping": 1.0, "stoop-netcdf": 0.5}  #: of readers that do little before
 CONTAINED: Final = "contained"  #: others' code died or ran too long, in a process of its own
 GOOD: Final = ("refused", "listed", "unnoticed", "same", "limit", CONTAINED)
 BAD: Final = ("fault", "crash", "hang", "memory")
@@ -65,6 +60,11 @@ class Series:
     guarded: bool = False
     data: str = ""
 
+    @property
+    def samples(self) -> tuple[Sample, ...]:
+        """Its sound logs."""
+        return samples(self.reader, self.data)
+
 
 @dataclass(frozen=True)
 class Case:
@@ -79,15 +79,15 @@ class Case:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What came of a case, by the words of `GOOD` and `BAD`, and what was said."""
+    """What came of a case, by the words of `GOOD` and `BAD`, and its message."""
 
     outcome: str
     said: str = ""
 
 
 @dataclass(frozen=True)
-class Told:
-    """What a sound or damaged log tells: a word for all of its numbers, and what is wrong with it."""
+class Content:
+    """What was read of a log: a hash of all of its numbers, and what is wrong with it."""
 
     numbers: str
     defects: frozenset[str]
@@ -100,30 +100,25 @@ class BrokenPromiseError(Exception):
 def make_case(series: Series, number: int) -> Case:
     """Return a case, the same for the same words."""
     rng = Random(f"{series.reader} {series.seed} {number}")  # noqa: S311  no secret
-    logs_ = samples(series.reader, series.data)
-    index = rng.randrange(len(logs_))
-    sound = logs_[index]
-    way = GUARD if series.guarded else FLIGHT if rng.random() < SHARES.get(series.reader, SHARE) else READ
+    index = rng.randrange(len(series.samples))
+    sound = series.samples[index]
+    share = FLIGHT_SHARES.get(series.reader, FLIGHT_SHARE)
+    way = GUARD if series.guarded else FLIGHT if rng.random() < share else READ
     name = rng.choice(sound.targets)
-    partner = rng.choice([s for s in logs_ if s.form == sound.form])
+    partner = rng.choice([s for s in series.samples if s.form == sound.form])
     other = partner.files[rng.choice(partner.targets)]
     damage, content = damaged(rng, sound.files[name], other, sound.form)
     return Case(series, index, replace(sound, files={**sound.files, name: content}), way, damage)
 
 
-def _asked(case: Case, folder: Path) -> Told:
-    """Ask, and ask again without the garbage of the cases before, which is none of this one's memory."""
-    try:
-        return ask(*case.broken.write(folder), case.way)
-    except MemoryError:
-        gc.collect()
-    return ask(*case.broken.write(folder), case.way)
-
-
 def try_case(case: Case, folder: Path) -> Verdict:
     """Read a damaged log in an empty folder, and leave that empty."""
     try:
-        told = _asked(case, folder)
+        try:
+            found = ask(*case.broken.write(folder), case.way)
+        except MemoryError:  # perhaps of the garbage of the cases before
+            gc.collect()
+            found = ask(*case.broken.write(folder), case.way)
     except StoopError as error:
         return _refusal(str(error).replace(str(folder), ""))
     except MemoryError:
@@ -135,13 +130,16 @@ def try_case(case: Case, folder: Path) -> Verdict:
     finally:
         for file in folder.iterdir():
             file.unlink()
-    return _held(told, _sound(case.series, case.index, FLIGHT if case.way == FLIGHT else READ))
+    sound = _sound(case.series, case.index, FLIGHT if case.way == FLIGHT else READ)
+    if found.defects - (sound.defects if sound else frozenset()):
+        return Verdict("listed")
+    return Verdict("same" if sound and found.numbers == sound.numbers else "unnoticed")
 
 
-def _refusal(said: str) -> Verdict:
-    if not (said and said.isprintable()):
-        return Verdict("fault", f"a message of more than one line, or none: {said[:200]!r}")
-    return Verdict("limit" if "memory" in said else "refused", said)
+def _refusal(message: str) -> Verdict:
+    if not (message and message.isprintable()):
+        return Verdict("fault", f"a message of more than one line, or none: {message[:200]!r}")
+    return Verdict("limit" if "memory" in message else "refused", message)
 
 
 def _trace(error: BaseException) -> str:
@@ -152,24 +150,17 @@ def _trace(error: BaseException) -> str:
     return f"{type(error).__name__} at {place}: {' '.join(str(error).split())[:120]}"
 
 
-def _held(told: Told, sound: Told | None) -> Verdict:
-    """Compare with what the sound log told."""
-    if told.defects - (sound.defects if sound else frozenset()):
-        return Verdict("listed")
-    return Verdict("same" if sound and told.numbers == sound.numbers else "unnoticed")
-
-
 @cache
-def _sound(series: Series, index: int, way: str) -> Told | None:
-    """Return what the sound log tells; None where it cannot be read by this way."""
+def _sound(series: Series, index: int, way: str) -> Content | None:
+    """Return what is read of the sound log; None where it cannot be read by this way."""
     with TemporaryDirectory(prefix="stoop-") as name, in_this_process():
         try:
-            return ask(*samples(series.reader, series.data)[index].write(Path(name)), way)
+            return ask(*series.samples[index].write(Path(name)), way)
         except StoopError:
             return None
 
 
-def ask(path: Path, mapping: Path | None, way: str) -> Told:
+def ask(path: Path, mapping: Path | None, way: str) -> Content:
     """Read a log by one of the ways, and see that what came is what was promised."""
     if way == FLIGHT:
         flight = load(path, mapping)
@@ -178,31 +169,30 @@ def ask(path: Path, mapping: Path | None, way: str) -> Told:
     return _of_recording(logs.read(path, mapping))
 
 
-def _of_recording(recording: Recording) -> Told:
+def _of_recording(recording: Recording) -> Content:
     check = hashlib.blake2b(digest_size=8)
     if not recording.streams:
         raise BrokenPromiseError("no stream")
     for name, stream in sorted(recording.streams.items()):
-        _see_clock(stream.time)
+        _check_clock(stream.time)
         _add(check, name, stream.time)
-        for key in sorted(stream.columns):
-            values = stream.columns[key]
+        for key, values in sorted(stream.columns.items()):
             if values.dtype != np.float64 or values.shape != stream.time.shape:
                 raise BrokenPromiseError(f"{name} {key} is {values.dtype} {values.shape}")
             _add(check, key, values)
     check.update(repr(sorted(recording.parameters.items())).encode())
-    return Told(check.hexdigest(), _lines(map(str, recording.defects)))
+    return Content(check.hexdigest(), _lines(map(str, recording.defects)))
 
 
-def _of_flight(flight: Flight) -> Told:
+def _of_flight(flight: Flight) -> Content:
     check = hashlib.blake2b(digest_size=8)
-    _see_clock(flight.time)
+    _check_clock(flight.time)
     for name in sorted(map(str, flight.data.data_vars)):
         _add(check, name, flight.data[name].to_numpy())
-    return Told(check.hexdigest(), _lines(flight.notes))
+    return Content(check.hexdigest(), _lines(map(str, flight.notes)))
 
 
-def _see_clock(time: Any) -> None:
+def _check_clock(time: Any) -> None:
     if not time.size or not np.isfinite(time).all() or not (np.diff(time) > 0.0).all():
         raise BrokenPromiseError("the time is empty, not finite, or does not grow")
 
@@ -212,8 +202,8 @@ def _add(check: Any, name: str, values: Any) -> None:
     check.update(np.ascontiguousarray(values).tobytes())
 
 
-def _lines(said: Iterable[str]) -> frozenset[str]:
-    found = frozenset(said)
+def _lines(messages: Iterable[str]) -> frozenset[str]:
+    found = frozenset(messages)
     for line in found:
         if not line.isprintable():
             raise BrokenPromiseError(f"a defect of more than one line: {line[:200]!r}")
@@ -221,20 +211,26 @@ def _lines(said: Iterable[str]) -> frozenset[str]:
 
 
 @contextmanager
+def _launched_by(launch: Any) -> Iterator[None]:
+    before = guard.launch
+    guard.launch = launch
+    try:
+        yield
+    finally:
+        guard.launch = before
+
+
+@contextmanager
 def in_this_process() -> Iterator[None]:
     """Let readers that end in others' code do in this very process what their child would do."""
-    before = guard.launch
 
     def here(reader: str, path: Path, folder: Path, limits: guard.Limits) -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a child's are not seen
             guard.answer(reader, folder)
 
-    guard.launch = here
-    try:
+    with _launched_by(here):
         yield
-    finally:
-        guard.launch = before
 
 
 @contextmanager
@@ -248,8 +244,5 @@ def impatient(seconds: int) -> Iterator[None]:
         (folder / guard.TASK).write_text(json.dumps(task))
         before(reader, path, folder, limits)
 
-    guard.launch = soon
-    try:
+    with _launched_by(soon):
         yield
-    finally:
-        guard.launch = before
