@@ -15,10 +15,10 @@ from docs.pages import DOCS, blocks, commands, run_python, table, tables
 from stoop.base.units import FACTORS
 from stoop.base.variables import NUMBERED
 from stoop.flight import OUTPUTS, VARIABLES, load, save
-from stoop.flight.clocks import QUANTITIES
+from stoop.flight.alignment import QUANTITIES
+from stoop.flight.calibration import MIXERS
 from stoop.flight.mapping import READY, read_flight_mapping
-from stoop.flight.sources import GROUP_KEYS, LINE_KEYS
-from stoop.flight.surfaces import MIXERS
+from stoop.flight.mapping_schema import GROUP_KEYS, LINE_KEYS
 from stoop.logs.mapping import TIME_UNITS, read_mapping
 from stoop.simulate import maneuver, parse_maneuver, simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle

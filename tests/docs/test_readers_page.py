@@ -6,7 +6,7 @@ import csv
 import re
 
 from docs.pages import DOCS, ROOT, table
-from stoop.flight import build, grid
+from stoop.flight import gridding
 from stoop.logs import (
     crazyflie,
     dataflash_content,
@@ -82,8 +82,8 @@ def test_the_limits_are_those_of_the_code() -> None:
         "Parquet": [f"{tabular.MAX_ARRAYS} columns"],
         "ROS bag": [f"{ros_layout.MAX_WIDTH} numbers", f"{ros_layout.MAX_PARTS // 1000} 000 parts"],
         "all of the last three rows": [f"{guard.Limits.memory >> 30} GiB", f"{guard.Limits.seconds} s of"],
-        "the grid of a flight": [f"{grid.MAX_CELLS // 10**6} million", f"{build.EMPTY:.0f} points",
-                                 f"{build.EMPTY * build.EMPTY_LEAST / 1000:.0f} 000 are"],
+        "the grid of a flight": [f"{gridding.MAX_CELLS // 10**6} million", f"{gridding.MAX_EMPTINESS:.0f} points",
+                                 f"{gridding.MAX_EMPTINESS * gridding.MIN_COUNTED / 1000:.0f} 000 are"],
     }  # fmt: skip
     assert set(told) == set(limits)
     for reader, words in told.items():

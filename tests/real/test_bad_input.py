@@ -114,7 +114,7 @@ def slow(stanford: Flight) -> Job:
 
 
 def test_ten_hertz_without_air_data_is_said_before_anything_is_fitted(stanford: Flight) -> None:
-    notes = " ".join(stanford.notes)
+    notes = " ".join(map(str, stanford.notices))
     assert "logged at only 10.2 Hz" in notes
     assert "no air data" in notes
 

@@ -106,10 +106,10 @@ def test_a_real_flight_survives_our_own_file(vtail: Flight, tmp_path: Path) -> N
     save(vtail, tmp_path / "flight2.nc")
     back = load(tmp_path / "flight2.nc")
     assert back.data.identical(vtail.data)
-    assert (back.air, back.sources, back.notes, back.faults) == (
+    assert (back.air, back.sources, back.notices, back.faults) == (
         vtail.air,
         vtail.sources,
-        vtail.notes,
+        vtail.notices,
         vtail.faults,
     )
 
@@ -127,7 +127,7 @@ def test_a_ulog(shared_data: Path) -> None:
     flight = load(shared_data / "px4-ulog-reader-samples" / "sample_log_small.ulg")
     assert {"p", "ax", "phi", "control_roll", "pwm_1"} <= set(flight.data.data_vars)
     assert 6.0 < flight.time[-1] - flight.time[0] < 7.0
-    assert any("dropout" in note for note in flight.notes)
+    assert any(found.values.get("kind") == "dropout" for found in flight.notices)
 
 
 def test_motion_capture_in_degrees(shared_data: Path, tmp_path: Path) -> None:
@@ -159,8 +159,8 @@ def test_ten_hertz_without_air_data_must_warn(shared_data: Path, tmp_path: Path)
     mapping.write_text(SKYWALKER)
     flight = load(shared_data / "stanford-skywalker-10hz", mapping)
     assert not {"V", "alpha", "beta"} & set(flight.data.data_vars)
-    assert any("no air data" in note for note in flight.notes)
-    assert any("too slow" in note for note in flight.notes)
+    assert "no-air-data" in {found.code for found in flight.notices}
+    assert "slow-rates" in {found.code for found in flight.notices}
     _, notes = segments(flight, 60.0, 80.0, ("aileron", "thrust"), OUTPUTS)
     assert any("guessed" in note for note in notes)
     mapping.write_text(SKYWALKER.replace('"rad/s"', '"deg/s"'))

@@ -48,9 +48,9 @@ def test_what_is_claimed(findings: Findings) -> None:
 
 
 def test_the_attitude_is_brought_to_the_gyros(flight: Flight) -> None:
-    (moved,) = (n for n in flight.notes if n.startswith("clock of estimator_status"))
-    assert abs(float(moved.split()[5]) + 0.168) < 0.01
-    assert any("between its samples it follows the rates" in note for note in flight.notes)
+    (moved,) = (found for found in flight.notices if found.code == "clock-aligned")
+    assert moved.values["shift"] == pytest.approx(-0.168, abs=0.01)
+    assert "attitude-follows-rates" in {found.code for found in flight.notices}
 
 
 def test_its_motors_are_not_accused(flight: Flight) -> None:

@@ -10,7 +10,7 @@ from stoop.assess.baseline import BaselineManeuver, BaselineSegment, baseline_ma
 from stoop.assess.figures import filtered_theil
 from stoop.assess.runs import join
 from stoop.flight.load import load
-from stoop.flight.segments import segments
+from stoop.flight.segmentation import segments
 
 COMMANDS = ("control_roll", "control_pitch", "control_yaw")
 RATES = ("p", "q", "r")

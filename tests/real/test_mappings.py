@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from stoop.flight import load
+from stoop.flight.alignment import quantities
 from stoop.flight.channels import Channels
-from stoop.flight.clocks import quantities
-from stoop.flight.draft import draft, draft_of
-from stoop.flight.lag import Signal, find_lag
+from stoop.flight.mapping_draft import draft, draft_of
+from stoop.flight.time_delay import Signal, find_lag
 from stoop.logs import read
 
 
@@ -48,8 +48,8 @@ def test_ardupilot(shared_data: Path) -> None:
 def test_an_attitude_that_comes_late_is_told_and_mended(shared_data: Path, tmp_path: Path) -> None:
     log = shared_data / "altlnt-hexacopter-px4"
     told = load(log)
-    (note,) = (note for note in told.notes if "comes 0.16" in note)
-    assert "s late against the rates" in note
+    (found,) = (found for found in told.notices if found.code == "attitude-late")
+    assert found.values["delay"] == pytest.approx(0.165, abs=0.005)
     assert {fault.kind for fault in told.faults} == {"inconsistent"}
     mapping = tmp_path / "m.toml"
     mapping.write_text('extends = "px4"\n[align.estimator_status]\nwith = "sensor_combined"\n')

@@ -15,9 +15,9 @@ import pytest
 from stoop.estimate.fit import Options
 from stoop.estimate.methods import MIN_MOTOR_RATE, choose_method, find
 from stoop.flight import Flight
-from stoop.flight.build import build
 from stoop.flight.channels import Channels
-from stoop.flight.make import dataset
+from stoop.flight.flight import dataset
+from stoop.flight.gridding import grid_channels
 from stoop.problem.windows import Window
 from stoop.simulate import parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle
@@ -63,7 +63,7 @@ class Log:
         motors = {c: every.pop(c) for c in list(every) if c.startswith("motor_")}
         parts = [Channels("motion", *part(self.flown.time, every, 2))]
         parts.append(Channels("motors", *part(self.flown.time, motors, round(FINE / rate))))
-        grid, data, sources = build(parts, 100.0, "log")
+        grid, data, sources = grid_channels(parts, 100.0, "log")
         return Flight("log", None, dataset(grid.time, data), grid.rate, sources)
 
     def off(self, rate: float, method: str) -> float:

@@ -18,3 +18,8 @@ def runs(mask: BoolArray) -> IntArray:
     """Return first index and index past the last of each run of True, (k, 2); `mask` is (n,)."""
     edges: IntArray = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
     return edges.reshape(-1, 2)
+
+
+def run_slices(mask: BoolArray) -> list[slice]:
+    """Return the runs of True as slices; `mask` is (n,)."""
+    return [slice(start, stop) for start, stop in runs(mask).tolist()]

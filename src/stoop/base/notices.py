@@ -17,6 +17,7 @@ from typing import Any, Literal
 
 from stoop.base.text import enumerated
 from stoop.base.units import DEGREE
+from stoop.errors import one_line
 
 Severity = Literal["info", "warning"]
 Value = str | float | int | bool | tuple[str, ...] | tuple[float, ...]
@@ -105,8 +106,15 @@ def from_dict(content: Mapping[str, Any]) -> Notice:
 
 
 def message(found: Notice) -> str:
-    """Return the sentence of a notice."""
-    return _FORMATTER.vformat(table()[found.code].text, (), {"subject": found.subject, **found.values})
+    """Return the sentence of a notice, on one line whatever names of a log are quoted in it."""
+    return one_line(
+        _FORMATTER.vformat(table()[found.code].text, (), {"subject": found.subject, **found.values})
+    )
+
+
+def distinct(found: Iterable[Notice]) -> tuple[Notice, ...]:
+    """Return the notices without repetitions, in order."""
+    return tuple(dict.fromkeys(found))
 
 
 def of_severity(found: Iterable[Notice], severity: Severity) -> tuple[Notice, ...]:

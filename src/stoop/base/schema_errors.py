@@ -81,7 +81,7 @@ def _known(location: tuple[int | str, ...], model: type[BaseModel]) -> str:
         holders = [m for m in tables if part in m.model_fields]
         inner = [t for m in holders for t in _tables(m.model_fields[str(part)].annotation)]
         tables = inner or _tagged(tables, part)
-    fields = list(dict.fromkeys(name for m in tables for name in m.model_fields))
+    fields = list(dict.fromkeys(f.alias or name for m in tables for name, f in m.model_fields.items()))
     near = difflib.get_close_matches(str(location[-1]), fields, 1)
     return f"did you mean {near[0]}?" if near else "known here: " + ", ".join(fields)
 

@@ -34,6 +34,9 @@ FACTORS: Final[dict[str, float]] = {
 #: unit -> SI value of its zero, where that is not zero
 ZEROS: Final[dict[str, float]] = {"degC": ZERO_CELSIUS}
 
+#: unit of a servo pulse -> microseconds, as pulses are kept
+PULSE_FACTORS: Final[dict[str, float]] = {"pwm": 1.0, "us": 1.0, "ms": 1e3, "s": 1e6}
+
 _OF_KIND: Final[dict[str, str]] = {
     "an angle": "rad mrad deg cdeg",
     "a rate of turn": "rad/s mrad/s deg/s cdeg/s mdeg/s rpm rev/s",

@@ -128,11 +128,11 @@ def _expand(arguments: argparse.Namespace) -> None:
 
 
 def _check_output(arguments: argparse.Namespace) -> None:
-    from stoop.flight.make import named
+    from stoop.flight.flight import flight_name
     from stoop.problem.windows_file import files_among
     from stoop.workflow.outputs import check_folder
 
-    names = [named(path) for path in arguments.flight]
+    names = [flight_name(path) for path in arguments.flight]
     windows = files_among([*arguments.maneuver, *arguments.validate])
     inputs = [Path(arguments.vehicle), *arguments.flight, *windows, *_others(arguments)]
     replaced = arguments.overwrite or arguments.resume

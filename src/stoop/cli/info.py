@@ -52,32 +52,34 @@ def source_words(flight: Path, mapping: Path | None) -> list[str]:
 
 def info_document(summary: FlightSummary) -> dict[str, Any]:
     """Return what is known of a flight for JSON, SI and rad."""
+    flight = summary.flight
     return {
         "format": FORMAT,
-        "name": summary.name,
-        "path": None if summary.path is None else str(summary.path),
-        "start": summary.start,
-        "stop": summary.stop,
-        "rate": summary.rate,
+        "name": flight.name,
+        "path": None if flight.path is None else str(flight.path),
+        "start": float(flight.time[0]),
+        "stop": float(flight.time[-1]),
+        "rate": flight.rate,
         "channels": [asdict(row) for row in summary.rows],
-        "faults": [asdict(fault) for fault in summary.faults],
+        "faults": [fault.to_dict() for fault in flight.faults],
         "maneuvers": [asdict(maneuver) for maneuver in summary.maneuvers],
-        "air": None if summary.air is None else _numbers_of(summary.air),
-        "unmapped": summary.unmapped,
-        "notes": summary.notes,
+        "air": None if flight.air is None else _numbers_of(flight.air),
+        "unmapped": flight.unmapped,
+        "notes": [str(found) for found in summary.notices],
     }
 
 
 def _numbers_of(air: Any) -> dict[str, Any]:
     """Return all of the reconstruction but its time histories and its notes, which are told elsewhere."""
-    return {name: value for name, value in vars(air).items() if name not in ("traces", "notes")}
+    return {name: value for name, value in vars(air).items() if name not in ("traces", "notices")}
 
 
 def _print(out: Page, summary: FlightSummary, source: Sequence[str]) -> None:
-    length = summary.stop - summary.start
+    flight = summary.flight
+    start, stop = float(flight.time[0]), float(flight.time[-1])
     out.line(source[0])
-    span = f"{summary.start:.2f} to {summary.stop:.2f} s on the log's own clock ({length:.2f} s)"
-    out.line(f"{span}, {summary.rate:g} Hz grid")
+    span = f"{start:.2f} to {stop:.2f} s on the log's own clock ({stop - start:.2f} s)"
+    out.line(f"{span}, {flight.rate:g} Hz grid")
     full = [row for row in summary.rows if row.missing < 1.0]
     if full:
         out.heading("Sources")
@@ -88,18 +90,17 @@ def _print(out: Page, summary: FlightSummary, source: Sequence[str]) -> None:
     if empty:
         out.heading(f"Without any value: {' '.join(empty)}")
     out.heading("Suspected faults")
-    faults = [fault.message for fault in summary.faults]
-    out.bullets(faults or ["none seen"])
+    faults = [fault.notice for fault in flight.faults]
+    out.bullets(map(str, faults) if faults else ["none seen"])
     out.heading("Candidate maneuvers")
     _print_maneuvers(out, summary, source)
-    told = set(faults)
-    notes = [note for note in summary.notes if note not in told]
+    notes = [str(found) for found in summary.notices if found not in faults]
     if notes:
         out.heading("Notes")
         out.bullets(notes)
-    if summary.unmapped:
+    if flight.unmapped:
         out.heading("Not mapped")
-        out.bullets(unmapped_lines(summary.unmapped))
+        out.bullets(unmapped_lines(flight.unmapped))
 
 
 def unmapped_lines(unmapped: Mapping[str, Sequence[str]]) -> list[str]:

@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Read, draft, print or write."""
     from stoop.base.files import write_text_atomic
-    from stoop.flight.draft import draft
+    from stoop.flight.mapping_draft import draft
 
     output: Path | None = arguments.output
     if output is not None:

@@ -98,7 +98,7 @@ def _tell(flight: Flight, target: Path, noise: str, mapping: Path | None) -> Non
     out.line(f"wrote {target}: {size}, {noise}")
     if mapping is not None:
         out.line(f"wrote {mapping}: the mapping of what the autopilot has no place for, or calls otherwise")
-    out.bullets(note for note in flight.notes if note != "simulated flight")
+    out.bullets(str(found) for found in flight.notices if found.code != "simulated")
 
 
 def _tell_next(

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from stoop.flight.segments import runs
+from stoop.base.arrays import run_slices
 from stoop.problem.observation import observation_model
 from stoop.simulate.maneuver import Maneuver
 from stoop.vehicle import Vehicle
@@ -50,10 +50,10 @@ def planned(maneuver: Maneuver, vehicle: Vehicle) -> Planned:
 def _stretches(maneuver: Maneuver, moving: NDArray[np.bool_], after: float) -> list[slice]:
     """Return where something moves, with what goes before and after; stretches that meet are one."""
     inside = np.zeros(moving.size, dtype=bool)
-    for run in runs(moving):
+    for run in run_slices(moving):
         begin = max(run.start - round(BEFORE * maneuver.rate), 0)
         inside[begin : run.stop + round(after * maneuver.rate)] = True
-    return runs(inside)
+    return run_slices(inside)
 
 
 def _held_out(moves: NDArray[np.bool_], found: Sequence[slice]) -> int | None:

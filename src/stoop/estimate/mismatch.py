@@ -11,7 +11,7 @@ from stoop.errors import FlightError
 from stoop.estimate.motors_swapped import swapped_motors
 from stoop.estimate.rotors_seen import strange_motors
 from stoop.flight import Flight
-from stoop.flight.aloft import flying, lift, lifting
+from stoop.flight.airborne import carried_by_rotors, flying, lift_command
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 
@@ -50,9 +50,9 @@ def check_inputs(vehicle: Vehicle, flight: Flight, named_by: str = "--vehicle") 
         return
     there = [str(name) for name in flight.data.data_vars if str(name).startswith(DRIVEN)]
     other = ""
-    if vehicle.rotors and not lifting(flight):
+    if vehicle.rotors and not carried_by_rotors(flight):
         other = f"{vehicle.where} flies on rotors, but no rotors are in this log: is it of another vehicle? "
-    elif lifting(flight) and not vehicle.rotors:
+    elif carried_by_rotors(flight) and not vehicle.rotors:
         other = (
             f"rotors carry the vehicle of this log, but {vehicle.where} has none: is it of another vehicle? "
         )
@@ -107,7 +107,7 @@ def _wrong_units(vehicle: Vehicle, flights: Mapping[str, Flight]) -> list[str]:
 
 def unlike(vehicle: Vehicle, flights: Mapping[str, Flight]) -> list[str]:
     """Say in words why a flight is hardly of this vehicle, or two flights of one."""
-    carried = {name: lifting(flight) for name, flight in flights.items()}
+    carried = {name: carried_by_rotors(flight) for name, flight in flights.items()}
     out = [
         f"{name}: rotors carry the vehicle of this log, but {vehicle.where} has none: is it of another vehicle? Check --vehicle."
         for name, on_rotors in carried.items()
@@ -129,7 +129,7 @@ def unlike(vehicle: Vehicle, flights: Mapping[str, Flight]) -> list[str]:
 
 def _level(flight: Flight) -> float:
     """Return the usual command that carries a vehicle; zero where nothing says."""
-    told = lift(flight)
+    told = lift_command(flight)
     if told is None:
         return 0.0
     seen = told[flying(flight) & np.isfinite(told)]

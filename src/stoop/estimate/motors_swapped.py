@@ -18,12 +18,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import FloatArray, run_slices
 from stoop.base.variables import RATES
 from stoop.estimate.regression.aircraft import first_order_lag
 from stoop.flight import Flight
-from stoop.flight.aloft import flying
-from stoop.flight.segments import runs
+from stoop.flight.airborne import flying
 from stoop.problem.windows import Window, within
 from stoop.simulate.delays import delayed
 from stoop.simulate.rotors import Range, channel_range, effects
@@ -205,7 +204,7 @@ def _gram(vehicle: Vehicle, flight: Flight, windows: Sequence[Window], area: Ran
     kept = within(flight, windows) & flying(flight) & np.isfinite(columns).all(axis=1)
     parts = [
         _products(vehicle, columns[run], flight.rate)
-        for run in runs(kept)
+        for run in run_slices(kept)
         if run.stop - run.start >= LEAST * flight.rate
     ]
     if not parts:

@@ -75,7 +75,7 @@ def ardupilot_log(flight: Flight) -> tuple[bytes, str]:
     time = np.rint(flight.time / MICROSECOND).astype(np.uint64)
     tables = [_table(name, MESSAGES[name], time, columns) for name, columns in laid.streams.items()]
     tables += [_table(name, message, time, columns) for name, message, columns in further]
-    said = [f"stoop: {note}"[:64] for note in flight.notes]
+    said = [f"stoop: {found}"[:64] for found in flight.notices]
     return dataflash_bytes(tables, messages=said), beside.text()
 
 

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.flight.surfaces import LARGEST, MOVED
+from stoop.flight.calibration import MAX_DEFLECTION, SURFACES
 
 USUAL_TRAVEL: Final = 0.5  #: rad, of a surface to either side
 
@@ -54,10 +54,10 @@ class Beside:
 
 def surfaces(left: dict[str, FloatArray]) -> list[str]:
     """Return the surfaces among what is left."""
-    return [name for name in MOVED if name in left]
+    return [name for name in SURFACES if name in left]
 
 
 def travel(x: FloatArray) -> float:
     """Return how far a surface goes to either side, rad: the usual, or as far as it went."""
     most = float(np.nanmax(np.abs(x), initial=0.0))
-    return min(max(USUAL_TRAVEL, math.ceil(10.0 * most) / 10.0), LARGEST)
+    return min(max(USUAL_TRAVEL, math.ceil(10.0 * most) / 10.0), MAX_DEFLECTION)

@@ -10,9 +10,8 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.flight import Flight
-from stoop.flight.frames import turned
-from stoop.flight.mapping import FlightMapping, with_other_form
-from stoop.flight.sources import Source
+from stoop.flight.frames import rotate_axes
+from stoop.flight.mapping import FlightMapping, Source, with_other_form
 
 Columns: TypeAlias = dict[str, FloatArray]
 Layout: TypeAlias = Mapping[str, Collection[str]]  #: stream -> the columns that an autopilot logs in it
@@ -42,7 +41,7 @@ class LaidOut:
         if not wanted or (not source.partial and len(wanted) < len(source.variables)):
             return
         names = [source.variables[i] for i in wanted]
-        back = turned({name: known[name] for name in names}, source.frame)  # a half turn undoes itself
+        back = rotate_axes({name: known[name] for name in names}, source.frame)  # a half turn undoes itself
         for i, name in zip(wanted, names, strict=True):
             if (source.stream, name) not in self._placed:
                 self._placed.add((source.stream, name))

@@ -58,7 +58,7 @@ def px4_log(flight: Flight) -> tuple[bytes, str]:
     _move_servos(laid.streams, laid.left, beside)
     _keep_further(laid.streams, laid.left, beside)
     topics = [_topic(name, flight.time, columns) for name, columns in laid.streams.items()]
-    texts = [(float(flight.time[0]), "INFO", f"stoop: {note}") for note in flight.notes]
+    texts = [(float(flight.time[0]), "INFO", f"stoop: {found}") for found in flight.notices]
     return ulog(topics, info={"sys_name": "PX4", "ver_sw": "simulated by stoop"}, texts=texts), beside.text()
 
 

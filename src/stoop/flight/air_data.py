@@ -1,24 +1,24 @@
-"""What the flight-path reconstruction found, and how it is said to the user."""
+"""Result of the air data reconstruction, and the notices that it gives rise to."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice, notice
 from stoop.base.units import DEGREE
 
 NAN: Final = float("nan")
-NAN3: Final = (NAN, NAN, NAN)
-EVIDENT_HEADING: Final = 1.5 * DEGREE
-EVIDENT_REST: Final = 0.5  #: m/s
-POOR: Final = 1.5  #: m/s, a wind less certain than this
-DISAGREE: Final = 3.0  #: standard errors
-INCONSISTENT: Final = 1.0  #: m/s
-LATE: Final = 0.015  #: s
+MIN_HEADING_ERROR: Final = 1.5 * DEGREE
+MIN_REST_OFFSET: Final = 0.5  #: m/s
+POOR_WIND_STD: Final = 1.5  #: m/s, a wind less certain than this
+MAX_DISAGREEMENT: Final = 3.0  #: standard errors
+MAX_PITOT_INCONSISTENCY: Final = 1.0  #: m/s
+MIN_DELAY: Final = 0.015  #: s
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class AirData:
     velocity_delay, velocity_delay_std : s, by which the logged velocity is late (corrected when evident)
     heading_error, heading_error_std : rad, true minus logged heading, mean of the flight (not corrected)
     accelerometer_bias, accelerometer_bias_std : (3,) m/s2, body axes
-    notes : plain words for the user
+    notices : for the user
     traces : name -> (n,), airborne samples to plot: time, speed_inertial (|v - w|), pitot, pitot_corrected,
         wind_n_log, wind_e_log, beta, beta_from_force
     """
@@ -64,43 +64,22 @@ class AirData:
     velocity_delay_std: float = NAN
     heading_error: float = NAN
     heading_error_std: float = NAN
-    accelerometer_bias: tuple[float, float, float] = NAN3
-    accelerometer_bias_std: tuple[float, float, float] = NAN3
-    notes: tuple[str, ...] = ()
+    accelerometer_bias: tuple[float, float, float] = (NAN, NAN, NAN)
+    accelerometer_bias_std: tuple[float, float, float] = (NAN, NAN, NAN)
+    notices: tuple[Notice, ...] = ()
     traces: Mapping[str, FloatArray] = field(default_factory=dict, compare=False, repr=False)
 
-
-def notes(
-    air: AirData, slope_prior: float, speed: float, density: float, log_wind: LogWind
-) -> tuple[str, ...]:
-    """Say in plain words what was found.
-
-    Parameters
-    ----------
-    air : without notes
-    slope_prior : what the slope of the pitot was uncertain by before the flight
-    speed : m/s, typical true airspeed in flight
-    density : kg/m3
-    log_wind : wind as logged
-    """
-    lines = [
-        _wind(air),
-        *_pitot(air, slope_prior, speed),
-        *_rest(air, speed, density),
-        *_crosscheck(air),
-        *_logged(air, log_wind),
-        *_motion(air),
-        _incidence(air, speed),
-    ]
-    return tuple(line for line in lines if line)
+    def pitot_error(self, speed: float) -> float:
+        """Return reading minus truth at a true airspeed [m/s]."""
+        return speed / self.pitot_scale + self.pitot_offset - speed
 
 
 @dataclass(frozen=True)
 class LogWind:
-    """Wind as logged while airborne: mean (2,) and wander (2,) (standard deviation), m/s; NaN if none."""
+    """Wind as logged while airborne: mean (2,) and standard deviation (2,), m/s; NaN if none."""
 
     mean: FloatArray
-    wander: FloatArray
+    std: FloatArray
 
     @property
     def known(self) -> bool:
@@ -108,120 +87,106 @@ class LogWind:
         return bool(np.isfinite(self.mean).all() and np.any(self.mean != 0.0))
 
 
-_FROM: Final = {
+_WIND_SOURCES: Final = {
     "pitot": "from pitot and ground velocity",
     "pitot and sideslip": "from pitot, ground velocity and the rule that sideslip follows the lateral force",
     "pitot and log": "from the log's own estimate, refined by the pitot",
     "sideslip": "from ground velocity and the rule that sideslip follows the lateral force (no pitot)",
     "log": "the mean of the log's own estimate (no pitot)",
-    "still air": "unknown and taken as zero: give a pitot, a wind or a flight that turns",
 }
 
 
-def _pm(value: float, std: float, digits: int = 2) -> str:
-    return f"{value:.{digits}f} +- {std:.{digits}f}"
+def air_data_notices(
+    air: AirData, slope_prior: float, speed: float, density: float, log_wind: LogWind
+) -> tuple[Notice, ...]:
+    """Return what was found as notices.
+
+    Parameters
+    ----------
+    air : without notices
+    slope_prior : standard deviation of the slope of the pitot before the flight
+    speed : m/s, typical true airspeed in flight
+    density : kg/m3
+    log_wind : wind as logged
+    """
+    found = [_wind(air), *_pitot(air, slope_prior, speed, density), *_other_winds(air, log_wind)]
+    delay, heading = air.velocity_delay, air.heading_error
+    if abs(delay) > max(MIN_DELAY, 3.0 * air.velocity_delay_std):
+        code = "velocity-late" if delay > 0.0 else "velocity-early"
+        found.append(notice(code, delay_ms=1e3 * abs(delay), std_ms=1e3 * air.velocity_delay_std))
+    if abs(heading) > max(MIN_HEADING_ERROR, 3.0 * air.heading_error_std):
+        found.append(notice("heading-error", "psi", error=-heading, std=air.heading_error_std))
+    if np.isfinite(air.incidence_std):
+        found.append(notice("incidence-reconstructed", gust=air.gust, std=air.incidence_std, speed=speed))
+    return tuple(found)
 
 
-def _wind(air: AirData) -> str:
+def _wind(air: AirData) -> Notice:
     if air.method == "still air":
-        return f"wind: {_FROM[air.method]}; V, alpha and beta are relative to the ground"
-    strength = np.hypot(air.wind_n, air.wind_e)
-    origin = np.arctan2(-air.wind_e, -air.wind_n) / DEGREE % 360.0
-    poor = max(air.wind_n_std, air.wind_e_std) > POOR
-    return (
-        f"steady wind {strength:.1f} m/s from {origin:.0f} deg (north {_pm(air.wind_n, air.wind_n_std)}, "
-        f"east {_pm(air.wind_e, air.wind_e_std)} m/s, one standard error), {_FROM[air.method]}"
-        + ("; POORLY DETERMINED: the flight turns too little to tell it" if poor else "")
+        return notice("wind-unknown")
+    poor = max(air.wind_n_std, air.wind_e_std) > POOR_WIND_STD
+    return notice(
+        "steady-wind-poor" if poor else "steady-wind",
+        speed=float(np.hypot(air.wind_n, air.wind_e)),
+        direction=float(np.arctan2(-air.wind_e, -air.wind_n) % (2.0 * np.pi)),
+        north=air.wind_n,
+        north_std=air.wind_n_std,
+        east=air.wind_e,
+        east_std=air.wind_e_std,
+        source=_WIND_SOURCES[air.method],
     )
 
 
-def _pitot_error(air: AirData, speed: float) -> float:
-    """Return reading minus truth at a true airspeed [m/s]."""
-    return speed / air.pitot_scale + air.pitot_offset - speed
-
-
-def _pitot(air: AirData, slope_prior: float, speed: float) -> list[str]:
-    if not np.isfinite(air.pitot_scale):
-        return []
-    error = _pitot_error(air, speed)
-    lines = [
-        f"pitot: true airspeed = (reading - ({_pm(air.pitot_offset, air.pitot_offset_std, 1)} m/s)) x "
-        f"({_pm(air.pitot_scale, air.pitot_scale_std)}); "
-        f"at {speed:.0f} m/s it reads {abs(error):.1f} m/s {'low' if error < 0.0 else 'high'}"
-    ]
-    if air.pitot_scale_std / air.pitot_scale**2 > 0.5 * slope_prior:
-        lines.append(
-            "pitot: its scale cannot be told from wind and offset in this flight (too straight, or too even "
-            "in speed) and is held near 1"
+def _pitot(air: AirData, slope_prior: float, speed: float, density: float) -> Iterator[Notice]:
+    """Yield the calibration, and how the reading at rest agrees with it: a pressure offset fades as 1 / V."""
+    calibrated = bool(np.isfinite(air.pitot_scale))
+    if calibrated:
+        error = air.pitot_error(speed)
+        yield notice(
+            "pitot-reads-low" if error < 0.0 else "pitot-reads-high",
+            "airspeed_pitot",
+            offset=air.pitot_offset,
+            offset_std=air.pitot_offset_std,
+            scale=air.pitot_scale,
+            scale_std=air.pitot_scale_std,
+            speed=speed,
+            error=abs(error),
         )
-    return lines
+        if air.pitot_scale_std / air.pitot_scale**2 > 0.5 * slope_prior:
+            yield notice("pitot-scale-unknown", "airspeed_pitot")
+    rest = air.rest_offset
+    if abs(rest) > MIN_REST_OFFSET:
+        pressure = 0.5 * density * rest * abs(rest)
+        yield notice("pitot-pressure-offset", "airspeed_pitot", reading=rest, pressure=pressure)
+        explained = pressure / (density * speed)
+        if calibrated and abs(air.pitot_error(speed) - explained) > MAX_PITOT_INCONSISTENCY:
+            error = air.pitot_error(speed)
+            yield notice(
+                "pitot-offset-inconsistent", "airspeed_pitot", explained=explained, speed=speed, error=error
+            )
 
 
-def _rest(air: AirData, speed: float, density: float) -> list[str]:
-    """Compare the reading at rest with the calibration in flight: a pressure offset fades as 1 / V."""
-    if not abs(air.rest_offset) > EVIDENT_REST:
-        return []
-    pressure = 0.5 * density * air.rest_offset * abs(air.rest_offset)
-    lines = [
-        f"pitot fault: it reads {air.rest_offset:.1f} m/s at rest, as a pressure offset of {pressure:.1f} Pa "
-        "(or wind on the ground) would make it"
-    ]
-    explained = pressure / (density * speed)
-    if np.isfinite(air.pitot_scale) and abs(_pitot_error(air, speed) - explained) > INCONSISTENT:
-        lines.append(
-            f"pitot fault: that offset is worth {explained:.1f} m/s at {speed:.0f} m/s, but there the "
-            f"pitot is off by {_pitot_error(air, speed):.1f} m/s: zero drift alone does not explain it "
-            "(suspect a leak, a blocked or badly placed port, or the sensor's scale)"
-        )
-    return lines
-
-
-def _crosscheck(air: AirData) -> list[str]:
+def _other_winds(air: AirData, log_wind: LogWind) -> Iterator[Notice]:
+    """Compare the wind with that of the sideslip alone and with the logged one, where they were not used."""
     north, east, north_std, east_std = air.sideslip_wind
-    if not np.isfinite(north) or "sideslip" in air.method:
-        return []
-    scaled = np.array([north - air.wind_n, east - air.wind_e]) / np.hypot(
-        [air.wind_n_std, air.wind_e_std], [north_std, east_std]
-    )
-    apart = float(np.sqrt(np.mean(scaled**2)))
-    return [
-        f"cross-check: sideslip and lateral force alone give a wind of north {_pm(north, north_std)}, "
-        f"east {_pm(east, east_std)} m/s, which {'agrees' if apart < DISAGREE else 'DISAGREES'} "
-        f"({apart:.1f} standard errors apart)"
-    ]
-
-
-def _logged(air: AirData, log_wind: LogWind) -> list[str]:
-    if not log_wind.known or "log" in air.method:
-        return []
-    off = float(np.hypot(*(log_wind.mean - np.array([air.wind_n, air.wind_e]))))
-    wander = float(np.hypot(*log_wind.wander))
-    return [
-        f"the log's own wind (mean north {log_wind.mean[0]:.1f}, east {log_wind.mean[1]:.1f} m/s, "
-        f"wandering by {wander:.1f} m/s) is {off:.1f} m/s away and was not used"
-    ]
-
-
-def _motion(air: AirData) -> list[str]:
-    lines = []
-    if abs(air.velocity_delay) > max(LATE, 3.0 * air.velocity_delay_std):
-        shift = _pm(1e3 * abs(air.velocity_delay), 1e3 * air.velocity_delay_std, 0)
-        sense = "late" if air.velocity_delay > 0.0 else "early"
-        lines.append(f"the logged velocity is {shift} ms {sense} against the accelerometers; corrected")
-    if abs(air.heading_error) > max(EVIDENT_HEADING, 3.0 * air.heading_error_std):
-        off = _pm(-air.heading_error / DEGREE, air.heading_error_std / DEGREE, 1)
-        lines.append(
-            f"the logged heading is off by {off} deg against the accelerations seen in turns; "
-            "it is not corrected and goes into beta"
+    if np.isfinite(north) and "sideslip" not in air.method:
+        scaled = np.array([north - air.wind_n, east - air.wind_e]) / np.hypot(
+            [air.wind_n_std, air.wind_e_std], [north_std, east_std]
         )
-    return lines
-
-
-def _incidence(air: AirData, speed: float) -> str:
-    if not np.isfinite(air.incidence_std):
-        return ""
-    return (
-        f"alpha and beta are reconstructed, not measured: a steady wind leaves out gusts of about "
-        f"{air.gust:.1f} m/s, so both are uncertain by about {air.incidence_std / DEGREE:.1f} deg "
-        f"at {speed:.0f} m/s, mostly slowly varying"
-    )
+        distance = float(np.sqrt(np.mean(scaled**2)))
+        yield notice(
+            "sideslip-wind-agrees" if distance < MAX_DISAGREEMENT else "sideslip-wind-disagrees",
+            north=north,
+            north_std=north_std,
+            east=east,
+            east_std=east_std,
+            distance=distance,
+        )
+    if log_wind.known and "log" not in air.method:
+        yield notice(
+            "logged-wind-unused",
+            north=float(log_wind.mean[0]),
+            east=float(log_wind.mean[1]),
+            std=float(np.hypot(*log_wind.std)),
+            distance=float(np.hypot(*(log_wind.mean - np.array([air.wind_n, air.wind_e])))),
+        )

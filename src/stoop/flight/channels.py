@@ -10,13 +10,14 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice, notice
 
-GAP: Final = 0.05  #: s; a longer hole in an input ends a segment
-WILD: Final = 1e9  #: SI; no quantity of the registry is that large
-ALONE: Final = 60.0  #: s; the least distance from the rest at which a few samples are strays
-FAR: Final = 100.0  #: median periods; the same for channels logged slowly
-FEW: Final = 3  #: samples
-SLOW_GAP: Final = 2.5  #: median periods; for channels logged too slowly for `GAP`
+MAX_GAP: Final = 0.05  #: s; a longer hole in an input ends a segment
+MAX_GAP_PERIODS: Final = 2.5  #: median periods; for channels logged too slowly for `MAX_GAP`
+MAX_VALUE: Final = 1e9  #: SI; no quantity of the registry is that large
+STRAY_DISTANCE: Final = 60.0  #: s; the least distance from the rest at which a few samples are strays
+STRAY_PERIODS: Final = 100.0  #: median periods; the same for channels logged slowly
+MAX_STRAYS: Final = 3  #: samples
 
 
 @dataclass(frozen=True)
@@ -61,73 +62,6 @@ class SourceRate:
     stop: float
 
 
-def tame(group: Channels) -> tuple[Channels, list[str]]:
-    """Drop strays at both ends of the record, count impossibly large numbers as missing, and say so.
-
-    Parameters
-    ----------
-    group : as recorded
-
-    Returns
-    -------
-    group : the same, without the strays, and with NaN in place of what is too large
-    notes : one for the strays, and one for each variable that had large numbers
-    """
-    group, told = _without_strays(group)
-    wild = {name: int(np.sum(np.abs(x) > WILD)) for name, x in group.values.items()}
-    if not any(wild.values()):
-        return group, told
-    values = {
-        name: np.where(np.abs(x) <= WILD, x, np.nan) if wild[name] else x for name, x in group.values.items()
-    }
-    notes = [
-        f"{group.source}: {n} samples of {name} are beyond any size and were dropped"
-        for name, n in wild.items()
-        if n
-    ]
-    return Channels(group.source, group.time, values), [*told, *notes]
-
-
-def _without_strays(group: Channels) -> tuple[Channels, list[str]]:
-    """Drop a few samples before or after all others: one damaged time stamp makes a flight of hours, all of it a gap."""
-    time = group.time
-    if time.size <= FEW:
-        return group, []
-    steps = np.diff(time)
-    cuts = np.flatnonzero(steps > max(ALONE, FAR * float(np.median(steps)))) + 1
-    pieces = [(a, b) for a, b in pairwise([0, *cuts.tolist(), time.size]) if b - a > FEW]
-    if not cuts.size or not pieces:
-        return group, []
-    kept = slice(pieces[0][0], pieces[-1][1])
-    lost = int(time.size - (kept.stop - kept.start))
-    if not lost:
-        return group, []
-    note = f"{group.source}: {lost} samples more than {ALONE:g} s before or after all others were dropped"
-    return Channels(group.source, time[kept], {name: x[kept] for name, x in group.values.items()}), [note]
-
-
-def longest_allowed(time: FloatArray) -> float:
-    """Return the longest distance between samples [s] that may be interpolated across."""
-    return max(GAP, SLOW_GAP * float(np.median(np.diff(time)))) if time.size > 1 else GAP
-
-
-def stretches(time: FloatArray, values: FloatArray) -> list[slice]:
-    """Split samples where the hole between neighbors is too long to interpolate across.
-
-    Parameters
-    ----------
-    time : (n,) s, increasing
-    values : (n, k); not looked at, beyond its length
-
-    Returns
-    -------
-    slices of two samples and more
-    """
-    cuts = np.flatnonzero(np.diff(time) > longest_allowed(time)) + 1
-    edges = [0, *cuts.tolist(), len(values)]
-    return [slice(a, b) for a, b in pairwise(edges) if b - a > 1]
-
-
 def source_rate(source: str, time: FloatArray) -> SourceRate:
     """Describe the clock of one variable, from the samples that hold a value."""
     if time.size < 2:
@@ -138,3 +72,61 @@ def source_rate(source: str, time: FloatArray) -> SourceRate:
     return SourceRate(
         source, 1.0 / float(np.median(steps)), float(steps.max()), gaps, float(time[0]), float(time[-1])
     )
+
+
+def drop_outliers(group: Channels) -> tuple[Channels, list[Notice]]:
+    """Drop stray samples at both ends of the record and take impossibly large values as missing.
+
+    One damaged time stamp would make a flight of hours, nearly all of it a gap.
+
+    Parameters
+    ----------
+    group : as recorded
+
+    Returns
+    -------
+    group : without the strays, NaN in place of values above `MAX_VALUE`
+    notices : one for the strays, and one for each variable with large values
+    """
+    time, values, notices = group.time, dict(group.values), []
+    steps = np.diff(time)
+    if time.size > MAX_STRAYS:
+        cuts = np.flatnonzero(steps > max(STRAY_DISTANCE, STRAY_PERIODS * float(np.median(steps)))) + 1
+        pieces = [(a, b) for a, b in pairwise([0, *cuts.tolist(), time.size]) if b - a > MAX_STRAYS]
+        kept = slice(pieces[0][0], pieces[-1][1]) if cuts.size and pieces else slice(0, time.size)
+        lost = int(time.size - (kept.stop - kept.start))
+        if lost:
+            notices.append(notice("stray-samples", group.source, count=lost, distance=STRAY_DISTANCE))
+            time, values = time[kept], {name: x[kept] for name, x in values.items()}
+    for name, x in values.items():
+        large = int(np.sum(np.abs(x) > MAX_VALUE))
+        if large:
+            values[name] = np.where(np.abs(x) <= MAX_VALUE, x, np.nan)
+            notices.append(notice("impossible-values", group.source, variable=name, count=large))
+    return (Channels(group.source, time, values) if notices else group), notices
+
+
+def longest_allowed(time: FloatArray) -> float:
+    """Return the longest distance between samples [s] that may be interpolated across."""
+    return max(MAX_GAP, MAX_GAP_PERIODS * float(np.median(np.diff(time)))) if time.size > 1 else MAX_GAP
+
+
+def stretches(time: FloatArray) -> list[slice]:
+    """Split samples where the hole between neighbors is too long to interpolate across.
+
+    Parameters
+    ----------
+    time : (n,) s, increasing
+
+    Returns
+    -------
+    slices of two samples and more
+    """
+    cuts = np.flatnonzero(np.diff(time) > longest_allowed(time)) + 1
+    return [slice(a, b) for a, b in pairwise([0, *cuts.tolist(), time.size]) if b - a > 1]
+
+
+def finite(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return times and values (n,) of the samples whose value is finite."""
+    good = np.isfinite(values)
+    return time[good], values[good]

@@ -7,16 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from typing import Any, Final, Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from stoop.base.arrays import FloatArray
-from stoop.base.notices import Notice
+from stoop.base.arrays import BoolArray, FloatArray, runs
+from stoop.base.notices import Notice, notice
 from stoop.base.units import STANDARD_GRAVITY
-from stoop.base.variables import VARIABLES
-from stoop.flight.channels import Channels, stretches
+from stoop.base.variables import RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
+from stoop.flight.channels import Channels, finite, stretches
 
 WATCHED: Final = frozenset(
     "V alpha beta p q r phi theta psi ax ay az vn ve vd q0 q1 q2 q3 airspeed_pitot airspeed_equivalent".split()  # noqa: SIM905
@@ -25,14 +24,17 @@ STUCK_TIME: Final = 1.0  #: s
 STUCK_SAMPLES: Final = 25
 CLIPPED_SAMPLES: Final = 8
 CLIPPED_CONTRAST: Final = 5  #: times as many samples at the limit as at the value next to it
-ALIKE: Final = (("p", "q", "r"), ("ax", "ay", "az"))  #: channels of one sensor, clipped at one size
-FINE: Final = 0.3  #: share of different values below which numbers are coarse, and meet by chance
-NEAR: Final = 0.005  #: of a limit: what lies nearer was clipped, and moved a little by the filter of the grid
+MIN_DISTINCT: Final = 0.3  #: share of different values below which numbers are coarse, and meet by chance
+LIMIT_TOLERANCE: Final = (
+    0.005  #: of a limit: what lies nearer was clipped, and moved a little by the filter of the grid
+)
 REST_SPEED: Final = 0.5  #: m/s over ground
 REST_RATE: Final = 0.05  #: rad/s
 REST_TIME: Final = 2.0  #: s
+REST_OFFSETS: Final = {"airspeed_pitot": 1.0, "p": 0.02, "q": 0.02, "r": 0.02}  #: SI; less is usual
+WEIGHT_TOLERANCE: Final = 0.03  #: of gravity
 
-Kind: TypeAlias = Literal["stuck", "clipped", "offset at rest", "wrong sign", "wrong unit", "inconsistent"]
+Kind = Literal["stuck", "clipped", "offset at rest", "wrong sign", "wrong unit", "inconsistent"]
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class Fault:
     variable : registry name
     value : SI; where it is stuck or clipped, or what it reads at rest
     start, stop : s, where it was seen first and last
-    message : plain words
+    notice : for the user
     """
 
     kind: Kind
@@ -53,7 +55,22 @@ class Fault:
     value: float
     start: float
     stop: float
-    message: str
+    notice: Notice
+
+    @property
+    def message(self) -> str:
+        """The sentence of the notice, without its full stop."""
+        return str(self.notice).removesuffix(".")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what a JSON document holds."""
+        names = ("kind", "variable", "value", "start", "stop", "message")
+        return {name: getattr(self, name) for name in names}
+
+
+def described(kind: Kind, variable: str, value: float, start: float, stop: float, text: str) -> Fault:
+    """Return a fault whose notice is a sentence of its own, such as one read from a file."""
+    return Fault(kind, variable, value, start, stop, notice("described-fault", variable, text=text))
 
 
 def recorded_faults(channels: Sequence[Channels]) -> list[Fault]:
@@ -63,35 +80,29 @@ def recorded_faults(channels: Sequence[Channels]) -> list[Fault]:
         shared = list(_shared_limits(group))
         found += shared
         for name in (WATCHED & set(group.values)) - {fault.variable for fault in shared}:
-            good = np.isfinite(group.values[name])
-            t, x = group.time[good], group.values[name][good]
+            t, x = finite(group.time, group.values[name])
             if x.size > STUCK_SAMPLES:
-                limits = list(_clipped(name, t, x))
-                found += limits or _stuck(name, t, x)
+                found += list(_clipped(name, t, x)) or _stuck(name, t, x)
     return sorted(found, key=lambda fault: list(VARIABLES).index(fault.variable))
 
 
 def _stuck(name: str, t: FloatArray, x: FloatArray) -> list[Fault]:
     """Return the longest time without any change, when it is suspiciously long."""
     best: tuple[float, float, float] | None = None
-    for part in stretches(t, x):
-        first, last = _longest_constant(x[part])
-        lasted = t[part][last] - t[part][first]
-        if last - first >= STUCK_SAMPLES and lasted > (best[1] - best[0] if best else STUCK_TIME):
-            best = float(t[part][first]), float(t[part][last]), float(x[part][first])
+    for part in stretches(t):
+        times, values = t[part], x[part]
+        edges = np.concatenate([[0], np.flatnonzero(np.diff(values) != 0.0) + 1, [values.size]])
+        longest = int(np.argmax(np.diff(edges)))
+        first, last = int(edges[longest]), int(edges[longest + 1]) - 1
+        duration = times[last] - times[first]
+        if last - first >= STUCK_SAMPLES and duration > (best[1] - best[0] if best else STUCK_TIME):
+            best = float(times[first]), float(times[last]), float(values[first])
     if best is None:
         return []
     start, stop, value = best
     unit = VARIABLES[name].unit
-    message = f"{name} stands still at {value:.4g} {unit} from {start:.2f} to {stop:.2f} s"
-    return [Fault("stuck", name, value, start, stop, message)]
-
-
-def _longest_constant(x: FloatArray) -> tuple[int, int]:
-    """Return first and last index of the longest run of equal values."""
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(x) != 0.0) + 1, [x.size]])
-    longest = int(np.argmax(np.diff(edges)))
-    return int(edges[longest]), int(edges[longest + 1]) - 1
+    found = notice("constant-reading", name, value=value, unit=unit, start=start, stop=stop)
+    return [Fault("stuck", name, value, start, stop, found)]
 
 
 def _clipped(name: str, t: FloatArray, x: FloatArray) -> Iterator[Fault]:
@@ -105,40 +116,30 @@ def _clipped(name: str, t: FloatArray, x: FloatArray) -> Iterator[Fault]:
         if value == 0.0 or count < max(CLIPPED_SAMPLES, CLIPPED_CONTRAST * int(counts[beside])):
             continue
         held = x == value
-        if not symmetric and np.count_nonzero(np.diff(held.astype(np.int8)) == 1) < 2:
-            continue  # held once: stuck rather than clipped
+        if not symmetric and len(runs(held)) - int(held[0]) < 2:
+            continue  # reached once: stuck rather than clipped
         at = t[held]
-        words = (
-            f"{name} stops {count} times at exactly {value:.4g} {VARIABLES[name].unit}: clipped, or a default"
-        )
-        yield Fault("clipped", name, value, float(at[0]), float(at[-1]), words)
+        found = notice("clipped-reading", name, value=value, unit=VARIABLES[name].unit, count=count)
+        yield Fault("clipped", name, value, float(at[0]), float(at[-1]), found)
 
 
 def _shared_limits(group: Channels) -> Iterator[Fault]:
     """Yield limits at which several of three alike channels end, to the last digit: that is no chance."""
-    for names in ALIKE:
-        ends = [end for name in names if name in group.values for end in _ends(name, group)]
-        sizes = [abs(value) for _, value, _ in ends]
-        for name, value, held in ends:
+    for names in (RATES, SPECIFIC_FORCE):
+        ends: list[tuple[str, float]] = []
+        for name in names:
+            x = group.values.get(name, np.empty(0))
+            known = x[np.isfinite(x)]
+            if known.size > STUCK_SAMPLES and np.unique(known).size > MIN_DISTINCT * known.size:
+                ends += [(name, float(known.min())), (name, float(known.max()))]
+        sizes = [abs(value) for _, value in ends]
+        for name, value in ends:
             if sizes.count(abs(value)) < 2 or value == 0.0:
                 continue
-            at = group.time[held]
-            limit = f"{value:.4g} {VARIABLES[name].unit}"
-            words = f"{name} stops {_often(at.size)} at exactly {limit}, where others stop too: clipped"
-            yield Fault("clipped", name, value, float(at[0]), float(at[-1]), words)
-
-
-def _often(count: int) -> str:
-    return "once" if count == 1 else f"{count} times"
-
-
-def _ends(name: str, group: Channels) -> Iterator[tuple[str, float, npt.NDArray[np.bool_]]]:
-    """Yield lowest and highest value of a channel and where it has them, unless its numbers are coarse."""
-    x = group.values[name]
-    seen = x[np.isfinite(x)]
-    if seen.size > STUCK_SAMPLES and np.unique(seen).size > FINE * seen.size:
-        for value in (float(seen.min()), float(seen.max())):
-            yield name, value, x == value
+            at = group.time[group.values[name] == value]
+            unit = VARIABLES[name].unit
+            found = notice("shared-limit", name, value=value, unit=unit, count=int(at.size))
+            yield Fault("clipped", name, value, float(at[0]), float(at[-1]), found)
 
 
 def without_faulty(time: FloatArray, x: FloatArray, faults: Sequence[Fault]) -> FloatArray:
@@ -154,22 +155,21 @@ def without_faulty(time: FloatArray, x: FloatArray, faults: Sequence[Fault]) -> 
         if fault.kind == "stuck":
             out[(time >= fault.start) & (time <= fault.stop)] = np.nan
         elif fault.kind == "clipped":
-            edge, near = fault.value, NEAR * abs(fault.value)
+            edge, near = fault.value, LIMIT_TOLERANCE * abs(fault.value)
             beyond = x > edge - near if edge > np.nanmedian(x) else x < edge + near
             out[beyond] = np.nan
     return out
 
 
-def as_fault(found: Notice, start: float, stop: float) -> Fault:
+def contradiction(found: Notice, start: float, stop: float) -> Fault:
     """Return what contradicts a mapping as a fault of the channel, over the record [s]."""
-    signs, motion = ("force-points-up",), ("mapping-", "rate-")
-    kind: Kind = "wrong sign" if found.code in signs else "wrong unit"
-    kind = "inconsistent" if found.code.startswith(motion) else kind
+    kind: Kind = "wrong sign" if found.code == "force-points-up" else "wrong unit"
+    kind = "inconsistent" if found.code.startswith(("mapping-", "rate-")) else kind
     value = next((found.values[name] for name in ("gain", "size", "evidence") if name in found.values), 0.0)
-    return Fault(kind, found.subject, float(str(value)), start, stop, str(found).removesuffix("."))
+    return Fault(kind, found.subject, float(str(value)), start, stop, found)
 
 
-def at_rest(data: Mapping[str, FloatArray], rate: float) -> npt.NDArray[np.bool_]:
+def at_rest(data: Mapping[str, FloatArray], rate: float) -> BoolArray:
     """Tell at which grid points the vehicle surely stands: slow over ground and not turning, for a while.
 
     Parameters
@@ -178,13 +178,12 @@ def at_rest(data: Mapping[str, FloatArray], rate: float) -> npt.NDArray[np.bool_
     rate : Hz
     """
     size = next(iter(data.values())).size
-    if not {"vn", "ve", "vd", "p", "q", "r"} <= set(data):
+    if not {*VELOCITY, *RATES} <= set(data):
         return np.zeros(size, dtype=bool)
     speed = np.sqrt(data["vn"] ** 2 + data["ve"] ** 2 + data["vd"] ** 2)
     turning = np.sqrt(data["p"] ** 2 + data["q"] ** 2 + data["r"] ** 2)
     still = (speed < REST_SPEED) & (turning < REST_RATE)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]))).reshape(-1, 2)
-    for start, stop in edges:
+    for start, stop in runs(still):
         if stop - start < REST_TIME * rate:
             still[start:stop] = False
     return still
@@ -196,32 +195,19 @@ def rest_faults(time: FloatArray, data: Mapping[str, FloatArray], rate: float) -
     if not rest.any():
         return []
     span = (float(time[rest][0]), float(time[rest][-1]))
-    found = []
-    for name, limit in (("airspeed_pitot", 1.0), ("p", 0.02), ("q", 0.02), ("r", 0.02)):
+    out = []
+    for name, limit in REST_OFFSETS.items():
         value = _median(data[name][rest]) if name in data else 0.0
         if abs(value) > limit:
-            words = f"{name} reads {value:.2f} {VARIABLES[name].unit} at rest{_doubt(name, value)}"
-            found.append(Fault("offset at rest", name, value, *span, words))
-    return found + _weight_fault(data, rest, span)
-
-
-def _doubt(name: str, value: float) -> str:
-    return " (or wind blew into it)" if name == "airspeed_pitot" and value > 0.0 else ""
-
-
-def _weight_fault(
-    data: Mapping[str, FloatArray], rest: npt.NDArray[np.bool_], span: tuple[float, float]
-) -> list[Fault]:
-    if not {"ax", "ay", "az"} <= set(data):
-        return []
-    force = np.sqrt(sum(data[name][rest] ** 2 for name in ("ax", "ay", "az")))
-    value = _median(np.asarray(force))
-    if abs(value - STANDARD_GRAVITY) <= 0.03 * STANDARD_GRAVITY:
-        return []
-    words = (
-        f"the accelerometers read {value:.2f} m/s2 at rest in all, not 9.81: offset, scale or unit is wrong"
-    )
-    return [Fault("offset at rest", "az", value, *span, words)]
+            code = "pitot-at-rest" if name == "airspeed_pitot" and value > 0.0 else "offset-at-rest"
+            found = notice(code, name, value=value, unit=VARIABLES[name].unit)
+            out.append(Fault("offset at rest", name, value, *span, found))
+    if set(SPECIFIC_FORCE) <= set(data):
+        value = _median(np.asarray(np.sqrt(sum(data[name][rest] ** 2 for name in SPECIFIC_FORCE))))
+        if abs(value - STANDARD_GRAVITY) > WEIGHT_TOLERANCE * STANDARD_GRAVITY:
+            found = notice("specific-force-at-rest", "az", value=value)
+            out.append(Fault("offset at rest", "az", value, *span, found))
+    return out
 
 
 def _median(values: FloatArray) -> float:

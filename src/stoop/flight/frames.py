@@ -10,29 +10,29 @@ REP 103 of ROS, Standard units of measure and coordinate conventions, section "A
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final, TypeAlias
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import euler_angles, product, quaternions_of
-from stoop.base.variables import EULER, QUATERNION
+from stoop.base.variables import EULER, POSITION, QUATERNION, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import LogError
 
 Frame: TypeAlias = tuple[str, ...]
 BODY: Final = ("frd", "flu")
 GROUND: Final = ("ned", "enu", "nwu")
 _BODY_VECTORS: Final = (
-    ("p", "q", "r"),
+    RATES,
     ("p_dot", "q_dot", "r_dot"),
-    ("ax", "ay", "az"),
+    SPECIFIC_FORCE,
     ("control_roll", "control_pitch", "control_yaw"),
 )
 _GROUND_VECTORS: Final = (
-    ("vn", "ve", "vd"),
+    VELOCITY,
     ("vn_smooth", "ve_smooth", "vd_smooth"),
-    ("pn", "pe", "pd"),
+    POSITION,
     ("an", "ae", "ad"),
     ("wind_n", "wind_e"),
 )
@@ -45,7 +45,7 @@ _GROUND_TURNS: Final = {
 }  #: quaternion that takes coordinates of that ground into ned: half a turn about north, or about north-east
 
 
-def check_frame(at: str, variables: tuple[str, ...], given: object) -> Frame:
+def check_frame(at: str, variables: tuple[str, ...], given: str | Sequence[str]) -> Frame:
     """Check that a frame means something for these variables.
 
     Parameters
@@ -57,31 +57,25 @@ def check_frame(at: str, variables: tuple[str, ...], given: object) -> Frame:
     Raises
     ------
     LogError
-        When the name is unknown, or the variables cannot be turned one by one.
+        When the variables cannot be turned one by one.
     """
-    names = [given] if isinstance(given, str) else given
-    if not isinstance(names, list) or any(name not in (*BODY, *GROUND) for name in names):
-        raise LogError(f"{at}.frame is unknown; write one of {', '.join((*BODY, *GROUND))}")
-    frame = tuple(str(name) for name in names)
+    frame = (given,) if isinstance(given, str) else tuple(given)
     for name in variables if frame else ():
-        if not _turnable(name, variables, frame):
-            raise LogError(f"{at}.frame = {', '.join(frame)} says nothing about {name} {_advice(name)}")
+        if _can_be_turned(name, variables, frame):
+            continue
+        ground = next((vector for vector in _GROUND_VECTORS if name in vector), None)
+        whole = next((attitude for attitude in (EULER, QUATERNION) if name in attitude), None)
+        advice = "; leave it out there"
+        if ground:
+            advice = f" alone; name {', '.join(ground)} together in one group, with columns x, y, z"
+        elif whole:
+            names = ", ".join(whole)
+            advice = f' alone; name {names} together in one group, with frame = ["flu", "enu"] or the like'
+        raise LogError(f"{at}.frame = {', '.join(frame)} says nothing about {name}{advice}")
     return frame
 
 
-def _advice(name: str) -> str:
-    ground = next((vector for vector in _GROUND_VECTORS if name in vector), None)
-    whole = next((attitude for attitude in (EULER, QUATERNION) if name in attitude), None)
-    if ground:
-        return f"alone; name {', '.join(ground)} together in one group, with columns x, y, z"
-    if whole:
-        return (
-            f'alone; name {", ".join(whole)} together in one group, with frame = ["flu", "enu"] or the like'
-        )
-    return "; leave it out there"
-
-
-def _turnable(name: str, variables: tuple[str, ...], frame: Frame) -> bool:
+def _can_be_turned(name: str, variables: tuple[str, ...], frame: Frame) -> bool:
     if set(variables) in (set(EULER), set(QUATERNION)):
         return len(frame) == 2 and frame[0] in BODY and frame[1] in GROUND
     if len(frame) == 1 and any(name in vector for vector in _BODY_VECTORS):
@@ -93,8 +87,8 @@ def _turnable(name: str, variables: tuple[str, ...], frame: Frame) -> bool:
     return frame[0] in GROUND and whole
 
 
-def turned(values: Mapping[str, FloatArray], frame: Frame) -> dict[str, FloatArray]:
-    """Bring vectors and attitudes into our axes.
+def rotate_axes(values: Mapping[str, FloatArray], frame: Frame) -> dict[str, FloatArray]:
+    """Bring vectors and attitudes into our axes; all of these rotations are their own inverse.
 
     Parameters
     ----------
@@ -104,37 +98,26 @@ def turned(values: Mapping[str, FloatArray], frame: Frame) -> dict[str, FloatArr
     if not frame:
         return dict(values)
     if set(values) == set(QUATERNION):
-        return _quaternion(values, *frame)
+        q = np.column_stack([values[name] for name in QUATERNION])
+        return dict(zip(QUATERNION, _rotate(q, *frame).T, strict=True))
     if set(values) == set(EULER):
-        return _angles(values, *frame)
+        q = quaternions_of(np.column_stack([values[name] for name in EULER]))
+        return dict(zip(EULER, euler_angles(_rotate(q, *frame)).T, strict=True))
     out = dict(values)
     for vector in _BODY_VECTORS if frame[0] in BODY else _GROUND_VECTORS:
-        out.update(_vector(vector, values, frame[0]))
+        there = {name: values[name] for name in vector if name in values}
+        if frame[0] in ("flu", "nwu"):
+            out |= {name: _SIGNS[vector.index(name)] * x for name, x in there.items()}
+        elif frame[0] == "enu":
+            north, east, *_ = vector
+            out |= {name: -x for name, x in there.items() if name not in (north, east)}
+            out |= {north: there[east], east: there[north]} if north in there else {}
     return out
 
 
-def _vector(names: tuple[str, ...], values: Mapping[str, FloatArray], frame: str) -> dict[str, FloatArray]:
-    there = {name: values[name] for name in names if name in values}
-    if frame in ("frd", "ned"):
-        return there
-    if frame != "enu":
-        return {name: _SIGNS[names.index(name)] * x for name, x in there.items()}
-    north, east, *_ = names
-    out = {name: -x for name, x in there.items() if name not in (north, east)}
-    return out | ({north: there[east], east: there[north]} if north in there else {})
-
-
-def _angles(values: Mapping[str, FloatArray], body: str, ground: str) -> dict[str, FloatArray]:
-    angles = np.column_stack([values[name] for name in EULER])
-    parts = _quaternion(dict(zip(QUATERNION, quaternions_of(angles).T, strict=True)), body, ground)
-    back = euler_angles(np.column_stack([parts[name] for name in QUATERNION]))
-    return dict(zip(EULER, back.T, strict=True))
-
-
-def _quaternion(values: Mapping[str, FloatArray], body: str, ground: str) -> dict[str, FloatArray]:
-    """Turn a quaternion that takes body into ground coordinates: ground' * q * body'."""
-    q = np.column_stack([values[name] for name in QUATERNION])
+def _rotate(q: FloatArray, body: str, ground: str) -> FloatArray:
+    """Turn quaternions (n, 4) that take body into ground coordinates: ground' * q * body'."""
     out = product(np.array(_GROUND_TURNS[ground]), q)
     if body == "flu":  # half a turn about the forward axis, which is its own inverse but for the sign
         out = product(out, np.array([0.0, 1.0, 0.0, 0.0]))
-    return dict(zip(QUATERNION, out.T, strict=True))
+    return out

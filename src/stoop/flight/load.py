@@ -2,45 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-import numpy as np
-
-from stoop import logs
 from stoop.base.arrays import FloatArray
-from stoop.base.notices import Notice
-from stoop.base.variables import EULER, QUATERNION, VARIABLES
+from stoop.base.notices import Notice, notice
+from stoop.base.variables import EULER, QUATERNION, RATES, VARIABLES
 from stoop.checks.kinematics import MOTION, check_motion, check_rates
 from stoop.checks.lines import Lines, read_lines
 from stoop.checks.units import check_units
-from stoop.errors import FlightError, one_line
-from stoop.flight.aloft import hovered, lifting
-from stoop.flight.between import following_rates
-from stoop.flight.build import build
-from stoop.flight.channels import SourceRate, tame
-from stoop.flight.chosen import channels_of, mapping_of, topics_of
-from stoop.flight.clocks import lateness
-from stoop.flight.equivalent import of_the_true_one, with_true_airspeed
-from stoop.flight.faults import Fault, as_fault, recorded_faults, rest_faults, without_faulty
-from stoop.flight.flight import Flight
-from stoop.flight.grid import Grid
-from stoop.flight.make import dataset, named, with_attitude
-from stoop.flight.mapped import Mapped
+from stoop.errors import FlightError
+from stoop.flight.air_data_reconstruction import with_air
+from stoop.flight.airborne import carried_by_rotors
+from stoop.flight.airspeed import faults_of_true_airspeed, with_true_airspeed
+from stoop.flight.alignment import attitude_delay
+from stoop.flight.apply_mapping import Mapped, read_mapped
+from stoop.flight.attitude_interpolation import interpolate_by_rates
+from stoop.flight.channels import SourceRate, drop_outliers
+from stoop.flight.faults import Fault, contradiction, recorded_faults, rest_faults, without_faulty
+from stoop.flight.flight import Flight, dataset, flight_name, with_attitude
+from stoop.flight.gridding import grid_channels
 from stoop.flight.store import restore
 from stoop.logs import Recording
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from stoop.flight.reconstruction import AirData
-
 DEFAULT_RATE: Final = 100.0  #: Hz
-WRONG_CLOCK: Final = 5.0  #: Hz; body rates are hardly ever logged more slowly
+SUSPECT_CLOCK: Final = 5.0  #: Hz; body rates are hardly ever logged more slowly
 SLOW_RATES: Final = 25.0  #: Hz; body rates below this do not show the fast modes
-RECONSTRUCTED: Final = "reconstructed"  #: source of what no sensor measured
-_INERTIAL: Final = frozenset({"vn", "ve", "vd", *QUATERNION})
 
 
 def load(path: str | Path, mapping: str | Path | None = None, rate: float = DEFAULT_RATE) -> Flight:
@@ -64,183 +53,123 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = DEFA
         When it holds no known variable, or degrees where radians belong.
     """
     path = Path(path)
-    place = mapping_of(path, Path(mapping) if mapping is not None else None)
-    recording = logs.read(path, place if mapping is not None else None, topics_of(path, place))
-    if recording.format == "stoop-netcdf":
-        return restore(recording, named(path))
-    named_channels = channels_of(recording, place)
-    tamed = [tame(group) for group in named_channels.channels]
-    channels = [group for group, _ in tamed]
-    flight = with_air(_gridded(path, recording, replace(named_channels, channels=channels), rate))
-    notes = (*(note for _, told in tamed for note in told), *flight.notes, *_warnings(flight))
-    return replace(flight, notes=tuple(map(one_line, notes)))
+    recording, mapped = read_mapped(path, Path(mapping) if mapping is not None else None)
+    if mapped is None:
+        return restore(recording, flight_name(path))
+    notices: list[Notice] = []
+    channels = []
+    for group in mapped.channels:
+        cleaned, found = drop_outliers(group)
+        channels.append(cleaned)
+        notices += found
+    flight = with_air(_gridded(path, recording, replace(mapped, channels=channels), rate))
+    return replace(flight, notices=(*notices, *flight.notices, *_limits_of_record(flight)))
 
 
-def _gridded(path: Path, recording: Recording, found: Mapped, rate: float) -> Flight:
-    channels, lines = found.channels, read_lines(found.places)
+def _gridded(path: Path, recording: Recording, mapped: Mapped, rate: float) -> Flight:
+    channels, lines = mapped.channels, read_lines(mapped.places)
     signals = {name: (group.time, x) for group in channels for name, x in group.values.items()}
     refused, units, _ = check_units(signals, lines)
     if refused:
         raise FlightError(f"{path}: {str(refused[0]).removesuffix('.')}")
-    grid, whole, known = _with_attitude(*build(channels, rate, str(path)))
-    data, sources, air = with_true_airspeed(whole, known)
-    recorded = of_the_true_one(recorded_faults(channels), data)
+    grid, data, sources = grid_channels(channels, rate, str(path))
+    data, sources = _complete_attitude(data, sources)
+    data, sources, airspeed = with_true_airspeed(data, sources)
+    recorded = faults_of_true_airspeed(recorded_faults(channels), data)
+    dirty = {fault.variable for fault in recorded} | _slow(sources, SUSPECT_CLOCK).keys()
+    found = _contradictions(data, rate, lines, units, sound=not MOTION & dirty)
+    span = float(grid.time[0]), float(grid.time[-1])
     faults = (
         *recorded,
         *rest_faults(grid.time, data, rate),
-        *_contradictions(grid.time, data, rate, lines, units, recorded, sources),
+        *(contradiction(one, *span) for one in found),
     )
-    doubted = any(fault.kind == "inconsistent" for fault in faults)
-    late = lateness(channels) if doubted else ""
-    data, followed = (data, "") if doubted else following_rates(grid, data, sources, channels)
-    notes = [
-        *_defect_notes(recording, sources),
-        *found.notes,
-        *(told for told in (late, followed, air) if told),
-        *_gap_notes(sources),
-        *(fault.message for fault in faults),
-    ]
+    if any(fault.kind == "inconsistent" for fault in faults):
+        attitude = attitude_delay(channels)
+    else:
+        data, attitude = interpolate_by_rates(grid, data, sources, channels)
+    notices = (
+        *_defects(recording, sources),
+        *mapped.notices,
+        *attitude,
+        *airspeed,
+        *_gaps(sources),
+        *(fault.notice for fault in faults),
+    )
     return Flight(
-        named(path),
+        flight_name(path),
         path,
         dataset(grid.time, data),
         rate,
         sources,
-        tuple(notes),
+        notices,
         None,
         faults,
-        found.unmapped,
+        mapped.unmapped,
     )
 
 
 def _contradictions(
-    time: FloatArray,
-    data: Mapping[str, FloatArray],
-    rate: float,
-    lines: Lines,
-    units: Sequence[Notice],
-    recorded: Sequence[Fault],
-    sources: Mapping[str, SourceRate],
-) -> list[Fault]:
-    """Report lines of the mapping that the data contradict, then what else disagrees with these corrected.
+    data: Mapping[str, FloatArray], rate: float, lines: Lines, units: Sequence[Notice], *, sound: bool
+) -> list[Notice]:
+    """Return the lines of the mapping that the data contradict, then what else disagrees with these corrected.
 
     Where units or clocks are wrong, or channels stuck or clipped, kinematics would accuse the innocent.
     """
-    up = any(one.code == "force-points-up" for one in units)
-    sound = (
-        len(units) == up and not MOTION & {f.variable for f in recorded} and not _slow(sources, WRONG_CLOCK)
-    )
-    upright = {**data, "az": -data["az"]} if up else data
-    wrong, corrected = check_motion(upright, rate, lines if sound else {})
-    found = [*units, *wrong, *check_rates(corrected, rate, lines)]
-    return [as_fault(one, float(time[0]), float(time[-1])) for one in found]
+    upward = any(one.code == "force-points-up" for one in units)
+    upright = {**data, "az": -data["az"]} if upward else data
+    wrong, corrected = check_motion(upright, rate, lines if sound and len(units) == upward else {})
+    return [*units, *wrong, *check_rates(corrected, rate, lines)]
 
 
-def _with_attitude(
-    grid: Grid, data: dict[str, FloatArray], sources: dict[str, SourceRate]
-) -> tuple[Grid, dict[str, FloatArray], dict[str, SourceRate]]:
+def _complete_attitude(
+    data: dict[str, FloatArray], sources: dict[str, SourceRate]
+) -> tuple[dict[str, FloatArray], dict[str, SourceRate]]:
     """Complete an attitude whose parts came from several files; its rate is that of the slowest."""
     whole = with_attitude(data)
-    added = whole.keys() - data.keys()
     parts = [sources[name] for name in (*EULER, *QUATERNION) if name in sources]
-    slowest = {name: min(parts, key=lambda source: source.rate) for name in added}
-    return grid, {name: whole[name] for name in VARIABLES if name in whole}, {**sources, **slowest}
+    slowest = {name: min(parts, key=lambda part: part.rate) for name in whole.keys() - data.keys()}
+    return {name: whole[name] for name in VARIABLES if name in whole}, {**sources, **slowest}
 
 
-def _defect_notes(recording: Recording, sources: Mapping[str, SourceRate]) -> list[str]:
-    """Defects of topics that supply nothing do not matter to the user."""
+def _defects(recording: Recording, sources: Mapping[str, SourceRate]) -> list[Notice]:
+    """Name the defects of the log; those of topics that supply nothing do not matter to the user."""
     used = {name for s in sources.values() for name in (s.source, s.source.replace("/", "_"))}  # topic, file
     return [
-        str(defect)
+        notice("log-defect", defect.place, kind=defect.kind, text=defect.message)
         for defect in recording.defects
         if defect.kind in ("corrupt", "truncated", "dropout") or any(topic in defect.place for topic in used)
     ]
 
 
-def _gap_notes(sources: Mapping[str, SourceRate]) -> list[str]:
-    """Say in one line which sources have gaps."""
+def _gaps(sources: Mapping[str, SourceRate]) -> list[Notice]:
+    """Name the sources that have gaps."""
     gaps = {source.source: source for source in sources.values() if source.gaps}
     if not gaps:
         return []
     longest = max(source.longest_gap for source in gaps.values())
-    counted = ", ".join(f"{name} {source.gaps}" for name, source in gaps.items())
-    return [f"gaps of up to {longest:.2f} s, nothing is interpolated across them: {counted}"]
+    counts = tuple(f"{name} {source.gaps}" for name, source in gaps.items())
+    return [notice("gaps", longest=longest, counts=counts)]
 
 
-def with_air(flight: Flight) -> Flight:
-    """Reconstruct what air data were not measured, where there is no vane but ground velocity and attitude.
-
-    What hovers and has no pitot has none, and needs none.
-    """
-    there = {str(name) for name in flight.data.data_vars}
-    if there & {"alpha", "beta"} or not there >= _INERTIAL or _empty(flight, _INERTIAL):
-        return flight
-    columns, air = _reconstructed(flight)
-    if _carried_by_rotors(flight, air):
-        return flight
-    velocity = flight.sources["vn"]
-    new = columns.keys() - (there if _measured_speed(flight) is not None else there - {"V"})
-    sources = {name: replace(velocity, source=RECONSTRUCTED) for name in new}
-    told = {
-        fault.message for fault in flight.faults if fault.variable == "airspeed_pitot"
-    }  # air tells more of it
-    return replace(
-        flight,
-        data=dataset(flight.time, columns),
-        air=air,
-        sources={**flight.sources, **sources},
-        notes=(*(note for note in flight.notes if note not in told), *air.notes),
-    )
+def _limits_of_record(flight: Flight) -> list[Notice]:
+    """Name what this record cannot show, whatever is fitted to it."""
+    found = []
+    slow = _slow(flight.sources, SLOW_RATES)
+    if slow:
+        rate = min(slow.values())
+        code = "slow-rates-suspect-clock" if rate < SUSPECT_CLOCK else "slow-rates"
+        found.append(notice(code, variables=tuple(slow), rate=rate))
+    explained = flight.air is not None and bool(flight.air.notices)  # the reconstruction knows better why
+    if not {"V", "alpha", "beta"} & flight.names and not carried_by_rotors(flight) and not explained:
+        found.append(notice("no-air-data"))
+    return found
 
 
-def _carried_by_rotors(flight: Flight, air: AirData) -> bool:
-    """Tell whether no air data belong here: no wing weathercocks, and no pitot tells the wind."""
-    return (air.method == "none" and lifting(flight)) or (air.method == "sideslip" and hovered(flight))
-
-
-def _reconstructed(
-    flight: Flight, exclude: Sequence[tuple[float, float]] = ()
-) -> tuple[dict[str, FloatArray], AirData]:
-    """Return all columns with reconstructed air data; a measured V stays, and is a pitot where there is none."""
-    from stoop.flight.reconstruction import reconstruct  # heavy, and only here
-
-    measured = _measured_speed(flight)
-    lent = measured is not None and "airspeed_pitot" not in flight.data
-    given = flight.data.assign(airspeed_pitot=("time", measured)) if lent else flight.data
-    data, air = reconstruct(given, flight.sources["vn"].rate, exclude)
-    columns = {name: data[name].to_numpy() for name in VARIABLES if name in data}
-    if lent:
-        del columns["airspeed_pitot"]
-    if measured is None or air.method == "none":
-        return columns, air
-    role = "; it also served as the pitot that tells the wind" if lent else ""
-    note = f"V is as measured, only alpha and beta are reconstructed{role}"
-    return {**columns, "V": measured}, replace(air, notes=(*air.notes, note))
-
-
-def _measured_speed(flight: Flight) -> FloatArray | None:
-    source = flight.sources.get("V")
-    if source is None or source.source == RECONSTRUCTED or _empty(flight, ["V"]):
-        return None
-    return flight.column("V")
-
-
-def without(flight: Flight, windows: Sequence[tuple[float, float]]) -> Flight:
-    """Reconstruct the air data anew, learning nothing about wind and pitot inside some windows [s].
-
-    A flight whose air data were measured, or could not be reconstructed, is returned as it is.
-    """
-    if not windows or flight.air is None or flight.air.method == "none":
-        return flight
-    columns, air = _reconstructed(flight, windows)
-    if air.method == "none":
-        note = (
-            f"{flight.name}: too little flight remains outside the predicted windows: the wind, and so the measured V, "
-            "alpha and beta, were estimated with those windows in"
-        )
-        return replace(flight, notes=(*flight.notes, note))
-    kept = tuple(note for note in flight.notes if note not in flight.air.notes)
-    return replace(flight, data=dataset(flight.time, columns), air=air, notes=(*kept, *air.notes))
+def _slow(sources: Mapping[str, SourceRate], limit: float) -> dict[str, float]:
+    """Return the body rates that were logged more slowly than a limit, and how fast; Hz."""
+    there = {name: sources[name].rate for name in RATES if name in sources}
+    return {name: rate for name, rate in there.items() if 0.0 < rate < limit}
 
 
 def without_faults(flight: Flight) -> Flight:
@@ -254,36 +183,6 @@ def without_faults(flight: Flight) -> Flight:
     columns = {
         name: without_faulty(flight.time, flight.column(name), found) for name, found in by_name.items()
     }
-    note = f"{', '.join(columns)}: samples at a limit or standing still count as not measured"
     data = flight.data.assign({name: ("time", x, flight.data[name].attrs) for name, x in columns.items()})
-    return replace(flight, data=data, notes=(*flight.notes, note))
-
-
-def _warnings(flight: Flight) -> list[str]:
-    """Say what this record cannot tell, whatever is fitted to it."""
-    notes = []
-    slow = _slow(flight.sources, SLOW_RATES)
-    if slow:
-        notes.append(
-            f"{', '.join(slow)} were logged at only {min(slow.values()):.3g} Hz: "
-            "too slow for the roll mode and the short period of most aircraft"
-            + ("; is the unit of the log's time right?" if min(slow.values()) < WRONG_CLOCK else "")
-        )
-    there = {str(name) for name in flight.data.data_vars}
-    said = flight.air is not None and bool(flight.air.notes)  # the reconstruction knows better why
-    if not {"V", "alpha", "beta"} & there and not lifting(flight) and not said:
-        notes.append(
-            "no air data: neither airspeed and vanes, nor ground velocity and attitude to reconstruct it; "
-            "V, alpha and beta are missing"
-        )
-    return notes
-
-
-def _slow(sources: Mapping[str, SourceRate], limit: float) -> dict[str, float]:
-    """Return the body rates that were logged more slowly than a limit, and how fast; Hz."""
-    there = {name: sources[name].rate for name in ("p", "q", "r") if name in sources}
-    return {name: rate for name, rate in there.items() if 0.0 < rate < limit}
-
-
-def _empty(flight: Flight, names: Iterable[str]) -> bool:
-    return not np.logical_and.reduce([np.isfinite(flight.column(name)) for name in names]).any()
+    found = notice("samples-not-measured", variables=tuple(columns))
+    return replace(flight, data=data, notices=(*flight.notices, found))

@@ -1,29 +1,28 @@
-"""The mapping of a log, second edition: where each variable of the registry is found, in any kind of log.
+"""A mapping: where each variable of the registry is found in a log, of any kind.
 
-A mapping is a TOML file. `[variables]` names one column for one variable; `[group.NAME]` names variables that
-belong together and their sources in order of trust. `[calibration]`, `[surface]` and `[mixer]` turn servo
-outputs into deflections (`stoop.flight.surfaces`), `[align]` brings clocks together (`stoop.flight.clocks`).
-A mapping that says `extends = "px4"` starts from a ready one and overrides what it names.
-`docs/flight-files.md` explains every key.
+`stoop.flight.mapping_schema` holds the tables of the file; here they become sources with SI factors.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Set
+import re
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from importlib.resources import files
+from itertools import chain
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal, TypeVar
 
 from stoop.base.text import nearest
-from stoop.base.units import FACTORS
-from stoop.base.variables import EULER, QUATERNION
-from stoop.errors import LogError
-from stoop.flight.clocks import Alignment, read_alignments
-from stoop.flight.sources import Group, read_group, read_variable, split
-from stoop.flight.surfaces import Surfaces, read_surfaces
-from stoop.logs.mapping import TIME_UNITS, number_of, only_keys, parse_toml, read_toml, text_of
+from stoop.base.toml import parse_source, read_source
+from stoop.base.units import FACTORS, KINDS, PULSE_FACTORS, ZEROS
+from stoop.base.variables import EULER, QUATERNION, VARIABLES
+from stoop.errors import FlightError, LogError
+from stoop.flight.alignment import Alignment
+from stoop.flight.calibration import Surfaces
+from stoop.flight.frames import Frame, check_frame
+from stoop.flight.mapping_schema import ClockTable, GroupTable, SourceTable, VariableTable, parse_mapping
 
 READY: Final[dict[str, str]] = {
     "ulog": "px4",
@@ -32,14 +31,13 @@ READY: Final[dict[str, str]] = {
     "dataflash-text": "ardupilot",
     "crazyflie": "crazyflie",
 }  #: format of a recording -> the mapping that comes with the package
-_TABLES: Final = frozenset(
-    {"extends", "files", "time", "clock", "variables", "group", "calibration", "surface", "mixer", "align"}
-)
-
+MAX_EXPANSION: Final = 64  #: names that one pair of braces may stand for
+_BRACES: Final = re.compile(r"\{(\d{1,3})\.\.(\d{1,3})\}")
 _FORMS: Final = (
     (frozenset(EULER), frozenset(QUATERNION)),
     (frozenset({"airspeed_pitot"}), frozenset({"airspeed_equivalent"})),
-)
+)  #: of one quantity; both would contradict each other
+_Item = TypeVar("_Item")
 
 
 @dataclass(frozen=True)
@@ -56,6 +54,61 @@ class Clock:
     column: str
     factor: float
     offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class Source:
+    """One stream that can supply a group of variables.
+
+    Attributes
+    ----------
+    place : file and key, for messages
+    variables : names in the registry
+    stream : of the recording; empty means the one stream that holds the columns
+    columns : one per variable: column -> weight, summed
+    factors, offsets : SI value of one and of zero, one per variable
+    units : as written, one per variable; empty where it was not
+    valid : flags that must be positive for a sample to count, one per variable; empty is none
+    stamp : column that holds the time of the measurement [stamp_factor s], empty for that of the stream
+    frame : axes that the columns are in, where they are not ours
+    instance : which of several instances of the stream is taken
+    partial : columns that are not there are left out; otherwise all must be there
+    unused : a column that never holds anything but this is left out
+    required : its absence is an error
+    """
+
+    place: str
+    variables: tuple[str, ...]
+    stream: str
+    columns: tuple[Mapping[str, float], ...]
+    factors: tuple[float, ...]
+    offsets: tuple[float, ...]
+    units: tuple[str, ...]
+    valid: tuple[str, ...] = ()
+    stamp: str = ""
+    stamp_factor: float = 1e-6
+    frame: Frame = ()
+    instance: Literal["first", "most moved"] = "first"
+    partial: bool = False
+    unused: float | None = None
+    required: bool = False
+
+
+@dataclass(frozen=True)
+class Group:
+    """Variables that belong together.
+
+    Attributes
+    ----------
+    sources : in order of trust
+    choose : "fastest": the first that holds values, unless a later one was logged more than twice as fast;
+        "first": the first that holds values
+    without : variables that others supply
+    """
+
+    sources: tuple[Source, ...]
+    choose: Literal["fastest", "first"] = "fastest"
+    without: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -82,10 +135,15 @@ class FlightMapping:
     files: Mapping[str, str] = field(default_factory=dict)
 
     @property
+    def sources(self) -> tuple[Source, ...]:
+        """Sources of all groups."""
+        return tuple(chain.from_iterable(group.sources for group in self.groups.values()))
+
+    @property
     def streams(self) -> frozenset[str]:
         """Names of the streams it needs, without instance."""
-        named = {source.stream for group in self.groups.values() for source in group.sources}
-        named |= {name for align in self.alignments for name in (align.stream, align.reference)}
+        named = {source.stream for source in self.sources}
+        named |= {name for one in self.alignments for name in (one.stream, one.reference)}
         return frozenset(name.partition("/")[0] for name in named)
 
 
@@ -101,11 +159,11 @@ def ready(name: str) -> FlightMapping:
     if name not in READY.values():
         raise LogError(f"there is no ready mapping '{name}'; {nearest(name, sorted(set(READY.values())))}")
     text = (files("stoop.data") / "mappings" / f"{name}.toml").read_text("utf-8")
-    return flight_mapping(name, parse_toml(f"{name}.toml", text.encode()))
+    return flight_mapping(name, parse_source(text, f"{name}.toml", LogError))
 
 
 def read_flight_mapping(path: Path) -> FlightMapping:
-    """Read a mapping of either edition.
+    """Read a mapping file.
 
     Raises
     ------
@@ -114,55 +172,37 @@ def read_flight_mapping(path: Path) -> FlightMapping:
     FlightError
         When it names a variable that is not in the registry.
     """
-    return flight_mapping(str(path), read_toml(path))
+    return flight_mapping(
+        str(path), parse_source(read_source(path, "mapping", LogError), str(path), LogError)
+    )
 
 
 def flight_mapping(place: str, content: Mapping[str, Any]) -> FlightMapping:
     """Return the mapping that a file of this content is; see `read_flight_mapping`."""
-    for key in content:
-        if key not in _TABLES:
-            raise LogError(f"{place}: unknown table '{key}'; a mapping has {', '.join(sorted(_TABLES))}")
-    own = _groups(place, content)
-    base = ready(text_of(place, "top level", content, "extends")) if "extends" in content else None
-    surfaces = read_surfaces(place, content)
-    alignments = read_alignments(place, _sub(place, content, "align"))
-    if not own and base is None:
+    file = parse_mapping(place, content)
+    own = {name: _line(place, name, line) for name, line in file.variables.items()}
+    for name, table in file.group.items():
+        own.update(_groups(place, name, table))
+    if not own and file.extends is None:
         raise LogError(
             f"{place}: it names no variable; add a table [variables], such as p = {{column = "
             '"p", unit = "rad/s"}, or extends = "px4"'
         )
+    groups = dict(own)
+    if file.extends is not None:  # no group of the same name, none of the variables named anew
+        taken = with_other_form({n for group in own.values() for s in group.sources for n in s.variables})
+        for name, group in ready(file.extends).groups.items():
+            if name not in own and name.partition(".")[0] not in own:
+                groups[name] = replace(group, without=group.without | taken)
     return FlightMapping(
         place,
-        own if base is None else {**own, **_left(base.groups, own)},
-        _clock(place, "time", content["time"]) if "time" in content else None,
-        {name: _clock(place, f"clock.{name}", x) for name, x in _sub(place, content, "clock").items()},
-        surfaces,
-        alignments,
-        {
-            name: text_of(place, "files", table, name)
-            for table in [_sub(place, content, "files")]
-            for name in table
-        },
+        groups,
+        None if file.time is None else _clock(file.time),
+        {name: _clock(table) for name, table in file.clock.items()},
+        Surfaces.of(place, file.calibration, file.surface, file.mixer),
+        tuple(Alignment.of(place, name, table) for name, table in file.align.items()),
+        file.files,
     )
-
-
-def _groups(place: str, content: Mapping[str, Any]) -> dict[str, Group]:
-    groups = {
-        name: read_variable(place, name, entry) for name, entry in _sub(place, content, "variables").items()
-    }
-    for name, table in _sub(place, content, "group").items():
-        groups.update(split(name, read_group(place, name, table)))
-    return groups
-
-
-def _left(base: Mapping[str, Group], own: Mapping[str, Group]) -> dict[str, Group]:
-    """Return what a base still supplies: no group of the same name, none of the variables named anew."""
-    taken = {name for group in own.values() for source in group.sources for name in source.variables}
-    kept = {name: group for name, group in base.items() if name.partition(".")[0] not in own}
-    left = {
-        name: replace(group, without=group.without | with_other_form(taken)) for name, group in kept.items()
-    }
-    return {name: group for name, group in left.items() if name not in own}
 
 
 def with_other_form(taken: Set[str]) -> frozenset[str]:
@@ -171,21 +211,114 @@ def with_other_form(taken: Set[str]) -> frozenset[str]:
     return frozenset(taken).union(*others)
 
 
-def _sub(place: str, content: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    table = content.get(key, {})
-    if not isinstance(table, dict):
-        raise LogError(f"{place}: {key} is not a table; write [{key}]")
-    return table
+def unit_factor(at: str, variable: str, unit: str) -> float:
+    """Return the SI value of one unit; pulses are kept in microseconds."""
+    factors = PULSE_FACTORS if variable.startswith("pwm_") else FACTORS
+    if unit not in factors:
+        raise LogError(f"{at}.unit = '{unit}' is unknown; {nearest(unit, factors, 0.3)}")
+    return factors[unit]
 
 
-def _clock(place: str, where: str, table: object) -> Clock:
-    if not isinstance(table, dict):
-        raise LogError(f'{place}: {where} is not a table; write column = "t", unit = "s" under [{where}]')
-    only_keys(place, where, table, frozenset({"column", "unit", "offset"}))
-    unit = text_of(place, where, table, "unit")
-    if unit not in TIME_UNITS:
+def _clock(table: ClockTable) -> Clock:
+    return Clock(table.column, FACTORS[table.unit], table.offset)
+
+
+def _line(place: str, name: str, line: VariableTable) -> Group:
+    """Return the group of one variable that a line of [variables] is."""
+    at = f"{place}: variables.{name}"
+    if name not in VARIABLES:
+        raise FlightError(f"{at} is no variable of stoop; {nearest(name, VARIABLES)}")
+    shared = line.model_dump(exclude={"column", "file", "stream"})
+    stream = line.stream if "stream" in line.model_fields_set else line.file
+    table = SourceTable(variables=[name], columns=[line.column], stream=stream, **shared)
+    return Group((replace(_source(at, table), required=not line.optional),))
+
+
+def _groups(place: str, name: str, table: GroupTable) -> dict[str, Group]:
+    """Return one group per variable where the variables stand in different streams, else one for all."""
+    sources = [_source(f"{place}: group.{name}.sources[{i}]", one) for i, one in enumerate(table.sources)]
+    if not any(_BRACES.search(source.stream) for source in sources):
+        return {name: Group(tuple(sources), table.choose)}
+    parts: dict[str, Group] = {}
+    for source in sources:
+        streams = _expanded(source.place, source.stream)
+        columns = source.columns * len(streams) if len(source.columns) == 1 else source.columns
+        if not len(streams) == len(source.variables) == len(columns):
+            raise LogError(f"{source.place}: as many streams as variables are needed; count the braces")
+        for i, (variable, stream) in enumerate(zip(source.variables, streams, strict=True)):
+            lists = {
+                key: getattr(source, key)[i : i + 1]
+                for key in ("variables", "factors", "offsets", "units", "valid")
+            }
+            one = replace(source, stream=stream.removesuffix("/0"), columns=columns[i : i + 1], **lists)
+            before = parts.get(f"{name}.{variable}", Group((), table.choose))
+            parts[f"{name}.{variable}"] = replace(before, sources=(*before.sources, one))
+    return parts
+
+
+def _source(at: str, table: SourceTable) -> Source:
+    variables = table.variables if isinstance(table.variables, list) else [table.variables]
+    names = tuple(name for text in variables for name in _expanded(at, text))
+    for name in names:
+        if name not in VARIABLES:
+            raise FlightError(f"{at}.variables: '{name}' is no variable of stoop; {nearest(name, VARIABLES)}")
+    columns: list[Mapping[str, float]] = []
+    for part in table.columns if isinstance(table.columns, list) else [table.columns]:
+        columns += [part] if isinstance(part, dict) else [{name: 1.0} for name in _expanded(at, part)]
+    if len(columns) != len(names) and not _BRACES.search(table.stream):
+        raise LogError(f"{at}: {len(names)} variables, but {len(columns)} columns; name one for each")
+    units = _each(at, "unit", table.unit, len(names))
+    si = [_si(at, name, unit) for name, unit in zip(names, units, strict=True)]
+    scales = _each(at, "scale", table.scale, len(names))
+    offsets = _each(at, "offset", table.offset, len(names))
+    return Source(
+        at,
+        names,
+        table.stream,
+        tuple(columns),
+        factors=tuple(factor * scale for (factor, _), scale in zip(si, scales, strict=True)),
+        offsets=tuple(zero + offset for (_, zero), offset in zip(si, offsets, strict=True)),
+        units=units,
+        valid=_each(at, "valid", table.valid, len(names)),
+        stamp=table.stamp,
+        stamp_factor=FACTORS[table.stamp_unit],
+        frame=check_frame(at, names, table.frame),
+        instance=table.instance,
+        partial=table.partial,
+        unused=table.unused,
+    )
+
+
+def _si(at: str, variable: str, unit: str) -> tuple[float, float]:
+    """Return the SI value of one and of zero; a unit of another quantity than the variable's is refused."""
+    if not unit:
+        return 1.0, 0.0
+    factor = unit_factor(at, variable, unit)
+    known = VARIABLES[variable].unit
+    if unit != "1" and KINDS[unit] != KINDS[known]:
+        same = ", ".join(u for u in FACTORS if KINDS[u] == KINDS[known])
         raise LogError(
-            f"{place}: {where}.unit = '{unit}' is no unit of time; write one of {', '.join(TIME_UNITS)}"
+            f"{at}.unit = '{unit}' is {KINDS[unit]}, but {variable} is {KINDS[known]}; write one of {same}"
         )
-    offset = number_of(place, where, table, "offset", 0.0)
-    return Clock(text_of(place, where, table, "column"), FACTORS[unit], offset)
+    return factor, ZEROS.get(unit, 0.0)
+
+
+def _expanded(at: str, text: str) -> list[str]:
+    """Write out braces as a shell does: a{1..3} is a1, a2, a3."""
+    found = _BRACES.search(text)
+    if not found:
+        return [text]
+    first, last = (int(part) for part in found.groups())
+    if not 0 <= last - first < MAX_EXPANSION:
+        raise LogError(
+            f"{at}: '{text}' stands for nothing, or for more than {MAX_EXPANSION}; write {{first..last}}"
+        )
+    return [text[: found.start()] + str(n) + text[found.end() :] for n in range(first, last + 1)]
+
+
+def _each(at: str, key: str, given: _Item | Sequence[_Item], size: int) -> tuple[_Item, ...]:
+    """Return one for each variable: the one that was given, or those of a list."""
+    parts = tuple(given) if isinstance(given, list) else (given,) * size
+    if len(parts) != size:
+        raise LogError(f"{at}.{key}: {len(parts)} for {size} variables; give one, or as many as variables")
+    return parts  # type: ignore[return-value]

@@ -14,7 +14,7 @@ from stoop.base.rotations import wrap
 from stoop.base.units import DEGREE, FACTORS, KINDS, STANDARD_GRAVITY, ZEROS
 from stoop.base.variables import VARIABLES
 from stoop.checks.units import LARGEST, MEDIANS
-from stoop.flight.lag import Signal
+from stoop.flight.time_delay import Signal
 from stoop.logs.mapping import PULSES
 
 SPAN: Final = 0.2  #: s over which an angle is differenced

@@ -1,22 +1,16 @@
-"""What `stoop info` tells of a flight, as plain data."""
+"""Summary of a flight, as `stoop info` shows it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stoop.base.variables import VARIABLES
-from stoop.flight.aloft import motors_ran
-from stoop.flight.faults import Fault
+from stoop.base.notices import Notice, notice
+from stoop.base.variables import RATES, VARIABLES
+from stoop.flight.airborne import motors_ran
 from stoop.flight.flight import Flight
 from stoop.flight.maneuvers import Maneuver, find_maneuvers
-
-if TYPE_CHECKING:
-    from stoop.flight.reconstruction import AirData
 
 
 @dataclass(frozen=True)
@@ -49,73 +43,38 @@ class ChannelRow:
 
 @dataclass(frozen=True)
 class FlightSummary:
-    """All that is known of a flight before a vehicle is.
+    """A flight as it is known before a vehicle is.
 
     Attributes
     ----------
-    name, path : of the flight
-    start, stop : s, on the log's own clock
-    rate : Hz, of the grid
+    flight : what is described
     rows : one per channel, in the order of the registry
-    faults : suspected faults of sensors
     maneuvers : windows worth fitting
-    air : result of the flight-path reconstruction, where there was one
-    unmapped : stream -> columns that no mapping names; no columns: the stream was not read
-    notes : plain words
+    notices : those of the flight, and what makes it useless whatever the vehicle
     """
 
-    name: str
-    path: Path | None
-    start: float
-    stop: float
-    rate: float
+    flight: Flight
     rows: tuple[ChannelRow, ...]
-    faults: tuple[Fault, ...]
     maneuvers: tuple[Maneuver, ...]
-    air: AirData | None
-    unmapped: Mapping[str, tuple[str, ...]]
-    notes: tuple[str, ...]
+    notices: tuple[Notice, ...]
 
 
 def describe(flight: Flight) -> FlightSummary:
-    """Gather what is known of a flight."""
-    return FlightSummary(
-        name=flight.name,
-        path=flight.path,
-        start=float(flight.time[0]),
-        stop=float(flight.time[-1]),
-        rate=flight.rate,
-        rows=tuple(_row(flight, str(name)) for name in flight.data.data_vars),
-        faults=flight.faults,
-        maneuvers=tuple(find_maneuvers(flight)),
-        air=flight.air,
-        unmapped=flight.unmapped,
-        notes=(*flight.notes, *_useless(flight)),
-    )
-
-
-def _useless(flight: Flight) -> list[str]:
-    """Say why nothing can be identified from a flight, whatever the vehicle."""
-    missing = [
-        name
-        for name in ("p", "q", "r")
-        if name not in flight.data or not np.isfinite(flight.column(name)).any()
-    ]
-    out = [
-        f"{', '.join(missing)} not recorded: without body rates nothing tells moments or damping; log the gyros, or name "
-        "their columns in the mapping ([variables] p, q, r)"
-    ]
-    off = (
-        "the motors never ran: nothing flew in this log; give a log of a flight, or look at the columns and units of the "
-        "motor channels in the mapping"
-    )
-    return [*(out if missing else []), *([] if motors_ran(flight) else [off])]
+    """Summarize a flight."""
+    rows = tuple(_row(flight, str(name)) for name in flight.data.data_vars)
+    useless = []
+    missing = tuple(n for n in RATES if n not in flight.data or not np.isfinite(flight.column(n)).any())
+    if missing:
+        useless.append(notice("no-body-rates", variables=missing))
+    if not motors_ran(flight):
+        useless.append(notice("motors-never-ran"))
+    return FlightSummary(flight, rows, tuple(find_maneuvers(flight)), (*flight.notices, *useless))
 
 
 def _row(flight: Flight, name: str) -> ChannelRow:
     known, source, x = VARIABLES[name], flight.sources[name], flight.column(name)
-    there = x[np.isfinite(x)]
-    low, middle, high = np.quantile(there, [0.0, 0.5, 1.0]) if there.size else (np.nan, np.nan, np.nan)
+    finite = x[np.isfinite(x)]
+    low, middle, high = np.quantile(finite, [0.0, 0.5, 1.0]) if finite.size else (np.nan, np.nan, np.nan)
     return ChannelRow(
         variable=name,
         unit=known.unit,
@@ -127,5 +86,5 @@ def _row(flight: Flight, name: str) -> ChannelRow:
         minimum=float(low),
         median=float(middle),
         maximum=float(high),
-        missing=1.0 - there.size / x.size,
+        missing=1.0 - finite.size / x.size,
     )

@@ -1,6 +1,6 @@
 """Steady wind and pitot calibration of one flight, by robust least squares with honest standard errors.
 
-Two independent witnesses of the wind, each a block of residuals of the same six parameters
+Two independent kinds of evidence on the wind, each a block of residuals of the same six parameters
 theta = (w_n, w_e, k, c, beta_0, kappa)::
 
     pitot      pitot          = k |v - w| + c                              + noise
@@ -23,22 +23,24 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.base.units import DEGREE
+from stoop.base.robust import huber_weights, robust_std
+from stoop.flight.instrument_errors import prior_std
 
 WIND_N, WIND_E, SLOPE, OFFSET, TRIM, KAPPA = range(6)
-HUBER: Final = 1.345  #: standard deviations; 95 % efficient on Gaussian noise
-MAD: Final = 1.4826  #: median absolute deviation to standard deviation
-MEMORY: Final = 30.0  #: s, longest correlation looked for
-ROUNDS: Final = 3
-ITERATIONS: Final = 50
-TIGHT: Final = 1e-9
+MAX_LAG: Final = 30.0  #: s, longest correlation looked for
+WHITENING_ROUNDS: Final = 3
+MAX_ITERATIONS: Final = 50
+STEP_TOLERANCE: Final = 1e-9  #: of the prior standard deviations
+MIN_SIGMA: Final = 1e-4  #: m/s
+MIN_SPEED: Final = 1e-3  #: m/s
+KAPPA_PRIOR: Final = 2000.0  #: m; 2 m / (rho S) is 40 m for a small drone, 2000 m for an airliner
 
 
 @dataclass(frozen=True)
@@ -62,86 +64,62 @@ class Airborne:
     lateral: FloatArray
     pitot: FloatArray
 
-    def where(self, keep: FloatArray) -> Airborne:
-        """Keep only the samples at which the given values are finite."""
-        good = np.isfinite(keep)
+    def with_pitot(self) -> Airborne:
+        """Keep only the samples that hold a reading of the pitot."""
+        good = np.isfinite(self.pitot)
         parts = (self.velocity, self.right, self.lateral, self.pitot)
         velocity, right, lateral, pitot = (part[good] for part in parts)
         return Airborne(self.time[good], self.step, velocity, right, lateral, pitot)
 
 
-class Witness(Protocol):
-    """A block of residuals."""
-
-    @property
-    def samples(self) -> Airborne:
-        """Return the samples that the residuals belong to."""
-        ...
-
-    def residual(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return measured minus model (n,), and the derivative of the model (n, 6)."""
-        ...
-
-
-@dataclass(frozen=True)
-class Pitot:
-    """The pitot reads an affine function of the true airspeed."""
-
-    samples: Airborne
-
-    def residual(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return pitot - (k |v - w| + c) [m/s] and the derivative."""
-        air, speed = air_relative(self.samples.velocity, theta)
-        slopes = np.zeros((speed.size, 6))
-        slopes[:, :2] = -theta[SLOPE] * air[:, :2] / speed[:, None]
-        slopes[:, SLOPE], slopes[:, OFFSET] = speed, 1.0
-        return self.samples.pitot - (theta[SLOPE] * speed + theta[OFFSET]), slopes
-
-
-@dataclass(frozen=True)
-class Sideslip:
-    """Sideslip is what the lateral force says it is, and else a constant."""
-
-    samples: Airborne
-
-    def residual(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return lateral airspeed - (beta_0 V + kappa a_y / V) [m/s]; V is held in the derivative."""
-        air, speed = air_relative(self.samples.velocity, theta)
-        slopes = np.zeros((speed.size, 6))
-        slopes[:, :2] = self.samples.right[:, :2]
-        slopes[:, TRIM], slopes[:, KAPPA] = speed, self.samples.lateral / speed
-        lateral = np.sum(self.samples.right * air, axis=1)
-        return lateral - slopes[:, TRIM:] @ theta[TRIM:], slopes
-
-
 def air_relative(velocity: FloatArray, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Subtract the steady wind: (n, 3) m/s NED velocity through the air, (n,) m/s its length."""
     air = velocity - np.array([theta[WIND_N], theta[WIND_E], 0.0])
-    return air, np.maximum(np.linalg.norm(air, axis=1), 1e-3)
+    return air, np.maximum(np.linalg.norm(air, axis=1), MIN_SPEED)
+
+
+Equation = Callable[[Airborne, FloatArray], tuple[FloatArray, FloatArray]]
+"""Samples and theta (6,) -> measured minus model (n,) [m/s], and the derivative of the model (n, 6)."""
+
+Evidence = tuple[Equation, Airborne]
+
+
+def pitot_equation(samples: Airborne, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return pitot - (k |v - w| + c): the pitot reads an affine function of the true airspeed."""
+    air, speed = air_relative(samples.velocity, theta)
+    slopes = np.zeros((speed.size, 6))
+    slopes[:, :2] = -theta[SLOPE] * air[:, :2] / speed[:, None]
+    slopes[:, SLOPE], slopes[:, OFFSET] = speed, 1.0
+    return samples.pitot - (theta[SLOPE] * speed + theta[OFFSET]), slopes
+
+
+def sideslip_equation(samples: Airborne, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return lateral airspeed - (beta_0 V + kappa a_y / V); V is held in the derivative."""
+    air, speed = air_relative(samples.velocity, theta)
+    slopes = np.zeros((speed.size, 6))
+    slopes[:, :2] = samples.right[:, :2]
+    slopes[:, TRIM], slopes[:, KAPPA] = speed, samples.lateral / speed
+    lateral = np.sum(samples.right * air, axis=1)
+    return lateral - slopes[:, TRIM:] @ theta[TRIM:], slopes
 
 
 @dataclass(frozen=True)
 class Prior:
-    """What is believed before the flight: Gaussian, mean (6,) and std (6,)."""
+    """Gaussian prior of theta: mean (6,) and std (6,)."""
 
     mean: FloatArray
     std: FloatArray
 
     def with_wind(self, wind: FloatArray, std: FloatArray) -> Prior:
-        """Believe in a wind (2,) m/s."""
+        """Return the prior with another wind (2,) m/s."""
         return Prior(np.concatenate([wind, self.mean[2:]]), np.concatenate([std, self.std[2:]]))
 
 
 def default_prior(rest_offset: float) -> Prior:
-    """Weak belief: 10 m/s of wind, a pitot within 15 % and 3 m/s of what it reads at rest, 3 degrees of trim.
-
-    kappa is of the order of 2 m / (rho S): 40 m for a small drone, 2000 m for an airliner.
-    """
+    """Return the priors of the instrument errors, the offset of the pitot about what it reads at rest."""
     offset = rest_offset if np.isfinite(rest_offset) else 0.0
-    return Prior(
-        np.array([0.0, 0.0, 1.0, offset, 0.0, 0.0]),
-        np.array([10.0, 10.0, 0.15, 3.0, 3.0 * DEGREE, 2000.0]),
-    )
+    names = ("wind.n", "wind.e", "airspeed_pitot.scale", "airspeed_pitot.bias", "beta.bias")
+    return Prior(np.array([0.0, 0.0, 1.0, offset, 0.0, 0.0]), np.array([*map(prior_std, names), KAPPA_PRIOR]))
 
 
 @dataclass(frozen=True)
@@ -152,14 +130,12 @@ class Fit:
     ----------
     theta : (6,)
     covariance : (6, 6)
-    rms : m/s, one per witness
-    independent : number of samples that are worth an independent one, per witness
+    rms : m/s, one per block of residuals
     """
 
     theta: FloatArray
     covariance: FloatArray
     rms: tuple[float, ...]
-    independent: tuple[float, ...]
 
     @property
     def std(self) -> FloatArray:
@@ -172,65 +148,50 @@ class Fit:
         return float(np.sqrt(np.linalg.eigvalsh(self.covariance[:2, :2])[-1]))
 
 
-def fit(witnesses: Sequence[Witness], prior: Prior) -> Fit:
-    """Fit theta to all witnesses together, from the prior's mean; color and estimate in turn.
+def fit(evidence: Sequence[Evidence], prior: Prior) -> Fit:
+    """Fit theta to all evidence together, from the prior's mean: Gauss-Newton and correlation times in turn.
 
-    Without a witness, the prior itself.
+    Without evidence, the prior itself.
     """
-    theta = prior.mean.copy()
-    color = [1.0 for _ in witnesses]
-    for _ in range(ROUNDS):
-        theta = _minimize(witnesses, color, prior, theta)
-        left = [w.residual(theta)[0] for w in witnesses]
-        color = [samples_per_independent(w.samples, r) for w, r in zip(witnesses, left, strict=True)]
-    theta = _minimize(witnesses, color, prior, theta)
-    information, _ = _normal_equations(witnesses, color, prior, theta)
-    left = [w.residual(theta)[0] for w in witnesses]
-    rms = tuple(float(np.sqrt(np.mean(r**2))) for r in left)
-    independent = tuple(r.size / c for r, c in zip(left, color, strict=True))
-    return Fit(theta, np.asarray(np.linalg.inv(information), dtype=np.float64), rms, independent)
-
-
-def _minimize(
-    witnesses: Sequence[Witness], color: Sequence[float], prior: Prior, theta: FloatArray
-) -> FloatArray:
-    """Gauss-Newton with Huber weights."""
-    for _ in range(ITERATIONS):
-        information, pull = _normal_equations(witnesses, color, prior, theta)
-        move = np.linalg.solve(information, pull)
-        theta = theta + move
-        if float(np.max(np.abs(move) / prior.std)) < TIGHT:
-            break
-    return theta
+    theta, times = prior.mean.copy(), [1.0 for _ in evidence]
+    for round_ in range(WHITENING_ROUNDS + 1):
+        for _ in range(MAX_ITERATIONS):
+            information, gradient = _normal_equations(evidence, times, prior, theta)
+            step = np.linalg.solve(information, gradient)
+            theta = theta + step
+            if float(np.max(np.abs(step) / prior.std)) < STEP_TOLERANCE:
+                break
+        residuals = [equation(samples, theta)[0] for equation, samples in evidence]
+        if round_ < WHITENING_ROUNDS:
+            times = [correlation_time(s, r) for (_, s), r in zip(evidence, residuals, strict=True)]
+    information, _ = _normal_equations(evidence, times, prior, theta)
+    rms = tuple(float(np.sqrt(np.mean(r**2))) for r in residuals)
+    return Fit(theta, np.asarray(np.linalg.inv(information), dtype=np.float64), rms)
 
 
 def _normal_equations(
-    witnesses: Sequence[Witness], color: Sequence[float], prior: Prior, theta: FloatArray
+    evidence: Sequence[Evidence], times: Sequence[float], prior: Prior, theta: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     information = np.diag(prior.std**-2.0)
-    pull = (prior.mean - theta) / prior.std**2
-    for witness, worth in zip(witnesses, color, strict=True):
-        residual, slopes = witness.residual(theta)
-        weight = _weights(residual) / worth
+    gradient = (prior.mean - theta) / prior.std**2
+    for (equation, samples), time in zip(evidence, times, strict=True):
+        residual, slopes = equation(samples, theta)
+        sigma = max(robust_std(residual), MIN_SIGMA)
+        weight = huber_weights(residual, sigma) / sigma**2 / time
         information += slopes.T @ (weight[:, None] * slopes)
-        pull += slopes.T @ (weight * residual)
-    return information, pull
+        gradient += slopes.T @ (weight * residual)
+    return information, gradient
 
 
-def _weights(residual: FloatArray) -> FloatArray:
-    sigma = max(MAD * float(np.median(np.abs(residual))), 1e-4)
-    return np.minimum(1.0, HUBER * sigma / np.maximum(np.abs(residual), 1e-12)) / sigma**2
-
-
-def samples_per_independent(samples: Airborne, residual: FloatArray) -> float:
+def correlation_time(samples: Airborne, residual: FloatArray) -> float:
     """Return the integrated autocorrelation time in samples, across the holes; at least one."""
     place = np.rint((samples.time - samples.time[0]) / samples.step).astype(np.int64)
-    spread = MAD * float(np.median(np.abs(residual))) or 1.0
+    spread = robust_std(residual) or 1.0
     series, known = np.zeros(place[-1] + 1), np.zeros(place[-1] + 1)
     series[place], known[place] = np.clip(residual / spread, -5.0, 5.0), 1.0
     power = float(series @ series) / place.size
     total = 1.0
-    for lag in range(1, min(int(MEMORY / samples.step), series.size - 1) + 1):
+    for lag in range(1, min(int(MAX_LAG / samples.step), series.size - 1) + 1):
         pairs = float(known[lag:] @ known[:-lag])
         if pairs < 0.1 * place.size or power <= 0.0:
             break

@@ -15,19 +15,19 @@ from typing import Final
 
 from stoop.parallel.environment import ROOMS
 
-#: of stoop, what makes no numbers; `ROOMS` are in the environment whatever the work
-_SILENT: Final = ("parallel", "cli", "report", "errors", "base.files")
-_ELSEWHERE: Final = frozenset(f"stoop.{name.removesuffix('.py')}" for name in (*ROOMS, *_SILENT))
+OWN: Final = "stoop"
+SILENT: Final = ("parallel", "cli", "report", "errors", "base.files")  #: of stoop, what makes no numbers
+EXCLUDED: Final = frozenset(f"{OWN}.{name.removesuffix('.py')}" for name in (*ROOMS, *SILENT))
+Roots = Mapping[str, list[Path]]  #: top-level package or module -> its folders, or its file
 
 
 def work_sources(works: Iterable[str]) -> dict[str, str]:
     """Return one entry for an environment per module of some work functions: its name and a hash of its sources.
 
-    Counted are the module, the modules of the same top-level package that it imports wherever in its text, what they
-    import, and the ``__init__.py`` above each (what only that imports is not: pages of a study are no numbers). A
-    package that is imported as such counts with all of its files: it may import them by names that it computes. Rooms
-    of `stoop` that every environment has, or that make no numbers, are left out. A module without a source file has no
-    entry.
+    Counted are the module, the modules of the same top-level package and of `stoop` that it imports wherever in its
+    text, what they import, and the ``__init__.py`` above each (what only that imports is not). A package that is imported
+    as such counts with all of its files: it may import them by names that it computes. Rooms of `stoop` that every
+    environment has, or that make no numbers, are left out. A module without a source file has no entry.
 
     Parameters
     ----------
@@ -39,15 +39,34 @@ def work_sources(works: Iterable[str]) -> dict[str, str]:
 
 
 def _digest(module: str) -> str:
-    top = module.partition(".")[0]
-    files = _reached(module, _roots(top)) if top else {}
-    lines = (f"{name}\n{hashlib.sha256(text).hexdigest()}\n" for name, text in sorted(files.items()))
-    return hashlib.sha256("".join(lines).encode()).hexdigest() if files else ""
+    lines = (
+        f"{name}\n{hashlib.sha256(text).hexdigest()}\n" for name, text in sorted(reached(module).items())
+    )
+    text = "".join(lines)
+    return hashlib.sha256(text.encode()).hexdigest() if text else ""
+
+
+def reached(module: str) -> dict[str, bytes]:
+    """Return name and content of each file that a module brings in."""
+    roots = {top: found for top in (module.partition(".")[0], OWN) if (found := _roots(top))}
+    files: dict[str, bytes] = {}
+    queue, seen = [module], {*EXCLUDED}
+    while queue:
+        name = queue.pop()
+        if name in seen or any(name.startswith(f"{other}.") for other in EXCLUDED):
+            continue
+        seen.add(name)
+        for key, path in _files(name, roots):
+            files[key] = path.read_bytes()
+            queue += _imported(key, files[key], roots)
+        for key, path in _above(name, roots):
+            files.setdefault(key, path.read_bytes())
+    return files
 
 
 def _roots(top: str) -> list[Path]:
     """Return the file of a top-level module, or the folders of a package."""
-    if top == "__main__":  # another one in each process
+    if top in ("", "__main__"):  # the latter is another one in each process
         return []
     try:
         spec = importlib.util.find_spec(top)
@@ -60,24 +79,7 @@ def _roots(top: str) -> list[Path]:
     return [Path(spec.origin)] if spec.origin and spec.origin.endswith(".py") else []
 
 
-def _reached(module: str, roots: list[Path]) -> Mapping[str, bytes]:
-    """Return name and content of each file that a module brings in."""
-    files: dict[str, bytes] = {}
-    queue, seen = [module], {*_ELSEWHERE}
-    while queue:
-        name = queue.pop()
-        if name in seen or any(name.startswith(f"{other}.") for other in _ELSEWHERE):
-            continue
-        seen.add(name)
-        for key, path in _files(name, roots):
-            files[key] = path.read_bytes()
-            queue += _imported(key, files[key], roots)
-        for key, path in _above(name, roots):
-            files.setdefault(key, path.read_bytes())
-    return files
-
-
-def _above(name: str, roots: list[Path]) -> Iterator[tuple[str, Path]]:
+def _above(name: str, roots: Roots) -> Iterator[tuple[str, Path]]:
     """Return the ``__init__.py`` of the packages that a module lies in: importing it runs them."""
     parts = name.split(".")
     for count in range(1, len(parts)):
@@ -86,7 +88,7 @@ def _above(name: str, roots: list[Path]) -> Iterator[tuple[str, Path]]:
             yield ".".join((*parts[:count], "__init__.py")), path
 
 
-def _files(name: str, roots: list[Path]) -> list[tuple[str, Path]]:
+def _files(name: str, roots: Roots) -> list[tuple[str, Path]]:
     """Return the file of a module, or all files of a package."""
     place = _place(name, roots)
     if place is None:
@@ -97,10 +99,10 @@ def _files(name: str, roots: list[Path]) -> list[tuple[str, Path]]:
     return [(".".join((name, *p.relative_to(place).parts)), p) for p in found]
 
 
-def _place(name: str, roots: list[Path]) -> Path | None:
-    """Return the folder of a package or the file of a module; None: it is neither."""
-    parts = name.split(".")[1:]
-    for root in roots:
+def _place(name: str, roots: Roots) -> Path | None:
+    """Return the folder of a package or the file of a module; None: it is neither, or of another package."""
+    top, *parts = name.split(".")
+    for root in roots.get(top, ()):
         if not parts:
             return root
         folder = root.joinpath(*parts)
@@ -111,8 +113,8 @@ def _place(name: str, roots: list[Path]) -> Path | None:
     return None
 
 
-def _imported(key: str, content: bytes, roots: list[Path]) -> list[str]:
-    """Return the modules of the same top-level package that a file imports."""
+def _imported(key: str, content: bytes, roots: Roots) -> list[str]:
+    """Return the modules that a file imports from the packages that are followed."""
     if not key.endswith(".py"):
         return []
     try:
@@ -120,12 +122,11 @@ def _imported(key: str, content: bytes, roots: list[Path]) -> list[str]:
     except (SyntaxError, ValueError):  # importing it will say so
         return []
     package = key.removesuffix(".py").split(".")[:-1]
-    top = key.partition(".")[0]
     found = [name for node in ast.walk(tree) for name in _named(node, package, roots)]
-    return [name for name in found if name.partition(".")[0] == top]
+    return [name for name in found if name.partition(".")[0] in roots]
 
 
-def _named(node: ast.AST, package: list[str], roots: list[Path]) -> list[str]:
+def _named(node: ast.AST, package: list[str], roots: Roots) -> list[str]:
     """Return what an import statement names: of a package, the module that is asked for, or all of it."""
     if isinstance(node, ast.Import):
         return [alias.name for alias in node.names]

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.base.notices import Notice, as_notice, notice
+from stoop.base.notices import Notice, notice
 from stoop.errors import FlightError, VehicleError
 from stoop.flight import Flight, Segment, segments
-from stoop.flight.segments import SHORTEST, TRIMMED
+from stoop.flight.segmentation import MIN_SEGMENT
 from stoop.problem import Nuisance, Piece
 from stoop.problem.observation import (
     LAG_SCALE,
@@ -69,8 +69,9 @@ def _pieces(vehicle: Vehicle, flight: Flight, window: Window, index: int) -> tup
     wanted = ("altitude", *(c for c in state_channels(vehicle) if c not in vehicle.outputs))
     extras = tuple(name for name in wanted if name in flight.data)
     flight = with_average_voltage(vehicle, flight)
-    cut, notes = segments(flight, window.start, window.stop, list(vehicle.recorded), vehicle.outputs, extras)
-    notices = [as_notice(n, "warning" if TRIMMED in n else "info", "flight") for n in notes]
+    cut, notices = segments(
+        flight, window.start, window.stop, list(vehicle.recorded), vehicle.outputs, extras
+    )
     if not any(np.isfinite(s.z).any() for s in cut):
         raise FlightError(
             f"{window}: none of {', '.join(vehicle.outputs)} was recorded there; choose another window"
@@ -82,7 +83,7 @@ def _pieces(vehicle: Vehicle, flight: Flight, window: Window, index: int) -> tup
         notices += found
     if not out:
         raise FlightError(
-            f"{window}: nowhere {SHORTEST:g} s in which its whole state was measured; choose another window"
+            f"{window}: nowhere {MIN_SEGMENT:g} s in which its whole state was measured; choose another window"
         )
     return out, notices
 
@@ -115,7 +116,7 @@ def _piece(
     readings = {c: columns.get(c, blank) for c in state_channels(vehicle)}
     first = first_complete(readings)
     t, where = segment.t[first:], str(window)
-    if t[-1] - t[0] < 0.9 * SHORTEST:
+    if t[-1] - t[0] < 0.9 * MIN_SEGMENT:
         span = {"start": float(segment.t[0]), "stop": float(segment.t[-1])}
         return None, [notice("piece-dropped", where, **span)]
     notices = [notice("piece-starts-late", where, time=float(t[0]))] if first else []

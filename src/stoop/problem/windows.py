@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,35 @@ class Window:
 
     def __str__(self) -> str:
         return f"{self.flight}@{self.start:g}:{self.stop:g}"
+
+
+OneWindow: TypeAlias = str | tuple[float, float] | slice | Window
+Windows: TypeAlias = (
+    OneWindow | Sequence[OneWindow]
+)  #: "140:145", (140, 145), slice(140, 145); one or several
+
+
+def as_windows(given: Windows, flights: Mapping[str, Flight]) -> tuple[Window, ...]:
+    """Return windows, however they were written.
+
+    Raises
+    ------
+    FlightError
+        Of none of these forms, see :func:`parse_window`.
+    """
+    if isinstance(given, str | slice | Window) or (
+        isinstance(given, tuple) and len(given) == 2 and all(isinstance(edge, int | float) for edge in given)
+    ):
+        given = [cast("OneWindow", given)]
+    return tuple(one if isinstance(one, Window) else parse_window(_text(one), flights) for one in given)
+
+
+def _text(given: object) -> str:
+    """Return a window as START:STOP."""
+    edges = (given.start, given.stop) if isinstance(given, slice) else given
+    if isinstance(edges, Sequence) and not isinstance(edges, str) and len(edges) == 2:
+        return f"{edges[0]}:{edges[1]}"
+    return str(edges)
 
 
 def whole(flights: Mapping[str, Flight]) -> list[Window]:

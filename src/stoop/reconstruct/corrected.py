@@ -9,10 +9,11 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice, notice
 from stoop.base.variables import EULER, QUATERNION, VARIABLES, WRAPPED
 from stoop.flight import Flight
-from stoop.flight.load import RECONSTRUCTED, with_air
-from stoop.flight.make import dataset, on_circle, with_attitude
+from stoop.flight.air_data_reconstruction import RECONSTRUCTED, with_air
+from stoop.flight.flight import dataset, on_circle, with_attitude
 from stoop.reconstruct.equations import INPUTS
 from stoop.reconstruct.estimate import Estimate
 from stoop.reconstruct.unknowns import DELAYED, RATES_DELAY
@@ -44,17 +45,20 @@ def corrected_flight(found: Estimate) -> Flight:
     whole = with_attitude(on_circle(angles))
     ordered = {name: whole[name] for name in VARIABLES if name in whole}
     sources = {name: flight.sources[name] for name in ordered}
-    note = "corrected by stoop compatibility: biases, scales and evident delays undone"
     made = replace(
-        flight, data=dataset(flight.time, ordered), sources=sources, air=None, notes=(*_notes(flight), note)
+        flight,
+        data=dataset(flight.time, ordered),
+        sources=sources,
+        air=None,
+        notices=(*_notices(flight), notice("corrected", flight.name)),
     )
     return with_air(made)
 
 
-def _notes(flight: Flight) -> tuple[str, ...]:
+def _notices(flight: Flight) -> tuple[Notice, ...]:
     """Return what was said of the log, without what was said of the old air data."""
-    told = () if flight.air is None else flight.air.notes
-    return tuple(note for note in flight.notes if note not in told)
+    told = () if flight.air is None else flight.air.notices
+    return tuple(found for found in flight.notices if found not in told)
 
 
 def _is_measured(flight: Flight, name: str) -> bool:

@@ -22,12 +22,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import FloatArray, run_slices
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.errors import FlightError
 from stoop.flight import Flight
-from stoop.flight.maneuvers import airborne
-from stoop.flight.segments import runs
+from stoop.flight.airborne import airborne
 from stoop.vehicle.atmosphere import standard_density
 
 BLOCK: Final = 5.0  #: s: longer than motor and pilot take, shorter than a climb
@@ -97,7 +96,7 @@ def blocks(
     size = round(length * flight.rate)
     starts = [
         (number, at)
-        for number, run in enumerate(runs(good))
+        for number, run in enumerate(run_slices(good))
         for at in range(run.start, run.stop - size, size)
     ]
     if len(starts) < LEAST:

@@ -9,13 +9,12 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import FloatArray, run_slices
 from stoop.base.rotations import matrices_of, quaternions_of
 from stoop.errors import FlightError
 from stoop.flight import Flight, segments
-from stoop.flight.aloft import flying
-from stoop.flight.load import RECONSTRUCTED
-from stoop.flight.segments import runs
+from stoop.flight.air_data_reconstruction import RECONSTRUCTED
+from stoop.flight.airborne import flying
 from stoop.reconstruct.equations import INPUTS, OUTPUTS
 from stoop.reconstruct.problem import Piece
 from stoop.reconstruct.unknowns import AIR, GROUND
@@ -107,7 +106,7 @@ def _taking_part(flight: Flight, measured: tuple[str, ...]) -> tuple[str, ...]:
 def _airborne(flight: Flight) -> list[tuple[float, float]]:
     return [
         (float(flight.time[run.start]), float(flight.time[run.stop - 1]))
-        for run in runs(flying(flight))
+        for run in run_slices(flying(flight))
         if run.stop - run.start > SHORTEST * flight.rate
     ]
 
@@ -128,7 +127,7 @@ def _pieces(
         for part in _parts(len(segment.t), flight.rate):
             piece = _piece(flight, segment.t[part], {name: x[part] for name, x in columns.items()})
             out += [piece] if piece is not None else []
-    return out, notes
+    return out, [str(found) for found in notes]
 
 
 def _parts(count: int, rate: float) -> list[slice]:

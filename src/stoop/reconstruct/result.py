@@ -127,9 +127,9 @@ def check(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> tuple[
 
 def _told(flight: Flight) -> list[str]:
     """Return what was said of the log, less its faults, which are warnings here, and its air data."""
-    air = () if flight.air is None else flight.air.notes
+    air = () if flight.air is None else tuple(map(str, flight.air.notices))
     faults = {fault.message for fault in flight.faults}
-    return [note for note in flight.notes if note not in faults and note not in air]
+    return [note for note in map(str, flight.notices) if note not in faults and note not in air]
 
 
 def _findings(found: Estimate) -> dict[str, Finding]:

@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from pathlib import Path
-from typing import Any, Final, Literal, TypeAlias, cast, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -29,6 +29,9 @@ from stoop.results.uncertainty import (
     Repeatability,
     SingleEstimate,
 )
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = [
     "AirDataTrace", "BaselineFit", "ChannelTrace", "ConditionModes", "Covariance", "Estimate", "GoodnessOfFit",
@@ -221,6 +224,21 @@ class Result:
         """What was found in the data: information about logs, mappings and flights."""
         found = of_severity(self.notices, "info")
         return tuple(one for one in found if one.topic in ("log", "mapping", "flight"))
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return one row for each parameter, indexed by its name."""
+        from stoop.results.labelled import to_dataframe
+
+        return to_dataframe(self)
+
+    def __repr__(self) -> str:
+        """Return the size and status on one line."""
+        return f"<Result: {len(self.parameters)} parameters, {self.method}, {self.status}>"
+
+    def _repr_html_(self) -> str:
+        from stoop.results.labelled import html_table
+
+        return html_table(self)
 
     def to_json(self) -> str:
         """Return the result as JSON text; NaN and infinities become ``null``."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice, notice
 from stoop.base.rotations import to_ground
 from stoop.errors import ManeuverError, SimulationError
 from stoop.flight import VARIABLES, Flight, from_columns
@@ -286,15 +287,15 @@ def record(
             if channel not in vehicle.outputs:
                 noise = 0.0 if ground_noise is None else ground_noise.get(channel, GROUND_SPEED_NOISE)
                 columns[channel] = flown.velocity[:, i] + noise * draw[:, i]
-    notes = ("simulated flight", *_changed(vehicle, flown), *_saturated(vehicle, flown))
-    flight = from_columns(name, flown.time, columns, notes)
+    notices = (notice("simulated", name), *_changed(vehicle, flown), *_saturated(vehicle, flown))
+    flight = from_columns(name, flown.time, columns, notices)
     flight.data.attrs["truth"] = json.dumps(
         {p.name: flown.trim.changes.get(p.name, p.value) for p in vehicle.parameters if p.free}
     )
     return flight
 
 
-def _saturated(vehicle: Vehicle, flown: Flown) -> list[str]:
+def _saturated(vehicle: Vehicle, flown: Flown) -> list[Notice]:
     """Say which rotors could not do what was asked of them."""
     if flown.clipped is None:
         return []
@@ -302,10 +303,7 @@ def _saturated(vehicle: Vehicle, flown: Flown) -> list[str]:
     held = [name for name, share in zip(channel_range(vehicle).names, shares, strict=True) if share > 0.0]
     if not held:
         return []
-    return [
-        f"rotors at an end of their range: {', '.join(held)}, for up to {shares.max():.1%} of the flight; there they did "
-        "not do what was asked of them: lower the amplitudes, or leave these parts out of a fit"
-    ]
+    return [notice("rotors-saturated", rotors=tuple(held), share=float(shares.max()))]
 
 
 def numbers_set(vehicle: Vehicle, point: Trim) -> dict[str, float]:
@@ -317,11 +315,17 @@ def numbers_set(vehicle: Vehicle, point: Trim) -> dict[str, float]:
     }
 
 
-def _changed(vehicle: Vehicle, flown: Flown) -> list[str]:
+def _changed(vehicle: Vehicle, flown: Flown) -> list[Notice]:
     """Say what the trim set: a fit with the file's own number would put the difference into the drag."""
     return [
-        f"{name} was set to {value:.7g} {vehicle.parameters[vehicle.rows[name]].unit} to hold "
-        f"{flown.trim.start['V']:g} m/s; the vehicle file says {vehicle.value(name):.7g}"
+        notice(
+            "set-by-trim",
+            name,
+            value=value,
+            unit=vehicle.parameters[vehicle.rows[name]].unit,
+            airspeed=flown.trim.start["V"],
+            given=vehicle.value(name),
+        )
         for name, value in numbers_set(vehicle, flown.trim).items()
     ]
 

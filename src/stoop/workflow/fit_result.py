@@ -108,7 +108,7 @@ def _notices(
     ]
     prepared = [n for g in groups for n in of_severity(g.prepared.notices, "info")]
     per_mass = ratios(vehicle, {name: (p.estimate, p.std_error) for name, p in result.parameters.items()})
-    of_flights = [found for flight in flights.values() for found in flight.notes]
+    of_flights = [found for flight in flights.values() for found in flight.notices]
     return [
         *predictions,
         *of_severity(fit.notices, "info"),
@@ -228,7 +228,7 @@ def _wind(flights: Mapping[str, Flight]) -> tuple[WindEstimate, ...]:
         if np.isfinite(air.pitot_scale):
             values["pitot_scale"] = Quantity(air.pitot_scale, air.pitot_scale_std, "1")
             values["pitot_offset"] = Quantity(air.pitot_offset, air.pitot_offset_std, "m/s")
-        out.append(WindEstimate(flight.name, values, air.residual_rms, tuple(map(str, air.notes))))
+        out.append(WindEstimate(flight.name, values, air.residual_rms, tuple(map(str, air.notices))))
     return tuple(out)
 
 

@@ -6,8 +6,10 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from stoop import optimize
+from stoop.base.notices import Notice
 from stoop.errors import FlightError
 from stoop.estimate import methods
 from stoop.estimate.fit import Fit, Options
@@ -16,12 +18,18 @@ from stoop.estimate.mismatch import check_inputs
 from stoop.estimate.predict import identified_vehicle
 from stoop.flight import Flight, load, without, without_faults
 from stoop.problem.prepare import prepare
-from stoop.problem.windows import Window, parse_window
-from stoop.results.result import Identification
+from stoop.problem.windows import Window, Windows, as_windows
+from stoop.results.result import Identification, ParameterEstimate, Result
 from stoop.vehicle import Vehicle, load_vehicle
 from stoop.workflow.case import Assessment
 from stoop.workflow.fit_result import identification
 from stoop.workflow.provenance import by_name, flight_files, input_hashes
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from stoop.report.notebook import Plots
 
 DEFAULTS = Options()
 
@@ -75,6 +83,54 @@ class Job:
 
         return write_outputs(self, Path(folder), overwrite)
 
+    @property
+    def result(self) -> Result:
+        """The numbers, as ``result.json`` holds them."""
+        return self.identification.result
+
+    @property
+    def parameters(self) -> Mapping[str, ParameterEstimate]:
+        """Estimates by name, such as ``fit.parameters["Clp"].std_error``."""
+        return self.result.parameters
+
+    @property
+    def notices(self) -> tuple[Notice, ...]:
+        """Findings about the data and the fit."""
+        return self.result.notices
+
+    @property
+    def plot(self) -> Plots:
+        """Plots, such as ``fit.plot.maneuvers()``."""
+        from stoop.report.notebook import Plots
+
+        return Plots(self.identification)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return one row for each parameter, indexed by its name."""
+        return self.result.to_dataframe()
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return estimates, covariance, measured and simulated readings, labelled; see `stoop.results.labelled`."""
+        from stoop.results.labelled import to_xarray
+
+        return to_xarray(self.identification)
+
+    def to_arviz(self) -> Any:
+        """Return the draws of the posterior as `arviz.InferenceData`, once one was drawn."""
+        from stoop.results.labelled import to_arviz
+
+        return to_arviz(self.attachments)
+
+    def __repr__(self) -> str:
+        """Return vehicle, size and status on one line."""
+        r = self.result
+        return (
+            f"<Fit of {self.identification.vehicle}: {len(r.parameters)} parameters, {r.method}, {r.status}>"
+        )
+
+    def _repr_html_(self) -> str:
+        return self.result._repr_html_()
+
     def __str__(self) -> str:
         """Return the estimates as a table."""
         from stoop.workflow.summary import estimates_table
@@ -99,8 +155,8 @@ class Search:
 def identify(
     vehicle: Vehicle | str | Path,
     flights: Flight | str | Path | Sequence[Flight | str | Path],
-    maneuvers: Sequence[str],
-    validate: Sequence[str] = (),
+    maneuvers: Windows,
+    validate: Windows = (),
     options: Options = DEFAULTS,
     callback: Callable[[optimize.Progress], None] | None = None,
     state: optimize.State | None = None,
@@ -114,9 +170,10 @@ def identify(
     vehicle : Vehicle or path
         Which numbers are free, their bounds, priors and starting values.
     flights : Flight, path, or a sequence of them
-    maneuvers : sequence of str
-        ``[FLIGHT@]START:STOP[#LOADING]``, seconds of the log's own clock; fitted jointly.
-    validate : sequence of str
+    maneuvers : windows
+        Fitted jointly: ``"[FLIGHT@]START:STOP[#LOADING]"``, ``(start, stop)``, ``slice(start, stop)`` in seconds of the log's own
+        clock, or a `Window`; one or several.
+    validate : windows
         Likewise; predicted, nothing is fitted there.
     options : Options
     callback : callable, optional
@@ -139,8 +196,8 @@ def identify(
 def search(
     vehicle: Vehicle | str | Path,
     flights: Flight | str | Path | Sequence[Flight | str | Path],
-    maneuvers: Sequence[str],
-    validate: Sequence[str] = (),
+    maneuvers: Windows,
+    validate: Windows = (),
     options: Options = DEFAULTS,
     callback: Callable[[optimize.Progress], None] | None = None,
     state: optimize.State | None = None,
@@ -185,15 +242,14 @@ def finish(done: Search) -> Job:
 
 
 def _windows(
-    maneuvers: Sequence[str], validate: Sequence[str], flights: Mapping[str, Flight]
+    maneuvers: Windows, validate: Windows, flights: Mapping[str, Flight]
 ) -> tuple[tuple[Window, ...], tuple[Window, ...]]:
     """Return windows to fit and windows to predict."""
     if not maneuvers:
         raise FlightError(
             "identify: no maneuver is given; name at least one window START:STOP, see stoop info"
         )
-    fitted = tuple(parse_window(text, flights) for text in maneuvers)
-    predicted = tuple(parse_window(text, flights) for text in validate)
+    fitted, predicted = as_windows(maneuvers, flights), as_windows(validate, flights)
     for i, window in enumerate(fitted):
         _check_apart(window, fitted[:i], "the same samples would count twice; give windows that lie apart")
     for window in predicted:

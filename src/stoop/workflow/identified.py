@@ -11,7 +11,7 @@ import numpy as np
 from stoop.assess.baseline import BaselineManeuver
 from stoop.errors import StoopError
 from stoop.flight import Flight, load
-from stoop.flight.make import named
+from stoop.flight.flight import flight_name
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
 from stoop.results.result import Result, read_result
@@ -142,7 +142,9 @@ def _vehicle(folder: Path, result: Result) -> Vehicle:
 def _hashes(folder: Path, result: Result) -> dict[str, str]:
     names = flight_names(result)
     logged = {
-        digest: named(Path(file)) for file, digest in result.inputs.items() if named(Path(file)) in names
+        digest: flight_name(Path(file))
+        for file, digest in result.inputs.items()
+        if flight_name(Path(file)) in names
     }
     copies = {name: folder / flight_file(name, len(names)) for name in names}
     kept = {next(iter(file_hashes([p]).values())): name for name, p in copies.items() if p.exists()}

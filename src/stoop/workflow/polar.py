@@ -14,7 +14,7 @@ from stoop.base.files import write_text_atomic
 from stoop.base.numbers import finite_or_none, number
 from stoop.errors import FlightError
 from stoop.flight import Flight
-from stoop.flight.load import RECONSTRUCTED
+from stoop.flight.air_data_reconstruction import RECONSTRUCTED
 from stoop.reconstruct.performance import Blocks, blocks
 from stoop.reconstruct.polar import DISC, DISC_SPREAD, Polar, Propulsion, fit_polar
 from stoop.workflow.provenance import file_hashes, flight_files, versions
@@ -58,7 +58,7 @@ def drag_polar(
     cut = blocks(flight, mass, windows)
     _check_lift(flight, cut, mass, area)
     polar = fit_polar(cut, mass, area, _airspeed_std(flight), propulsion)
-    return polar, (*_propulsion_notes(polar, propulsion), *_notes(polar), *flight.notes)
+    return polar, (*_propulsion_notes(polar, propulsion), *_notes(polar), *map(str, flight.notices))
 
 
 def _check_lift(flight: Flight, cut: Blocks, mass: float, area: float) -> None:

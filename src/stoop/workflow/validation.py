@@ -170,7 +170,7 @@ def _predicted(
         used.append(flight)
         results += found
         traces += drawn
-        of_data += [*flight.notes, *of_severity(prepared.notices, "info")]
+        of_data += [*flight.notices, *of_severity(prepared.notices, "info")]
         doubts += of_severity(prepared.notices, "warning")
     status = search_notices(identified.result.status, identified.result.advice)
     warnings = [*status, *_diverging(results), *map(as_notice, doubts)]

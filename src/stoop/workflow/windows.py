@@ -12,9 +12,10 @@ import numpy as np
 
 from stoop.base.files import write_text_atomic
 from stoop.base.numbers import number
+from stoop.base.variables import RATES
 from stoop.design.windows import Found, Proposed
 from stoop.flight import VARIABLES, Flight
-from stoop.flight.commands import RATES, commands
+from stoop.flight.maneuvers import commands
 from stoop.problem.windows_file import NAME, Entry, written
 from stoop.report.plots import Series, Shade, Strip, stacked_plots
 from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table, write_sheet

@@ -7,7 +7,7 @@ import pytest
 
 from stoop.estimate.forces import CUTOFF, ForceCurves, ReferenceModels, force_curves, low_passed
 from stoop.flight import Flight
-from stoop.flight.make import from_columns
+from stoop.flight.flight import from_columns
 from stoop.problem.prepare import with_average_voltage
 from stoop.problem.windows import Window
 from stoop.simulate import initial_states, parameter_rows

@@ -10,9 +10,9 @@ import pytest
 from stoop.errors import IdentificationError
 from stoop.estimate.methods import MIN_MOTOR_RATE, MethodChoice, choose_method, find
 from stoop.flight import Flight
-from stoop.flight.build import build
 from stoop.flight.channels import Channels
-from stoop.flight.make import dataset
+from stoop.flight.flight import dataset
+from stoop.flight.gridding import grid_channels
 from stoop.vehicle.builtin import builtin_vehicle
 
 MOTORS = tuple(f"motor_{i}" for i in range(1, 5))
@@ -22,7 +22,7 @@ def logged(rate: float, grid: float = 100.0) -> Flight:
     """Return seconds of a log whose motors came at a rate of their own, and one other channel at 250 Hz."""
     fast, slow = np.arange(0.0, 4.0, 0.004), np.arange(0.0, 4.0, 1.0 / rate)
     motors = Channels("actuator_outputs", slow, {m: 0.5 + 0.1 * np.sin(slow) for m in MOTORS})
-    laid, data, sources = build([Channels("gyro", fast, {"p": np.sin(fast)}), motors], grid, "log")
+    laid, data, sources = grid_channels([Channels("gyro", fast, {"p": np.sin(fast)}), motors], grid, "log")
     return Flight("log", None, dataset(laid.time, data), grid, sources)
 
 

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation, Slerp
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import wrap
 from stoop.base.variables import EULER, QUATERNION
-from stoop.flight.build import build
 from stoop.flight.channels import Channels
+from stoop.flight.gridding import grid_channels
 
 
 def scalar_first(rotation: Rotation) -> FloatArray:
@@ -29,7 +29,9 @@ def test_the_gridded_attitude_follows_slerp_through_any_sign(recorded_rate: floa
         "ZYX", [3.0, 0.4, -0.5]
     )
     recorded = scalar_first(turning) * rng.choice([-1.0, 1.0], time.size)[:, None]
-    grid, data, _ = build([Channels("att", time, dict(zip(QUATERNION, recorded.T, strict=True)))], 100.0, "f")
+    grid, data, _ = grid_channels(
+        [Channels("att", time, dict(zip(QUATERNION, recorded.T, strict=True)))], 100.0, "f"
+    )
     ours = np.column_stack([data[name] for name in QUATERNION])
     inside = slice(20, -20)  # the low-pass distorts the ends
     truth = Slerp(time, turning)(grid.time[inside])
@@ -45,7 +47,7 @@ def test_recorded_euler_angles_are_not_interpolated_through_the_turn_of_heading(
     heading = wrap(2.5 + 0.8 * time)
     level = np.zeros_like(time)
     channels = Channels("att", time, {"phi": level, "theta": level, "psi": heading})
-    grid, data, sources = build([channels], 100.0, "f")
+    grid, data, sources = grid_channels([channels], 100.0, "f")
     np.testing.assert_allclose(np.exp(1j * data["psi"]), np.exp(1j * (2.5 + 0.8 * grid.time)), atol=1e-4)
     assert np.max(np.abs(data["phi"])) < 1e-9
     assert sources["psi"].source == "att"
@@ -53,6 +55,6 @@ def test_recorded_euler_angles_are_not_interpolated_through_the_turn_of_heading(
 
 def test_a_heading_alone_is_unwrapped_too() -> None:
     time = np.arange(0.0, 4.0, 0.03)
-    grid, data, _ = build([Channels("att", time, {"psi": wrap(2.5 + 0.8 * time)})], 100.0, "f")
+    grid, data, _ = grid_channels([Channels("att", time, {"psi": wrap(2.5 + 0.8 * time)})], 100.0, "f")
     np.testing.assert_allclose(np.exp(1j * data["psi"]), np.exp(1j * (2.5 + 0.8 * grid.time)), atol=1e-6)
     assert np.all((data["psi"] > -np.pi) & (data["psi"] <= np.pi))

@@ -8,8 +8,8 @@ from scipy.signal import lfilter
 
 from stoop.base.arrays import FloatArray
 from stoop.flight import Flight, find_maneuvers, from_columns
-from stoop.flight.aloft import airborne, flying, lift, lifting, motors_ran
-from stoop.flight.commands import commands, directions
+from stoop.flight.airborne import airborne, carried_by_rotors, flying, lift_command, motors_ran
+from stoop.flight.maneuvers import commands, directions
 
 RATE = 100.0
 TIME = 60.0 + np.arange(9000) / RATE
@@ -72,7 +72,7 @@ def test_without_rates_no_direction_has_a_name() -> None:
 
 def test_a_hover_counts_as_flight_though_nothing_moves() -> None:
     flight = hover()
-    assert lifting(flight)
+    assert carried_by_rotors(flight)
     assert flying(flight).all()
     assert not airborne(flight).any()
 
@@ -90,7 +90,7 @@ def test_take_off_landing_and_idling_are_no_flight() -> None:
 def test_motors_off(value: float) -> None:
     off = {f"motor_{n}": np.full(TIME.size, value) for n in range(1, 5)}
     flight = hover(**off, control_throttle=np.zeros(TIME.size))
-    told = lift(flight)
+    told = lift_command(flight)
     assert told is None or not np.nan_to_num(told).any()
     assert commands(flight) == []
 
@@ -107,8 +107,8 @@ def test_pulses_are_read_above_idle() -> None:
     columns = {n: base.column(n) for n in ("p", "q", "r", "az", "vn", "ve", "vd")}
     force = {"ax": 0 * TIME, "ay": 0 * TIME, "altitude": np.where(TIME < 70.0, 0.0, 5.0)}
     flight = from_columns("f", TIME, {**columns, **force, **pulses})
-    assert lifting(flight)
-    told = lift(flight)
+    assert carried_by_rotors(flight)
+    told = lift_command(flight)
     assert told is not None
     assert float(np.median(told)) == pytest.approx(0.45, abs=0.02)
     assert [m.variable for m in find_maneuvers(flight)] == ["pwm_1..4"] * 4

@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.base.notices import notice
 from stoop.base.units import FACTORS
 from stoop.base.variables import variable
 from stoop.errors import FlightError, LogError, StoopError
 from stoop.flight import OUTPUTS, VARIABLES, Flight, from_columns, load
-from stoop.flight.load import with_air, without
-from stoop.flight.make import named
+from stoop.flight.air_data_reconstruction import with_air, without
+from stoop.flight.flight import flight_name
 from stoop.logs.ulog_write import Topic, ulog
 
 MAPPING = """[time]
@@ -26,6 +27,10 @@ p = {column = "p", unit = "rad/s"}
 q = {column = "q", unit = "rad/s"}
 elevator = {column = "de", unit = "rad"}
 """
+
+
+def codes(flight: Flight) -> set[str]:
+    return {found.code for found in flight.notices}
 
 
 def rows(size: int = 500) -> list[list[float]]:
@@ -53,7 +58,7 @@ def test_channels_come_as_they_are(tmp_path: Path) -> None:
     for k, name in enumerate(("phi", "theta", "psi", "p", "q", "elevator"), start=1):
         np.testing.assert_allclose(flight.column(name), np.array(table)[:, k], atol=1e-9)
     assert flight.data["p"].attrs["units"] == "rad/s"
-    assert any("no air data" in note for note in flight.notes)
+    assert "no-air-data" in codes(flight)
 
 
 def test_another_rate(tmp_path: Path) -> None:
@@ -66,7 +71,9 @@ def test_rows_out_of_order_are_dropped_and_told(tmp_path: Path) -> None:
     table[100][0] = 0.0
     table[200][0] = float("nan")
     flight = load(write(tmp_path, table))
-    assert any("2 of 500 samples dropped" in note for note in flight.notes)
+    assert any(
+        "2 of 500 samples dropped" in str(found) for found in flight.notices if found.code == "log-defect"
+    )
     np.testing.assert_allclose(flight.column("p")[100], 0.6 * np.cos(2 * 4.0), atol=1e-3)
 
 
@@ -117,7 +124,7 @@ def test_impossible_sizes_are_missing(tmp_path: Path) -> None:
     table[50][4] = 1e300
     table[60][4] = float("inf")
     flight = load(write(tmp_path, table))
-    assert any("2 samples of p are beyond any size" in note for note in flight.notes)
+    assert notice("impossible-values", "sortie.csv", variable="p", count=2) in flight.notices
     assert np.nanmax(np.abs(flight.column("p"))) < 1.0
 
 
@@ -142,7 +149,7 @@ def test_wild_times_do_not_fill_the_memory(tmp_path: Path) -> None:
 
 
 def test_names_lose_their_endings() -> None:
-    assert [named(Path(p)) for p in ("a/b.csv.gz", "a/b.ulg", "b.nc", "x/flight2", "v1.2.csv")] == [
+    assert [flight_name(Path(p)) for p in ("a/b.csv.gz", "a/b.ulg", "b.nc", "x/flight2", "v1.2.csv")] == [
         "b",
         "b",
         "b",
@@ -214,7 +221,7 @@ def test_a_measured_airspeed_stays() -> None:
         assert flight.air is not None
         assert flight.air.method == "pitot"
         assert flight.air.wind_n == pytest.approx(3.0, abs=0.1)
-        assert sum("V is as measured" in note and "pitot" in note for note in flight.notes) == 1
+        assert [found.code for found in flight.notices].count("airspeed-measured-as-pitot") == 1
 
 
 def test_a_pitot_tells_the_wind_before_a_measured_airspeed() -> None:
@@ -223,7 +230,7 @@ def test_a_pitot_tells_the_wind_before_a_measured_airspeed() -> None:
     assert flight.air.wind_n == pytest.approx(3.0, abs=0.1)
     assert flight.column("airspeed_pitot")[0] == 18.0
     assert flight.column("V")[0] == 21.0
-    assert not any("served as the pitot" in note for note in flight.notes)
+    assert "airspeed-measured-as-pitot" not in codes(flight)
 
 
 def test_an_airspeed_that_was_not_measured_is_reconstructed_anew() -> None:
@@ -231,7 +238,7 @@ def test_an_airspeed_that_was_not_measured_is_reconstructed_anew() -> None:
     assert flight.sources["V"].source == "reconstructed"
     again = without(flight, [(0.0, 30.0)])
     assert not np.array_equal(again.column("V"), flight.column("V"))
-    assert not any("as measured" in note for note in again.notes)
+    assert not codes(again) & {"airspeed-measured", "airspeed-measured-as-pitot"}
 
 
 def test_what_hovers_needs_no_air_data(tmp_path: Path) -> None:
@@ -239,8 +246,8 @@ def test_what_hovers_needs_no_air_data(tmp_path: Path) -> None:
     still = {name: np.zeros(time.size) for name in ("phi", "theta", "psi", "vn", "ve", "vd")}
     sway = 0.5 + 0.01 * np.sin(time)
     rotors = {f"motor_{n}": sway for n in range(1, 5)}
-    assert with_air(from_columns("hover", time, {**still, **rotors})).notes == ()
-    assert "less than 5 s" in with_air(from_columns("parked", time, still)).notes[0]
+    assert with_air(from_columns("hover", time, {**still, **rotors})).notices == ()
+    assert codes(with_air(from_columns("parked", time, still))) == {"no-air-data-short-flight"}
     names = ("motor_1", "motor_2", "motor_3")
     mapping = '[time]\ncolumn = "t"\nunit = "s"\n[variables]\n' + "".join(
         f'{name} = {{column = "{name}", unit = "1"}}\n' for name in names
@@ -248,7 +255,7 @@ def test_what_hovers_needs_no_air_data(tmp_path: Path) -> None:
     (tmp_path / "m.toml").write_text(mapping)
     table = np.column_stack([time, *(rotors[name] for name in names)])
     np.savetxt(tmp_path / "a.csv", table, "%.17g", ",", header=",".join(("t", *names)), comments="")
-    assert not any("no air data" in note for note in load(tmp_path / "a.csv", tmp_path / "m.toml").notes)
+    assert "no-air-data" not in codes(load(tmp_path / "a.csv", tmp_path / "m.toml"))
 
 
 def test_why_there_are_no_air_data_is_told_once(tmp_path: Path) -> None:
@@ -258,8 +265,8 @@ def test_why_there_are_no_air_data_is_told_once(tmp_path: Path) -> None:
     (tmp_path / "m.toml").write_text(f'[time]\ncolumn = "t"\nunit = "s"\n[variables]\n{lines}')
     table = np.column_stack([time, *np.full((len(names), time.size), 0.1)])
     np.savetxt(tmp_path / "a.csv", table, "%.17g", ",", header=",".join(("t", *names)), comments="")
-    told = [note for note in load(tmp_path / "a.csv", tmp_path / "m.toml").notes if "alpha" in note]
-    assert told == ["no airspeed, alpha and beta: less than 5 s of flight with attitude and velocity"]
+    found = codes(load(tmp_path / "a.csv", tmp_path / "m.toml"))
+    assert {code for code in found if code.startswith("no-air-data")} == {"no-air-data-short-flight"}
 
 
 def test_an_attitude_in_two_files_is_whole(tmp_path: Path) -> None:
@@ -282,7 +289,7 @@ def test_an_attitude_in_two_files_is_whole(tmp_path: Path) -> None:
     truth = np.array([whole.column(f"q{i}") for i in range(4)])
     np.testing.assert_allclose(np.abs(np.sum(parts * truth, axis=0))[:-1], 1.0, atol=1e-9)
     assert flight.air is not None
-    assert not any("no air data" in note for note in flight.notes)
+    assert "no-air-data" not in codes(flight)
     assert set(flight.sources) == {str(name) for name in flight.data.data_vars}
 
 
@@ -304,7 +311,7 @@ def test_one_wild_stamp_makes_no_flight_of_hours(tmp_path: Path) -> None:
     (tmp_path / "a.ulg").write_bytes(ulog([rates]))
     flight = load(tmp_path / "a.ulg")
     assert flight.time[-1] < 4.0
-    assert any("1 samples more than 60 s before or after all others were dropped" in n for n in flight.notes)
+    assert notice("stray-samples", "vehicle_angular_velocity", count=1, distance=60.0) in flight.notices
 
 
 def test_a_few_samples_in_many_hours_are_no_flight(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from stoop.base.arrays import FloatArray
 from stoop.flight import Flight, describe, find_maneuvers, from_columns
-from stoop.flight.maneuvers import airborne
+from stoop.flight.airborne import airborne
 
 TIME = 60.0 + np.arange(12000) / 100.0
 STEPS = {"3211": ((3, 1), (2, -1), (1, 1), (1, -1)), "doublet": ((1, 1), (1, -1))}
@@ -83,7 +83,7 @@ def test_description() -> None:
     u = signal((100.0, "doublet", 0.5))
     u[:1200] = np.nan
     summary = describe(flight(elevator=u))
-    assert (summary.name, summary.start, summary.rate) == ("f", 60.0, 100.0)
+    assert (summary.flight.name, summary.flight.time[0], summary.flight.rate) == ("f", 60.0, 100.0)
     assert [row.variable for row in summary.rows] == ["vn", "ve", "vd", "elevator"]
     row = summary.rows[-1]
     assert (row.unit, row.source) == ("rad", "simulation")

@@ -10,7 +10,7 @@ import pytest
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import LogError, StoopError
-from stoop.flight.mapped import Mapped, apply
+from stoop.flight.apply_mapping import Mapped, apply_mapping
 from stoop.flight.mapping import READY, read_flight_mapping, ready
 from stoop.logs import Recording, Stream
 
@@ -24,7 +24,7 @@ def stream(**columns: FloatArray | float) -> Stream:
 def mapped(folder: Path, text: str, **streams: Stream) -> Mapped:
     path = folder / "m.toml"
     path.write_text(text)
-    return apply(read_flight_mapping(path), Recording(Path("log"), "mat", streams))
+    return apply_mapping(read_flight_mapping(path), Recording(Path("log"), "mat", streams))
 
 
 def values(found: Mapped) -> dict[str, FloatArray]:
@@ -32,7 +32,7 @@ def values(found: Mapped) -> dict[str, FloatArray]:
 
 
 def first(name: str, format_: str, streams: dict[str, Stream]) -> dict[str, float]:
-    found = apply(ready(name), Recording(Path("log"), format_, streams))
+    found = apply_mapping(ready(name), Recording(Path("log"), format_, streams))
     return {variable: float(x[0]) for variable, x in values(found).items()}
 
 
@@ -114,7 +114,7 @@ def test_an_attitude_of_one_form_takes_the_place_of_the_other(tmp_path: Path) ->
 
 def test_an_empty_wind_and_unused_outputs_are_left_out() -> None:
     streams = {"RCOU": stream(C1=1500.0, C2=0.0), "XKF2": stream(VWN=0.0, VWE=0.0)}
-    found = apply(ready("ardupilot"), Recording(Path("l"), "dataflash", streams))
+    found = apply_mapping(ready("ardupilot"), Recording(Path("l"), "dataflash", streams))
     assert set(values(found)) == {"pwm_1"}
 
 
@@ -162,7 +162,7 @@ def test_crazyflie() -> None:
     found = {
         name: x[0]
         for name, x in values(
-            apply(ready("crazyflie"), Recording(Path("l"), "crazyflie", {"any": card}))
+            apply_mapping(ready("crazyflie"), Recording(Path("l"), "crazyflie", {"any": card}))
         ).items()
     }
     g = 9.80665
@@ -180,19 +180,22 @@ def test_px4_of_a_hovering_vehicle() -> None:
         "esc_status": stream(**{"esc[0].esc_rpm": 3000.0, "esc[1].esc_rpm": 0.0}),
         "rpm": stream(rpm_estimate=9.0),
     }
-    found = values(apply(ready("px4"), Recording(Path("l"), "ulog", streams)))
+    found = values(apply_mapping(ready("px4"), Recording(Path("l"), "ulog", streams)))
     assert found["control_throttle"][0] == pytest.approx(0.6)
     assert found["rotor_1"][0] == pytest.approx(100.0 * math.pi)
     still = {**streams, "vehicle_thrust_setpoint": stream(**{f"xyz[{i}]": 0.0 for i in range(3)})}
-    assert (values(apply(ready("px4"), Recording(Path("l"), "ulog", still)))["control_throttle"] == 0.0).all()
+    assert (
+        values(apply_mapping(ready("px4"), Recording(Path("l"), "ulog", still)))["control_throttle"] == 0.0
+    ).all()
 
 
 def test_a_unit_that_the_file_contradicts_is_told(tmp_path: Path) -> None:
     path = tmp_path / "m.toml"
     path.write_text('[variables]\np = {stream = "g", column = "x", unit = "deg/s"}\n')
     log = Recording(Path("log"), "dataflash", {"g": stream(x=1.0)}, units={"g": {"x": "rad/s"}})
-    (note,) = apply(read_flight_mapping(path), log).notes
-    assert "variables.p says deg/s, the file itself rad/s" in note
+    (found,) = apply_mapping(read_flight_mapping(path), log).notices
+    assert (found.code, found.subject) == ("unit-contradicted", "g.x")
+    assert (found.values["unit"], found.values["stated"]) == ("deg/s", "rad/s")
 
 
 GOOD = '[variables]\np = {stream = "g", column = "x", unit = "rad/s"}\n'
@@ -208,19 +211,19 @@ GOOD = '[variables]\np = {stream = "g", column = "x", unit = "rad/s"}\n'
         (GOOD.replace("rad/s", "m/s"), r"'m/s' is a speed, but p is a rate of turn; write one of rad/s"),
         (GOOD.replace("rad/s", "rads"), r"unit = 'rads' is unknown; did you mean"),
         (GOOD.replace('"x",', '"x", frame = "enu",'), r"frame = enu says nothing about p"),
-        (GOOD.replace('"x",', '"x", frame = "xyz",'), r"frame is unknown; write one of frd, flu"),
-        (GOOD.replace('"x",', '"x", gain = 1,'), r"variables\.p\.gain is unknown; the keys are"),
-        (GOOD.replace("[variables]", "[variable]"), "unknown table 'variable'"),
+        (GOOD.replace('"x",', '"x", frame = "xyz",'), r"variables\.p\.frame: it must be 'frd', 'flu'"),
+        (GOOD.replace('"x",', '"x", gain = 1,'), r"variables\.p\.gain: unknown key"),
+        (GOOD.replace("[variables]", "[variable]"), "variable: unknown key; .*did you mean variables"),
         (GOOD + 'vn = {stream = "g", column = "x", unit = "m/s", frame = "enu"}', "vn alone; name vn, ve, vd together"),
         ('extends = "px5"', "there is no ready mapping 'px5'; did you mean px4"),
         ("", "it names no variable"),
         ('[group.a]\nvariables = ["p", "q"]\nstream = "g"\ncolumns = "x"', "2 variables, but 1 columns"),
         ('[group.a]\nvariables = ["pwm_{1..900}"]\nstream = "g"\ncolumns = "x"', "stands for nothing, or for more than"),
-        ('[group.a]\nvariables = ["p"]\nstream = "g"\ncolumns = "x"\nchoose = "best"', "choose is unknown"),
-        ('[group.a]\nvariables = ["p"]\nstream = "g"\ncolumns = [{}]', "a sum of no columns"),
-        ("[group]\na = 1", r"group\.a is not a table"),
+        ('[group.a]\nvariables = ["p"]\nstream = "g"\ncolumns = "x"\nchoose = "best"', r"group\.a\.choose: it must be 'fastest'"),
+        ('[group.a]\nvariables = ["p"]\nstream = "g"\ncolumns = [{}]', r"group\.a\.columns"),
+        ("[group]\na = 1", r"group\.a: this must be a table"),
         ('[clock.g]\ncolumn = "t"\nunit = "s"\n' + GOOD, r"clock\.g\.column = 't' is not in g"),
-        ('[time]\ncolumn = "t"\nunit = "h"\n' + GOOD, r"time\.unit = 'h' is no unit of time"),
+        ('[time]\ncolumn = "t"\nunit = "h"\n' + GOOD, r"time\.unit: it must be 's', 'ms'"),
     ],
 )  # fmt: skip
 def test_each_mistake_is_one_line(tmp_path: Path, text: str, words: str) -> None:
@@ -230,5 +233,5 @@ def test_each_mistake_is_one_line(tmp_path: Path, text: str, words: str) -> None
 
 
 def test_a_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="the mapping cannot be read"):
+    with pytest.raises(LogError, match="cannot read the mapping file"):
         read_flight_mapping(tmp_path / "no.toml")

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from stoop.errors import StoopError
-from stoop.flight.mapped import apply
+from stoop.flight.apply_mapping import apply_mapping
 from stoop.flight.mapping import flight_mapping
 from stoop.logs import Recording, Stream
 
@@ -45,7 +45,7 @@ MAPPINGS = st.dictionaries(st.sampled_from(TOP.split()), st.one_of(TABLES, INNER
 @given(MAPPINGS)
 def test_anything(content: dict[str, Any]) -> None:
     with suppress(StoopError):
-        apply(flight_mapping("m.toml", content), LOG)
+        apply_mapping(flight_mapping("m.toml", content), LOG)
 
 
 SOME = st.sampled_from(["p", "q", "phi", "vn", "ve", "vd", "az", "pwm_1", "pwm_2"])
@@ -71,4 +71,4 @@ def test_nearly_right(names: list[str], data: st.DataObject) -> None:
         content["surface"] = {"elevator": {"from": {"pwm_1": 1.0}}}
     content["align"] = data.draw(st.sampled_from([{}, {"b/1": {"with": "a", "drift": True}}]))
     with suppress(StoopError):
-        apply(flight_mapping("m.toml", content), LOG)
+        apply_mapping(flight_mapping("m.toml", content), LOG)

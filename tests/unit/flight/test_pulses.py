@@ -7,8 +7,7 @@ import pytest
 
 from stoop.base.arrays import FloatArray
 from stoop.flight import Flight, find_maneuvers, from_columns
-from stoop.flight.aloft import flying, lift, lifting
-from stoop.flight.pulses import rotor_pulses
+from stoop.flight.airborne import carried_by_rotors, flying, lift_command, rotor_pulses
 from stoop.simulate import parse_maneuver, simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle
 
@@ -40,7 +39,7 @@ def copter(request: pytest.FixtureRequest) -> Flight:
 def test_pulses_that_turn_a_copter_are_motors(copter: Flight) -> None:
     motors = [str(name) for name in copter.data.data_vars if str(name).startswith("pwm_")]
     assert rotor_pulses(copter) == motors
-    assert lifting(copter)
+    assert carried_by_rotors(copter)
     assert flying(copter).all()
     assert [m.axis for m in find_maneuvers(copter)] == ["roll", "pitch", "yaw"]
 
@@ -53,7 +52,7 @@ def test_a_gimbal_and_a_dead_output_are_no_motors(copter: Flight) -> None:
         "f", copter.time, {**columns, "pwm_9": 1100.0 + 0.1 * gimbal, "pwm_10": np.full(n, 1000.0)}
     )
     assert rotor_pulses(more) == rotor_pulses(copter)
-    told = lift(more)
+    told = lift_command(more)
     assert told is not None
     assert np.median(told) == pytest.approx(
         np.median([copter.column(x) for x in rotor_pulses(copter)]) / 1e3 - 1.0, rel=0.01
@@ -79,7 +78,7 @@ def test_four_surfaces_that_answer_a_plane_in_the_hand_are_none(seed: int) -> No
         "p", t, {**columns, "p": p + noise[0], "q": q + noise[1], "r": 0.0 * t, "az": 0.0 * t - 9.8}
     )
     assert rotor_pulses(plane) == []
-    assert not lifting(plane)
+    assert not carried_by_rotors(plane)
 
 
 @pytest.mark.parametrize("seed", range(10))

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from stoop.base.arrays import FloatArray
-from stoop.flight import mapped
+from stoop.base.notices import Notice
+from stoop.flight import apply_mapping
 from stoop.flight.mapping import ready
 from stoop.logs import Recording, Stream
 
@@ -18,16 +19,16 @@ def stream(rate: float, *names: str, **columns: FloatArray) -> Stream:
     return Stream(time, {**{name: np.full(time.size, float(k)) for k, name in enumerate(names)}, **columns})
 
 
-def notes(recording: Recording) -> list[str]:
-    return mapped.apply(ready("px4"), recording).notes
+def notices(recording: Recording) -> list[Notice]:
+    return apply_mapping.apply_mapping(ready("px4"), recording).notices
 
 
 def sample_time(published: Stream) -> FloatArray:
-    return mapped.sample_time(published, "timestamp_sample", 1e-6)
+    return apply_mapping.sample_time(published, "timestamp_sample", 1e-6)
 
 
 def named(**streams: Stream) -> dict[str, tuple[str, FloatArray]]:
-    channels = mapped.apply(ready("px4"), Recording(Path("log"), "px4-csv", streams)).channels
+    channels = apply_mapping.apply_mapping(ready("px4"), Recording(Path("log"), "px4-csv", streams)).channels
     return {name: (group.source, x) for group in channels for name, x in group.values.items()}
 
 
@@ -123,11 +124,11 @@ def test_pulses_of_the_instance_that_moves_most() -> None:
     found = named(**streams)
     assert set(found) == {"pwm_1"}
     assert found["pwm_1"][0] == "actuator_outputs/1"
-    (note,) = notes(Recording(Path("log"), "ulog", streams))
-    assert "those of actuator_outputs were left out" in note
+    (found,) = notices(Recording(Path("log"), "ulog", streams))
+    assert (found.code, found.subject) == ("instance-left-out", "actuator_outputs")
     assert named(**{"actuator_outputs/1": moved}).keys() == {"pwm_1"}
-    assert notes(Recording(Path("log"), "ulog", {"actuator_outputs/1": moved})) == []
-    assert notes(Recording(Path("log"), "ulog", {"actuator_outputs": idle})) == []
+    assert notices(Recording(Path("log"), "ulog", {"actuator_outputs/1": moved})) == []
+    assert notices(Recording(Path("log"), "ulog", {"actuator_outputs": idle})) == []
 
 
 def test_actuators_without_pulses() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -13,22 +14,27 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import notice
 from stoop.errors import LogError, OutputError, StoopError
 from stoop.flight import Fault, Flight, from_columns, load, save
-from stoop.flight.reconstruction import AirData
+from stoop.flight.air_data import AirData
 
 any_file = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+NOTICES = (
+    notice("untyped-flight-note", text="a note: ±1 °C"),
+    notice("gaps", longest=0.3, counts=("imu 2", "gps 1")),
+)
 finite = st.floats(-1e6, 1e6) | st.just(float("nan"))
 
 
 def flight(values: FloatArray) -> Flight:
     time = 68.23 + np.arange(values.size) / 100.0
-    return from_columns("f", time, {"p": values, "pwm_3": -values}, notes=("a note: ±1 °C", "another"))
+    return from_columns("f", time, {"p": values, "pwm_3": -values}, notices=NOTICES)
 
 
 def assert_same(a: Flight, b: Flight) -> None:
     assert a.data.identical(b.data)
-    assert (a.rate, a.notes, a.faults, a.air) == (b.rate, b.notes, b.faults, b.air)
+    assert (a.rate, a.notices, a.faults, a.air) == (b.rate, b.notices, b.faults, b.air)
     assert repr(dict(a.sources)) == repr(dict(b.sources))  # NaN is not equal to itself
 
 
@@ -50,19 +56,54 @@ def test_air_data_and_faults_come_back(tmp_path: Path) -> None:
 
     traces = {"time": np.arange(3.0), "pitot": np.array([1.0, np.nan, 2.0])}
     air = AirData(
-        "pitot", wind_n=1.5, wind_n_std=0.1, accelerometer_bias=(0.1, 0.2, 0.3), notes=("x",), traces=traces
+        "pitot",
+        wind_n=1.5,
+        wind_n_std=0.1,
+        accelerometer_bias=(0.1, 0.2, 0.3),
+        notices=NOTICES,
+        traces=traces,
     )
-    fault = Fault("stuck", "p", 0.5, 1.0, 2.0, "p stands still")
+    found = notice("constant-reading", "p", value=0.5, unit="rad/s", start=1.0, stop=2.0)
+    fault = Fault("stuck", "p", 0.5, 1.0, 2.0, found)
     there = dataclasses.replace(flight(np.arange(5.0)), air=air, faults=(fault,))
     save(there, tmp_path / "g.nc")
     back = load(tmp_path / "g.nc")
     assert back.faults == (fault,)
     assert back.air is not None
     assert back.air.wind_n == 1.5
+    assert back.air.notices == NOTICES
     assert back.air.accelerometer_bias == (0.1, 0.2, 0.3)
     assert np.isnan(back.air.pitot_scale)
     for name, trace in traces.items():
         np.testing.assert_array_equal(back.air.traces[name], trace)
+
+
+def test_sentences_of_older_files_come_back(tmp_path: Path) -> None:
+    """Before notices were typed, files held sentences."""
+    sentences = ["a note: ±1 °C", "another"]
+    fault = {
+        "kind": "stuck",
+        "variable": "p",
+        "value": 0.5,
+        "start": 1.0,
+        "stop": 2.0,
+        "message": "p stands still",
+    }
+    there = flight(np.arange(5.0))
+    save(replace(there, air=AirData("none")), tmp_path / "g.nc")
+    import xarray as xr
+
+    with xr.open_dataset(tmp_path / "g.nc", engine="scipy", decode_timedelta=False) as opened:
+        data = opened.load()
+    air = json.loads(data.attrs["air"]) | {"notes": sentences}
+    del data.attrs["notices"], air["notices"]
+    data.attrs |= {"notes": json.dumps(sentences), "faults": json.dumps([fault]), "air": json.dumps(air)}
+    data.to_netcdf(tmp_path / "old.nc", engine="scipy", format="NETCDF3_64BIT")
+    back = load(tmp_path / "old.nc")
+    assert [str(found) for found in back.notices] == sentences
+    assert [(f.kind, f.value, f.message) for f in back.faults] == [("stuck", 0.5, "p stands still")]
+    assert back.air is not None
+    assert [str(found) for found in back.air.notices] == sentences
 
 
 def test_cut_at_many_places(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
-from unit.campaign.works import failing, walks
+from unit.parallel.works import failing, walks
 
 from stoop.parallel import CampaignError, Dask, LocalProcesses, Tally, execute
 
@@ -138,7 +138,7 @@ def test_something_else_that_hangs_up_or_says_nothing(tmp_path: Path) -> None:
 def test_there_is_one_line_and_nothing_after_it(tmp_path: Path) -> None:
     """A process of its own: Dask's client complains when it is collected, and at the end."""
     code = (
-        "import sys; from pathlib import Path; from unit.campaign.works import walks\n"
+        "import sys; from pathlib import Path; from unit.parallel.works import walks\n"
         "from stoop.parallel import CampaignError, Dask, execute\n"
         "try: execute(walks(Path('log'), 1), Path('s'), Dask(sys.argv[1], 0.3))\n"
         "except CampaignError as error: print(error.args[0], file=sys.stderr)\n"

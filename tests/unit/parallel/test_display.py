@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from unit.campaign.works import walks
+from unit.parallel.works import walks
 
 from stoop.cli import campaign as verb
 from stoop.cli.campaign import Display, add_campaign_arguments, clock, pool, run_campaign

@@ -13,7 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from unit.campaign.works import HERE, failing, walks
+from unit.parallel.works import HERE, failing, walks
 
 from stoop.parallel import CampaignError, Given, LocalProcesses, Plan, Pool, Run, Tally, execute
 from stoop.parallel.environment import environment
@@ -141,7 +141,7 @@ def test_ctrl_c_keeps_what_was_done(tmp_path: Path, log: Path) -> None:
         ("plain", "^run bad: ValueError: first; mend that"),
         ("leave", "^run bad: SystemExit: 3;"),
         ("array", r"^run bad: result 0: a ndarray is not JSON"),
-        ("short", "^run bad: unit.campaign.works:fail must return a list of 1 results"),
+        ("short", "^run bad: unit.parallel.works:fail must return a list of 1 results"),
     ],
 )
 def test_a_failure_names_the_run_and_costs_nothing_else(

@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
-from unit.campaign.works import HERE, failing, walks
+from unit.parallel.works import HERE, failing, walks
 
 from stoop.parallel import CampaignError, LocalProcesses, Plan, Run, execute
 
@@ -60,7 +60,7 @@ import sys
 from pathlib import Path
 from stoop.parallel import LocalProcesses, Plan, Run, execute
 {guard}
-runs = tuple(Run(str(i), "unit.campaign.works:sleep", {{"seconds": 0.2, "i": i}}) for i in range(200))
+runs = tuple(Run(str(i), "unit.parallel.works:sleep", {{"seconds": 0.2, "i": i}}) for i in range(200))
 execute(Plan("t", {{}}, runs), Path(sys.argv[1]), LocalProcesses(2))
 """
 
@@ -86,7 +86,7 @@ from stoop.parallel import Plan, Run
 from stoop.cli.campaign import add_campaign_arguments, run_campaign
 parser = argparse.ArgumentParser()
 add_campaign_arguments(parser)
-runs = tuple(Run(str(i), "unit.campaign.works:sleep", {"seconds": 0.1, "i": i}) for i in range(200))
+runs = tuple(Run(str(i), "unit.parallel.works:sleep", {"seconds": 0.1, "i": i}) for i in range(200))
 run_campaign(parser.parse_args(["--workers", "2"]), Plan("naps", {}, runs), Path(sys.argv[1]))
 """
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from unit.campaign.test_execute import Here
+from unit.parallel.test_execute import Here
 
 from stoop.errors import OutputError
 from stoop.parallel import CampaignError, Plan, Run, execute, sources, task
@@ -63,7 +63,7 @@ def test_one_entry_per_module(herd: Path) -> None:
     assert work_sources([WORK]) != found
 
 
-@pytest.mark.parametrize("room", ["optimize", "units.py", "vehicle"])
+@pytest.mark.parametrize("room", ["optimize", "base", "vehicle"])
 def test_every_room_that_makes_numbers_is_in_the_environment(room: str) -> None:
     assert room in sources.ROOMS
 
@@ -72,9 +72,31 @@ def test_every_room_that_makes_numbers_is_in_the_environment(room: str) -> None:
     "work", ["stoop_studies.search", "stoop_studies.reproduce.noise", "stoop_studies.compare.race"]
 )
 def test_a_study_counts_problems_and_no_pages(work: str) -> None:
-    files = sources._reached(work, sources._roots("stoop"))
+    files = sources.reached(work)
     assert {f"{work}.py", "stoop_studies.problems.paper.py"} <= set(files)
     assert not {name for name in files if ".report." in name or "page" in name or ".optimize." in name}
+
+
+@pytest.mark.parametrize(
+    ("work", "own"),
+    [
+        ("stoop_studies.verify.design", {"stoop_studies.verify.scenes.py", "stoop.design.search.py"}),
+        ("stoop_studies.verify.delays", {"stoop_studies.verify.scenes.py", "stoop.reconstruct.result.py"}),
+    ],
+)
+def test_a_study_counts_what_it_imports_of_stoop(work: str, own: set[str]) -> None:
+    """Rooms of stoop that every environment has are not counted again."""
+    files = set(sources.reached(work))
+    assert {f"{work}.py", *own} <= files
+    rooms = {name.removesuffix(".py") for name in sources.ROOMS}
+    assert not {name for name in files if name.startswith("stoop.") and name.split(".")[1] in rooms}
+
+
+def test_what_a_package_imports_of_stoop_counts(herd: Path) -> None:
+    before = work_sources([WORK])
+    (herd / "grass.py").write_text("from stoop.design.limits import Limits\n")
+    assert "stoop.design.limits.py" in sources.reached("herd.far.graze")
+    assert work_sources([WORK]) != before
 
 
 def graze(herd: Path, store: str, before: Callable[[], None] = lambda: None) -> dict[str, object]:

@@ -12,7 +12,7 @@ from typing import Any
 from stoop.errors import IdentificationError
 from stoop.parallel import Plan, Run
 
-HERE = "unit.campaign.works"
+HERE = "unit.parallel.works"
 
 
 def note(arguments: Mapping[str, Any], text: str) -> None:

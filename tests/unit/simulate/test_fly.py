@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 
+from stoop.base.notices import notice
 from stoop.errors import ManeuverError, SimulationError
 from stoop.simulate import Maneuver, initial_states, parameter_rows, simulate_flight, trim
 from stoop.simulate.delays import delayed
@@ -32,11 +33,12 @@ def test_noise_free_readings_are_recorded(twin_boom: Vehicle) -> None:
 
 
 def test_a_thrust_that_the_trim_sets_is_told(twin_boom: Vehicle) -> None:
-    assert simulate_flight(twin_boom, maneuver()).notes == ("simulated flight",)
+    assert simulate_flight(twin_boom, maneuver()).notices == (notice("simulated", "simulated"),)
     draggy = twin_boom.with_numbers({"CD0": {"value": 0.08}})
-    told = simulate_flight(draggy, maneuver()).notes[1]
-    assert told.startswith("propulsion.thrust was set to 262.8389 N")
-    assert told.endswith("to hold 35 m/s; the vehicle file says 220.87")
+    found = simulate_flight(draggy, maneuver()).notices[1]
+    assert (found.code, found.subject) == ("set-by-trim", "propulsion.thrust")
+    assert found.values["value"] == pytest.approx(262.8389, abs=1e-3)
+    assert (found.values["airspeed"], found.values["given"]) == (35.0, pytest.approx(220.87))
     freed = draggy.with_numbers({"propulsion.thrust": {"free": True}})
     truth = json.loads(simulate_flight(freed, maneuver()).data.attrs["truth"])
     assert truth["propulsion.thrust"] == pytest.approx(262.8389, abs=1e-3)  # as flown, not as the file says

@@ -123,7 +123,7 @@ def test_templates_answer_steps_and_come_to_rest(name: str) -> None:
 def test_the_examples_fly_without_an_end_of_range() -> None:
     vehicle = builtin_vehicle("quad-x")
     flight = simulate_flight(vehicle, load_maneuver(EXAMPLES / "maneuver_quad.toml"), seed=1)
-    assert flight.notes == ("simulated flight",)
+    assert [found.code for found in flight.notices] == ["simulated"]
 
 
 @pytest.mark.slow
@@ -131,7 +131,7 @@ def test_the_examples_fly_without_an_end_of_range() -> None:
 def test_larger_vehicles_fly_the_examples(name: str) -> None:
     file = "maneuver_quadplane.toml" if name == "quadplane" else "maneuver_quad.toml"
     flight = simulate_flight(builtin_vehicle(name), load_maneuver(EXAMPLES / file), seed=1)
-    assert flight.notes == ("simulated flight",)
+    assert [found.code for found in flight.notices] == ["simulated"]
 
 
 def test_excitations_are_accelerations(quad: Vehicle) -> None:
@@ -203,8 +203,9 @@ def test_ends_of_the_range_are_reported(quad: Vehicle) -> None:
     assert commands.max() == 1.0
     assert flown.clipped is not None
     assert (flown.clipped == ((commands == 0.0) | (commands == 1.0))).all()
-    note = simulate_flight(quad, hard).notes[1]
-    assert note.startswith("rotors at an end of their range: motor_1, ")
+    found = simulate_flight(quad, hard).notices[1]
+    assert found.code == "rotors-saturated"
+    assert "motor_1" in found.values["rotors"]
     assert np.abs(replayed(quad, flown, 0.01) - flown.outputs).max() < 1e-9
 
 

@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.base.arrays import FloatArray
+from stoop.base.variables import RATES
 from stoop.design.windows.candidates import Candidate
 from stoop.design.windows.choice import Evidence
 from stoop.flight import Flight
-from stoop.flight.aloft import flying
-from stoop.flight.commands import MOTION, RATES, Axis, by_axis, commands, smoothed, usual_size
+from stoop.flight.airborne import flying
+from stoop.flight.maneuvers import MOTION, Axis, by_axis, commands, moving_average, usual_deviation
 
 SMOOTH: Final = 0.2  #: s
 SLOW: Final = 5.0  #: s; slower is trim
@@ -55,7 +56,7 @@ class Motion:
         columns = [*(c.u for c in told.values()), *(flight.column(name) for name in rates.values())]
         names = (*(f"{axis} command" for axis in told), *(f"{axis} rate" for axis in rates))
         x, up = np.column_stack(columns), flying(flight)
-        x = smoothed(x, round(SMOOTH * flight.rate)) - smoothed(x, round(SLOW * flight.rate), 0.3)
+        x = moving_average(x, round(SMOOTH * flight.rate)) - moving_average(x, round(SLOW * flight.rate), 0.3)
         sizes = [_size(column, up) for column in x.T]
         return cls(names, (*told, *rates), x / np.array(sizes))
 
@@ -89,7 +90,7 @@ def _size(x: FloatArray, up: NDArray[np.bool_]) -> float:
     """Return the usual size of a series; where it usually rests, a share of its largest excursion."""
     seen = x[up & np.isfinite(x)]
     largest = float(np.max(np.abs(seen))) if seen.size else 0.0
-    return max(usual_size(x, up), LEAST * largest) or 1.0
+    return max(usual_deviation(x, up), LEAST * largest) or 1.0
 
 
 def by_command(

@@ -8,11 +8,10 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray
+from stoop.base.arrays import BoolArray, FloatArray, run_slices
+from stoop.base.variables import RATES
 from stoop.flight import Flight, Maneuver, find_maneuvers
-from stoop.flight.aloft import flying
-from stoop.flight.commands import RATES
-from stoop.flight.segments import runs
+from stoop.flight.airborne import flying
 
 LENGTHS: Final = (4.0, 8.0)  #: s of a window that nothing but its information speaks for
 STRIDE: Final = 2.0  #: s from one such window to the next
@@ -94,7 +93,7 @@ def saturated(x: FloatArray, up: BoolArray) -> BoolArray:
     if np.median(seen) > seen.min() + near:
         ends.append(x <= seen.min() + near)
     for held in ends:
-        for run in runs(held & up):
+        for run in run_slices(held & up):
             if run.stop - run.start >= HELD:
                 out[run] = True
     return out

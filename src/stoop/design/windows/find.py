@@ -17,7 +17,7 @@ from stoop.design.windows.driven import with_motors
 from stoop.design.windows.refuse import no_maneuver, nothing_found, require_commands, require_inputs
 from stoop.estimate import mismatch
 from stoop.flight import Flight
-from stoop.flight.commands import Axis, commands, families
+from stoop.flight.maneuvers import Axis, commands, output_families
 from stoop.problem.windows import whole
 from stoop.vehicle import Vehicle
 
@@ -169,7 +169,7 @@ def _of_flight(flight: Flight, vehicle: Vehicle | None, motion: Motion | None) -
         channels = list(vehicle.recorded)
     else:
         direct = [c.variable for c in commands(flight) if c.variable in flight.data]
-        channels = direct or next(iter(families(flight)), [])
+        channels = direct or next(iter(output_families(flight)), [])
     found = candidates(flight, channels)
     if motion is None:
         return found[:: max(1, len(found) // JUDGED)]

@@ -7,11 +7,12 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.variables import RATES
 from stoop.errors import FlightError, listed
 from stoop.estimate.mismatch import check_inputs
 from stoop.flight import Flight
-from stoop.flight.aloft import flying, lift, motors_ran
-from stoop.flight.commands import RATES, commands
+from stoop.flight.airborne import flying, lift_command, motors_ran
+from stoop.flight.maneuvers import commands
 from stoop.vehicle import Vehicle
 
 NAMED: Final = 3
@@ -55,7 +56,7 @@ def require_inputs(flight: Flight, vehicle: Vehicle) -> None:
 
 def motors_off(flight: Flight) -> str:
     """Say that no rotor was ever told to turn."""
-    told = lift(flight)
+    told = lift_command(flight)
     most = 0.0 if told is None else float(np.nanmax(np.append(told, 0.0)))
     return (
         f"the motors never ran (their commands reach {100.0 * most:.0f} % at most): nothing flew in this log; "

@@ -9,11 +9,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import FloatArray, run_slices
 from stoop.errors import FlightError
 from stoop.estimate.effectiveness.balance import Balance
 from stoop.flight import Flight
-from stoop.flight.segments import runs
 
 AIRBORNE: Final = 0.6  #: of the median thrust while any is commanded
 SETTLE: Final = 2.0  #: s after take-off and before landing that are left out
@@ -116,7 +115,7 @@ def _settled(flight: Flight, thrust: FloatArray) -> NDArray[np.bool_]:
         )
     cut = round(SETTLE * flight.rate)
     kept = np.zeros(thrust.size, dtype=bool)
-    for stretch in runs(known & (thrust > AIRBORNE * np.median(turning))):
+    for stretch in run_slices(known & (thrust > AIRBORNE * np.median(turning))):
         kept[stretch.start + cut : max(stretch.stop - cut, 0)] = True
     seconds = float(kept.sum()) / flight.rate
     if seconds < LEAST:

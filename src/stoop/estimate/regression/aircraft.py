@@ -29,7 +29,7 @@ from stoop.base.notices import Notice
 from stoop.base.variables import RATES, SPECIFIC_FORCE
 from stoop.estimate.regression.domain import Domain
 from stoop.estimate.regression.least_squares import Bounds, Estimates, Priors, Rows
-from stoop.flight.segments import SHORTEST
+from stoop.flight.segmentation import MIN_SEGMENT
 from stoop.problem import Layout, Piece
 from stoop.problem.observation import at_center_of_gravity, true_value
 from stoop.simulate import START_NAMES, parameter_rows
@@ -192,7 +192,7 @@ def histories(vehicle: Vehicle, piece: Piece) -> tuple[History, ...]:
     motion = Motion.of(vehicle, piece)
     base, gains = balance(vehicle, motion)
     variables = motion.variables(vehicle)
-    shortest = max(MIN_SAMPLES, round(0.5 * SHORTEST / piece.dt))
+    shortest = max(MIN_SAMPLES, round(0.5 * MIN_SEGMENT / piece.dt))
     position = np.cumsum(present) - 1
     out = []
     for start, stop in runs(present):

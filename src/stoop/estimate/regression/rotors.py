@@ -24,7 +24,7 @@ from stoop.base.variables import RATES, SPECIFIC_FORCE
 from stoop.estimate.regression.aircraft import first_order_lag
 from stoop.estimate.regression.domain import Domain
 from stoop.estimate.regression.least_squares import Bounds, Estimates, Priors, Rows, r_squared
-from stoop.flight.segments import SHORTEST
+from stoop.flight.segmentation import MIN_SEGMENT
 from stoop.problem import Layout, Nuisance, Piece
 from stoop.problem.observation import through_air, true_value
 from stoop.simulate import parameter_rows
@@ -99,7 +99,7 @@ class Stretch:
 def stretches(vehicle: Vehicle, piece: Piece) -> list[Stretch]:
     """Return the stretches of a piece in which the whole motion was measured, with its accelerations."""
     needed = [vehicle.outputs.index(c) for c in (*_MOTION, *SPECIFIC_FORCE)]
-    shortest = max(8, round(SHORTEST / piece.dt))
+    shortest = max(8, round(MIN_SEGMENT / piece.dt))
     out = []
     for start, stop in runs(np.asarray(np.isfinite(piece.measured[:, needed]).all(axis=1))):
         if stop - start >= shortest:

@@ -41,7 +41,7 @@ ROOM: Final = 2**30  #: bytes of address space beyond what the process has at it
 SWELL: Final = 2**28  #: bytes; a case that takes more is too hungry
 PAGE: Final = 4096  #: bytes of memory
 MAX_FILE: Final = 2**28  #: bytes of a file that may be written
-LIBRARIES: Final = ("pandas", "scipy.signal", "scipy.io", "stoop.flight.reconstruction")
+LIBRARIES: Final = ("pandas", "scipy.signal", "scipy.io", "stoop.flight.air_data_reconstruction")
 
 
 @dataclass(frozen=True)

@@ -189,7 +189,7 @@ def _of_flight(flight: Flight) -> Content:
     _check_clock(flight.time)
     for name in sorted(map(str, flight.data.data_vars)):
         _add(check, name, flight.data[name].to_numpy())
-    return Content(check.hexdigest(), _lines(map(str, flight.notes)))
+    return Content(check.hexdigest(), _lines(map(str, flight.notices)))
 
 
 def _check_clock(time: Any) -> None:

@@ -8,7 +8,7 @@ import pytest
 from stoop.design.windows import doubts, find_windows
 from stoop.design.windows.driven import with_motors
 from stoop.flight import Flight
-from stoop.flight.aloft import flying, lifting
+from stoop.flight.airborne import carried_by_rotors, flying
 from stoop.simulate import parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
@@ -37,7 +37,7 @@ def flight(vehicle: Vehicle) -> Flight:
 
 
 def test_windows_of_pulses(vehicle: Vehicle, flight: Flight) -> None:
-    assert not lifting(flight)
+    assert not carried_by_rotors(flight)
     found = find_windows({"f": flight}, vehicle)
     assert "roll" in [w.axis for w in found.windows]
     assert not [d for d in doubts({"f": flight}, vehicle) if "rotors" in d]

@@ -12,7 +12,7 @@ from stoop.estimate.regression.equations import estimate
 from stoop.estimate.regression.least_squares import Estimates
 from stoop.estimate.regression.rotors import MOMENTS, RotorEquations
 from stoop.flight import Flight
-from stoop.flight.make import from_columns
+from stoop.flight.flight import from_columns
 from stoop.problem.windows import Window
 from stoop.simulate import initial_states, parameter_rows
 from stoop.vehicle import Vehicle

@@ -5,7 +5,7 @@ References
 R. A. Fisher, On the "probable error" of a coefficient of correlation, Metron 1 (1921): atanh(r) is nearly normal
 with variance 1 / n.
 D. Padfield, Masked object registration in the Fourier domain, IEEE Trans. Image Processing 21 (2012), eq. 13:
-correlation of records with holes and ends, normalized at every shift by the samples that meet.
+correlation of records with holes and ends, normalized at every shift by the samples that overlap.
 J. S. Bendat and A. G. Piersol, *Random Data*, 4th ed., section 8.5: error of a delay estimated from the peak.
 """
 
@@ -18,22 +18,23 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.flight.channels import stretches
+from stoop.flight.channels import finite, stretches
 
 Signal: TypeAlias = tuple[FloatArray, FloatArray]  #: time (n,) s and values (n,)
 
 RATE: Final = (
     100.0  #: Hz of the grid on which signals are compared; the peak is interpolated between its points
 )
-FINEST: Final = 5.0  #: Hz; what is faster is noise of differentiation more often than motion
-MOST: Final = 2**20  #: points of one signal; longer records are compared on a coarser grid
-OVERLAP: Final = 5.0  #: s that must meet at least
-SHARE: Final = 0.3  #: of the shorter record, that must meet
-LIKE: Final = 0.7  #: correlation from which a shift is believed
-SURE: Final = 4.0  #: standard deviations by which the best correlation must lie above any other
-PERFECT: Final = 0.995  #: correlations above are alike: what is left of them is how samples fell
-PIECE: Final = 15.0  #: s, in which a drifting clock is looked at
-SLACK: Final = 0.5  #: s that a piece may be off from the whole
+BANDWIDTH: Final = 5.0  #: Hz; what is faster is noise of differentiation more often than motion
+MAX_POINTS: Final = 2**20  #: of one signal; longer records are compared on a coarser grid
+MIN_OVERLAP: Final = 5.0  #: s that must overlap at least
+MIN_OVERLAP_SHARE: Final = 0.3  #: of the shorter record, that must overlap
+MIN_SAMPLES: Final = 10  #: of a signal
+MIN_CORRELATION: Final = 0.7  #: from which a shift is believed
+MIN_SEPARATION: Final = 4.0  #: standard deviations by which the best correlation must lie above any other
+MAX_CORRELATION: Final = 0.995  #: correlations above are alike: what is left of them is how samples fell
+PIECE: Final = 15.0  #: s, over which the shift of a drifting clock is estimated
+MAX_PIECE_SHIFT: Final = 0.5  #: s of a piece against the whole
 
 
 @dataclass(frozen=True)
@@ -68,8 +69,10 @@ class Lag:
     @property
     def trusted(self) -> bool:
         """Whether records are alike when shifted so, and nowhere else (Fisher's z of both correlations)."""
-        z, other = (np.arctanh(min(x, PERFECT)) for x in (self.correlation, self.rival))
-        return bool(self.correlation >= LIKE and (z - other) * np.sqrt(0.5 * self.samples) > SURE)
+        z, other = (np.arctanh(min(x, MAX_CORRELATION)) for x in (self.correlation, self.rival))
+        return bool(
+            self.correlation >= MIN_CORRELATION and (z - other) * np.sqrt(0.5 * self.samples) > MIN_SEPARATION
+        )
 
     def moved(self, time: FloatArray) -> FloatArray:
         """Return times [s] of the moved clock as the other one shows them."""
@@ -78,13 +81,13 @@ class Lag:
 
 @dataclass(frozen=True)
 class _Curve:
-    """Correlation over shifts: shift (m,) s, value (m,), and how fast the signal changes [1/s]."""
+    """Correlation over shifts: shift (m,) s, value and overlap (m,) [1, s], rms rate of change of the signal [1/s], Hz."""
 
     shift: FloatArray
     value: FloatArray
-    meeting: FloatArray
+    overlap: FloatArray
     speed: float
-    finest: float
+    bandwidth: float
 
 
 def find_lag(
@@ -134,9 +137,9 @@ def _piece(lag: Lag, moving: Mapping[str, Signal], fixed: Mapping[str, Signal], 
     inside = {}
     for name, (t, x) in moving.items():
         at = (t >= start) & (t < start + PIECE)
-        if np.count_nonzero(at) > 10:
+        if np.count_nonzero(at) > MIN_SAMPLES:
             inside[name] = lag.moved(t[at]), x[at]
-    return find_lag(inside, fixed, SLACK, 0.0) if inside else None
+    return find_lag(inside, fixed, MAX_PIECE_SHIFT, 0.0) if inside else None
 
 
 def _line(lag: Lag, pieces: list[tuple[float, Lag]]) -> Lag:
@@ -162,7 +165,7 @@ def _line(lag: Lag, pieces: list[tuple[float, Lag]]) -> Lag:
 
 
 def _peak(curves: Mapping[str, _Curve]) -> Lag | None:
-    """Put the curves together, each by what it tells, and find the highest point between its samples."""
+    """Average the curves, each by its information, and find the highest point between its samples."""
     best = {name: float(np.nanmax(curve.value)) for name, curve in curves.items()}
     used = {name: c for name, c in curves.items() if best[name] > 0.5 * max(best.values())}
     grid = next(iter(used.values())).shift
@@ -172,18 +175,18 @@ def _peak(curves: Mapping[str, _Curve]) -> Lag | None:
     if not np.isfinite(total).any():
         return None
     top = int(np.nanargmax(total))
-    shift, value = _between(grid, total, top)
-    meeting = max(float(c.meeting[min(top, c.meeting.size - 1)]) for c in used.values())
-    told = sum(
-        2.0 * c.finest * meeting * c.speed**2 * best[name] ** 2 / (1.0001 - best[name] ** 2)
+    shift, value = _parabola_peak(grid, total, top)
+    overlap = max(float(c.overlap[min(top, c.overlap.size - 1)]) for c in used.values())
+    information = sum(
+        2.0 * c.bandwidth * overlap * c.speed**2 * best[name] ** 2 / (1.0001 - best[name] ** 2)
         for name, c in used.items()
     )
-    sigma = float(1.0 / np.sqrt(max(told, 1e-12)))
-    samples = 2.0 * max(c.finest for c in used.values()) * meeting
-    return Lag(shift, sigma, min(value, 1.0), _rival(total, top), meeting, samples, tuple(used))
+    sigma = float(1.0 / np.sqrt(max(information, 1e-12)))
+    samples = 2.0 * max(c.bandwidth for c in used.values()) * overlap
+    return Lag(shift, sigma, min(value, 1.0), _rival(total, top), overlap, samples, tuple(used))
 
 
-def _between(x: FloatArray, y: FloatArray, top: int) -> tuple[float, float]:
+def _parabola_peak(x: FloatArray, y: FloatArray, top: int) -> tuple[float, float]:
     """Return place and height of a parabola through the highest sample and its neighbors."""
     if not 0 < top < y.size - 1 or not np.isfinite(y[top - 1 : top + 2]).all():
         return float(x[top]), float(y[top])
@@ -205,66 +208,62 @@ def _rival(total: FloatArray, top: int) -> float:
 
 
 def _correlation(moving: Signal, fixed: Signal, middle: float, longest: float) -> _Curve | None:
-    """Correlate two signals at all shifts of a grid; NaN where too little of them meets."""
+    """Correlate two signals at all shifts of a grid; NaN where they overlap too little."""
     signals = [finite(*signal) for signal in (moving, fixed)]
-    if any(t.size < 10 for t, _ in signals):
+    if any(t.size < MIN_SAMPLES for t, _ in signals):
         return None
     spans = [float(t[-1] - t[0]) for t, _ in signals]
     slowest = min(1.0 / float(np.median(np.diff(t))) for t, _ in signals)
-    finest = min(FINEST, 0.2 * slowest)
-    rate = min(RATE, MOST / max(*spans, 1e-3))
-    if finest > 0.2 * rate or min(spans) < OVERLAP:
+    bandwidth = min(BANDWIDTH, 0.2 * slowest)
+    rate = min(RATE, MAX_POINTS / max(*spans, 1e-3))
+    if bandwidth > 0.2 * rate or min(spans) < MIN_OVERLAP:
         return None
-    (a, holds_a), (b, holds_b) = (_gridded(t, x, rate, finest) for t, x in signals)
+    (a, holds_a), (b, holds_b) = (_gridded(t, x, rate, bandwidth) for t, x in signals)
     values, counts = _masked(a, holds_a, b, holds_b)
     shift = (np.arange(values.size) - (a.size - 1)) / rate + float(signals[1][0][0] - signals[0][0][0])
-    least = max(OVERLAP, SHARE * min(spans)) * rate
+    least = max(MIN_OVERLAP, MIN_OVERLAP_SHARE * min(spans)) * rate
     inside = (counts >= least) & (np.abs(shift - middle) <= longest)
     if np.count_nonzero(inside) < 3:
         return None
     still = float(np.std(a[holds_a > 0.5]))
     speed = float(np.std(np.gradient(a)[holds_a > 0.5])) * rate / still if still > 0.0 else 0.0
     kept = slice(*(np.flatnonzero(inside)[[0, -1]] + [0, 1]).tolist())
-    return _Curve(shift[kept], np.where(inside, values, np.nan)[kept], counts[kept] / rate, speed, finest)
+    return _Curve(shift[kept], np.where(inside, values, np.nan)[kept], counts[kept] / rate, speed, bandwidth)
 
 
-def finite(t: FloatArray, x: FloatArray) -> Signal:
-    """Return the samples that are finite."""
-    good = np.isfinite(x)
-    return t[good], x[good]
-
-
-def _gridded(t: FloatArray, x: FloatArray, rate: float, finest: float) -> tuple[FloatArray, FloatArray]:
+def _gridded(t: FloatArray, x: FloatArray, rate: float, bandwidth: float) -> tuple[FloatArray, FloatArray]:
     """Return a signal on a uniform grid, low-passed with zero phase, and where it holds samples (1 or 0)."""
     from scipy.signal import butter, sosfiltfilt
 
     size = int((t[-1] - t[0]) * rate) + 1
     points = t[0] + np.arange(size) / rate
     holds = np.zeros(size)
-    for part in stretches(t, x[:, None]):
+    for part in stretches(t):
         low, high = np.searchsorted(points, [t[part][0], t[part][-1]])
         holds[low : high + 1] = 1.0
     values = np.interp(points, t, x)
     middle = float(np.mean(values[holds > 0.5])) if holds.any() else 0.0
-    sos = butter(2, finest, fs=rate, output="sos")
-    smooth = sosfiltfilt(sos, values - middle, padlen=min(size - 1, int(3.0 * rate / finest)))
+    sos = butter(2, bandwidth, fs=rate, output="sos")
+    smooth = sosfiltfilt(sos, values - middle, padlen=min(size - 1, int(3.0 * rate / bandwidth)))
     return np.asarray(smooth) * holds, holds
 
 
 def _masked(
     a: FloatArray, holds_a: FloatArray, b: FloatArray, holds_b: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the correlation (m,) at every shift of b against a, and how many samples meet there."""
+    """Return the correlation (m,) at every shift of b against a, and how many samples overlap there."""
     from scipy.signal import correlate
 
-    def meet(y: FloatArray, x: FloatArray) -> FloatArray:
+    def correlated(y: FloatArray, x: FloatArray) -> FloatArray:
         return np.asarray(correlate(y, x, mode="full", method="fft"))
 
-    n = np.maximum(np.round(meet(holds_b, holds_a)), 0.0)
+    n = np.maximum(np.round(correlated(holds_b, holds_a)), 0.0)
     safe = np.maximum(n, 1.0)
-    sum_a, sum_b = meet(holds_b, a), meet(b, holds_a)
-    power_a = np.maximum(meet(holds_b, a**2) - sum_a**2 / safe, 0.0)
-    power_b = np.maximum(meet(b**2, holds_a) - sum_b**2 / safe, 0.0)
+    sum_a, sum_b = correlated(holds_b, a), correlated(b, holds_a)
+    power_a = np.maximum(correlated(holds_b, a**2) - sum_a**2 / safe, 0.0)
+    power_b = np.maximum(correlated(b**2, holds_a) - sum_b**2 / safe, 0.0)
     power = np.sqrt(power_a * power_b)
     floor = 1e-6 * float(np.sqrt((a @ a) * (b @ b))) + 1e-300
-    return np.where(power > floor, (meet(b, a) - sum_a * sum_b / safe) / np.maximum(power, floor), 0.0), n
+    return np.where(
+        power > floor, (correlated(b, a) - sum_a * sum_b / safe) / np.maximum(power, floor), 0.0
+    ), n

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import notice
 from stoop.errors import FlightError
 from stoop.flight import Flight, SourceRate, from_columns, segments
 
@@ -50,7 +51,7 @@ def test_as_a_naive_twin(holes: list[tuple[int, int]]) -> None:
         with pytest.raises(FlightError, match="without a hole"):
             segments(flown, 10.0, 13.0, INPUTS, OUTPUTS)
         return
-    found, notes = segments(flown, 10.0, 13.0, INPUTS, OUTPUTS)
+    found, notices = segments(flown, 10.0, 13.0, INPUTS, OUTPUTS)
     assert len(found) == len(expected)
     for segment, rows in zip(found, expected, strict=True):
         np.testing.assert_array_equal(segment.t, flown.time[rows])
@@ -58,14 +59,14 @@ def test_as_a_naive_twin(holes: list[tuple[int, int]]) -> None:
         np.testing.assert_array_equal(segment.z[:, 0], flown.column("q")[rows])
         assert np.isfinite(segment.u).all()
     inner = [run for run in naive(list(gone), 1) if len(run) > 1]
-    assert any("missing" in note for note in notes) == bool(
+    assert any(found.code.startswith("inputs-missing") for found in notices) == bool(
         inner or [r for r in naive(list(gone), 1) if 0 < r[0] < 299]
     )
 
 
 def test_columns_come_in_the_order_asked_and_outputs_may_be_missing() -> None:
-    found, notes = segments(flight(), 11.0, 12.0, INPUTS, OUTPUTS, extras=("vn",))
-    assert notes == []
+    found, notices = segments(flight(), 11.0, 12.0, INPUTS, OUTPUTS, extras=("vn",))
+    assert notices == []
     (segment,) = found
     assert segment.t[[0, -1]].tolist() == [11.0, 12.0]
     assert segment.u.shape == (101, 2)
@@ -85,9 +86,10 @@ def test_no_inputs_at_all() -> None:
 
 
 def test_a_window_over_the_edge_is_trimmed_and_told() -> None:
-    (segment,), notes = segments(flight(), 5.0, 11.0, INPUTS, OUTPUTS)
+    (segment,), notices = segments(flight(), 5.0, 11.0, INPUTS, OUTPUTS)
     assert segment.t[[0, -1]].tolist() == [10.0, 11.0]
-    assert notes == ["f 5:11: trimmed to the record, 10.00 to 11.00 s"]
+    (found,) = notices
+    assert (found.code, found.values["start"]) == ("window-trimmed", 10.0)
 
 
 @pytest.mark.parametrize(
@@ -122,13 +124,12 @@ def test_a_name_that_no_registry_knows(where: str) -> None:
 
 def test_many_holes_are_told_in_one_line() -> None:
     flown = flight(np.concatenate([np.arange(k, k + 9) for k in range(60, 500, 70)]))
-    _, notes = segments(flown, 10.0, 16.0, INPUTS, OUTPUTS)
-    assert len(notes) == 1
-    assert "in 7 places" in notes[0]
+    _, notices = segments(flown, 10.0, 16.0, INPUTS, OUTPUTS)
+    assert [(found.code, found.values["count"]) for found in notices] == [("inputs-missing-often", 7)]
 
 
 def test_a_slowly_logged_input_is_told() -> None:
     flown = flight()
     slow = {**flown.sources, "elevator": SourceRate("x", 9.0, 0.2, 0, 10.0, 16.0)}
-    _, notes = segments(dataclasses.replace(flown, sources=slow), 11.0, 12.0, INPUTS, OUTPUTS)
-    assert notes == ["f: input 'elevator' was logged at 9.0 Hz; between samples it is guessed"]
+    _, notices = segments(dataclasses.replace(flown, sources=slow), 11.0, 12.0, INPUTS, OUTPUTS)
+    assert notices == [notice("slow-input", "f", variable="elevator", rate=9.0)]

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from stoop.base.arrays import FloatArray
-from stoop.flight.draft import draft_of
-from stoop.flight.draft_outputs import Outputs
+from stoop.flight.mapping_draft import draft_of
+from stoop.flight.mapping_draft_outputs import Outputs
 from stoop.logs import Recording, Stream
 from stoop.simulate import parse_maneuver, simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle

@@ -1,4 +1,4 @@
-"""What drafted mappings say of outputs: which pulses are motors, which move a surface, and over which range.
+"""Outputs in a drafted mapping: which pulses are motors, which move a surface, and over which range.
 
 ArduPilot's parameters tell for certain: SERVOn_FUNCTION of motor 1 is 33 (Copter and QuadPlane, "Connecting outputs").
 """
@@ -13,9 +13,9 @@ from typing import Final
 import numpy as np
 
 from stoop.base.variables import VARIABLES
-from stoop.flight.lag import Signal
-from stoop.flight.make import from_columns
-from stoop.flight.pulses import rotor_pulses
+from stoop.flight.airborne import rotor_pulses
+from stoop.flight.flight import from_columns
+from stoop.flight.time_delay import Signal
 from stoop.logs.table import quoted
 
 FUNCTIONS: Final[dict[float, str]] = {
@@ -28,11 +28,11 @@ FUNCTIONS: Final[dict[float, str]] = {
     21: "rudder",
 }  #: SERVOn_FUNCTION, a whole number, -> what the output does
 RANGES: Final = (("MOT_PWM_MIN", "MOT_PWM_MAX"), ("Q_M_PWM_MIN", "Q_M_PWM_MAX"))  #: us; 0 where not set
-_MOTORS: Final = tuple(f"by {low}" for low, _ in RANGES)
-USUAL: Final = (1000.0, 2000.0)  #: us
-THROW: Final = 0.4  #: rad to each side, to start from
-RATE, MOST, FEWEST = 200.0, 400_000, 100  #: Hz and samples at which pulses are compared with rates
-SHOWN: Final = 4
+DEFAULT_RANGE: Final = (1000.0, 2000.0)  #: us
+DEFAULT_THROW: Final = 0.4  #: rad to each side, to start from
+PULSE_RATE: Final = 200.0  #: Hz at which pulses are compared with rates
+MIN_SAMPLES, MAX_SAMPLES = 100, 400_000  #: of that comparison
+MAX_OUTPUTS: Final = 4  #: for which a calibration is drafted
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class Outputs:
             "",
             "# Outputs that move a surface: measure its deflection (trailing edge down is positive), and mix them.",
         ]
-        for name in named or rest[:SHOWN]:
+        for name in named or rest[:MAX_OUTPUTS]:
             out += [f"# [calibration.{name}]", f"# points = {self._points(name)}"]
         for surface, names in surfaces.items():
             share = round(1.0 / len(names), 3)
@@ -111,7 +111,11 @@ class Outputs:
     def _told(self, said: str) -> str:
         """Return what is unsure of a motor: its number, its range."""
         number = "" if self.functions or self.called else "a motor by what it turns, check its number; "
-        return f"unsure: {number}" if number or not said.startswith(_MOTORS) else ""
+        return (
+            f"unsure: {number}"
+            if number or not said.startswith(tuple(f"by {low}" for low, _ in RANGES))
+            else ""
+        )
 
     def _range(self, pulse: str) -> tuple[float, float, str]:
         """Return idle and full of a motor in us, and the parameters that say so."""
@@ -120,17 +124,17 @@ class Outputs:
             least, most = self.parameters.get(low, 0.0), self.parameters.get(high, 0.0)
             if 500.0 <= least < most <= 2500.0:
                 return least, most, f"by {low} and {high}"
-        return (*USUAL, "")
+        return (*DEFAULT_RANGE, "")
 
     def _points(self, name: str) -> str:
         if name.startswith("servo"):
-            return f"[[-1, {-THROW}], [1, {THROW}]]"
+            return f"[[-1, {-DEFAULT_THROW}], [1, {DEFAULT_THROW}]]"
         low, middle, high = (
             self.parameters.get(f"SERVO{name[4:]}_{end}", 0.0) for end in ("MIN", "TRIM", "MAX")
         )
         if not 500.0 <= low < middle < high <= 2500.0:
             low, middle, high = 1100.0, 1500.0, 1900.0
-        return f"[[{low:g}, {-THROW}], [{middle:g}, 0.0], [{high:g}, {THROW}]]"
+        return f"[[{low:g}, {-DEFAULT_THROW}], [{middle:g}, 0.0], [{high:g}, {DEFAULT_THROW}]]"
 
 
 def place(column: str, stream: str = "") -> str:
@@ -141,21 +145,22 @@ def place(column: str, stream: str = "") -> str:
 def turning(signals: Mapping[str, Signal]) -> list[str]:
     """Return pulses that turn the vehicle as motors do, each signal on its own clock."""
     used = {n: s for n, s in signals.items() if n in ("p", "q") or n.startswith("pwm_")}
-    if not {"p", "q"} <= set(used) or min(t.size for t, _ in used.values()) < FEWEST:
+    if not {"p", "q"} <= set(used) or min(t.size for t, _ in used.values()) < MIN_SAMPLES:
         return []
     start, stop = max(float(t[0]) for t, _ in used.values()), min(float(t[-1]) for t, _ in used.values())
-    count = int(min(max(stop - start, 0.0) * RATE, MOST))
-    if count < FEWEST:
+    count = int(min(max(stop - start, 0.0) * PULSE_RATE, MAX_SAMPLES))
+    if count < MIN_SAMPLES:
         return []
-    time = np.arange(count) / RATE
+    time = np.arange(count) / PULSE_RATE
     columns = {name: np.interp(start + time, t, x) for name, (t, x) in used.items()}
     return rotor_pulses(from_columns("drafted", time, columns))
 
 
 def _driving(pulses: Sequence[str]) -> list[str]:
     """Say what to do with the pulses of motors that the ready mapping takes."""
+    idle, full = DEFAULT_RANGE
     return [
         "",
         f"# {' '.join(pulses)} turn the vehicle against one another, as motors do: name each as the channel of its rotor in",
-        f"# the vehicle file, with gain = {1.0 / (USUAL[1] - USUAL[0]):g} and idle = {USUAL[0]:g} (yours) under [rotors].",
+        f"# the vehicle file, with gain = {1.0 / (full - idle):g} and idle = {idle:g} (yours) under [rotors].",
     ]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError
 from stoop.flight.channels import longest_allowed, source_rate, stretches
-from stoop.flight.grid import CUTOFF, ORDER, Grid, low_pass, make_grid, resample
+from stoop.flight.gridding import CUTOFF, ORDER, Grid, low_pass, make_grid, resample
 
 steps = st.lists(st.sampled_from([0.003, 0.01, 0.02, 0.049, 0.051, 0.3]), min_size=1, max_size=60)
 
@@ -40,7 +40,7 @@ def test_no_value_in_a_gap_and_a_value_everywhere_else(gaps: list[float]) -> Non
 @given(steps)
 def test_stretches_hold_every_sample_that_has_a_near_neighbor(gaps: list[float]) -> None:
     time = times(gaps)
-    parts = stretches(time, time)
+    parts = stretches(time)
     limit = longest_allowed(time)
     covered = np.zeros(time.size, dtype=bool)
     for part in parts:

@@ -15,12 +15,12 @@ from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS
 from stoop.base.variables import OUTPUT_PINS, VARIABLES
 from stoop.errors import LogError, one_line
-from stoop.flight.draft_outputs import Outputs, place
-from stoop.flight.lag import Signal
-from stoop.flight.mapped import Mapped, apply
+from stoop.flight.apply_mapping import Mapped, apply_mapping
+from stoop.flight.column_names import Guess, recognized, without_unit
 from stoop.flight.mapping import READY, ready, with_other_form
+from stoop.flight.mapping_draft_outputs import Outputs, place
 from stoop.flight.measured import ALIKE, PAIRS, Line, growth, with_units
-from stoop.flight.names import Guess, recognized, without_unit
+from stoop.flight.time_delay import Signal
 from stoop.logs import Recording
 from stoop.logs.read import is_bag_folder, kind, read_unmapped
 from stoop.logs.table import guess_clock, key_of, quoted, read_raw_csv
@@ -91,7 +91,7 @@ def _recording(path: Path) -> Recording:
 def _of_ready(recording: Recording) -> Draft:
     """Start from the ready mapping: say what it takes, and what else looks as if it were of use."""
     name = READY[recording.format]
-    found = apply(ready(name), recording)
+    found = apply_mapping(ready(name), recording)
     taken = {variable for group in found.channels for variable in group.values}
     rest = replace(recording, streams={s: recording.streams[s] for s in found.unmapped})
     lines = [

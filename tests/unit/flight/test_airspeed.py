@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stoop.flight import VARIABLES, Flight, load
-from stoop.flight.equivalent import density_at_altitude, density_at_pressure, density_of_gas
+from stoop.flight.airspeed import density_at_altitude, density_at_pressure, density_of_gas
 from stoop.flight.load import without_faults
 from stoop.logs.dataflash_write import Table, dataflash_bytes
 from stoop.vehicle.atmosphere import standard_density
@@ -51,7 +51,7 @@ def wavering(level: float) -> np.ndarray:
 
 
 def told(flight: Flight) -> str:
-    return next((note for note in flight.notes if "equivalent airspeed" in note), "")
+    return next((str(found) for found in flight.notices if found.code.startswith("true-airspeed")), "")
 
 
 BARO = table("BARO", Press=STANDARD[0])

@@ -27,29 +27,27 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
-from scipy.optimize import nnls
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.units import DEGREE, STANDARD_GRAVITY
-from stoop.flight.grid import complete
-
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
+from stoop.flight.gridding import complete
+from stoop.flight.instrument_errors import prior_std
 
 SIZE: Final = 7  #: of the state: velocity (3), accelerometer bias (3), heading error (1)
-UNKNOWN: Final = 100.0  #: m/s, standard deviation of a velocity of which nothing is known
-BIAS_PRIOR: Final = 0.5  #: m/s2
+VELOCITY_PRIOR: Final = 100.0  #: m/s, standard deviation of a velocity of which nothing is known
+BIAS_PRIOR: Final = (
+    0.5  #: m/s2; wider than that of the instrument, for errors of roll and pitch look like a bias
+)
 BIAS_WALK: Final = 0.01  #: m/s2 per square root of a second: 0.1 m/s2 in 100 s
-HEADING_PRIOR: Final = 5.0 * DEGREE
-HEADING_WALK: Final = 0.1 * DEGREE  #: per square root of a second: what a compass and its filter wander
-SLOWEST: Final = 0.1  #: Hz; a velocity without a rate of its own is taken this seldom
-LAGS: Final = 20  #: knots over which the two kinds of noise are told apart
+HEADING_PRIOR: Final = prior_std("psi.bias")
+HEADING_WALK: Final = 0.1 * DEGREE  #: per square root of a second: random walk of a compass and its filter
+MIN_VELOCITY_RATE: Final = 0.1  #: Hz; a velocity without a rate of its own is taken this seldom
+MAX_LAGS: Final = 20  #: knots over which the two kinds of noise are separated
 FLOOR_LOGGED: Final = 5e-3  #: m/s
 FLOOR_FORCE: Final = 0.03  #: m/s2 per square root of Hz
 CHI2_3_MEDIAN: Final = 2.366  #: median of a chi-square variable of three degrees of freedom
-PASSES: Final = 5  #: at most, to find the delay
-LEAST_DELAY: Final = 0.015  #: s; a shorter one is reported but not corrected
+MAX_PASSES: Final = 5  #: to find the delay
+MIN_DELAY: Final = 0.015  #: s; a shorter one is reported but not corrected
 
 
 @dataclass(frozen=True)
@@ -111,12 +109,13 @@ def smooth_velocity(record: Record, rate: float, limit: float = 1.0) -> Smoothed
     Smoothed, or None where no stretch of inertial data holds a logged velocity
     """
     path = _integrate(record)
-    stride = max(1, round(1.0 / (max(rate, SLOWEST) * path.step)))
+    stride = max(1, round(1.0 / (max(rate, MIN_VELOCITY_RATE) * path.step)))
     ties, delay, delay_std = _find_delay(record, path, stride)
     if ties.index.size < 2:
         return None
     logged_noise, force_noise = _noise_levels(path, ties)
-    knots = _knots(record, path, ties, stride)
+    holes = np.flatnonzero((path.label >= 0) & ~complete(record.velocity))[::stride]
+    knots = np.unique(np.concatenate([ties.index, path.ends, holes]))
     chain = _chain(path, knots, ties, force_noise)
     states, covariances = _smooth(chain, *_filter(chain, logged_noise**2))
     velocity, std = _fill(path, knots, states, covariances)
@@ -132,7 +131,7 @@ def smooth_velocity(record: Record, rate: float, limit: float = 1.0) -> Smoothed
 def run_labels(valid: BoolArray) -> IntArray:
     """Give each run of valid samples its number, from 0; -1 elsewhere."""
     before = np.concatenate([[False], valid[:-1]])
-    return np.where(valid, np.cumsum(valid & ~before) - 1, -1).astype(np.int64)
+    return np.where(valid, np.cumsum(valid & ~before) - 1, -1).astype(np.intp)
 
 
 @dataclass(frozen=True)
@@ -172,13 +171,13 @@ def _integrate(record: Record) -> _Path:
     inside = (label[1:] == label[:-1]) & valid[1:]
     edges = valid & ~(np.append(inside, False) & np.insert(inside, 0, False))
     rotation = record.rotation.reshape(-1, 9)
-    clock, gained, turn = (_running(x, inside, step) for x in (np.ones((valid.size, 1)), force, rotation))
+
+    def integral(values: FloatArray) -> FloatArray:
+        pieces = np.where(inside[:, None], 0.5 * step * (values[1:] + values[:-1]), 0.0)
+        return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(pieces, axis=0)])
+
+    clock, gained, turn = integral(np.ones((valid.size, 1))), integral(force), integral(rotation)
     return _Path(step, label, clock[:, 0], gained, turn.reshape(-1, 3, 3), np.flatnonzero(edges))
-
-
-def _running(values: FloatArray, inside: BoolArray, step: float) -> FloatArray:
-    pieces = np.where(inside[:, None], 0.5 * step * (values[1:] + values[:-1]), 0.0)
-    return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(pieces, axis=0)])
 
 
 @dataclass(frozen=True)
@@ -193,7 +192,7 @@ def _ties(record: Record, path: _Path, stride: int, late: int) -> _Ties:
     """Take the logged velocities at their own rate, `late` samples later than they were true."""
     label = run_labels(complete(record.velocity))
     start = np.flatnonzero((label >= 0) & (np.insert(label[:-1], 0, -1) != label))
-    count = np.arange(label.size) - start[label] if start.size else np.zeros(label.size, dtype=np.int64)
+    count = np.arange(label.size) - start[label] if start.size else np.zeros(label.size, dtype=np.intp)
     taken = np.flatnonzero((label >= 0) & (count % stride == 0))
     taken = taken[(taken >= late) & (taken - late < label.size)]
     taken = taken[path.label[taken - late] >= 0]
@@ -204,10 +203,10 @@ def _find_delay(record: Record, path: _Path, stride: int) -> tuple[_Ties, float,
     """Find by how much the logged velocity is late; ties are shifted when it is evident."""
     late, delay, std = 0, 0.0, np.inf
     ties = _ties(record, path, stride, 0)
-    for _ in range(PASSES):
+    for _ in range(MAX_PASSES):
         more, std = _delay(path, ties, stride)
         delay = late * path.step + more
-        shift = round(delay / path.step) if abs(delay) > max(3.0 * std, LEAST_DELAY) else 0
+        shift = round(delay / path.step) if abs(delay) > max(3.0 * std, MIN_DELAY) else 0
         if shift == late:
             break
         late, ties = shift, _ties(record, path, stride, shift)
@@ -241,24 +240,23 @@ def _noise_levels(path: _Path, ties: _Ties) -> tuple[float, float]:
     -------
     sqrt(r) m/s, sqrt(q) m/s2 per square root of Hz
     """
+    from scipy.optimize import nnls  # heavy, and only here
+
     mismatch = ties.velocity - path.velocity[ties.index]
-    rows = [_growth(path, ties.index, mismatch, lag) for lag in range(1, LAGS + 1)]
-    table = np.array([row for row in rows if row is not None])
-    if len(table) < 3:
+    rows = []
+    for lag in range(1, MAX_LAGS + 1):
+        later, earlier = ties.index[lag:], ties.index[:-lag]
+        same = path.label[later] == path.label[earlier]
+        if np.count_nonzero(same) >= 10:
+            squares = np.sum((mismatch[lag:] - mismatch[:-lag]) ** 2, axis=1)[same]
+            elapsed = float(np.mean((path.clock[later] - path.clock[earlier])[same]))
+            rows.append((elapsed, max(float(np.median(squares)) / CHI2_3_MEDIAN, FLOOR_LOGGED**2)))
+    if len(rows) < 3:
         return 0.1, 0.3
-    lapse, growth = table.T
+    lapse, growth = np.array(rows).T
     design = np.column_stack([np.full_like(lapse, 2.0), lapse]) / growth[:, None]
     (logged, force), _ = nnls(design, np.ones_like(lapse))
     return max(float(np.sqrt(logged)), FLOOR_LOGGED), max(float(np.sqrt(force)), FLOOR_FORCE)
-
-
-def _growth(path: _Path, index: IntArray, mismatch: FloatArray, lag: int) -> tuple[float, float] | None:
-    same = path.label[index[lag:]] == path.label[index[:-lag]]
-    if np.count_nonzero(same) < 10:
-        return None
-    squares = np.sum((mismatch[lag:] - mismatch[:-lag]) ** 2, axis=1)[same]
-    lapse = (path.clock[index[lag:]] - path.clock[index[:-lag]])[same]
-    return float(np.mean(lapse)), max(float(np.median(squares)) / CHI2_3_MEDIAN, FLOOR_LOGGED**2)
 
 
 @dataclass(frozen=True)
@@ -271,12 +269,6 @@ class _Chain:
     logged: FloatArray
 
 
-def _knots(record: Record, path: _Path, ties: _Ties, stride: int) -> IntArray:
-    """Stop at each tie, at the ends of the stretches and inside holes of the velocity."""
-    holes = np.flatnonzero((path.label >= 0) & ~complete(record.velocity))[::stride]
-    return np.unique(np.concatenate([ties.index, path.ends, holes]))
-
-
 def _chain(path: _Path, knots: IntArray, ties: _Ties, force_noise: float) -> _Chain:
     before, after = knots[:-1], knots[1:]
     lapse = path.clock[after] - path.clock[before]
@@ -286,19 +278,12 @@ def _chain(path: _Path, knots: IntArray, ties: _Ties, force_noise: float) -> _Ch
     transition[:, :3, 3:6] = path.turn[before] - path.turn[after]
     transition[:, 0, 6], transition[:, 1, 6] = -force[:, 1], force[:, 0]
     noise = np.zeros((before.size, SIZE))
-    noise[:, :3] = np.where(broken, UNKNOWN**2, force_noise**2 * lapse)[:, None]
+    noise[:, :3] = np.where(broken, VELOCITY_PRIOR**2, force_noise**2 * lapse)[:, None]
     elapsed = path.step * (after - before)
     noise[:, 3:] = elapsed[:, None] * np.array([BIAS_WALK] * 3 + [HEADING_WALK]) ** 2
     logged = np.full((knots.size, 3), np.nan)
     logged[np.searchsorted(knots, ties.index)] = ties.velocity
     return _Chain(transition, path.velocity[after] - path.velocity[before], noise, logged)
-
-
-def _prior(chain: _Chain) -> tuple[FloatArray, FloatArray]:
-    tied = chain.logged[np.isfinite(chain.logged[:, 0])]
-    state = np.concatenate([tied[0], np.zeros(SIZE - 3)])
-    spread = np.array([UNKNOWN] * 3 + [BIAS_PRIOR] * 3 + [HEADING_PRIOR])
-    return state, np.diag(spread**2)
 
 
 _Moments = tuple[FloatArray, FloatArray]
@@ -309,7 +294,9 @@ def _filter(chain: _Chain, variance: float) -> tuple[_Moments, _Moments]:
     count = chain.logged.shape[0]
     predicted = np.empty((count, SIZE)), np.empty((count, SIZE, SIZE))
     filtered = np.empty((count, SIZE)), np.empty((count, SIZE, SIZE))
-    x, P = _prior(chain)
+    logged = chain.logged[np.isfinite(chain.logged[:, 0])]
+    x = np.concatenate([logged[0], np.zeros(SIZE - 3)])
+    P = np.diag(np.array([VELOCITY_PRIOR] * 3 + [BIAS_PRIOR] * 3 + [HEADING_PRIOR]) ** 2)
     tied = np.isfinite(chain.logged[:, 0]).tolist()
     for k in range(count):
         if k:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from stoop.base.notices import Notice
 from stoop.base.rotations import continuous, euler_angles, product, quaternions_of
-from stoop.flight.between import following_rates, integrated
-from stoop.flight.build import build
+from stoop.base.variables import RATES
+from stoop.flight.attitude_interpolation import integrate_rates, interpolate_by_rates
 from stoop.flight.channels import Channels
-
-RATES = ("p", "q", "r")
+from stoop.flight.gridding import grid_channels
 
 
 def wobbling(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -31,22 +32,22 @@ def recorded(slow: np.ndarray, fast: np.ndarray, bias: float = 0.0) -> list[Chan
     ]
 
 
-def off(channels: list[Channels], follow: bool) -> tuple[float, str]:
-    """Return the largest error of phi and theta on the grid, rad, and what was said."""
-    grid, data, sources = build(channels, 100.0, "test")
-    note = ""
+def off(channels: list[Channels], follow: bool) -> tuple[float, list[Notice]]:
+    """Return the largest error of phi and theta on the grid, rad, and the notices."""
+    grid, data, sources = grid_channels(channels, 100.0, "test")
+    notices: list[Notice] = []
     if follow:
-        data, note = following_rates(grid, data, sources, channels)
+        data, notices = interpolate_by_rates(grid, data, sources, channels)
     truth = wobbling(grid.time)[0]
     there = np.isfinite(data["q0"]) & np.isfinite(data["p"])
     found = np.column_stack([data["phi"], data["theta"]])
-    return float(np.max(np.abs(found - truth[:, :2])[there])), note
+    return float(np.max(np.abs(found - truth[:, :2])[there])), notices
 
 
 def test_rates_are_integrated() -> None:
     t = np.arange(0.0, 10.0, 0.01)
     angles, rates = wobbling(t)
-    turned = product(np.repeat(quaternions_of(angles[:1]), len(t), axis=0), integrated(rates, 100.0))
+    turned = product(np.repeat(quaternions_of(angles[:1]), len(t), axis=0), integrate_rates(rates, 100.0))
     np.testing.assert_allclose(euler_angles(turned)[:, :2], angles[:, :2], atol=2e-3)
 
 
@@ -55,7 +56,7 @@ def test_quick_motion_between_slow_samples() -> None:
     before, after = off(channels, False)[0], off(channels, True)
     assert before > 0.1
     assert after[0] < 0.03, "the ends of filtered rates are the worst"
-    assert after[1] == "the attitude was logged at 5 Hz; between its samples it follows the rates"
+    assert [(n.code, n.values["rate"]) for n in after[1]] == [("attitude-follows-rates", pytest.approx(5.0))]
 
 
 def test_holes_stay() -> None:
@@ -63,8 +64,8 @@ def test_holes_stay() -> None:
     slow = slow[(slow < 6.0) | (slow > 7.5)]
     fast = fast[(fast < 12.0) | (fast > 13.0)]
     channels = recorded(slow, fast)
-    grid, data, sources = build(channels, 100.0, "test")
-    after, _ = following_rates(grid, data, sources, channels)
+    grid, data, sources = grid_channels(channels, 100.0, "test")
+    after, _ = interpolate_by_rates(grid, data, sources, channels)
     np.testing.assert_array_equal(np.isnan(after["q0"]), np.isnan(data["q0"]))
     np.testing.assert_array_equal(np.isnan(after["phi"]), np.isnan(data["phi"]))
     assert off(channels, True)[0] < 0.03
@@ -74,7 +75,7 @@ def test_fast_attitudes_and_slow_rates_are_left() -> None:
     fast = recorded(np.arange(0.0, 5.0, 0.02), np.arange(0.0, 5.0, 0.004))
     slow = recorded(np.arange(0.0, 5.0, 0.1), np.arange(0.0, 5.0, 0.1))
     for channels in (fast, slow, slow[:1], slow[1:]):
-        grid, data, sources = build(channels, 100.0, "test")
-        after, note = following_rates(grid, data, sources, channels)
-        assert note == ""
+        grid, data, sources = grid_channels(channels, 100.0, "test")
+        after, notices = interpolate_by_rates(grid, data, sources, channels)
+        assert notices == []
         assert all(after[name] is data[name] for name in data)

@@ -15,13 +15,14 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from stoop.base.rotations import matrices_of, quaternions_of
-from stoop.flight.reconstruction import reconstruct
-from stoop.flight.smoother import (
+from stoop.flight import air_data_reconstruction
+from stoop.flight.air_data import AirData
+from stoop.flight.velocity_smoother import (
     BIAS_PRIOR,
     BIAS_WALK,
     HEADING_PRIOR,
     HEADING_WALK,
-    UNKNOWN,
+    VELOCITY_PRIOR,
     Record,
     smooth_velocity,
 )
@@ -141,6 +142,16 @@ def dataset(time: Array, columns: dict[str, Array]) -> xr.Dataset:
     return xr.Dataset({name: ("time", x) for name, x in columns.items()}, coords={"time": time})
 
 
+def reconstruct(data: xr.Dataset) -> tuple[xr.Dataset, AirData]:
+    columns = {str(name): x.to_numpy() for name, x in data.items()}
+    found, air = air_data_reconstruction.reconstruct(data["time"].to_numpy(), columns)
+    return data.assign({name: ("time", x) for name, x in found.items()}), air
+
+
+def codes(air: AirData) -> set[str]:
+    return {found.code for found in air.notices}
+
+
 def rms(x: Array) -> float:
     return float(np.sqrt(np.nanmean(np.square(x))))
 
@@ -205,20 +216,21 @@ def test_a_late_velocity_is_found_and_corrected(delay: float) -> None:
     out, air = reconstruct(data)
     assert air.velocity_delay == pytest.approx(delay, abs=0.01)
     assert rms(out["ve_smooth"].to_numpy() - exact["velocity"][:, 1]) < 0.15
-    assert any("against the accelerometers" in note for note in air.notes)
+    assert ("velocity-late" if delay > 0.0 else "velocity-early") in codes(air)
 
 
 def test_a_velocity_that_is_not_late_is_left_alone() -> None:
     _, air = reconstruct(fly(Truth(duration=60.0), 6)[0])
     assert abs(air.velocity_delay) < 0.01
-    assert not any("against the accelerometers" in note for note in air.notes)
+    assert not codes(air) & {"velocity-late", "velocity-early"}
 
 
 def test_a_wrong_heading_is_reported_and_not_corrected() -> None:
     truth = Truth(heading_error=4.0 * DEG)
     out, air = reconstruct(fly(truth, 7)[0])
     assert air.heading_error == pytest.approx(truth.heading_error, abs=1.0 * DEG)
-    assert any("heading is off by -4" in note or "heading is off by -3" in note for note in air.notes)
+    (found,) = (found for found in air.notices if found.code == "heading-error")
+    assert found.values["error"] == -air.heading_error
     assert float(np.nanmean(out["beta"])) == pytest.approx(truth.heading_error, abs=1.5 * DEG)
 
 
@@ -231,7 +243,7 @@ def test_pitot_offset_at_rest_is_its_own_finding() -> None:
     still = still.assign_coords(time=still["time"] - 10.0 - 1.0 / RATE)
     _, air = reconstruct(xr.concat([still, flying], dim="time"))
     assert air.rest_offset == pytest.approx(-3.0)
-    assert sum("pitot fault" in note for note in air.notes) == 2
+    assert codes(air) >= {"pitot-pressure-offset", "pitot-offset-inconsistent"}
     assert within(air.pitot_offset, air.pitot_offset_std, truth.offset)
 
 
@@ -246,14 +258,14 @@ def test_without_a_pitot_sideslip_tells_the_wind() -> None:
     assert np.hypot(air.wind_n - truth.wind[0], air.wind_e - truth.wind[1]) < max(3.0 * air.wind_n_std, 0.3)
     assert np.isnan(air.pitot_scale)
     assert rms(out["beta"].to_numpy() - exact["beta"]) < 1.0 * DEG
-    assert any("no pitot" in note for note in air.notes)
+    assert any("no pitot" in str(found.values.get("source")) for found in air.notices)
 
 
 def test_pitot_and_sideslip_agree() -> None:
     truth = Truth()
     _, air = reconstruct(fly(truth, 10, beta=weathercock(truth))[0])
     assert air.method == "pitot"
-    assert any("cross-check" in note and " agrees " in note for note in air.notes)
+    assert "sideslip-wind-agrees" in codes(air)
 
 
 def test_a_log_wind_serves_a_straight_flight_without_pitot() -> None:
@@ -274,7 +286,7 @@ def test_a_vehicle_that_does_not_weathercock_gets_no_wind_from_its_sideslip() ->
     _, air = reconstruct(data.drop_vars("airspeed_pitot"))
     assert air.method == "still air"
     assert air.wind_n == 0.0
-    assert any("unknown and taken as zero" in note for note in air.notes)
+    assert "wind-unknown" in codes(air)
 
 
 # ---------------------------------------------------------------- what cannot be told is not invented
@@ -283,8 +295,7 @@ def test_a_vehicle_that_does_not_weathercock_gets_no_wind_from_its_sideslip() ->
 def test_straight_flight_holds_the_pitot_scale_and_says_so() -> None:
     truth = Truth(turn=0.0, duration=60.0, swing=0.0)
     _, air = reconstruct(fly(truth, 13, beta=weathercock(truth))[0])
-    assert any("POORLY DETERMINED" in note for note in air.notes)
-    assert any("held near 1" in note for note in air.notes)
+    assert codes(air) >= {"steady-wind-poor", "pitot-scale-unknown"}
     assert max(air.wind_n_std, air.wind_e_std) > 1.5
     assert within(air.wind_n, air.wind_n_std, truth.wind[0])
     assert within(air.wind_e, air.wind_e_std, truth.wind[1])
@@ -309,7 +320,7 @@ def test_without_the_essentials_the_data_come_back_unchanged(missing: str) -> No
     assert out.identical(data)
     assert air.method == "none"
     assert np.isnan(air.wind_n)
-    assert air.notes[0].startswith("no airspeed, alpha and beta")
+    assert air.notices[0].code.startswith("no-air-data")
 
 
 def test_without_accelerometers_the_velocity_is_taken_as_logged() -> None:
@@ -413,12 +424,12 @@ def dense_smoother(record: Record, logged_noise: float, force_noise: float) -> t
         rows.append(row / std[:, None])
         right.append(value / std)
 
-    prior = np.array([UNKNOWN] * 3 + [BIAS_PRIOR] * 3 + [HEADING_PRIOR])
+    prior = np.array([VELOCITY_PRIOR] * 3 + [BIAS_PRIOR] * 3 + [HEADING_PRIOR])
     first = np.flatnonzero(np.isfinite(record.velocity[:, 0]))[0]
     add({0: np.eye(7)}, np.concatenate([record.velocity[first], np.zeros(4)]), prior)
     for k in range(size - 1):
         move, gain = np.eye(7), np.zeros(7)
-        sigma = np.array([UNKNOWN] * 3 + [BIAS_WALK * 0.1] * 3 + [HEADING_WALK * 0.1])
+        sigma = np.array([VELOCITY_PRIOR] * 3 + [BIAS_WALK * 0.1] * 3 + [HEADING_WALK * 0.1])
         if np.isfinite(ned[k : k + 2]).all():
             mean, turn = 0.5 * (ned[k] + ned[k + 1]), 0.5 * (record.rotation[k] + record.rotation[k + 1])
             move[:3, 3:6], move[0, 6], move[1, 6] = -step * turn, -step * mean[1], step * mean[0]

@@ -13,11 +13,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice, notice
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.base.variables import VARIABLES
 from stoop.flight.channels import SourceRate
@@ -25,14 +26,16 @@ from stoop.flight.faults import Fault
 
 EQUIVALENT: Final = "airspeed_equivalent"
 TRUE: Final = "airspeed_pitot"
-GAS: Final = 287.05287  #: J/(kg K), of dry air
-LAPSE: Final = 0.0065  #: K/m of geopotential altitude
+GAS_CONSTANT: Final = 287.05287  #: J/(kg K), of dry air
+LAPSE_RATE: Final = 0.0065  #: K/m of geopotential altitude
 SEA_LEVEL_PRESSURE: Final = 101325.0  #: Pa
 SEA_LEVEL_TEMPERATURE: Final = 288.15  #: K
 SEA_LEVEL_DENSITY: Final = 1.225  #: kg/m3
 EARTH_RADIUS: Final = 6356766.0  #: m, the standard's nominal one
-EXPONENT: Final = STANDARD_GRAVITY / (GAS * LAPSE)  #: of the pressure's ratio over the temperature's
-BELIEVED: Final = {
+EXPONENT: Final = STANDARD_GRAVITY / (
+    GAS_CONSTANT * LAPSE_RATE
+)  #: of the pressure's ratio over the temperature's
+PLAUSIBLE: Final = {
     "density": (0.3, 1.6),
     "pressure": (2.2e4, 1.2e5),
     "temperature": (200.0, 340.0),
@@ -44,7 +47,7 @@ def density_at_altitude(altitude: FloatArray) -> FloatArray:
     """Return the standard density, kg/m3, at heights above the sea, m."""
     geopotential = EARTH_RADIUS * altitude / (EARTH_RADIUS + altitude)
     return np.asarray(
-        SEA_LEVEL_DENSITY * (1.0 - LAPSE * geopotential / SEA_LEVEL_TEMPERATURE) ** (EXPONENT - 1.0)
+        SEA_LEVEL_DENSITY * (1.0 - LAPSE_RATE * geopotential / SEA_LEVEL_TEMPERATURE) ** (EXPONENT - 1.0)
     )
 
 
@@ -55,10 +58,10 @@ def density_at_pressure(pressure: FloatArray) -> FloatArray:
 
 def density_of_gas(pressure: FloatArray, temperature: FloatArray) -> FloatArray:
     """Return the density, kg/m3, of dry air of this pressure, Pa, and temperature, K."""
-    return pressure / (GAS * temperature)
+    return pressure / (GAS_CONSTANT * temperature)
 
 
-_WAYS: Final[tuple[tuple[tuple[str, ...], Callable[..., FloatArray], str], ...]] = (
+_METHODS: Final[tuple[tuple[tuple[str, ...], Callable[..., FloatArray], str], ...]] = (
     (("density",), np.asarray, "as logged"),
     (("pressure", "temperature"), density_of_gas, "by pressure and temperature"),
     (("pressure",), density_at_pressure, "by the pressure, in the standard atmosphere"),
@@ -68,8 +71,8 @@ _WAYS: Final[tuple[tuple[tuple[str, ...], Callable[..., FloatArray], str], ...]]
 
 def with_true_airspeed(
     data: Mapping[str, FloatArray], sources: Mapping[str, SourceRate]
-) -> tuple[dict[str, FloatArray], dict[str, SourceRate], str]:
-    """Add the true airspeed where the equivalent one was logged, and neither V nor the true one; say how.
+) -> tuple[dict[str, FloatArray], dict[str, SourceRate], list[Notice]]:
+    """Add the true airspeed where the equivalent one was logged, and neither V nor the true one; with a notice.
 
     Parameters
     ----------
@@ -77,40 +80,43 @@ def with_true_airspeed(
     sources : how each was recorded
     """
     if EQUIVALENT not in data or {TRUE, "V"} & data.keys():
-        return dict(data), dict(sources), ""
-    density, how = _density(data)
-    source, factor = sources[EQUIVALENT], np.sqrt(SEA_LEVEL_DENSITY / density)
-    columns = {**data, TRUE: data[EQUIVALENT] * factor}
-    middle = float(np.median(density))
-    words = (
-        f"{TRUE} is {np.sqrt(SEA_LEVEL_DENSITY / middle):.3f} times the equivalent airspeed of {source.source}: air of "
-        f"{middle:.3f} kg/m3 in the median, {how}"
-        if how
-        else f"{TRUE} is the equivalent airspeed of {source.source}, as if in air of {middle:g} kg/m3: neither pressure nor "
-        "altitude tells the density"
+        return dict(data), dict(sources), []
+    density, method = _density(data)
+    source = sources[EQUIVALENT]
+    columns = {**data, TRUE: data[EQUIVALENT] * np.sqrt(SEA_LEVEL_DENSITY / density)}
+    median = float(np.median(density))
+    values: dict[str, Any] = {
+        "source": source.source,
+        "density": median,
+        "factor": float(np.sqrt(SEA_LEVEL_DENSITY / median)),
+    }
+    found = (
+        notice("true-airspeed", TRUE, method=method, **values)
+        if method
+        else notice("true-airspeed-of-unknown-density", TRUE, **values)
     )
-    return {name: columns[name] for name in VARIABLES if name in columns}, {**sources, TRUE: source}, words
+    return {name: columns[name] for name in VARIABLES if name in columns}, {**sources, TRUE: source}, [found]
 
 
 def _density(data: Mapping[str, FloatArray]) -> tuple[FloatArray, str]:
     """Return the density (n,), with lines across holes, and by what it is known; that at sea level where nothing tells."""
     count = len(data[EQUIVALENT])
-    for names, formula, words in _WAYS:
+    for names, formula, method in _METHODS:
         if set(names) <= data.keys():
-            found = formula(*(_believed(name, data[name]) for name in names))
-            seen = np.flatnonzero(np.isfinite(found))
-            if seen.size:
-                return np.interp(np.arange(count), seen, found[seen]), words
+            density = formula(*(_plausible(name, data[name]) for name in names))
+            known = np.flatnonzero(np.isfinite(density))
+            if known.size:
+                return np.interp(np.arange(count), known, density[known]), method
     return np.full(count, SEA_LEVEL_DENSITY), ""
 
 
-def _believed(name: str, x: FloatArray) -> FloatArray:
-    low, high = BELIEVED[name]
+def _plausible(name: str, x: FloatArray) -> FloatArray:
+    low, high = PLAUSIBLE[name]
     with np.errstate(invalid="ignore"):
         return np.where((x >= low) & (x <= high), x, np.nan)
 
 
-def of_the_true_one(faults: list[Fault], data: Mapping[str, FloatArray]) -> list[Fault]:
+def faults_of_true_airspeed(faults: list[Fault], data: Mapping[str, FloatArray]) -> list[Fault]:
     """Return faults of the equivalent airspeed as those of the true one, where that was made of it."""
     made = EQUIVALENT in data and TRUE in data
     return [replace(f, variable=TRUE) if made and f.variable == EQUIVALENT else f for f in faults]

@@ -10,9 +10,10 @@ import pytest
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, LogError
 from stoop.flight import load
+from stoop.flight.alignment import attitude_delay, quantities
 from stoop.flight.channels import Channels
-from stoop.flight.clocks import lateness, quantities, read_alignments
-from stoop.flight.lag import Lag, find_lag, with_drift
+from stoop.flight.mapping import flight_mapping
+from stoop.flight.time_delay import Lag, find_lag, with_drift
 
 RNG = np.random.default_rng(7)
 TONES = [
@@ -141,17 +142,17 @@ def test_velocity_and_specific_force_have_the_load_in_common() -> None:
 @pytest.mark.parametrize(
     ("entry", "words"),
     [
-        ({"with": "a", "gain": 1}, r"align\.m\.gain is unknown"),
-        ({}, r"align\.m\.with is missing"),
-        ({"with": "m"}, "name another stream"),
-        ({"with": "a", "using": ["yaw"]}, "using is a list of some of p, q, r"),
-        ({"with": "a", "longest": -1}, "a longest above zero"),
-        ("a", "is not a table"),
+        ({"with": "a", "gain": 1}, r"align\.m\.gain: unknown key"),
+        ({}, r"align\.m\.with: missing"),
+        ({"with": "m"}, "cannot be aligned with itself"),
+        ({"with": "a", "using": ["yaw"]}, r"align\.m\.using\.0: it must be 'p', 'q', 'r'"),
+        ({"with": "a", "longest": -1}, r"align\.m\.longest: it must be greater than 0"),
+        ("a", r"align\.m: this must be a table"),
     ],
 )
 def test_mistakes(entry: object, words: str) -> None:
     with pytest.raises(LogError, match=words):
-        read_alignments("m.toml", {"m": entry})
+        flight_mapping("m.toml", {"extends": "px4", "align": {"m": entry}})
 
 
 MAPPING = """[time]
@@ -177,15 +178,15 @@ def two_files(folder: Path, shift: float) -> Path:
 def test_from_two_files_to_one_clock(tmp_path: Path) -> None:
     folder = two_files(tmp_path, 7.4321)
     (folder / "mapping.toml").write_text(MAPPING)
-    (advice,) = (note for note in load(folder).notes if "the clock of" in note)
-    assert (
-        "reads +7.432 s against that of mocap.csv" in advice
-        or "reads -7.432 s against that of autopilot.csv" in advice
-    )
+    (advice,) = (found for found in load(folder).notices if found.code == "clocks-disagree")
+    sign = 1.0 if advice.values["reference"] == "mocap.csv" else -1.0
+    assert advice.values["shift"] == pytest.approx(sign * 7.432, abs=5e-4)
     (folder / "mapping.toml").write_text(MAPPING + '[align."mocap.csv"]\nwith = "autopilot.csv"\n')
     flight = load(folder)
-    (note,) = (note for note in flight.notes if note.startswith("clock of mocap.csv moved by +7.432"))
-    assert "by psi_dot: correlation 1.00" in note
+    (found,) = (found for found in flight.notices if found.code == "clock-aligned")
+    assert (found.subject, found.values["using"]) == ("mocap.csv", ("psi_dot",))
+    assert found.values["shift"] == pytest.approx(7.4321, abs=1e-3)
+    assert found.values["correlation"] == pytest.approx(1.0, abs=5e-3)
     inside = np.isfinite(flight.column("psi"))
     np.testing.assert_allclose(flight.column("psi")[inside], heading(flight.time[inside]), atol=2e-3)
 
@@ -194,7 +195,7 @@ def test_nothing_in_common(tmp_path: Path) -> None:
     folder = two_files(tmp_path, 1.0)
     align = '[align."mocap.csv"]\nwith = "autopilot.csv"\n'
     (folder / "mapping.toml").write_text(MAPPING.replace("psi =", "theta =") + align)
-    with pytest.raises(FlightError, match=r"nothing in common .* autopilot.csv tells r, psi_dot"):
+    with pytest.raises(FlightError, match=r"nothing in common .* autopilot.csv holds r, psi_dot"):
         load(folder)
     (folder / "mapping.toml").write_text(MAPPING + align.replace('"mocap', '"film'))
     with pytest.raises(
@@ -218,11 +219,11 @@ def test_a_late_attitude_is_told() -> None:
     t, s = np.arange(0.0, 60.0, 0.005), np.arange(0.0, 60.0, 0.02)
     rates = Channels("gyro", t, {"p": 0 * t, "q": 0 * t, "r": yaw_rate(t)})
     parts = {"phi": 0 * s, "theta": 0 * s, "psi": heading(s)}
-    words = lateness([rates, Channels("filter", s + 0.15, parts)])
-    assert words.startswith("the attitude comes 0.150 s late against the rates")
-    assert '[align.filter] with = "gyro"' in words
-    assert lateness([rates, Channels("filter", s, parts)]) == ""
-    assert lateness([rates]) == ""
+    (found,) = attitude_delay([rates, Channels("filter", s + 0.15, parts)])
+    assert (found.code, found.subject, found.values["reference"]) == ("attitude-late", "filter", "gyro")
+    assert found.values["delay"] == pytest.approx(0.15, abs=5e-4)
+    assert attitude_delay([rates, Channels("filter", s, parts)]) == []
+    assert attitude_delay([rates]) == []
 
 
 def test_a_file_of_another_kind_beside_the_log(tmp_path: Path) -> None:
@@ -240,7 +241,8 @@ def test_a_file_of_another_kind_beside_the_log(tmp_path: Path) -> None:
     )
     (tmp_path / "f.mat.toml").write_text(text)
     flight = load(tmp_path / "f.mat")
-    assert any(note.startswith("clock of mocap moved by +3.70") for note in flight.notes)
+    (found,) = (found for found in flight.notices if found.code == "clock-aligned")
+    assert found.values["shift"] == pytest.approx(3.7, abs=5e-3)
     inside = np.isfinite(flight.column("psi"))
     np.testing.assert_allclose(flight.column("psi")[inside], heading(flight.time[inside]), atol=2e-3)
     for wrong in ("film.csv", "../mocap.csv"):

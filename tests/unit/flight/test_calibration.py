@@ -9,21 +9,23 @@ import numpy as np
 import pytest
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import notice
 from stoop.errors import LogError
 from stoop.flight import load
+from stoop.flight.calibration import Surfaces
 from stoop.flight.channels import Channels
-from stoop.flight.surfaces import Surfaces, deflections, read_surfaces
+from stoop.flight.mapping import flight_mapping
 
 POINTS = "points = [[1100, -0.4], [1500, 0.0], [1900, 0.38]]\n"
 
 
 def surfaces(text: str) -> Surfaces:
-    return read_surfaces("m.toml", tomllib.loads(text))
+    return flight_mapping("m.toml", {"extends": "px4", **tomllib.loads(text)}).surfaces
 
 
 def made(text: str, **outputs: FloatArray) -> dict[str, FloatArray]:
     time = np.arange(next(iter(outputs.values())).size) * 0.02
-    found, _ = deflections(surfaces(text), [Channels("out", time, outputs)])
+    found, _ = surfaces(text).deflections([Channels("out", time, outputs)])
     return {name: x for group in found for name, x in group.values.items()}
 
 
@@ -71,34 +73,34 @@ def test_weights_and_outputs_of_two_clocks() -> None:
         Channels("a", slow, {"pwm_1": 1000 + 1000 * slow}),
         Channels("b", fast, {"pwm_2": 1000 + 1000 * fast}),
     ]
-    (found,), notes = deflections(surfaces(text), groups)
+    (found,), notices = surfaces(text).deflections(groups)
     np.testing.assert_allclose(found.values["aileron"], slow - 0.5, atol=1e-12)
-    assert notes == []
+    assert notices == []
 
 
 def test_leaving_the_table_is_told() -> None:
     text = f"[calibration.pwm_3]\n{POINTS}[surface.elevator]\nfrom = {{pwm_3 = 1}}\n"
     groups = [Channels("a", np.arange(4.0), {"pwm_3": np.array([1500.0, 1500.0, 1500.0, 2000.0])})]
-    _, (note,) = deflections(surfaces(text), groups)
-    assert "pwm_3 leaves its calibration (1100 to 1900) in 25 %" in note
+    _, (found,) = surfaces(text).deflections(groups)
+    assert found == notice("output-beyond-calibration", "pwm_3", low=1100.0, high=1900.0, share=0.25)
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("[calibration.pwm_3]\npoints = [[1100, -0.4]]", r"calibration\.pwm_3\.points needs two pairs"),
-        ("[calibration.pwm_3]\npoints = [[1100, -0.4], [1500]]", "needs two pairs"),
+        ("[calibration.pwm_3]\npoints = [[1100, -0.4]]", r"calibration\.pwm_3\.points: list should have at least 2 items"),
+        ("[calibration.pwm_3]\npoints = [[1100, -0.4], [1500]]", r"points\.1: list should have at least 2 items"),
         ("[calibration.pwm_3]\npoints = [[1100, -0.4], [1500, 0.2], [1900, 0.1]]", "points turn back: the deflection must"),
         ("[calibration.pwm_3]\npoints = [[1100, -0.4], [1100, 0.2]]", "holds the input 1100 twice"),
         ("[calibration.pwm_3]\npoints = [[1100, -25], [1900, 25]]", 'are they degrees. write unit = "deg"'),
-        ("[calibration.pwm_3]\npoints = [[1100, -0.4], [1900, nan]]", "points is not a number"),
+        ("[calibration.pwm_3]\npoints = [[1100, -0.4], [1900, nan]]", r"points\.1\.1: it must be a finite number"),
         ("[calibration.pwm_33]\n" + POINTS, "'pwm_33' is no variable of stoop"),
         ("[calibration.pwm_3]\ndegree = 3\n" + POINTS, "degree is to be a whole number from 1 to 2 for 3 points"),
-        ("[calibration.pwm_3]\ndegree = true\n" + POINTS, "degree is to be a whole number"),
+        ("[calibration.pwm_3]\ndegree = true\n" + POINTS, r"degree: it must be a valid integer"),
         ("[calibration.pwm_3]\ndegree = 3\npoints = [[0, 0.0], [1, 0.4], [9, 0.41], [10, 0.9]]", "curve turns back between"),
         ("[surface.elevator]\nfrom = {pwm_3 = 1}", r"mixed from pwm_3, which has no calibration; add \[calibration\.pwm_3\]"),
         ("[calibration.pwm_3]\n" + POINTS + "[surface.wing]\nfrom = {pwm_3 = 1}", "leads to one of elevator"),
-        ("[calibration.pwm_3]\n" + POINTS + "[mixer.a]\nkind = 'x'\nleft = 'pwm_3'\nright = 'pwm_4'", "kind = 'x' is unknown"),
+        ("[calibration.pwm_3]\n" + POINTS + "[mixer.a]\nkind = 'x'\nleft = 'pwm_3'\nright = 'pwm_4'", r"kind: it must be"),
         ("[calibration.pwm_3]\n" + POINTS + "[mixer.a]\nkind = 'elevon'\nleft = 'pwm_3'\nright = 'pwm_3'", "name two"),
     ],
 )  # fmt: skip

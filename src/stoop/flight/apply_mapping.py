@@ -1,0 +1,357 @@
+"""A recording under a mapping: which mapping counts, which of several sources is taken, and what is left out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from stoop import logs
+from stoop.base.arrays import BoolArray, FloatArray
+from stoop.base.notices import Notice, notice
+from stoop.base.text import nearest
+from stoop.base.toml import parse_source, read_source
+from stoop.base.units import FACTORS, KINDS
+from stoop.base.variables import EULER, VARIABLES
+from stoop.errors import FlightError, LogError, listed
+from stoop.flight.alignment import align, suggest_alignments
+from stoop.flight.channels import MAX_VALUE, Channels
+from stoop.flight.frames import rotate_axes
+from stoop.flight.mapping import READY, FlightMapping, Group, Source, flight_mapping, ready, with_other_form
+from stoop.logs import Recording, Stream
+from stoop.logs.mapping import is_first_edition
+from stoop.logs.read import kind
+from stoop.logs.recording import clean_stream
+from stoop.logs.table import beside, read_raw_csv
+
+MAX_TRANSPORT: Final = 0.2  #: s; a sample stamp further from its publication is not believed
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """A recording under a mapping.
+
+    Attributes
+    ----------
+    channels : variables of the registry, each group on its own clock
+    notices : what was found
+    unmapped : stream -> columns that the mapping does not name; none where nothing of the stream was read
+    places : variable -> file and key of the mapping, for advice
+    """
+
+    channels: list[Channels]
+    notices: list[Notice]
+    unmapped: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    places: Mapping[str, str] = field(default_factory=dict)
+
+
+def read_mapped(path: Path, given: Path | None = None) -> tuple[Recording, Mapped | None]:
+    """Read the streams of a log that its mapping needs, and name its channels by the registry.
+
+    Parameters
+    ----------
+    path : the log
+    given : its mapping; None takes the one beside the log, else the ready one of the format
+
+    Returns
+    -------
+    recording : of any format
+    mapped : its channels; None for a flight that stoop wrote
+
+    Raises
+    ------
+    FlightError
+        When the mapping names a variable that is not in the registry, or there is no mapping for this format.
+    LogError
+        When log or mapping cannot be read, or the mapping names what is not in the log.
+    """
+    place = given
+    if place is None:
+        try:
+            place = beside(path) if beside(path).is_file() else None
+        except (OSError, ValueError):  # the reader says it better
+            place = None
+    form = kind(path) if path.is_file() else ""
+    mapping = ready(READY[form]) if place is None and form in READY else None
+    content: dict[str, Any] = {}
+    if place is not None and path.exists():
+        content = parse_source(read_source(place, "mapping", LogError), str(place), LogError)
+        mapping = flight_mapping(str(place), content)
+    needed = None if not form or mapping is None or "" in mapping.streams else mapping.streams
+    recording = logs.read(path, given, needed)
+    if recording.format == "stoop-netcdf":
+        return recording, None
+    if recording.format == "table" and place is not None and is_first_edition(content):
+        found = _first_edition(recording, place)
+        return recording, replace(found, notices=_suggestions(recording, found, place))
+    if mapping is None and recording.format not in READY:
+        start = beside(recording.path)
+        raise FlightError(
+            f"{recording.path}: this kind of log needs a mapping of its columns; "
+            f"draft one by stoop map {recording.path} -o {start}, and correct it"
+        )
+    mapping = mapping or ready(READY[recording.format])
+    whole = _with_files(recording, mapping)
+    found = apply_mapping(mapping, whole)
+    if not mapping.alignments and (mapping.files or recording.format not in READY):
+        found = replace(found, notices=[*found.notices, *_suggestions(whole, found, place)])
+    return recording, found
+
+
+def _first_edition(recording: Recording, place: Path) -> Mapped:
+    """Take the variables as the reader of tables named them."""
+    for stream in recording.streams.values():
+        for name in stream.columns:
+            if name not in VARIABLES:
+                raise FlightError(
+                    f"{place}: variables.{name} is no variable of stoop; {nearest(name, VARIABLES)}"
+                )
+    channels = [Channels(name, stream.time, stream.columns) for name, stream in recording.streams.items()]
+    places = {name: f"{place}: variables.{name}" for group in channels for name in group.values}
+    return Mapped(channels, [], recording.unread, places)
+
+
+def _suggestions(recording: Recording, found: Mapped, place: Path | None) -> list[Notice]:
+    """Compare the clocks of several files."""
+    if len(recording.streams) < 2:
+        return []
+    by_stream: dict[str, list[Channels]] = {}
+    for group in found.channels:
+        by_stream.setdefault(group.source, []).append(group)
+    where = str(place or "the mapping")
+    return suggest_alignments(recording, lambda _, name: by_stream.get(name, []), where)
+
+
+def _with_files(recording: Recording, mapping: FlightMapping) -> Recording:
+    """Add the streams of further files that a mapping names, such as that of a motion-capture system.
+
+    Raises
+    ------
+    LogError
+        When such a file is not beside the log, or cannot be read.
+    """
+    streams, units = dict(recording.streams), dict(recording.units)
+    for name, file in mapping.files.items():
+        folder = recording.path if recording.path.is_dir() else recording.path.parent
+        path = folder / file
+        if Path(file).name != file or not path.is_file():
+            raise LogError(
+                f"{mapping.place}: files.{name} = '{file}' is not in {folder}; put it beside the log"
+            )
+        clock = mapping.clocks.get(name)
+        other = logs.read(path) if kind(path) else read_raw_csv(path, {"": clock.column} if clock else None)
+        for stream, content in other.streams.items():
+            key = name if len(other.streams) == 1 else f"{name}:{stream}"
+            streams[key] = content
+            units |= {key: other.units[stream]} if stream in other.units else {}
+    return replace(recording, streams=streams, units=units)
+
+
+def apply_mapping(mapping: FlightMapping, recording: Recording) -> Mapped:
+    """Pick the variables of the registry out of a recording.
+
+    Raises
+    ------
+    LogError
+        When a column that the mapping names for a variable is not in the log.
+    """
+    retimed, notices = _with_clocks(mapping, recording)
+    timed, aligned = align(mapping.alignments, retimed, lambda log, name: supplied(mapping, log, name))
+    channels: list[Channels] = []
+    for group in mapping.groups.values():
+        taken = {name for known in channels for name in known.values}
+        found = _best_source(timed, group, group.without | with_other_form(taken))
+        channels += [] if found is None else [found]
+        for source in group.sources:
+            if source.instance == "most moved":
+                first, *others = instances(timed, source) or [""]
+                span = {"first": source.variables[0], "last": source.variables[-1]}
+                notices += [notice("instance-left-out", other, taken=first, **span) for other in others]
+    channels = _join_euler_angles(channels)
+    surfaces, beyond = mapping.surfaces.deflections(channels)
+    mixed = frozenset(mapping.surfaces.mixes)
+    channels = [less for known in channels if (less := _without(known, mixed)).values]
+    notices += [*aligned, *_contradicted_units(mapping, timed), *beyond]
+    places = {name: source.place for source in reversed(mapping.sources) for name in source.variables}
+    left = {**recording.unread, **unmapped(mapping, recording)}
+    return Mapped([*channels, *surfaces], notices, left, places)
+
+
+def supplied(mapping: FlightMapping, recording: Recording, stream: str) -> list[Channels]:
+    """Return all that one stream can supply, taken or not."""
+    alone = replace(recording, streams={stream: recording.streams[stream]})
+    sources = [
+        replace(source, required=False)
+        for source in mapping.sources
+        if source.stream in ("", stream) or source.instance != "first"
+    ]
+    found = [_supply(alone, source) for source in sources]
+    return _join_euler_angles([channels for channels in found if channels is not None])
+
+
+def _with_clocks(mapping: FlightMapping, recording: Recording) -> tuple[Recording, list[Notice]]:
+    """Take the time from the columns that the mapping names."""
+    streams: dict[str, Stream] = {}
+    notices: list[Notice] = []
+    for name, stream in recording.streams.items():
+        streams[name] = stream
+        clock = mapping.clocks.get(name, mapping.clock)
+        if clock is not None and clock.column in stream.columns:
+            time = stream.columns[clock.column] * clock.factor + clock.offset
+            streams[name], defects = clean_stream(name, time, stream.columns)
+            notices += [notice("log-defect", d.place, kind=d.kind, text=d.message) for d in defects]
+        elif name in mapping.clocks:
+            raise LogError(
+                f"{mapping.place}: clock.{name}.column = '{mapping.clocks[name].column}' is not in {name}; "
+                f"its columns are {listed(stream.columns)}"
+            )
+    return replace(recording, streams=streams), notices
+
+
+def _best_source(recording: Recording, group: Group, without: frozenset[str]) -> Channels | None:
+    """Return what the best source of a group supplies: values of all its variables at once rather than of some."""
+    rest = [_without(c, without) for source in group.sources if (c := _supply(recording, source)) is not None]
+    finite = [(channels, _finite(channels)) for channels in rest if channels.values]
+    whole = [channels for channels, good in finite if good.all(axis=0).any()]
+    found = whole or [channels for channels, good in finite if good.any()]
+    best = next(iter(found), None)
+    for channels in found if group.choose == "fastest" else ():
+        if best is not None and channels.rate > 2.0 * best.rate:
+            best = channels
+    return best
+
+
+def _finite(channels: Channels) -> BoolArray:
+    return np.array([np.isfinite(x) for x in channels.values.values()])
+
+
+def _without(channels: Channels, names: frozenset[str]) -> Channels:
+    return replace(channels, values={name: x for name, x in channels.values.items() if name not in names})
+
+
+def _join_euler_angles(channels: list[Channels]) -> list[Channels]:
+    """Put Euler angles that were named one by one together again, where they share a clock."""
+    parts = [c for c in channels if set(c.values) & set(EULER)]
+    if len(parts) < 2 or any(c.time is not parts[0].time for c in parts):
+        return channels
+    whole = replace(parts[0], values={name: x for c in parts for name, x in c.values.items()})
+    return [whole if c is parts[0] else c for c in channels if c not in parts[1:]]
+
+
+def _supply(recording: Recording, source: Source) -> Channels | None:
+    """Return what a source supplies, in SI and in our axes; None when it supplies nothing."""
+    name, *_ = instances(recording, source) or [""]
+    stream = recording.streams.get(name)
+    if stream is None or not _has_columns(source, stream):
+        if source.required:
+            raise LogError(_missing(recording, source))
+        return None
+    values = _values(stream, source)
+    if source.partial or source.unused is not None:
+        values = {variable: x for variable, x in values.items() if _is_used(x, source)}
+    time = sample_time(stream, source.stamp, source.stamp_factor) if source.stamp else stream.time
+    return Channels(name, time, rotate_axes(values, source.frame)) if values else None
+
+
+def _has_columns(source: Source, stream: Stream) -> bool:
+    there = [set(columns) <= set(stream.columns) for columns in source.columns]
+    return any(there) if source.partial else all(there)
+
+
+def _values(stream: Stream, source: Source) -> dict[str, FloatArray]:
+    """Return variables in SI, NaN where their flag says so; a log without the flag is believed."""
+    out = {}
+    for i, variable in enumerate(source.variables):
+        weights = source.columns[i]
+        if set(weights) <= set(stream.columns):
+            with np.errstate(
+                over="ignore", invalid="ignore"
+            ):  # impossible values are dropped later, with a notice
+                total = sum(weight * stream.columns[name] for name, weight in weights.items())
+                x = np.asarray(total) * source.factors[i] + source.offsets[i]
+            good = stream.columns.get(source.valid[i]) if source.valid[i] else None
+            out[variable] = x if good is None else np.where(good > 0.0, x, np.nan)
+    return out
+
+
+def _is_used(x: FloatArray, source: Source) -> bool:
+    if source.unused is None:
+        return bool(np.isfinite(x).any())
+    return bool((x[np.abs(x) < MAX_VALUE] != source.unused).any())
+
+
+def instances(recording: Recording, source: Source) -> list[str]:
+    """Return the streams that a source may mean, the one that is taken first."""
+    if not source.stream:
+        holding = [name for name, stream in recording.streams.items() if _has_columns(source, stream)]
+        if len(holding) > 1 and source.required:
+            column = next(iter(source.columns[0]))
+            raise LogError(
+                f"{source.place}.column = '{column}' is in {listed(holding)}; name one of them by stream"
+            )
+        return holding
+    if source.instance == "first":
+        return [source.stream] if source.stream in recording.streams else []
+    movement = {}
+    for name, stream in recording.streams.items():
+        if name.split("/")[0] == source.stream:
+            used = [x for x in _values(stream, source).values() if _is_used(x, source)]
+            if used:
+                movement[name] = sum(float(np.std(x[np.abs(x) < MAX_VALUE])) for x in used)
+    return sorted(movement, key=lambda name: (-movement[name], name))
+
+
+def sample_time(stream: Stream, column: str, factor: float) -> FloatArray:
+    """Return when the samples were taken [s], where the stream says so and it can be believed."""
+    stamp = stream.columns.get(column)
+    if stamp is None:
+        return stream.time
+    taken = stamp * factor
+    late = stream.time - taken
+    believable = np.all((late >= 0.0) & (late < MAX_TRANSPORT)) and np.all(np.diff(taken) > 0.0)
+    return taken if believable else stream.time
+
+
+def _missing(recording: Recording, source: Source) -> str:
+    column = next(iter(source.columns[0]))
+    stream = recording.streams.get(source.stream)
+    if stream is not None:
+        return f"{source.place}.column = '{column}' is not in {source.stream}; its columns are {listed(stream.columns)}"
+    if source.stream:
+        return f"{source.place}.stream = '{source.stream}' is not in the log; it holds {listed(recording.streams)}"
+    return (
+        f"{source.place}.column = '{column}' is in no stream of the log; it holds {listed(recording.streams)}"
+    )
+
+
+def _contradicted_units(mapping: FlightMapping, recording: Recording) -> list[Notice]:
+    """Name the columns for which the log states another unit than the mapping."""
+    notices = []
+    for source in mapping.sources:
+        stated = recording.units.get(source.stream, {})
+        for unit, columns in zip(source.units, source.columns, strict=True):
+            for column in columns:
+                own = stated.get(column, "")
+                if unit and KINDS.get(own) == KINDS[unit] and FACTORS[own] != FACTORS[unit]:
+                    values = {"place": source.place, "unit": unit, "stated": own}
+                    notices.append(notice("unit-contradicted", f"{source.stream}.{column}", **values))
+    return notices
+
+
+def unmapped(mapping: FlightMapping, recording: Recording) -> dict[str, tuple[str, ...]]:
+    """Return the columns of each stream that the mapping does not name; clocks and flags count as named."""
+    named: dict[str, set[str]] = {}
+    for source in mapping.sources:
+        columns = {name for columns in source.columns for name in columns}
+        for topic in [source.stream] if source.stream else recording.streams:
+            named.setdefault(topic, set()).update(columns, source.valid, {source.stamp})
+    clocks = {clock.column for clock in (*mapping.clocks.values(), mapping.clock) if clock is not None}
+    left: dict[str, tuple[str, ...]] = {}
+    for name, stream in recording.streams.items():
+        known = named.get(name, named.get(name.partition("/")[0], set())) | clocks
+        rest = tuple(c for c in stream.columns if c not in known and not c.startswith("timestamp"))
+        left |= {name: rest} if rest else {}
+    return left

@@ -1,0 +1,127 @@
+"""Results as labelled tables and arrays: pandas, xarray and ArviZ, each imported when it is asked for."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stoop.base.numbers import number, rounded_to_error
+from stoop.errors import StoopError
+from stoop.results.result import Identification, ManeuverTrace, Result
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+COLUMNS = (
+    "estimate", "std_error", "ci95_lower", "ci95_upper", "unit", "identifiable", "at_bound", "start",
+    "bound_lower", "bound_upper", "prior_mean", "prior_std",
+)  # fmt: skip
+
+
+def to_dataframe(result: Result) -> pd.DataFrame:
+    """Return one row for each parameter, indexed by its name; columns are those of `ParameterEstimate`."""
+    import pandas as pd
+
+    rows = [[getattr(one, column) for column in COLUMNS] for one in result.parameters.values()]
+    return pd.DataFrame(rows, index=pd.Index(result.parameters, name="parameter"), columns=list(COLUMNS))
+
+
+def to_xarray(identification: Identification) -> xr.Dataset:
+    """Return estimates, covariance, and measured and simulated readings of every maneuver.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``estimate``, ``std_error`` over ``parameter``; ``covariance`` over (``parameter``, ``parameter_2``) in the products
+        of the parameters' units; ``measured``, ``simulated``, ``residual`` over (``sample``, ``channel``), SI, NaN where
+        nothing was measured; ``maneuver`` (index), ``role`` and ``time`` (s, the log's own clock) along ``sample``.
+    """
+    import xarray as xr
+
+    result = identification.result
+    names = list(result.parameters)
+    channels = list(dict.fromkeys(c for trace in identification.traces for c in trace.channels))
+    lengths = [trace.time.size for trace in identification.traces]
+    measured, simulated = (
+        _stacked(identification.traces, channels, kind) for kind in ("measured", "simulated")
+    )
+    index = np.repeat(np.arange(len(lengths)), lengths)
+    roles = np.array([m.role for m in result.maneuvers])
+    time = np.concatenate([trace.time for trace in identification.traces]) if lengths else np.empty(0)
+    matrix = np.full((len(names), len(names)), np.nan)
+    place = [names.index(name) for name in result.covariance.names]
+    matrix[np.ix_(place, place)] = result.covariance.matrix
+    return xr.Dataset(
+        {
+            "estimate": ("parameter", [p.estimate for p in result.parameters.values()]),
+            "std_error": ("parameter", [p.std_error for p in result.parameters.values()]),
+            "covariance": (("parameter", "parameter_2"), matrix),
+            "measured": (("sample", "channel"), measured),
+            "simulated": (("sample", "channel"), simulated),
+            "residual": (("sample", "channel"), measured - simulated),
+        },
+        coords={
+            "parameter": names,
+            "parameter_2": names,
+            "unit": ("parameter", [p.unit for p in result.parameters.values()]),
+            "channel": channels,
+            "channel_unit": ("channel", [identification.units.get(c, "") for c in channels]),
+            "maneuver": ("sample", index),
+            "role": ("sample", roles[index] if index.size else np.empty(0, dtype="U10")),
+            "time": ("sample", time),
+        },
+        attrs={"vehicle": identification.vehicle, "cost": result.cost, "method": result.method},
+    )
+
+
+def _stacked(traces: tuple[ManeuverTrace, ...], channels: list[str], kind: str) -> Any:
+    """Return readings (n, n_y) of all maneuvers, one after the other."""
+    blocks = [
+        np.column_stack(
+            [
+                getattr(trace.channels[c], kind) if c in trace.channels else np.full(trace.time.size, np.nan)
+                for c in channels
+            ]
+        )
+        for trace in traces
+    ]
+    return np.concatenate(blocks) if blocks else np.empty((0, len(channels)))
+
+
+def to_arviz(attachments: Mapping[str, bytes]) -> Any:
+    """Return the draws of the posterior as `arviz.InferenceData`.
+
+    Raises
+    ------
+    StoopError
+        No posterior was drawn, or ArviZ is not installed.
+    """
+    content = attachments.get("posterior.nc")
+    if content is None:
+        raise StoopError("no posterior was drawn; assess the result with stoop.Posterior() first")
+    try:
+        import arviz
+        import xarray as xr
+    except ImportError:
+        raise StoopError("ArviZ is not installed; pip install 'stoop[posterior]'") from None
+    with xr.open_dataset(io.BytesIO(content), engine="scipy") as file:
+        return arviz.InferenceData(posterior=file.load())
+
+
+def html_table(result: Result) -> str:
+    """Return the estimates as a small HTML table, for a notebook."""
+    rows = []
+    for name, one in result.parameters.items():
+        value, error = rounded_to_error(one.estimate, one.std_error)
+        interval = (
+            f"{number(one.ci95_lower)} … {number(one.ci95_upper)}" if one.identifiable else "not identifiable"
+        )
+        cells = (name, value, error, "" if one.unit == "1" else one.unit, interval)
+        rows.append("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>")
+    heads = "".join(f"<th>{h}</th>" for h in ("parameter", "estimate", "std. error", "unit", "95 % interval"))
+    return f"<table><thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
