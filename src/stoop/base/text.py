@@ -5,6 +5,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+MOST_LISTED = 40  #: names in a message
+
 
 def nearest(name: str, among: Iterable[str], cutoff: float = 0.6) -> str:
     """Return advice on a wrong name: up to three that resemble it, or all there are.
@@ -19,7 +21,10 @@ def nearest(name: str, among: Iterable[str], cutoff: float = 0.6) -> str:
     """
     choices = list(among)
     close = difflib.get_close_matches(name, choices, n=3, cutoff=cutoff)
-    return f"did you mean {' or '.join(close)}?" if close else f"choose from {', '.join(choices)}"
+    if close:
+        return f"did you mean {' or '.join(close)}?"
+    more = f" and {len(choices) - MOST_LISTED} more" if len(choices) > MOST_LISTED else ""
+    return f"choose from {', '.join(choices[:MOST_LISTED])}{more}"
 
 
 def enumerated(names: Iterable[str]) -> str:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.html import table
 from stoop.base.notices import Notice
 from stoop.base.rotations import continuous, euler_angles, normalized, quaternions_of, wrap
 from stoop.base.variables import EULER, QUATERNION, VARIABLES, WRAPPED, variable
@@ -27,7 +28,7 @@ ENDINGS: Final = (
 )  #: of logs; what stands before them is the name of the flight  # fmt: skip
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Flight:
     """One flight, ready to be cut into maneuvers.
 
@@ -68,6 +69,20 @@ class Flight:
     def column(self, name: str) -> FloatArray:
         """Return a variable, shape (n,), SI, NaN where there is no data."""
         return self.data[name].to_numpy()
+
+    def __repr__(self) -> str:
+        """Return name, length and number of channels on one line."""
+        length = float(self.time[-1] - self.time[0]) if self.time.size else 0.0
+        return f"<Flight {self.name}: {length:.1f} s at {self.rate:g} Hz, {len(self.data)} channels>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (name, column.attrs.get("units", ""), column.attrs.get("long_name", ""))
+            for name, column in self.data.items()
+        ]
+        return table(
+            repr(self).strip("<>"), ("channel", "unit", "meaning"), [tuple(map(str, r)) for r in rows]
+        )
 
 
 def from_columns(

@@ -10,14 +10,14 @@ from threadpoolctl import threadpool_limits
 
 from stoop import optimize
 from stoop.assess.covariance import standard_errors
-from stoop.assess.estimate import Uncertainty, estimate_uncertainty
-from stoop.assess.identifiability import Identifiability, Yardstick, identifiability
-from stoop.assess.sensitivity import Sensitivity
+from stoop.assess.error_bars import Uncertainty, estimate_uncertainty
+from stoop.assess.identifiability import ComparisonScale, Identifiability, identifiability
 from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
 from stoop.estimate.noise import correlation_times
 from stoop.flight import Flight
 from stoop.problem import on_circle
+from stoop.problem.evidence import PieceEvidence
 from stoop.reconstruct.equations import OUTPUTS
 from stoop.reconstruct.prepare import LEAD, Prepared
 from stoop.reconstruct.problem import START, Problem
@@ -166,7 +166,7 @@ def _sigma(problem: Problem, z: FloatArray) -> FloatArray:
     return out
 
 
-def sensitivities(problem: Problem, z: FloatArray) -> list[Sensitivity]:
+def sensitivities(problem: Problem, z: FloatArray) -> list[PieceEvidence]:
     """Return whitened residuals and sensitivities of each piece, channels that were measured only."""
     r = problem.residuals(z[None, :], 0)[0]
     J, _ = problem.jacobian(z, 0, r)
@@ -177,7 +177,7 @@ def sensitivities(problem: Problem, z: FloatArray) -> list[Sensitivity]:
         shape = (len(piece.measured), len(OUTPUTS))
         seen = np.isfinite(piece.measured[:, used])
         residual = np.where(seen, -r[block].reshape(shape)[:, used], np.nan)
-        out.append(Sensitivity(residual, J[block].reshape(*shape, -1)[:, used]))
+        out.append(PieceEvidence(residual, J[block].reshape(*shape, -1)[:, used]))
         first = block.stop
     return out
 
@@ -187,7 +187,7 @@ def _judged(problem: Problem, z: FloatArray, found: Uncertainty) -> tuple[Identi
     names = [u.name for u in problem.unknowns] + [
         f"start {i}" for i in range(len(START) * len(problem.pieces))
     ]
-    yardstick = Yardstick(np.ones(count), np.full(count, np.inf), np.ones(count))
+    yardstick = ComparisonScale(np.ones(count), np.full(count, np.inf), np.ones(count))
     judged = identifiability(names, found.information, found.corrected, yardstick)
     values = problem.values(z[None, :])[0]
     return tuple(

@@ -20,10 +20,10 @@ from typing import Final
 import numpy as np
 from scipy.optimize import least_squares
 
-from stoop.assess.covariance import NORMAL_95
-from stoop.assess.estimate import estimate_uncertainty
-from stoop.assess.sensitivity import Sensitivity, prior_information
+from stoop.assess.covariance import NORMAL_95, prior_information
+from stoop.assess.error_bars import estimate_uncertainty
 from stoop.base.arrays import FloatArray
+from stoop.problem.evidence import PieceEvidence
 from stoop.reconstruct.performance import Blocks
 
 SHAPE: Final = ("c0", "c1", "c2")  #: CD = c0 + c1 CL + c2 CL^2
@@ -310,7 +310,7 @@ def _covariance(balance: _Balance, values: FloatArray, root: FloatArray, std: Fl
     left, slopes = balance.residual(values), -balance.jacobian(values)
     parts = [np.flatnonzero(balance.blocks.stretch == s) for s in np.unique(balance.blocks.stretch)]
     segments = [
-        Sensitivity((root * left)[part][:, None], (root[:, None] * slopes)[part][:, None, :])
+        PieceEvidence((root * left)[part][:, None], (root[:, None] * slopes)[part][:, None, :])
         for part in parts
         if part.size > 1
     ]

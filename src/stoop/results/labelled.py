@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping
-from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stoop.base.html import table
 from stoop.base.numbers import number, rounded_to_error
 from stoop.errors import StoopError
 from stoop.results.result import Identification, ManeuverTrace, Result
@@ -121,7 +121,7 @@ def html_table(result: Result) -> str:
         interval = (
             f"{number(one.ci95_lower)} … {number(one.ci95_upper)}" if one.identifiable else "not identifiable"
         )
-        cells = (name, value, error, "" if one.unit == "1" else one.unit, interval)
-        rows.append("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>")
-    heads = "".join(f"<th>{h}</th>" for h in ("parameter", "estimate", "std. error", "unit", "95 % interval"))
-    return f"<table><thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
+        rows.append((name, value, error, "" if one.unit == "1" else one.unit, interval))
+    return table(
+        repr(result).strip("<>"), ("parameter", "estimate", "std. error", "unit", "95 % interval"), rows
+    )

@@ -14,6 +14,9 @@ import numpy as np
 from pydantic import BaseModel
 
 from stoop.base.arrays import FloatArray
+from stoop.base.html import table
+from stoop.base.numbers import number
+from stoop.base.text import nearest
 from stoop.errors import VehicleError
 from stoop.kernels import Kernel, load_kernel
 from stoop.vehicle import rotor_numbers, terms
@@ -154,7 +157,7 @@ def _equations_version() -> str:
     return hashlib.sha256(b"".join(p.read_bytes() for p in sources)).hexdigest()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Vehicle:
     """A vehicle file with its numbers flattened.
 
@@ -170,6 +173,24 @@ class Vehicle:
     file: VehicleFile
     text: str = field(repr=False)
     where: str
+
+    def __repr__(self) -> str:
+        """Return name and size on one line."""
+        free = sum(p.free for p in self.parameters)
+        return f"<Vehicle {self.name}: {free} of {len(self.parameters)} numbers free>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                p.name,
+                number(p.value),
+                "" if p.unit == "1" else p.unit,
+                f"{number(p.lower)} … {number(p.upper)}",
+            )
+            for p in self.parameters
+            if p.free
+        ]
+        return table(repr(self).strip("<>"), ("free number", "value", "unit", "bounds"), rows)
 
     @property
     def name(self) -> str:
@@ -206,7 +227,7 @@ class Vehicle:
             if target not in own:
                 fault = "itself tied" if target in ties else "not a number of this file"
                 raise VehicleError(
-                    f"{self.where}: {name}: tied to '{target}', which is {fault}; {_nearest(target, own)}"
+                    f"{self.where}: {name}: tied to '{target}', which is {fault}; {nearest(target, own)}"
                 )
         return own | {name: own[target] for name, target in ties.items()}
 
@@ -368,7 +389,7 @@ class Vehicle:
         known = dict(leaves(self.file))
         for name in changes:
             if name not in known:
-                raise VehicleError(f"{self.where}: no number is called '{name}'; {_nearest(name, known)}")
+                raise VehicleError(f"{self.where}: no number is called '{name}'; {nearest(name, known)}")
             if known[name].tie is not None:
                 raise VehicleError(
                     f"{self.where}: {name}: tied to '{known[name].tie}'; change that one instead"
@@ -379,13 +400,6 @@ class Vehicle:
         """Return the longitudinal or lateral vehicle that the same file describes."""
         model = self.file.model.model_copy(update={"reduce": reduce})
         return replace(self, file=self.file.model_copy(update={"model": model}))
-
-
-def _nearest(name: str, known: Iterable[str]) -> str:
-    import difflib
-
-    near = difflib.get_close_matches(name, list(known), 3, 0.4)
-    return "did you mean " + " or ".join(near) + "?" if near else "see the vehicle file for its names"
 
 
 def _changed(node: Any, changes: Mapping[str, Mapping[str, Any]], path: str = "") -> Any:

@@ -14,6 +14,7 @@ import numpy as np
 import tomlkit
 
 from stoop.assess.covariance import NORMAL_95
+from stoop.assess.error_bars import error_bars
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import matrices_of, quaternions_of
 from stoop.base.variables import EULER, POSITION, VELOCITY
@@ -26,7 +27,6 @@ from stoop.simulate.initial import rigid_states
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.load import parse_vehicle
-from stoop.workflow.judged import judged
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify.experiment import Samples, Verification, or_none, work
 from stoop_studies.verify.scenes import (
@@ -172,9 +172,7 @@ def recover(case: str, seed: int) -> dict[str, Any]:
     if case == "identify":
         scene, options = late_vehicle(seed), Options(seed=seed)
         done = fit(scene.start, scene.flights, scene.windows, options)
-        std = dict(
-            zip((p.name for p in done.problem.layout.parameters), judged(done, options).std, strict=False)
-        )
+        std = dict(zip((p.name for p in done.problem.layout.parameters), error_bars(done).std, strict=False))
         truth, status = scene.truth, str(done.outcome.status)
         found = {name: (done.estimates[name], float(std[name])) for name in truth}
     else:
