@@ -20,7 +20,7 @@ from stoop.base.rotations import matrices_of, quaternions_of
 from stoop.base.variables import EULER, POSITION, VELOCITY
 from stoop.estimate.fit import Options, fit
 from stoop.flight import Flight, from_columns
-from stoop.reconstruct.result import check
+from stoop.reconstruct.compatibility import check
 from stoop.report.sheet import Prose, Section, Table
 from stoop.simulate import Maneuver, simulate_flight
 from stoop.simulate.initial import rigid_states
@@ -179,7 +179,7 @@ def recover(case: str, seed: int) -> dict[str, Any]:
         flight, delays = late_sensors(seed)
         result, estimate = check(flight)
         truth = {f"{name}.delay": value for name, value in delays.items()}
-        status = "converged" if estimate.rested else "weights did not rest"
+        status = "converged" if estimate.converged else "weights did not rest"
         found = {name: (result.findings[name].estimate, result.findings[name].std_error) for name in truth}
     return {
         "names": list(truth),
