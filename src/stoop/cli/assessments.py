@@ -1,4 +1,4 @@
-"""The options of `stoop identify` that ask for further statements of uncertainty."""
+"""The options of `stoop identify` for the uncertainty by further methods."""
 
 from __future__ import annotations
 

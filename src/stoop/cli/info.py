@@ -9,26 +9,20 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stoop.cli.arguments import add_flight
 from stoop.cli.page import Page, busy, page, print_json
-from stoop.cli.point import LOG_HELP, MAPPING_HELP
 from stoop.cli.tables import alike, fixed, numbers, points, shown_unit, words
 
 if TYPE_CHECKING:
     from stoop.flight import ChannelRow, FlightSummary, Maneuver
 
 FORMAT = "stoop-info/1"
-MOST_STREAMS, MOST_NAMES = 12, 24  #: lines and names told of what is not mapped; JSON holds all
+MAX_STREAMS, MAX_NAMES = 12, 24  #: lines and names shown of what is not mapped; JSON holds all
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
-    parser.add_argument(
-        "flight",
-        metavar="FLIGHT",
-        type=Path,
-        help=f"flight log: {LOG_HELP}",
-    )
-    parser.add_argument("--mapping", metavar="M.toml", type=Path, help=MAPPING_HELP)
+    add_flight(parser)
     parser.add_argument("--json", action="store_true", help="print JSON (SI units, rad) instead of tables")
 
 
@@ -107,15 +101,15 @@ def unmapped_lines(unmapped: Mapping[str, Sequence[str]]) -> list[str]:
     """Say which columns no mapping names, and which streams were not looked into; long lists are cut."""
     lines = [f"{stream}: {_some(columns)}" for stream, columns in unmapped.items() if columns]
     whole = [stream for stream, columns in unmapped.items() if not columns]
-    lines = lines[:MOST_STREAMS] + (
-        [f"and {len(lines) - MOST_STREAMS} more"] if len(lines) > MOST_STREAMS else []
+    lines = lines[:MAX_STREAMS] + (
+        [f"and {len(lines) - MAX_STREAMS} more"] if len(lines) > MAX_STREAMS else []
     )
     return lines + ([f"not read: {_some(whole)}"] if whole else [])
 
 
 def _some(names: Sequence[str]) -> str:
-    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    return " ".join(names[:MOST_NAMES]) + more
+    more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+    return " ".join(names[:MAX_NAMES]) + more
 
 
 @dataclass(frozen=True)

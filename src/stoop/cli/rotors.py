@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stoop.cli.arguments import add_mapping
 from stoop.cli.numbers import positive
 from stoop.cli.page import Page, page
-from stoop.cli.point import MAPPING_HELP
 from stoop.cli.progress import Watch
 from stoop.errors import FlightError
 
@@ -18,12 +18,16 @@ if TYPE_CHECKING:
     from stoop.estimate.effectiveness import Assessment, Balance, Hover, Reference
 
 CHANCE = 0.05
-APART = 0.05  #: relative difference of voltage that is worth a word
+MAX_VOLTAGE_DIFFERENCE = 0.05  #: relative; beyond it a flight is named
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
     add = parser.add_argument
+    healthy = (
+        "logs of flights near hover of the same vehicle while all was well; three or more are better than one"
+    )
+    one = "the flights in question are of one and the same configuration"
     add(
         "flight",
         metavar="FLIGHT",
@@ -31,19 +35,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         help="logs of flights near hover that are in question",
     )
-    healthy = (
-        "logs of flights near hover of the same vehicle while all was well; three or more are better than one"
-    )
     add("--healthy", metavar="FLIGHT", type=Path, nargs="+", required=True, help=healthy)
     add("--vehicle", metavar="V", required=True, help="vehicle file with rotors, or a built-in name")
-    add(
-        "--together",
-        action="store_true",
-        help="the flights in question are of one and the same configuration",
-    )
+    add("--together", action="store_true", help=one)
     chance = "how often a healthy flight may be accused (default: 0.05)"
     add("--chance", metavar="P", type=positive, default=CHANCE, help=chance)
-    add("--mapping", metavar="M.toml", type=Path, help=MAPPING_HELP)
+    add_mapping(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -156,10 +153,10 @@ def _notes(reference: Reference, flown: Sequence[Hover], chance: float) -> list[
             f"commanded lift goes with the voltage by {battery.slope:.2f} ± {battery.std:.2f} (relative to relative); "
             "this is taken off"
         )
-    far = [h.name for h in flown if abs(h.voltage / reference.voltage - 1.0) > APART]
+    far = [h.name for h in flown if abs(h.voltage / reference.voltage - 1.0) > MAX_VOLTAGE_DIFFERENCE]
     if far:
         notes.append(
-            f"{', '.join(far)}: the battery's voltage is more than {100.0 * APART:.0f} % from that of the healthy flights; "
-            "compare flights on equal charge"
+            f"{', '.join(far)}: the battery's voltage is more than {100.0 * MAX_VOLTAGE_DIFFERENCE:.0f} % from that of the "
+            "healthy flights; compare flights on equal charge"
         )
     return notes

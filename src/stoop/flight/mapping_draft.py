@@ -1,4 +1,4 @@
-"""A mapping drafted for any log: by names, by units that the file states, and by what the numbers say."""
+"""A mapping drafted for any log: by names, by units that the file states, and by the size of the numbers."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from stoop.logs import Recording
 from stoop.logs.read import is_bag_folder, kind, read_unmapped
 from stoop.logs.table import guess_clock, key_of, quoted, read_raw_csv
 
-STEPS: Final = (
+CLOCK_STEPS: Final = (
     ("s", 5e-5, 2.0),
     ("ms", 2.0, 1.5e3),
     ("us", 1.5e3, 1.5e6),
     ("ns", 1.5e6, np.inf),
-)  #: per sample
+)  #: unit -> least and largest steps of a clock per sample
 _COMPONENT: Final = re.compile(r"(?:.*\.)?(xyz\[\d\]|[xyz])")
-MOST_LINES: Final = 400
-MOST_COMPARED: Final = 60  #: columns without a known name, that are compared with the angles
-MOST_NAMES: Final = 30
+MAX_LINES: Final = 400
+MAX_COMPARED: Final = 60  #: columns without a known name, that are compared with the angles
+MAX_NAMES: Final = 30
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def _of_ready(recording: Recording) -> Draft:
     out += motors
     if best:
         out += ["# It does not take these, which look as if they were of use:"]
-        out += [f"# {_toml(line)}" for line in best[:MOST_LINES]]
+        out += [f"# {_toml(line)}" for line in best[:MAX_LINES]]
     out += outputs.surface_lines()
     unsure = sum("# unsure" in line for line in motors)
     return Draft("\n".join([*out, ""]), len(taken) + len(motors), unsure)
@@ -149,7 +149,7 @@ def _of_any(recording: Recording) -> Draft:
     samples = {line.variable: _signal(timed, line) for line in best}
     lines = _as_siblings(with_units(best, samples))
     lines += _derivatives(timed, lines)
-    lines = sorted(lines, key=lambda line: list(VARIABLES).index(line.variable))[:MOST_LINES]
+    lines = sorted(lines, key=lambda line: list(VARIABLES).index(line.variable))[:MAX_LINES]
     named = {(line.stream, line.column) for line in lines} | _clock_columns(recording)
     outputs = _outputs_of_any(timed, lines)
     motors = outputs.motor_lines()
@@ -200,12 +200,12 @@ def _best(lines: Sequence[Line]) -> list[Line]:
     by_name: dict[str, list[Line]] = {}
     for line in lines:
         by_name.setdefault(line.variable, []).append(line)
-    chosen = []
+    best = []
     for several in by_name.values():
         first, *others = sorted(several, key=lambda line: len(line.doubts))
         names = ", ".join(f"{line.stream} {line.column}" for line in others[:3])
-        chosen.append(first.doubted(f"or {names}") if others else first)
-    return chosen
+        best.append(first.doubted(f"or {names}") if others else first)
+    return best
 
 
 def _as_siblings(lines: Sequence[Line]) -> list[Line]:
@@ -233,14 +233,14 @@ def _signal(recording: Recording, line: Line) -> Signal:
 def _clocks(recording: Recording) -> tuple[list[str], Recording]:
     """Return the tables that name the clocks, and the recording on them."""
     if recording.format != "table":
-        chosen = [
+        names = [
             one_line(f"# {key}: {text}")
             for key, text in recording.info.items()
             if key.startswith("clock of ")
         ]
-        return chosen, recording
+        return names, recording
     lines: list[str] = []
-    told: set[tuple[str, str]] = set()
+    written: set[tuple[str, str]] = set()
     streams = {}
     for i, (name, stream) in enumerate(recording.streams.items()):
         column = recording.info[f"clock of {name}"]
@@ -248,10 +248,10 @@ def _clocks(recording: Recording) -> tuple[list[str], Recording]:
         factor, mark = FACTORS[unit], ""
         if without_unit(column)[1] != unit:
             unit, mark = _by_steps(stream.columns[column])
-        if (column, unit) not in told:
+        if (column, unit) not in written:
             where = "time" if i == 0 else f"clock.{key_of(name)}"
             lines += ["", f"[{where}]", f"column = {quoted(column)}", f'unit = "{unit}"{mark}']
-        told |= {(column, unit)} if i == 0 else set()
+        written |= {(column, unit)} if i == 0 else set()
         streams[name] = replace(stream, time=stream.time * (FACTORS[unit] / factor))
     return lines, replace(recording, streams=streams)
 
@@ -263,7 +263,7 @@ def _clock_columns(recording: Recording) -> set[tuple[str, str]]:
 def _by_steps(clock: FloatArray) -> tuple[str, str]:
     """Tell the unit of a clock by its steps: logs are written at 0.5 Hz to 20 kHz."""
     step = float(np.median(np.diff(clock)))
-    unit = next((unit for unit, low, high in STEPS if low <= step < high), "s")
+    unit = next((unit for unit, low, high in CLOCK_STEPS if low <= step < high), "s")
     return unit, f"  # unsure: its steps are {step:.4g}, which are {step * FACTORS[unit]:.4g} s then"
 
 
@@ -287,7 +287,7 @@ def _compared(
     recording: Recording, angle: Signal, named: set[tuple[str, str]]
 ) -> Iterator[tuple[float, float, str, str]]:
     left = [(s, c) for s, stream in recording.streams.items() for c in stream.columns if (s, c) not in named]
-    for stream, column in left[:MOST_COMPARED]:
+    for stream, column in left[:MAX_COMPARED]:
         values = recording.streams[stream].columns[column]
         yield (*growth(angle, (recording.streams[stream].time, values)), stream, column)
 
@@ -312,8 +312,8 @@ def _left(recording: Recording, named: set[tuple[str, str]]) -> list[str]:
     for name, stream in recording.streams.items():
         rest = [column for column in stream.columns if (name, column) not in named]
         if rest:
-            more = f" and {len(rest) - MOST_NAMES} more" if len(rest) > MOST_NAMES else ""
+            more = f" and {len(rest) - MAX_NAMES} more" if len(rest) > MAX_NAMES else ""
             out.append(
-                f"# not recognized in {quoted(name)}: {' '.join(quoted(c) for c in rest[:MOST_NAMES])}{more}"
+                f"# not recognized in {quoted(name)}: {' '.join(quoted(c) for c in rest[:MAX_NAMES])}{more}"
             )
     return ["", *out] if out else []

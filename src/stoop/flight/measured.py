@@ -11,11 +11,10 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import wrap
-from stoop.base.units import DEGREE, FACTORS, KINDS, STANDARD_GRAVITY, ZEROS
+from stoop.base.units import DEGREE, FACTORS, KINDS, PULSE_FACTORS, STANDARD_GRAVITY, ZEROS
 from stoop.base.variables import VARIABLES
 from stoop.checks.units import LARGEST, MEDIANS
 from stoop.flight.time_delay import Signal
-from stoop.logs.mapping import PULSES
 
 SPAN: Final = 0.2  #: s over which an angle is differenced
 ALIKE: Final = 0.8  #: correlation of an angle's change and a rate's integral, that shows they belong together
@@ -60,7 +59,7 @@ class Line:
 
     def values(self, x: FloatArray) -> FloatArray:
         """Return a column as the line maps it: SI."""
-        factor = PULSES[self.unit] if self.variable.startswith("pwm_") else FACTORS[self.unit or "1"]
+        factor = PULSE_FACTORS[self.unit] if self.variable.startswith("pwm_") else FACTORS[self.unit or "1"]
         return x * factor * self.scale + ZEROS.get(self.unit, 0.0)
 
 
@@ -149,9 +148,9 @@ def _output(line: Line, x: FloatArray) -> Line:
 
 
 def _pulse(line: Line, middle: float) -> Line:
-    if line.unit in PULSES:
+    if line.unit in PULSE_FACTORS:
         return line
-    for unit, many in PULSES.items():
+    for unit, many in PULSE_FACTORS.items():
         if PULSE[0] <= middle * many <= PULSE[1]:
             return replace(line, unit=unit)
     number = line.variable.partition("_")[2]

@@ -9,11 +9,12 @@ import numpy as np
 
 from stoop.assess.covariance import NORMAL_95
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice
 from stoop.base.numbers import number, rounded_to_error
 from stoop.base.units import DEGREE
 from stoop.reconstruct.polar import Polar
 from stoop.report.plots import Series, plot
-from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table
+from stoop.report.sheet import Bullets, Code, Figure, Section, Sheet, Table
 
 POINTS: Final = 61
 MEANINGS: Final = {
@@ -25,22 +26,22 @@ MEANINGS: Final = {
     "efficiency": "motor, controller and blades, without induced loss",
     "diameter": "of the propeller's disc, m",
 }
-_LEAD: Final = """\
+LEAD: Final = """\
 Drag by the energy-rate method, lift from the accelerometers, both over blocks of some seconds; a parabola by robust
 regression. The intervals count the color of what is left, the error of the airspeed, and that of the propulsion."""
 
 
-def polar_sheet(name: str, polar: Polar, notes: Sequence[str], command: str) -> Sheet:
+def polar_sheet(name: str, polar: Polar, notices: Sequence[Notice], command: str) -> Sheet:
     """Return the page of the polar of a flight of this name."""
     sections = [
         Section("Drag", (_numbers(polar), _drag(polar), _figure(polar), _bins(polar))),
         Section("Lift against angle of attack", (_lift(polar),)),
-        Section("What it rests on", (Prose("\n".join(f"- {note}" for note in notes)),)),
+        Section("What it rests on", (Bullets([str(one) for one in notices]),)),
         Section("Made by", (Code(command),)),
     ]
     if polar.blocks.powered:
         sections.insert(1, Section("Power of steady level flight", (_power(polar),)))
-    return Sheet(f"Drag polar of {name}", _LEAD, tuple(sections))
+    return Sheet(f"Drag polar of {name}", LEAD, tuple(sections))
 
 
 def grid(polar: Polar) -> FloatArray:

@@ -11,6 +11,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
+from stoop.export.comparison import RecordedManeuver
 from stoop.export.record import Record, without_turbulence
 from stoop.export.state_space import ParameterCovariance
 from stoop.problem import Piece
@@ -25,27 +26,6 @@ ALTITUDE: Final = 200.0  #: m, where no flight says another
 
 
 @dataclass(frozen=True, eq=False)
-class Maneuver:
-    """A stretch of flight.
-
-    Attributes
-    ----------
-    title : str
-    record : Record
-        What flies.
-    measured : (n, n_y), optional
-        What the instruments read, NaN where nothing.
-    loaded : bool
-        Whether it flew with numbers of a loading in place of the vehicle file's own.
-    """
-
-    title: str
-    record: Record
-    measured: FloatArray | None = None
-    loaded: bool = False
-
-
-@dataclass(frozen=True, eq=False)
 class Subject:
     """What is exported.
 
@@ -54,7 +34,7 @@ class Subject:
     vehicle : Vehicle
     known : ParameterCovariance, optional
         Its numbers' covariance.
-    maneuvers : tuple of Maneuver
+    maneuvers : tuple of RecordedManeuver
         Of the flight that it was identified from.
     altitude : float, m
     density : float, kg/m3, optional
@@ -64,7 +44,7 @@ class Subject:
 
     vehicle: Vehicle
     known: ParameterCovariance | None = None
-    maneuvers: tuple[Maneuver, ...] = ()
+    maneuvers: tuple[RecordedManeuver, ...] = ()
     altitude: float = ALTITUDE
     density: float | None = None
     notes: tuple[str, ...] = ()
@@ -124,7 +104,7 @@ def _with_flights(subject: Subject, found: Identified) -> Subject:
 
 def _maneuver(
     vehicle: Vehicle, result: Result, window: Window, index: int, segment: int, piece: Piece
-) -> Maneuver:
+) -> RecordedManeuver:
     """Put the estimated start and biases of a fitted maneuver in place of those that are read off the flight."""
     start = dict(piece.start)
     for initial in result.initial_states:
@@ -141,4 +121,4 @@ def _maneuver(
     span = f"{piece.time[0]:.2f} to {piece.time[-1]:.2f} s"
     title = f"{window.flight}, {span} ({'fitted' if role == 'fit' else 'predicted'})"
     record = Record(vehicle.with_numbers(changes), start, piece.time, piece.inputs)
-    return Maneuver(title, record, piece.measured, bool(piece.changes))
+    return RecordedManeuver(title, record, piece.measured, bool(piece.changes))

@@ -102,14 +102,12 @@ def _notices(
 ) -> list[Notice]:
     """Return what is doubtful about predictions and windows, what the figures rest on, and what the data show."""
     vehicle = fit.problem.layout.vehicle
-    predictions = [
-        n for g in groups if g.role == "validation" for n in of_severity(g.prepared.notices, "warning")
-    ]
+    of_windows = [n for g in groups for n in of_severity(g.prepared.notices, "warning")]
     prepared = [n for g in groups for n in of_severity(g.prepared.notices, "info")]
     per_mass = ratios(vehicle, {name: (p.estimate, p.std_error) for name, p in result.parameters.items()})
     of_flights = [found for flight in flights.values() for found in flight.notices]
     return [
-        *predictions,
+        *dict.fromkeys(of_windows),
         *of_severity(fit.notices, "info"),
         *([as_notice(per_mass, "info")] if per_mass else []),
         *basis_notices(vehicle, flights, color),

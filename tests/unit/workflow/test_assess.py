@@ -112,7 +112,7 @@ def test_attachments_lie_beside_the_result_and_go_with_it(job: Job, tmp_path: Pa
     folder = told.save(tmp_path / "out")
     assert heard == ["telling"]
     assert (folder / "posterior.nc").read_bytes() == b"abc"
-    with pytest.raises(OutputError, match="holds"):
+    with pytest.raises(OutputError, match="exists already"):
         told.save(folder)
     job.save(folder, overwrite=True)
     assert not (folder / "posterior.nc").exists()

@@ -79,7 +79,7 @@ def test_one_maneuver_of_another_aircraft_stands_out() -> None:
 def test_the_terminal_says_how_many_agree(alike: Job) -> None:
     found = alike.identification.result.repeatability
     first, *others = repeatability_lines(found)
-    assert first.startswith("4 parameters ")
+    assert first.startswith("4 parameters are identifiable from two maneuvers or more")
     named = [name for line in others for name in FREE if f"{name} (4 maneuvers" in line]
     assert sorted(named) == sorted(FREE)
     assert repeatability_lines(Repeatability()) == []

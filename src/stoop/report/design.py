@@ -1,4 +1,4 @@
-"""The page of a design: what to fly, how the aircraft answers, what it will tell."""
+"""The page of an experiment design: the maneuver, the response, and the expected standard errors."""
 
 from __future__ import annotations
 
@@ -7,28 +7,27 @@ import math
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.base.numbers import number
-from stoop.design import Design
-from stoop.flight import VARIABLES
+from stoop.base.numbers import factor_and_unit, number
+from stoop.base.variables import VARIABLES
+from stoop.design.proposal import Proposal
 from stoop.report.plots import Series, Strip, plot, stacked_plots
 from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table
 from stoop.simulate import Maneuver
-from stoop.workflow.design import Proposal
 
 LEAD = """\
 The input below is the one, of those tried, whose flight makes the error bars of the parameters of {vehicle} smallest \
 together (D-optimality), as far as the model is right that it was designed for: {source}. It stays within the amplitude, \
 the slew and the envelope that are listed. Compared with it is what the textbook flies: a 3-2-1-1 on one control after the \
 other, of the same duration and amplitude."""
-TELLS = """\
+EXPECTED = """\
 Standard errors before the flight, after the textbook's flight, and after the designed one. They are predictions: the \
 Cramer-Rao bound for the noise of the sensors, with the initial state and the sensor biases unknown. Colored residuals widen \
 all of them alike; a model that is wrong in kind is not in them."""
-DOUBT = """\
+ROBUSTNESS = """\
 The model is what is to be measured, so it is wrong. Flown with {draws} models drawn from what is known: {outside} left the \
 envelope{most}, {untrimmed} did not fly straight at this speed. In those that stayed inside, the mean standard error was \
 {low} to {high} of the textbook's."""
-KNOWN = "Nothing is known of the parameters, so no other models were drawn: begin with half the amplitude, and watch."
+NOTHING_KNOWN = "Nothing is known of the parameters, so no other models were drawn: begin with half the amplitude, and watch."
 
 
 def design_sheet(proposal: Proposal, command: str) -> Sheet:
@@ -41,9 +40,9 @@ def design_sheet(proposal: Proposal, command: str) -> Sheet:
         lead,
         (
             Section("What to fly", (_inputs(best.maneuver), Prose(files), _families(proposal))),
-            Section("How the aircraft answers", (_answers(proposal), _limits(proposal))),
-            Section("What it will tell", (Prose(TELLS), _bars(proposal), _errors(proposal))),
-            Section("If the model is wrong", (Prose(_doubt(proposal)),)),
+            Section("Response", (_responses(proposal), _limits(proposal))),
+            Section("Expected standard errors", (Prose(EXPECTED), _bars(proposal), _errors(proposal))),
+            Section("If the model is wrong", (Prose(_robustness(proposal)),)),
             Section("Made by", (Code(command),)),
         ),
     )
@@ -60,22 +59,19 @@ def _inputs(maneuver: Maneuver) -> Figure:
 
 
 def _families(proposal: Proposal) -> Table:
-    rows = [_family(proposal, one) for one in proposal.designs]
-    return Table(
-        "The families that were tried", ("family", "information gained", "mean standard error"), tuple(rows)
-    )
+    rows = [
+        (one.shape, f"{one.gain:.2f} per parameter", f"{proposal.ratio(one):.2f} of the textbook's")
+        for one in proposal.designs
+    ]
+    head = ("family", "information gained", "mean standard error")
+    return Table("The families that were tried", head, tuple(rows))
 
 
-def _family(proposal: Proposal, one: Design) -> tuple[str, ...]:
-    ratio = f"{proposal.ratio(one):.2f} of the textbook's"
-    return one.shape, f"{one.gain:.2f} per parameter", ratio
-
-
-def _answers(proposal: Proposal) -> Figure:
+def _responses(proposal: Proposal) -> Figure:
     outputs, time = proposal.setup.vehicle.outputs, proposal.best.maneuver.time
     readings = proposal.best.forecast.readings
     strips = [
-        _answer(proposal, c, time, readings[:, outputs.index(c)]) for c in proposal.setup.limits.envelope
+        _response(proposal, c, time, readings[:, outputs.index(c)]) for c in proposal.setup.limits.envelope
     ]
     return Figure(
         "Readings and their limits",
@@ -83,9 +79,8 @@ def _answers(proposal: Proposal) -> Figure:
     )
 
 
-def _answer(proposal: Proposal, channel: str, time: FloatArray, values: FloatArray) -> Strip:
-    unit = VARIABLES[channel].unit
-    factor, shown = (math.degrees(1.0), unit.replace("rad", "deg")) if "rad" in unit else (1.0, unit)
+def _response(proposal: Proposal, channel: str, time: FloatArray, values: FloatArray) -> Strip:
+    factor, shown = factor_and_unit(VARIABLES[channel].unit)
     ends = time[[0, -1]]
     limits = [
         Series("limits", ends, np.full(2, factor * edge)) for edge in proposal.setup.limits.envelope[channel]
@@ -127,20 +122,20 @@ def _errors(proposal: Proposal) -> Table:
     rows = []
     for i, name in enumerate(setup.names):
         now, textbook, designed = (float(c[i]) for c in columns)
-        told = [number(v, 3) if np.isfinite(v) else "unknown" for v in (now, textbook, designed)]
-        rows.append((name, number(float(setup.values[i]), 4), *told, f"{designed / textbook:.2f}"))
+        shown = [number(v, 3) if np.isfinite(v) else "unknown" for v in (now, textbook, designed)]
+        rows.append((name, number(float(setup.values[i]), 4), *shown, f"{designed / textbook:.2f}"))
     head = ("parameter", "believed", "now", "textbook", "designed", "designed over textbook")
     return Table("Standard errors", head, tuple(rows))
 
 
-def _doubt(proposal: Proposal) -> str:
-    told = proposal.robustness
+def _robustness(proposal: Proposal) -> str:
+    robust = proposal.robustness
     if not np.any(proposal.setup.known):
-        return KNOWN
-    if not told.ratios:
-        return f"Of {told.draws} models drawn from what is known, none stayed inside: begin with half the amplitude, and watch."
-    most = f" (by {100.0 * told.largest_excess:.0f} % of its width at most)" if told.outside else ""
-    low, high = (f"{v:.2f}" for v in (min(told.ratios), max(told.ratios)))
-    return DOUBT.format(
-        draws=told.draws, outside=told.outside, most=most, untrimmed=told.untrimmed, low=low, high=high
+        return NOTHING_KNOWN
+    if not robust.ratios:
+        return f"Of {robust.draws} models drawn from what is known, none stayed inside: begin with half the amplitude, and watch."
+    most = f" (by {100.0 * robust.largest_excess:.0f} % of its width at most)" if robust.outside else ""
+    low, high = (f"{v:.2f}" for v in (min(robust.ratios), max(robust.ratios)))
+    return ROBUSTNESS.format(
+        draws=robust.draws, outside=robust.outside, most=most, untrimmed=robust.untrimmed, low=low, high=high
     )
