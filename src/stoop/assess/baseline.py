@@ -92,7 +92,7 @@ def baseline_matches(
     Returns
     -------
     tuple of dict of str to Match
-        For each maneuver its curves, segments joined by one NaN as in `stoop.assess.runs.join`. Without
+        For each maneuver its curves, segments joined by one NaN as in `stoop.assess.goodness_of_fit.join`. Without
         any fit maneuver the validation maneuvers have none.
     """
     found: tuple[dict[str, Match], ...] = tuple({} for _ in maneuvers)

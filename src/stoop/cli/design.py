@@ -57,8 +57,8 @@ def run(arguments: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from stoop.design import Limits
+    from stoop.design.optimization import Plan
     from stoop.design.proposal import propose
-    from stoop.design.search import Plan
     from stoop.simulate import trim
     from stoop.workflow.design import FILES, prior_model, write_proposal
 

@@ -25,6 +25,7 @@ from stoop.cli.page import page
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from stoop.base.notices import Notice
     from stoop.cli.progress import Watch
     from stoop.estimate.fit import Options
     from stoop.flight import Flight
@@ -87,13 +88,13 @@ def run(arguments: argparse.Namespace) -> int:
     return INTERRUPTED if stopped else 0
 
 
-def _doubts(arguments: argparse.Namespace, vehicle: Vehicle, flights: Sequence[Flight]) -> Sequence[object]:
+def _doubts(arguments: argparse.Namespace, vehicle: Vehicle, flights: Sequence[Flight]) -> list[Notice]:
     """Return what contradicts the vehicle, before a search that may be long; the report holds it too."""
-    from stoop.estimate.mismatch import doubts
+    from stoop.checks.vehicle import check_vehicle
     from stoop.problem.windows import parse_window
 
     known = {flight.name: flight for flight in flights}
-    return doubts(vehicle, known, [parse_window(text, known) for text in arguments.maneuver])
+    return check_vehicle(vehicle, known, [parse_window(text, known) for text in arguments.maneuver])
 
 
 def _check_output(arguments: argparse.Namespace) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stoop.base.files import check_targets
+from stoop.base.notices import as_notice
 from stoop.cli.arguments import (
     COMPILING,
     VEHICLE_HELP,
@@ -60,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
             watch.warn(str(doubt))
         found = find_windows(flights, vehicle, watch.turn_to)
     following = _next(arguments)
-    all_notes = replace(found, notes=(*warned, *found.notes))
+    all_notes = replace(found, notices=(*map(as_notice, warned), *found.notices))
     name = "" if vehicle is None else vehicle.name
     write_windows(all_notes, flights, name, arguments.output, command_line(), following)
     _print(page(), found, arguments.output, following)
@@ -117,9 +118,9 @@ def _print(out: Page, found: Found, folder: Path, following: Sequence[str]) -> N
                 Column("of its size", tuple(percent(e.relative) for e in found.expected), right=True),
             ]
         )
-    if found.notes:
+    if found.notices:
         out.heading("notes")
-        out.bullets(found.notes)
+        out.bullets(map(str, found.notices))
     out.line()
     out.line(f"edit: {folder / NAME}")
     out.line(f"page: {folder / 'windows.html'}")

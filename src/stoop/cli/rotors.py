@@ -91,8 +91,8 @@ def _check_once(paths: Sequence[Path]) -> None:
 
 
 def _hovers(paths: Sequence[Path], balance: Balance, mapping: Path | None, watch: Watch) -> tuple[Hover, ...]:
+    from stoop.checks.vehicle import foreign_motors
     from stoop.estimate.effectiveness import hover
-    from stoop.estimate.rotors_seen import strange_motors
     from stoop.flight import load
     from stoop.problem.windows import whole
 
@@ -100,9 +100,8 @@ def _hovers(paths: Sequence[Path], balance: Balance, mapping: Path | None, watch
     for path in paths:
         flight = load(path, mapping)
         out.append(hover(flight, balance))
-        known = {flight.name: flight}
-        for doubt in strange_motors(balance.vehicle, known, whole(known)):
-            watch.warn(doubt)
+        for found in foreign_motors(balance.vehicle, flight, whole({flight.name: flight})):
+            watch.warn(str(found))
     return tuple(out)
 
 

@@ -101,9 +101,9 @@ def _print_next(
     flown: Mapping[str, float],
 ) -> None:
     """Print the fit of this flight, and what must go before it."""
-    from stoop.design.planned import planned
+    from stoop.design.maneuver_windows import maneuver_windows
 
-    windows, out = planned(maneuver, vehicle), page()
+    windows, out = maneuver_windows(maneuver, vehicle.has_rotors), page()
     if not windows.fit:
         out.line(f"no input moves the vehicle: to identify it, add [[input]] tables to {arguments.maneuver}")
         out.command("next: ", ["stoop", "info", str(target)])

@@ -7,12 +7,18 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from stoop.base.arrays import FloatArray
-from stoop.design.knowledge import Knowledge
+from stoop.design.information import Forecast, Knowledge, Setup
+from stoop.design.inputs import SHAPES
 from stoop.design.limits import Limits
-from stoop.design.robust import Robustness, mean_ratio, robustness
-from stoop.design.search import Design, Plan, design, one_after_another
-from stoop.design.setup import Forecast, Setup
-from stoop.design.shapes import SHAPES
+from stoop.design.optimization import (
+    Design,
+    Plan,
+    Robustness,
+    design,
+    mean_ratio,
+    robustness,
+    textbook_maneuver,
+)
 from stoop.simulate import Maneuver, Trim
 from stoop.vehicle import Vehicle
 
@@ -109,7 +115,7 @@ def propose(
         No maneuver stays within the limits.
     """
     setup = Setup(model.vehicle, trim, limits, model.knowledge, model.noise)
-    reference = one_after_another(setup, plan)
+    reference = textbook_maneuver(setup, plan)
     watch = callback or (lambda name, progress: None)
     found = [design(setup, plan, name, lambda progress, name=name: watch(name, progress)) for name in shapes]  # type: ignore[misc]
     designs = tuple(sorted(found, key=lambda one: -one.gain))

@@ -19,11 +19,11 @@ import numpy as np
 from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
+from stoop.checks.rotor_windows import require_rotor_data, require_rotors
 from stoop.errors import IdentificationError
 from stoop.estimate.noise import effective_variance, first_variance, noise_variance
 from stoop.estimate.ratios import with_mass_held
 from stoop.estimate.regression.equations import start_value
-from stoop.estimate.rotors_seen import check_motors, check_rotors
 from stoop.flight import Flight
 from stoop.optimize.ledger import Evaluations, Halt
 from stoop.optimize.local_refinement import FULL
@@ -163,10 +163,10 @@ def estimation_problem(
         Nothing is free.
     """
     vehicle = with_mass_held(vehicle)
-    check_motors(vehicle, flights, windows)
+    require_rotors(vehicle, flights, windows)
     prepared = without_stuck_channels(vehicle, prepare(vehicle, flights, windows))
     if vehicle.rotors:
-        check_rotors(vehicle, prepared.windows, prepared.pieces)
+        require_rotor_data(vehicle, prepared.windows, prepared.pieces)
     layout = Layout.of(vehicle, nuisances(vehicle, prepared))
     if layout.dimension == 0:
         raise IdentificationError(f"{vehicle.where}: no number is free; set free = true or use --free NAME")

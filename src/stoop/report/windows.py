@@ -69,8 +69,8 @@ def windows_sheet(
     if found.expected:
         guess = Prose(EXPECTED.format(guess=FIRST_GUESS))
         sections.append(Section("Expected standard errors", (guess, _expected(found))))
-    if found.notes:
-        sections.append(Section("Notes", (Bullets([*map(str, found.notes)]),)))
+    if found.notices:
+        sections.append(Section("Notes", (Bullets([*map(str, found.notices)]),)))
     sections.append(Section("Next", (Code(shlex.join(following)), Prose("Made by"), Code(command))))
     return Sheet("Windows worth fitting", LEAD.format(criterion=criterion, name=NAME), tuple(sections))
 

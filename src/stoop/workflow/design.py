@@ -14,8 +14,8 @@ from stoop.base.csv_text import csv_text
 from stoop.base.files import check_targets, make_folder, write_text_atomic
 from stoop.base.numbers import finite_or_none
 from stoop.design import Knowledge
+from stoop.design.information import sensor_noise
 from stoop.design.proposal import PriorModel, Proposal
-from stoop.design.setup import sensor_noise
 from stoop.results.result import Result
 from stoop.simulate import Maneuver
 from stoop.vehicle import Vehicle

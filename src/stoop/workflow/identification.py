@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 from stoop import optimize
 from stoop.assess.assessment import Assessment
 from stoop.base.notices import Notice
+from stoop.checks.vehicle import require_channels
 from stoop.errors import FlightError
 from stoop.estimate import methods
 from stoop.estimate.fit import Fit, Options
 from stoop.estimate.forces import ForceFigures, force_figures
-from stoop.estimate.mismatch import check_inputs
 from stoop.estimate.predict import identified_vehicle
 from stoop.flight import Flight, load, without, without_faults
 from stoop.problem.prepare import prepare
@@ -219,7 +219,7 @@ def search(
     options = replace(options, method=method.name)
     fitted, predicted = _windows(maneuvers, validate, known)
     for name in dict.fromkeys(w.flight for w in (*fitted, *predicted)):
-        check_inputs(vehicle, known[name])
+        require_channels(vehicle, known[name])
     inputs = input_hashes(vehicle, known, files)
     for name, flight in known.items():
         spans = [(w.start, w.stop) for w in predicted if w.flight == name]

@@ -42,5 +42,5 @@ def write_windows(
         )
         for w in found.windows
     ]  # fmt: skip
-    write_text_atomic(folder / NAME, written(entries, shlex.join(following), found.notes))
+    write_text_atomic(folder / NAME, written(entries, shlex.join(following), tuple(map(str, found.notices))))
     write_sheet(windows_sheet(found, flights, vehicle, command, following), folder / "windows.html")

@@ -22,11 +22,11 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.estimate.filter_error.linearization import interpolated, unwrapped
-from stoop.estimate.regression.aircraft import first_order_lag
 from stoop.estimate.shooting.windows import edges
 from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.observation import through_air
 from stoop.simulate import initial_states, parameter_rows, parse_maneuver
+from stoop.simulate.delays import first_order_lag
 from stoop.simulate.fly import Flown, fly
 from stoop.simulate.initial import commanded
 from stoop.simulate.paths import readings_along, states_flown

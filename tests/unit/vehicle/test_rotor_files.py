@@ -8,12 +8,12 @@ from importlib.resources import files
 
 import pytest
 
+from stoop.checks.vehicle import inertia_notices
 from stoop.errors import VehicleError
 from stoop.report.formula import mathml
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import BUILT_IN, builtin_vehicle
 from stoop.vehicle.notation import symbols
-from stoop.vehicle.plausible import inertia_doubts
 from stoop.vehicle.symbolic.latex import equations
 
 QUAD = (files("stoop") / "data" / "quad_x.toml").read_text()
@@ -142,10 +142,10 @@ def test_report_has_equations_and_symbols(name: str) -> None:
 
 def test_inertia_of_another_size_is_doubted() -> None:
     quad = builtin_vehicle("quad-x")
-    assert not inertia_doubts(quad)
-    (said,) = inertia_doubts(quad, {"mass.inertia.xx": 0.5})
-    assert "implausibly large" in said
-    assert "of the largest distance between rotors" in said
+    assert not inertia_notices(quad)
+    (found,) = inertia_notices(quad, {"mass.inertia.xx": 0.5})
+    assert (found.code, found.subject) == ("inertia-large", "mass.inertia.xx")
+    assert found.values["unit"] == "of the largest distance between rotors"
 
 
 @pytest.mark.parametrize("value", ["1e308", "-1e308", "1e-320", "0.0", "{ value = 1e308, free = true }"])

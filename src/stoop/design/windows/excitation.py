@@ -1,8 +1,8 @@
-"""What windows tell when nothing is known of the vehicle: how strongly, and how independently, each axis moves.
+"""Information of windows without a vehicle: how strongly, and how independently, each axis is excited.
 
-Whatever the model is, the derivative of a rate depends on the rates and on the commands. What a window tells of such
-numbers is the matrix of products of commands and rates: large where they move, singular where they move together, as
-a closed loop makes them. Each is taken in units of what is usual in this flight.
+In any model the derivative of a rate depends on the rates and on the commands. The information about its coefficients is
+the matrix of products of commands and rates: large where they move, singular where they move together, as in a closed
+loop. Each signal is scaled by its usual size in this flight.
 """
 
 from __future__ import annotations
@@ -17,27 +17,27 @@ from numpy.typing import NDArray
 from stoop.base.arrays import FloatArray
 from stoop.base.variables import RATES
 from stoop.design.windows.candidates import Candidate
-from stoop.design.windows.choice import Evidence
+from stoop.design.windows.selection import CandidateInformation
 from stoop.flight import Flight
 from stoop.flight.airborne import flying
 from stoop.flight.maneuvers import MOTION, Axis, by_axis, commands, moving_average, usual_deviation
 
 SMOOTH: Final = 0.2  #: s
 SLOW: Final = 5.0  #: s; slower is trim
-SPAN: Final = 8.0  #: s of usual flight that count as known before
-STIRS: Final = 0.05  #: of the strongest; what moves less is not among what must be told apart
-LEAST: Final = 0.02  #: of the largest excursion: no command is usually smaller than that
+PRIOR_SPAN: Final = 8.0  #: s of usual flight that count as prior information
+MIN_MOTION: Final = 0.05  #: of the strongest signal; weaker ones do not count for the condition number
+MIN_USUAL: Final = 0.02  #: of the largest excursion: the least usual size of a signal
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
-    """Commands and rates of a flight, less what is slow, in units of what is usual.
+class Excitation:
+    """Commands and rates of a flight without their slow part, in units of their usual size.
 
     Attributes
     ----------
     names : tuple of str
     axes : tuple of str
-        Which axis each is of.
+        Of each signal.
     values : (n, m)
         NaN where missing.
     """
@@ -46,19 +46,24 @@ class Motion:
     axes: tuple[Axis, ...]
     values: FloatArray
 
+    def only(self, names: Sequence[str]) -> Excitation:
+        """Return some of the signals."""
+        kept = [self.names.index(n) for n in names]
+        return Excitation(tuple(names), tuple(self.axes[i] for i in kept), self.values[:, kept])
+
     @classmethod
-    def of(cls, flight: Flight) -> Motion | None:
+    def of(cls, flight: Flight) -> Excitation | None:
         """Return those of a flight; None where no command or no rate was recorded."""
-        told = by_axis(commands(flight))
+        by_command = by_axis(commands(flight))
         rates = {axis: name for axis, name in MOTION.items() if name in RATES and name in flight.data}
-        if not told or not rates:
+        if not by_command or not rates:
             return None
-        columns = [*(c.u for c in told.values()), *(flight.column(name) for name in rates.values())]
-        names = (*(f"{axis} command" for axis in told), *(f"{axis} rate" for axis in rates))
+        columns = [*(c.u for c in by_command.values()), *(flight.column(name) for name in rates.values())]
+        names = (*(f"{axis} command" for axis in by_command), *(f"{axis} rate" for axis in rates))
         x, up = np.column_stack(columns), flying(flight)
         x = moving_average(x, round(SMOOTH * flight.rate)) - moving_average(x, round(SLOW * flight.rate), 0.3)
         sizes = [_size(column, up) for column in x.T]
-        return cls(names, (*told, *rates), x / np.array(sizes))
+        return cls(names, (*by_command, *rates), x / np.array(sizes))
 
     def inside(self, flight: Flight, one: Candidate) -> FloatArray:
         """Return the complete samples (k, m) of a window, about their mean."""
@@ -79,7 +84,7 @@ class Motion:
         if len(rows) <= len(self.names):
             return float("inf")
         size = np.sqrt(np.sum(rows**2, axis=0))
-        moved = size > STIRS * float(size.max())
+        moved = size > MIN_MOTION * float(size.max())
         if not moved.any():
             return float("inf")
         values = np.linalg.svd(rows[:, moved] / size[moved], compute_uv=False)
@@ -90,20 +95,20 @@ def _size(x: FloatArray, up: NDArray[np.bool_]) -> float:
     """Return the usual size of a series; where it usually rests, a share of its largest excursion."""
     seen = x[up & np.isfinite(x)]
     largest = float(np.max(np.abs(seen))) if seen.size else 0.0
-    return max(usual_deviation(x, up), LEAST * largest) or 1.0
+    return max(usual_deviation(x, up), MIN_USUAL * largest) or 1.0
 
 
-def by_command(
-    flights: Mapping[str, Flight], motions: Mapping[str, Motion], found: Sequence[Candidate]
-) -> Evidence:
-    """Return what windows tell of any vehicle that answers commands and rates linearly.
+def excitation_information(
+    flights: Mapping[str, Flight], excitations: Mapping[str, Excitation], found: Sequence[Candidate]
+) -> CandidateInformation:
+    """Return the information of windows about any vehicle that responds linearly to commands and rates.
 
     All flights have the same commands.
     """
-    told = []
+    out = []
     for one in found:
         flight = flights[one.flight]
-        rows = motions[one.flight].inside(flight, one)
-        told.append(rows.T @ rows / (SPAN * flight.rate))
-    size = len(next(iter(motions.values())).names)
-    return Evidence(np.eye(size), tuple(told))
+        rows = excitations[one.flight].inside(flight, one)
+        out.append(rows.T @ rows / (PRIOR_SPAN * flight.rate))
+    size = len(next(iter(excitations.values())).names)
+    return CandidateInformation(np.eye(size), tuple(out))

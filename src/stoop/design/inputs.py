@@ -19,13 +19,13 @@ from stoop.errors import SimulationError
 from stoop.simulate.maneuver import PATTERNS, Harmonics, Input, Levels, Steps
 
 LEAD: Final = 0.5  #: s of steady flight before and after the inputs
-REACHED: Final = 0.999  #: of what the slew allows, so that rounding does not ask for more
-LEAST: Final = 0.2  #: of the allowed amplitude; less shows nothing
+SLEW_SHARE: Final = 0.999  #: of the slew that is used, against rounding
+MIN_AMPLITUDE: Final = 0.2  #: of the allowed amplitude
 
 
 @dataclass(frozen=True)
 class Frame:
-    """What every family of inputs needs to know.
+    """Limits and times that all families of inputs share.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Frame:
 
     def reached(self, amplitude: float, longest: float) -> float:
         """Return the amplitude, or what a slow surface can turn round within the longest step, s."""
-        return min(amplitude, REACHED * 0.5 * self.slew * longest)
+        return min(amplitude, SLEW_SHARE * 0.5 * self.slew * longest)
 
     def least(self, amplitude: float) -> float:
         """Return the shortest step, s, in which a surface gets from one side to the other."""
@@ -75,7 +75,7 @@ class Shape(Protocol):
 
 
 @dataclass(frozen=True)
-class StepRows:
+class StepInputs:
     """One row of steps on every control: when it begins, how long its shortest step is, how large it is."""
 
     frame: Frame
@@ -104,7 +104,7 @@ class StepRows:
 
     def _row(self, control: str, most: float, point: FloatArray) -> Input:
         signed = 2.0 * float(point[2]) - 1.0
-        size = self.frame.reached(most * max(LEAST, abs(signed)), self._longest)
+        size = self.frame.reached(most * max(MIN_AMPLITUDE, abs(signed)), self._longest)
         amplitude, least = np.copysign(size, signed), self.frame.least(size)
         step = least + float(point[1]) * (self._longest - least)
         begin = LEAD + float(point[0]) * (self.frame.active - self._units * step)
@@ -162,7 +162,7 @@ class SquareWaves:
 
     def _wave(self, control: str, most: float, point: FloatArray) -> Input:
         signed = 2.0 * float(point[0]) - 1.0
-        size = self.frame.reached(most * max(LEAST, abs(signed)), self.frame.active / self.levels)
+        size = self.frame.reached(most * max(MIN_AMPLITUDE, abs(signed)), self.frame.active / self.levels)
         amplitude, least = float(np.copysign(size, signed)), self.frame.least(size)
         shares = (0.01 + point[1:]) / np.sum(0.01 + point[1:])
         lengths = least + shares * (self.frame.active - self.levels * least)
@@ -219,7 +219,7 @@ class Multisines:
         weights, phases = point[1 : 1 + count], 2.0 * np.pi * point[1 + count :]
         phases = _from_zero(harmonics, weights, phases)
         peak, speed = self._peaks(harmonics, weights, phases)
-        share = LEAST + (1.0 - LEAST) * float(point[0])
+        share = MIN_AMPLITUDE + (1.0 - MIN_AMPLITUDE) * float(point[0])
         scale = min(share * most / peak, self.frame.slew / speed) if peak > 0.0 else 0.0
         return Harmonics.model_validate(
             {"control": control, "shape": "harmonics", "start": LEAD, "duration": self.frame.active,
@@ -246,7 +246,7 @@ class Multisines:
             k, count = np.arange(len(harmonics)), len(harmonics)
             phases = np.mod(-k * (k + 1) / (2.0 * count), 1.0)
             weights = (harmonics / harmonics[0]) ** -fall
-            out += [(share - LEAST) / (1.0 - LEAST), *weights, *phases]
+            out += [(share - MIN_AMPLITUDE) / (1.0 - MIN_AMPLITUDE), *weights, *phases]
         return out
 
 
@@ -269,6 +269,6 @@ def _from_zero(harmonics: NDArray[np.intp], weights: FloatArray, phases: FloatAr
 SHAPES: Final[dict[str, Callable[[Frame], Any]]] = {
     "multisine": Multisines,
     "square": SquareWaves,
-    "3-2-1-1": lambda frame: StepRows(frame, "3-2-1-1"),
-    "doublet": lambda frame: StepRows(frame, "doublet"),
+    "3-2-1-1": lambda frame: StepInputs(frame, "3-2-1-1"),
+    "doublet": lambda frame: StepInputs(frame, "doublet"),
 }

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stoop.design.windows import doubts, find_windows
-from stoop.design.windows.driven import with_motors
+from stoop.design.windows.candidates import with_motors
 from stoop.flight import Flight
 from stoop.flight.airborne import carried_by_rotors, flying
 from stoop.simulate import parse_maneuver, simulate_flight

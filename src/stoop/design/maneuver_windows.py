@@ -1,8 +1,8 @@
-"""Which stretches of a simulated flight to fit: its maneuver file says when something moves.
+"""Windows of a simulated flight, from the inputs of its maneuver file.
 
-An aircraft is fitted from one start through all it does, and its phugoid tells for a while after the last input. What
-hovers is fitted by short windows that begin anew, so that one input less costs little where others move the same
-controls: one is left to be predicted. Stretches near each other are one window, with one wind and one set of biases.
+An aircraft is fitted from one start through all its inputs, with its phugoid for a while after the last. A vehicle on
+rotors is fitted by short windows that restart, so one input less costs little where others move the same controls: one
+is left for validation. Stretches near each other are one window, with one wind and one set of biases.
 """
 
 from __future__ import annotations
@@ -15,36 +15,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.base.arrays import run_slices
-from stoop.problem.observation import observation_model
 from stoop.simulate.maneuver import Maneuver
-from stoop.vehicle import Vehicle
 
 BEFORE: Final = 1.0  #: s of the steady flight before an input
-AFTER_ROTORS: Final = 1.0  #: s after an input to what hovers
-AFTER_WINGS: Final = 20.0  #: s; a phugoid
-FEWEST: Final = 3  #: stretches of which one can be left out
-NEAR: Final = 5.0  #: s of rest between two stretches that are fitted as one window
+AFTER_ON_ROTORS: Final = 1.0  #: s after an input
+AFTER_ON_WINGS: Final = 20.0  #: s; a phugoid
+MIN_STRETCHES: Final = 3  #: of which one can be left for validation
+MAX_GAP: Final = 5.0  #: s of rest between two stretches that are fitted as one window
 
 
 @dataclass(frozen=True)
-class Planned:
-    """Windows of a flight, as the command line takes them; neither where nothing was moved."""
+class ManeuverWindows:
+    """Windows of a flight, as the command line takes them; empty where nothing moves."""
 
     fit: tuple[str, ...] = ()
     validate: tuple[str, ...] = ()
 
 
-def planned(maneuver: Maneuver, vehicle: Vehicle) -> Planned:
-    """Return the stretches in which controls move; the shortest whose controls move elsewhere too is to be predicted."""
+def maneuver_windows(maneuver: Maneuver, on_rotors: bool) -> ManeuverWindows:
+    """Return the stretches in which controls move; the shortest whose controls move elsewhere too is for validation."""
     moves = np.array([signal != 0.0 for signal in maneuver.deflections().values()])
     if not moves.any():
-        return Planned()
-    after = AFTER_WINGS if observation_model(vehicle).open_loop else AFTER_ROTORS
-    found = _stretches(maneuver, np.any(moves, axis=0), after)
+        return ManeuverWindows()
+    found = _stretches(maneuver, np.any(moves, axis=0), AFTER_ON_ROTORS if on_rotors else AFTER_ON_WINGS)
     held_out = _held_out(moves, found)
-    kept = _joined(found, held_out, round(NEAR * maneuver.rate))
+    kept = _joined(found, held_out, round(MAX_GAP * maneuver.rate))
     validate = () if held_out is None else (_text(maneuver, found[held_out]),)
-    return Planned(tuple(_text(maneuver, one) for one in kept), validate)
+    return ManeuverWindows(tuple(_text(maneuver, one) for one in kept), validate)
 
 
 def _stretches(maneuver: Maneuver, moving: NDArray[np.bool_], after: float) -> list[slice]:
@@ -58,10 +55,10 @@ def _stretches(maneuver: Maneuver, moving: NDArray[np.bool_], after: float) -> l
 
 def _held_out(moves: NDArray[np.bool_], found: Sequence[slice]) -> int | None:
     """Return the shortest stretch that moves nothing (controls, n) that the others do not."""
-    if len(found) < FEWEST:
+    if len(found) < MIN_STRETCHES:
         return None
-    told = np.array([moves[:, one].any(axis=1) for one in found])
-    spare = [i for i in range(len(found)) if (told[i] <= np.delete(told, i, axis=0).any(axis=0)).all()]
+    moved = np.array([moves[:, one].any(axis=1) for one in found])
+    spare = [i for i in range(len(found)) if (moved[i] <= np.delete(moved, i, axis=0).any(axis=0)).all()]
     return min(spare, key=lambda i: found[i].stop - found[i].start, default=None)
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stoop.design import SHAPES
-from stoop.design.shapes import Frame
+from stoop.design.inputs import Frame
 from stoop.errors import SimulationError
 from stoop.simulate import Maneuver
 

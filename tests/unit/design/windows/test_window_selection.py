@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stoop.design.windows.candidates import Candidate, saturated
-from stoop.design.windows.choice import Choice, Evidence, choose
+from stoop.design.windows.selection import CandidateInformation, Selection, select
 from stoop.flight import Maneuver
 
 SPAN = 8.0
@@ -17,8 +17,8 @@ def at(start: float, seconds: float = SPAN, axis: str = "") -> Candidate:
     return Candidate("f", start, start + seconds, found)
 
 
-def chosen(found: list[Candidate], *told: np.ndarray) -> Choice:
-    return choose(found, Evidence(np.eye(len(told[0])), tuple(told)))
+def chosen(found: list[Candidate], *told: np.ndarray) -> Selection:
+    return select(found, CandidateInformation(np.eye(len(told[0])), tuple(told)))
 
 
 def test_windows_that_tell_different_things_are_taken_and_doubles_held_out() -> None:
@@ -62,11 +62,11 @@ def test_greedy_is_near_the_best_of_its_size() -> None:
     rng = np.random.default_rng(0)
     told = [(v := rng.normal(size=(4, 2)) * rng.uniform(1, 9)) @ v.T for _ in range(9)]
     found = [at(10.0 * i) for i in range(9)]
-    evidence = Evidence(np.eye(4), tuple(told))
-    both = choose(found, evidence).fitted[:2]
+    information = CandidateInformation(np.eye(4), tuple(told))
+    both = select(found, information).fitted[:2]
 
     def total(pair: tuple[int, ...]) -> float:
-        return float(np.linalg.slogdet(evidence.with_all(pair))[1])
+        return float(np.linalg.slogdet(information.total(pair))[1])
 
     best = max(total((i, j)) for i in range(9) for j in range(i))
     assert total(both) > (1.0 - 1.0 / np.e) * best

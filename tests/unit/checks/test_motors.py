@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stoop.estimate.motors_swapped import is_better, swapped_motors
+from stoop.base.notices import Notice
+from stoop.checks.motors import check_motors
 from stoop.flight import Flight, from_columns
 from stoop.problem.windows import whole
 from stoop.simulate import parse_maneuver, simulate_flight
@@ -35,8 +36,8 @@ def hexa() -> Flight:
     return flown(resolve_vehicle("hexa-x"))
 
 
-def said(text: str, flight: Flight) -> list[str]:
-    return swapped_motors(parse_vehicle(text, "my.toml"), {"sim": flight}, whole({"sim": flight}))
+def found(text: str, flight: Flight) -> list[Notice]:
+    return check_motors(parse_vehicle(text, "my.toml"), flight, whole({"sim": flight}))
 
 
 def edited(rotor: str, pattern: str, new: str) -> str:
@@ -49,34 +50,32 @@ def edited(rotor: str, pattern: str, new: str) -> str:
 @pytest.mark.parametrize(("gusts", "inputs"), [("", DOUBLETS), ("", ""), (GUSTS, DOUBLETS), (GUSTS, "")])
 def test_a_right_file_is_not_accused(name: str, gusts: str, inputs: str) -> None:
     text = resolve_vehicle(name).text
-    assert said(text, flown(parse_vehicle(text + gusts, name), inputs)) == []
+    assert found(text, flown(parse_vehicle(text + gusts, name), inputs)) == []
 
 
 def test_guesses_of_size_are_no_contradiction(hexa: Flight) -> None:
     wrong = {"rotors.T2": 2.0, "rotors.lag": 0.4, "mass.inertia.xx": 2.0, "rotors.torque_ratio": 0.5}
     right = resolve_vehicle("hexa-x")
     guess = right.with_numbers({n: {"value": right.value(n) * f} for n, f in wrong.items()})
-    assert swapped_motors(guess, {"sim": hexa}, whole({"sim": hexa})) == []
+    assert check_motors(guess, hexa, whole({"sim": hexa})) == []
 
 
-def test_exchanged_channels_are_named_with_what_to_write(hexa: Flight) -> None:
+def test_exchanged_channels_are_named_with_the_lines_to_write(hexa: Flight) -> None:
     text = edited("m1", "motor_1", "motor_x").replace("motor_2", "motor_1").replace("motor_x", "motor_2")
-    (line,) = said(text, hexa)
-    assert "channel in [rotor.m1] and [rotor.m2] look exchanged" in line
-    assert "(write motor_1 in the first, motor_2 in the second)" in line
-    assert ", or " not in line
-    found = re.search(r"explain (\d+)% of the roll acceleration instead of (\d+)%", line)
-    assert found is not None
-    assert int(found[1]) > 85
-    assert int(found[2]) < 30
+    (one,) = found(text, hexa)
+    assert (one.code, one.values["kind"], one.values["axis"]) == ("moments-contradicted", "exchange", "roll")
+    fix = 'write channel = "motor_1" in [rotor.m1] and "motor_2" in [rotor.m2]'
+    assert one.values["alternatives"] == (fix,)
+    assert one.values["after"] > 0.85
+    assert one.values["before"] < 0.3
 
 
 def test_a_hovering_vehicle_that_answers_to_noise_only_says_nothing() -> None:
     """In a loop the motors follow the gyroscopes' noise, against its slope."""
     right = resolve_vehicle("hexa-x")
     calm = flown(right, "")
-    assert swapped_motors(right, {"sim": calm}, whole({"sim": calm})) == []
-    other = said(edited("m3", 'spin = "cw"', 'spin = "ccw"'), calm)
+    assert check_motors(right, calm, whole({"sim": calm})) == []
+    other = found(edited("m3", 'spin = "cw"', 'spin = "ccw"'), calm)
     assert other == []
 
 
@@ -84,42 +83,34 @@ def test_one_spin_and_one_arm_are_named(hexa: Flight) -> None:
     heave = '[[input]]\ncontrol = "heave"\nshape = "3-2-1-1"\nstart = 10.0\nstep = 0.4\namplitude = 3.0\n'
     quad = resolve_vehicle("quad-x")
     turned = re.sub(r'spin = "c?cw"', 'spin = "cw"', quad.text, count=1)
-    (line,) = said(turned, flown(quad, DOUBLETS + heave))
-    assert "contradict each other in yaw: spin in [rotor.m1] looks wrong" in line
-    (line,) = said(edited("m4", r"\[-0\.238, 0\.1375", "[0.238, 0.1375"), hexa)
-    assert "in pitch: x of position in [rotor.m4] looks to have the wrong sign" in line
+    (one,) = found(turned, flown(quad, DOUBLETS + heave))
+    assert (one.values["kind"], one.values["lines"], one.values["axis"]) == ("spin", ("rotor.m1",), "yaw")
+    (one,) = found(edited("m4", r"\[-0\.238, 0\.1375", "[0.238, 0.1375"), hexa)
+    assert (one.values["kind"], one.values["lines"]) == ("position", ("rotor.m4", "x"))
+    assert one.values["axis"] == "pitch"
 
 
 def test_an_inverted_command_is_named(hexa: Flight) -> None:
     columns = {str(n): hexa.column(str(n)) for n in hexa.data.data_vars}
     inverted = from_columns("sim", hexa.time, {**columns, "motor_3": 1.0 - hexa.column("motor_3")}, ())
-    (line,) = said(resolve_vehicle("hexa-x").text, replace(inverted, sources=hexa.sources))
-    assert "motor_3 looks inverted" in line
+    (one,) = found(resolve_vehicle("hexa-x").text, replace(inverted, sources=hexa.sources))
+    assert (one.values["kind"], one.values["lines"]) == ("command", ("motor_3",))
 
 
 def test_a_rate_with_its_sign_lost_is_named(hexa: Flight) -> None:
     columns = {str(n): hexa.column(str(n)) for n in hexa.data.data_vars}
-    (line,) = said(
-        resolve_vehicle("hexa-x").text, from_columns("sim", hexa.time, {**columns, "q": -columns["q"]}, ())
-    )
-    assert "(or q in the mapping)" in line
+    turned = from_columns("sim", hexa.time, {**columns, "q": -columns["q"]}, ())
+    (one,) = found(resolve_vehicle("hexa-x").text, turned)
+    assert (one.values["kind"], one.values["lines"]) == ("axis", ("x of position", "q"))
 
 
-def test_without_rates_or_time_nothing_is_said(hexa: Flight) -> None:
+def test_without_rates_or_time_nothing_is_found(hexa: Flight) -> None:
     text = resolve_vehicle("hexa-x").text
     columns = {str(n): hexa.column(str(n)) for n in hexa.data.data_vars}
     assert (
-        said(text, from_columns("sim", hexa.time, {n: x for n, x in columns.items() if n != "p"}, ())) == []
+        found(text, from_columns("sim", hexa.time, {n: x for n, x in columns.items() if n != "p"}, ())) == []
     )
     blank = np.full(len(hexa.time), np.nan)
-    assert said(text, from_columns("sim", hexa.time, {**columns, "q": blank}, ())) == []
+    assert found(text, from_columns("sim", hexa.time, {**columns, "q": blank}, ())) == []
     short = from_columns("sim", hexa.time[:100], {n: x[:100] for n, x in columns.items()}, ())
-    assert said(text, short) == []
-
-
-def test_shares_without_noise_are_compared_without_a_warning() -> None:
-    """A file that explains everything has no better neighbor; one that does is better than a file that explains nothing."""
-    whole, nothing = np.ones(3), np.zeros(3)
-    assert not is_better(whole, whole, 30.0)
-    assert not is_better(nothing, whole, 30.0)
-    assert is_better(whole, nothing, 30.0)
+    assert found(text, short) == []

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from stoop.design import Knowledge, Limits, Setup
-from stoop.design.robust import mean_ratio, robustness
-from stoop.design.search import Plan, design, one_after_another
-from stoop.design.setup import marginal, sensor_noise
+from stoop.design.information import marginal, sensor_noise
+from stoop.design.optimization import Plan, design, mean_ratio, robustness, textbook_maneuver
 from stoop.errors import SimulationError
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.problem.windows import Window
@@ -108,7 +107,7 @@ def test_leaving_the_envelope() -> None:
     with pytest.raises(SimulationError, match="stays within the envelope"):
         design(replace(setup(), limits=tight), PLAN, "3-2-1-1")
     with pytest.raises(SimulationError, match="even small 3-2-1-1"):
-        one_after_another(replace(setup(), limits=tight), PLAN)
+        textbook_maneuver(replace(setup(), limits=tight), PLAN)
 
 
 @pytest.mark.parametrize(
@@ -128,7 +127,7 @@ def test_a_design_is_better_than_what_it_began_with_and_repeatable() -> None:
     first, second = design(setup(), PLAN, "square"), design(setup(), PLAN, "square")
     assert first.maneuver == second.maneuver
     assert first.forecast.excess == 0.0
-    textbook = setup().forecast(one_after_another(setup(), PLAN))
+    textbook = setup().forecast(textbook_maneuver(setup(), PLAN))
     assert first.gain > setup().gain(textbook)
     assert mean_ratio(setup().std(first.forecast), setup().std(textbook)) < 1.0
 

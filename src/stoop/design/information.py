@@ -1,7 +1,7 @@
-"""What a maneuver will tell before it is flown: its readings, and the information in them.
+"""Fisher information of a maneuver before it is flown.
 
-The information is Fisher's for the readings of a flight from trim with the sensors' noise, the initial state and
-the biases unknown; what is known already adds to it.
+It is that of the readings of a flight from trim with the sensors' noise, the initial state and the biases unknown, added
+to the information that there is already.
 
 References
 ----------
@@ -13,27 +13,79 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
 from stoop.assess.covariance import invert, marked, standard_errors
 from stoop.base.arrays import FloatArray
-from stoop.design.knowledge import Knowledge
 from stoop.design.limits import Limits
 from stoop.errors import IdentificationError
 from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.prepare import Prepared, nuisances
 from stoop.problem.windows import Window
+from stoop.results.result import Result
 from stoop.simulate import Maneuver, Trim
 from stoop.simulate.fly import flown_inputs
 from stoop.vehicle import Vehicle
 
-BOX = 12.0  #: information of a number that is only known to lie in the unit box: one over its variance
+BOX_INFORMATION: Final = 12.0  #: of a number that is only known to lie in the unit box: one over its variance
+
+
+@dataclass(frozen=True, eq=False)
+class Knowledge:
+    """Fisher information about some parameters before the next flight, by name.
+
+    Attributes
+    ----------
+    names : tuple of str
+    information : (k, k)
+        In the inverse products of the parameters' units; zeros where nothing is known.
+    """
+
+    names: tuple[str, ...]
+    information: FloatArray
+
+    @classmethod
+    def none(cls) -> Knowledge:
+        """Return no information."""
+        return cls((), np.zeros((0, 0)))
+
+    @classmethod
+    def of_result(cls, result: Result) -> Knowledge:
+        """Return the information of an identification about its identifiable parameters."""
+        covariance = result.covariance.matrix
+        known = [
+            i
+            for i, n in enumerate(result.covariance.names)
+            if result.parameters[n].identifiable and 0.0 < float(covariance[i, i]) < np.inf
+        ]
+        names = tuple(result.covariance.names[i] for i in known)
+        return cls(names, invert(covariance[np.ix_(known, known)]).matrix)
+
+    def among(self, names: tuple[str, ...]) -> FloatArray:
+        """Return the information (n, n) about the parameters of a list, zeros for unknown ones."""
+        out = np.zeros((len(names), len(names)))
+        shared = [i for i, n in enumerate(self.names) if n in names]
+        others = [i for i in range(len(self.names)) if i not in shared]
+        place = [names.index(self.names[i]) for i in shared]
+        own = self.information[np.ix_(shared, shared)]
+        if others:  # the others are unknown: marginal information
+            cross = self.information[np.ix_(shared, others)]
+            lost: FloatArray = cross @ invert(self.information[np.ix_(others, others)]).matrix @ cross.T
+            own = own - lost
+        out[np.ix_(place, place)] = own
+        return out
+
+    def std(self, names: tuple[str, ...]) -> FloatArray:
+        """Return the standard errors (n,) of parameters; infinite where nothing is known."""
+        inverse = invert(self.among(names))
+        return standard_errors(marked(inverse.matrix, inverse.determined))
 
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
-    """What a maneuver would show.
+    """Predicted readings of a maneuver, and their information.
 
     Attributes
     ----------
@@ -52,12 +104,12 @@ class Forecast:
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """A vehicle in steady flight, what may be done with it, and what is known of it.
+    """A vehicle in steady flight, the limits of its maneuvers, and the information about its parameters.
 
     Attributes
     ----------
     vehicle : Vehicle
-        Its free numbers are the parameters; their values are those that the design believes.
+        Its free numbers are the parameters, at their present values.
     trim : Trim
     limits : Limits
     knowledge : Knowledge
@@ -88,7 +140,7 @@ class Setup:
 
     @cached_property
     def values(self) -> FloatArray:
-        """Return what the design believes them to be (D,), SI."""
+        """Return their present values (D,), SI."""
         return np.array([p.value for p in self._layout.parameters])
 
     @cached_property
@@ -97,28 +149,30 @@ class Setup:
         return self.knowledge.among(self.names) * np.outer(self.width, self.width)
 
     def forecast(self, maneuver: Maneuver, only_inside: bool = False) -> Forecast:
-        """Return what a maneuver would show.
+        """Return the predicted readings of a maneuver and their information.
 
         Parameters
         ----------
         maneuver : Maneuver
         only_inside : bool
-            Do without the information where the flight leaves the envelope: nobody will fly it.
+            Leave the information out where the flight leaves the envelope.
         """
         problem = self._problem(maneuver)
         z = np.concatenate([self._layout.unit(self.values), np.zeros(problem.extra)])
         with np.errstate(invalid="ignore", over="ignore"):
             readings = problem.outputs(z, 0)
         if not np.isfinite(readings).all():
-            return Forecast(readings, np.inf, self._nothing)
+            return Forecast(readings, np.inf, self._no_information)
         excess = self.limits.excess(readings, self.vehicle.outputs)
         if only_inside and excess > 0.0:
-            return Forecast(readings, excess, self._nothing)
-        return Forecast(readings, excess, _parameters_information(problem, z))
+            return Forecast(readings, excess, self._no_information)
+        r = problem.residuals(z[None, :], 0)[0]
+        J, _ = problem.jacobian(z, 0, r)
+        return Forecast(readings, excess, marginal(J, problem.dimension))
 
     def std(self, *forecasts: Forecast) -> FloatArray:
         """Return the standard errors (D,), SI, that flights with these forecasts leave, with what is known."""
-        inverse = invert(self.known + sum((f.information for f in forecasts), self._nothing))
+        inverse = invert(self.known + sum((f.information for f in forecasts), self._no_information))
         return standard_errors(marked(inverse.matrix, inverse.determined)) * self.width
 
     def gain(self, forecast: Forecast) -> float:
@@ -127,11 +181,11 @@ class Setup:
         D-optimality: log det of the information, per parameter; the box counts as weak knowledge, so that a
         parameter that is not excited costs much, but not infinitely much.
         """
-        whole = self.known + BOX * np.eye(len(self.names))
+        whole = self.known + BOX_INFORMATION * np.eye(len(self.names))
         after = np.linalg.slogdet(whole + forecast.information)[1] - np.linalg.slogdet(whole)[1]
         return 0.5 * float(after) / len(self.names)
 
-    def believing(self, values: FloatArray) -> Setup:
+    def with_values(self, values: FloatArray) -> Setup:
         """Return the setup with other values (D,) of the parameters, trimmed at the same speed."""
         from stoop.simulate import trim
 
@@ -142,7 +196,7 @@ class Setup:
 
     @cached_property
     def _layout(self) -> Layout:
-        """Parameters without priors: what is known stands in `knowledge` alone."""
+        """Parameters without priors: prior information stands in `knowledge` alone."""
         layout = Layout.of(self.vehicle, ())
         if not layout.parameters:
             raise IdentificationError(
@@ -151,7 +205,7 @@ class Setup:
         return replace(layout, parameters=tuple(replace(p, prior=None) for p in layout.parameters))
 
     @cached_property
-    def _nothing(self) -> FloatArray:
+    def _no_information(self) -> FloatArray:
         return np.zeros((len(self.names), len(self.names)))
 
     def _problem(self, maneuver: Maneuver) -> Misfit:
@@ -164,18 +218,11 @@ class Setup:
         return Misfit(layout, (piece,), Weights.of(self.noise), ((len(t),),))
 
 
-def _parameters_information(problem: Misfit, z: FloatArray) -> FloatArray:
-    """Return the information (D, D) about the parameters when the nuisances are estimated too."""
-    r = problem.residuals(z[None, :], 0)[0]
-    J, _ = problem.jacobian(z, 0, r)
-    return marginal(J, problem.dimension)
-
-
 def marginal(J: FloatArray, d: int) -> FloatArray:
     """Return the information (d, d) about the first d unknowns when the others are estimated too.
 
-    A reading with a sensitivity that is not finite tells nothing: neither of the parameter, nor, as if that were
-    known, of the others. Others that the readings cannot tell take nothing away but what they share.
+    A reading with a sensitivity that is not finite has no information: neither about that parameter nor, as if it were
+    known, about the others. Others that are not identifiable take only what they share.
 
     Parameters
     ----------
