@@ -85,7 +85,7 @@ def modes(fit: Fit, parameters: tuple[str, ...], covariance: FloatArray) -> tupl
         Names of the k free parameters.
     covariance : (k, k), SI
     """
-    if fit.problem.layout.vehicle.hovers:
+    if fit.problem.layout.vehicle.rotors:
         return ()  # what a hovering vehicle does by itself no autopilot lets it do: there is nothing to measure
     return tuple(_at(fit, condition, parameters, covariance) for condition in conditions(fit))
 

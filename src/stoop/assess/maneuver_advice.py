@@ -278,7 +278,7 @@ def _amount(term: Term) -> str:
 def flown_model(result: Result, fit: Fit) -> FlownModel:
     """Return the terms as the model flew them, and the controls and modes of the vehicle."""
     vehicle, layout = fit.problem.layout.vehicle, fit.problem.layout
-    if vehicle.hovers:
+    if vehicle.rotors:
         return FlownModel({}, frequencies=_frequencies(result))
     free = {p.name for p in layout.parameters}
     columns = [_columns(vehicle, fit, i, piece) for i, piece in enumerate(fit.problem.pieces)]

@@ -35,12 +35,12 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print_json(info_document(summary))
     else:
-        _print(page(), summary, source_words(arguments.flight, arguments.mapping))
+        _print(page(), summary, source_arguments(arguments.flight, arguments.mapping))
     return 0
 
 
-def source_words(flight: Path, mapping: Path | None) -> list[str]:
-    """Return the words by which another verb reads the same flight."""
+def source_arguments(flight: Path, mapping: Path | None) -> list[str]:
+    """Return the arguments by which another verb reads the same flight."""
     return [str(flight)] if mapping is None else [str(flight), "--mapping", str(mapping)]
 
 
@@ -64,7 +64,7 @@ def info_document(summary: FlightSummary) -> dict[str, Any]:
 
 
 def _numbers_of(air: Any) -> dict[str, Any]:
-    """Return all of the reconstruction but its time histories and its notes, which are told elsewhere."""
+    """Return all of the reconstruction but its time histories and its notes, which stand elsewhere."""
     return {name: value for name, value in vars(air).items() if name not in ("traces", "notices")}
 
 
@@ -85,7 +85,7 @@ def _print(out: Page, summary: FlightSummary, source: Sequence[str]) -> None:
         out.heading(f"Without any value: {' '.join(empty)}")
     out.heading("Suspected faults")
     faults = [fault.notice for fault in flight.faults]
-    out.bullets(map(str, faults) if faults else ["none seen"])
+    out.bullets(map(str, faults) if faults else ["none found"])
     out.heading("Candidate maneuvers")
     _print_maneuvers(out, summary, source)
     notes = [str(found) for found in summary.notices if found not in faults]
@@ -182,7 +182,7 @@ def _print_maneuvers(out: Page, summary: FlightSummary, source: Sequence[str]) -
     out.line()
     out.command("next: ", _next_command(source, found))
     out.command(
-        "or, chosen by what they tell: ",
+        "or, chosen by their information: ",
         ["stoop", "maneuvers", *source, "--vehicle", "V.toml", "-o", "windows"],
     )
 

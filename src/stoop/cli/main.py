@@ -71,23 +71,23 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def main(words: Sequence[str] | None = None) -> int:
+def main(given: Sequence[str] | None = None) -> int:
     """Run the command line.
 
     Parameters
     ----------
-    words : the arguments; those of the process when absent
+    given : the arguments; those of the process when absent
 
     Returns
     -------
     The exit code.
     """
-    if words is None:
-        words = sys.argv[1:]
-        _prepare_process(words)
-    debug = "--debug" in words or bool(os.environ.get("STOOP_DEBUG"))
+    if given is None:
+        given = sys.argv[1:]
+        _prepare_process(given)
+    debug = "--debug" in given or bool(os.environ.get("STOOP_DEBUG"))
     try:
-        return _guarded(words, debug)
+        return _guarded(given, debug)
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
     except BrokenPipeError:
@@ -102,10 +102,10 @@ def main(words: Sequence[str] | None = None) -> int:
         return _complain(BUG_MESSAGE, BUG)
 
 
-def _guarded(words: Sequence[str], debug: bool) -> int:
+def _guarded(given: Sequence[str], debug: bool) -> int:
     """Parse, run the verb, report errors of the user, and flush the output."""
     try:
-        arguments, unknown = parser_for(words).parse_known_args([_protected(word) for word in words])
+        arguments, unknown = parser_for(given).parse_known_args([_protected(word) for word in given])
         if unknown:
             arguments.complain(f"unrecognized arguments: {' '.join(unknown)}")
         code = int(arguments.run(arguments))
@@ -130,9 +130,10 @@ def _of_the_machine(error: OSError | MemoryError) -> str:
     return f"{error.filename or 'the output'}: {error.strerror or error}"
 
 
-def parser_for(words: Sequence[str]) -> Parser:
+def parser_for(given: Sequence[str]) -> Parser:
     """Return a parser that knows every verb by name and the arguments of the chosen one."""
-    known = VERBS if VERBS.keys() & set(words) else all_verbs()
+    chosen = next((word for word in given if not word.startswith("-")), None)
+    known = VERBS if chosen in VERBS else all_verbs()
     parser = Parser(
         prog="stoop",
         usage="stoop [-h] [--version] [--debug] VERB ...",
@@ -151,7 +152,6 @@ def parser_for(words: Sequence[str]) -> Parser:
         help=argparse.SUPPRESS,  # the list below is better laid out than argparse's own
         description=_verb_list(known),
     )
-    chosen = next((word for word in words if not word.startswith("-")), None)
     for name, (module, purpose) in known.items():
         verb = verbs.add_parser(name, description=f"{purpose[0].upper()}{purpose[1:]}.", allow_abbrev=False)
         if name == chosen:
@@ -180,7 +180,7 @@ def _verb_list(known: dict[str, tuple[str, str]]) -> str:
     return "\n".join(f"{name:<13} {purpose}" for name, (_, purpose) in known.items())
 
 
-def _prepare_process(words: Sequence[str]) -> None:
+def _prepare_process(given: Sequence[str]) -> None:
     """Set up what belongs to the process: an output that takes any character, no warnings of libraries."""
     import io
     import warnings
@@ -188,7 +188,7 @@ def _prepare_process(words: Sequence[str]) -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
-    if not sys.warnoptions and "--debug" not in words:
+    if not sys.warnoptions and "--debug" not in given:
         warnings.simplefilter("ignore")
 
 

@@ -21,8 +21,8 @@ GROUPS: Final = (
     ("Air data", ("V", "airspeed_pitot", "alpha", "beta")),
 )
 LEAD: Final = """\
-Accelerations and rates were integrated from one initial state per piece; what the other sensors logged was held against
-that. Biases, scales, delays, positions and a steady wind were estimated such that all agree as well as they can; the
+Accelerations and rates were integrated from one initial state per piece; the readings of the other sensors were compared
+with that. Biases, scales, delays, positions and a steady wind were estimated such that all agree as well as they can; the
 standard errors count the color of what is left."""
 READING: Final = """\
 An unknown that is not identifiable keeps its prior: it is listed with the reason, and says nothing about the sensor.
@@ -93,8 +93,9 @@ def _figures(result: Compatibility, *, residual: bool) -> list[Figure]:
         if there:
             strips = [_strip(result, name, residual) for name in there]
             spans = ", ".join(window(float(t.time[0]), float(t.time[-1])) for t in result.traces)
-            words = f"{title}: {what}."
-            out.append(Figure(f"{words} Pieces: {spans}.", stacked_plots(strips, "time, s", words)))
+            caption = f"{title}: {what}."
+            drawn = stacked_plots(strips, "time, s", caption)
+            out.append(Figure(f"{caption} Pieces: {spans}.", drawn))
     return out
 
 

@@ -82,9 +82,10 @@ def _figure(polar: Polar) -> Figure:
         Series("95 % interval, high", value + NORMAL_95 * std, CL),
     ]
     high = float(max(np.max(value + NORMAL_95 * std), np.quantile(polar.CD, 0.9)))
-    words = "Lift coefficient over drag coefficient."
+    caption = "Lift coefficient over drag coefficient."
     return Figure(
-        words, plot(series, "drag coefficient CD", "lift coefficient CL", words, x_range=(0.0, 1.1 * high))
+        caption,
+        plot(series, "drag coefficient CD", "lift coefficient CL", caption, x_range=(0.0, 1.1 * high)),
     )
 
 
@@ -103,17 +104,17 @@ def _power(polar: Polar) -> Figure:
         Series("95 % interval, high", speed, value + NORMAL_95 * std),
     ]
     best = int(np.argmin(value))
-    words = (
+    caption = (
         f"Least power {value[best]:.0f} ± {std[best]:.0f} W at {speed[best]:.1f} m/s (one standard error), from the "
         "parabola and the propulsion."
     )
     return Figure(
-        words,
+        caption,
         plot(
             series,
             "true airspeed, m/s",
             "electric power, W",
-            words,
+            caption,
             y_range=(0.0, 1.1 * float(np.max(value + std))),
         ),
     )
@@ -121,8 +122,8 @@ def _power(polar: Polar) -> Figure:
 
 def _lift(polar: Polar) -> Figure:
     series = [Series("blocks", polar.blocks.alpha / DEGREE, polar.CL, "points")]
-    words = (
+    caption = (
         "Lift coefficient over angle of attack, blocks. An angle of attack that was reconstructed with a steady wind holds "
         "vertical gusts, which spread the points sideways: no slope is fitted, it would come out too low."
     )
-    return Figure(words, plot(series, "angle of attack, deg", "lift coefficient CL", words))
+    return Figure(caption, plot(series, "angle of attack, deg", "lift coefficient CL", caption))

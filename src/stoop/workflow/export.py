@@ -40,7 +40,7 @@ DEFAULT: Final = Condition()
 
 @dataclass(frozen=True)
 class Exported:
-    """Files by their place below the output folder, the main one, and what to tell the user."""
+    """Files by their place below the output folder, the main one, and notes for the user."""
 
     files: Mapping[str, bytes]
     main: str

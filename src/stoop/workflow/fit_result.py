@@ -160,17 +160,17 @@ def _noise(fit: Fit, options: Options) -> FloatArray:
 def _parameters(fit: Fit, bars: ErrorBars) -> dict[str, ParameterEstimate]:
     out = {}
     for i, p in enumerate(fit.problem.layout.parameters):
-        estimate, sigma, held = fit.estimates[p.name], float(bars.std[i]), bool(bars.at_bound[i])
+        estimate, sigma, at_bound = fit.estimates[p.name], float(bars.std[i]), bool(bars.at_bound[i])
         low, high = intervals_95(np.array([estimate]), np.array([sigma]))[0]
-        identifiable = not held and bars.identifiability[p.name].identifiable
+        identifiable = not at_bound and bars.identifiability[p.name].identifiable
         out[p.name] = ParameterEstimate(
             estimate=estimate,
-            std_error=np.nan if held else sigma,
+            std_error=np.nan if at_bound else sigma,
             ci95_lower=float(low) if identifiable else np.nan,
             ci95_upper=float(high) if identifiable else np.nan,
             bound_lower=p.lower,
             bound_upper=p.upper,
-            at_bound=held,
+            at_bound=at_bound,
             identifiable=identifiable,
             unit=p.unit,
             prior_mean=p.value if p.prior is not None else np.nan,

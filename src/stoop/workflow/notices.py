@@ -65,7 +65,7 @@ def basis_notices(vehicle: Vehicle, flights: Mapping[str, Flight], correlation: 
     """
     found = [notice("vehicle-file-note", text=text) for text in vehicle.file.notes]
     for flight in flights.values():
-        if flight.air is not None and flight.air.method != "none" and not vehicle.hovers:
+        if "V" in vehicle.outputs and flight.air is not None and flight.air.method != "none":
             source = flight.sources.get("V")
             rebuilt = source is None or source.source == "reconstructed"
             channels = ("V", "alpha", "beta") if rebuilt else ("alpha", "beta")
@@ -106,10 +106,10 @@ def slowest_rate(fit: Fit, flights: Mapping[str, Flight]) -> float:
 
 def _not_determined(parameters: Mapping[str, ParameterEstimate], bars: ErrorBars) -> list[Notice]:
     """Name the parameters at a bound, those that rest on it, and those not identifiable, of one reason together."""
-    held = tuple(name for name, p in parameters.items() if p.at_bound)
-    found = [notice("at-bound", parameters=held)] if held else []
+    at_bound = tuple(name for name, p in parameters.items() if p.at_bound)
+    found = [notice("at-bound", parameters=at_bound)] if at_bound else []
     if bars.conditional:
-        found.append(notice("conditional-on-bound", held=held, parameters=tuple(bars.conditional)))
+        found.append(notice("conditional-on-bound", held=at_bound, parameters=tuple(bars.conditional)))
     reasons: dict[str, list[str]] = {}
     for name, one in bars.identifiability.items():
         if not one.identifiable and not parameters[name].at_bound:

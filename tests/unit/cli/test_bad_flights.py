@@ -238,7 +238,7 @@ def test_two_logs_of_unlike_vehicles(
 
 @pytest.mark.parametrize(
     ("change", "words"),
-    [(scaled(MOTORS, 0.0), "the motors never ran"), (silent, "p, q, r not recorded: without body rates")],
+    [(scaled(MOTORS, 0.0), "the motors never ran"), (silent, "p, q and r not recorded: without body rates")],
 )
 def test_stoop_info_tells_a_log_that_shows_nothing(
     here: Path, capsys: pytest.CaptureFixture[str], change: Callable[[Columns], Columns], words: str
@@ -250,4 +250,4 @@ def test_stoop_info_tells_a_log_that_shows_nothing(
 def test_flights_as_flown_are_not_accused(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name in FLOWN:
         put(here, name, same, {})
-        assert "Suspected faults - none seen" in said(capsys, "info", "x.csv")
+        assert "Suspected faults - none found" in said(capsys, "info", "x.csv")
