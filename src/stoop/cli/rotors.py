@@ -52,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
         assess,
         judge,
         leave_one_out,
-        together,
+        pooled,
     )
     from stoop.vehicle.builtin import resolve_vehicle
 
@@ -72,13 +72,13 @@ def run(arguments: argparse.Namespace) -> int:
     found = [assess(h, reference) for h in flown]
     _compare(out, "Flights in question", found, arguments.chance)
     if one:
-        _compare(out, "All in question as one", [assess(together(flown), reference)], arguments.chance)
+        _compare(out, "All in question as one", [assess(pooled(flown), reference)], arguments.chance)
     out.heading("What it rests on")
     out.bullets(_notes(reference, flown, arguments.chance))
     advised = advice(reference, flown, [judge(f, arguments.chance) for f in found], arguments.chance)
     if advised:
         out.heading("What would make it sharper")
-        out.bullets(advised)
+        out.bullets(map(str, advised))
     return 0
 
 
@@ -120,16 +120,16 @@ def _compare(out: Page, title: str, found: Sequence[Assessment], chance: float) 
             fixed("factor", [1.0 - s.size for s in suspects], 3),
             fixed("std error", [s.std for s in suspects], 3),
             fixed("chance", [f.chance for f in found], 4),
-            words("verdict", [judge(f, chance).words for f in found], wraps=True),
+            words("verdict", [str(judge(f, chance).notice) for f in found], wraps=True),
         ]
     )
 
 
 def _named(found: Assessment) -> str:
     """Name the rotor whose loss explains most, and with it those that explain it nearly as well."""
-    from stoop.estimate.effectiveness import alike
+    from stoop.estimate.effectiveness import indistinct
 
-    names = alike(found)
+    names = indistinct(found)
     if len(names) == len(found.weak):
         return "any"
     return " or ".join(names) or "none"
