@@ -42,10 +42,10 @@ def method_agreement(
         *_posterior(sure, methods),
         *_profile(sure, methods),
     ]
-    untold = [name for name in parameters if name not in sure]
-    if untold:
+    not_determined = [name for name in parameters if name not in sure]
+    if not_determined:
         said.append(
-            f"{_listed(untold)}: the data cannot tell, so no interval is to be trusted as the flight's; "
+            f"{_listed(not_determined)}: the data cannot tell, so no interval is to be trusted as the flight's; "
             "a posterior or profile shows what prior and bounds leave."
         )
     return tuple(sentence for sentence in said if sentence)

@@ -23,7 +23,7 @@ from stoop.vehicle import Vehicle
 
 ALIKE = 0.05  #: of airspeed and density: maneuvers flown at one condition
 ANGLES = ("phi", "theta", "psi")
-UNTOLD = "the linear model is not finite there"
+NOT_FINITE = "the linear model is not finite there"
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ def modes(fit: Fit, parameters: tuple[str, ...], covariance: FloatArray) -> tupl
         Names of the k free parameters.
     covariance : (k, k), SI
     """
-    if fit.problem.layout.vehicle.hovers:
+    if fit.problem.layout.vehicle.rotors:
         return ()  # what a hovering vehicle does by itself no autopilot lets it do: there is nothing to measure
     return tuple(_at(fit, condition, parameters, covariance) for condition in conditions(fit))
 
@@ -95,7 +95,7 @@ def _at(
 ) -> ConditionModes:
     vehicle = _loaded(identified_vehicle(fit), condition.loading)
     start = condition.start
-    nothing = ConditionModes(condition.maneuvers, "", start["V"], start["h"], start["alpha"], (), UNTOLD)
+    nothing = ConditionModes(condition.maneuvers, "", start["V"], start["h"], start["alpha"], (), NOT_FINITE)
     if not np.isfinite([*start.values(), *condition.inputs]).all():
         return nothing
     point, about, remark = _point(vehicle, condition)
@@ -153,7 +153,7 @@ def _linearized(vehicle: Vehicle, condition: Condition, point: Trim, about: str,
     values = {p.name: fit.estimates[p.name] for p in parameters}
     found = differentiated(matrix, values, {p.name: p.upper - p.lower for p in parameters})
     if not (np.isfinite(found.A).all() and np.isfinite(found.derivative).all()):
-        raise SimulationError(UNTOLD)
+        raise SimulationError(NOT_FINITE)
     return found
 
 

@@ -39,7 +39,7 @@ class Identifiability:
     identifiable : bool
         False when the number is not the data's.
     reason : str
-        Why, in plain words; empty when nothing is amiss.
+        Why; empty without a doubt.
     conditional_std : float
         Standard error if everything else were known.
     marginal_std : float
@@ -173,7 +173,7 @@ def marginal_information(information: FloatArray, count: int) -> FloatArray:
 def near_null_directions(
     names: Sequence[str], information: FloatArray, sizes: FloatArray
 ) -> tuple[NearNullDirection, ...]:
-    """Return the directions in which the data hardly change, the darkest first.
+    """Return the directions in which the data hardly change, the least singular value first.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Which maneuver would tell a parameter that this flight does not tell.
 
-A term of the aerodynamic model is told apart from the others when what it multiplies varies enough, and in another
+A term of the aerodynamic model is identifiable beside the others when what it multiplies varies enough, and in another
 way than what they multiply. Both are computed from the motion flown; the variables that lack it lead to the control that
 excites them.
 
@@ -96,12 +96,12 @@ def advice(name: str, stand_ins: Sequence[str], flown: FlownModel) -> str:
     if term is None:
         return _of_vehicle(name, flown)
     shared = [p for p in stand_ins if p not in flown.terms and not p.startswith("sensors.")]
-    said = [_of_term(term, flown, told=bool(shared)), _shared(shared) if shared else ""]
+    said = [_of_term(term, flown, measurable=bool(shared)), _shared(shared) if shared else ""]
     return " ".join(sentence for sentence in said if sentence)
 
 
-def _of_term(term: Term, flown: FlownModel, told: bool) -> str:
-    """Return what to fly for a term; nothing where only numbers that are `told` apart on the ground stand in for it."""
+def _of_term(term: Term, flown: FlownModel, measurable: bool) -> str:
+    """Return what to fly for a term; nothing where only numbers that are `measurable` on the ground stand in for it."""
     if not term.variables:
         return "A constant is told by steady flight at several conditions."
     if _still(term, flown):
@@ -110,7 +110,7 @@ def _of_term(term: Term, flown: FlownModel, told: bool) -> str:
     tied = _tied(term, flown)
     if tied:
         return _separate(term, tied, flown)
-    return "" if told else f"Several others together stand in for it: {_excitation(term, flown)}."
+    return "" if measurable else f"Several others together stand in for it: {_excitation(term, flown)}."
 
 
 def _still(term: Term, flown: FlownModel) -> bool:
@@ -278,7 +278,7 @@ def _amount(term: Term) -> str:
 def flown_model(result: Result, fit: Fit) -> FlownModel:
     """Return the terms as the model flew them, and the controls and modes of the vehicle."""
     vehicle, layout = fit.problem.layout.vehicle, fit.problem.layout
-    if vehicle.hovers:
+    if vehicle.rotors:
         return FlownModel({}, frequencies=_frequencies(result))
     free = {p.name for p in layout.parameters}
     columns = [_columns(vehicle, fit, i, piece) for i, piece in enumerate(fit.problem.pieces)]

@@ -279,7 +279,7 @@ def sample(
         Where walkers start and what most of their proposals come from.
     seed : int
     watch : callable, optional
-        Told the number of steps so far.
+        Receives the number of steps so far.
 
     Raises
     ------

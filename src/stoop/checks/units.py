@@ -17,7 +17,7 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.rotations import quaternions_of, to_ground
-from stoop.base.units import DEGREE, FACTORS, STANDARD_GRAVITY, ZERO_CELSIUS
+from stoop.base.units import DEGREE, FACTORS, PULSE_FACTORS, ZERO_CELSIUS
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
 from stoop.checks.engine import Edit, Evidence, Finding, Key, Range, Residual, Residuals, Thresholds, search
 from stoop.checks.lines import Lines, where
@@ -71,12 +71,6 @@ MEDIANS: Final = {
     **{f"pwm_{n}": Sizes(400.0, 3000.0, ("s", "ms")) for n in range(1, 17)},
     **{f"{kind}_{n}": _SHARE for kind in ("motor", "servo") for n in range(1, 17)},
 }  #: registry variable -> its median sizes
-PULSE_UNITS: Final = {
-    "pwm": 1.0,
-    "us": 1.0,
-    "ms": 1e3,
-    "s": 1e6,
-}  #: unit of a pulse -> microseconds, as it is kept
 PULSES: Final = (700.0, 2500.0)  #: us; a command whose median lies between is a pulse
 
 
@@ -207,7 +201,7 @@ class UnitModel:
         """Return the statistics of columns multiplied by factors, where some of those that changed take part."""
         out: dict[Key, Evidence] = {}
         for key, value, low, high, odds in self._statistics(lambda name: factors.get(name, 1.0)):
-            concerned = SPECIFIC_FORCE if key[0] in ("weight", "noise", "z-axis") else key[1:]
+            concerned = SPECIFIC_FORCE if key[0] in ("weight", "noise", "z-axis", "up") else key[1:]
             if changed is None or set(concerned) & set(changed):
                 out[key] = Range(value, low, high, odds)
         if (changed is None or set(EULER) & set(changed)) and self._ambiguous:
@@ -233,7 +227,7 @@ class UnitModel:
         if self.median.get("az"):
             known, level = MEDIANS["az"], self.level * f("az")
             yield ("weight", "az"), self.weight(f), known.low, known.high, limits.size
-            yield ("up", "az"), level, -np.inf, 0.5 * STANDARD_GRAVITY, limits.size
+            yield ("up", "az"), level / self.weight(f), -np.inf, limits.upright, limits.size
             yield ("z-axis", "az"), abs(level) / self.weight(f), limits.upright, np.inf, limits.z_axis
         for (angle, rate), factor in self.growth.items():
             if factor:
@@ -352,7 +346,11 @@ def _units(
         if other == "degC" and signal is not None:
             median = median_size(signal[1], STATISTICS) or 1.0
             yield Edit(
-                "unit", names, f'write unit = "{other}"', multiplied(names, 1.0 + ZERO_CELSIUS / median)
+                "unit",
+                names,
+                f'write unit = "{other}"',
+                multiplied(names, 1.0 + ZERO_CELSIUS / median),
+                value=other,
             )
         elif other != unit:
             yield _unit(names, unit, other, odds)
@@ -364,7 +362,7 @@ def _unit(names: tuple[str, ...], unit: str, other: str, prior: float) -> Edit[F
 
 
 def _factor(name: str, unit: str) -> float:
-    return PULSE_UNITS.get(unit, 1.0) if name.startswith("pwm_") else FACTORS.get(unit, 1.0)
+    return PULSE_FACTORS.get(unit, 1.0) if name.startswith("pwm_") else FACTORS.get(unit, 1.0)
 
 
 def multiplied(names: Sequence[str], factor: float) -> Callable[[Factors], Factors]:

@@ -132,7 +132,8 @@ def _of_the_machine(error: OSError | MemoryError) -> str:
 
 def parser_for(given: Sequence[str]) -> Parser:
     """Return a parser that knows every verb by name and the arguments of the chosen one."""
-    known = VERBS if VERBS.keys() & set(given) else all_verbs()
+    chosen = next((word for word in given if not word.startswith("-")), None)
+    known = VERBS if chosen in VERBS else all_verbs()
     parser = Parser(
         prog="stoop",
         usage="stoop [-h] [--version] [--debug] VERB ...",
@@ -151,7 +152,6 @@ def parser_for(given: Sequence[str]) -> Parser:
         help=argparse.SUPPRESS,  # the list below is better laid out than argparse's own
         description=_verb_list(known),
     )
-    chosen = next((word for word in given if not word.startswith("-")), None)
     for name, (module, purpose) in known.items():
         verb = verbs.add_parser(name, description=f"{purpose[0].upper()}{purpose[1:]}.", allow_abbrev=False)
         if name == chosen:

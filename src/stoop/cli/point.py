@@ -56,8 +56,9 @@ def trim_at(vehicle: Vehicle, arguments: argparse.Namespace) -> Trim:
     A lateral model holds speed and incidence, so its steady flight is that of the full equations.
     """
     from stoop.simulate import trim
+    from stoop.simulate.steady import flies_on_rotors
 
-    on_rotors = vehicle.hovers and arguments.airspeed is None
+    on_rotors = flies_on_rotors(vehicle, arguments.airspeed)
     for name in ("velocity", "wind") if not on_rotors else ():
         if getattr(arguments, name) is not None:
             raise SimulationError(

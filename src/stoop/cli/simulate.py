@@ -103,7 +103,7 @@ def _print_next(
     """Print the fit of this flight, and what must go before it."""
     from stoop.design.maneuver_windows import maneuver_windows
 
-    windows, out = maneuver_windows(maneuver, vehicle.hovers), page()
+    windows, out = maneuver_windows(maneuver, vehicle.has_rotors), page()
     if not windows.fit:
         out.line(f"no input moves the vehicle: to identify it, add [[input]] tables to {arguments.maneuver}")
         out.command("next: ", ["stoop", "info", str(target)])

@@ -252,7 +252,7 @@ def settle(problem: Misfit, guesses: FloatArray) -> Settled:
     z = np.concatenate([guesses[int(np.argmin(costs))], np.zeros(problem.extra)])
     spent = float(len(guesses))
     for _ in range(INITIAL_ROUNDS):
-        end = _dive(problem, z, SHORT)
+        end = _refined(problem, z, SHORT)
         z, spent, before = end.z, spent + end.spent, problem.weights.logdet
         problem = problem.weighted(Weights.of(effective_variance(problem, z)))
         if end.cut_short:
@@ -291,7 +291,7 @@ def refine(
     z, before, spent = outcome.z, np.inf, 0.0
     converged = interrupted = outcome.status == "interrupted"
     for _ in range(0 if interrupted else MAX_ROUNDS):
-        end = _dive(problem, z, FULL, budget - spent)
+        end = _refined(problem, z, FULL, budget - spent)
         z, spent = end.z, spent + end.spent
         now = problem.weights.logdet
         converged = not estimate_noise or abs(before - now) < NOISE_TOLERANCE * len(
@@ -315,7 +315,7 @@ def refine(
 
 
 @dataclass(frozen=True, eq=False)
-class _End:
+class _LocalOptimum:
     """Where a local refinement ended, the trajectories it took, and what cut it short, if anything did."""
 
     z: FloatArray
@@ -323,13 +323,15 @@ class _End:
     cut_short: str = ""
 
 
-def _dive(problem: Misfit, z: FloatArray, settings: optimize.Settings, budget: float = np.inf) -> _End:
+def _refined(
+    problem: Misfit, z: FloatArray, settings: optimize.Settings, budget: float = np.inf
+) -> _LocalOptimum:
     """Refine locally on the full record; Ctrl-C or a spent budget keeps the best so far."""
     ledger = optimize.Ledger(problem, Evaluations.none(problem), budget)
     try:
         end = optimize.refine(ledger, z, len(problem.prices) - 1, settings)
     except (KeyboardInterrupt, Halt) as reason:
-        books = ledger.evaluations
-        best = books.best if np.isfinite(books.cost) else z
-        return _End(best, books.trajectories, getattr(reason, "status", "interrupted"))
-    return _End(end.z if np.isfinite(end.cost) else z, ledger.spent)
+        done = ledger.evaluations
+        best = done.best if np.isfinite(done.cost) else z
+        return _LocalOptimum(best, done.trajectories, getattr(reason, "status", "interrupted"))
+    return _LocalOptimum(end.z if np.isfinite(end.cost) else z, ledger.spent)

@@ -89,7 +89,7 @@ def check(vehicle: Vehicle) -> None:
     VehicleError
         With what to do instead.
     """
-    if vehicle.hovers:
+    if vehicle.rotors:
         raise VehicleError(
             f"{vehicle.where}: rotors are not written for JSBSim, which has no form of their induced flow; "
             "export to state-space or simulink"

@@ -14,12 +14,13 @@ from stoop import logs
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS
 from stoop.base.variables import OUTPUT_PINS, VARIABLES
+from stoop.checks.draft import DraftLine, with_units
+from stoop.checks.units import PAIRS, STATISTICS, growth
 from stoop.errors import LogError, one_line
 from stoop.flight.apply_mapping import Mapped, apply_mapping
 from stoop.flight.column_names import Guess, recognized, without_unit
 from stoop.flight.mapping import READY, ready, with_other_form
 from stoop.flight.mapping_draft_outputs import Outputs, place
-from stoop.flight.measured import ALIKE, PAIRS, Line, growth, with_units
 from stoop.flight.time_delay import Signal
 from stoop.logs import Recording
 from stoop.logs.read import is_bag_folder, kind, read_unmapped
@@ -126,7 +127,7 @@ def _outputs_of_ready(recording: Recording, found: Mapped) -> Outputs:
     return Outputs(mapped, places, signals, recording.parameters)
 
 
-def _outputs_of_any(timed: Recording, lines: Sequence[Line]) -> Outputs:
+def _outputs_of_any(timed: Recording, lines: Sequence[DraftLine]) -> Outputs:
     several = len(timed.streams) > 1
     signals = {}
     for line in lines:
@@ -137,7 +138,7 @@ def _outputs_of_any(timed: Recording, lines: Sequence[Line]) -> Outputs:
     return Outputs(tuple(line.variable for line in lines), places, signals, timed.parameters, called)
 
 
-def _says_motor(line: Line) -> bool:
+def _says_motor(line: DraftLine) -> bool:
     guess = _guessed(line.stream, line.column, "")
     return guess is not None and guess.variable.startswith("motor_")
 
@@ -168,11 +169,11 @@ def _of_any(recording: Recording) -> Draft:
     return Draft("\n".join(out), len(lines) + len(motors), unsure)
 
 
-def _lines(recording: Recording) -> list[Line]:
+def _lines(recording: Recording) -> list[DraftLine]:
     return [line for stream in recording.streams for line in _of_stream(recording, stream)]
 
 
-def _of_stream(recording: Recording, stream: str) -> Iterator[Line]:
+def _of_stream(recording: Recording, stream: str) -> Iterator[DraftLine]:
     stated = recording.units.get(stream, {})
     columns = recording.streams[stream].columns
     bodily = {"u", "w"} <= {without_unit(column)[0].lower() for column in columns}
@@ -183,7 +184,7 @@ def _of_stream(recording: Recording, stream: str) -> Iterator[Line]:
         if guess.variable.partition("_")[2].isdigit() and not np.nan_to_num(columns[column]).any():
             continue  # an output that is not there
         doubts = (guess.doubt.removeprefix("unsure: "),) if guess.doubt else ()
-        yield Line(guess.variable, stream, column, guess.unit, guess.scale, bool(guess.unit), doubts)
+        yield DraftLine(guess.variable, stream, column, guess.unit, guess.scale, bool(guess.unit), doubts)
 
 
 def _guessed(stream: str, column: str, stated: str) -> Guess | None:
@@ -195,9 +196,9 @@ def _guessed(stream: str, column: str, stated: str) -> Guess | None:
     return recognized(f"{re.sub(r'/[0-9]+$', '', stream)} {component.group(1)}", stated) or known
 
 
-def _best(lines: Sequence[Line]) -> list[Line]:
+def _best(lines: Sequence[DraftLine]) -> list[DraftLine]:
     """Keep one line for each variable: one without a doubt, else the first; the others become doubts."""
-    by_name: dict[str, list[Line]] = {}
+    by_name: dict[str, list[DraftLine]] = {}
     for line in lines:
         by_name.setdefault(line.variable, []).append(line)
     best = []
@@ -208,7 +209,7 @@ def _best(lines: Sequence[Line]) -> list[Line]:
     return best
 
 
-def _as_siblings(lines: Sequence[Line]) -> list[Line]:
+def _as_siblings(lines: Sequence[DraftLine]) -> list[DraftLine]:
     """Give motors (servos) whose size says nothing the percents of the others: one may have run at idle throughout."""
     stems = {
         stem
@@ -219,13 +220,13 @@ def _as_siblings(lines: Sequence[Line]) -> list[Line]:
     }
     return [
         replace(line, unit="percent").doubted("percent as the others")
-        if line.variable.startswith(tuple(stems)) and line.unit == "1" and not (line.said or line.doubts)
+        if line.variable.startswith(tuple(stems)) and line.unit == "1" and not (line.stated or line.doubts)
         else line
         for line in lines
     ]
 
 
-def _signal(recording: Recording, line: Line) -> Signal:
+def _signal(recording: Recording, line: DraftLine) -> Signal:
     stream = recording.streams[line.stream]
     return stream.time, stream.columns[line.column]
 
@@ -267,18 +268,18 @@ def _by_steps(clock: FloatArray) -> tuple[str, str]:
     return unit, f"  # unsure: its steps are {step:.4g}, which are {step * FACTORS[unit]:.4g} s then"
 
 
-def _derivatives(recording: Recording, lines: Sequence[Line]) -> list[Line]:
+def _derivatives(recording: Recording, lines: Sequence[DraftLine]) -> list[DraftLine]:
     """Find columns without a known name that are the derivative of an angle."""
     known = {line.variable: line for line in lines}
     named = {(line.stream, line.column) for line in lines}
     found = []
-    for angle, rate in PAIRS:
+    for angle, rate in PAIRS[:3]:
         if angle not in known or rate in known:
             continue
         t, x = _signal(recording, known[angle])
         turned = t, known[angle].values(x)
         best = max(_compared(recording, turned, named), key=lambda one: abs(one[1]), default=None)
-        if best is not None and abs(best[1]) > ALIKE:
+        if best is not None and abs(best[1]) > STATISTICS.likeness:
             found.append(_rate_line(rate, angle, *best))
     return found
 
@@ -292,13 +293,13 @@ def _compared(
         yield (*growth(angle, (recording.streams[stream].time, values)), stream, column)
 
 
-def _rate_line(rate: str, angle: str, ratio: float, likeness: float, stream: str, column: str) -> Line:
+def _rate_line(rate: str, angle: str, ratio: float, likeness: float, stream: str, column: str) -> DraftLine:
     unit = "deg/s" if abs(ratio) < 0.1 else "rad/s"
     doubt = f"by its numbers only: the derivative of {angle} (correlation {abs(likeness):.2f})"
-    return Line(rate, stream, column, unit, 1.0 if ratio > 0.0 else -1.0, doubts=(doubt,))
+    return DraftLine(rate, stream, column, unit, 1.0 if ratio > 0.0 else -1.0, doubts=(doubt,))
 
 
-def _toml(line: Line, with_stream: bool = True) -> str:
+def _toml(line: DraftLine, with_stream: bool = True) -> str:
     parts = [f"stream = {quoted(line.stream)}"] if with_stream else []
     parts += [f"column = {quoted(line.column)}", f'unit = "{line.unit or VARIABLES[line.variable].unit}"']
     parts += [f"scale = {line.scale!r}"] if line.scale != 1.0 else []

@@ -37,8 +37,8 @@ def write_windows(
     make_folder(folder)
     entries = [
         Entry(
-            w.flight, w.start, w.stop, w.accept, w.use, axis=w.axis, why=w.why, information=round(w.information, 3),
-            gain=round(w.gain, 3),
+            flight=w.flight, start=w.start, stop=w.stop, accept=w.accept, use=w.use, axis=w.axis, why=w.why,
+            information=round(w.information, 3), gain=round(w.gain, 3),
         )
         for w in found.windows
     ]  # fmt: skip

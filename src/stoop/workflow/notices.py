@@ -65,7 +65,7 @@ def basis_notices(vehicle: Vehicle, flights: Mapping[str, Flight], correlation: 
     """
     found = [notice("vehicle-file-note", text=text) for text in vehicle.file.notes]
     for flight in flights.values():
-        if flight.air is not None and flight.air.method != "none" and not vehicle.hovers:
+        if "V" in vehicle.outputs and flight.air is not None and flight.air.method != "none":
             source = flight.sources.get("V")
             rebuilt = source is None or source.source == "reconstructed"
             channels = ("V", "alpha", "beta") if rebuilt else ("alpha", "beta")

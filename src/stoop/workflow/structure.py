@@ -68,7 +68,7 @@ def structure(
     StoopError
         One line that says what is wrong and what to do.
     """
-    if vehicle.hovers:
+    if vehicle.rotors:
         raise IdentificationError(
             f"{vehicle.where}: it has rotors, and terms are chosen of aerodynamic coefficients only; use stoop identify, "
             "and --fix what it finds at a bound or not identifiable"

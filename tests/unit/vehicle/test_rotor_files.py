@@ -104,7 +104,7 @@ def test_a_delay_is_shared_with_a_control_of_the_channel() -> None:
     late = QUAD.replace("lag = 0.05", "delay = 0.02") + REFERENCE + "[aerodynamics]\n[controls.elevator]\n"
     said = complaint(late + "mix = { motor_1 = 0.1 }\n")
     assert "rotors.delay: channel motor_1 also moves elevator" in said
-    assert parse_vehicle(late + 'mix = { motor_1 = 0.1 }\ndelay = "=rotors.delay"\n', "tied").hovers
+    assert parse_vehicle(late + 'mix = { motor_1 = 0.1 }\ndelay = "=rotors.delay"\n', "tied").has_rotors
 
 
 def test_only_a_measured_speed_may_be_told_late() -> None:
@@ -123,7 +123,7 @@ def test_loadings_are_held_to_the_same() -> None:
 def test_a_poor_guess_of_thrust_is_no_fault_on_speed() -> None:
     """Full speed is not known where the speed is measured."""
     text = QUAD.replace('drive = "command"', 'drive = "speed"').replace('"motor_', '"rotor_')
-    assert parse_vehicle(text.replace("T1 = 2.5\nT2 = 6.0", "T2 = 1e-9"), "speed").hovers
+    assert parse_vehicle(text.replace("T1 = 2.5\nT2 = 6.0", "T2 = 1e-9"), "speed").has_rotors
 
 
 @pytest.mark.parametrize("name", [n for n in BUILT_IN if n != "twin-boom"])

@@ -139,7 +139,7 @@ def with_motors(flight: Flight, vehicle: Vehicle | None) -> Flight:
 
     Motors show when the vehicle is airborne and what was commanded about an axis; pulses alone may be surfaces.
     """
-    if vehicle is None or not vehicle.hovers or vehicle.file.rotors is None:
+    if vehicle is None or vehicle.file.rotors is None:
         return flight
     kind = "motor" if vehicle.file.rotors.drive == "command" else "rotor"
     if any(str(name).startswith(f"{kind}_") for name in flight.data):

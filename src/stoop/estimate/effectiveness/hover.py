@@ -39,7 +39,7 @@ class Balance:
 
     def __post_init__(self) -> None:
         """Refuse a vehicle without rotors or without their torque."""
-        if not self.vehicle.hovers:
+        if not self.vehicle.rotors:
             raise VehicleError(
                 f"{self.vehicle.where}: has no rotors; add [rotors] and a table for each rotor"
             )

@@ -336,15 +336,19 @@ def _rescaled(problem: ShootingProblem, part: Sequence[int], logarithm: float) -
 
 def _wind_cost(problem: ShootingProblem, at: Iterate, linear: Sequence[Sequence[Shot]], gaps: int) -> float:
     """Return twice the negative logarithm of the likelihood, less what does not depend on the wind."""
-    pieces = [[problem.weigh(shot) for shot in windows] for windows in linear]
-    normal, gradient, found = problem.reduce(at, pieces, 0.0)
-    cost = sum(float(w.gap @ w.gap) for windows in pieces for w in windows) - sum(r.gain for r in found)
+    normal, gradient, _ = problem.reduce(at, (), 0.0)
+    cost = logdet = 0.0
+    for windows in linear:
+        weighted = [problem.weigh(shot) for shot in windows]
+        found = reduced(weighted, 0.0)
+        cost += sum(float(w.gap @ w.gap) for w in weighted) - found.gain
+        normal, gradient, logdet = normal + found.normal, gradient + found.gradient, logdet + found.logdet
     observed = np.diag(normal) > 0.0  # what no window observes has no part in it
     normal, gradient = normal[np.ix_(observed, observed)], gradient[observed]
     size = np.sqrt(np.diag(normal))
     values, vectors = np.linalg.eigh(normal / np.outer(size, size))
     kept = np.maximum(values, ROUNDING * values[-1])
     along = vectors.T @ (gradient / size)
-    logdet = sum(r.logdet for r in found) + float(np.sum(np.log(kept))) + 2.0 * float(np.sum(np.log(size)))
+    total = logdet + float(np.sum(np.log(kept))) + 2.0 * float(np.sum(np.log(size)))
     steps = 2.0 * gaps * float(np.sum(np.log(problem.scales[-3:])))
-    return cost - float(np.sum(along**2 / kept)) + logdet + steps
+    return cost - float(np.sum(along**2 / kept)) + total + steps

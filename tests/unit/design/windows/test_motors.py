@@ -40,7 +40,7 @@ def test_windows_of_pulses(vehicle: Vehicle, flight: Flight) -> None:
     assert not carried_by_rotors(flight)
     found = find_windows({"f": flight}, vehicle)
     assert "roll" in [w.axis for w in found.windows]
-    assert not [d for d in doubts({"f": flight}, vehicle) if "rotors" in d]
+    assert not [d for d in doubts({"f": flight}, vehicle) if "rotors" in d.code]
 
 
 def test_motors_are_told_by_gain_and_idle(vehicle: Vehicle, flight: Flight) -> None:
