@@ -143,7 +143,7 @@ class ErrorBars:
 def error_bars(fit: Fit) -> ErrorBars:
     """Return the error bars of a fit, whatever its method; on one BLAS thread, as more would round differently."""
     with threadpool_limits(limits=1, user_api="blas"):
-        if fit.own_evidence is None and fit.covariance is not None:
+        if fit.covariance is not None:  # a regression: corrected in its own domain
             return _of_covariance(fit, fit.covariance)
         return evidence_error_bars(fit.evidence)
 
