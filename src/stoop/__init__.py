@@ -14,6 +14,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from stoop.checks.vehicle import check
     from stoop.estimate.fit import Options
     from stoop.flight.load import load as load_flight
     from stoop.flight.store import save as save_flight
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 _PLACES = {
     "Options": "stoop.estimate.fit",
+    "check": "stoop.checks.vehicle",
     "fit": "stoop.workflow",
     "linearize": "stoop.simulate",
     "load_flight": "stoop.flight",
@@ -41,6 +43,7 @@ _OTHER_NAMES = {"fit": "identify", "load_flight": "load", "save_flight": "save"}
 
 __all__ = [
     "Options",
+    "check",
     "fit",
     "linearize",
     "load_flight",

@@ -60,7 +60,7 @@ def _last() -> list[str]:
 
 def test_templates() -> None:
     rows = table(PAGE, "Templates", "name").rows
-    assert [row[0] for row in rows] == [name for name in BUILT_IN if builtin_vehicle(name).hovers]
+    assert [row[0] for row in rows] == [name for name in BUILT_IN if builtin_vehicle(name).has_rotors]
     for name, rotors, mass, x, _ in rows:
         vehicle = builtin_vehicle(name)
         assert (len(vehicle.rotors), vehicle.value("mass.mass")) == (int(rotors), float(mass))

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.checks.motors import check_motors
 from stoop.errors import StoopError
 from stoop.estimate.methods import choose_method
-from stoop.estimate.motors_swapped import swapped_motors
 from stoop.flight import Flight, load
 from stoop.problem.windows import parse_window, whole
 from stoop_studies.findings import Findings, Setting
@@ -57,8 +57,8 @@ def test_its_motors_are_not_accused(flight: Flight) -> None:
     """Hover and climbs without maneuvers, commands logged at 43 Hz: they explain a third of the motion at most."""
     flights = {flight.name: flight}
     for window in ("140:214", "214:260", "140:260"):
-        assert swapped_motors(vehicle(), flights, [parse_window(window, flights)]) == []
-    assert swapped_motors(vehicle(), flights, whole(flights)) == []
+        assert check_motors(vehicle(), flight, [parse_window(window, flights)]) == []
+    assert check_motors(vehicle(), flight, whole(flights)) == []
 
 
 def test_its_motors_choose_the_method(flight: Flight) -> None:

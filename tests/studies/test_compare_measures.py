@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from stoop_studies.compare.curves import distribution
 from stoop_studies.compare.measures import duel, running_time, score, sign_test
+from stoop_studies.compare.page import distribution
 from stoop_studies.compare.race import Race, levels
 
 

@@ -14,8 +14,8 @@ from stoop.flight.store import save
 from stoop.optimize.problem import forward_jacobian
 from stoop.simulate import parse_maneuver, simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop.workflow.demo_problem import MANEUVER
 from stoop_studies.problems import Posed, pose
-from stoop_studies.problems.experiment import MANEUVER
 from stoop_studies.problems.flight import REACH, Joined
 
 FREE = ("CLalpha", "Cmalpha", "Cmelevator")

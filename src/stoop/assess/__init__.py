@@ -1,1 +1,1 @@
-"""How well the estimates are known: covariance, its correction for colored residuals, identifiability."""
+"""Assessment of a fit: error bars, identifiability, bootstrap, posterior, profile, goodness of fit, modes, validation."""

@@ -188,12 +188,12 @@ def _estimated(
     spans["time_constant"], remark = _time_constants(spans["real"])
     found = {n: Estimate(values[n], errors[n], *spans[n]) for n in values}
     became = "two real modes" if pair else "an oscillation"
-    told = [f"{became} in {100.0 * other:.0f} % of the draws"] if other > CHANGED else []
+    remarks = [f"{became} in {100.0 * other:.0f} % of the draws"] if other > CHANGED else []
     return replace(
         _of(mode, found),
         method="sampled" if sampled else "delta",
         other_character=other,
-        remark="; ".join([*told, *([remark] if remark else [])]),
+        remark="; ".join([*remarks, *([remark] if remark else [])]),
     )
 
 

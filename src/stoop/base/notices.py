@@ -123,13 +123,18 @@ def of_severity(found: Iterable[Notice], severity: Severity) -> tuple[Notice, ..
 
 
 class _Formatter(string.Formatter):
-    """`str.format` with lists (``a, b and c``), angles (``{x:deg .1f}``) and plurals (``{n:plural sample samples}``)."""
+    """`str.format` with lists (``a, b and c``) and more formats.
+
+    Angles ``{x:deg .1f}``, shares ``{x:percent .0f}``, plurals ``{n:plural sample samples}``.
+    """
 
     def format_field(self, value: Any, format_spec: str) -> str:
         if isinstance(value, tuple | list):
             return enumerated(self.format_field(one, format_spec) for one in value)
         if format_spec.startswith("deg "):
             return format(value / DEGREE, format_spec.removeprefix("deg "))
+        if format_spec.startswith("percent "):
+            return format(100.0 * value, format_spec.removeprefix("percent ")) + " %"
         if format_spec.startswith("plural "):
             one, many = format_spec.removeprefix("plural ").split(" ")
             return one if value == 1 else many

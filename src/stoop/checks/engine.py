@@ -26,7 +26,7 @@ State = TypeVar("State")
 
 @dataclass(frozen=True)
 class Thresholds:
-    """Limits of the test, chosen so that none of 360 clean simulated flights is accused.
+    """Limits of the test, chosen so that no clean simulated flight is accused (tests/unit/checks/test_clean_flights.py).
 
     Attributes
     ----------
@@ -36,6 +36,7 @@ class Thresholds:
     improvement : share of a residual's mean square that an edit must leave at most in one channel; less may be coloured noise
     visible : share of a residual's mean square that an edit must change at least, to be judged there
     unexplained : share of a motion's mean square that an edit which needs to explain it by itself may leave
+    margin : share of a motion's mean square by which such an edit must explain more: models of vehicles are never exact
     busiest : share of the record that is compared, where the edit changes most: short maneuvers in long logs count
     spans : independent samples, at least
     rounds : wrong lines that are looked for one after the other
@@ -46,6 +47,7 @@ class Thresholds:
     improvement: float = 0.5
     visible: float = 0.5
     unexplained: float = 0.3
+    margin: float = 0.1
     busiest: float = 0.2
     spans: float = 10.0
     rounds: int = 3
@@ -66,6 +68,7 @@ class Edit(Generic[State]):
     apply : data or vehicle -> the same with the edit
     complete : whether it must explain the motion by itself; a unit that shrinks a channel shrinks its noise, too
     prior : logarithm of its odds before any data, against an edit as likely as any
+    value : what the line says then, such as a unit
     """
 
     kind: str
@@ -74,6 +77,7 @@ class Edit(Generic[State]):
     apply: Callable[[State], State]
     complete: bool = False
     prior: float = 0.0
+    value: str = ""
 
 
 class Evidence(Protocol):
@@ -123,7 +127,8 @@ class Residual:
         if float(np.mean(apart[most] ** 2)) < max(self.floor, limits.visible * min(was, now)):
             return 0.0, False
         motion = float(np.mean(self.size[most] ** 2))
-        clear = now < limits.improvement * was and (not complete or now < limits.unexplained * motion)
+        whole = now < min(limits.unexplained * motion, was - limits.margin * motion)
+        clear = now < limits.improvement * was and (whole or not complete)
         return 0.5 * many / self.samples * float(np.log(was / now)), clear
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.rotations import quaternions_of, to_ground
-from stoop.base.units import DEGREE, FACTORS, STANDARD_GRAVITY, ZERO_CELSIUS
+from stoop.base.units import DEGREE, FACTORS, PULSE_FACTORS, ZERO_CELSIUS
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
 from stoop.checks.engine import Edit, Evidence, Finding, Key, Range, Residual, Residuals, Thresholds, search
 from stoop.checks.lines import Lines, where
@@ -71,12 +71,6 @@ MEDIANS: Final = {
     **{f"pwm_{n}": Sizes(400.0, 3000.0, ("s", "ms")) for n in range(1, 17)},
     **{f"{kind}_{n}": _SHARE for kind in ("motor", "servo") for n in range(1, 17)},
 }  #: registry variable -> its median sizes
-PULSE_UNITS: Final = {
-    "pwm": 1.0,
-    "us": 1.0,
-    "ms": 1e3,
-    "s": 1e6,
-}  #: unit of a pulse -> microseconds, as it is kept
 PULSES: Final = (700.0, 2500.0)  #: us; a command whose median lies between is a pulse
 
 
@@ -185,10 +179,12 @@ def _notice(found: Finding[Factors], model: UnitModel, lines: Lines) -> Notice:
 class UnitModel:
     """Statistics of columns as `search` needs them, each taken once."""
 
-    def __init__(self, signals: Mapping[str, Signal], limits: Statistics = STATISTICS) -> None:
+    def __init__(
+        self, signals: Mapping[str, Signal], limits: Statistics = STATISTICS, signs: bool = False
+    ) -> None:
         self.signals, self.limits = signals, limits
-        self.largest = {n: _largest(signals[n][1], limits) for n in LARGEST if n in signals}
-        self.median = {n: _median(signals[n][1], limits) for n in MEDIANS if n in signals}
+        self.largest = {n: largest_size(signals[n][1], limits) for n in LARGEST if n in signals}
+        self.median = {n: median_size(signals[n][1], limits) for n in MEDIANS if n in signals}
         pairs = [pair for pair in PAIRS if set(pair) <= signals.keys() and not self._has_turns(pair[0])]
         self.growth = {pair: growth(signals[pair[0]], signals[pair[1]], limits)[0] for pair in pairs}
         turning = {"psi", "r"} <= signals.keys() and self._has_turns("psi")
@@ -196,13 +192,16 @@ class UnitModel:
         force = [name for name in SPECIFIC_FORCE if name in signals]
         self.force = force if len({signals[name][1].size for name in force}) == 1 else force[-1:]
         self.scatter = {name: _scatter(signals[name][1], limits) for name in force}
+        risen = [name for name in ("pd", "vd") if signs and {name, "altitude"} <= signals.keys()]
+        self.rises = {name: _rise(name, signals, limits) for name in risen}
+        self.signs = signs
         self.level = _median_of(signals["az"][1]) if "az" in signals else 0.0
 
     def __call__(self, factors: Factors, changed: Collection[str] | None) -> Residuals:
         """Return the statistics of columns multiplied by factors, where some of those that changed take part."""
         out: dict[Key, Evidence] = {}
         for key, value, low, high, odds in self._statistics(lambda name: factors.get(name, 1.0)):
-            concerned = SPECIFIC_FORCE if key[0] in ("weight", "noise", "z-axis") else key[1:]
+            concerned = SPECIFIC_FORCE if key[0] in ("weight", "noise", "z-axis", "up") else key[1:]
             if changed is None or set(concerned) & set(changed):
                 out[key] = Range(value, low, high, odds)
         if (changed is None or set(EULER) & set(changed)) and self._ambiguous:
@@ -228,12 +227,16 @@ class UnitModel:
         if self.median.get("az"):
             known, level = MEDIANS["az"], self.level * f("az")
             yield ("weight", "az"), self.weight(f), known.low, known.high, limits.size
-            yield ("up", "az"), level, -np.inf, 0.5 * STANDARD_GRAVITY, limits.size
+            yield ("up", "az"), level / self.weight(f), -np.inf, limits.upright, limits.size
             yield ("z-axis", "az"), abs(level) / self.weight(f), limits.upright, np.inf, limits.z_axis
         for (angle, rate), factor in self.growth.items():
             if factor:
                 apart = abs(math.log(abs(factor * f(angle) / f(rate))))
                 yield ("growth", angle, rate), apart, 0.0, limits.far, limits.growth
+                if self.signs:
+                    yield ("turns", angle, rate), factor * f(angle) * f(rate), 0.0, np.inf, limits.size
+        for name, rise in self.rises.items():
+            yield ("rises", name), rise * f(name), -np.inf, 0.0, limits.size
         if len(self.scatter) == len(SPECIFIC_FORCE) and min(self.scatter.values()) > 0.0:
             odd = max(SPECIFIC_FORCE, key=lambda name: abs(math.log(self.noise_ratio(name, f))))
             band = limits.noise_band
@@ -256,7 +259,7 @@ class UnitModel:
     def weight(self, f: Callable[[str], float]) -> float:
         """Return the median size of the specific force."""
         parts = [self.signals[name][1] * f(name) for name in self.force]
-        return _median(np.sqrt(np.sum(np.square(parts), axis=0)), self.limits)
+        return median_size(np.sqrt(np.sum(np.square(parts), axis=0)), self.limits)
 
     def noise_ratio(self, name: str, f: Callable[[str], float]) -> float:
         """Return the noise of an axis of the specific force over that of the two others."""
@@ -297,8 +300,11 @@ class UnitModel:
         return out
 
 
-def unit_edits(signals: Mapping[str, Signal], lines: Lines) -> Iterator[Edit[Factors]]:
-    """Yield other units of each column and of those of one sensor together, and the sign of the vertical force."""
+def unit_edits(signals: Mapping[str, Signal], lines: Lines, signs: bool = False) -> Iterator[Edit[Factors]]:
+    """Yield other units of each column and of those of one sensor together, and the sign of the vertical force.
+
+    With `signs` those of rates, angles and what goes down, too: where kinematics will not judge them.
+    """
     limits = STATISTICS
     units = {name: lines[name].unit if name in lines else "" for name in signals}
     for sensor in (EULER, RATES, SPECIFIC_FORCE):
@@ -315,6 +321,9 @@ def unit_edits(signals: Mapping[str, Signal], lines: Lines) -> Iterator[Edit[Fac
             if name == "az":
                 yield from _units((name,), units[name], limits.one_axis)
                 yield Edit("sign", (name,), "write scale = -1", multiplied((name,), -1.0))
+    for name in (*RATES, *EULER, "vd", "pd") if signs else ():
+        if name in signals:
+            yield Edit("sign", (name,), "write scale = -1", multiplied((name,), -1.0))
     for name in signals.keys() & {*LARGEST, *MEDIANS} - {*EULER, *RATES, *SPECIFIC_FORCE}:
         yield from _units((name,), units[name], 0.0, signals[name])
         if name.startswith("motor_"):
@@ -335,9 +344,13 @@ def _units(
     for rank, other in enumerate((*others, *MEDIANS["az" if names[0] in SPECIFIC_FORCE else names[0]].units)):
         odds = prior + rank * STATISTICS.less_usual
         if other == "degC" and signal is not None:
-            median = _median(signal[1], STATISTICS) or 1.0
+            median = median_size(signal[1], STATISTICS) or 1.0
             yield Edit(
-                "unit", names, f'write unit = "{other}"', multiplied(names, 1.0 + ZERO_CELSIUS / median)
+                "unit",
+                names,
+                f'write unit = "{other}"',
+                multiplied(names, 1.0 + ZERO_CELSIUS / median),
+                value=other,
             )
         elif other != unit:
             yield _unit(names, unit, other, odds)
@@ -345,11 +358,11 @@ def _units(
 
 def _unit(names: tuple[str, ...], unit: str, other: str, prior: float) -> Edit[Factors]:
     factor = _factor(names[0], other) / _factor(names[0], unit or VARIABLES[names[0]].unit)
-    return Edit("unit", names, f'write unit = "{other}"', multiplied(names, factor), prior=prior)
+    return Edit("unit", names, f'write unit = "{other}"', multiplied(names, factor), prior=prior, value=other)
 
 
 def _factor(name: str, unit: str) -> float:
-    return PULSE_UNITS.get(unit, 1.0) if name.startswith("pwm_") else FACTORS.get(unit, 1.0)
+    return PULSE_FACTORS.get(unit, 1.0) if name.startswith("pwm_") else FACTORS.get(unit, 1.0)
 
 
 def multiplied(names: Sequence[str], factor: float) -> Callable[[Factors], Factors]:
@@ -392,7 +405,22 @@ def growth(angle: Signal, rate: Signal, limits: Statistics = STATISTICS) -> tupl
     return 0.0, 0.0
 
 
-def _largest(x: FloatArray, limits: Statistics) -> float:
+def _rise(name: str, signals: Mapping[str, Signal], limits: Statistics) -> float:
+    """Return the correlation of a vertical position or velocity with the altitude or its slope; zero where they are unlike."""
+    t, height = signals["altitude"]
+    at, x = signals[name]
+    if t.size < limits.samples:
+        return 0.0
+    there = np.interp(at, t, height if name == "pd" else np.gradient(height, t), left=np.nan, right=np.nan)
+    good = np.isfinite(there) & np.isfinite(x)
+    if np.count_nonzero(good) < limits.samples or not np.std(there[good]) > 0.0 or not np.std(x[good]) > 0.0:
+        return 0.0
+    correlation = float(np.corrcoef(there[good], x[good])[0, 1])
+    return correlation if abs(correlation) > limits.likeness else 0.0
+
+
+def largest_size(x: FloatArray, limits: Statistics = STATISTICS) -> float:
+    """Return the size that a column hardly exceeds."""
     known = np.abs(x[np.isfinite(x)])
     return float(np.quantile(known, limits.quantile)) if known.size else 0.0
 
@@ -402,7 +430,7 @@ def _median_of(x: FloatArray) -> float:
     return float(np.median(known)) if known.size else 0.0
 
 
-def _median(x: FloatArray, limits: Statistics) -> float:
+def median_size(x: FloatArray, limits: Statistics = STATISTICS) -> float:
     """Return the median size; zeros do not count, and zero where there are too few others."""
     known = np.abs(x[np.isfinite(x) & (x != 0.0)])
     return float(np.median(known)) if known.size >= limits.samples else 0.0

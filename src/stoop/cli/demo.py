@@ -43,8 +43,8 @@ def run(arguments: argparse.Namespace) -> int:
     )
     out.line("Ten coefficients are identified, starting from values up to 60 % wrong:")
     out.line()
-    print(estimates_table(job.identification.result, truth), flush=True)
     result = job.identification.result
+    out.text(estimates_table(result, truth))
     out.line()
     out.line(
         f"{result.status} ({result.trajectories:.0f} trajectories, {result.seconds:.2f} s); writing the report ..."

@@ -9,26 +9,20 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stoop.cli.arguments import add_flight
 from stoop.cli.page import Page, busy, page, print_json
-from stoop.cli.point import LOG_HELP, MAPPING_HELP
 from stoop.cli.tables import alike, fixed, numbers, points, shown_unit, words
 
 if TYPE_CHECKING:
     from stoop.flight import ChannelRow, FlightSummary, Maneuver
 
 FORMAT = "stoop-info/1"
-MOST_STREAMS, MOST_NAMES = 12, 24  #: lines and names told of what is not mapped; JSON holds all
+MAX_STREAMS, MAX_NAMES = 12, 24  #: lines and names shown of what is not mapped; JSON holds all
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
-    parser.add_argument(
-        "flight",
-        metavar="FLIGHT",
-        type=Path,
-        help=f"flight log: {LOG_HELP}",
-    )
-    parser.add_argument("--mapping", metavar="M.toml", type=Path, help=MAPPING_HELP)
+    add_flight(parser)
     parser.add_argument("--json", action="store_true", help="print JSON (SI units, rad) instead of tables")
 
 
@@ -41,12 +35,12 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print_json(info_document(summary))
     else:
-        _print(page(), summary, source_words(arguments.flight, arguments.mapping))
+        _print(page(), summary, source_arguments(arguments.flight, arguments.mapping))
     return 0
 
 
-def source_words(flight: Path, mapping: Path | None) -> list[str]:
-    """Return the words by which another verb reads the same flight."""
+def source_arguments(flight: Path, mapping: Path | None) -> list[str]:
+    """Return the arguments by which another verb reads the same flight."""
     return [str(flight)] if mapping is None else [str(flight), "--mapping", str(mapping)]
 
 
@@ -70,7 +64,7 @@ def info_document(summary: FlightSummary) -> dict[str, Any]:
 
 
 def _numbers_of(air: Any) -> dict[str, Any]:
-    """Return all of the reconstruction but its time histories and its notes, which are told elsewhere."""
+    """Return all of the reconstruction but its time histories and its notes, which stand elsewhere."""
     return {name: value for name, value in vars(air).items() if name not in ("traces", "notices")}
 
 
@@ -91,7 +85,7 @@ def _print(out: Page, summary: FlightSummary, source: Sequence[str]) -> None:
         out.heading(f"Without any value: {' '.join(empty)}")
     out.heading("Suspected faults")
     faults = [fault.notice for fault in flight.faults]
-    out.bullets(map(str, faults) if faults else ["none seen"])
+    out.bullets(map(str, faults) if faults else ["none found"])
     out.heading("Candidate maneuvers")
     _print_maneuvers(out, summary, source)
     notes = [str(found) for found in summary.notices if found not in faults]
@@ -107,15 +101,15 @@ def unmapped_lines(unmapped: Mapping[str, Sequence[str]]) -> list[str]:
     """Say which columns no mapping names, and which streams were not looked into; long lists are cut."""
     lines = [f"{stream}: {_some(columns)}" for stream, columns in unmapped.items() if columns]
     whole = [stream for stream, columns in unmapped.items() if not columns]
-    lines = lines[:MOST_STREAMS] + (
-        [f"and {len(lines) - MOST_STREAMS} more"] if len(lines) > MOST_STREAMS else []
+    lines = lines[:MAX_STREAMS] + (
+        [f"and {len(lines) - MAX_STREAMS} more"] if len(lines) > MAX_STREAMS else []
     )
     return lines + ([f"not read: {_some(whole)}"] if whole else [])
 
 
 def _some(names: Sequence[str]) -> str:
-    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    return " ".join(names[:MOST_NAMES]) + more
+    more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+    return " ".join(names[:MAX_NAMES]) + more
 
 
 @dataclass(frozen=True)
@@ -188,7 +182,7 @@ def _print_maneuvers(out: Page, summary: FlightSummary, source: Sequence[str]) -
     out.line()
     out.command("next: ", _next_command(source, found))
     out.command(
-        "or, chosen by what they tell: ",
+        "or, chosen by their information: ",
         ["stoop", "maneuvers", *source, "--vehicle", "V.toml", "-o", "windows"],
     )
 

@@ -8,9 +8,10 @@ from collections.abc import Container, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stoop.cli.outputs import add_overwrite, check_target
+from stoop.base.files import check_target, write_text_atomic
+from stoop.cli.arguments import add_overwrite
 from stoop.cli.page import Page, page, print_json, to_json
-from stoop.cli.point import add_point_arguments, chosen_trim, chosen_vehicle, condition
+from stoop.cli.point import add_point_arguments, condition, trim_at, vehicle_at
 from stoop.cli.tables import Column, blocks, fixed, numbers, words
 from stoop.cli.trim import trim_document
 
@@ -47,8 +48,8 @@ def run(arguments: argparse.Namespace) -> int:
     target: Path | None = arguments.json
     if target is not None and target != STDOUT:
         check_target(target, arguments.overwrite)
-    vehicle = chosen_vehicle(arguments)
-    point = chosen_trim(vehicle, arguments)
+    vehicle = vehicle_at(arguments)
+    point = trim_at(vehicle, arguments)
     model = linearize(vehicle, point)
     if target is None:
         _print(page(), vehicle, model, condition(vehicle, point, arguments))
@@ -85,8 +86,6 @@ def _mode_document(mode: Mode) -> dict[str, Any]:
 
 
 def _write(target: Path, document: dict[str, Any]) -> None:
-    from stoop.base.files import write_text_atomic
-
     if target == STDOUT:
         print_json(document)
         return

@@ -1,6 +1,6 @@
-"""The entry point: find the verb, import only its module, turn what goes wrong into one line and a code.
+"""The entry point: find the verb, import only its module, turn errors into one line and a code.
 
-Exit codes: 0 done, 1 a bug in stoop, 2 something the user can mend, 130 interrupted, 141 nobody reads the
+Exit codes: 0 done, 1 a bug in stoop, 2 an error that the user can correct, 130 interrupted, 141 nobody reads the
 output any more.
 """
 
@@ -41,10 +41,10 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
 }  #: verb -> its module, one line of help
 GROUP: Final = "stoop.verbs"  #: entry points of other packages, each a mapping as `VERBS`
 
-BUG, MENDABLE, INTERRUPTED, UNREAD = 1, 2, 130, 141
-_BUG_WORDS = "this is a bug in stoop: please report it with the lines above and your command"
-_DEBUG = "show the traceback of every error (or set STOOP_DEBUG=1)"
-_EXAMPLES: Final = """\
+BUG, USER_ERROR, INTERRUPTED, UNREAD = 1, 2, 130, 141
+BUG_MESSAGE = "this is a bug in stoop: please report it with the lines above and your command"
+DEBUG_HELP = "show the traceback of every error (or set STOOP_DEBUG=1)"
+EXAMPLES: Final = """\
 examples:
   stoop demo
   stoop info LOG.ulg
@@ -58,7 +58,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print one line and leave with code 2 (the hook that argparse documents for this)."""
-        self.exit(MENDABLE, f"stoop: error: {printable(message)} (see {self.prog} --help)\n")
+        self.exit(USER_ERROR, f"stoop: error: {printable(message)} (see {self.prog} --help)\n")
 
 
 class _Version(argparse.Action):
@@ -71,23 +71,23 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def main(words: Sequence[str] | None = None) -> int:
+def main(given: Sequence[str] | None = None) -> int:
     """Run the command line.
 
     Parameters
     ----------
-    words : the arguments; those of the process when absent
+    given : the arguments; those of the process when absent
 
     Returns
     -------
     The exit code.
     """
-    if words is None:
-        words = sys.argv[1:]
-        _prepare_process(words)
-    debug = "--debug" in words or bool(os.environ.get("STOOP_DEBUG"))
+    if given is None:
+        given = sys.argv[1:]
+        _prepare_process(given)
+    debug = "--debug" in given or bool(os.environ.get("STOOP_DEBUG"))
     try:
-        return _guarded(words, debug)
+        return _guarded(given, debug)
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
     except BrokenPipeError:
@@ -95,17 +95,17 @@ def main(words: Sequence[str] | None = None) -> int:
     except (OSError, MemoryError) as error:  # a full disk, an output that went away, a log without end
         if debug:
             _print_traceback()
-        _close_output(MENDABLE)
-        return _complain(f"error: {_of_the_machine(error)}", MENDABLE)
+        _close_output(USER_ERROR)
+        return _complain(f"error: {_of_the_machine(error)}", USER_ERROR)
     except Exception:
         _print_traceback()
-        return _complain(_BUG_WORDS, BUG)
+        return _complain(BUG_MESSAGE, BUG)
 
 
-def _guarded(words: Sequence[str], debug: bool) -> int:
-    """Parse, run the verb, say what the user can mend, and make sure that all output was taken."""
+def _guarded(given: Sequence[str], debug: bool) -> int:
+    """Parse, run the verb, report errors of the user, and flush the output."""
     try:
-        arguments, unknown = parser_for(words).parse_known_args([_protected(word) for word in words])
+        arguments, unknown = parser_for(given).parse_known_args([_protected(word) for word in given])
         if unknown:
             arguments.complain(f"unrecognized arguments: {' '.join(unknown)}")
         code = int(arguments.run(arguments))
@@ -130,19 +130,20 @@ def _of_the_machine(error: OSError | MemoryError) -> str:
     return f"{error.filename or 'the output'}: {error.strerror or error}"
 
 
-def parser_for(words: Sequence[str]) -> Parser:
+def parser_for(given: Sequence[str]) -> Parser:
     """Return a parser that knows every verb by name and the arguments of the chosen one."""
-    known = VERBS if VERBS.keys() & set(words) else all_verbs()
+    chosen = next((word for word in given if not word.startswith("-")), None)
+    known = VERBS if chosen in VERBS else all_verbs()
     parser = Parser(
         prog="stoop",
         usage="stoop [-h] [--version] [--debug] VERB ...",
         description="From a flight log to a flight-dynamics model one can trust.",
-        epilog=_EXAMPLES,
+        epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and leave")
-    parser.add_argument("--debug", action="store_true", help=_DEBUG)
+    parser.add_argument("--debug", action="store_true", help=DEBUG_HELP)
     verbs = parser.add_subparsers(
         prog="stoop",
         title="verbs",
@@ -151,7 +152,6 @@ def parser_for(words: Sequence[str]) -> Parser:
         help=argparse.SUPPRESS,  # the list below is better laid out than argparse's own
         description=_verb_list(known),
     )
-    chosen = next((word for word in words if not word.startswith("-")), None)
     for name, (module, purpose) in known.items():
         verb = verbs.add_parser(name, description=f"{purpose[0].upper()}{purpose[1:]}.", allow_abbrev=False)
         if name == chosen:
@@ -162,7 +162,7 @@ def parser_for(words: Sequence[str]) -> Parser:
 def _complete(parser: argparse.ArgumentParser, module: str) -> None:
     verb = importlib.import_module(module)
     verb.add_arguments(parser)
-    parser.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=_DEBUG)
+    parser.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=DEBUG_HELP)
     parser.set_defaults(run=verb.run, complain=parser.error)
 
 
@@ -180,7 +180,7 @@ def _verb_list(known: dict[str, tuple[str, str]]) -> str:
     return "\n".join(f"{name:<13} {purpose}" for name, (_, purpose) in known.items())
 
 
-def _prepare_process(words: Sequence[str]) -> None:
+def _prepare_process(given: Sequence[str]) -> None:
     """Set up what belongs to the process: an output that takes any character, no warnings of libraries."""
     import io
     import warnings
@@ -188,14 +188,14 @@ def _prepare_process(words: Sequence[str]) -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
-    if not sys.warnoptions and "--debug" not in words:
+    if not sys.warnoptions and "--debug" not in given:
         warnings.simplefilter("ignore")
 
 
 def _report(error: StoopError) -> int:
     """Print the first line as the error; more lines are a file to start from, for the user to redirect."""
     message, *attached = "".join(map(str, error.args)).splitlines() or [type(error).__name__]
-    code = _complain(f"error: {message}", MENDABLE)
+    code = _complain(f"error: {message}", USER_ERROR)
     for line in attached:
         print(printable(line))
     return code

@@ -5,21 +5,19 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from stoop.cli.outputs import add_overwrite, check_target
+from stoop.base.files import check_target, write_text_atomic
+from stoop.cli.arguments import LOG_HELP, add_file
 from stoop.cli.page import busy, page
-from stoop.cli.point import LOG_HELP
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
     parser.add_argument("log", metavar="FLIGHT", type=Path, help=f"flight log: {LOG_HELP}")
-    parser.add_argument("-o", "--output", metavar="M.toml", type=Path, help="where to write it")
-    add_overwrite(parser)
+    add_file(parser, "M.toml", "where to write it")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Read, draft, print or write."""
-    from stoop.base.files import write_text_atomic
     from stoop.flight.mapping_draft import draft
 
     output: Path | None = arguments.output

@@ -7,10 +7,9 @@ import math
 import os
 import shlex
 import sys
-from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, Any, Final
 
 from stoop.cli.printable import printable
 from stoop.cli.tables import Column, fit, plain
@@ -18,117 +17,81 @@ from stoop.cli.tables import Column, fit, plain
 if TYPE_CHECKING:
     from rich.console import Console
 
+UNLIMITED: Final = (
+    10_000  #: characters in a line of a pipe: nothing is wrapped or cut, so that programs can read it
+)
 
-class Page(ABC):
-    """Somewhere to print on.
+
+class Page:
+    """Somewhere to print on: a terminal, where long lines wrap and tables fit, or a pipe.
 
     Whatever is printed may come from a hostile file: it is made printable and never read as markup.
+
+    Parameters
+    ----------
+    console : Console, optional
+        Of a terminal; without it everything is plain text on stdout.
     """
 
-    width: int  #: characters in a line
+    def __init__(self, console: Console | None = None) -> None:
+        self._console = console
+        self.width = UNLIMITED if console is None else console.width
 
-    @abstractmethod
     def heading(self, text: str) -> None:
         """Print a blank line and a heading."""
+        self.line()
+        self._print(printable(text), style="bold")
 
-    @abstractmethod
     def line(self, text: str = "") -> None:
         """Print one line, wrapped where the page is narrower."""
+        self._print(printable(text))
 
-    @abstractmethod
     def command(self, start: str, command: Sequence[str]) -> None:
         """Print a command to copy, quoted for the shell and never broken into lines."""
+        self._print(printable(f"{start}{shlex.join(command)}"), whole=True)
 
-    @abstractmethod
-    def bullets(self, items: Iterable[str]) -> None:
-        """Print a list, one item a line."""
-
-    @abstractmethod
-    def table(self, columns: Sequence[Column]) -> None:
-        """Print a table."""
-
-
-@final
-class PlainPage(Page):
-    """A pipe or a file: nothing is wrapped or cut, so that other programs can read it."""
-
-    width = 10_000
-
-    def heading(self, text: str) -> None:
-        """Print a blank line and a heading."""
-        print(f"\n{printable(text)}")
-
-    def line(self, text: str = "") -> None:
-        """Print one line."""
-        print(printable(text))
-
-    def command(self, start: str, command: Sequence[str]) -> None:
-        """Print a command to copy."""
-        self.line(f"{start}{shlex.join(command)}")
-
-    def bullets(self, items: Iterable[str]) -> None:
-        """Print a list, one item a line."""
-        for item in items:
-            print(f"- {printable(item)}")
-
-    def table(self, columns: Sequence[Column]) -> None:
-        """Print a table with two blanks between columns."""
-        print(plain(columns))
-
-
-@final
-class TerminalPage(Page):
-    """A terminal: headings stand out, long lines wrap below themselves, tables fit."""
-
-    def __init__(self, console: Console) -> None:
-        self._console = console
-        self.width = console.width
-
-    def heading(self, text: str) -> None:
-        """Print a blank line and a bold heading."""
-        from rich.text import Text
-
-        self._console.print()
-        self._console.print(Text(printable(text), style="bold"))
-
-    def line(self, text: str = "") -> None:
-        """Print one line, wrapped at words."""
-        from rich.text import Text
-
-        self._console.print(Text(printable(text)))
-
-    def command(self, start: str, command: Sequence[str]) -> None:
-        """Print a command to copy; the terminal breaks it where it likes, a copy of it stays whole."""
-        from rich.text import Text
-
-        self._console.print(Text(printable(f"{start}{shlex.join(command)}")), soft_wrap=True)
-
-    def bullets(self, items: Iterable[str]) -> None:
-        """Print a list; what does not fit goes on below the text, not below the dash."""
+    def bullets(self, items: Iterable[object]) -> None:
+        """Print a list; on a terminal, what does not fit goes on below the text, not below the dash."""
+        texts = [printable(str(item)) for item in items]
+        if self._console is None:
+            for text in texts:
+                print(f"- {text}")
+            return
         from rich.table import Table
         from rich.text import Text
 
         grid = Table.grid(padding=(0, 1, 0, 0))
-        for item in items:
-            grid.add_row("-", Text(printable(item)))
+        for text in texts:
+            grid.add_row("-", Text(text))
         self._console.print(grid)
 
     def table(self, columns: Sequence[Column]) -> None:
-        """Print a table; a last column of words goes on below itself, is cut, or left out where it must."""
+        """Print a table; on a terminal a last column of words goes on below itself, is cut, or left out where it must."""
+        head, _, rows = plain(fit(columns, self.width)).partition("\n")
+        self._print(head, style="dim", whole=True)
+        if rows:
+            self._print(rows, whole=True)
+
+    def text(self, lines: str) -> None:
+        """Print lines that are laid out already."""
+        self._print("\n".join(map(printable, lines.split("\n"))), whole=True)
+
+    def _print(self, text: str, style: str = "", whole: bool = False) -> None:
+        if self._console is None:
+            print(text)
+            return
         from rich.text import Text
 
-        head, *rows = plain(fit(columns, self.width)).split("\n")
-        self._console.print(Text(head, style="dim"), soft_wrap=True)
-        self._console.print(Text("\n".join(rows)), soft_wrap=True)
+        self._console.print(Text(text, style=style), soft_wrap=whole)
 
 
 def page() -> Page:
     """Return the page that fits the output."""
     if not sys.stdout.isatty() or os.environ.get("TERM") == "dumb":
-        return PlainPage()
+        return Page()
     from rich.console import Console
 
-    return TerminalPage(Console(markup=False, highlight=False, emoji=False))
+    return Page(Console(markup=False, highlight=False, emoji=False))
 
 
 @contextmanager

@@ -19,7 +19,7 @@ QUIET = 5.0  #: s between lines of a plain log
 class Watch:
     """Shows generation, cost and speed."""
 
-    def __init__(self, first: str = "settling the weights") -> None:
+    def __init__(self, first: str = "estimating the weights") -> None:
         self._first = first
         self._before = 0.0
         self._began = time.perf_counter()

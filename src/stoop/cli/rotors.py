@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stoop.cli.arguments import add_mapping
 from stoop.cli.numbers import positive
 from stoop.cli.page import Page, page
-from stoop.cli.point import MAPPING_HELP
 from stoop.cli.progress import Watch
 from stoop.errors import FlightError
 
@@ -18,12 +18,16 @@ if TYPE_CHECKING:
     from stoop.estimate.effectiveness import Assessment, Balance, Hover, Reference
 
 CHANCE = 0.05
-APART = 0.05  #: relative difference of voltage that is worth a word
+MAX_VOLTAGE_DIFFERENCE = 0.05  #: relative; beyond it a flight is named
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
     add = parser.add_argument
+    healthy = (
+        "logs of flights near hover of the same vehicle while all was well; three or more are better than one"
+    )
+    one = "the flights in question are of one and the same configuration"
     add(
         "flight",
         metavar="FLIGHT",
@@ -31,19 +35,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         help="logs of flights near hover that are in question",
     )
-    healthy = (
-        "logs of flights near hover of the same vehicle while all was well; three or more are better than one"
-    )
     add("--healthy", metavar="FLIGHT", type=Path, nargs="+", required=True, help=healthy)
     add("--vehicle", metavar="V", required=True, help="vehicle file with rotors, or a built-in name")
-    add(
-        "--together",
-        action="store_true",
-        help="the flights in question are of one and the same configuration",
-    )
+    add("--together", action="store_true", help=one)
     chance = "how often a healthy flight may be accused (default: 0.05)"
     add("--chance", metavar="P", type=positive, default=CHANCE, help=chance)
-    add("--mapping", metavar="M.toml", type=Path, help=MAPPING_HELP)
+    add_mapping(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -55,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
         assess,
         judge,
         leave_one_out,
-        together,
+        pooled,
     )
     from stoop.vehicle.builtin import resolve_vehicle
 
@@ -75,13 +72,13 @@ def run(arguments: argparse.Namespace) -> int:
     found = [assess(h, reference) for h in flown]
     _compare(out, "Flights in question", found, arguments.chance)
     if one:
-        _compare(out, "All in question as one", [assess(together(flown), reference)], arguments.chance)
+        _compare(out, "All in question as one", [assess(pooled(flown), reference)], arguments.chance)
     out.heading("What it rests on")
     out.bullets(_notes(reference, flown, arguments.chance))
     advised = advice(reference, flown, [judge(f, arguments.chance) for f in found], arguments.chance)
     if advised:
         out.heading("What would make it sharper")
-        out.bullets(advised)
+        out.bullets(map(str, advised))
     return 0
 
 
@@ -94,8 +91,8 @@ def _check_once(paths: Sequence[Path]) -> None:
 
 
 def _hovers(paths: Sequence[Path], balance: Balance, mapping: Path | None, watch: Watch) -> tuple[Hover, ...]:
+    from stoop.checks.vehicle import foreign_motors
     from stoop.estimate.effectiveness import hover
-    from stoop.estimate.rotors_seen import strange_motors
     from stoop.flight import load
     from stoop.problem.windows import whole
 
@@ -103,9 +100,8 @@ def _hovers(paths: Sequence[Path], balance: Balance, mapping: Path | None, watch
     for path in paths:
         flight = load(path, mapping)
         out.append(hover(flight, balance))
-        known = {flight.name: flight}
-        for doubt in strange_motors(balance.vehicle, known, whole(known)):
-            watch.warn(doubt)
+        for found in foreign_motors(balance.vehicle, flight, whole({flight.name: flight})):
+            watch.warn(str(found))
     return tuple(out)
 
 
@@ -124,16 +120,16 @@ def _compare(out: Page, title: str, found: Sequence[Assessment], chance: float) 
             fixed("factor", [1.0 - s.size for s in suspects], 3),
             fixed("std error", [s.std for s in suspects], 3),
             fixed("chance", [f.chance for f in found], 4),
-            words("verdict", [judge(f, chance).words for f in found], wraps=True),
+            words("verdict", [str(judge(f, chance).notice) for f in found], wraps=True),
         ]
     )
 
 
 def _named(found: Assessment) -> str:
     """Name the rotor whose loss explains most, and with it those that explain it nearly as well."""
-    from stoop.estimate.effectiveness import alike
+    from stoop.estimate.effectiveness import indistinct
 
-    names = alike(found)
+    names = indistinct(found)
     if len(names) == len(found.weak):
         return "any"
     return " or ".join(names) or "none"
@@ -156,10 +152,10 @@ def _notes(reference: Reference, flown: Sequence[Hover], chance: float) -> list[
             f"commanded lift goes with the voltage by {battery.slope:.2f} ± {battery.std:.2f} (relative to relative); "
             "this is taken off"
         )
-    far = [h.name for h in flown if abs(h.voltage / reference.voltage - 1.0) > APART]
+    far = [h.name for h in flown if abs(h.voltage / reference.voltage - 1.0) > MAX_VOLTAGE_DIFFERENCE]
     if far:
         notes.append(
-            f"{', '.join(far)}: the battery's voltage is more than {100.0 * APART:.0f} % from that of the healthy flights; "
-            "compare flights on equal charge"
+            f"{', '.join(far)}: the battery's voltage is more than {100.0 * MAX_VOLTAGE_DIFFERENCE:.0f} % from that of the "
+            "healthy flights; compare flights on equal charge"
         )
     return notes

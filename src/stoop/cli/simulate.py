@@ -8,10 +8,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stoop.base.files import check_target
+from stoop.cli.arguments import COMPILING, VEHICLE_HELP, add_file
 from stoop.cli.numbers import count
-from stoop.cli.outputs import add_overwrite, check_target
 from stoop.cli.page import busy, page
-from stoop.cli.point import COMPILING, VEHICLE_HELP
 from stoop.errors import ManeuverError, VehicleError
 
 if TYPE_CHECKING:
@@ -25,21 +25,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("vehicle", metavar="VEHICLE", help=VEHICLE_HELP)
     add("--maneuver", metavar="M.toml", type=Path, required=True, help="what the pilot does (TOML)")
-    add(
-        "-o",
-        "--output",
-        metavar="FLIGHT",
-        type=Path,
-        required=True,
-        help="the flight file to write: .nc, or a log",
-    )
+    add_file(parser, "FLIGHT", "the flight file to write: .nc, or a log", required=True)
     add("--no-noise", action="store_true", help="perfect sensors")
     add("--seed", metavar="N", type=count, default=0, help="of sensor noise and gusts (default: 0)")
-    add_overwrite(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Fly, write, and say what to do next."""
+    """Fly, write, and print what to do next."""
     target: Path = arguments.output
     _check_target(target, arguments.overwrite)
     from stoop.export.flight_file import save_flight_as
@@ -55,8 +47,8 @@ def run(arguments: argparse.Namespace) -> int:
         flown = numbers_set(vehicle, flown_trim(vehicle, maneuver))
     mapping = save_flight_as(flight, target)
     noise = "no sensor noise" if arguments.no_noise else f"sensor noise of seed {arguments.seed}"
-    _tell(flight, target, noise, mapping)
-    _tell_next(target, arguments, vehicle, maneuver, flown)
+    _print(flight, target, noise, mapping)
+    _print_next(target, arguments, vehicle, maneuver, flown)
     return 0
 
 
@@ -91,7 +83,7 @@ def _check_channels(vehicle: Vehicle) -> None:
             raise VehicleError(f"{vehicle.where}: the input '{channel}' is no variable of stoop; {advice}")
 
 
-def _tell(flight: Flight, target: Path, noise: str, mapping: Path | None) -> None:
+def _print(flight: Flight, target: Path, noise: str, mapping: Path | None) -> None:
     start, stop = float(flight.time[0]), float(flight.time[-1])
     size = f"{stop - start:g} s at {flight.rate:g} Hz, {len(flight.data.data_vars)} channels"
     out = page()
@@ -101,7 +93,7 @@ def _tell(flight: Flight, target: Path, noise: str, mapping: Path | None) -> Non
     out.bullets(str(found) for found in flight.notices if found.code != "simulated")
 
 
-def _tell_next(
+def _print_next(
     target: Path,
     arguments: argparse.Namespace,
     vehicle: Vehicle,
@@ -109,9 +101,9 @@ def _tell_next(
     flown: Mapping[str, float],
 ) -> None:
     """Print the fit of this flight, and what must go before it."""
-    from stoop.design.planned import planned
+    from stoop.design.maneuver_windows import maneuver_windows
 
-    windows, out = planned(maneuver, vehicle.hovers), page()
+    windows, out = maneuver_windows(maneuver, vehicle.has_rotors), page()
     if not windows.fit:
         out.line(f"no input moves the vehicle: to identify it, add [[input]] tables to {arguments.maneuver}")
         out.command("next: ", ["stoop", "info", str(target)])

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from stoop.cli.printable import printable
 
 GAP = "  "
-SIGNIFICANT = 4
-SHORTEST = 16  #: characters below which a text that is cut tells nothing
+DIGITS = 4
+MIN_WIDTH = 16  #: characters of a text that is cut
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def points(head: str, texts: Sequence[str]) -> Column:
 
 
 def numbers(head: str, values: Iterable[float]) -> Column:
-    """Make a column of numbers with :data:`SIGNIFICANT` digits, their points below each other."""
+    """Make a column of numbers with :data:`DIGITS` digits, their points below each other."""
     return points(head, [number(v) for v in values])
 
 
@@ -66,7 +66,7 @@ def plain(columns: Sequence[Column]) -> str:
     return "\n".join(GAP.join(cells).rstrip() for cells in zip(*(c.lines() for c in columns), strict=True))
 
 
-def number(value: float, digits: int = SIGNIFICANT) -> str:
+def number(value: float, digits: int = DIGITS) -> str:
     """Write a number with so many significant digits, without an exponent where that stays short."""
     if not math.isfinite(value):
         return "-" if math.isnan(value) else f"{value:g}"
@@ -78,7 +78,7 @@ def number(value: float, digits: int = SIGNIFICANT) -> str:
     return f"{value:.{max(digits - 1 - exponent, 0)}f}"
 
 
-def alike(values: Sequence[float], digits: int = SIGNIFICANT) -> list[str]:
+def alike(values: Sequence[float], digits: int = DIGITS) -> list[str]:
     """Write numbers with the decimals that the largest of them needs."""
     largest = max((abs(v) for v in values if math.isfinite(v)), default=0.0)
     if not (largest == 0.0 or 1e-4 <= largest < 1e7):
@@ -113,8 +113,8 @@ def fit(columns: Sequence[Column], width: int) -> list[Column]:
     if last.right or last.width <= room or not others:
         return list(columns)
     if last.wraps:
-        return _folded(others, last, max(room, SHORTEST))
-    if room < SHORTEST:
+        return _folded(others, last, max(room, MIN_WIDTH))
+    if room < MIN_WIDTH:
         return others
     cells = (cell if len(cell) <= room else f"{cell[: room - 3]}..." for cell in last.cells)
     return [*others, replace(last, cells=tuple(cells))]

@@ -7,7 +7,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from stoop.cli.page import Page, page, print_json
-from stoop.cli.point import add_point_arguments, chosen_trim, chosen_vehicle, condition
+from stoop.cli.point import add_point_arguments, condition, trim_at, vehicle_at
 from stoop.cli.tables import fixed, numbers, shown_unit, words
 
 if TYPE_CHECKING:
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from stoop.vehicle import Vehicle
 
 FORMAT = "stoop-trim/1"
-_ANGLES = ("alpha", "beta", "theta", "phi")
-_CONSTANT = "propulsion.thrust"
+ANGLES = ("alpha", "beta", "theta", "phi")
+CONSTANT_THRUST = "propulsion.thrust"
 NOISE = 1e-12  #: what the solver leaves where zero belongs
 
 
@@ -29,8 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Trim and print."""
-    vehicle = chosen_vehicle(arguments)
-    point = chosen_trim(vehicle, arguments)
+    vehicle = vehicle_at(arguments)
+    point = trim_at(vehicle, arguments)
     if arguments.json:
         print_json(trim_document(vehicle, point, arguments.climb_angle))
     else:
@@ -40,12 +40,22 @@ def run(arguments: argparse.Namespace) -> int:
 
 def trim_document(vehicle: Vehicle, point: Trim, climb_angle: float) -> dict[str, Any]:
     """Return the trim for JSON, SI and rad."""
+    start, flown = point.start, dict[str, Any]()
+    if "V" in start:
+        flown = {"airspeed": start["V"], "altitude": start["h"], "climb_angle": climb_angle}
+    else:
+        flown = {
+            "velocity": point.velocity,
+            "wind": point.wind,
+            "altitude": start["h"],
+            "heading": start["psi"],
+        }
     return {
         "format": FORMAT,
         "vehicle": vehicle.name,
         "file": vehicle.where,
         "reduce": vehicle.reduce,
-        **_condition(point, climb_angle),
+        **flown,
         "angles": angles(point),
         "controls": point.deflections,
         "thrust": {n: {"value": value, "unit": _unit(vehicle, n)} for n, value in point.thrust.items()},
@@ -54,20 +64,9 @@ def trim_document(vehicle: Vehicle, point: Trim, climb_angle: float) -> dict[str
     }
 
 
-def _condition(point: Trim, climb_angle: float) -> dict[str, Any]:
-    if "V" in point.start:
-        return {"airspeed": point.start["V"], "altitude": point.start["h"], "climb_angle": climb_angle}
-    return {
-        "velocity": point.velocity,
-        "wind": point.wind,
-        "altitude": point.start["h"],
-        "heading": point.start["psi"],
-    }
-
-
 def angles(point: Trim) -> dict[str, float]:
     """Return the angles that the equations have, rad."""
-    return {name: point.start[name] for name in _ANGLES if name in point.start}
+    return {name: point.start[name] for name in ANGLES if name in point.start}
 
 
 def channels(vehicle: Vehicle, point: Trim) -> dict[str, float]:
@@ -79,7 +78,7 @@ def _unit(vehicle: Vehicle, name: str) -> str:
     """Return the unit of a thrust, be it a number of the vehicle or a channel."""
     from stoop.flight import VARIABLES
 
-    if name == _CONSTANT:
+    if name == CONSTANT_THRUST:
         return "N"
     return VARIABLES[name].unit if name in VARIABLES else "1"
 
@@ -101,19 +100,15 @@ def _print(out: Page, vehicle: Vehicle, point: Trim, where: str) -> None:
         units = [shown_unit(_unit(vehicle, name)) for name in mixed]
         out.table([words("", mixed), numbers("value", values), words("", units)])
     if "V" not in point.start:
-        _print_velocity(out, point)
+        out.heading("Velocity through the air, body axes")
+        out.table([words("", "uvw"), fixed("m/s", [point.start[axis] for axis in "uvw"], 4)])
     out.line()
     out.line(f"largest acceleration left over: {point.residual:.1e} (m/s2, rad/s2)")
 
 
-def _print_velocity(out: Page, point: Trim) -> None:
-    out.heading("Velocity through the air, body axes")
-    out.table([words("", "uvw"), fixed("m/s", [point.start[axis] for axis in "uvw"], 4)])
-
-
 def _print_thrust(out: Page, vehicle: Vehicle, point: Trim) -> None:
     for name, value in point.thrust.items():
-        if name == _CONSTANT:
+        if name == CONSTANT_THRUST:
             out.line(f"{value:.2f} N (the vehicle file says {vehicle.value(name):.2f} N)")
         else:
             out.line(f"{name} {value:.4f} {shown_unit(_unit(vehicle, name))}".rstrip())

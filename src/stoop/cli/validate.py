@@ -3,19 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import shlex
-import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from stoop.cli.outputs import check_targets
+from stoop.base.files import check_targets
+from stoop.cli.arguments import WINDOW, add_flights, add_folder, command_line, given_paths
 from stoop.cli.page import busy, page
-from stoop.cli.point import MAPPING_HELP
-
-if TYPE_CHECKING:
-    from stoop.workflow.validation import Validated
-
-_WINDOW = "[FLIGHT@]START:STOP[#LOADING]"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,42 +15,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     windows = "windows to predict (default: the maneuvers that stoop info finds)"
     add("result", metavar="RESULT", type=Path, help="folder of stoop identify, or its result.json")
-    add("flight", metavar="FLIGHT", nargs="+", type=Path, help="flight log(s) that were not fitted")
-    add("--maneuver", metavar=_WINDOW, nargs="+", action="extend", default=[], help=windows)
-    add("--mapping", metavar="M.toml", type=Path, help=MAPPING_HELP)
-    add("-o", "--output", metavar="DIR", type=Path, required=True, help="folder for page and figures")
-    add("--overwrite", action="store_true", help="replace a validation in DIR")
+    add_flights(parser, "flight log(s) that were not fitted")
+    add("--maneuver", metavar=WINDOW, nargs="+", action="extend", default=[], help=windows)
+    add_folder(parser, "page and figures", "a validation in DIR")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Predict, write, and say how well."""
+    """Predict, write, and print how well."""
     from stoop.flight import load
+    from stoop.workflow.summary import figures_table
     from stoop.workflow.validation import NAMES, validate
 
-    inputs = [*arguments.flight, *([arguments.mapping] if arguments.mapping else [])]
+    inputs = [*arguments.flight, *given_paths(arguments.mapping)]
     check_targets(arguments.output, NAMES, arguments.overwrite, inputs)
     with busy("reading and predicting"):
         flights = [load(path, arguments.mapping) for path in arguments.flight]
-        command = shlex.join(["stoop", *sys.argv[1:]])
-        done = validate(arguments.result, flights, arguments.maneuver, command)
+        done = validate(arguments.result, flights, arguments.maneuver, command_line())
     done.save(arguments.output)
-    _tell(done, arguments.output)
-    return 0
-
-
-def _tell(done: Validated, folder: Path) -> None:
-    from stoop.workflow.summary import figures_table
-
     out, record = page(), done.record
-    print(figures_table(record.maneuvers))
+    out.text(figures_table(record.maneuvers))
     out.line()
     if record.compared:
         out.line(f"better than a first-order lag in {record.better} of {record.compared} channels")
-    if record.warnings:
-        out.heading("warnings")
-        out.bullets(record.warnings)
-    if record.notes:
-        out.heading("found while preparing the data")
-        out.bullets(record.notes)
+    found = {"warnings": record.warnings, "found while preparing the data": record.notes}
+    for title, lines in found.items():
+        if lines:
+            out.heading(title)
+            out.bullets(lines)
     out.line()
-    out.line(f"page: {folder / 'validation.html'}")
+    out.line(f"page: {arguments.output / NAMES[0]}")
+    return 0

@@ -1,9 +1,8 @@
-"""What to fly next: inputs that make the error bars small, within limits, from the model as it is known now."""
+"""Experiment design: inputs that make the error bars small within limits, and windows of flights worth fitting."""
 
-from stoop.design.knowledge import Knowledge
+from stoop.design.information import Forecast, Knowledge, Setup
+from stoop.design.inputs import SHAPES
 from stoop.design.limits import Limits
-from stoop.design.search import Design, design
-from stoop.design.setup import Forecast, Setup
-from stoop.design.shapes import SHAPES
+from stoop.design.optimization import Design, design
 
 __all__ = ["SHAPES", "Design", "Forecast", "Knowledge", "Limits", "Setup", "design"]

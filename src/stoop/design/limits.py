@@ -1,4 +1,4 @@
-"""What a designed maneuver may do: how far and how fast the surfaces go, and where the aircraft stays."""
+"""Limits of a designed maneuver: amplitude and slew of the surfaces, envelope of the readings."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Limits:
         vehicle : Vehicle
         trim : Trim
         amplitude : mapping, optional
-            By control, rad; the others are moved by :data:`AMPLITUDE`.
+            By control, rad; :data:`AMPLITUDE` for the others.
         slew : float, rad/s
         envelope : mapping, optional
             By channel, (low, high) in SI.
@@ -66,30 +66,37 @@ class Limits:
         SimulationError
             A control or a channel that the vehicle does not have, or a trim outside its own envelope.
         """
-        own, wanted = dict(amplitude or {}), dict(envelope or {})
-        _known(own, vehicle.controls, vehicle.where, "control")
-        _known(wanted, vehicle.outputs, vehicle.where, "channel")
-        _contains(wanted, trim, vehicle.where)
+        own, wanted, where = dict(amplitude or {}), dict(envelope or {}), vehicle.where
+        for given, names, kind in ((own, vehicle.controls, "control"), (wanted, vehicle.outputs, "channel")):
+            for name in given:
+                if name not in names:
+                    choices = ", ".join(names) or "none"
+                    raise SimulationError(f"{where}: there is no {kind} '{name}'; choose from {choices}")
+        for channel, (low, high) in wanted.items():
+            steady = trim.start.get(channel, 0.5 * (low + high))
+            if not low < steady < high:
+                raise SimulationError(
+                    f"{where}: the steady flight has {channel} = {steady:.4g}, which is not between {low:.4g} and {high:.4g}; "
+                    "widen that limit or choose another airspeed"
+                )
         amplitudes = {c: own.get(c, AMPLITUDE) for c in vehicle.controls}
         moved = {c: a for c, a in amplitudes.items() if a > 0.0}
         if not moved:
             raise SimulationError(
-                f"{vehicle.where}: no control is moved ({', '.join(amplitudes) or 'it has none'}); "
+                f"{where}: no control is moved ({', '.join(amplitudes) or 'it has none'}); "
                 "give one an amplitude above zero"
             )
         return cls(moved, slew, default_envelope(vehicle, trim) | wanted)
 
     def excess(self, readings: FloatArray, outputs: Sequence[str]) -> float:
         """Return by how much readings (n, n_y) leave the envelope, in its widths; zero inside."""
-        over = [self._over(readings[:, i], self.envelope.get(c)) for i, c in enumerate(outputs)]
-        return max(over, default=0.0)
-
-    @staticmethod
-    def _over(values: FloatArray, span: Span | None) -> float:
-        if span is None:
-            return 0.0
-        low, high = span
-        return max(0.0, low - float(values.min()), float(values.max()) - high) / (high - low)
+        out = 0.0
+        for channel, values in zip(outputs, readings.T, strict=True):
+            if channel in self.envelope:
+                low, high = self.envelope[channel]
+                over = max(low - float(values.min()), float(values.max()) - high)
+                out = max(out, over / (high - low))
+        return out
 
 
 def default_envelope(vehicle: Vehicle, trim: Trim) -> dict[str, Span]:
@@ -104,21 +111,3 @@ def default_envelope(vehicle: Vehicle, trim: Trim) -> dict[str, Span]:
 
 def _about(center: float, width: float) -> Span:
     return center - width, center + width
-
-
-def _known(given: Mapping[str, object], names: Sequence[str], where: str, what: str) -> None:
-    for name in given:
-        if name not in names:
-            raise SimulationError(
-                f"{where}: there is no {what} '{name}'; choose from {', '.join(names) or 'none'}"
-            )
-
-
-def _contains(envelope: Mapping[str, Span], trim: Trim, where: str) -> None:
-    for channel, (low, high) in envelope.items():
-        steady = trim.start.get(channel, 0.5 * (low + high))
-        if not low < steady < high:
-            raise SimulationError(
-                f"{where}: the steady flight has {channel} = {steady:.4g}, which is not between {low:.4g} and {high:.4g}; "
-                "widen that limit or choose another airspeed"
-            )

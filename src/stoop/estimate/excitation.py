@@ -19,7 +19,7 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.units import DEGREE
-from stoop.estimate.rotors_seen import rotor_warnings
+from stoop.checks.rotor_windows import rotor_notices
 from stoop.problem import Misfit
 from stoop.simulate import parameter_rows
 from stoop.simulate.initial import commanded
@@ -48,8 +48,7 @@ def excitation_notices(problem: Misfit, z: FloatArray, recorded_rate: float = np
     few = [notice("too-few-samples", measurements=measured, unknowns=unknowns)]
     out = few if too_few(problem, recorded_rate) else []
     if vehicle.rotors:
-        unexcited = (notice("untyped-warning", text=line) for line in rotor_warnings(problem))
-        return [*out, *unexcited, *_low_airspeed(problem, z)]
+        return [*out, *rotor_notices(problem), *_low_airspeed(problem, z)]
     if not vehicle.controls:
         return []
     deflections, motions = _signals(problem, z)

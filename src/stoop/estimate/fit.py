@@ -12,17 +12,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
+from stoop.checks.rotor_windows import require_rotor_data, require_rotors
 from stoop.errors import IdentificationError
 from stoop.estimate.noise import effective_variance, first_variance, noise_variance
 from stoop.estimate.ratios import with_mass_held
 from stoop.estimate.regression.equations import start_value
-from stoop.estimate.rotors_seen import check_motors, check_rotors
 from stoop.flight import Flight
 from stoop.optimize.ledger import Evaluations, Halt
 from stoop.optimize.local_refinement import FULL
@@ -109,6 +110,9 @@ class Fit:
         Readings of each piece, where they are not those of one simulation from its first sample.
     white : (D + E, D + E), optional
         Like `covariance`, as if residuals were white, where the method looked at their color.
+    local_problem : callable, optional
+        Gives the problem (:class:`stoop.optimize.Problem`) whose least-squares optimum is the estimate, for refits near
+        it, where `problem` is not that.
     noise_given : bool
         Whether the covariance of the measurement noise was given and not estimated.
     """
@@ -123,6 +127,7 @@ class Fit:
     noise: FloatArray | None = None
     covariance: FloatArray | None = None
     own_evidence: Evidence | None = None
+    local_problem: Callable[[], Any] | None = None
     simulated: tuple[FloatArray, ...] | None = None
     white: FloatArray | None = None
     noise_given: bool = False
@@ -158,10 +163,10 @@ def estimation_problem(
         Nothing is free.
     """
     vehicle = with_mass_held(vehicle)
-    check_motors(vehicle, flights, windows)
+    require_rotors(vehicle, flights, windows)
     prepared = without_stuck_channels(vehicle, prepare(vehicle, flights, windows))
     if vehicle.rotors:
-        check_rotors(vehicle, prepared.windows, prepared.pieces)
+        require_rotor_data(vehicle, prepared.windows, prepared.pieces)
     layout = Layout.of(vehicle, nuisances(vehicle, prepared))
     if layout.dimension == 0:
         raise IdentificationError(f"{vehicle.where}: no number is free; set free = true or use --free NAME")
@@ -247,7 +252,7 @@ def settle(problem: Misfit, guesses: FloatArray) -> Settled:
     z = np.concatenate([guesses[int(np.argmin(costs))], np.zeros(problem.extra)])
     spent = float(len(guesses))
     for _ in range(INITIAL_ROUNDS):
-        end = _dive(problem, z, SHORT)
+        end = _refined(problem, z, SHORT)
         z, spent, before = end.z, spent + end.spent, problem.weights.logdet
         problem = problem.weighted(Weights.of(effective_variance(problem, z)))
         if end.cut_short:
@@ -286,7 +291,7 @@ def refine(
     z, before, spent = outcome.z, np.inf, 0.0
     converged = interrupted = outcome.status == "interrupted"
     for _ in range(0 if interrupted else MAX_ROUNDS):
-        end = _dive(problem, z, FULL, budget - spent)
+        end = _refined(problem, z, FULL, budget - spent)
         z, spent = end.z, spent + end.spent
         now = problem.weights.logdet
         converged = not estimate_noise or abs(before - now) < NOISE_TOLERANCE * len(
@@ -310,7 +315,7 @@ def refine(
 
 
 @dataclass(frozen=True, eq=False)
-class _End:
+class _LocalOptimum:
     """Where a local refinement ended, the trajectories it took, and what cut it short, if anything did."""
 
     z: FloatArray
@@ -318,13 +323,15 @@ class _End:
     cut_short: str = ""
 
 
-def _dive(problem: Misfit, z: FloatArray, settings: optimize.Settings, budget: float = np.inf) -> _End:
+def _refined(
+    problem: Misfit, z: FloatArray, settings: optimize.Settings, budget: float = np.inf
+) -> _LocalOptimum:
     """Refine locally on the full record; Ctrl-C or a spent budget keeps the best so far."""
     ledger = optimize.Ledger(problem, Evaluations.none(problem), budget)
     try:
         end = optimize.refine(ledger, z, len(problem.prices) - 1, settings)
     except (KeyboardInterrupt, Halt) as reason:
-        books = ledger.evaluations
-        best = books.best if np.isfinite(books.cost) else z
-        return _End(best, books.trajectories, getattr(reason, "status", "interrupted"))
-    return _End(end.z if np.isfinite(end.cost) else z, ledger.spent)
+        done = ledger.evaluations
+        best = done.best if np.isfinite(done.cost) else z
+        return _LocalOptimum(best, done.trajectories, getattr(reason, "status", "interrupted"))
+    return _LocalOptimum(end.z if np.isfinite(end.cost) else z, ledger.spent)

@@ -1,9 +1,8 @@
-"""What a vehicle with rotors says of the specific force, measured motion in: beside the flight, low-passed.
+"""Measured and modeled specific force of a vehicle with rotors in each window, low-passed.
 
-A hovering vehicle cannot be simulated for long, but its forces can be held against the accelerometers sample by
-sample. Rotors shake them: what is quicker than `CUTOFF` says nothing of the model, so both sides are low-passed alike,
-with zero phase and per stretch without a hole. Beside the model stand the two that anybody could write down: a constant,
-and thrust that goes with the sum of the squared commands whatever the motion.
+A hovering vehicle cannot be simulated for long, but its forces can be compared with the accelerometers sample by sample.
+Rotors shake them, so both sides are low-passed at `CUTOFF`, with zero phase and per stretch without a hole. Two reference
+models stand beside: a constant, and thrust in proportion to the sum of the squared commands.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ ORDER: Final = 2  #: of the Butterworth filter, which runs forward and backward
 
 
 @dataclass(frozen=True)
-class Against:
+class ForceResiduals:
     """Residuals of one axis, rms, m/s2.
 
     Attributes
@@ -53,7 +52,7 @@ class ForceFigures:
     window : Window
     role : str
         "fit" or "validation".
-    axes : mapping of str to Against
+    axes : mapping of str to ForceResiduals
         ``ax``, ``ay``, ``az``.
     seconds : float
         Of flight that was compared.
@@ -61,12 +60,12 @@ class ForceFigures:
 
     window: Window
     role: str
-    axes: Mapping[str, Against]
+    axes: Mapping[str, ForceResiduals]
     seconds: float
 
 
 @dataclass(frozen=True, eq=False)
-class Curves:
+class ForceCurves:
     """Low-passed specific force (n, 3) of one window, m/s2, and the sum of squared commands (n,).
 
     Attributes
@@ -87,18 +86,18 @@ def force_figures(
 ) -> tuple[ForceFigures, ...]:
     """Return the residuals of fitted and predicted windows; none of a vehicle without rotors."""
     vehicle = identified_vehicle(fit)
-    if not vehicle.hovers:
+    if not vehicle.rotors:
         return ()
     windows = [*fit.prepared.windows, *predicted]
     curves = [force_curves(vehicle, flights, w, mean_biases(fit, w.flight)) for w in windows]
-    learned = [c for c in curves[: len(fit.prepared.windows)] if c.time.size]
-    if not learned:
+    fitted = [c for c in curves[: len(fit.prepared.windows)] if c.time.size]
+    if not fitted:
         return ()
-    simple = Simple.of(learned)
+    reference = ReferenceModels.of(fitted)
     dt = fit.problem.pieces[0].dt
     roles = ["fit"] * len(fit.prepared.windows) + ["validation"] * len(predicted)
     return tuple(
-        ForceFigures(w, role, simple.against(c), len(c.time) * dt)
+        ForceFigures(w, role, reference.residuals(c), len(c.time) * dt)
         for w, role, c in zip(windows, roles, curves, strict=True)
         if c.time.size
     )
@@ -106,13 +105,13 @@ def force_figures(
 
 def force_curves(
     vehicle: Vehicle, flights: Mapping[str, Flight], window: Window, biases: Mapping[str, float]
-) -> Curves:
+) -> ForceCurves:
     """Return measured and modelled specific force of a window, low-passed.
 
     Parameters
     ----------
     vehicle : Vehicle
-        With the numbers that count.
+        With its estimates.
     flights : mapping of str to Flight
     window : Window
     biases : mapping of str to float
@@ -124,8 +123,8 @@ def force_curves(
         for stretch in stretches(vehicle, replace(piece, changes={**piece.changes, **biases}))
     ]
     if not parts:
-        return Curves(np.empty(0), np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
-    return Curves(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        return ForceCurves(np.empty(0), np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
+    return ForceCurves(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 def _of_stretch(vehicle: Vehicle, stretch: Stretch) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -148,8 +147,8 @@ def low_passed(columns: FloatArray, dt: float) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class Simple:
-    """The two models that need no aerodynamics, as the fitted windows teach them.
+class ReferenceModels:
+    """The two models that need no aerodynamics, estimated from the fitted windows.
 
     Attributes
     ----------
@@ -162,10 +161,10 @@ class Simple:
     static: FloatArray
 
     @classmethod
-    def of(cls, learned: Sequence[Curves]) -> Simple:
-        """Learn from fitted windows."""
-        measured = np.concatenate([c.measured for c in learned])
-        squares = np.concatenate([c.squares for c in learned])
+    def of(cls, fitted: Sequence[ForceCurves]) -> ReferenceModels:
+        """Return the models of fitted windows."""
+        measured = np.concatenate([c.measured for c in fitted])
+        squares = np.concatenate([c.squares for c in fitted])
         mean = measured.mean(axis=0)
         vertical = np.linalg.lstsq(
             np.column_stack([np.ones(len(squares)), squares]), measured[:, 2], rcond=None
@@ -173,12 +172,9 @@ class Simple:
         static = np.array([[mean[0], mean[1], vertical[0]], [0.0, 0.0, vertical[1]]])
         return cls(mean, static)
 
-    def against(self, curves: Curves) -> dict[str, Against]:
+    def residuals(self, curves: ForceCurves) -> dict[str, ForceResiduals]:
         """Return residuals by axis."""
         static = np.column_stack([np.ones(len(curves.squares)), curves.squares]) @ self.static
-        found = [_rms(curves.measured - y) for y in (curves.model, self.mean, static)]
-        return {c: Against(*(float(f[i]) for f in found)) for i, c in enumerate(SPECIFIC_FORCE)}
-
-
-def _rms(residuals: FloatArray) -> FloatArray:
-    return np.asarray(np.sqrt(np.mean(residuals**2, axis=0)))
+        residuals = [curves.measured - y for y in (curves.model, self.mean, static)]
+        found = [np.sqrt(np.mean(r**2, axis=0)) for r in residuals]
+        return {c: ForceResiduals(*(float(f[i]) for f in found)) for i, c in enumerate(SPECIFIC_FORCE)}

@@ -18,7 +18,7 @@ _FORCES: Final = AERODYNAMIC - {"rotors.torque_ratio"} | {"rotors.inertia"}
 
 def in_ratio(vehicle: Vehicle) -> tuple[Parameter, ...]:
     """Return the free numbers that are known in ratio to the mass only; none where something tells the mass."""
-    if not vehicle.hovers or vehicle.file.propulsion is not None or any(vehicle.terms.values()):
+    if not vehicle.rotors or vehicle.file.propulsion is not None or any(vehicle.terms.values()):
         return ()
     group = [p for p in vehicle.parameters if _scales(p.name)]
     fixed = [p for p in group if p.value != 0.0 and (not p.free or p.prior is not None)]

@@ -1,4 +1,4 @@
-"""A mapping drafted for any log: by names, by units that the file states, and by what the numbers say."""
+"""A mapping drafted for any log: by names, by units that the file states, and by the size of the numbers."""
 
 from __future__ import annotations
 
@@ -14,27 +14,28 @@ from stoop import logs
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS
 from stoop.base.variables import OUTPUT_PINS, VARIABLES
+from stoop.checks.draft import DraftLine, with_units
+from stoop.checks.units import PAIRS, STATISTICS, growth
 from stoop.errors import LogError, one_line
 from stoop.flight.apply_mapping import Mapped, apply_mapping
 from stoop.flight.column_names import Guess, recognized, without_unit
 from stoop.flight.mapping import READY, ready, with_other_form
 from stoop.flight.mapping_draft_outputs import Outputs, place
-from stoop.flight.measured import ALIKE, PAIRS, Line, growth, with_units
 from stoop.flight.time_delay import Signal
 from stoop.logs import Recording
 from stoop.logs.read import is_bag_folder, kind, read_unmapped
 from stoop.logs.table import guess_clock, key_of, quoted, read_raw_csv
 
-STEPS: Final = (
+CLOCK_STEPS: Final = (
     ("s", 5e-5, 2.0),
     ("ms", 2.0, 1.5e3),
     ("us", 1.5e3, 1.5e6),
     ("ns", 1.5e6, np.inf),
-)  #: per sample
+)  #: unit -> least and largest steps of a clock per sample
 _COMPONENT: Final = re.compile(r"(?:.*\.)?(xyz\[\d\]|[xyz])")
-MOST_LINES: Final = 400
-MOST_COMPARED: Final = 60  #: columns without a known name, that are compared with the angles
-MOST_NAMES: Final = 30
+MAX_LINES: Final = 400
+MAX_COMPARED: Final = 60  #: columns without a known name, that are compared with the angles
+MAX_NAMES: Final = 30
 
 
 @dataclass(frozen=True)
@@ -111,7 +112,7 @@ def _of_ready(recording: Recording) -> Draft:
     out += motors
     if best:
         out += ["# It does not take these, which look as if they were of use:"]
-        out += [f"# {_toml(line)}" for line in best[:MOST_LINES]]
+        out += [f"# {_toml(line)}" for line in best[:MAX_LINES]]
     out += outputs.surface_lines()
     unsure = sum("# unsure" in line for line in motors)
     return Draft("\n".join([*out, ""]), len(taken) + len(motors), unsure)
@@ -126,7 +127,7 @@ def _outputs_of_ready(recording: Recording, found: Mapped) -> Outputs:
     return Outputs(mapped, places, signals, recording.parameters)
 
 
-def _outputs_of_any(timed: Recording, lines: Sequence[Line]) -> Outputs:
+def _outputs_of_any(timed: Recording, lines: Sequence[DraftLine]) -> Outputs:
     several = len(timed.streams) > 1
     signals = {}
     for line in lines:
@@ -137,7 +138,7 @@ def _outputs_of_any(timed: Recording, lines: Sequence[Line]) -> Outputs:
     return Outputs(tuple(line.variable for line in lines), places, signals, timed.parameters, called)
 
 
-def _says_motor(line: Line) -> bool:
+def _says_motor(line: DraftLine) -> bool:
     guess = _guessed(line.stream, line.column, "")
     return guess is not None and guess.variable.startswith("motor_")
 
@@ -149,7 +150,7 @@ def _of_any(recording: Recording) -> Draft:
     samples = {line.variable: _signal(timed, line) for line in best}
     lines = _as_siblings(with_units(best, samples))
     lines += _derivatives(timed, lines)
-    lines = sorted(lines, key=lambda line: list(VARIABLES).index(line.variable))[:MOST_LINES]
+    lines = sorted(lines, key=lambda line: list(VARIABLES).index(line.variable))[:MAX_LINES]
     named = {(line.stream, line.column) for line in lines} | _clock_columns(recording)
     outputs = _outputs_of_any(timed, lines)
     motors = outputs.motor_lines()
@@ -168,11 +169,11 @@ def _of_any(recording: Recording) -> Draft:
     return Draft("\n".join(out), len(lines) + len(motors), unsure)
 
 
-def _lines(recording: Recording) -> list[Line]:
+def _lines(recording: Recording) -> list[DraftLine]:
     return [line for stream in recording.streams for line in _of_stream(recording, stream)]
 
 
-def _of_stream(recording: Recording, stream: str) -> Iterator[Line]:
+def _of_stream(recording: Recording, stream: str) -> Iterator[DraftLine]:
     stated = recording.units.get(stream, {})
     columns = recording.streams[stream].columns
     bodily = {"u", "w"} <= {without_unit(column)[0].lower() for column in columns}
@@ -183,7 +184,7 @@ def _of_stream(recording: Recording, stream: str) -> Iterator[Line]:
         if guess.variable.partition("_")[2].isdigit() and not np.nan_to_num(columns[column]).any():
             continue  # an output that is not there
         doubts = (guess.doubt.removeprefix("unsure: "),) if guess.doubt else ()
-        yield Line(guess.variable, stream, column, guess.unit, guess.scale, bool(guess.unit), doubts)
+        yield DraftLine(guess.variable, stream, column, guess.unit, guess.scale, bool(guess.unit), doubts)
 
 
 def _guessed(stream: str, column: str, stated: str) -> Guess | None:
@@ -195,20 +196,20 @@ def _guessed(stream: str, column: str, stated: str) -> Guess | None:
     return recognized(f"{re.sub(r'/[0-9]+$', '', stream)} {component.group(1)}", stated) or known
 
 
-def _best(lines: Sequence[Line]) -> list[Line]:
+def _best(lines: Sequence[DraftLine]) -> list[DraftLine]:
     """Keep one line for each variable: one without a doubt, else the first; the others become doubts."""
-    by_name: dict[str, list[Line]] = {}
+    by_name: dict[str, list[DraftLine]] = {}
     for line in lines:
         by_name.setdefault(line.variable, []).append(line)
-    chosen = []
+    best = []
     for several in by_name.values():
         first, *others = sorted(several, key=lambda line: len(line.doubts))
         names = ", ".join(f"{line.stream} {line.column}" for line in others[:3])
-        chosen.append(first.doubted(f"or {names}") if others else first)
-    return chosen
+        best.append(first.doubted(f"or {names}") if others else first)
+    return best
 
 
-def _as_siblings(lines: Sequence[Line]) -> list[Line]:
+def _as_siblings(lines: Sequence[DraftLine]) -> list[DraftLine]:
     """Give motors (servos) whose size says nothing the percents of the others: one may have run at idle throughout."""
     stems = {
         stem
@@ -219,13 +220,13 @@ def _as_siblings(lines: Sequence[Line]) -> list[Line]:
     }
     return [
         replace(line, unit="percent").doubted("percent as the others")
-        if line.variable.startswith(tuple(stems)) and line.unit == "1" and not (line.said or line.doubts)
+        if line.variable.startswith(tuple(stems)) and line.unit == "1" and not (line.stated or line.doubts)
         else line
         for line in lines
     ]
 
 
-def _signal(recording: Recording, line: Line) -> Signal:
+def _signal(recording: Recording, line: DraftLine) -> Signal:
     stream = recording.streams[line.stream]
     return stream.time, stream.columns[line.column]
 
@@ -233,14 +234,14 @@ def _signal(recording: Recording, line: Line) -> Signal:
 def _clocks(recording: Recording) -> tuple[list[str], Recording]:
     """Return the tables that name the clocks, and the recording on them."""
     if recording.format != "table":
-        chosen = [
+        names = [
             one_line(f"# {key}: {text}")
             for key, text in recording.info.items()
             if key.startswith("clock of ")
         ]
-        return chosen, recording
+        return names, recording
     lines: list[str] = []
-    told: set[tuple[str, str]] = set()
+    written: set[tuple[str, str]] = set()
     streams = {}
     for i, (name, stream) in enumerate(recording.streams.items()):
         column = recording.info[f"clock of {name}"]
@@ -248,10 +249,10 @@ def _clocks(recording: Recording) -> tuple[list[str], Recording]:
         factor, mark = FACTORS[unit], ""
         if without_unit(column)[1] != unit:
             unit, mark = _by_steps(stream.columns[column])
-        if (column, unit) not in told:
+        if (column, unit) not in written:
             where = "time" if i == 0 else f"clock.{key_of(name)}"
             lines += ["", f"[{where}]", f"column = {quoted(column)}", f'unit = "{unit}"{mark}']
-        told |= {(column, unit)} if i == 0 else set()
+        written |= {(column, unit)} if i == 0 else set()
         streams[name] = replace(stream, time=stream.time * (FACTORS[unit] / factor))
     return lines, replace(recording, streams=streams)
 
@@ -263,22 +264,22 @@ def _clock_columns(recording: Recording) -> set[tuple[str, str]]:
 def _by_steps(clock: FloatArray) -> tuple[str, str]:
     """Tell the unit of a clock by its steps: logs are written at 0.5 Hz to 20 kHz."""
     step = float(np.median(np.diff(clock)))
-    unit = next((unit for unit, low, high in STEPS if low <= step < high), "s")
+    unit = next((unit for unit, low, high in CLOCK_STEPS if low <= step < high), "s")
     return unit, f"  # unsure: its steps are {step:.4g}, which are {step * FACTORS[unit]:.4g} s then"
 
 
-def _derivatives(recording: Recording, lines: Sequence[Line]) -> list[Line]:
+def _derivatives(recording: Recording, lines: Sequence[DraftLine]) -> list[DraftLine]:
     """Find columns without a known name that are the derivative of an angle."""
     known = {line.variable: line for line in lines}
     named = {(line.stream, line.column) for line in lines}
     found = []
-    for angle, rate in PAIRS:
+    for angle, rate in PAIRS[:3]:
         if angle not in known or rate in known:
             continue
         t, x = _signal(recording, known[angle])
         turned = t, known[angle].values(x)
         best = max(_compared(recording, turned, named), key=lambda one: abs(one[1]), default=None)
-        if best is not None and abs(best[1]) > ALIKE:
+        if best is not None and abs(best[1]) > STATISTICS.likeness:
             found.append(_rate_line(rate, angle, *best))
     return found
 
@@ -287,18 +288,18 @@ def _compared(
     recording: Recording, angle: Signal, named: set[tuple[str, str]]
 ) -> Iterator[tuple[float, float, str, str]]:
     left = [(s, c) for s, stream in recording.streams.items() for c in stream.columns if (s, c) not in named]
-    for stream, column in left[:MOST_COMPARED]:
+    for stream, column in left[:MAX_COMPARED]:
         values = recording.streams[stream].columns[column]
         yield (*growth(angle, (recording.streams[stream].time, values)), stream, column)
 
 
-def _rate_line(rate: str, angle: str, ratio: float, likeness: float, stream: str, column: str) -> Line:
+def _rate_line(rate: str, angle: str, ratio: float, likeness: float, stream: str, column: str) -> DraftLine:
     unit = "deg/s" if abs(ratio) < 0.1 else "rad/s"
     doubt = f"by its numbers only: the derivative of {angle} (correlation {abs(likeness):.2f})"
-    return Line(rate, stream, column, unit, 1.0 if ratio > 0.0 else -1.0, doubts=(doubt,))
+    return DraftLine(rate, stream, column, unit, 1.0 if ratio > 0.0 else -1.0, doubts=(doubt,))
 
 
-def _toml(line: Line, with_stream: bool = True) -> str:
+def _toml(line: DraftLine, with_stream: bool = True) -> str:
     parts = [f"stream = {quoted(line.stream)}"] if with_stream else []
     parts += [f"column = {quoted(line.column)}", f'unit = "{line.unit or VARIABLES[line.variable].unit}"']
     parts += [f"scale = {line.scale!r}"] if line.scale != 1.0 else []
@@ -312,8 +313,8 @@ def _left(recording: Recording, named: set[tuple[str, str]]) -> list[str]:
     for name, stream in recording.streams.items():
         rest = [column for column in stream.columns if (name, column) not in named]
         if rest:
-            more = f" and {len(rest) - MOST_NAMES} more" if len(rest) > MOST_NAMES else ""
+            more = f" and {len(rest) - MAX_NAMES} more" if len(rest) > MAX_NAMES else ""
             out.append(
-                f"# not recognized in {quoted(name)}: {' '.join(quoted(c) for c in rest[:MOST_NAMES])}{more}"
+                f"# not recognized in {quoted(name)}: {' '.join(quoted(c) for c in rest[:MAX_NAMES])}{more}"
             )
     return ["", *out] if out else []

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from stoop.base.units import FACTORS, ZEROS
+from stoop.base.units import FACTORS, PULSE_FACTORS, ZEROS
 from stoop.errors import LogError
 
 TIME_UNITS: Final = ("s", "ms", "us", "ns")
@@ -35,12 +35,6 @@ LARGEST: Final = 1e300  #: number that a mapping may hold
 MAX_BYTES: Final = 2**20
 _KEYS: Final = frozenset({"column", "unit", "scale", "offset", "file"})
 _SECOND: Final = frozenset({"extends", "files", "group", "calibration", "surface", "mixer", "align"})
-PULSES: Final = {
-    "pwm": 1.0,
-    "us": 1.0,
-    "ms": 1e3,
-    "s": 1e6,
-}  #: unit of a pulse -> microseconds, as it is kept
 
 
 @dataclass(frozen=True)
@@ -180,7 +174,7 @@ def _column(path: Path, name: str, entry: object) -> Column:
 
 def factor_of(place: Path | str, where: str, variable: str, unit: str) -> float:
     """Return the SI value of one unit; pulses are kept in microseconds."""
-    factors = PULSES if variable.startswith("pwm_") else FACTORS
+    factors = PULSE_FACTORS if variable.startswith("pwm_") else FACTORS
     if unit not in factors:
         near = difflib.get_close_matches(unit, factors, n=3, cutoff=0.3) or list(factors)
         raise LogError(f"{place}: {where}.unit = '{unit}' is unknown; did you mean {' or '.join(near)}?")

@@ -130,14 +130,14 @@ class Misfit:
         out = np.zeros((len(z), len(r))).T
         first, spent = 0, 0.0
         for i, count in enumerate(self.ladder[rung]):
-            block = slice(first, first + count * self._channels)
+            block = slice(first, first + count * len(self.layout.vehicle.outputs))
             spent += self._piece_jacobian(z, i, count, r[block], out[block]) * count
             first = block.stop
         out[first:] = self.layout.prior_jacobian()
         return out, spent / sum(self.ladder[-1])
 
     def reference(self, rung: int) -> float:
-        """Return the cost of a model that says nothing: each channel stays at its first measurement."""
+        """Return the cost of constant readings: each channel stays at its first measurement."""
         total = 0.0
         for piece, count in zip(self.pieces, self.ladder[rung], strict=True):
             z = piece.measured[:count]
@@ -148,10 +148,6 @@ class Misfit:
     def outputs(self, z: FloatArray, index: int) -> FloatArray:
         """Return the simulated readings (n, n_y) of one piece for a vector (D + E,)."""
         return np.asarray(self._trajectories(z[None, :], index, len(self.pieces[index].time))[0])
-
-    @property
-    def _channels(self) -> int:
-        return len(self.layout.vehicle.outputs)
 
     @cached_property
     def _summed_in_kernel(self) -> bool:
@@ -173,27 +169,22 @@ class Misfit:
         return self._whitened(simulated, self.pieces[index].measured[:count]).reshape(len(Z), -1)
 
     def _whitened(self, simulated: FloatArray, measured: FloatArray) -> FloatArray:
-        """Return whitened simulated minus measured, zero where there is no measurement; simulated is used up."""
-        seen = np.isfinite(measured)
+        """Return whitened simulated minus measured, zero where there is no measurement; overwrites simulated."""
+        present = np.isfinite(measured)
         with np.errstate(invalid="ignore", over="ignore"):  # the last readings before a divergence are huge
-            simulated -= np.where(seen, measured, 0.0)
-            if not seen.all():
-                simulated *= seen
-            return self.weights.whiten(on_circle(simulated, self.layout.vehicle.outputs), seen, simulated)
+            simulated -= np.where(present, measured, 0.0)
+            if not present.all():
+                simulated *= present
+            return self.weights.whiten(on_circle(simulated, self.layout.vehicle.outputs), present, simulated)
 
     @cached_property
-    def _steps(self) -> list[list[int]]:
+    def _varied(self) -> list[list[int]]:
         """Entries that are varied on each piece: all parameters and the piece's own initial states."""
-        d = self.dimension
-        own = [
-            [d + j for j, n in enumerate(self.layout.nuisances) if n.piece == i]
-            for i in range(len(self.pieces))
-        ]
-        return [[*range(d), *states] for states in own]
+        return [[*range(self.dimension), *(j for j, n in own if not n.is_bias)] for own in self.own]
 
     def _piece_jacobian(self, z: FloatArray, index: int, count: int, r: FloatArray, out: FloatArray) -> int:
         """Fill the rows of one piece; return how many trajectories it took."""
-        entries = np.array(self._steps[index], dtype=np.intp)
+        entries = np.array(self._varied[index], dtype=np.intp)
         steps = np.where((entries < self.dimension) & (z[entries] + STEP > 1.0), -STEP, STEP)
         Z = np.repeat(z[None, :], len(entries), axis=0)
         Z[np.arange(len(entries)), entries] += steps
@@ -203,27 +194,24 @@ class Misfit:
             for entry, row, step in zip(entries, R, taken, strict=True):  # a row at a time stays in the cache
                 row -= r
                 np.divide(row, step, out=out.T[entry])
-        self._bias_columns(index, count, out)
+        for j, column in self._bias_columns[index].items():
+            out[:, j] = column[: len(out)]
         return len(entries)
 
-    def _bias_columns(self, index: int, count: int, out: FloatArray) -> None:
-        """Fill the known derivative of the readings by their biases."""
-        for j, column in self._known_columns[index].items():
-            out[:, j] = column[: count * self._channels]
-
     @cached_property
-    def _known_columns(self) -> list[dict[int, FloatArray]]:
+    def _bias_columns(self) -> list[dict[int, FloatArray]]:
         """Derivatives (n * n_y,) of the whitened readings of each piece by its biases, by their place in the vector."""
-        return [
-            {j: self._bias_column(n, piece) for j, n in own if n.is_bias}
-            for piece, own in zip(self.pieces, self.own, strict=True)
-        ]
-
-    def _bias_column(self, bias: Nuisance, piece: Piece) -> FloatArray:
-        vehicle, seen = self.layout.vehicle, np.isfinite(piece.measured)
-        row = vehicle.rows[bias.name]
-        shared = [vehicle.rows[f"sensors.{c}.bias"] == row for c in vehicle.outputs]  # a tie shares it
-        return np.asarray(self.weights.whiten(bias.scale * seen * shared, seen).ravel())
+        vehicle, out = self.layout.vehicle, []
+        for piece, own in zip(self.pieces, self.own, strict=True):
+            present, columns = np.isfinite(piece.measured), {}
+            for j, bias in ((j, n) for j, n in own if n.is_bias):
+                row = vehicle.rows[bias.name]
+                shared = [
+                    vehicle.rows[f"sensors.{c}.bias"] == row for c in vehicle.outputs
+                ]  # a tie shares it
+                columns[j] = np.asarray(self.weights.whiten(bias.scale * present * shared, present).ravel())
+            out.append(columns)
+        return out
 
     @cached_property
     def own(self) -> list[list[tuple[int, Nuisance]]]:
@@ -290,23 +278,20 @@ def on_circle(errors: FloatArray, outputs: Sequence[str]) -> FloatArray:
 
 
 def horizon_ladder(pieces: Sequence[Piece]) -> tuple[tuple[int, ...], ...]:
-    """Return samples per piece and rung: where the excitation of each piece has shown itself, then thirds.
+    """Return samples per piece and rung: up to half of the excitation of each piece, three times as far, all.
 
     A rung that ends before the controls move says nothing. The first ends where half of the inputs' energy
-    (about their start) is spent, within 10 and 50 % of the piece and not before 0.4 s; the second is three
-    times as long; rungs that would be nearly whole are left out.
+    (about their start) is spent, within 10 and 50 % of the piece and not before 0.4 s; rungs that would be nearly whole
+    are left out.
     """
-    firsts = [_first_rung(p) for p in pieces]
+    firsts = []
+    for piece in pieces:
+        n, scale = len(piece.time), np.ptp(piece.inputs, axis=0)
+        deflections = (piece.inputs - piece.inputs[0]) / np.where(scale > 0.0, scale, 1.0)
+        energy = np.cumsum(np.sum(deflections**2, axis=1))
+        half = int(np.searchsorted(energy, 0.5 * energy[-1])) + 1 if energy[-1] > 0.0 else n // 10
+        least = max(20, n // 10, round(0.4 / piece.dt))
+        firsts.append(min(max(half, least), max(n // 2, least), n))
     whole = tuple(len(p.time) for p in pieces)
     rungs = [tuple(min(factor * f, n) for f, n in zip(firsts, whole, strict=True)) for factor in (1, 3)]
     return (*(r for r in rungs if sum(r) < 0.6 * sum(whole)), whole)
-
-
-def _first_rung(piece: Piece) -> int:
-    n = len(piece.time)
-    scale = np.ptp(piece.inputs, axis=0)
-    moves = (piece.inputs - piece.inputs[0]) / np.where(scale > 0.0, scale, 1.0)
-    energy = np.cumsum(np.sum(moves**2, axis=1))
-    half = int(np.searchsorted(energy, 0.5 * energy[-1])) + 1 if energy[-1] > 0.0 else n // 10
-    least = max(20, n // 10, round(0.4 / piece.dt))
-    return min(max(half, least), max(n // 2, least), n)

@@ -94,7 +94,7 @@ _AIR_FRAME, _GROUND_FRAME = AirFrame(), GroundFrame()
 
 def observation_model(vehicle: Vehicle) -> ObservationModel:
     """Return the frame of a vehicle: ground frame with rotors, air frame without."""
-    return _GROUND_FRAME if vehicle.hovers else _AIR_FRAME
+    return _GROUND_FRAME if vehicle.has_rotors else _AIR_FRAME
 
 
 def state_channels(vehicle: Vehicle) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -41,43 +42,41 @@ class Weights:
         """Logarithm of the determinant of the noise covariance."""
         return -2.0 * float(np.sum(np.log(np.diag(self.root))))
 
-    def whiten(self, residuals: FloatArray, seen: BoolArray, room: FloatArray | None = None) -> FloatArray:
+    def whiten(self, residuals: FloatArray, present: BoolArray, out: FloatArray | None = None) -> FloatArray:
         """Return residuals (..., n, n_y) with unit covariance.
 
         Parameters
         ----------
         residuals : (..., n, n_y)
             Zero where nothing was measured.
-        seen : (n, n_y)
+        present : (n, n_y)
             Where something was: a sample that lacks channels has the covariance of those it has.
-        room : (..., n, n_y), optional
+        out : (..., n, n_y), optional
             May take the result; may be the residuals themselves.
         """
         if self.diagonal:
-            return np.multiply(residuals, np.diag(self.root), out=room)
-        out = np.zeros_like(residuals)
-        patterns, which = np.unique(seen, axis=0, return_inverse=True)
-        for i, pattern in enumerate(patterns):
-            rows = which.ravel() == i
-            out[..., rows, :] = residuals[..., rows, :] @ self._root_of(pattern).T
-        return out
+            return np.multiply(residuals, np.diag(self.root), out=out)
+        white = np.zeros_like(residuals)
+        for rows, root in self._roots(present):
+            white[..., rows, :] = residuals[..., rows, :] @ root.T
+        return white
 
-    def colored(self, whitened: FloatArray, seen: BoolArray) -> FloatArray:
+    def colored(self, whitened: FloatArray, present: BoolArray) -> FloatArray:
         """Return residuals (n, n_y) in the channels' units from whitened ones: the inverse of :meth:`whiten`."""
         if self.diagonal:
             return np.asarray(whitened / np.diag(self.root))
-        out = np.zeros_like(whitened)
-        patterns, which = np.unique(seen, axis=0, return_inverse=True)
-        for i, pattern in enumerate(patterns):
-            rows = which.ravel() == i
-            out[rows] = whitened[rows] @ np.linalg.pinv(self._root_of(pattern)).T
-        return out
+        residuals = np.zeros_like(whitened)
+        for rows, root in self._roots(present):
+            residuals[rows] = whitened[rows] @ np.linalg.pinv(root).T
+        return residuals
 
-    def _root_of(self, pattern: BoolArray) -> FloatArray:
-        """Return the root of the inverse covariance of some channels, zero in the others."""
-        index = np.flatnonzero(pattern)
-        root = np.zeros_like(self.root)
-        if index.size:
-            part = self.covariance[np.ix_(index, index)]
-            root[np.ix_(index, index)] = np.linalg.cholesky(np.linalg.inv(part)).T
-        return root
+    def _roots(self, present: BoolArray) -> Iterator[tuple[BoolArray, FloatArray]]:
+        """Yield samples (n,) that have the same channels, with the root of their inverse covariance, zero elsewhere."""
+        patterns, which = np.unique(present, axis=0, return_inverse=True)
+        for i, pattern in enumerate(patterns):
+            index = np.flatnonzero(pattern)
+            root = np.zeros_like(self.root)
+            if index.size:
+                part = self.covariance[np.ix_(index, index)]
+                root[np.ix_(index, index)] = np.linalg.cholesky(np.linalg.inv(part)).T
+            yield which.ravel() == i, root

@@ -102,7 +102,7 @@ def plot(
     ----------
     series : sequence of Series
     x_label, y_label : str, with units
-    description : str, the drawing in words, for who cannot see it
+    description : str, for screen readers
     log_x, log_y : bool, logarithmic axes; what is not positive is left out
     x_range, y_range : (low, high), data units; by default what the series span
     looks : mapping of name to number, optional
@@ -135,7 +135,7 @@ def stacked_plots(
     ----------
     strips : sequence of Strip
     x_label : str, with unit
-    description : str, the drawing in words
+    description : str, for screen readers
     shades : sequence of Shade
         Drawn behind the curves of every strip, one that is declined behind the others; named above the first.
     """
@@ -181,7 +181,7 @@ def contour_plot(
         Joined in order, a dot at each.
     marks : sequence of Mark
     x_label, y_label : str, with units
-    description : str, the drawing in words
+    description : str, for screen readers
     levels : (l,), optional
         By default spread so that each lies between equally many grid points.
     """

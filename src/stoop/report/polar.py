@@ -9,11 +9,12 @@ import numpy as np
 
 from stoop.assess.covariance import NORMAL_95
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice
 from stoop.base.numbers import number, rounded_to_error
 from stoop.base.units import DEGREE
 from stoop.reconstruct.polar import Polar
 from stoop.report.plots import Series, plot
-from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table
+from stoop.report.sheet import Bullets, Code, Figure, Section, Sheet, Table
 
 POINTS: Final = 61
 MEANINGS: Final = {
@@ -25,22 +26,22 @@ MEANINGS: Final = {
     "efficiency": "motor, controller and blades, without induced loss",
     "diameter": "of the propeller's disc, m",
 }
-_LEAD: Final = """\
+LEAD: Final = """\
 Drag by the energy-rate method, lift from the accelerometers, both over blocks of some seconds; a parabola by robust
 regression. The intervals count the color of what is left, the error of the airspeed, and that of the propulsion."""
 
 
-def polar_sheet(name: str, polar: Polar, notes: Sequence[str], command: str) -> Sheet:
+def polar_sheet(name: str, polar: Polar, notices: Sequence[Notice], command: str) -> Sheet:
     """Return the page of the polar of a flight of this name."""
     sections = [
         Section("Drag", (_numbers(polar), _drag(polar), _figure(polar), _bins(polar))),
         Section("Lift against angle of attack", (_lift(polar),)),
-        Section("What it rests on", (Prose("\n".join(f"- {note}" for note in notes)),)),
+        Section("What it rests on", (Bullets([str(one) for one in notices]),)),
         Section("Made by", (Code(command),)),
     ]
     if polar.blocks.powered:
         sections.insert(1, Section("Power of steady level flight", (_power(polar),)))
-    return Sheet(f"Drag polar of {name}", _LEAD, tuple(sections))
+    return Sheet(f"Drag polar of {name}", LEAD, tuple(sections))
 
 
 def grid(polar: Polar) -> FloatArray:
@@ -81,9 +82,10 @@ def _figure(polar: Polar) -> Figure:
         Series("95 % interval, high", value + NORMAL_95 * std, CL),
     ]
     high = float(max(np.max(value + NORMAL_95 * std), np.quantile(polar.CD, 0.9)))
-    words = "Lift coefficient over drag coefficient."
+    caption = "Lift coefficient over drag coefficient."
     return Figure(
-        words, plot(series, "drag coefficient CD", "lift coefficient CL", words, x_range=(0.0, 1.1 * high))
+        caption,
+        plot(series, "drag coefficient CD", "lift coefficient CL", caption, x_range=(0.0, 1.1 * high)),
     )
 
 
@@ -102,17 +104,17 @@ def _power(polar: Polar) -> Figure:
         Series("95 % interval, high", speed, value + NORMAL_95 * std),
     ]
     best = int(np.argmin(value))
-    words = (
+    caption = (
         f"Least power {value[best]:.0f} ± {std[best]:.0f} W at {speed[best]:.1f} m/s (one standard error), from the "
         "parabola and the propulsion."
     )
     return Figure(
-        words,
+        caption,
         plot(
             series,
             "true airspeed, m/s",
             "electric power, W",
-            words,
+            caption,
             y_range=(0.0, 1.1 * float(np.max(value + std))),
         ),
     )
@@ -120,8 +122,8 @@ def _power(polar: Polar) -> Figure:
 
 def _lift(polar: Polar) -> Figure:
     series = [Series("blocks", polar.blocks.alpha / DEGREE, polar.CL, "points")]
-    words = (
+    caption = (
         "Lift coefficient over angle of attack, blocks. An angle of attack that was reconstructed with a steady wind holds "
         "vertical gusts, which spread the points sideways: no slope is fitted, it would come out too low."
     )
-    return Figure(words, plot(series, "angle of attack, deg", "lift coefficient CL", words))
+    return Figure(caption, plot(series, "angle of attack, deg", "lift coefficient CL", caption))

@@ -71,20 +71,20 @@ def _ending(result: Result) -> str:
 
 def _parameters(result: Result) -> str:
     unknown = [name for name, one in result.parameters.items() if not one.identifiable]
-    stuck = [name for name, one in result.parameters.items() if one.at_bound]
+    bounded = [name for name, one in result.parameters.items() if one.at_bound]
     total = len(result.parameters)
-    said = f"{count(total, 'parameter')} estimated"
+    text = f"{count(total, 'parameter')} estimated"
     if unknown:
-        said += f"; {count(len(unknown), 'of them is', 'of them are')} not identifiable ({listed(unknown)})"
-    if stuck:
-        lie = "lies" if len(stuck) == 1 else "lie"
-        said += f"; {len(stuck)} {lie} at a bound ({listed(stuck)})"
-    if not (unknown or stuck):
-        said += ", all of them identifiable"
+        text += f"; {count(len(unknown), 'of them is', 'of them are')} not identifiable ({listed(unknown)})"
+    if bounded:
+        lie = "lies" if len(bounded) == 1 else "lie"
+        text += f"; {len(bounded)} {lie} at a bound ({listed(bounded)})"
+    if not (unknown or bounded):
+        text += ", all of them identifiable"
     # An identifiable parameter is in doubt only where others can almost replace it.
     doubts = result.identifiability.parameters.items()
     together = sum(bool(one.doubt) and name not in unknown for name, one in doubts)
-    return said + (f"; {together} of them known only in combination with others." if together else ".")
+    return text + (f"; {together} of them known only in combination with others." if together else ".")
 
 
 def _match(result: Result, role: Role) -> str:
@@ -92,8 +92,8 @@ def _match(result: Result, role: Role) -> str:
     if not maneuvers:
         return "" if role == "fit" else "No window was held back, so the prediction error is not known."
     opening = "In the maneuvers it was fitted to" if role == "fit" else "Where nothing was fitted"
-    said = "; ".join(part for part in (_theil_range(maneuvers), _against_lag(result, role)) if part)
-    return f"{opening}, {said}." if said else ""
+    text = "; ".join(part for part in (_theil_range(maneuvers), _against_lag(result, role)) if part)
+    return f"{opening}, {text}." if text else ""
 
 
 def _theil_range(maneuvers: list[ManeuverResult]) -> str:
@@ -111,10 +111,10 @@ def _against_lag(result: Result, role: Role) -> str:
     if not compared:
         return ""
     lost, better = _lost(result, role), sum(better for _, better in compared)
-    said = f"the model beats a trivial first-order lag in {better} of {count(len(compared), 'comparison')}"
+    text = f"the model beats a trivial first-order lag in {better} of {count(len(compared), 'comparison')}"
     drawn = len(compared) - better - len(lost)
-    said += f" and leaves only noise in {drawn} more" if drawn else ""
-    return f"{said}, not in {listed(lost)}" if lost else said
+    text += f" and leaves only noise in {drawn} more" if drawn else ""
+    return f"{text}, not in {listed(lost)}" if lost else text
 
 
 def _compared(maneuver: ManeuverResult) -> list[tuple[str, bool]]:

@@ -24,7 +24,7 @@ class MeasuredMode:
     """A mode as the record shows it after the input, no flight-dynamics model involved.
 
     `frequency` [rad/s], `damping` and their intervals come from damped oscillations fitted to `channels` between
-    `start` and `stop` [s, the log's own clock]; NaN, and `remark` says why, where they cannot be told.
+    `start` and `stop` [s, the log's own clock]; NaN, and `remark` says why, where they are not identifiable.
     """
 
     maneuver: int  #: counts from 0
@@ -60,7 +60,7 @@ class ModeEstimate:
     remark : str
         What to know about it, in words.
     measured : tuple of MeasuredMode
-        The same mode in the records, where it can be told.
+        The same mode in the records, where it is identifiable.
     """
 
     name: str

@@ -60,7 +60,7 @@ class ParameterEstimate:
     at_bound : bool
         The estimate lies on the box: the number is the box's, not the flight's.
     identifiable : bool
-        False when the data cannot tell this parameter; its interval is then no confident statement.
+        False when the data do not determine the parameter; it has no interval then.
     unit : str
         ``"1"`` for a pure number.
     prior_mean, prior_std : float, `unit`

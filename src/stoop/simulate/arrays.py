@@ -74,7 +74,7 @@ def simulate(
     point = trim(vehicle, airspeed, altitude)
     gusts = np.random.default_rng([seed, 1])
     flown = open_loop(
-        vehicle, time, _channels(vehicle, point, columns, len(time)), point, gusts, vehicle.hovers
+        vehicle, time, _channels(vehicle, point, columns, len(time)), point, gusts, vehicle.has_rotors
     )
     if not np.isfinite(flown.outputs).all():
         last = time[int(np.argmin(np.isfinite(flown.outputs).all(axis=1)))]

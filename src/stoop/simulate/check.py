@@ -6,6 +6,7 @@ from typing import Final
 
 from stoop.errors import ManeuverError
 from stoop.simulate.maneuver import EXCITATIONS, SETPOINTS, Battery, Maneuver
+from stoop.simulate.steady import flies_on_rotors
 from stoop.vehicle import Vehicle
 
 MOST_ON_ROTORS: Final = 500_000  #: samples; an autopilot takes them one by one
@@ -13,7 +14,7 @@ MOST_ON_ROTORS: Final = 500_000  #: samples; an autopilot takes them one by one
 
 def on_rotors(vehicle: Vehicle, maneuver: Maneuver) -> bool:
     """Whether rotors carry the vehicle, and an autopilot flies it: without an airspeed it stands on its rotors."""
-    return vehicle.hovers and maneuver.airspeed is None
+    return flies_on_rotors(vehicle, maneuver.airspeed)
 
 
 def check_maneuver(vehicle: Vehicle, maneuver: Maneuver) -> None:
@@ -25,7 +26,7 @@ def check_maneuver(vehicle: Vehicle, maneuver: Maneuver) -> None:
         An input that it does not have, an airspeed for what has no wings, a velocity for what cannot hover, or a
         battery that nothing feels.
     """
-    if vehicle.hovers and vehicle.file.reference is None and maneuver.airspeed is not None:
+    if vehicle.file.reference is None and maneuver.airspeed is not None:
         raise ManeuverError(
             f"airspeed: {vehicle.where} has no wings to fly {maneuver.airspeed:g} m/s on, so no trim there; leave it out, write "
             f"velocity, and move {', '.join(controls(vehicle, False))}"
@@ -39,7 +40,7 @@ def check_maneuver(vehicle: Vehicle, maneuver: Maneuver) -> None:
         raise ManeuverError(
             "heading: a longitudinal model flies north; remove the heading, or fly the full model"
         )
-    if maneuver.velocity is not None and not vehicle.hovers:
+    if maneuver.velocity is not None and not vehicle.rotors:
         raise ManeuverError(
             f"velocity: {vehicle.where} has no rotors to hover on; write airspeed, and wind for the speed over ground"
         )
@@ -49,8 +50,10 @@ def check_maneuver(vehicle: Vehicle, maneuver: Maneuver) -> None:
 
 def controls(vehicle: Vehicle, on_wings: bool) -> list[str]:
     """Return what a maneuver may move: of what hovers on its rotors, set-points and axes of the autopilot as well."""
-    names = () if on_wings or not vehicle.hovers else (*EXCITATIONS, *SETPOINTS)
-    channels = set(vehicle.recorded) - {"voltage", "density"} if vehicle.hovers else set()
+    if not vehicle.rotors:
+        return list(vehicle.controls)
+    names = () if on_wings else (*EXCITATIONS, *SETPOINTS)
+    channels = set(vehicle.recorded) - {"voltage", "density"}
     if vehicle.file.ground_effect is not None:
         channels = channels | {vehicle.file.ground_effect.channel}
     return list(dict.fromkeys((*names, *vehicle.controls, *sorted(channels))))
@@ -68,7 +71,7 @@ def _check_inputs(vehicle: Vehicle, maneuver: Maneuver) -> None:
 
 def _on_its_rotors(vehicle: Vehicle, control: str) -> str:
     hint = f", or leave the airspeed out: '{control}' is moved where rotors carry the vehicle"
-    return hint if vehicle.hovers and control in (*EXCITATIONS, *SETPOINTS) else ""
+    return hint if vehicle.rotors and control in (*EXCITATIONS, *SETPOINTS) else ""
 
 
 def _check_battery(vehicle: Vehicle, maneuver: Maneuver, battery: Battery) -> None:

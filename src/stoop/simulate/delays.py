@@ -36,6 +36,16 @@ def delayed(signal: FloatArray, samples: float) -> FloatArray:
     return out
 
 
+def first_order_lag(command: FloatArray, lag: float, dt: float) -> FloatArray:
+    """Return a first-order lag's response (n,) to a command that is linear between samples, at rest at first."""
+    from scipy.signal import lfilter
+
+    decay = float(np.exp(-dt / lag))
+    mean = -float(np.expm1(-dt / lag)) * lag / dt  # of the decay over a sample
+    begin = [mean * float(command[0])]  # so that the first value is the first command
+    return np.asarray(lfilter([1.0 - mean, mean - decay], [1.0, -decay], command, zi=begin)[0])
+
+
 def lagrange(f: float) -> tuple[float, float, float, float]:
     """Return the weights of the samples at +1, 0, -1, -2 for the point at -f, 0 <= f < 1."""
     return (

@@ -102,7 +102,7 @@ def flown_trim(vehicle: Vehicle, maneuver: Maneuver) -> Trim:
         )
     point = trim(vehicle, maneuver.airspeed, maneuver.altitude)
     wind = tuple(steady_wind(vehicle, maneuver.wind).tolist())
-    known = dict(zip(WIND_NUMBERS, wind, strict=True)) if vehicle.hovers else {}
+    known = dict(zip(WIND_NUMBERS, wind, strict=True)) if set(WIND_NUMBERS) <= vehicle.rows.keys() else {}
     return replace(
         point, start={**point.start, "psi": maneuver.heading}, changes={**point.changes, **known}, wind=wind
     )
@@ -111,7 +111,7 @@ def flown_trim(vehicle: Vehicle, maneuver: Maneuver) -> Trim:
 def _on_wings(vehicle: Vehicle, maneuver: Maneuver, point: Trim, gusts: np.random.Generator) -> Flown:
     """Fly without an autopilot."""
     inputs = flown_inputs(vehicle, maneuver, point)
-    moving = vehicle.hovers or maneuver.wind is not None
+    moving = vehicle.has_rotors or maneuver.wind is not None
     return open_loop(vehicle, maneuver.time, inputs, point, gusts, moving)
 
 

@@ -93,7 +93,7 @@ def state_matrix(vehicle: Vehicle, point: Trim) -> tuple[tuple[str, ...], FloatA
 
 
 def _minimal(vehicle: Vehicle, point: Trim) -> tuple[str, ...]:
-    return _ON_ROTORS if vehicle.hovers and "V" not in point.start else _MINIMAL[vehicle.reduce]
+    return _MINIMAL[vehicle.reduce] if "V" in point.start else _ON_ROTORS
 
 
 def _names(vehicle: Vehicle, point: Trim) -> tuple[str, ...]:

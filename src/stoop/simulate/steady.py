@@ -1,4 +1,4 @@
-"""What every kind of steady flight is told by."""
+"""The result of every kind of trim."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from stoop.base.arrays import FloatArray
+from stoop.vehicle import Vehicle
 
 TOLERANCE: Final = 1e-7  #: of accelerations left over, m/s2 and rad/s2
 
@@ -42,3 +43,8 @@ class Trim:
     residual: float
     velocity: tuple[float, ...] = (0.0, 0.0, 0.0)
     wind: tuple[float, ...] = (0.0, 0.0, 0.0)
+
+
+def flies_on_rotors(vehicle: Vehicle, airspeed: float | None) -> bool:
+    """Whether rotors carry the vehicle: without an airspeed, and never one without rotors."""
+    return vehicle.has_rotors and airspeed is None

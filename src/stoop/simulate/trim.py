@@ -14,7 +14,7 @@ from stoop.simulate.hover import Hover, hover_about, hover_trim
 from stoop.simulate.initial import initial_states, parameter_rows
 from stoop.simulate.mixing import mixed_inputs
 from stoop.simulate.rotors import channel_range
-from stoop.simulate.steady import TOLERANCE, Trim
+from stoop.simulate.steady import TOLERANCE, Trim, flies_on_rotors
 from stoop.vehicle import Vehicle
 
 OUT_OF_GROUND_EFFECT = 1e4  #: m
@@ -84,7 +84,7 @@ def neutral_inputs(
         out[vehicle.inputs.index("density")] = 1.225 if density is None else density
     if vehicle.file.ground_effect is not None:
         out[vehicle.inputs.index(vehicle.file.ground_effect.channel)] = height
-    return _idling(vehicle, out) if vehicle.hovers else out
+    return _idling(vehicle, out) if vehicle.rotors else out
 
 
 def _idling(vehicle: Vehicle, out: FloatArray) -> FloatArray:
@@ -191,7 +191,7 @@ def trim(
     SimulationError
         No steady flight at this speed with these controls.
     """
-    if vehicle.hovers and airspeed is None:
+    if flies_on_rotors(vehicle, airspeed):
         return hover_trim(
             vehicle, neutral_inputs(vehicle, density, altitude), altitude, velocity, wind, heading
         )

@@ -53,8 +53,8 @@ def parse_vehicle(text: str, where: str) -> Vehicle:
 
 def _complete(raw: dict[str, Any], where: str) -> None:
     """Write into the raw file what it leaves to the defaults."""
-    hovers = bool(raw.get("rotor"))
-    if hovers and "aerodynamics" not in raw:
+    has_rotors = bool(raw.get("rotor"))
+    if has_rotors and "aerodynamics" not in raw:
         raw.update(aerodynamics={"default": False}, controls=raw.get("controls") or {})
     elif not raw.get("controls"):
         raw["controls"] = {name: {} for name in STANDARD_CONTROLS}
@@ -62,7 +62,7 @@ def _complete(raw: dict[str, Any], where: str) -> None:
         _complete_terms(raw, where)
     sensors = raw.setdefault("sensors", {})
     if isinstance(sensors, dict):
-        for channel in (*CHANNELS, *(WIND if hovers else ())):
+        for channel in (*CHANNELS, *(WIND if has_rotors else ())):
             _complete_sensor(sensors, channel)
 
 

@@ -28,7 +28,7 @@ def check_rotors(vehicle: Vehicle, place: str = "") -> None:
     where = f"{vehicle.where}: {place}"
     _check_tables(vehicle, where)
     _check_signs(vehicle, where)
-    if not vehicle.hovers:
+    if not vehicle.rotors:
         return
     axes = {name: _check_axis(vehicle, name, where) for name in vehicle.rotors}
     _check_places(vehicle, where)
@@ -40,7 +40,7 @@ def _check_tables(vehicle: Vehicle, where: str) -> None:
     """Refuse tables that do not go together."""
     file = vehicle.file
     for channel in ("vn", "ve", "vd"):
-        if not vehicle.hovers and getattr(file.sensors, channel) is not None:
+        if not vehicle.rotors and getattr(file.sensors, channel) is not None:
             raise VehicleError(
                 f"{where}sensors.{channel}: only a vehicle with rotors is observed by it; remove it"
             )
@@ -49,7 +49,7 @@ def _check_tables(vehicle: Vehicle, where: str) -> None:
             f"{where}turbulence.airspeed: missing, and there is no [reference] to take it from; "
             "write the speed at which the gusts pass (flight or wind), m/s"
         )
-    if not vehicle.hovers:
+    if not vehicle.rotors:
         return
     if vehicle.reduce != "full":
         raise VehicleError(

@@ -208,7 +208,7 @@ class Vehicle:
         dropped = {n for c in COEFFICIENTS for n in getattr(self.file.aerodynamics, c) if c not in self.terms}
         dropped |= self._calm
         drive = self.file.rotors.drive if self.file.rotors is not None else ""
-        boxes = rotor_numbers.boxes(dict(leaves(self.file))) if self.hovers else {}
+        boxes = rotor_numbers.boxes(dict(leaves(self.file)))
         out = []
         for name, q in leaves(self.file):
             if q.tie is not None:
@@ -246,7 +246,7 @@ class Vehicle:
         return self.file.model.reduce
 
     @property
-    def hovers(self) -> bool:
+    def has_rotors(self) -> bool:
         """Whether it has rotors: it is then observed by its velocity over ground, and may stand still."""
         return bool(self.file.rotor)
 
@@ -258,7 +258,7 @@ class Vehicle:
     @property
     def start_names(self) -> tuple[str, ...]:
         """What an initial state is named by: velocity (through the air), rates, attitude, altitude."""
-        return GROUND_START if self.hovers else AIR_START
+        return GROUND_START if self.has_rotors else AIR_START
 
     @property
     def actual_rates(self) -> bool:
@@ -359,7 +359,7 @@ class Vehicle:
     @property
     def outputs(self) -> tuple[str, ...]:
         """Observed channels, eq. (2), or those that a reduced model or a vehicle with rotors has."""
-        if self.hovers:
+        if self.has_rotors:
             return GROUND
         return _REDUCED_OUTPUTS[self.reduce]
 

@@ -1,21 +1,28 @@
-"""The state of a search under way, so that an interrupted one can go on."""
+"""Ctrl-C: the state of a search is kept, so that it can be resumed, and a finished one is written first."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import os
+import signal
+import sys
+import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from stoop.errors import OutputError, StoopError
 from stoop.estimate.fit import Options
 from stoop.optimize import Outcome, State, load_tagged, save_state
 from stoop.vehicle import Vehicle
+from stoop.workflow.notices import CONFIRMED
 
+MESSAGE = "\nstoop: the search is done; writing its result (Ctrl-C again throws it away)\n"
 INTERVAL = 2.0  #: s between saved states
-DONE = ("converged", "target")  #: a search that ended so has nothing to go on with
 
 
 def identity(
@@ -55,7 +62,7 @@ def identity(
 class Checkpoint:
     """Keeps a search's latest state in the output folder.
 
-    A state that cannot be saved (full disk, folder removed) is told once and ends no search.
+    A state that cannot be saved (full disk, folder removed) causes one warning and ends no search.
 
     Parameters
     ----------
@@ -87,7 +94,7 @@ class Checkpoint:
 
     def forget(self, outcome: Outcome) -> None:
         """Remove the saved state of a search that has nothing left to do; its result must lie safe."""
-        if outcome.status in DONE:
+        if outcome.status in CONFIRMED:
             self._path.unlink(missing_ok=True)
 
     def load(self) -> State:
@@ -118,3 +125,38 @@ class Checkpoint:
             if not self._failed:
                 self._warn(f"{error}; the search goes on, but cannot be resumed from here")
             self._failed = True
+
+
+@dataclass
+class Deferred:
+    """Whether Ctrl-C came meanwhile."""
+
+    came: bool = False
+
+    def take(self, *_: Any) -> None:
+        """Note the first Ctrl-C; the second really stops."""
+        if self.came:
+            raise KeyboardInterrupt
+        self.came = True
+        with suppress(OSError, ValueError):
+            # not print: this may come in the middle of another print
+            os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, MESSAGE.encode())
+
+
+@contextmanager
+def deferred_interrupt() -> Iterator[Deferred]:
+    """Let Ctrl-C wait until the end of the block.
+
+    Only the main thread can do so; elsewhere, and where the process ignores Ctrl-C, nothing is changed.
+    """
+    deferred = Deferred()
+    ours = threading.current_thread() is threading.main_thread()
+    before = signal.getsignal(signal.SIGINT)
+    if not ours or before in (signal.SIG_IGN, None):  # None: a handler that Python could not put back
+        yield deferred
+        return
+    signal.signal(signal.SIGINT, deferred.take)
+    try:
+        yield deferred
+    finally:
+        signal.signal(signal.SIGINT, before)

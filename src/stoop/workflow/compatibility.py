@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from stoop.base.files import write_text_atomic
+from stoop.base.files import make_folder, write_text_atomic
 from stoop.flight import Flight, save
+from stoop.reconstruct.compatibility import Compatibility, check
 from stoop.reconstruct.corrected import corrected_flight
-from stoop.reconstruct.result import Compatibility, check
 from stoop.workflow.provenance import file_hashes, flight_files, versions
 
 PAGE: Final = "compatibility.html"
@@ -21,7 +21,7 @@ NAMES: Final = (PAGE, FLIGHT, RESULT)  #: the result last: where it is, the othe
 def check_compatibility(
     flight: Flight, windows: Sequence[tuple[float, float]] = ()
 ) -> tuple[Compatibility, Flight]:
-    """Return what the sensors contradict each other in, and the flight with their errors undone.
+    """Return the contradictions between the sensors, and the flight with their errors corrected.
 
     Parameters
     ----------
@@ -46,11 +46,12 @@ def write_compatibility(
     command: str,
     others: Sequence[Path] = (),
 ) -> None:
-    """Write page, corrected flight and result into a folder that is there."""
-    from stoop.report.consistency import consistency_sheet
+    """Write page, corrected flight and result into a folder, the result last."""
+    from stoop.report.compatibility import compatibility_sheet
     from stoop.report.sheet import write_sheet
 
+    make_folder(folder)
     hashes = file_hashes([*flight_files([original]), *others])
-    write_sheet(consistency_sheet(result, command), folder / PAGE)
+    write_sheet(compatibility_sheet(result, command), folder / PAGE)
     save(corrected, folder / FLIGHT)
     write_text_atomic(folder / RESULT, result.document(versions(), hashes))

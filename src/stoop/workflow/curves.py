@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stoop.assess.baseline import BaselineManeuver, BaselineSegment, baseline_matches
-from stoop.assess.figures import Match, channel_figures
-from stoop.assess.runs import join
+from stoop.assess.goodness_of_fit import Match, channel_figures, join
 from stoop.base.arrays import FloatArray
 from stoop.base.variables import VARIABLES, WRAPPED
 from stoop.problem import Piece
@@ -65,12 +64,12 @@ def _unwrapped(
     """Return measured and simulated curves; an angle is unwrapped, the simulated one beside the measured."""
     z, y = piece.measured[:, channel].copy(), simulated[:, channel].copy()
     if angle:
-        seen = np.isfinite(z)
-        z[seen] = np.unwrap(z[seen])
+        recorded = np.isfinite(z)
+        z[recorded] = np.unwrap(z[recorded])
         y = np.unwrap(y)
         near = z - y
-        if seen.any():
-            y += 2.0 * np.pi * np.round(float(near[seen][0]) / (2.0 * np.pi))
+        if recorded.any():
+            y += 2.0 * np.pi * np.round(float(near[recorded][0]) / (2.0 * np.pi))
     return z, y
 
 
@@ -112,7 +111,7 @@ def _result(group: Simulated, index: int, figures: Mapping[str, GoodnessOfFit]) 
 
 
 def baseline_maneuver(vehicle: Vehicle, role: Role, pieces: Sequence[Piece]) -> BaselineManeuver:
-    """Return a maneuver's pieces as the trivial model sees them."""
+    """Return a maneuver's pieces as the baseline model takes them."""
     controls = dict.fromkeys(c for control in vehicle.controls for c in vehicle.channels_of(control))
     columns = [(name, vehicle.inputs.index(name)) for name in controls]
     segments = []

@@ -9,18 +9,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from stoop.base.files import write_bytes_atomic
-from stoop.errors import OutputError, SimulationError
-from stoop.export import excitation, jsbsim_folder, simulink, state_space
+from stoop.base.files import check_targets, make_folder, write_bytes_atomic
+from stoop.base.variables import VARIABLES
+from stoop.errors import SimulationError
+from stoop.export import jsbsim_aircraft, simulink, state_space
+from stoop.export.comparison import Comparison, RecordedManeuver, compare
 from stoop.export.jsbsim_model import THRUST, channel
-from stoop.export.names import file_name
-from stoop.flight import VARIABLES
+from stoop.export.record import excitation_record, file_name, steady_record
+from stoop.report.export import PAGE, page_text
 from stoop.simulate import Trim, trim
 from stoop.simulate.linearize import left_out
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import slope_input
-from stoop.workflow.export_page import PAGE, Comparison, compare, page_text, verdict
-from stoop.workflow.export_subject import Maneuver, Subject
+from stoop.workflow.export_subject import Subject
 
 NOT_FLOWN: Final = "Not flown: the package jsbsim is not installed; pip install 'stoop[jsbsim]'."
 
@@ -39,7 +40,7 @@ DEFAULT: Final = Condition()
 
 @dataclass(frozen=True)
 class Exported:
-    """Files by their place below the output folder, the main one, and what to tell the user."""
+    """Files by their place below the output folder, the main one, and notes for the user."""
 
     files: Mapping[str, bytes]
     main: str
@@ -73,29 +74,14 @@ def write(exported: Exported, folder: Path, overwrite: bool = False) -> None:
     OutputError
         A file is there already, or the folder cannot be written.
     """
-    check(folder, exported, overwrite)
+    check_targets(folder, tuple(exported.files), overwrite)
     _place(folder, exported.files)
 
 
 def _place(folder: Path, files: Mapping[str, bytes]) -> None:
-    for place, content in files.items():
-        path = folder / place
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(
-                f"{path.parent}: cannot be made ({error.strerror}); choose another folder"
-            ) from None
-        write_bytes_atomic(path, content)
-
-
-def check(folder: Path, exported: Exported, overwrite: bool) -> None:
-    """Refuse a folder that holds one of the files already."""
-    if folder.exists() and not folder.is_dir():
-        raise OutputError(f"{folder}: is a file; name a folder with -o")
-    there = next((folder / place for place in exported.files if (folder / place).exists()), None)
-    if there is not None and not overwrite:
-        raise OutputError(f"{there}: exists already; add --overwrite or name another folder")
+    for name, content in files.items():
+        make_folder((folder / name).parent)
+        write_bytes_atomic(folder / name, content)
 
 
 def _steady(subject: Subject, condition: Condition) -> Trim:
@@ -111,8 +97,8 @@ def _jsbsim(subject: Subject, condition: Condition) -> Exported:
     except SimulationError as error:
         point = None
         notes.append(f"No start and no script: {error}.")
-    steady = None if point is None else excitation.steady(vehicle, point)
-    texts = jsbsim_folder.folder(vehicle, steady)
+    steady = None if point is None else steady_record(vehicle, point)
+    texts = jsbsim_aircraft.folder(vehicle, steady)
     name = file_name(vehicle.name)
     aircraft = f"aircraft/{name}/{name}.xml"
     if importlib.util.find_spec("jsbsim") is None:
@@ -120,7 +106,7 @@ def _jsbsim(subject: Subject, condition: Condition) -> Exported:
     flown, failed = _flown(subject, point, texts)
     notes += failed
     page = page_text(vehicle, texts[aircraft], name, flown, notes)
-    return Exported(_encoded({**texts, PAGE: page}), PAGE, (*notes, *map(verdict, flown)))
+    return Exported(_encoded({**texts, PAGE: page}), PAGE, (*notes, *map(str, flown)))
 
 
 def _inputs(vehicle: Vehicle) -> list[str]:
@@ -142,7 +128,7 @@ def _flown(
     out: list[Comparison] = []
     failed: list[str] = []
     for maneuver in (*_excited(subject, point), *subject.maneuvers):
-        loaded = jsbsim_folder.folder(maneuver.record.vehicle, None) if maneuver.loaded else texts
+        loaded = jsbsim_aircraft.folder(maneuver.record.vehicle, None) if maneuver.loaded else texts
         with tempfile.TemporaryDirectory(prefix="stoop-export-") as root:
             _place(Path(root), _encoded(loaded))
             try:
@@ -152,12 +138,12 @@ def _flown(
     return out, failed
 
 
-def _excited(subject: Subject, point: Trim | None) -> list[Maneuver]:
-    record = None if point is None else excitation.excited(subject.vehicle, point)
+def _excited(subject: Subject, point: Trim | None) -> list[RecordedManeuver]:
+    record = None if point is None else excitation_record(subject.vehicle, point)
     if record is None:
         return []
     span = record.time[-1] - record.time[0]
-    return [Maneuver(f"{span:g} s open loop from the steady flight, every control in turn", record)]
+    return [RecordedManeuver(f"{span:g} s open loop from the steady flight, every control in turn", record)]
 
 
 def _state_space(subject: Subject, condition: Condition) -> Exported:

@@ -11,9 +11,9 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
-from stoop.export.flown import Record
-from stoop.export.state_space import Known
-from stoop.export.still import still
+from stoop.export.comparison import RecordedManeuver
+from stoop.export.record import Record, without_turbulence
+from stoop.export.state_space import ParameterCovariance
 from stoop.problem import Piece
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
@@ -26,36 +26,15 @@ ALTITUDE: Final = 200.0  #: m, where no flight says another
 
 
 @dataclass(frozen=True, eq=False)
-class Maneuver:
-    """A stretch of flight.
-
-    Attributes
-    ----------
-    title : str
-    record : Record
-        What flies.
-    measured : (n, n_y), optional
-        What the instruments read, NaN where nothing.
-    loaded : bool
-        Whether it flew with numbers of a loading in place of the vehicle file's own.
-    """
-
-    title: str
-    record: Record
-    measured: FloatArray | None = None
-    loaded: bool = False
-
-
-@dataclass(frozen=True, eq=False)
 class Subject:
     """What is exported.
 
     Attributes
     ----------
     vehicle : Vehicle
-    known : Known, optional
+    known : ParameterCovariance, optional
         Its numbers' covariance.
-    maneuvers : tuple of Maneuver
+    maneuvers : tuple of RecordedManeuver
         Of the flight that it was identified from.
     altitude : float, m
     density : float, kg/m3, optional
@@ -64,8 +43,8 @@ class Subject:
     """
 
     vehicle: Vehicle
-    known: Known | None = None
-    maneuvers: tuple[Maneuver, ...] = ()
+    known: ParameterCovariance | None = None
+    maneuvers: tuple[RecordedManeuver, ...] = ()
     altitude: float = ALTITUDE
     density: float | None = None
     notes: tuple[str, ...] = ()
@@ -84,12 +63,13 @@ def read_subject(text: str) -> Subject:
     path = Path(text)
     if path.is_dir() or path.name == RESULT:
         return _identified(read_identified(path))
-    vehicle, notes = still(resolve_vehicle(text))
-    return Subject(vehicle, notes=notes)
+    vehicle, notices = without_turbulence(resolve_vehicle(text))
+    return Subject(vehicle, notes=tuple(map(str, notices)))
 
 
 def _identified(found: Identified) -> Subject:
-    vehicle, notes = still(found.vehicle)
+    vehicle, notices = without_turbulence(found.vehicle)
+    notes = tuple(map(str, notices))
     covariance = found.result.covariance
     known = _known_of(vehicle, covariance.names, covariance.matrix)
     subject = Subject(vehicle, known, notes=notes)
@@ -99,10 +79,12 @@ def _identified(found: Identified) -> Subject:
         return replace(subject, notes=(*notes, f"No comparison with the flight: {error}."))
 
 
-def _known_of(vehicle: Vehicle, names: Sequence[str], covariance: FloatArray) -> Known | None:
+def _known_of(vehicle: Vehicle, names: Sequence[str], covariance: FloatArray) -> ParameterCovariance | None:
     """Return what is known of the numbers that the vehicle has; those of its gusts left with them."""
     kept = [i for i, name in enumerate(names) if name in vehicle.rows]
-    return Known(tuple(names[i] for i in kept), covariance[np.ix_(kept, kept)]) if kept else None
+    return (
+        ParameterCovariance(tuple(names[i] for i in kept), covariance[np.ix_(kept, kept)]) if kept else None
+    )
 
 
 def _with_flights(subject: Subject, found: Identified) -> Subject:
@@ -122,7 +104,7 @@ def _with_flights(subject: Subject, found: Identified) -> Subject:
 
 def _maneuver(
     vehicle: Vehicle, result: Result, window: Window, index: int, segment: int, piece: Piece
-) -> Maneuver:
+) -> RecordedManeuver:
     """Put the estimated start and biases of a fitted maneuver in place of those that are read off the flight."""
     start = dict(piece.start)
     for initial in result.initial_states:
@@ -139,4 +121,4 @@ def _maneuver(
     span = f"{piece.time[0]:.2f} to {piece.time[-1]:.2f} s"
     title = f"{window.flight}, {span} ({'fitted' if role == 'fit' else 'predicted'})"
     record = Record(vehicle.with_numbers(changes), start, piece.time, piece.inputs)
-    return Maneuver(title, record, piece.measured, bool(piece.changes))
+    return RecordedManeuver(title, record, piece.measured, bool(piece.changes))

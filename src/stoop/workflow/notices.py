@@ -8,18 +8,15 @@ from typing import Final
 
 import numpy as np
 
+from stoop.assess.error_bars import ErrorBars
 from stoop.base.notices import Notice, as_notice, notice, of_severity
+from stoop.checks.vehicle import check_lift, check_rotors, inertia_notices
 from stoop.estimate.excitation import excitation_notices
 from stoop.estimate.fit import Fit
-from stoop.estimate.mismatch import unlike
-from stoop.estimate.motors_swapped import swapped_motors
-from stoop.estimate.rotors_seen import strange_motors
 from stoop.flight import Flight
 from stoop.flight.faults import Fault
 from stoop.results.result import ManeuverResult, ParameterEstimate
 from stoop.vehicle import Vehicle
-from stoop.vehicle.plausible import inertia_doubts
-from stoop.workflow.errorbars import ErrorBars
 
 SENSOR_FAULTS: Final = {
     "wrong sign": "sensor-fault",
@@ -44,11 +41,10 @@ def fit_warnings(
     found: list[Notice | str] = [
         *search_notices(fit.outcome.status, fit.outcome.advice),
         *_sensor_faults(fit, flights, maneuvers),
-        *unlike(vehicle, flights),
-        *inertia_doubts(vehicle, fit.estimates),
+        *check_lift(vehicle, flights),
+        *inertia_notices(vehicle, fit.estimates),
         *_not_measured(fit),
-        *strange_motors(vehicle, flights, windows),
-        *swapped_motors(vehicle, flights, windows),
+        *check_rotors(vehicle, flights, windows),
         *excitation_notices(fit.problem, fit.z, slowest_rate(fit, flights)),
         *_not_determined(parameters, bars),
         *lag_notices(maneuvers),
@@ -69,7 +65,7 @@ def basis_notices(vehicle: Vehicle, flights: Mapping[str, Flight], correlation: 
     """
     found = [notice("vehicle-file-note", text=text) for text in vehicle.file.notes]
     for flight in flights.values():
-        if flight.air is not None and flight.air.method != "none" and not vehicle.hovers:
+        if "V" in vehicle.outputs and flight.air is not None and flight.air.method != "none":
             source = flight.sources.get("V")
             rebuilt = source is None or source.source == "reconstructed"
             channels = ("V", "alpha", "beta") if rebuilt else ("alpha", "beta")
@@ -110,12 +106,12 @@ def slowest_rate(fit: Fit, flights: Mapping[str, Flight]) -> float:
 
 def _not_determined(parameters: Mapping[str, ParameterEstimate], bars: ErrorBars) -> list[Notice]:
     """Name the parameters at a bound, those that rest on it, and those not identifiable, of one reason together."""
-    held = tuple(name for name, p in parameters.items() if p.at_bound)
-    found = [notice("at-bound", parameters=held)] if held else []
-    if bars.leaning:
-        found.append(notice("conditional-on-bound", held=held, parameters=tuple(bars.leaning)))
+    at_bound = tuple(name for name, p in parameters.items() if p.at_bound)
+    found = [notice("at-bound", parameters=at_bound)] if at_bound else []
+    if bars.conditional:
+        found.append(notice("conditional-on-bound", held=at_bound, parameters=tuple(bars.conditional)))
     reasons: dict[str, list[str]] = {}
-    for name, one in bars.judged.items():
+    for name, one in bars.identifiability.items():
         if not one.identifiable and not parameters[name].at_bound:
             reasons.setdefault(one.reason, []).append(name)
     for reason, names in reasons.items():

@@ -6,16 +6,23 @@ import shutil
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
+import tomlkit
+from tomlkit.items import InlineTable, Table
+
+from stoop.base.files import check_targets
 from stoop.errors import OutputError
 from stoop.flight import save
+from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.defaults import COEFFICIENTS
 
 if TYPE_CHECKING:
     from stoop.workflow.identification import Job
 
-RESULT = "result.json"  #: moved into place last: where it is, the others are
-ATTACHED = ("posterior.nc",)  #: files that some results have
+RESULT: Final = "result.json"  #: moved into place last: where it is, the others are
+DIGITS: Final = 10  #: of the estimates in the vehicle file
+ATTACHED: Final = ("posterior.nc",)  #: files that some results have
 
 
 def output_names(flights: Sequence[str]) -> tuple[str, ...]:
@@ -45,7 +52,7 @@ def check_folder(
     overwrite : bool
         Whether earlier outputs may be replaced.
     inputs : sequence of Path
-        What was read: never written over.
+        Files that are read: never written over.
     more : sequence of str
         Names of further files that will be written.
 
@@ -54,12 +61,7 @@ def check_folder(
     OutputError
         It holds an input or an earlier output of the same name, is no folder, or cannot be made.
     """
-    if folder.exists() and not folder.is_dir():
-        raise OutputError(f"{folder}: is a file; name a folder with -o")
-    targets = [folder / name for name in (*more, *output_names(flights))]
-    _check_inputs(targets, inputs)
-    if not overwrite:
-        _check_free(targets)
+    check_targets(folder, (RESULT, *output_names(flights), *more), overwrite, inputs)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".stoop-", dir=folder):
@@ -68,22 +70,6 @@ def check_folder(
         raise OutputError(
             f"{folder}: cannot be written ({error.strerror}); name another folder with -o"
         ) from None
-
-
-def _check_inputs(targets: Sequence[Path], inputs: Sequence[Path]) -> None:
-    for target in targets:
-        for path in inputs:
-            if target.exists() and path.exists() and target.samefile(path):
-                raise OutputError(
-                    f"{target}: is read by this run and would be replaced; name another folder with -o"
-                )
-
-
-def _check_free(targets: Sequence[Path]) -> None:
-    there = next((target for target in reversed(targets) if target.exists()), None)
-    if there is not None:
-        what = "a result" if there.name == RESULT else there.name
-        raise OutputError(f"{there.parent}: holds {what} already; add --overwrite or name another folder")
 
 
 def write_outputs(job: Job, folder: Path, overwrite: bool = False) -> Path:
@@ -114,7 +100,7 @@ def place_outputs(job: Job, folder: Path, overwrite: bool = False) -> Path:
         working = Path(tempfile.mkdtemp(prefix=".stoop-", dir=folder))
         _make(job, working)
         if not overwrite:
-            _step_aside(working, [folder / name for name in names])
+            _check_unchanged(working, names)
         _move(working, folder, names)
     except OSError as error:
         raise OutputError(
@@ -128,9 +114,9 @@ def place_outputs(job: Job, folder: Path, overwrite: bool = False) -> Path:
 
 def _make(job: Job, working: Path) -> None:
     from stoop.report import write_report
-    from stoop.workflow.toml import identified_text
 
-    (working / "vehicle.toml").write_text(identified_text(job), encoding="utf-8")
+    text = with_values(job.fit.problem.layout.vehicle, job.fit.estimates)
+    (working / "vehicle.toml").write_text(text, encoding="utf-8")
     for flight in job.flights:
         save(flight, working / flight_file(flight.name, len(job.flights)))
     for name, content in job.attachments.items():
@@ -139,16 +125,14 @@ def _make(job: Job, working: Path) -> None:
     job.identification.result.save(working / RESULT)
 
 
-def _step_aside(working: Path, targets: Sequence[Path]) -> None:
-    """Leave what another run has written meanwhile, and put this run's beside it: hours may lie in either."""
-    try:
-        _check_free(targets)
-    except OutputError:
+def _check_unchanged(working: Path, names: Sequence[str]) -> None:
+    """Put the result beside that of another run which has written meanwhile: hours may lie in either."""
+    if any((working.parent / name).exists() for name in names):
         aside = working.with_name(working.name.removeprefix("."))
         working.replace(aside)
         raise OutputError(
             f"{aside.parent}: another run has written there meanwhile; this one's result is in {aside}"
-        ) from None
+        )
 
 
 def _move(working: Path, folder: Path, names: Sequence[str]) -> None:
@@ -158,3 +142,37 @@ def _move(working: Path, folder: Path, names: Sequence[str]) -> None:
             (folder / name).unlink(missing_ok=True)  # nor an old posterior beside a new result
     for name in names:
         (working / name).replace(folder / name)
+
+
+def with_values(vehicle: Vehicle, values: dict[str, float]) -> str:
+    """Return the text of a vehicle file with some numbers replaced or added; comments and order stay."""
+    document = tomlkit.parse(vehicle.text)
+    for name, value in values.items():
+        _set(document, _place(vehicle, name), float(f"{value:.{DIGITS}g}"))
+    if parse_vehicle(vehicle.text, vehicle.where).reduce != vehicle.reduce:
+        _set(document, ["model", "reduce"], vehicle.reduce)
+    return tomlkit.dumps(document)
+
+
+def _place(vehicle: Vehicle, name: str) -> list[str]:
+    """Return the keys that lead to a number."""
+    for coefficient in COEFFICIENTS:
+        if name in getattr(vehicle.file.aerodynamics, coefficient):
+            return ["aerodynamics", coefficient, name]
+    return name.split(".")
+
+
+def _set(document: Any, keys: list[str], value: float | str) -> None:
+    table = document
+    for key in keys[:-1]:
+        if key not in table:
+            table.add(key, tomlkit.table())
+        table = table[key]
+    last: Any = keys[-1]
+    if isinstance(table, list):
+        last = "xyz".index(keys[-1])
+    current = table[last] if isinstance(table, list) or last in table else None
+    if isinstance(current, InlineTable | Table):
+        current["value"] = value
+    else:
+        table[last] = value

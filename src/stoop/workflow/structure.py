@@ -1,4 +1,4 @@
-"""Model structure: the terms that flights ask for, as a vehicle file, a table of steps and a page."""
+"""Model structure determination: chosen terms, as a vehicle file, a table of steps and a page."""
 
 from __future__ import annotations
 
@@ -11,18 +11,16 @@ from typing import Any, Final
 import numpy as np
 import tomlkit
 
-from stoop.base.arrays import FloatArray
-from stoop.base.files import write_text_atomic
+from stoop.base.csv_text import csv_text
+from stoop.base.files import make_folder, write_text_atomic
 from stoop.errors import IdentificationError
-from stoop.estimate.regression.aircraft import AircraftEquations, History
-from stoop.estimate.regression.domain import Domain, TimeDomain
+from stoop.estimate.regression.aircraft import AircraftEquations
+from stoop.estimate.regression.domain import Domain
 from stoop.estimate.regression.equations import estimate, unbounded
-from stoop.estimate.regression.structure import Choose, ChosenTerms, Structure, determine, parameter_name
+from stoop.estimate.regression.structure import Choose, Structure, determine, parameter_name
 from stoop.flight import Flight
 from stoop.problem import Layout
 from stoop.problem.windows import parse_window
-from stoop.report.plots import Series, plot
-from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table, write_sheet
 from stoop.vehicle import Vehicle
 from stoop.vehicle.defaults import EQUATION_1
 from stoop.vehicle.load import parse_vehicle
@@ -30,10 +28,6 @@ from stoop.vehicle.load import parse_vehicle
 FILES: Final = ("vehicle.toml", "structure.csv", "structure.html")
 HEAD: Final = ("coefficient", "step", "action", "term", "F", "threshold", "terms", "R2", "PRESS", "PSE")
 DIGITS: Final = 6
-LEAD: Final = """\
-Nondimensional coefficients were computed sample by sample from measured accelerations and rates, with the mass \
-properties and the thrust of the vehicle file; terms were then chosen among candidates. A constant is always there. \
-The estimates are those of a regression: a start for stoop identify, not its result."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +68,7 @@ def structure(
     StoopError
         One line that says what is wrong and what to do.
     """
-    if vehicle.hovers:
+    if vehicle.rotors:
         raise IdentificationError(
             f"{vehicle.where}: it has rotors, and terms are chosen of aerodynamic coefficients only; use stoop identify, "
             "and --fix what it finds at a bound or not identifiable"
@@ -181,7 +175,7 @@ def _revise(entry: Any, number: float | None) -> None:
 
 
 def rows(found: Structure) -> Iterator[tuple[Any, ...]]:
-    """Give the steps of every coefficient under `HEAD`."""
+    """Yield the steps of every coefficient under `HEAD`."""
     for coefficient, chosen in found.chosen.items():
         for i, s in enumerate(chosen.selection.steps, 1):
             yield (
@@ -189,80 +183,16 @@ def rows(found: Structure) -> Iterator[tuple[Any, ...]]:
             )  # fmt: skip
 
 
-def write_structure(found: Determined, folder: Path, table: str, command: str) -> None:
+def write_structure(found: Determined, folder: Path, command: str) -> None:
     """Write vehicle, table of steps and page into a folder; each whole or not at all."""
-    folder.mkdir(parents=True, exist_ok=True)
+    from stoop.report.sheet import write_sheet
+    from stoop.report.structure import structure_sheet
+
+    make_folder(folder)
+    table = csv_text(HEAD, rows(found.structure))
     write_text_atomic(folder / "vehicle.toml", found.vehicle.text)
     write_text_atomic(folder / "structure.csv", table)
-    write_sheet(sheet(found, command), folder / "structure.html")
-
-
-def sheet(found: Determined, command: str) -> Sheet:
-    """Return the page."""
-    sections = [_section(found, c, chosen) for c, chosen in found.structure.chosen.items()]
-    notes = [*(n for c in found.structure.chosen.values() for n in c.notices), *found.structure.notices]
-    said = [Section("What to mind", (Prose("\n".join(f"- {n}" for n in notes)),))] if notes else []
-    made = Section("Made by", (Code(command),))
-    return Sheet(f"Model structure of {found.vehicle.name}", LEAD, (*said, *sections, made))
-
-
-def _section(found: Determined, coefficient: str, chosen: ChosenTerms) -> Section:
-    parts = (_chosen_table(found, coefficient), _figure(found, coefficient), _steps_table(chosen))
-    share = chosen.selection.model.r2
-    words = Prose(
-        f"{len(chosen.terms)} of {len(chosen.candidates)} candidates; they explain {100.0 * share:.1f} % of the motion."
-    )
-    return Section(coefficient, (words, *parts))
-
-
-def _chosen_table(found: Determined, coefficient: str) -> Table:
-    names = found.names[coefficient]
-    constants = [("1", n) for n, t in found.vehicle.terms[coefficient].items() if t.strip() == "1"]
-    rows = [(term, name, *_estimate(found, name)) for term, name in (*constants, *names.items())]
-    return Table("Chosen terms", ("term", "parameter", "estimate", "std. error"), tuple(rows))
-
-
-def _estimate(found: Determined, name: str) -> tuple[str, str]:
-    value, std = found.estimates.get(name, (np.nan, np.nan))
-    return (_number(value), _number(std)) if np.isfinite(value) else ("–", "–")
-
-
-def _number(value: float) -> str:
-    return f"{value:.4g}".replace("-", "−")
-
-
-def _steps_table(chosen: ChosenTerms) -> Table:
-    steps = chosen.selection.steps
-    rows = tuple(
-        (
-            str(i), s.action, chosen.candidates[s.column], f"{s.f:.1f}", f"{s.threshold:.3g}", str(s.terms),
-            f"{s.r2:.4f}", f"{s.press:.3e}", f"{s.pse:.3e}",
-        )
-        for i, s in enumerate(steps, 1)
-    )  # fmt: skip
-    head = ("step", "action", "term", "partial F", "threshold", "terms", "R²", "PRESS", "PSE")
-    return Table("Steps; F of the term, R², PRESS and PSE of the model after the step", head, rows)
-
-
-def _figure(found: Determined, coefficient: str) -> Figure:
-    """Draw what was measured, smoothed, and what the terms make of it."""
-    smooth, curves = TimeDomain(), list[Series]()
-    for history in found.structure.histories:
-        both = np.column_stack(
-            [history.coefficients[coefficient], _modeled(found, coefficient, history), history.time]
-        )
-        turned = smooth.rows(both, history.dt)
-        if len(turned):
-            curves += [
-                Series("measured", turned[:, 2], turned[:, 0]), Series("chosen terms", turned[:, 2], turned[:, 1]),
-            ]  # fmt: skip
-    words = f"{coefficient} as it was flown, smoothed over {smooth.span:g} s, and the chosen terms"
-    return Figure(words, plot(curves, "time, s", coefficient, words))
-
-
-def _modeled(found: Determined, coefficient: str, history: History) -> FloatArray:
-    vehicle = found.vehicle
-    return sum(
-        (vehicle.value(n) * history.regressor(t) for n, t in vehicle.terms[coefficient].items()),
-        np.zeros(len(history.time)),
+    write_sheet(
+        structure_sheet(found.structure, found.vehicle, found.names, found.estimates, command),
+        folder / "structure.html",
     )

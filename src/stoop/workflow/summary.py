@@ -10,7 +10,7 @@ from stoop.report.modes import repeatability_summary
 from stoop.results.result import ManeuverResult, Repeatability, Result
 from stoop.results.uncertainty import ParameterIdentifiability
 
-BASIC = ("corrected", "cramer_rao")  #: methods that every result has
+BASIC_METHODS = ("corrected", "cramer_rao")  #: methods that every result has
 _SHOWN = ("vn", "ve", "vd", "V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "ax", "ay", "az")
 
 
@@ -38,12 +38,12 @@ def estimates_table(result: Result, truth: Mapping[str, float] | None = None) ->
 
 
 def _doubtful(error: float, width: int = 11) -> str:
-    """Return a standard error in brackets: the data cannot tell the parameter, so it is no confident number."""
+    """Return a standard error in brackets: the parameter is not identifiable."""
     return f"({error:.3g})".rjust(width) if math.isfinite(error) else "-".rjust(width)
 
 
 def methods_table(result: Result) -> str:
-    """Return the standard errors of every method side by side; in brackets where the data cannot tell."""
+    """Return the standard errors of every method side by side; in brackets where not identifiable."""
     wide = max([len("parameter"), *map(len, result.parameters)])
     lines = [f"{'parameter':{wide}} " + " ".join(f"{name:>11}" for name in result.uncertainty)]
     for name, p in result.parameters.items():
@@ -54,12 +54,12 @@ def methods_table(result: Result) -> str:
     return "\n".join(lines)
 
 
-def doubts_by_phrase(seen: Mapping[str, ParameterIdentifiability]) -> dict[str, list[str]]:
-    """Return what would tell the doubtful parameters: for each doubt one line per advice, those who share it joined."""
+def advice_by_doubt(found: Mapping[str, ParameterIdentifiability]) -> dict[str, list[str]]:
+    """Return for each doubt one line per advice, the parameters that share it joined."""
     shared: dict[str, dict[str, list[str]]] = {}
-    for name, sight in seen.items():
-        if sight.advice:
-            shared.setdefault(sight.doubt, {}).setdefault(sight.advice, []).append(name)
+    for name, one in found.items():
+        if one.advice:
+            shared.setdefault(str(one.doubt), {}).setdefault(str(one.advice), []).append(name)
     return {
         doubt: [f"{', '.join(names)}: {advice}" for advice, names in by_advice.items()]
         for doubt, by_advice in shared.items()

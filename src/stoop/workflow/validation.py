@@ -11,8 +11,8 @@ from stoop.assess.baseline import BaselineManeuver
 from stoop.assess.record import Validation
 from stoop.base.files import write_text_atomic
 from stoop.base.notices import Notice, as_notice, notice, of_severity
+from stoop.checks.vehicle import require_channels
 from stoop.errors import FlightError, StoopError
-from stoop.estimate.mismatch import check_inputs
 from stoop.estimate.predict import predicted
 from stoop.flight import Flight, without, without_faults
 from stoop.flight.maneuvers import find_maneuvers
@@ -128,7 +128,7 @@ def validate(
     known = by_name(flights, "validate")
     identified = read_identified(source)
     for flight in flights:
-        check_inputs(identified.vehicle, flight, f"which result {source} is")
+        require_channels(identified.vehicle, flight, f"which result {source} is")
     given = Flights(identified, known, {name: identified.name_of(one) for name, one in known.items()})
     notices: list[Notice] = []
     try:

@@ -15,7 +15,8 @@ from stoop.errors import IdentificationError
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from stoop_studies.compare import Field, Score
+    from stoop_studies.compare.field import Field
+    from stoop_studies.compare.measures import Score
 
 _WINDOW = "[FLIGHT@]START:STOP[#LOADING]"
 
@@ -53,7 +54,7 @@ def _names(text: str) -> tuple[str, ...]:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run what is left of the comparison, write it, and say who is ahead."""
-    from stoop_studies.compare import STORE, conclude, prepare
+    from stoop_studies.compare.output import STORE, conclude, prepare
 
     field = _field(arguments)
     plan = field.plan()
@@ -132,7 +133,8 @@ def _command(arguments: argparse.Namespace) -> str:
 
 def _tell(scores: Sequence[Score], folder: Path) -> None:
     from stoop.cli import tables
-    from stoop_studies.compare import PAGE, words
+    from stoop_studies.compare import words
+    from stoop_studies.compare.output import PAGE
 
     out = page()
     for problem in dict.fromkeys(s.problem for s in scores):

@@ -1,17 +1,29 @@
-"""The comparison as a page."""
+"""The comparison as a page, with empirical distributions of running times.
+
+References
+----------
+Hansen, Auger, Brockhoff and Tusar (2022), Anytime performance assessment in blackbox optimization benchmarking,
+IEEE Transactions on Evolutionary Computation 26, 1293-1305.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+from markupsafe import Markup
 
 from stoop.base.numbers import number
+from stoop.report.plots import Series, plot
 from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table
 from stoop_studies.compare import words
-from stoop_studies.compare.curves import distributions
 from stoop_studies.compare.field import FLIGHT, Field
 from stoop_studies.compare.measures import Score, duel
 from stoop_studies.compare.race import Race
 
+BEGIN: Final = 1.0  #: evaluation at which the axis begins
+POINTS: Final = 160  #: of a drawn distribution: finer than a line's width
 Races = Mapping[tuple[str, str], Sequence[Race]]
 HEAD = ("optimizer", "successes", "ERT", "95 %", "ratio", "95 %", "median of successes", "wrong optima")
 SOLVED = ("optimizer", "solved", "both", "it alone", "baseline alone", "neither", "p", "evaluations, both")
@@ -109,3 +121,40 @@ def _left_out(field: Field) -> str:
     lines = [f"- {name}: {reason}" for name, reason in field.absent.items()]
     lines += [f"- {o} on {p}: needs residuals, of which there are none" for p, o in field.impossible]
     return "\n".join(["Left out:", *lines]) if lines else ""
+
+
+def distribution(races: Sequence[Race], name: str, last: float) -> Series:
+    """Return the share of (problem, seed, level) reached, a staircase from 1 to `last` evaluations."""
+    times = np.sort([hit for race in races for hit in race.hits if hit is not None])
+    total = sum(len(race.hits) for race in races)
+    shares = np.arange(1, len(times) + 1) / max(total, 1)
+    if len(times) > POINTS:
+        kept = np.unique(np.rint(np.linspace(0, len(times) - 1, POINTS)).astype(int))
+        times, shares = times[kept], shares[kept]
+    end = shares[-1] if len(shares) else 0.0
+    x = np.concatenate([[BEGIN], np.maximum(times, BEGIN), [max(last, BEGIN)]])
+    return Series(name, x, np.concatenate([[0.0], shares, [end]]), "steps")
+
+
+def distributions(groups: Mapping[str, Sequence[Race]], what: str, everyone: Sequence[str]) -> Markup:
+    """Return the drawing of several optimizers' distributions.
+
+    Parameters
+    ----------
+    groups : mapping of optimizer to its runs
+    what : str, which problems
+    everyone : sequence of str, all optimizers of the page: each looks the same in all of its drawings
+    """
+    last = max((race.evaluations for races in groups.values() for race in races), default=10.0)
+    series = [distribution(races, name, last) for name, races in groups.items()]
+    ends = ", ".join(f"{one.name} {100.0 * one.y[-1]:.0f} %" for one in series)
+    return plot(
+        series,
+        "evaluations",
+        "share of targets reached",
+        f"Share of all targets reached against evaluations on {what}, one curve an optimizer. In the end: {ends}.",
+        log_x=True,
+        x_range=(BEGIN, max(last, 10.0)),
+        y_range=(0.0, 1.0),
+        looks={name: i for i, name in enumerate(everyone)},
+    )

@@ -11,19 +11,20 @@ import importlib
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib.resources import files
 from typing import Any, Final
 
 from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
 
-__all__ = ["Posed", "names", "pose", "take_none"]
+__all__ = ["Posed", "data_text", "names", "pose", "take_none"]
 
 
 _FAMILIES: Final = {
     "paper": "paper",
-    "longitudinal": "equation_1",
-    "lateral": "equation_1",
+    "longitudinal": "paper",
+    "lateral": "paper",
     "bbob": "bbob",
     "flight": "flight",
     "multirotor": "multirotor",
@@ -97,6 +98,11 @@ def take_none(name: str, arguments: Mapping[str, object]) -> None:
     """
     if arguments:
         raise IdentificationError(f"problem {name}: knows no {', '.join(sorted(arguments))}; leave it out")
+
+
+def data_text(name: str) -> str:
+    """Return the text of a file beside these modules."""
+    return files("stoop_studies.problems").joinpath(name).read_text(encoding="utf-8")
 
 
 def _module(name: str) -> Any:

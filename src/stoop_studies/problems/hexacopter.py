@@ -1,7 +1,7 @@
 """A hexacopter, flown outdoors: ``hexacopter``, with the argument ``data``, the folder of its log.
 
 Fourteen numbers are sought from hover, climbs and slow descents, 140 to 214 s of PX4's log 18. There is no truth: what
-counts as solved is the cost at which a dive from the vehicle file's own values ends, which no optimizer is given.
+counts as solved is the cost at which a refinement from the vehicle file's own values ends, which no optimizer is given.
 
 The six outputs were logged at 43 Hz, too slowly for moments (what is quicker looks slow); the moments and the thrust that
 the mixer made them of at 236 Hz. So outputs are mixed anew, as PX4 does.
@@ -28,8 +28,8 @@ from stoop.problem import Misfit, Weights
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import parse_window
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop_studies.problems import Posed
-from stoop_studies.problems.short import motors_behind, posed, windows
+from stoop_studies.problems import Posed, data_text
+from stoop_studies.problems.multirotor import motors_behind, windowed, windows
 
 NAME: Final = "hexacopter"
 FOLDER: Final = "altlnt-hexacopter-px4"
@@ -40,7 +40,7 @@ LENGTH: Final = (
 )
 RATE: Final = 50.0  #: Hz, of the grid
 NEAR: Final = 1e-3  #: of the reference's cost
-ROUNDS: Final = 5  #: of dives and noise estimates
+ROUNDS: Final = 5  #: of refinements and noise estimates
 SIGMA: Final = {
     "vn": 0.3, "ve": 0.3, "vd": 0.3, "p": 0.1, "q": 0.1, "r": 0.05, "phi": 0.03, "theta": 0.03, "psi": 0.03,
     "ax": 0.3, "ay": 0.3, "az": 0.6,
@@ -84,13 +84,13 @@ def pose(name: str, seed: int, **arguments: object) -> Posed:
 
 @functools.cache
 def settled(data: str) -> Posed:
-    """Pose the problem with the Q that dives from the file's own values settle; once in a process."""
+    """Pose the problem with the Q after refinements and noise estimates from the file's own values; once in a process."""
     problem = _posed(vehicle(), mixed(_flight(Path(data))))
     z = problem.layout.unit(np.array([p.value for p in problem.layout.parameters]))
     for _ in range(ROUNDS):
-        z = _dive(problem, z)
+        z = _refined(problem, z)
         problem = problem.weighted(Weights.of(np.diag(np.diag(effective_variance(problem, z)))))
-    z = _dive(problem, z)
+    z = _refined(problem, z)
     return Posed(
         problem=problem,
         target=float(problem.costs(z[None], 0)[0]) * (1.0 + NEAR),
@@ -103,11 +103,7 @@ def settled(data: str) -> Posed:
 
 def vehicle() -> Vehicle:
     """Return what is believed of the vehicle."""
-    return parse_vehicle(_text("hexacopter.toml"), "hexacopter.toml")
-
-
-def _text(name: str) -> str:
-    return files("stoop_studies.problems").joinpath(name).read_text(encoding="utf-8")
+    return parse_vehicle(data_text("hexacopter.toml"), "hexacopter.toml")
 
 
 def _flight(data: Path) -> Flight:
@@ -140,8 +136,8 @@ def _posed(vehicle: Vehicle, flight: Flight) -> Misfit:
     pieces = prepare(vehicle, {flight.name: flight}, [parse_window(WINDOW, {flight.name: flight})]).pieces
     cut = [w for p in pieces for w in windows(vehicle, p, LENGTH, motors_behind(vehicle, p))]
     sigma = np.array([SIGMA[c] for c in vehicle.outputs])
-    return posed(vehicle, cut, Weights.of(sigma**2))
+    return windowed(vehicle, cut, Weights.of(sigma**2))
 
 
-def _dive(problem: Misfit, z: FloatArray) -> FloatArray:
+def _refined(problem: Misfit, z: FloatArray) -> FloatArray:
     return optimize.refine(optimize.Ledger(problem, Evaluations.none(problem)), z, 0, FULL).z

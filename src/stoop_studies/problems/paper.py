@@ -1,9 +1,12 @@
-"""The paper's longitudinal problem: ten coefficients of Table 1, six channels, 1500 samples, the elevator of Fig. 3.
+"""The paper's problems: ten coefficients of Table 1, and all longitudinal and all lateral terms of its eq. (1).
 
-Three boxes, as the paper prints no bounds; the truth lies somewhere in each, drawn with the seed, never on
-purpose in its middle. No starting values, priors or equation-error estimate.
+``paper-N``, ``paper-S``, ``paper-W``: six channels, 1500 samples, the elevator of Fig. 3; each also ``+noise``,
+``+few`` (V, q and theta only), ``+few+noise``. ``longitudinal-full`` has 14 terms; ``lateral`` flies rudder and
+aileron on all six degrees of freedom and finds 18 terms from twelve channels, the longitudinal ones known; each also
+``+noise``.
 
-``paper-N``, ``paper-S``, ``paper-W``; each also ``+noise``, ``+few`` (V, q and theta only), ``+few+noise``.
+Three boxes, as the paper prints no bounds; the truth lies somewhere in each, drawn with the seed, never on purpose
+in its middle. No starting values, priors or equation-error estimate.
 """
 
 from __future__ import annotations
@@ -26,31 +29,34 @@ from stoop.simulate import parse_maneuver
 from stoop.simulate.fly import Flown, fly
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
-from stoop_studies.problems import Posed, take_none
-from stoop_studies.problems.experiment import MANEUVER, NOISE, SAMPLES, TABLE_1
+from stoop.workflow.demo_problem import MANEUVER, TABLE_1
+from stoop_studies.problems import Posed, data_text, take_none
 
-__all__ = [
-    "MANEUVER",
-    "NEAR",
-    "NOISE",
-    "SAMPLES",
-    "SIGMA",
-    "TABLE_1",
-    "Paper",
-    "box",
-    "of_known_truth",
-    "optimum",
-    "paper",
-    "pose",
-]
+SAMPLES: Final = 1500  #: of the record that is fitted: 30 s at 50 Hz
 
+NOISE: Final = {
+    "V": 0.3, "alpha": 0.005, "beta": 0.005, "p": 0.005, "q": 0.005, "r": 0.005,
+    "phi": 0.005, "theta": 0.005, "psi": 0.005, "ax": 0.05, "ay": 0.05, "az": 0.10,
+}  # fmt: skip
+"""Standard deviation of each channel, m/s, rad, rad/s, m/s2; Q is its inverse square (not printed)."""
+
+LEFT_OUT: Final = {"CLV": 0.05, "CDV": 0.02, "CDalpha2": 1.2, "CmV": 0.03}
+"""Longitudinal terms of eq. (1) that Table 1 leaves out, with truths of our own, none of them zero."""
+
+LONGITUDINAL: Final = (*TABLE_1, *LEFT_OUT)
+
+LATERAL: Final = (
+    "CQ0", "CQbeta", "CQp", "CQr", "CQrudder", "CQV", "Cl0", "Clbeta", "Clp", "Clr", "Claileron", "Clrudder",
+    "Cn0", "Cnbeta", "Cnp", "Cnr", "Cnaileron", "Cnrudder",
+)  # fmt: skip
+"""The lateral and directional terms of eq. (1); their truths, ours, stand in the vehicle file."""
 
 BOXES: Final = ("N", "S", "W")
 FEW: Final = ("V", "q", "theta")
 NEAR: Final = 1e-6  #: of J0 without noise; of the maximum-likelihood cost with it
 PATIENT: Final = optimize.Settings(
     iterations=200, gain=1e-14, predicted=1e-14, stall=0, stall_damping=np.inf
-)  #: a dive that stops at rounding only
+)  #: a refinement that stops at rounding only
 
 
 def sigma_of(channels: Iterable[str]) -> FloatArray:
@@ -86,12 +92,7 @@ class Paper:
 
     def bounded(self, low: FloatArray, high: FloatArray, nuisances: Sequence[Nuisance] = ()) -> Layout:
         """Return the search vector with these bounds, (D,) each, SI; the names in the vehicle's order."""
-        bounds = {
-            n: {"free": True, "bounds": (a, b), "value": (a + b) / 2.0}
-            for n, a, b in zip(self.names, low.tolist(), high.tolist(), strict=True)
-        }
-        others = {p.name: {"free": False} for p in self.vehicle.parameters if p.name not in self.names}
-        return Layout.of(self.vehicle.with_numbers(others | bounds), nuisances)
+        return Layout.of(freed(self.vehicle, self.names, low, high), nuisances)
 
     def problem(self, kind: str, seed: int, noise: bool, channels: Iterable[str] | None = None) -> Misfit:
         """Pose the least-squares problem of one box.
@@ -136,13 +137,18 @@ class Paper:
         return readings
 
     def optimum(self, problem: Misfit) -> float:
-        """Return the least cost about the truth, where a dive from it ends."""
+        """Return the least cost about the truth, where a refinement from it ends."""
         names = [p.name for p in problem.layout.parameters]
         return optimum(problem, np.array([self.vehicle.value(n) for n in names]))
 
-    def posed(self, problem: Misfit, noise: bool) -> Posed:
-        """Return a problem with its target, see `of_known_truth`."""
-        return of_known_truth(self.vehicle, problem, noise)
+
+def freed(vehicle: Vehicle, names: Sequence[str], low: FloatArray, high: FloatArray) -> Vehicle:
+    """Return the vehicle with these numbers free in bounds, (D,) each, SI, at their center; all others are known."""
+    known = {p.name: {"free": False} for p in vehicle.parameters if p.name not in names}
+    bounds = zip(names, low.tolist(), high.tolist(), strict=True)
+    return vehicle.with_numbers(
+        known | {n: {"free": True, "bounds": (a, b), "value": (a + b) / 2.0} for n, a, b in bounds}
+    )
 
 
 def of_known_truth(vehicle: Vehicle, problem: Misfit, noise: bool) -> Posed:
@@ -161,7 +167,7 @@ def of_known_truth(vehicle: Vehicle, problem: Misfit, noise: bool) -> Posed:
 
 
 def optimum(problem: Misfit, truth: FloatArray) -> float:
-    """Return the cost where a dive from the truth (D,), SI, in the problem's own order, ends."""
+    """Return the cost where a refinement from the truth (D,), SI, in the problem's own order, ends."""
     z = np.concatenate([problem.layout.unit(truth), np.zeros(problem.extra)])
     ledger = optimize.Ledger(problem, Evaluations.none(problem))
     return optimize.refine(ledger, z, len(problem.prices) - 1, PATIENT).cost
@@ -193,20 +199,59 @@ def paper() -> Paper:
     return Paper(vehicle, fly(vehicle, parse_maneuver(MANEUVER, "paper")))
 
 
+def aircraft() -> Vehicle:
+    """Return the paper's aircraft with no coefficient of eq. (1) at zero."""
+    return resolve_vehicle("twin-boom").with_numbers({n: {"value": v} for n, v in LEFT_OUT.items()})
+
+
+@functools.cache
+def longitudinal() -> Paper:
+    """Return the 14 longitudinal terms and their flight; made once in a process."""
+    vehicle = aircraft().reduced("longitudinal")
+    return Paper(vehicle, fly(vehicle, parse_maneuver(MANEUVER, "longitudinal")), LONGITUDINAL)
+
+
+def lateral_flight(vehicle: Vehicle) -> Flown:
+    """Return a flight with rudder and aileron in turn."""
+    return fly(vehicle, parse_maneuver(data_text("lateral_maneuver.toml"), "lateral"))
+
+
+@functools.cache
+def lateral() -> Paper:
+    """Return the 18 lateral and directional terms and their flight; made once in a process."""
+    vehicle = aircraft()
+    return Paper(vehicle, lateral_flight(vehicle), LATERAL)
+
+
 def names() -> tuple[str, ...]:
     """Return the names of these problems."""
-    return tuple(f"paper-{kind}{more}" for kind in BOXES for more in ("", "+noise", "+few", "+few+noise"))
+    ten = tuple(f"paper-{kind}{more}" for kind in BOXES for more in ("", "+noise", "+few", "+few+noise"))
+    return (*ten, "longitudinal-full", "longitudinal-full+noise", "lateral", "lateral+noise")
 
 
 def pose(name: str, seed: int, **arguments: object) -> Posed:
-    """Pose the paper's problem of a name, such as ``paper-N+noise``; the seed draws box and noise.
+    """Return a problem, such as ``paper-N+noise`` or ``lateral``; the seed draws box and noise.
+
+    Parameters
+    ----------
+    name : str
+    seed : int
+    **arguments
+        ``box``: N (default), S or W; of problems that do not name theirs.
 
     Raises
     ------
     IdentificationError
-        Arguments, of which this problem has none.
+        Another argument, or another box.
     """
-    take_none(name, arguments)
-    kind, *more = name.removeprefix("paper-").split("+")
-    noise, case = "noise" in more, paper()
-    return case.posed(case.problem(kind, seed, noise, FEW if "few" in more else None), noise)
+    kind, *more = name.split("+")
+    noise = "noise" in more
+    if kind.startswith("paper-"):
+        take_none(name, arguments)
+        case, kind = paper(), kind.removeprefix("paper-")
+    else:
+        case, kind = lateral() if kind == "lateral" else longitudinal(), str(arguments.pop("box", "N"))
+        take_none(name, arguments)
+    return of_known_truth(
+        case.vehicle, case.problem(kind, seed, noise, FEW if "few" in more else None), noise
+    )

@@ -12,12 +12,8 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.parallel import Run
 from stoop.problem.layout import Nuisance
-from stoop.simulate import parse_maneuver
-from stoop.simulate.fly import fly
 from stoop_studies.findings import Results, Setting
-from stoop_studies.problems.equation_1 import aircraft
-from stoop_studies.problems.experiment import LATERAL, LATERAL_MANEUVER
-from stoop_studies.problems.paper import Paper, box
+from stoop_studies.problems.paper import LATERAL, Paper, aircraft, box, lateral_flight, of_known_truth
 from stoop_studies.reproduce.estimates import bound_deviations, fitted
 
 WORK: Final = "stoop_studies.reproduce.asymmetry:work"
@@ -40,7 +36,7 @@ WEAK: Final = 20.0  #: prior standard deviation of a bias over its true size, so
 def truth() -> Paper:
     """Return a symmetric aircraft and its flight with rudder and aileron."""
     vehicle = aircraft().with_numbers({n: {"value": 0.0} for n in TERMS})
-    return Paper(vehicle, fly(vehicle, parse_maneuver(LATERAL_MANEUVER, "lateral")), OTHERS)
+    return Paper(vehicle, lateral_flight(vehicle), OTHERS)
 
 
 def measured(case: str, seed: int, noise: bool) -> FloatArray:
@@ -108,7 +104,7 @@ def term_deviations() -> FloatArray:
 def _bound(case: Paper) -> FloatArray:
     """Return the bound (D,) in the order of the case's names."""
     problem = case.misfit(case.bounded(*bounds(case.names, 0)), case.measured(0, noise=False))
-    sigma = bound_deviations(case.posed(problem, noise=False))
+    sigma = bound_deviations(of_known_truth(case.vehicle, problem, noise=False))
     found = dict(zip((p.name for p in problem.layout.parameters), sigma.tolist(), strict=True))
     return np.array([found[n] for n in case.names])
 

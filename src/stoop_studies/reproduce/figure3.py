@@ -12,8 +12,7 @@ from stoop.report.sheet import Figure, Section, Table
 from stoop.simulate import Mode, linearize
 from stoop.simulate.fly import Flown
 from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, reproduces
-from stoop_studies.problems.experiment import SAMPLES
-from stoop_studies.problems.paper import paper
+from stoop_studies.problems.paper import SAMPLES, paper
 from stoop_studies.reproduce.suite import PaperExperiment, minus, tabulated
 
 STEP: Final = 0.3  #: s, of the 3-2-1-1

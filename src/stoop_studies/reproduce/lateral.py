@@ -11,7 +11,7 @@ from stoop.base.csv_text import Cell
 from stoop.parallel import Plan
 from stoop.report.sheet import Prose, Section, Table
 from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, reproduces
-from stoop_studies.problems.experiment import LATERAL
+from stoop_studies.problems.paper import LATERAL
 from stoop_studies.reproduce import asymmetry, recovery
 from stoop_studies.reproduce.asymmetry import BIASES, CASES, MODELS, OTHERS, TERMS, Fits
 from stoop_studies.reproduce.suite import PaperExperiment, minus, planned, tabulated

@@ -22,8 +22,7 @@ from stoop.simulate import parse_maneuver
 from stoop.simulate.fly import simulate_flight
 from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number
 from stoop_studies.problems import pose
-from stoop_studies.problems.multirotor import quad
-from stoop_studies.problems.quad import LENGTH, MANEUVER, NOISE
+from stoop_studies.problems.multirotor import LENGTH, MANEUVER, NOISE, quad
 from stoop_studies.reproduce.estimates import EXACT, SUCCESS, Group, bound_deviations, percent
 from stoop_studies.reproduce.suite import PaperExperiment, planned, search_run, tabulated
 from stoop_studies.reproduce.table1 import ITERATIONS, METHODS, SUMMARY, order_of_errors, summary_columns

@@ -15,8 +15,8 @@ from stoop.simulate import parse_maneuver
 from stoop.simulate.fly import fly
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.schema import ConstantThrust, Propeller
+from stoop.workflow.demo_problem import MANEUVER, TABLE_1
 from stoop_studies.findings import Results, Setting
-from stoop_studies.problems.experiment import MANEUVER, TABLE_1
 from stoop_studies.problems.paper import Paper, box, paper
 from stoop_studies.reproduce.estimates import fitted
 

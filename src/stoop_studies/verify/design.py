@@ -13,9 +13,8 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.design import Knowledge, Limits, Setup, design
-from stoop.design.robust import mean_ratio
-from stoop.design.search import Plan, one_after_another
-from stoop.design.setup import sensor_noise
+from stoop.design.information import sensor_noise
+from stoop.design.optimization import Plan, mean_ratio, textbook_maneuver
 from stoop.estimate.fit import Options, fit
 from stoop.problem.windows import Window
 from stoop.report.plots import Series, Strip, plot, stacked_plots
@@ -59,7 +58,7 @@ def setup() -> Setup:
 def maneuvers() -> Mapping[str, Maneuver]:
     """Return both inputs; the designed one is searched once in each process."""
     own = design(setup(), PLAN, FAMILY).maneuver
-    return dict(zip(INPUTS, (one_after_another(setup(), PLAN), own), strict=True))
+    return dict(zip(INPUTS, (textbook_maneuver(setup(), PLAN), own), strict=True))
 
 
 def predicted(name: str) -> FloatArray:

@@ -16,17 +16,17 @@ from stoop.errors import StoopError
 from stoop.estimate.effectiveness import (
     Assessment,
     Balance,
+    Explanation,
     Hover,
     Reference,
-    Suspect,
     Verdict,
     assess,
     hover,
     judge,
     leave_one_out,
-    together,
+    pooled,
 )
-from stoop.estimate.effectiveness.verdict import CHANCE
+from stoop.estimate.effectiveness.comparison import CHANCE
 from stoop.flight import load
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section, Table
@@ -150,7 +150,7 @@ class Assessed:
     members: tuple[Assessed, ...] = ()
 
     @property
-    def m3(self) -> Suspect:
+    def m3(self) -> Explanation:
         """M3 as the weak rotor."""
         return next(s for s in self.found.weak if s.rotor == CHANGED)
 
@@ -212,7 +212,7 @@ def assess_all(flights: Sequence[CrazyFlight]) -> tuple[list[Assessed], list[Ass
     treatments = []
     for _, group in groupby(changed, key=lambda a: a.flight.order[:3]):
         members = tuple(group)
-        found = assess(together([a.flight.hover for a in members]), known[members[0].flight.airframe])
+        found = assess(pooled([a.flight.hover for a in members]), known[members[0].flight.airframe])
         treatments.append(Assessed(members[0].flight, found, judge(found), members))
     return normal, changed, treatments
 
@@ -243,7 +243,7 @@ def _claims(normal: Sequence[Assessed], treatments: Sequence[Assessed]) -> tuple
     missed = ", ".join(f"{a.flight.airframe} {a.flight.condition}" for a in cut if not a.accuses_m3)
     undecided = [a.undecided for a in weighted]
     unhealthy = sum(a.verdict.kind != "healthy" for a in normal)
-    left = [(a.flight.condition, a.m3.left, a.found.mass_near(CHANGED).left) for a in weighted]
+    left = [(a.flight.condition, a.m3.unexplained, a.found.mass_near(CHANGED).unexplained) for a in weighted]
     return (
         holds(
             "The rotor that was cut is the one that explains most, after every cut",
@@ -302,7 +302,8 @@ def _row(a: Assessed) -> tuple[Cell, ...]:
     mass = a.found.mass_near(CHANGED)
     return (
         a.flight.airframe, a.flight.condition, a.flight.log, *_rounded(a.found.voltage), a.found.suspected.rotor,
-        *_rounded(a.found.chance, 1.0 - a.m3.size, a.m3.std, a.m3.left, mass.size, mass.std, mass.left), a.verdict.words,
+        *_rounded(a.found.chance, 1.0 - a.m3.size, a.m3.std, a.m3.unexplained, mass.size, mass.std, mass.unexplained),
+        str(a.verdict.notice),
     )  # fmt: skip
 
 
@@ -311,7 +312,7 @@ def _treatment_row(a: Assessed) -> tuple[Cell, ...]:
     return (
         a.flight.airframe, a.flight.condition, a.flight.length, len(factors), a.found.suspected.rotor,
         *_rounded(a.found.chance, a.factor, a.m3.std, min(factors), max(factors)),
-        sum(m.suspects_m3 for m in a.members), sum(m.accuses_m3 for m in a.members), a.verdict.words,
+        sum(m.suspects_m3 for m in a.members), sum(m.accuses_m3 for m in a.members), str(a.verdict.notice),
     )  # fmt: skip
 
 
@@ -328,7 +329,7 @@ def _treatment_table(treatments: Sequence[Assessed]) -> Table:
         factors = [m.factor for m in a.members]
         accused = counted(sum(m.accuses_m3 for m in a.members), len(factors))
         span = f"{min(factors):.3f} to {max(factors):.3f}"
-        rows.append((*_common_cells(a, a.flight.condition), span, accused, a.verdict.words))
+        rows.append((*_common_cells(a, a.flight.condition), span, accused, str(a.verdict.notice)))
     return Table("The flights after one treatment, taken together as one flight", head, tuple(rows))
 
 
@@ -344,9 +345,9 @@ def _table(flights: Sequence[Assessed]) -> Table:
     rows = tuple(
         (
             *_common_cells(a, a.flight.condition, a.flight.log, f"{a.found.voltage:.2f}"),
-            f"{a.m3.left:.1f}",
-            f"{a.found.mass_near(CHANGED).left:.1f}",
-            a.verdict.words,
+            f"{a.m3.unexplained:.1f}",
+            f"{a.found.mass_near(CHANGED).unexplained:.1f}",
+            str(a.verdict.notice),
         )
         for a in flights
     )

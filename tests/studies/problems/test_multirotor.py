@@ -14,11 +14,10 @@ from stoop.errors import FlightError, IdentificationError
 from stoop.simulate import parse_maneuver
 from stoop.simulate.fly import fly
 from stoop_studies.problems import Posed, hexacopter, pose
-from stoop_studies.problems.multirotor import names, quad
+from stoop_studies.problems.multirotor import MANEUVER, NOISE, SOUGHT, names, quad
 from stoop_studies.problems.paper import NEAR
-from stoop_studies.problems.quad import MANEUVER, NOISE, SOUGHT
 
-DATA = Path(__file__).parents[4] / "src" / "stoop" / "data"
+DATA = Path(__file__).parents[3] / "src" / "stoop" / "data"
 TEN = {
     "rotors.T1": 2.5, "rotors.T2": 6.0, "rotors.torque_ratio": 0.016, "rotors.inflow": 0.25, "rotors.drag": 0.08,
     "rotors.lag": 0.05, "mass.inertia.xx": 0.0291, "mass.inertia.yy": 0.0291, "mass.inertia.zz": 0.0552,
@@ -129,7 +128,7 @@ def test_a_folder_without_the_log_is_said(tmp_path: Path) -> None:
 
 
 def test_the_hexacopter_of_the_problem_is_the_one_of_the_examples() -> None:
-    examples = Path(__file__).parents[4] / "examples"
+    examples = Path(__file__).parents[3] / "examples"
     own = Path(hexacopter.__file__).parent
     name = "hexacopter_mapping.toml"
     assert (own / name).read_text(encoding="utf-8") == (examples / name).read_text(encoding="utf-8")

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from stoop.workflow.demo_problem import TABLE_1
 from stoop_studies.findings import Setting, number
 from stoop_studies.problems import pose
-from stoop_studies.problems.experiment import TABLE_1
 from stoop_studies.problems.paper import paper
 from stoop_studies.reproduce.estimates import bound_deviations
 from stoop_studies.reproduce.noise import Noise, scatter

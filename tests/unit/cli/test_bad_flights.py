@@ -185,7 +185,7 @@ FITS = [
     ("quad", scaled(MOTORS, 0.0), "quad-x", "the motors are off in 100%"),
     ("quad", silent, "quad-x", "none of the rates p, q, r was recorded"),
     ("twin", silent, "twin-boom", "rates, attitude and accelerations measured together"),
-    ("quad", hexa, "quad-x", "motor_5, motor_6 move too, but no rotor of quad-x has them"),
+    ("quad", hexa, "quad-x", "motor_5 and motor_6 move too, but no rotor of quad-x has them"),
     (
         "quad",
         same,
@@ -218,7 +218,7 @@ def test_an_airplane_that_stands_still_without_rates(here: Path, capsys: pytest.
     put(here, "twin", lambda c: silent(still(c)), {})
     few = ["--maneuver", "0:0.9", "--budget", "20", "--generations", "1", "-o", "out"]
     told = said(capsys, "identify", "x.csv", "--vehicle", "twin-boom", *few)
-    assert "p, q, r not recorded in any fitted window" in told
+    assert "p, q and r not recorded in any fitted window" in told
     assert "elevator hardly moves in the fitted windows" in told
 
 
@@ -238,7 +238,7 @@ def test_two_logs_of_unlike_vehicles(
 
 @pytest.mark.parametrize(
     ("change", "words"),
-    [(scaled(MOTORS, 0.0), "the motors never ran"), (silent, "p, q, r not recorded: without body rates")],
+    [(scaled(MOTORS, 0.0), "the motors never ran"), (silent, "p, q and r not recorded: without body rates")],
 )
 def test_stoop_info_tells_a_log_that_shows_nothing(
     here: Path, capsys: pytest.CaptureFixture[str], change: Callable[[Columns], Columns], words: str
@@ -250,4 +250,4 @@ def test_stoop_info_tells_a_log_that_shows_nothing(
 def test_flights_as_flown_are_not_accused(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name in FLOWN:
         put(here, name, same, {})
-        assert "Suspected faults - none seen" in said(capsys, "info", "x.csv")
+        assert "Suspected faults - none found" in said(capsys, "info", "x.csv")

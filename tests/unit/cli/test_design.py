@@ -10,7 +10,7 @@ import pytest
 from stoop.cli.design import add_arguments
 from stoop.cli.main import main
 from stoop.simulate import load_maneuver, parse_maneuver
-from stoop.workflow.design import FILES, believed, maneuver_toml
+from stoop.workflow.design import FILES, maneuver_toml, prior_model
 
 QUICK = (
     "--duration",
@@ -124,7 +124,7 @@ def test_does_not_write_over_a_design_unasked(folder: Path, capsys: pytest.Captu
 
 
 def test_priors_are_what_a_vehicle_file_knows(examples: Path) -> None:
-    model = believed(examples / "vtail.toml")
+    model = prior_model(examples / "vtail.toml")
     known = dict(zip(model.knowledge.names, model.knowledge.std(model.knowledge.names), strict=True))
     assert known["CLalpha"] == pytest.approx(1.0)
     assert known["mass.inertia.xx"] == pytest.approx(0.2)
@@ -152,11 +152,11 @@ def test_an_option_given_twice_counts_twice() -> None:
 def test_ctrl_c_ends_all_families_and_writes_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def stop(self: object, family: str, progress: object) -> None:
+    def stop(setup: object, plan: object, family: str, callback: object) -> None:
         print(family)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("stoop.cli.design._Watch.see", stop)
+    monkeypatch.setattr("stoop.design.proposal.design", stop)
     assert main(["design", "twin-boom", *QUICK, "--evaluations", "500", "-o", str(tmp_path / "out")]) == 130
     assert capsys.readouterr().out.split() == ["square"]
     assert not (tmp_path / "out").exists()

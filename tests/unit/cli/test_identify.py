@@ -15,9 +15,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from stoop.workflow.assemble import assemble
 
-from stoop.cli.freed import freed
+from stoop.cli.arguments import with_free
 from stoop.cli.main import main
 from stoop.cli.progress import Watch
 from stoop.errors import IdentificationError
@@ -26,6 +25,7 @@ from stoop.optimize import State
 from stoop.results.result import Identification
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.workflow.checkpoint import Checkpoint
+from stoop.workflow.fit_result import identification
 
 VEHICLE = Path(__file__).parents[3] / "src" / "stoop" / "data" / "twin_boom.toml"
 
@@ -65,7 +65,7 @@ def test_a_window_beyond_the_record_is_trimmed_and_told(
     place: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(identify(place, "--maneuver", "-5:20", "--generations", "1", out="beyond")) == 0
-    told = "sim -5:20: trimmed to the record, 0.00 to 20.00 s."
+    told = "sim -5:20: trimmed to the record, 0.00 to 20.00 s"
     assert told in " ".join(capsys.readouterr().out.split())
     assert told in json.loads((place / "beyond" / "result.json").read_text())["warnings"]
 
@@ -200,11 +200,11 @@ lag = "=controls.aileron.lag"
 def test_a_control_that_the_equations_drop_is_not_freed(aircraft: Vehicle) -> None:
     controls = "[controls.aileron]\nlag = 0.05\n[controls.elevator]\nlag = 0.05\n[controls.rudder]\n"
     whole = parse_vehicle(VEHICLE.read_text() + controls, "v.toml")
-    assert freed(whole, ["controls.aileron.lag"], [])
+    assert with_free(whole, ["controls.aileron.lag"], [])
     with pytest.raises(IdentificationError, match=r"--free controls\.aileron\.lag: the equations of v\.toml"):
-        freed(whole.reduced("longitudinal"), ["controls.aileron.lag"], [])
+        with_free(whole.reduced("longitudinal"), ["controls.aileron.lag"], [])
     with pytest.raises(IdentificationError, match="leave it out"):
-        freed(aircraft, ["Clp"], [])
+        with_free(aircraft, ["Clp"], [])
 
 
 def test_the_result_names_every_file_that_was_read(place: Path) -> None:
@@ -259,13 +259,13 @@ def pressing(times: int) -> Callable[..., Identification]:
     def assembled(*arguments: Any) -> Identification:
         for _ in range(times):
             signal.raise_signal(signal.SIGINT)
-        return assemble(*arguments)
+        return identification(*arguments)
 
     return assembled
 
 
 def test_ctrl_c_after_the_search_waits_for_the_result(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stoop.workflow.identification.assemble", pressing(1))
+    monkeypatch.setattr("stoop.workflow.identification.identification", pressing(1))
     assert main(identify(place, "--maneuver", "0:20", out="late")) == 130
     assert json.loads((place / "late" / "result.json").read_text())["status"] == "converged"
     assert not (place / "late" / "search.npz").exists()
@@ -275,7 +275,7 @@ def test_ctrl_c_twice_stops_and_the_search_is_still_there(
     place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patched:
-        patched.setattr("stoop.workflow.identification.assemble", pressing(2))
+        patched.setattr("stoop.workflow.identification.identification", pressing(2))
         assert main(identify(place, "--maneuver", "0:20", out="twice")) == 130
     assert [p.name for p in (place / "twice").iterdir()] == ["search.npz"]
     assert main(identify(place, "--maneuver", "0:20", "--resume", out="twice")) == 0
@@ -333,7 +333,7 @@ def test_demo_replaces_an_earlier_demo_and_nothing_else(
 ) -> None:
     (tmp_path / "vehicle.toml").write_text("mine")
     assert main(["demo", "-o", str(tmp_path)]) == 2
-    assert "holds vehicle.toml already; add --overwrite" in capsys.readouterr().err
+    assert "vehicle.toml: exists already; add --overwrite" in capsys.readouterr().err
     assert (tmp_path / "vehicle.toml").read_text() == "mine"
     assert main(["demo", "-o", str(tmp_path), "--overwrite"]) == 0
     assert main(["demo", "-o", str(tmp_path)]) == 0

@@ -32,7 +32,7 @@ def test_describes_a_simulated_flight(flight_file: Path, capsys: pytest.CaptureF
     assert "0.00 to 30.00 s on the log's own clock (30.00 s), 100 Hz grid" in out
     assert re.search(r"^simulation +100\.0 +0 +0\.010 +V alpha beta p q r", out, re.MULTILINE)
     assert re.search(r"^elevator +rad +-0\.2294 +-0\.0294 +0\.1706 +elevator deflection$", out, re.MULTILINE)
-    assert "none seen" in out
+    assert "none found" in out
     assert not any(line.endswith(" ") for line in out.splitlines())
 
 

@@ -9,14 +9,14 @@ import math
 import pytest
 from rich.console import Console
 
-from stoop.cli.page import Page, PlainPage, TerminalPage, page, to_json
+from stoop.cli.page import UNLIMITED, Page, page, to_json
 from stoop.cli.tables import numbers, words
 
 HOSTILE = "[bold red]x[/] \x1b[31m [link=file:///etc] :smile:"
 SHOWN = "[bold red]x[/] \\x1b[31m [link=file:///etc] :smile:"
 
 
-def terminal(width: int = 80) -> tuple[TerminalPage, io.StringIO]:
+def terminal(width: int = 80) -> tuple[Page, io.StringIO]:
     written = io.StringIO()
     console = Console(
         file=written,
@@ -27,7 +27,7 @@ def terminal(width: int = 80) -> tuple[TerminalPage, io.StringIO]:
         color_system=None,
         force_terminal=True,
     )
-    return TerminalPage(console), written
+    return Page(console), written
 
 
 def fill(out: Page) -> None:
@@ -39,7 +39,7 @@ def fill(out: Page) -> None:
 
 
 def test_hostile_text_is_shown_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
-    fill(PlainPage())
+    fill(Page())
     out, written = terminal(200)
     fill(out)
     for text in (capsys.readouterr().out, written.getvalue()):
@@ -71,7 +71,7 @@ def test_terminal_table_fits() -> None:
 
 
 def test_pipe_is_plain() -> None:
-    assert isinstance(page(), PlainPage)
+    assert page().width == UNLIMITED
 
 
 def test_json_is_strict() -> None:

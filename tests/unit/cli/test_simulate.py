@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.cli.freed import freed
+from stoop.cli.arguments import with_free
 from stoop.cli.main import main, parser_for
 from stoop.flight import Flight, load
 from stoop.vehicle import load_vehicle
@@ -94,7 +94,7 @@ def test_a_thrust_that_the_trim_set_is_fitted_or_to_be_written(
     words = shlex.split(after)[2:]
     parsed = parser_for(words).parse_args(words)
     assert parsed.free == free
-    freed(load_vehicle(file), parsed.free, parsed.fix)  # would refuse a number without bounds
+    with_free(load_vehicle(file), parsed.free, parsed.fix)  # would refuse a number without bounds
     told = [line for line in said if line.startswith("first: write thrust = 220.8")]
     assert len(told) == first
 

@@ -11,9 +11,11 @@ from stoop.errors import FlightError
 from stoop.problem.windows_file import Entry, expanded, read_windows, written
 
 GOOD = (
-    Entry("flight2", 140.5, 145.9, axis="roll", why='says "so"\n', information=1.25, gain=0.5),
-    Entry("a b@c", 1.0, 2.5, use="validate", loading="heavy"),
-    Entry("flight2", 161.6, 168.3, accept=False),
+    Entry(
+        flight="flight2", start=140.5, stop=145.9, axis="roll", why='says "so"\n', information=1.25, gain=0.5
+    ),
+    Entry(flight="a b@c", start=1.0, stop=2.5, use="validate", loading="heavy"),
+    Entry(flight="flight2", start=161.6, stop=168.3, accept=False),
 )
 HEAD = 'format = "stoop-windows/1"\n[[window]]\n'
 WINDOW = 'flight = "f"\nstart = 1.0\nstop = 2.0\n'
@@ -57,18 +59,18 @@ def test_nothing_accepted_is_told(good: Path) -> None:
     [
         ("", 'format is not "stoop-windows/1"'),
         ("[[window", "not valid TOML"),
-        (HEAD + WINDOW.replace("2.0", '"2"'), r"window 1: stop is no number; write stop = SECONDS"),
-        (HEAD + WINDOW.replace("start = 1.0\n", ""), "start is no number"),
-        (HEAD + WINDOW.replace("2.0", "nan"), "stop is no number"),
+        (HEAD + WINDOW.replace("2.0", '"2"'), r"window\.0\.stop: it must be a valid number"),
+        (HEAD + WINDOW.replace("start = 1.0\n", ""), r"window\.0\.start: missing; add it"),
+        (HEAD + WINDOW.replace("2.0", "nan"), r"window\.0\.stop: it must be a finite number"),
         (HEAD + WINDOW.replace("2.0", "0.5"), "start = 1 is not before stop = 0.5"),
-        (HEAD + WINDOW.replace('"f"', '""'), "names no flight"),
-        (HEAD + WINDOW.replace('"f"', "3"), "write it in quotes"),
-        (HEAD + WINDOW + 'accept = "yes"', "write accept = true or accept = false"),
-        (HEAD + WINDOW + 'use = "train"', 'write use = "fit" or use = "validate"'),
-        (HEAD + WINDOW + "use = [1]", 'write use = "fit"'),
-        (HEAD + WINDOW + "acept = true", "'acept' is not known; did you mean accept"),
-        ('format = "stoop-windows/1"\nwindow = 3', r"write each window below a line \[\[window\]\]"),
-        ('format = "stoop-windows/1"\nwindow = [3]', r"write each window below a line \[\[window\]\]"),
+        (HEAD + WINDOW.replace('"f"', '""'), r"window\.0\.flight"),
+        (HEAD + WINDOW.replace('"f"', "3"), r"window\.0\.flight: it must be a valid string"),
+        (HEAD + WINDOW + 'accept = "yes"', r"window\.0\.accept: it must be a valid boolean"),
+        (HEAD + WINDOW + 'use = "train"', r"window\.0\.use: it must be 'fit' or 'validate'"),
+        (HEAD + WINDOW + "use = [1]", r"window\.0\.use: it must be 'fit' or 'validate'"),
+        (HEAD + WINDOW + "acept = true", r"window\.0\.acept: unknown key; .*did you mean accept"),
+        ('format = "stoop-windows/1"\nwindow = 3', "window: this must be a list"),
+        ('format = "stoop-windows/1"\nwindow = [3]', r"window\.0: this must be a table"),
     ],
 )
 def test_an_edited_file_is_refused_in_one_line(tmp_path: Path, text: str, advice: str) -> None:
@@ -87,7 +89,7 @@ def test_a_missing_file_is_told() -> None:
 
 def test_any_name_and_any_clock_come_back(tmp_path: Path) -> None:
     path = tmp_path / "windows.toml"
-    flown = Entry("\U0001f681 \x7f\n[[window]]", 1_700_000_123.456, 1_700_000_125.25)
+    flown = Entry(flight="\U0001f681 \x7f\n[[window]]", start=1_700_000_123.456, stop=1_700_000_125.25)
     path.write_text(written([flown], "stoop identify 'a\nb'"), encoding="utf-8")
     (back,) = read_windows(path)
     assert (back.flight, back.start, back.stop) == (flown.flight, flown.start, flown.stop)

@@ -13,10 +13,10 @@ from scipy.io import netcdf_file
 
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS
+from stoop.checks.units import growth
 from stoop.flight import VARIABLES, load
 from stoop.flight.column_names import recognized
 from stoop.flight.mapping_draft import draft, draft_of
-from stoop.flight.measured import growth
 from stoop.logs import Recording, Stream
 
 T = 0.01 * np.arange(4000)

@@ -8,12 +8,12 @@ from importlib.resources import files
 
 import pytest
 
+from stoop.checks.vehicle import inertia_notices
 from stoop.errors import VehicleError
 from stoop.report.formula import mathml
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import BUILT_IN, builtin_vehicle
 from stoop.vehicle.notation import symbols
-from stoop.vehicle.plausible import inertia_doubts
 from stoop.vehicle.symbolic.latex import equations
 
 QUAD = (files("stoop") / "data" / "quad_x.toml").read_text()
@@ -104,7 +104,7 @@ def test_a_delay_is_shared_with_a_control_of_the_channel() -> None:
     late = QUAD.replace("lag = 0.05", "delay = 0.02") + REFERENCE + "[aerodynamics]\n[controls.elevator]\n"
     said = complaint(late + "mix = { motor_1 = 0.1 }\n")
     assert "rotors.delay: channel motor_1 also moves elevator" in said
-    assert parse_vehicle(late + 'mix = { motor_1 = 0.1 }\ndelay = "=rotors.delay"\n', "tied").hovers
+    assert parse_vehicle(late + 'mix = { motor_1 = 0.1 }\ndelay = "=rotors.delay"\n', "tied").has_rotors
 
 
 def test_only_a_measured_speed_may_be_told_late() -> None:
@@ -123,7 +123,7 @@ def test_loadings_are_held_to_the_same() -> None:
 def test_a_poor_guess_of_thrust_is_no_fault_on_speed() -> None:
     """Full speed is not known where the speed is measured."""
     text = QUAD.replace('drive = "command"', 'drive = "speed"').replace('"motor_', '"rotor_')
-    assert parse_vehicle(text.replace("T1 = 2.5\nT2 = 6.0", "T2 = 1e-9"), "speed").hovers
+    assert parse_vehicle(text.replace("T1 = 2.5\nT2 = 6.0", "T2 = 1e-9"), "speed").has_rotors
 
 
 @pytest.mark.parametrize("name", [n for n in BUILT_IN if n != "twin-boom"])
@@ -142,10 +142,10 @@ def test_report_has_equations_and_symbols(name: str) -> None:
 
 def test_inertia_of_another_size_is_doubted() -> None:
     quad = builtin_vehicle("quad-x")
-    assert not inertia_doubts(quad)
-    (said,) = inertia_doubts(quad, {"mass.inertia.xx": 0.5})
-    assert "implausibly large" in said
-    assert "of the largest distance between rotors" in said
+    assert not inertia_notices(quad)
+    (found,) = inertia_notices(quad, {"mass.inertia.xx": 0.5})
+    assert (found.code, found.subject) == ("inertia-large", "mass.inertia.xx")
+    assert found.values["unit"] == "of the largest distance between rotors"
 
 
 @pytest.mark.parametrize("value", ["1e308", "-1e308", "1e-320", "0.0", "{ value = 1e308, free = true }"])

@@ -328,5 +328,5 @@ def test_vehicles_without_rotors_know_nothing_of_them(twin_boom: str) -> None:
     assert not {"vn", "ve", "vd"} & set(said["sensors"])
     assert not [p.name for p in vehicle.parameters if "rotor" in p.name or "vn" in p.name]
     assert vehicle.outputs[:3] == ("V", "alpha", "beta") == vehicle.start_names[:3]
-    assert not vehicle.hovers
+    assert not vehicle.has_rotors
     assert vehicle.rotors == ()

@@ -12,12 +12,13 @@ import pytest
 
 from stoop.errors import OutputError, StoopError
 from stoop.estimate.fit import Options
+from stoop.export.comparison import RecordedManeuver
 from stoop.flight import Flight
+from stoop.report.export import PAGE
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow import Job, identify
 from stoop.workflow.export import Condition, export, write
-from stoop.workflow.export_page import PAGE
 from stoop.workflow.export_subject import Subject, read_subject
 
 
@@ -49,7 +50,7 @@ def test_maneuvers_start_where_the_fit_found_them(job: Job, subject: Subject) ->
 
 def test_our_simulation_of_a_maneuver_is_the_one_of_the_report(job: Job, subject: Subject) -> None:
     """Its root mean square error is the figure in result.json."""
-    from stoop.export.flown import differences, own_readings
+    from stoop.export.record import differences, own_readings
 
     fitted = subject.maneuvers[0]
     vehicle = fitted.record.vehicle
@@ -109,13 +110,12 @@ def test_an_estimate_of_something_else(folder: Path, tmp_path: Path) -> None:
 
 def test_a_maneuver_flies_with_its_own_loading(subject: Subject) -> None:
     """Another mass: JSBSim gets an aircraft of that mass, or it would be far off."""
-    from stoop.workflow.export_subject import Maneuver
 
     first = subject.maneuvers[0]
     heavy = first.record.vehicle.with_numbers(
         {"mass.mass": {"value": 1.2 * subject.vehicle.value("mass.mass")}}
     )
-    loaded = Maneuver("heavy", replace(first.record, vehicle=heavy), first.measured, loaded=True)
+    loaded = RecordedManeuver("heavy", replace(first.record, vehicle=heavy), first.measured, loaded=True)
     made = export(replace(subject, maneuvers=(loaded,)), "jsbsim")
     (note,) = [note for note in made.notes if note.startswith("heavy: ")]
     assert float(note.split("within ")[1].split()[0]) < 1e-3
@@ -147,7 +147,7 @@ def test_gusts_that_were_estimated_stay_behind_with_what_is_known_of_them(gusty:
     assert subject.known.names == ("Cmq",)
     assert subject.known.covariance.shape == (1, 1)
     made = export(subject, target)
-    assert any("turbulence is left out" in note for note in made.notes)
+    assert any("is left out: gusts are" in note for note in made.notes)
     assert [m.loaded for m in subject.maneuvers] == [False, True]
     assert subject.maneuvers[1].record.vehicle.value("mass.mass") == 190.0
 

@@ -12,7 +12,7 @@ import pytest
 
 from stoop.errors import StoopError
 from stoop.workflow import Job
-from stoop.workflow.design import believed
+from stoop.workflow.design import prior_model
 from stoop.workflow.identified import read_identified
 
 
@@ -64,7 +64,7 @@ def test_an_edited_result_is_one_line(
     result = json.loads(path.read_text())
     edit(result)
     path.write_text(json.dumps(result))
-    for read in (read_identified, believed):
+    for read in (read_identified, prior_model):
         with pytest.raises(StoopError, match=says) as caught:
             read(tmp_path / "r")
         assert "\n" not in str(caught.value)
@@ -72,7 +72,7 @@ def test_an_edited_result_is_one_line(
 
 def test_a_design_asks_for_what_was_estimated(job: Job, folder: Path) -> None:
     """The file leaves free what --fix held: the design would chase it, and not what was asked for."""
-    free = {p.name: p for p in believed(folder).vehicle.parameters if p.free}
+    free = {p.name: p for p in prior_model(folder).vehicle.parameters if p.free}
     estimated = job.identification.result.parameters
     assert set(free) == set(estimated)
     assert all((free[n].lower, free[n].upper) == (p.bound_lower, p.bound_upper) for n, p in estimated.items())

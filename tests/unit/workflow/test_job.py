@@ -18,8 +18,8 @@ from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 from stoop.workflow import Job, identify
 from stoop.workflow.curves import _unwrapped
 from stoop.workflow.identification import _windows
+from stoop.workflow.outputs import with_values
 from stoop.workflow.summary import estimates_table, figures_table
-from stoop.workflow.toml import replaced
 
 
 def test_writes_everything_and_reads_it_back(job: Job, tmp_path: Path) -> None:
@@ -112,7 +112,7 @@ airspeed = 20.0
 CLalpha = 5.0
 """
     vehicle = parse_vehicle(text, "x.toml")
-    new = replaced(
+    new = with_values(
         vehicle,
         {
             "CLalpha": 4.5,

@@ -67,7 +67,7 @@ def test_any_file_that_would_be_replaced_is_refused(name: str, tmp_path: Path) -
 def test_a_flight_of_several_is_refused_by_its_name(tmp_path: Path) -> None:
     (tmp_path / "flight-b.nc").write_text("mine")
     check_folder(tmp_path, ["b"])
-    with pytest.raises(OutputError, match=r"holds flight-b\.nc already"):
+    with pytest.raises(OutputError, match=r"flight-b\.nc: exists already"):
         check_folder(tmp_path, ["a", "b"])
 
 

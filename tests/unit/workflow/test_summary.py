@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from stoop.results.uncertainty import ParameterIdentifiability
-from stoop.workflow.summary import doubts_by_phrase
+from stoop.workflow.summary import advice_by_doubt
 
 
 def sight(doubt: str, advice: str) -> ParameterIdentifiability:
@@ -19,11 +19,11 @@ def test_doubts_stand_under_one_phrase_and_those_of_one_advice_in_one_line() -> 
         "CLq": sight("", ""),
         "Cmq": sight("no advice", ""),
     }
-    assert doubts_by_phrase(seen) == {
+    assert advice_by_doubt(seen) == {
         "combined": ["Cl0, Cn0: bank more", "CD0: fly faster"],
         "at its bound": ["CL0: pull up"],
     }
 
 
 def test_without_doubts_nothing_is_said() -> None:
-    assert doubts_by_phrase({"CLq": sight("", "")}) == {}
+    assert advice_by_doubt({"CLq": sight("", "")}) == {}

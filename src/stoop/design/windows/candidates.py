@@ -1,9 +1,10 @@
-"""Stretches of a flight that could be fitted: whole, in the air, off the limits of motors and sensors."""
+"""Windows of a flight that could be fitted: complete, airborne, without saturated motors or stuck sensors."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -12,16 +13,18 @@ from stoop.base.arrays import BoolArray, FloatArray, run_slices
 from stoop.base.variables import RATES
 from stoop.flight import Flight, Maneuver, find_maneuvers
 from stoop.flight.airborne import flying
+from stoop.vehicle import Vehicle
+from stoop.vehicle.rotors_schema import Rotor
 
-LENGTHS: Final = (4.0, 8.0)  #: s of a window that nothing but its information speaks for
+LENGTHS: Final = (4.0, 8.0)  #: s, of windows that are tried all along the flight
 STRIDE: Final = 2.0  #: s from one such window to the next
 SHORTEST: Final = 2.0  #: s
-WHOLE: Final = 0.6  #: share of a window that must be usable; pieces between holes are fitted apart
-NEAR: Final = 0.002  #: of its range, from which a command is at its limit
-HELD: Final = 5  #: samples in a row there that make it saturated
-LEVELS: Final = 20  #: different values of a command that is set by hand or by a plan, and limited by nothing
+MIN_USABLE: Final = 0.6  #: share of a window; pieces between holes are fitted separately
+LIMIT_MARGIN: Final = 0.002  #: of its range, within which a command is at its limit
+MIN_SATURATED: Final = 5  #: samples in a row at the limit
+MAX_LEVELS: Final = 20  #: different values of a switch, which has no limits
 LIMITED: Final = ("motor_", "pwm_", "rotor_")  #: outputs that end at full power and at idle
-FELT: Final = ("p", "q", "r", "ax", "ay", "az", "phi", "theta", "V", "alpha", "beta")
+SENSORS: Final = ("p", "q", "r", "ax", "ay", "az", "phi", "theta", "V", "alpha", "beta")
 
 
 @dataclass(frozen=True)
@@ -74,7 +77,7 @@ def usable(flight: Flight, channels: Sequence[str]) -> BoolArray:
         if name.startswith(LIMITED):
             good &= ~saturated(flight.column(name), flying(flight))
     for fault in flight.faults:
-        if fault.kind == "stuck" and fault.variable in (*FELT, *channels):
+        if fault.kind == "stuck" and fault.variable in (*SENSORS, *channels):
             good &= (flight.time < fault.start) | (flight.time > fault.stop)
     return np.asarray(good)
 
@@ -86,15 +89,15 @@ def saturated(x: FloatArray, up: BoolArray) -> BoolArray:
     """
     seen = x[up & np.isfinite(x)]
     out = np.zeros(x.size, dtype=bool)
-    if np.unique(seen).size <= LEVELS:
+    if np.unique(seen).size <= MAX_LEVELS:
         return out
-    near = NEAR * float(np.ptp(seen))
+    near = LIMIT_MARGIN * float(np.ptp(seen))
     ends = [x >= seen.max() - near]
     if np.median(seen) > seen.min() + near:
         ends.append(x <= seen.min() + near)
     for held in ends:
         for run in run_slices(held & up):
-            if run.stop - run.start >= HELD:
+            if run.stop - run.start >= MIN_SATURATED:
                 out[run] = True
     return out
 
@@ -117,7 +120,7 @@ def _cut(
         return None
     first, last = float(flight.time[inside[0]]), float(flight.time[inside[-1]])
     share = inside.size / (inside[-1] - inside[0] + 1)
-    if last - first < SHORTEST or share < WHOLE:
+    if last - first < SHORTEST or share < MIN_USABLE:
         return None
     low, high = np.ceil(first * 10.0 - 1e-6) / 10.0, np.floor(last * 10.0 + 1e-6) / 10.0
     return Candidate(flight.name, float(low) + 0.0, float(high), maneuver)  # no -0.0
@@ -129,3 +132,30 @@ def _apart(found: Iterable[Candidate]) -> list[Candidate]:
     for one in found:
         out.setdefault((one.start, one.stop), one)
     return list(out.values())
+
+
+def with_motors(flight: Flight, vehicle: Vehicle | None) -> Flight:
+    """Return a flight with a motor_N (rotor_N where pulses set a speed) for each pulse of a rotor that lifts.
+
+    Motors show when the vehicle is airborne and what was commanded about an axis; pulses alone may be surfaces.
+    """
+    if vehicle is None or vehicle.file.rotors is None:
+        return flight
+    kind = "motor" if vehicle.file.rotors.drive == "command" else "rotor"
+    if any(str(name).startswith(f"{kind}_") for name in flight.data):
+        return flight
+    gain, idle = vehicle.value("rotors.gain"), vehicle.value("rotors.idle")
+    made = {
+        channel.replace("pwm", kind): ("time", np.maximum(gain * (flight.column(channel) - idle), 0.0))
+        for channel in dict.fromkeys(rotor.channel for rotor in vehicle.file.rotor.values() if _lifts(rotor))
+        if channel.startswith("pwm_") and channel in flight.data
+    }
+    return replace(flight, data=flight.data.assign(made)) if made else flight
+
+
+def _lifts(rotor: Rotor) -> bool:
+    """Tell whether a rotor pulls up rather than along."""
+    if rotor.axis is None:
+        return True
+    forward, right, down = (number.value for number in rotor.axis)
+    return -down > math.hypot(forward, right)

@@ -1,23 +1,30 @@
-"""Which rotor gives less thrust than its command says: flights near hover held against flights of the healthy vehicle."""
+"""Rotors that give less thrust than commanded: flights near hover compared with flights of the healthy vehicle."""
 
-from stoop.estimate.effectiveness.balance import Balance
-from stoop.estimate.effectiveness.compare import Assessment, Reference, Suspect, assess, leave_one_out
-from stoop.estimate.effectiveness.hover import Hover, hover, together
-from stoop.estimate.effectiveness.sharper import advice
-from stoop.estimate.effectiveness.verdict import Verdict, alike, judge
+from stoop.estimate.effectiveness.comparison import (
+    Assessment,
+    Explanation,
+    Reference,
+    Verdict,
+    advice,
+    assess,
+    indistinct,
+    judge,
+    leave_one_out,
+)
+from stoop.estimate.effectiveness.hover import Balance, Hover, hover, pooled
 
 __all__ = [
     "Assessment",
     "Balance",
+    "Explanation",
     "Hover",
     "Reference",
-    "Suspect",
     "Verdict",
     "advice",
-    "alike",
     "assess",
     "hover",
+    "indistinct",
     "judge",
     "leave_one_out",
-    "together",
+    "pooled",
 ]

@@ -33,7 +33,7 @@ from stoop.flight.segmentation import MIN_SEGMENT
 from stoop.problem import Layout, Piece
 from stoop.problem.observation import at_center_of_gravity, true_value
 from stoop.simulate import START_NAMES, parameter_rows
-from stoop.simulate.delays import late_inputs
+from stoop.simulate.delays import first_order_lag, late_inputs
 from stoop.simulate.initial import commanded, kernel_states, rigid_states
 from stoop.vehicle import Vehicle, terms
 from stoop.vehicle.schema import Term
@@ -136,16 +136,6 @@ def _deflection(
     if vehicle.file.controls[control].lag is None:
         return command
     return first_order_lag(command, float(rows[vehicle.rows[f"controls.{control}.lag"], 0]), dt)
-
-
-def first_order_lag(command: FloatArray, lag: float, dt: float) -> FloatArray:
-    """Return a first-order lag's response (n,) to a command that is linear between samples, at rest at first."""
-    from scipy.signal import lfilter
-
-    decay = float(np.exp(-dt / lag))
-    mean = -float(np.expm1(-dt / lag)) * lag / dt  # of the decay over a sample
-    begin = [mean * float(command[0])]  # so that the first value is the first command
-    return np.asarray(lfilter([1.0 - mean, mean - decay], [1.0, -decay], command, zi=begin)[0])
 
 
 @dataclass(frozen=True, eq=False)

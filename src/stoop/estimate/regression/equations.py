@@ -72,7 +72,7 @@ class Equations(Protocol):
 
 def kind_of(vehicle: Vehicle) -> type[AircraftEquations] | type[RotorEquations]:
     """Return the equations of a kind of vehicle; it is decided here and nowhere else."""
-    return RotorEquations if vehicle.hovers else AircraftEquations
+    return RotorEquations if vehicle.has_rotors else AircraftEquations
 
 
 def unbounded(equations: Equations) -> Bounds:

@@ -21,14 +21,13 @@ from scipy.interpolate import CubicSpline
 from stoop.base.arrays import FloatArray, runs
 from stoop.base.notices import Notice, notice
 from stoop.base.variables import RATES, SPECIFIC_FORCE
-from stoop.estimate.regression.aircraft import first_order_lag
 from stoop.estimate.regression.domain import Domain
 from stoop.estimate.regression.least_squares import Bounds, Estimates, Priors, Rows, r_squared
 from stoop.flight.segmentation import MIN_SEGMENT
 from stoop.problem import Layout, Nuisance, Piece
 from stoop.problem.observation import through_air, true_value
 from stoop.simulate import parameter_rows
-from stoop.simulate.delays import at_samples, late_inputs
+from stoop.simulate.delays import at_samples, first_order_lag, late_inputs
 from stoop.simulate.initial import commanded, kernel_states, rigid_states
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND

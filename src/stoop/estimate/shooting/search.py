@@ -196,7 +196,7 @@ class ShootingProblem:
         information, pieces = rows.T @ rows, []
         for shots, windows in zip(self.shots, self.linearize(at), strict=True):
             nodes = reduced([self.weigh(shot) for shot in windows], 0.0).nodes
-            follow = _follow(nodes, windows[0].by_state.shape[2], scales)
+            follow = following(nodes, windows[0].by_state.shape[2], scales)
             jacobian = [
                 w.by_unknown / scales + w.by_state @ own for w, own in zip(windows, follow, strict=True)
             ]
@@ -220,7 +220,7 @@ class ShootingProblem:
         return gaps, np.array(slopes).reshape(*gaps.shape, len(scales))
 
 
-def _follow(nodes: Sequence[Node], size: int, scales: FloatArray) -> list[FloatArray]:
+def following(nodes: Sequence[Node], size: int, scales: FloatArray) -> list[FloatArray]:
     """Return how the state of each window changes with the search vector, (e, j) each, per SI unit."""
     out = [np.zeros((size, len(scales)))]
     for node in nodes:
@@ -336,15 +336,19 @@ def _rescaled(problem: ShootingProblem, part: Sequence[int], logarithm: float) -
 
 def _wind_cost(problem: ShootingProblem, at: Iterate, linear: Sequence[Sequence[Shot]], gaps: int) -> float:
     """Return twice the negative logarithm of the likelihood, less what does not depend on the wind."""
-    pieces = [[problem.weigh(shot) for shot in windows] for windows in linear]
-    normal, gradient, found = problem.reduce(at, pieces, 0.0)
-    cost = sum(float(w.gap @ w.gap) for windows in pieces for w in windows) - sum(r.gain for r in found)
+    normal, gradient, _ = problem.reduce(at, (), 0.0)
+    cost = logdet = 0.0
+    for windows in linear:
+        weighted = [problem.weigh(shot) for shot in windows]
+        found = reduced(weighted, 0.0)
+        cost += sum(float(w.gap @ w.gap) for w in weighted) - found.gain
+        normal, gradient, logdet = normal + found.normal, gradient + found.gradient, logdet + found.logdet
     observed = np.diag(normal) > 0.0  # what no window observes has no part in it
     normal, gradient = normal[np.ix_(observed, observed)], gradient[observed]
     size = np.sqrt(np.diag(normal))
     values, vectors = np.linalg.eigh(normal / np.outer(size, size))
     kept = np.maximum(values, ROUNDING * values[-1])
     along = vectors.T @ (gradient / size)
-    logdet = sum(r.logdet for r in found) + float(np.sum(np.log(kept))) + 2.0 * float(np.sum(np.log(size)))
+    total = logdet + float(np.sum(np.log(kept))) + 2.0 * float(np.sum(np.log(size)))
     steps = 2.0 * gaps * float(np.sum(np.log(problem.scales[-3:])))
-    return cost - float(np.sum(along**2 / kept)) + logdet + steps
+    return cost - float(np.sum(along**2 / kept)) + total + steps

@@ -20,7 +20,7 @@ from stoop.estimate.filter_error.linearization import (
     perturbations_of,
     unwrapped,
 )
-from stoop.estimate.regression.aircraft import first_order_lag
+from stoop.estimate.regression.rotors import lagged_command
 from stoop.kernels import filtering
 from stoop.kernels.windows import windows
 from stoop.problem import Misfit, Piece, on_circle
@@ -233,7 +233,14 @@ class Shots:
                 whole = interpolated(unwrapped(column))
                 readings[channel] = np.array([model.smoothed(whole, a, width) for a in at])
         default = {n: np.full(len(at), piece.start.get(n, 0.0)) for n in vehicle.start_names}
-        return default | model.states(vehicle, piece, readings) | _lags(vehicle, piece, np.array(at))
+        starts = default | model.states(vehicle, piece, readings)
+        rows = parameter_rows(vehicle, piece.changes)
+        early, inputs = np.repeat(rows, len(at), axis=1), piece.inputs[list(at)].T
+        for state in (s for s in vehicle.states if s.endswith(".lag")):
+            name = state.removesuffix(".lag")  # by how much it is off its command, with the lag of the file
+            behind = lagged_command(vehicle, piece, name, rows)[list(at)]
+            starts[state] = behind - commanded(vehicle, name, early, inputs)
+        return starts
 
     def split(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return states (n_x, w) and winds (m, w) of nodes."""
@@ -375,24 +382,6 @@ class Shots:
         _, at, copy = np.unique(late, axis=1, return_index=True, return_inverse=True)
         lanes = late_inputs(vehicle, inputs, np.ascontiguousarray(rows[:, at]), dt)
         return np.concatenate(list(np.moveaxis(lanes, 2, 0))), copy.ravel()
-
-
-def _lags(vehicle: Vehicle, piece: Piece, at: IntArray) -> dict[str, FloatArray]:
-    """Return by how much lagged surfaces and rotors are off their commands, (w,) each, with the file's lags."""
-    names = [s.removesuffix(".lag") for s in vehicle.states if s.endswith(".lag")]
-    if not names:
-        return {}
-    rows = parameter_rows(vehicle, piece.changes)
-    inputs = late_inputs(vehicle, piece.inputs, rows, piece.dt)
-    whole, early = np.repeat(rows, len(inputs), axis=1), np.repeat(rows, len(at), axis=1)
-    out = {}
-    for name in names:
-        prefix = "rotors" if name in vehicle.rotors else f"controls.{name}"
-        behind = first_order_lag(
-            commanded(vehicle, name, whole, inputs.T), float(rows[vehicle.rows[f"{prefix}.lag"], 0]), piece.dt
-        )
-        out[f"{name}.lag"] = behind[at] - commanded(vehicle, name, early, piece.inputs[at].T)
-    return out
 
 
 def residual(problem: Misfit, readings: FloatArray, measured: FloatArray) -> FloatArray:

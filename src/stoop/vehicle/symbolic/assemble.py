@@ -64,7 +64,7 @@ def full_model(
     omega: Vector = (x["p"], x["q"], x["r"])
     e = (x["e0"], x["e1"], x["e2"], x["e3"])
     through_air = turbulence.relative(n, velocity, x)
-    turned, wind = attitude(e), (slow_air if vehicle.hovers else air)(through_air)
+    turned, wind = attitude(e), (slow_air if vehicle.has_rotors else air)(through_air)
     deflections, lag_rates = _lags(n, x, _commands(n, u))
     spins, lagging = rotors.spins(n, x, rotors.commands(n, u))
     spin_rates = lagging or rotors.slopes(n, u)
@@ -77,7 +77,7 @@ def full_model(
     climb = -sum(d * v for d, v in zip(turned.down, velocity, strict=True))
     rates = [*velocity_rate, *omega_rate, *quaternion_rate(e, omega), climb]
     felt = instruments.accelerometer(n, specific, omega, omega_rate)
-    if vehicle.hovers:
+    if vehicle.has_rotors:
         truth = instruments.ground_truth(over_ground(e, velocity), omega, turned, felt)
     else:
         truth = instruments.truth(wind.V, instruments.vane(n, through_air, omega), omega, turned, felt)

@@ -42,7 +42,7 @@ def relative(n: Numbers, velocity: Vector, states: Mapping[str, Any]) -> Vector:
     gust = {axis: _gust(axis, states) for axis in n.vehicle.gusts}
     zero = sp.Integer(0)
     blown: Vector = (gust.get("u", zero), gust.get("v", zero), gust.get("w", zero))
-    if n.vehicle.hovers:
+    if n.vehicle.has_rotors:
         blown = to_body((states["e0"], states["e1"], states["e2"], states["e3"]), blown)
     return subtract(velocity, blown)
 

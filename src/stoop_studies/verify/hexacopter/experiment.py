@@ -10,7 +10,7 @@ import numpy as np
 
 from stoop.base.csv_text import Cell
 from stoop.base.variables import SPECIFIC_FORCE
-from stoop.estimate.forces import CUTOFF, Against
+from stoop.estimate.forces import CUTOFF, ForceResiduals
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section, Table
 from stoop.vehicle.atmosphere import SEA_LEVEL_DENSITY
@@ -69,7 +69,7 @@ class Residuals:
 
     fit: Span
     window: Span
-    ours: Mapping[str, Against]
+    ours: Mapping[str, ForceResiduals]
     theirs: Mapping[str, float]
 
     @classmethod
@@ -118,7 +118,7 @@ def show(setting: Setting, samples: Samples) -> Findings:
     )
 
 
-def without(setting: Setting, log: Log) -> dict[str, Mapping[str, Against]]:
+def without(setting: Setting, log: Log) -> dict[str, Mapping[str, ForceResiduals]]:
     """Return the residuals of the prediction without one part of the model each."""
     whole = vehicle()
     wind = {f"sensors.{c}.bias": {"free": True, "prior": 3.0} for c in ("vn", "ve")}
@@ -192,7 +192,7 @@ def _coefficient_table(rows: Sequence[Sequence[Cell]]) -> Table:
     return Table(caption, head, _cells(rows, ".4g"))
 
 
-def _without_table(lacking: Mapping[str, Mapping[str, Against]]) -> Table:
+def _without_table(lacking: Mapping[str, Mapping[str, ForceResiduals]]) -> Table:
     rows = tuple((name, *(f"{found[a].model:.3f}" for a in AXES)) for name, found in lacking.items())
     caption = "Residuals of the prediction, each fitted without one part, rms, m/s2"
     return Table(caption, ("without", *AXES), rows)

@@ -25,7 +25,7 @@ from stoop.base.variables import EULER, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import StoopError
 from stoop.estimate import methods
 from stoop.estimate.fit import Fit, Options
-from stoop.estimate.forces import Against, Curves, Simple, force_curves, low_passed
+from stoop.estimate.forces import ForceCurves, ForceResiduals, ReferenceModels, force_curves, low_passed
 from stoop.estimate.predict import identified_vehicle, mean_biases
 from stoop.flight import Flight, load
 from stoop.problem.windows import Window
@@ -199,14 +199,14 @@ class Fitted:
         i = names.index(name)
         return float(np.sqrt(self.fit.covariance[i, i]))
 
-    def curves(self, span: Span) -> Curves:
+    def curves(self, span: Span) -> ForceCurves:
         """Return measured and modelled specific force below 5 Hz."""
         biases = mean_biases(self.fit, self.log.flight.name)
         return force_curves(self.vehicle, self.log.flights, self.log.window(span), biases)
 
-    def residuals(self, span: Span) -> Mapping[str, Against]:
+    def residuals(self, span: Span) -> Mapping[str, ForceResiduals]:
         """Return the residuals in a window by axis: model, constant, static thrust."""
-        return Simple.of([self.curves(self.span)]).against(self.curves(span))
+        return ReferenceModels.of([self.curves(self.span)]).residuals(self.curves(span))
 
     def authors_residuals(self, span: Span) -> dict[str, float]:
         """Return those of the authors' model; a constant per axis is learned from what was fitted, as ours is."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,16 +16,14 @@ from stoop.estimate.effectiveness import (
     Hover,
     Reference,
     advice,
-    alike,
     assess,
     hover,
+    indistinct,
     judge,
     leave_one_out,
-    together,
+    pooled,
 )
-from stoop.estimate.effectiveness.battery import Battery, battery
-from stoop.estimate.effectiveness.compare import USUAL
-from stoop.estimate.effectiveness.verdict import least_seen
+from stoop.estimate.effectiveness.comparison import USUAL, Battery, battery, least_detectable
 from stoop.flight import Flight
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
@@ -227,7 +224,7 @@ def test_takeoffs_and_landings_are_left_out(quad: Balance) -> None:
     np.testing.assert_allclose(found.thrust, HALF)
     np.testing.assert_allclose(found.torque, HALF * 0.00596)
     assert found.duration == pytest.approx(2 * (510 / 50 - 4.0))
-    both = together((found, found))
+    both = pooled((found, found))
     np.testing.assert_allclose(both.thrust, found.thrust)
 
 
@@ -319,13 +316,13 @@ def test_rotors_that_explain_it_nearly_as_well_are_named_with_it(hexa: Balance, 
     rng = np.random.default_rng(14)
     reference, rotor = healthy(hexa, rng, 3), hexa.rotors[0]
     small = assess(flown(hexa, rng, "small", **{rotor: 0.15}), reference)
-    assert len(alike(small)) > 1
-    assert alike(small)[0] == small.suspected.rotor
-    assert rotor in alike(small)
+    assert len(indistinct(small)) > 1
+    assert indistinct(small)[0] == small.suspected.rotor
+    assert rotor in indistinct(small)
     plain = assess(flown(quad, rng, "large", M3=0.4), healthy(quad, rng, 3))
-    assert alike(plain) == ("M3",)
+    assert indistinct(plain) == ("M3",)
     gains = assess(flown(quad, rng, "gains", M1=-0.3, M2=-0.3, M3=-0.3, M4=-0.3), healthy(quad, rng, 3))
-    assert alike(gains) == ()
+    assert indistinct(gains) == ()
 
 
 def test_what_is_advised_brings_what_is_promised(quad: Balance) -> None:
@@ -334,9 +331,9 @@ def test_what_is_advised_brings_what_is_promised(quad: Balance) -> None:
     promised, kept = [], []
     for _ in range(60):
         few, many, new = healthy(quad, rng, 3), healthy(quad, rng, 8), flown(quad, rng, "new")
-        promised += [float(re.findall(r"to (\d+) %", words)[0]) for words in advice(few, [new], [], 0.05)]
-        kept.append(100.0 * least_seen(assess(new, many)))
-        assert advice(many, [new], [], 0.05) == []
+        promised += [100.0 * float(n.values["then"]) for n in advice(few, [new], [], 0.05)]  # type: ignore[arg-type]
+        kept.append(100.0 * least_detectable(assess(new, many)))
+        assert advice(many, [new], [], 0.05) == ()
     assert len(promised) > 50
     assert np.mean(kept) == pytest.approx(np.mean(promised), abs=0.5)
 
@@ -346,13 +343,14 @@ def test_a_restless_flight_is_to_be_a_plain_hover(quad: Balance) -> None:
     reference, new = healthy(quad, rng, 8), flown(quad, rng, "new")
     restless = replace(new, covariance=np.diag(np.square(0.02 * reference.units)))
     (calm,) = advice(reference, [restless], [], 0.05)
-    before, after = (round(100.0 * least_seen(assess(h, reference))) for h in (restless, new))
-    assert "a plain hover: the commands vary much within these flights" in calm
-    assert f"from {before} % to {after} %" in calm
+    before, after = (least_detectable(assess(h, reference)) for h in (restless, new))
+    assert calm.code == "rotors-calmer-hover"
+    assert calm.values == {"now": pytest.approx(before), "then": pytest.approx(after)}
 
 
 def test_an_accused_propeller_is_to_be_swapped(quad: Balance) -> None:
     rng = np.random.default_rng(17)
     reference, new = healthy(quad, rng, 8), flown(quad, rng, "new", M3=0.3)
     (swap,) = advice(reference, [new], [judge(assess(new, reference))], 0.05)
-    assert swap.startswith("swap the propeller of M3 with that of a rotor that turns the same way")
+    assert swap.code == "rotors-swap-propellers"
+    assert swap.values["rotors"] == ("M3",)

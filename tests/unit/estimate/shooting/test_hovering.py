@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stoop.checks.rotor_windows import rotor_notices
+from stoop.checks.vehicle import foreign_motors
 from stoop.errors import FlightError, IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.ratios import in_ratio, ratios
-from stoop.estimate.rotors_seen import rotor_warnings, strange_motors
 from stoop.flight import from_columns
 from stoop.problem.windows import Window
 from stoop.simulate import parse_maneuver, simulate_flight
@@ -201,20 +202,23 @@ def test_motors_off_are_no_flight(start, flight):
         estimation_problem(start, {"sim": changed(flight, **off)}, WINDOW, Options())
     partly = {n: np.where(flight.time < 3.0, 0.0, flight.column(n)) for n in off}
     problem, _ = estimation_problem(start, {"sim": changed(flight, **partly)}, WINDOW, Options())
-    assert any("narrow --maneuver to within 3.0:" in line for line in rotor_warnings(problem))
+    (one,) = (one for one in rotor_notices(problem) if one.code == "motors-off")
+    assert one.values["first"] == pytest.approx(3.0, abs=0.02)
 
 
 def test_saturation_and_stillness_are_said(start, flight):
     full = np.where(flight.time < 4.0, 1.0, flight.column("motor_2"))
     problem, _ = estimation_problem(start, {"sim": changed(flight, motor_2=full)}, WINDOW, Options())
-    assert any("motor_2 is at the upper end of its range in 25%" in line for line in rotor_warnings(problem))
+    (one,) = (one for one in rotor_notices(problem) if one.code == "command-saturated")
+    assert (one.subject, one.values["end"]) == ("motor_2", "upper")
+    assert one.values["share"] == pytest.approx(0.25, abs=0.005)
     rng = np.random.default_rng(0)
     still = {f"motor_{i}": 0.6 + 1e-4 * rng.standard_normal(len(flight.time)) for i in range(1, 5)}
     still |= {c: 0.01 * rng.standard_normal(len(flight.time)) for c in "pqr"}
     problem, _ = estimation_problem(start, {"sim": changed(flight, **still)}, WINDOW, Options())
-    lines = rotor_warnings(problem)
-    assert sum("fit a window with" in line and "doublets" in line for line in lines) == 3
-    assert any("T0, T1 and T2 cannot be told apart" in line for line in lines)
+    codes = [one.code for one in rotor_notices(problem)]
+    assert codes.count("axis-not-excited") == 3
+    assert "lift-not-excited" in codes
 
 
 def test_a_pulse_in_a_long_window_is_excitation(start):
@@ -225,7 +229,7 @@ def test_a_pulse_in_a_long_window_is_excitation(start):
     flown = simulate_flight(start, parse_maneuver(text, "m"), seed=1, name="sim")
     for window, silent in ((Window("sim", 2.0, 59.0), True), (Window("sim", 20.0, 59.0), False)):
         problem, _ = estimation_problem(start, {"sim": flown}, [window], Options())
-        assert (rotor_warnings(problem) == []) is silent
+        assert (rotor_notices(problem) == []) is silent
     inputs = np.concatenate(
         [
             p.inputs
@@ -247,4 +251,5 @@ def test_the_log_of_another_vehicle_is_recognized(start, flight):
     ):
         estimation_problem(hexa, {"sim": changed(flight, **constant)}, WINDOW, Options())
     moving = {n: flight.column("motor_1") for n in constant}
-    assert "motor_5, motor_6 move too" in strange_motors(start, {"sim": changed(flight, **moving)}, WINDOW)[0]
+    (one,) = foreign_motors(start, changed(flight, **moving), WINDOW)
+    assert (one.code, one.values["channels"]) == ("foreign-motors", ("motor_5", "motor_6"))

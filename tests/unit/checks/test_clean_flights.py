@@ -1,0 +1,74 @@
+"""No clean flight is accused: simulated airplanes and multirotors, in wind and gusts, with and without maneuvers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stoop import check
+from stoop.base.variables import VARIABLES
+from stoop.checks.kinematics import check_motion
+from stoop.checks.lines import Line
+from stoop.checks.units import check_units
+from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.vehicle import parse_vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+
+OWN = {name: Line("M.toml", f"variables.{name}", known.unit) for name, known in VARIABLES.items()}
+ROTORS = (
+    ("roll", 12.0, 0.15),
+    ("pitch", 12.0, 0.15),
+    ("yaw", 1.5, 0.4),
+    ("heave", 2.5, 0.3),
+    ("north", 2.0, 1.5),
+)
+WINGS = (("elevator", 0.08, 0.3), ("aileron", 0.08, 0.5), ("rudder", 0.08, 0.6))
+NAMES = ("quad-x", "twin-boom", "hexa-x", "twin-boom", "octo-x", "quadplane")
+
+
+def accused(seed: int) -> list[str]:
+    """Return what is said of one clean flight, as if every line of its mapping were the user's."""
+    rng = np.random.default_rng(seed)
+    name = NAMES[seed % len(NAMES)]
+    winged = name == "twin-boom"
+    text, duration = resolve_vehicle(name).text, float(rng.choice([14, 30, 60]))
+    if rng.random() < 0.5 and "[turbulence]" not in text:
+        gusts = f"= {{ intensity = {rng.uniform(0.3, 1.5):.2f}, length = 30.0 }}\n"
+        text += f"\n[turbulence]\nairspeed = {35.0 if winged else 5.0}\n" + "".join(
+            f"{axis} {gusts}" for axis in "uvw"
+        )
+    lines = [
+        f"duration = {duration}",
+        "rate = 100.0",
+        f"wind = [{rng.uniform(-4, 4):.2f}, {rng.uniform(-4, 4):.2f}, 0.0]",
+    ]
+    lines += [f"airspeed = {rng.uniform(30, 40):.1f}"] if winged else []
+    for control, size, step in WINGS if winged else ROTORS:
+        if rng.random() < 0.7:
+            lines += [
+                "[[input]]",
+                f'control = "{control}"',
+                f'shape = "{rng.choice(["doublet", "3-2-1-1"])}"',
+                f"start = {rng.uniform(1.0, duration - 6.0):.2f}",
+                f"step = {step * rng.uniform(0.7, 1.4):.3f}",
+                f"amplitude = {size * rng.uniform(-1.0, 1.0):.4f}",
+            ]
+    vehicle = parse_vehicle(text, name)
+    flight = simulate_flight(vehicle, parse_maneuver("\n".join(lines), "m"), seed=seed, name="sim")
+    data = {str(channel): flight.column(str(channel)) for channel in flight.data.data_vars}
+    refused, units, _ = check_units({channel: (flight.time, x) for channel, x in data.items()}, OWN)
+    return [
+        str(one)
+        for one in (*refused, *units, *check_motion(data, flight.rate, OWN)[0], *check(flight, vehicle))
+    ]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_clean_flight_is_not_accused(seed: int) -> None:
+    assert accused(seed) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(12, 360))
+def test_none_of_many_clean_flights_is_accused(seed: int) -> None:
+    assert accused(seed) == []
