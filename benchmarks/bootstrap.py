@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.table import Row
-from stoop.assess.assessment import AssessedFit
-from stoop.assess.bootstrap import bootstrap_plan
+from stoop.assessment.assessment import AssessedFit
+from stoop.assessment.bootstrap import bootstrap_plan
 from stoop.estimate.fit import Options, fit
 from stoop.parallel import LocalProcesses, execute
 from stoop_studies.verify.scenes import Scene, in_white_noise

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.table import Row
-from stoop.assess.error_bars import error_bars
+from stoop.assessment.error_bars import error_bars
 from stoop.estimate.fit import Fit, Options, fit
 from stoop_studies.verify.scenes import Scene, in_white_noise
 

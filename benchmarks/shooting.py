@@ -11,7 +11,7 @@ from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.shooting.windows import Shots
 from stoop.problem import Misfit
 from stoop.problem.windows import Window
-from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle
 
 PART = "shooting"

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from stoop.flight.load import load as load_flight
     from stoop.flight.store import save as save_flight
     from stoop.results.result import read_result
-    from stoop.simulate.fly import simulate_flight
-    from stoop.simulate.linearize import linearize
-    from stoop.simulate.maneuver import load_maneuver
-    from stoop.simulate.trim import trim
+    from stoop.simulation.fly import simulate_flight
+    from stoop.simulation.linearize import linearize
+    from stoop.simulation.maneuver import load_maneuver
+    from stoop.simulation.trim import trim
     from stoop.vehicle import load_vehicle
     from stoop.workflow import identify as fit
 
@@ -30,14 +30,14 @@ _PLACES = {
     "Options": "stoop.estimate.fit",
     "check": "stoop.checks.vehicle",
     "fit": "stoop.workflow",
-    "linearize": "stoop.simulate",
+    "linearize": "stoop.simulation",
     "load_flight": "stoop.flight",
-    "load_maneuver": "stoop.simulate",
+    "load_maneuver": "stoop.simulation",
     "load_vehicle": "stoop.vehicle",
     "read_result": "stoop.results.result",
     "save_flight": "stoop.flight",
-    "simulate_flight": "stoop.simulate",
-    "trim": "stoop.simulate",
+    "simulate_flight": "stoop.simulation",
+    "trim": "stoop.simulation",
 }  #: public name -> room; imported on first use, so that ``import stoop`` costs nothing
 _OTHER_NAMES = {"fit": "identify", "load_flight": "load", "save_flight": "save"}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from docs.pages import DOCS, table
-from stoop.simulate import asked, maneuver
+from stoop.simulation import asked, maneuver
 
 PAGE = DOCS / "maneuver-file.md"
 

@@ -9,7 +9,7 @@ import pytest
 from naive.interpreted import Evaluate, interpreted
 
 from docs.pages import DOCS, table
-from stoop.simulate import initial_states, parameter_rows
+from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import BUILT_IN, builtin_vehicle
 from stoop.vehicle.rotor_numbers import hover_command, share_of_weight

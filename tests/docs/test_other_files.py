@@ -20,7 +20,7 @@ from stoop.flight.calibration import MIXERS
 from stoop.flight.mapping import READY, read_flight_mapping
 from stoop.flight.mapping_schema import GROUP_KEYS, LINE_KEYS
 from stoop.logs.mapping import TIME_UNITS, read_mapping
-from stoop.simulate import maneuver, parse_maneuver, simulate_flight
+from stoop.simulation import maneuver, parse_maneuver, simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle
 
 INPUTS = [maneuver.Steps, maneuver.Levels, maneuver.Pulse, maneuver.Multisine, maneuver.Harmonics]

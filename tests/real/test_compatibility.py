@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stoop.flight import Flight, load
-from stoop.reconstruct.compatibility import Compatibility
+from stoop.reconstruction.compatibility import Compatibility
 from stoop.workflow.compatibility import check_compatibility, write_compatibility
 
 Checked = tuple[Compatibility, Flight, Flight]

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from stoop.assess.baseline import BaselineManeuver, BaselineSegment, baseline_matches
-from stoop.assess.goodness_of_fit import filtered_theil, join
+from stoop.assessment.baseline import BaselineManeuver, BaselineSegment, baseline_matches
+from stoop.assessment.goodness_of_fit import filtered_theil, join
 from stoop.flight.load import load
 from stoop.flight.segmentation import segments
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from stoop.design.windows import find_windows
 from stoop.flight import load
+from stoop.input_design.windows import find_windows
 from stoop.vehicle import load_vehicle
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

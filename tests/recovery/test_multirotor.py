@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 from docs.pages import DOCS, table
 
-from stoop.assess.covariance import NORMAL_95
-from stoop.assess.error_bars import error_bars
+from stoop.assessment.covariance import NORMAL_95
+from stoop.assessment.error_bars import error_bars
 from stoop.estimate.fit import Fit, Options
 from stoop.estimate.shooting.method import fit
 from stoop.problem.windows import Window
-from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 

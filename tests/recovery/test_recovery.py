@@ -17,7 +17,7 @@ import pytest
 from stoop.errors import IdentificationError, VehicleError
 from stoop.estimate.fit import Fit, Options, fit
 from stoop.problem.windows import Window
-from stoop.simulate import Maneuver, simulate_flight, trim
+from stoop.simulation import Maneuver, simulate_flight, trim
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 
 LEFT_OUT = {

@@ -19,7 +19,7 @@ from stoop.flight.channels import Channels
 from stoop.flight.flight import dataset
 from stoop.flight.gridding import grid_channels
 from stoop.problem.windows import Window
-from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 

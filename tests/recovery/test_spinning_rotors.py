@@ -6,7 +6,7 @@ import pytest
 
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
-from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.workflow import identify
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stoop.design.windows import Found, find_windows
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
-from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.input_design.windows import Found, find_windows
+from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow import identify

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.export import jsbsim_aircraft
-from stoop.export.jsbsim_flight import fly, jsbsim_readings, sortie, specific_force
-from stoop.export.record import (
+from stoop.exporters import jsbsim_aircraft
+from stoop.exporters.jsbsim_flight import fly, jsbsim_readings, sortie, specific_force
+from stoop.exporters.record import (
     Record,
     every_control,
     file_name,
@@ -21,7 +21,7 @@ from stoop.export.record import (
     relative_differences,
     steady_record,
 )
-from stoop.simulate import initial_states, parameter_rows, trim
+from stoop.simulation import initial_states, parameter_rows, trim
 from stoop.vehicle import Vehicle
 from stoop_studies.verify.export import INPUTS, load
 

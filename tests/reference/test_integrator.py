@@ -11,8 +11,8 @@ import pytest
 from scipy.integrate import DOP853
 
 from stoop.kernels import Kernel
-from stoop.simulate import Maneuver, initial_states, parameter_rows, trim
-from stoop.simulate.fly import fly
+from stoop.simulation import Maneuver, initial_states, parameter_rows, trim
+from stoop.simulation.fly import fly
 from stoop.vehicle import Vehicle
 
 PAPER = Maneuver.model_validate(

@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from stoop.base.units import DEGREE, FOOT, POUND_FORCE, SLUG
-from stoop.simulate import initial_states, parameter_rows
+from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.atmosphere import standard_density
 

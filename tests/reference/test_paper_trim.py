@@ -15,7 +15,7 @@ import math
 
 import pytest
 
-from stoop.simulate import trim
+from stoop.simulation import trim
 from stoop.vehicle import Vehicle
 
 
@@ -51,8 +51,8 @@ def test_the_reconstruction_itself() -> None:
 
 
 def test_start_of_a_maneuver_stays_where_it_is(twin_boom: Vehicle) -> None:
-    from stoop.simulate import Maneuver
-    from stoop.simulate.fly import fly
+    from stoop.simulation import Maneuver
+    from stoop.simulation.fly import fly
 
     flown = fly(twin_boom, Maneuver(duration=20.0))
     drift = abs(flown.outputs - flown.outputs[0]).max(axis=0)

@@ -12,7 +12,7 @@ from stoop import optimize
 from stoop.errors import FlightError, IdentificationError, VehicleError
 from stoop.flight.store import save
 from stoop.optimize.problem import forward_jacobian
-from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.demo_problem import MANEUVER
 from stoop_studies.problems import Posed, pose

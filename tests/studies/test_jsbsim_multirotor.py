@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stoop.simulate import initial_states, parameter_rows
+from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle
 from stoop_studies.verify.jsbsim.flight import Recording
 from stoop_studies.verify.multirotor import flight

@@ -6,7 +6,7 @@ import pytest
 
 from stoop.cli.demo import MANEUVER, misled
 from stoop.flight import Flight
-from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 

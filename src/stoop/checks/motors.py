@@ -22,8 +22,8 @@ from stoop.checks.engine import Edit, Evidence, Finding, Key, Residual, Residual
 from stoop.flight import Flight
 from stoop.flight.airborne import flying
 from stoop.problem.windows import Window, within
-from stoop.simulate.delays import delayed, first_order_lag
-from stoop.simulate.rotors import Range, channel_range, effects
+from stoop.simulation.delays import delayed, first_order_lag
+from stoop.simulation.rotors import Range, channel_range, effects
 from stoop.vehicle import Vehicle
 
 AXES: Final = ("roll", "pitch", "yaw")

@@ -14,9 +14,9 @@ from stoop.errors import FlightError, IdentificationError
 from stoop.flight import Flight
 from stoop.problem import Misfit, Piece
 from stoop.problem.windows import Window
-from stoop.simulate import parameter_rows
-from stoop.simulate.initial import commanded
-from stoop.simulate.rotors import channel_range
+from stoop.simulation import parameter_rows
+from stoop.simulation.initial import commanded
+from stoop.simulation.rotors import channel_range
 from stoop.vehicle import Vehicle
 
 OFF: Final = 0.1  #: of the largest x of all rotors, below which a rotor carries nothing

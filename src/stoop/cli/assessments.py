@@ -11,7 +11,7 @@ from stoop.cli.numbers import at_least_one
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from stoop.assess.assessment import Assessment
+    from stoop.assessment.assessment import Assessment
     from stoop.cli.progress import Watch
     from stoop.flight import Flight
     from stoop.vehicle import Vehicle
@@ -50,9 +50,9 @@ def check(arguments: argparse.Namespace, vehicle: Vehicle, flights: Sequence[Fli
     """
     if not wanted(arguments):
         return
-    from stoop.assess.assessment import check_method
-    from stoop.assess.posterior import libraries
-    from stoop.assess.profile import check_names
+    from stoop.assessment.assessment import check_method
+    from stoop.assessment.posterior import libraries
+    from stoop.assessment.profile import check_names
     from stoop.estimate.methods import choose_method
 
     check_method(choose_method(arguments.method, vehicle, flights).name)
@@ -63,7 +63,7 @@ def check(arguments: argparse.Namespace, vehicle: Vehicle, flights: Sequence[Fli
 
 def asked(arguments: argparse.Namespace) -> list[Assessment]:
     """Return the assessments that were asked for."""
-    from stoop.assess.profile import DOUBTFUL
+    from stoop.assessment.profile import DOUBTFUL
     from stoop.workflow import Bootstrap, Posterior, Profile
 
     folder = arguments.output

@@ -11,7 +11,7 @@ from stoop.cli.numbers import windows
 from stoop.cli.page import Page, busy, page
 
 if TYPE_CHECKING:
-    from stoop.reconstruct.compatibility import Compatibility
+    from stoop.reconstruction.compatibility import Compatibility
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -69,7 +69,7 @@ def _holds_demo(folder: Path) -> bool:
 def identify_demo(seed: int) -> tuple[Job, dict[str, float]]:
     """Return the finished job and the truth."""
     from stoop.estimate.fit import Options
-    from stoop.simulate import parse_maneuver, simulate_flight
+    from stoop.simulation import parse_maneuver, simulate_flight
     from stoop.vehicle.builtin import resolve_vehicle
     from stoop.workflow import identify
 

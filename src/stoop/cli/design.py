@@ -18,7 +18,7 @@ from stoop.cli.tables import numbers, words
 from stoop.errors import SimulationError
 
 if TYPE_CHECKING:
-    from stoop.design.proposal import Proposal
+    from stoop.input_design.proposal import Proposal
     from stoop.vehicle import Vehicle
 
 FAMILIES = ("square", "3-2-1-1", "doublet", "multisine")
@@ -56,10 +56,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Design, write, and print the expected standard errors."""
     from dataclasses import replace
 
-    from stoop.design import Limits
-    from stoop.design.optimization import Plan
-    from stoop.design.proposal import propose
-    from stoop.simulate import trim
+    from stoop.input_design import Limits
+    from stoop.input_design.optimization import Plan
+    from stoop.input_design.proposal import propose
+    from stoop.simulation import trim
     from stoop.workflow.design import FILES, prior_model, write_proposal
 
     check_targets(arguments.output, FILES, arguments.overwrite)

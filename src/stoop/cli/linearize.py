@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from stoop.simulate import LinearModel, Mode, Trim
+    from stoop.simulation import LinearModel, Mode, Trim
     from stoop.vehicle import Vehicle
 
     FloatArray = NDArray[np.float64]
@@ -42,8 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Linearize and print, or write."""
-    from stoop.simulate import linearize
-    from stoop.simulate.linearize import left_out
+    from stoop.simulation import linearize
+    from stoop.simulation.linearize import left_out
 
     target: Path | None = arguments.json
     if target is not None and target != STDOUT:

@@ -27,7 +27,7 @@ from stoop.cli.tables import Column, fixed, numbers, points, words
 from stoop.errors import VehicleError
 
 if TYPE_CHECKING:
-    from stoop.design.windows import Found
+    from stoop.input_design.windows import Found
     from stoop.vehicle import Vehicle
 
 
@@ -47,8 +47,8 @@ def run(arguments: argparse.Namespace) -> int:
     inputs = [*arguments.flight, *given_paths(arguments.mapping)]
     inputs += [Path(arguments.vehicle)] if arguments.vehicle else []
     check_targets(arguments.output, FILES, arguments.overwrite, inputs)
-    from stoop.design.windows import doubts, find_windows
     from stoop.flight import load, without_faults
+    from stoop.input_design.windows import doubts, find_windows
     from stoop.workflow.provenance import by_name
 
     vehicle = _vehicle(arguments)

@@ -13,10 +13,10 @@ from stoop.cli.page import busy
 from stoop.errors import SimulationError
 
 if TYPE_CHECKING:
-    from stoop.simulate import Trim
+    from stoop.simulation import Trim
     from stoop.vehicle import Vehicle
 
-SEA_LEVEL_DENSITY: Final = 1.225  #: kg/m3, what `stoop.simulate.trim` assumes where the log would give it
+SEA_LEVEL_DENSITY: Final = 1.225  #: kg/m3, what `stoop.simulation.trim` assumes where the log would give it
 
 
 def add_point_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,8 +55,8 @@ def trim_at(vehicle: Vehicle, arguments: argparse.Namespace) -> Trim:
 
     A lateral model holds speed and incidence, so its steady flight is that of the full equations.
     """
-    from stoop.simulate import trim
-    from stoop.simulate.steady import flies_on_rotors
+    from stoop.simulation import trim
+    from stoop.simulation.steady import flies_on_rotors
 
     on_rotors = flies_on_rotors(vehicle, arguments.airspeed)
     for name in ("velocity", "wind") if not on_rotors else ():

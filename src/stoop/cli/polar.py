@@ -13,7 +13,7 @@ from stoop.cli.page import Page, busy, page
 
 if TYPE_CHECKING:
     from stoop.base.notices import Notice
-    from stoop.reconstruct.polar import Polar
+    from stoop.reconstruction.polar import Polar
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Fit, write where asked to, and print what was found."""
     from stoop.flight import load
-    from stoop.reconstruct.polar import Propulsion
+    from stoop.reconstruction.polar import Propulsion
     from stoop.workflow.polar import NAMES, PAGE, drag_polar, write_polar
 
     folder, others = arguments.output, given_paths(arguments.mapping)
@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _print(out: Page, polar: Polar, notices: Sequence[Notice]) -> None:
-    from stoop.assess.covariance import NORMAL_95
+    from stoop.assessment.covariance import NORMAL_95
     from stoop.cli.tables import fixed, numbers, words
     from stoop.report.polar import MEANINGS, grid
 

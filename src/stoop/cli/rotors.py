@@ -45,15 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare, and say what each flight shows."""
-    from stoop.estimate.effectiveness import (
-        Balance,
-        Reference,
-        advice,
-        assess,
-        judge,
-        leave_one_out,
-        pooled,
-    )
+    from stoop.estimate.effectiveness import Balance, Reference, advice, assess, judge, leave_one_out, pooled
     from stoop.vehicle.builtin import resolve_vehicle
 
     if arguments.chance >= 0.5:

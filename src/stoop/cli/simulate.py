@@ -16,7 +16,7 @@ from stoop.errors import ManeuverError, VehicleError
 
 if TYPE_CHECKING:
     from stoop.flight import Flight
-    from stoop.simulate.maneuver import Maneuver
+    from stoop.simulation.maneuver import Maneuver
     from stoop.vehicle import Vehicle
 
 
@@ -34,9 +34,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Fly, write, and print what to do next."""
     target: Path = arguments.output
     _check_target(target, arguments.overwrite)
-    from stoop.export.flight_file import save_flight_as
-    from stoop.simulate import load_maneuver, numbers_set, simulate_flight
-    from stoop.simulate.fly import flown_trim
+    from stoop.exporters.flight_file import save_flight_as
+    from stoop.simulation import load_maneuver, numbers_set, simulate_flight
+    from stoop.simulation.fly import flown_trim
     from stoop.vehicle.builtin import resolve_vehicle
 
     vehicle = resolve_vehicle(arguments.vehicle)
@@ -63,7 +63,7 @@ def _naming(path: Path) -> Iterator[None]:
 
 def _check_target(target: Path, overwrite: bool) -> None:
     """Refuse a name by which the file could not be read again, and one that is taken, its mapping's too."""
-    from stoop.export.flight_file import OWN, check_ending
+    from stoop.exporters.flight_file import OWN, check_ending
     from stoop.logs.table import beside
 
     check_ending(target)
@@ -101,7 +101,7 @@ def _print_next(
     flown: Mapping[str, float],
 ) -> None:
     """Print the fit of this flight, and what must go before it."""
-    from stoop.design.maneuver_windows import maneuver_windows
+    from stoop.input_design.maneuver_windows import maneuver_windows
 
     windows, out = maneuver_windows(maneuver, vehicle.has_rotors), page()
     if not windows.fit:

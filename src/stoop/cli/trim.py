@@ -11,7 +11,7 @@ from stoop.cli.point import add_point_arguments, condition, trim_at, vehicle_at
 from stoop.cli.tables import fixed, numbers, shown_unit, words
 
 if TYPE_CHECKING:
-    from stoop.simulate import Trim
+    from stoop.simulation import Trim
     from stoop.vehicle import Vehicle
 
 FORMAT = "stoop-trim/1"

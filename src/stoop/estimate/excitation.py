@@ -21,8 +21,8 @@ from stoop.base.notices import Notice, notice
 from stoop.base.units import DEGREE
 from stoop.checks.rotor_windows import rotor_notices
 from stoop.problem import Misfit
-from stoop.simulate import parameter_rows
-from stoop.simulate.initial import commanded
+from stoop.simulation import parameter_rows
+from stoop.simulation.initial import commanded
 from stoop.vehicle.schema import WIND
 from stoop.vehicle.vehicle import WIND_NUMBERS
 

@@ -21,7 +21,7 @@ from stoop.estimate.regression.rotors import Stretch, lagged_command, stretches
 from stoop.flight import Flight
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
-from stoop.simulate import parameter_rows
+from stoop.simulation import parameter_rows
 from stoop.vehicle import Vehicle
 
 CUTOFF: Final = 5.0  #: Hz

@@ -11,7 +11,7 @@
 
     `callback` and `state` belong to searches that can be resumed; others ignore them.
 
-Error bars come from the evidence, the same way for all methods: `stoop.assess.error_bars`. ``local_problem`` gives the
+Error bars come from the evidence, the same way for all methods: `stoop.assessment.error_bars`. ``local_problem`` gives the
 least-squares problem for refits near the estimate where it is not ``problem``.
 
 To add a method, write its function and add one line to `_METHODS`.

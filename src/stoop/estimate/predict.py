@@ -18,7 +18,7 @@ from stoop.problem.misfit import horizon_ladder
 from stoop.problem.observation import START_TIME, observation_model
 from stoop.problem.prepare import Prepared, prepare
 from stoop.problem.windows import Window
-from stoop.simulate import START_NAMES, trim
+from stoop.simulation import START_NAMES, trim
 from stoop.vehicle import Vehicle
 
 

@@ -21,7 +21,8 @@ LIBRARIES: Final = (
     "pygmo",
 )  #: that make numbers
 ROOMS: Final = (
-    "assess", "base", "data", "estimate", "flight", "kernels", "logs", "optimize", "problem", "results", "simulate", "vehicle",
+    "assessment", "base", "data", "estimate", "flight", "kernels", "logs", "optimize", "problem", "results", "simulation",
+    "vehicle",
 )  # fmt: skip  #: folders and files of stoop that make numbers; those of a work function's own count by `work_sources`
 _SHOWN = 40  #: characters; what is longer is not quoted in an error
 _HERE = Path(__file__).parents[1]

@@ -2,7 +2,7 @@
 
 Output error gives the residuals and sensitivities of its simulation, filter error those of the innovations, multiple
 shooting those of its windows, a regression its equation errors and regressors. One path leads from here to error bars
-(``stoop.assess``).
+(``stoop.assessment``).
 """
 
 from __future__ import annotations

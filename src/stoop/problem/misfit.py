@@ -16,9 +16,9 @@ from stoop.base.arrays import FloatArray
 from stoop.base.variables import WRAPPED
 from stoop.problem.layout import Layout, Nuisance
 from stoop.problem.weights import Weights
-from stoop.simulate import parameter_rows
-from stoop.simulate.delays import input_delays, late_inputs, late_outputs, output_delays
-from stoop.simulate.initial import kernel_states, rigid_states
+from stoop.simulation import parameter_rows
+from stoop.simulation.delays import input_delays, late_inputs, late_outputs, output_delays
+from stoop.simulation.initial import kernel_states, rigid_states
 
 STEP = 1e-7
 

@@ -16,7 +16,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of, to_body
 from stoop.base.variables import EULER, WRAPPED
 from stoop.errors import FlightError
-from stoop.simulate import START_NAMES
+from stoop.simulation import START_NAMES
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND
 

@@ -21,8 +21,8 @@ from stoop.problem.observation import (
     state_channels,
 )
 from stoop.problem.windows import Window
-from stoop.simulate import parameter_rows
-from stoop.simulate.initial import commanded
+from stoop.simulation import parameter_rows
+from stoop.simulation.initial import commanded
 from stoop.vehicle import Vehicle
 
 

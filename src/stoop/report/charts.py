@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
-from stoop.assess.covariance import NORMAL_95
+from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import FloatArray
 from stoop.base.numbers import RAISED
 from stoop.report.svg import Axes, Box, Range, Scale, drawing, element, spanning, tick_text

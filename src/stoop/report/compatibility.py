@@ -10,7 +10,7 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import of_severity
 from stoop.base.numbers import NOTHING, factor_and_unit, number, rounded_to_error, window
-from stoop.reconstruct.compatibility import Compatibility, Finding, Trace
+from stoop.reconstruction.compatibility import Compatibility, Finding, Trace
 from stoop.report.plots import Series, Strip, stacked_plots
 from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table
 

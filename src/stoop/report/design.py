@@ -9,10 +9,10 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.numbers import factor_and_unit, number
 from stoop.base.variables import VARIABLES
-from stoop.design.proposal import Proposal
+from stoop.input_design.proposal import Proposal
 from stoop.report.plots import Series, Strip, plot, stacked_plots
 from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table
-from stoop.simulate import Maneuver
+from stoop.simulation import Maneuver
 
 LEAD = """\
 The input below is the one, of those tried, whose flight makes the error bars of the parameters of {vehicle} smallest \

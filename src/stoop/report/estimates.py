@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup, escape
 
-from stoop.assess.covariance import NORMAL_95, correlation
+from stoop.assessment.covariance import NORMAL_95, correlation
 from stoop.base.numbers import NOTHING, clock, compact, number, readable_unit, rounded_to_error, window
 from stoop.report.charts import correlation_map, forest_row
 from stoop.report.formula import mathml

@@ -10,11 +10,11 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.numbers import NOTHING, factor_and_unit
 from stoop.base.variables import VARIABLES, WRAPPED
-from stoop.export.comparison import Comparison
-from stoop.export.jsbsim_aircraft import PLANET, relative_errors
-from stoop.export.jsbsim_flight import FRAME_RATE
-from stoop.export.jsbsim_model import delays
-from stoop.export.record import differences, relative_differences
+from stoop.exporters.comparison import Comparison
+from stoop.exporters.jsbsim_aircraft import PLANET, relative_errors
+from stoop.exporters.jsbsim_flight import FRAME_RATE
+from stoop.exporters.jsbsim_model import delays
+from stoop.exporters.record import differences, relative_differences
 from stoop.report.plots import Series, Strip, stacked_plots
 from stoop.report.sheet import Bullets, Code, Figure, Part, Prose, Section, Sheet, Table, render_sheet
 from stoop.vehicle import Vehicle

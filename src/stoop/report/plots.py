@@ -14,18 +14,7 @@ import numpy as np
 from markupsafe import Markup
 
 from stoop.base.arrays import FloatArray
-from stoop.report.svg import (
-    TENTHS,
-    Axes,
-    Box,
-    Range,
-    drawing,
-    element,
-    path,
-    plain_text,
-    spanning,
-    tick_text,
-)
+from stoop.report.svg import TENTHS, Axes, Box, Range, drawing, element, path, plain_text, spanning, tick_text
 
 WIDTH: Final = 640.0  #: px
 HEIGHT: Final = 300.0  #: px of the box of a plot

@@ -7,12 +7,12 @@ from typing import Final
 
 import numpy as np
 
-from stoop.assess.covariance import NORMAL_95
+from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice
 from stoop.base.numbers import number, rounded_to_error
 from stoop.base.units import DEGREE
-from stoop.reconstruct.polar import Polar
+from stoop.reconstruction.polar import Polar
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Bullets, Code, Figure, Section, Sheet, Table
 

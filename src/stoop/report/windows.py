@@ -11,9 +11,9 @@ import numpy as np
 
 from stoop.base.numbers import NOTHING, factor_and_unit, number
 from stoop.base.variables import RATES, VARIABLES
-from stoop.design.windows import Found, Proposed
 from stoop.flight import Flight
 from stoop.flight.maneuvers import commands
+from stoop.input_design.windows import Found, Proposed
 from stoop.problem.windows_file import NAME
 from stoop.report.plots import Series, Shade, Strip, stacked_plots
 from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table

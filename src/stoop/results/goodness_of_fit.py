@@ -1,4 +1,4 @@
-"""Goodness of fit of one channel: errors, Theil's coefficient, whiteness; `stoop.assess` computes them."""
+"""Goodness of fit of one channel: errors, Theil's coefficient, whiteness; `stoop.assessment` computes them."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Uncertainty of the estimates: intervals by method, identifiability, and repeatability over maneuvers.
 
-These are parts of the result (``docs/result-schema.md``); `stoop.assess` computes them.
+These are parts of the result (``docs/result-schema.md``); `stoop.assessment` computes them.
 """
 
 from __future__ import annotations

@@ -13,11 +13,11 @@ from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import csv_text
 from stoop.base.files import check_targets, make_folder, write_text_atomic
 from stoop.base.numbers import finite_or_none
-from stoop.design import Knowledge
-from stoop.design.information import sensor_noise
-from stoop.design.proposal import PriorModel, Proposal
+from stoop.input_design import Knowledge
+from stoop.input_design.information import sensor_noise
+from stoop.input_design.proposal import PriorModel, Proposal
 from stoop.results.result import Result
-from stoop.simulate import Maneuver
+from stoop.simulation import Maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.identified import Identified, read_identified

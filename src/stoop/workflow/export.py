@@ -12,13 +12,13 @@ from typing import Final
 from stoop.base.files import check_targets, make_folder, write_bytes_atomic
 from stoop.base.variables import VARIABLES
 from stoop.errors import SimulationError
-from stoop.export import jsbsim_aircraft, simulink, state_space
-from stoop.export.comparison import Comparison, RecordedManeuver, compare
-from stoop.export.jsbsim_model import THRUST, channel
-from stoop.export.record import excitation_record, file_name, steady_record
+from stoop.exporters import jsbsim_aircraft, simulink, state_space
+from stoop.exporters.comparison import Comparison, RecordedManeuver, compare
+from stoop.exporters.jsbsim_model import THRUST, channel
+from stoop.exporters.record import excitation_record, file_name, steady_record
 from stoop.report.export import PAGE, page_text
-from stoop.simulate import Trim, trim
-from stoop.simulate.linearize import left_out
+from stoop.simulation import Trim, trim
+from stoop.simulation.linearize import left_out
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import slope_input
 from stoop.workflow.export_subject import Subject

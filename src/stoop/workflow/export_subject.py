@@ -11,9 +11,9 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
-from stoop.export.comparison import RecordedManeuver
-from stoop.export.record import Record, without_turbulence
-from stoop.export.state_space import ParameterCovariance
+from stoop.exporters.comparison import RecordedManeuver
+from stoop.exporters.record import Record, without_turbulence
+from stoop.exporters.state_space import ParameterCovariance
 from stoop.problem import Piece
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window

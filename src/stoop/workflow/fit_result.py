@@ -9,11 +9,11 @@ from typing import Final
 
 import numpy as np
 
-from stoop.assess.covariance import intervals_95
-from stoop.assess.error_bars import ErrorBars, error_bars
-from stoop.assess.flight_conditions import modes
-from stoop.assess.press import left_out_residuals
-from stoop.assess.uncertainty import with_uncertainty
+from stoop.assessment.covariance import intervals_95
+from stoop.assessment.error_bars import ErrorBars, error_bars
+from stoop.assessment.flight_conditions import modes
+from stoop.assessment.press import left_out_residuals
+from stoop.assessment.uncertainty import with_uncertainty
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, as_notice, of_severity
 from stoop.base.variables import VARIABLES

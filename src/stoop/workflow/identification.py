@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stoop import optimize
-from stoop.assess.assessment import Assessment
+from stoop.assessment.assessment import Assessment
 from stoop.base.notices import Notice
 from stoop.checks.vehicle import require_channels
 from stoop.errors import FlightError
@@ -73,7 +73,7 @@ class Job:
         watch : callable, optional
             Called with the progress of each.
         """
-        from stoop.assess.assessment import assess
+        from stoop.assessment.assessment import assess
 
         result, files = assess(
             self.identification.result, self.fit, assessments, watch or (lambda text: None)

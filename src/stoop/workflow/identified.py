@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stoop.assess.baseline import BaselineManeuver
+from stoop.assessment.baseline import BaselineManeuver
 from stoop.errors import StoopError
 from stoop.flight import Flight, load
 from stoop.flight.flight import flight_name

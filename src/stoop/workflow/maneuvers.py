@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Final
 
 from stoop.base.files import make_folder, write_text_atomic
-from stoop.design.windows import Found
 from stoop.flight import Flight
+from stoop.input_design.windows import Found
 from stoop.problem.windows_file import NAME, Entry, written
 
 FILES: Final = (NAME, "windows.html")

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.assess.error_bars import ErrorBars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.base.notices import Notice, as_notice, notice, of_severity
 from stoop.checks.vehicle import check_lift, check_rotors, inertia_notices
 from stoop.estimate.excitation import excitation_notices

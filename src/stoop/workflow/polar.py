@@ -9,15 +9,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.assess.covariance import NORMAL_95
+from stoop.assessment.covariance import NORMAL_95
 from stoop.base.files import make_folder, write_text_atomic
 from stoop.base.notices import Notice, notice
 from stoop.base.numbers import finite_or_none
 from stoop.errors import FlightError
 from stoop.flight import Flight
 from stoop.flight.air_data_reconstruction import RECONSTRUCTED
-from stoop.reconstruct.performance import Blocks, blocks
-from stoop.reconstruct.polar import DISC, DISC_SPREAD, Polar, Propulsion, fit_polar
+from stoop.reconstruction.performance import Blocks, blocks
+from stoop.reconstruction.polar import DISC, DISC_SPREAD, Polar, Propulsion, fit_polar
 from stoop.workflow.notices import data_notices
 from stoop.workflow.provenance import file_hashes, flight_files, versions
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from stoop.assess import repeatability
-from stoop.assess.repeatability import SingleFit
+from stoop.assessment import repeatability
+from stoop.assessment.repeatability import SingleFit
 from stoop.workflow.identification import Job, Search
 
 
 def fit_alone(done: Search, watch: Callable[[str], None] = lambda _: None) -> list[SingleFit]:
-    """Fit every maneuver of a finished search by itself, see :func:`stoop.assess.repeatability.fit_each`."""
+    """Fit every maneuver of a finished search by itself, see :func:`stoop.assessment.repeatability.fit_each`."""
     return repeatability.fit_each(done.fit, done.flights, done.options, watch)
 
 

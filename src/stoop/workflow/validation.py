@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from stoop.assess.baseline import BaselineManeuver
-from stoop.assess.record import Validation
+from stoop.assessment.baseline import BaselineManeuver
+from stoop.assessment.record import Validation
 from stoop.base.files import write_text_atomic
 from stoop.base.notices import Notice, as_notice, notice, of_severity
 from stoop.checks.vehicle import require_channels

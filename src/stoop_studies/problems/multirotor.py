@@ -25,11 +25,11 @@ from stoop.estimate.filter_error.linearization import interpolated, unwrapped
 from stoop.estimate.shooting.windows import edges
 from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.observation import through_air
-from stoop.simulate import initial_states, parameter_rows, parse_maneuver
-from stoop.simulate.delays import first_order_lag
-from stoop.simulate.fly import Flown, fly
-from stoop.simulate.initial import commanded
-from stoop.simulate.paths import readings_along, states_flown
+from stoop.simulation import initial_states, parameter_rows, parse_maneuver
+from stoop.simulation.delays import first_order_lag
+from stoop.simulation.fly import Flown, fly
+from stoop.simulation.initial import commanded
+from stoop.simulation.paths import readings_along, states_flown
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.problems import Posed, data_text, take_none

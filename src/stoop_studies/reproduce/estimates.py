@@ -9,7 +9,7 @@ from typing import Any, Final, Self
 import numpy as np
 
 from stoop import optimize
-from stoop.assess.covariance import invert, standard_errors
+from stoop.assessment.covariance import invert, standard_errors
 from stoop.base.arrays import FloatArray
 from stoop.problem import Misfit
 from stoop_studies.findings import number

@@ -9,8 +9,8 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.report.plots import Series, Strip, stacked_plots
 from stoop.report.sheet import Figure, Section, Table
-from stoop.simulate import Mode, linearize
-from stoop.simulate.fly import Flown
+from stoop.simulation import Mode, linearize
+from stoop.simulation.fly import Flown
 from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, reproduces
 from stoop_studies.problems.paper import SAMPLES, paper
 from stoop_studies.reproduce.suite import PaperExperiment, minus, tabulated

@@ -18,8 +18,8 @@ from stoop.parallel import Plan
 from stoop.problem.windows import Window
 from stoop.report.plots import HUES, Series, plot
 from stoop.report.sheet import Code, Figure, Prose, Section, Table
-from stoop.simulate import parse_maneuver
-from stoop.simulate.fly import simulate_flight
+from stoop.simulation import parse_maneuver
+from stoop.simulation.fly import simulate_flight
 from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number
 from stoop_studies.problems import pose
 from stoop_studies.problems.multirotor import LENGTH, MANEUVER, NOISE, quad

@@ -11,8 +11,8 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.parallel import Run
-from stoop.simulate import parse_maneuver
-from stoop.simulate.fly import fly
+from stoop.simulation import parse_maneuver
+from stoop.simulation.fly import fly
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.schema import ConstantThrust, Propeller
 from stoop.workflow.demo_problem import MANEUVER, TABLE_1

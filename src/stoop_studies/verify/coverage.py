@@ -8,8 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.assess.covariance import NORMAL_95
-from stoop.assess.error_bars import error_bars
+from stoop.assessment.covariance import NORMAL_95
+from stoop.assessment.error_bars import error_bars
 from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.base.numbers import finite_or_none

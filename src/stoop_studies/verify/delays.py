@@ -13,17 +13,17 @@ from typing import Any, Final
 import numpy as np
 import tomlkit
 
-from stoop.assess.covariance import NORMAL_95
-from stoop.assess.error_bars import error_bars
+from stoop.assessment.covariance import NORMAL_95
+from stoop.assessment.error_bars import error_bars
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import matrices_of, quaternions_of
 from stoop.base.variables import EULER, POSITION, VELOCITY
 from stoop.estimate.fit import Options, fit
 from stoop.flight import Flight, from_columns
-from stoop.reconstruct.compatibility import check
+from stoop.reconstruction.compatibility import check
 from stoop.report.sheet import Prose, Section, Table
-from stoop.simulate import Maneuver, simulate_flight
-from stoop.simulate.initial import rigid_states
+from stoop.simulation import Maneuver, simulate_flight
+from stoop.simulation.initial import rigid_states
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.load import parse_vehicle

@@ -12,14 +12,14 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
-from stoop.design import Knowledge, Limits, Setup, design
-from stoop.design.information import sensor_noise
-from stoop.design.optimization import Plan, mean_ratio, textbook_maneuver
 from stoop.estimate.fit import Options, fit
+from stoop.input_design import Knowledge, Limits, Setup, design
+from stoop.input_design.information import sensor_noise
+from stoop.input_design.optimization import Plan, mean_ratio, textbook_maneuver
 from stoop.problem.windows import Window
 from stoop.report.plots import Series, Strip, plot, stacked_plots
 from stoop.report.sheet import Figure, Prose, Section, Table
-from stoop.simulate import Maneuver, simulate_flight, trim
+from stoop.simulation import Maneuver, simulate_flight, trim
 from stoop.vehicle import Vehicle
 from stoop_studies.findings import Claim, Findings, Setting, holds, number
 from stoop_studies.verify.experiment import Samples, Verification, work

@@ -12,9 +12,9 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
-from stoop.export import jsbsim_aircraft
-from stoop.export.jsbsim_flight import FRAME_RATE, frames_per_sample, jsbsim_readings
-from stoop.export.record import (
+from stoop.exporters import jsbsim_aircraft
+from stoop.exporters.jsbsim_flight import FRAME_RATE, frames_per_sample, jsbsim_readings
+from stoop.exporters.record import (
     AMPLITUDE,
     RATE,
     every_control,
@@ -24,7 +24,7 @@ from stoop.export.record import (
     relative_differences,
 )
 from stoop.report.sheet import Prose, Section, Table
-from stoop.simulate import Maneuver, Trim, trim
+from stoop.simulation import Maneuver, Trim, trim
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop_studies.findings import Findings, Setting, holds, number

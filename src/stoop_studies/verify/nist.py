@@ -13,7 +13,7 @@ import numpy as np
 import sympy as sp
 
 from stoop import optimize
-from stoop.assess.covariance import invert, standard_errors
+from stoop.assessment.covariance import invert, standard_errors
 from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.errors import StoopError

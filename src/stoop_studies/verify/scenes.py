@@ -15,7 +15,7 @@ from stoop.base.units import FOOT, KNOT
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.report.sheet import Table
-from stoop.simulate import Maneuver, simulate_flight, trim
+from stoop.simulation import Maneuver, simulate_flight, trim
 from stoop.vehicle import Parameter, Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.schema import Turbulence

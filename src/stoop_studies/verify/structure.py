@@ -15,7 +15,7 @@ from stoop.estimate.regression.selection import Press, orthogonal, stepwise
 from stoop.estimate.regression.structure import Choose, determine, parameter_name, standard_candidates
 from stoop.problem.windows import Window
 from stoop.report.sheet import Prose, Section, Table
-from stoop.simulate import Maneuver, simulate_flight, trim
+from stoop.simulation import Maneuver, simulate_flight, trim
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.load import parse_vehicle

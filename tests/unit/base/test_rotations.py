@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from stoop.base import rotations as r
 from stoop.base.arrays import FloatArray
-from stoop.simulate.on_rotors import _between
+from stoop.simulation.on_rotors import _between
 
 angle = st.floats(-3.1, 3.1)
 pitch = st.floats(-1.5, 1.5)

@@ -10,7 +10,7 @@ from stoop.base.variables import VARIABLES
 from stoop.checks.kinematics import check_motion
 from stoop.checks.lines import Line
 from stoop.checks.units import check_units
-from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 

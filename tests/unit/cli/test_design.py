@@ -9,7 +9,7 @@ import pytest
 
 from stoop.cli.design import add_arguments
 from stoop.cli.main import main
-from stoop.simulate import load_maneuver, parse_maneuver
+from stoop.simulation import load_maneuver, parse_maneuver
 from stoop.workflow.design import FILES, maneuver_toml, prior_model
 
 QUICK = (
@@ -156,7 +156,7 @@ def test_ctrl_c_ends_all_families_and_writes_nothing(
         print(family)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("stoop.design.proposal.design", stop)
+    monkeypatch.setattr("stoop.input_design.proposal.design", stop)
     assert main(["design", "twin-boom", *QUICK, "--evaluations", "500", "-o", str(tmp_path / "out")]) == 130
     assert capsys.readouterr().out.split() == ["square"]
     assert not (tmp_path / "out").exists()

@@ -17,7 +17,7 @@ from stoop.flight import Flight
 from stoop.problem import Misfit
 from stoop.problem.observation import first_complete, guess_start
 from stoop.problem.windows import Window
-from stoop.simulate import START_NAMES, parse_maneuver, simulate_flight
+from stoop.simulation import START_NAMES, parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 

@@ -10,7 +10,7 @@ from stoop.flight import Flight
 from stoop.flight.flight import from_columns
 from stoop.problem.prepare import with_average_voltage
 from stoop.problem.windows import Window
-from stoop.simulate import initial_states, parameter_rows
+from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.load import parse_vehicle

@@ -12,7 +12,7 @@ from stoop.base.arrays import FloatArray
 from stoop.flight.mapping_draft import draft_of
 from stoop.flight.mapping_draft_outputs import Outputs
 from stoop.logs import Recording, Stream
-from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle
 
 INPUT = '[[input]]\ncontrol = "{}"\nshape = "doublet"\nstart = {}\nstep = 0.2\namplitude = 8.0\n'

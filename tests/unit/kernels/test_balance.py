@@ -8,7 +8,7 @@ import pytest
 from stoop.kernels.balance import groups
 from stoop.kernels.emit import emit
 from stoop.kernels.lanes import header
-from stoop.simulate import initial_states, parameter_rows
+from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.symbolic import build_model
 

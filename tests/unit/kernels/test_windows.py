@@ -7,7 +7,7 @@ import pytest
 
 from stoop.kernels import filtering
 from stoop.kernels.windows import windows
-from stoop.simulate import initial_states, parameter_rows, trim
+from stoop.simulation import initial_states, parameter_rows, trim
 from stoop.vehicle.builtin import resolve_vehicle
 
 DT = 0.02

@@ -80,10 +80,13 @@ def test_a_study_counts_problems_and_no_pages(work: str) -> None:
 @pytest.mark.parametrize(
     ("work", "own"),
     [
-        ("stoop_studies.verify.design", {"stoop_studies.verify.scenes.py", "stoop.design.optimization.py"}),
+        (
+            "stoop_studies.verify.design",
+            {"stoop_studies.verify.scenes.py", "stoop.input_design.optimization.py"},
+        ),
         (
             "stoop_studies.verify.delays",
-            {"stoop_studies.verify.scenes.py", "stoop.reconstruct.compatibility.py"},
+            {"stoop_studies.verify.scenes.py", "stoop.reconstruction.compatibility.py"},
         ),
     ],
 )
@@ -97,8 +100,8 @@ def test_a_study_counts_what_it_imports_of_stoop(work: str, own: set[str]) -> No
 
 def test_what_a_package_imports_of_stoop_counts(herd: Path) -> None:
     before = work_sources([WORK])
-    (herd / "grass.py").write_text("from stoop.design.limits import Limits\n")
-    assert "stoop.design.limits.py" in sources.reached("herd.far.graze")
+    (herd / "grass.py").write_text("from stoop.input_design.limits import Limits\n")
+    assert "stoop.input_design.limits.py" in sources.reached("herd.far.graze")
     assert work_sources([WORK]) != before
 
 

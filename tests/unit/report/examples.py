@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from stoop.assess.covariance import NORMAL_95
-from stoop.assess.goodness_of_fit import Match, channel_figures, join
+from stoop.assessment.covariance import NORMAL_95
+from stoop.assessment.goodness_of_fit import Match, channel_figures, join
 from stoop.base.notices import as_notice, notice
 from stoop.results.result import (
     AirDataTrace,

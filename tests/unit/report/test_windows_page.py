@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stoop.design.windows import Found, Proposed
+from stoop.input_design.windows import Found, Proposed
 from stoop.report.windows import information_strip, numbered
 
 

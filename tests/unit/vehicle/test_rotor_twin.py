@@ -13,7 +13,7 @@ from naive.aircraft import Aircraft
 from naive.interpreted import interpreted
 from naive.multirotor import Multirotor
 
-from stoop.simulate import initial_states, parameter_rows
+from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 

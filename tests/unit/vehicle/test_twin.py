@@ -14,7 +14,7 @@ import pytest
 from naive import march
 from naive.aircraft import Aircraft
 
-from stoop.simulate import initial_states, parameter_rows
+from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle, parse_vehicle
 
 DT, SECONDS = 0.003, 1.8

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.assess.assessment import AssessedFit, Finding, Watch, pack, unpack
-from stoop.assess.bootstrap import CHUNK, bootstrap_plan
+from stoop.assessment.assessment import AssessedFit, Finding, Watch, pack, unpack
+from stoop.assessment.bootstrap import CHUNK, bootstrap_plan
 from stoop.errors import IdentificationError, OutputError
 from stoop.parallel import Given, LocalProcesses, execute
 from stoop.results.result import from_json
@@ -120,7 +120,7 @@ def test_attachments_lie_beside_the_result_and_go_with_it(job: Job, tmp_path: Pa
 
 @pytest.mark.slow
 def test_the_posterior_is_read_back_by_arviz(job: Job, tmp_path: Path) -> None:
-    from stoop.assess.posterior import libraries
+    from stoop.assessment.posterior import libraries
 
     assessed = job.assess(Posterior())
     folder = assessed.save(tmp_path / "out")

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from stoop.assess.repeatability import scatter
+from stoop.assessment.repeatability import scatter
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
 from stoop.report.identification import render
 from stoop.results.uncertainty import Repeatability, SingleEstimate
-from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.identification import Job, finish, search

@@ -34,7 +34,7 @@ from stoop.estimate.filter_error.noise import Noise
 from stoop.kernels import filtering
 from stoop.optimize.normal_equations import gram
 from stoop.problem import Misfit
-from stoop.simulate.delays import late_inputs
+from stoop.simulation.delays import late_inputs
 
 STEP: Final = 1e-6
 

@@ -19,8 +19,8 @@ from stoop.base.variables import WRAPPED
 from stoop.errors import IdentificationError
 from stoop.kernels import filtering
 from stoop.problem import Misfit, Piece
-from stoop.simulate import initial_states, parameter_rows
-from stoop.simulate.delays import delayed, output_delays
+from stoop.simulation import initial_states, parameter_rows
+from stoop.simulation.delays import delayed, output_delays
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import noise_input
 

@@ -32,9 +32,9 @@ from stoop.estimate.regression.least_squares import Bounds, Estimates, Priors, R
 from stoop.flight.segmentation import MIN_SEGMENT
 from stoop.problem import Layout, Piece
 from stoop.problem.observation import at_center_of_gravity, true_value
-from stoop.simulate import START_NAMES, parameter_rows
-from stoop.simulate.delays import first_order_lag, late_inputs
-from stoop.simulate.initial import commanded, kernel_states, rigid_states
+from stoop.simulation import START_NAMES, parameter_rows
+from stoop.simulation.delays import first_order_lag, late_inputs
+from stoop.simulation.initial import commanded, kernel_states, rigid_states
 from stoop.vehicle import Vehicle, terms
 from stoop.vehicle.schema import Term
 

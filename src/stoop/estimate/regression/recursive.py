@@ -36,9 +36,9 @@ from stoop.estimate.regression.equations import unbounded
 from stoop.estimate.regression.least_squares import Rows, solve
 from stoop.problem import Layout
 from stoop.problem.observation import AirFrame
-from stoop.simulate import parameter_rows
-from stoop.simulate.delays import delayed, input_delays
-from stoop.simulate.initial import commanded
+from stoop.simulation import parameter_rows
+from stoop.simulation.delays import delayed, input_delays
+from stoop.simulation.initial import commanded
 from stoop.vehicle import Vehicle
 
 STENCIL: Final = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0  #: central difference of fourth order, times dt

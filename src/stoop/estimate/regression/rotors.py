@@ -26,9 +26,9 @@ from stoop.estimate.regression.least_squares import Bounds, Estimates, Priors, R
 from stoop.flight.segmentation import MIN_SEGMENT
 from stoop.problem import Layout, Nuisance, Piece
 from stoop.problem.observation import through_air, true_value
-from stoop.simulate import parameter_rows
-from stoop.simulate.delays import at_samples, first_order_lag, late_inputs
-from stoop.simulate.initial import commanded, kernel_states, rigid_states
+from stoop.simulation import parameter_rows
+from stoop.simulation.delays import at_samples, first_order_lag, late_inputs
+from stoop.simulation.initial import commanded, kernel_states, rigid_states
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND
 

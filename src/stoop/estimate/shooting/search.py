@@ -26,8 +26,8 @@ from stoop.estimate.shooting.windows import AircraftWindows, Shot, Shots, residu
 from stoop.optimize.normal_equations import solve_damped
 from stoop.problem import Misfit, Weights
 from stoop.problem.evidence import Evidence, PieceEvidence, unknowns_of
-from stoop.simulate import parameter_rows
-from stoop.simulate.initial import commanded
+from stoop.simulation import parameter_rows
+from stoop.simulation.initial import commanded
 
 MAX_ITERATIONS: Final = 60
 TOLERANCE: Final = 1e-4  #: of half the cost that is left to gain

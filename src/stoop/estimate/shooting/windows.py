@@ -32,9 +32,9 @@ from stoop.problem.observation import (
     through_air,
     true_value,
 )
-from stoop.simulate import initial_states, parameter_rows
-from stoop.simulate.delays import input_delays, late_inputs
-from stoop.simulate.initial import commanded
+from stoop.simulation import initial_states, parameter_rows
+from stoop.simulation.delays import input_delays, late_inputs
+from stoop.simulation.initial import commanded
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND
 
@@ -223,7 +223,7 @@ class Shots:
         return np.pad(states, [(0, len(self.wind_columns)), (0, 0)])
 
     def measured_starts(self) -> dict[str, FloatArray]:
-        """Return what :func:`~stoop.simulate.initial_states` takes of every window, (w,) each."""
+        """Return what :func:`~stoop.simulation.initial_states` takes of every window, (w,) each."""
         piece, vehicle, model = self.piece, self.vehicle, window_model(self.vehicle)
         at, width = self.edges[:-1], max(1, round(SMOOTHING_TIME / piece.dt))
         readings = {}

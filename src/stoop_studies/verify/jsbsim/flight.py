@@ -19,8 +19,8 @@ from scipy.optimize import root
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FOOT, INCH, POUND_FORCE
 from stoop.errors import StoopError
-from stoop.export.jsbsim_flight import simulator
-from stoop.simulate import Maneuver
+from stoop.exporters.jsbsim_flight import simulator
+from stoop.simulation import Maneuver
 
 STEP: Final = 2e-4  #: s, of JSBSim: its surfaces and its rate of the angle of attack act one step late
 ADAMS_BASHFORTH_2: Final = 3  #: of `simulation/integrator/rate/rotational`; its default is of first order

@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 
-from stoop.assess.error_bars import error_bars
+from stoop.assessment.error_bars import error_bars
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.fit import Options
 from stoop.problem.windows import Window
-from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.workflow import identify
 
 from .conftest import MANEUVER

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from stoop.flight import Flight
-from stoop.simulate import Maneuver, parse_maneuver, simulate_flight, trim
+from stoop.simulation import Maneuver, parse_maneuver, simulate_flight, trim
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 

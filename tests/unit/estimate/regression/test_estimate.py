@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stoop.assess.error_bars import error_bars
+from stoop.assessment.error_bars import error_bars
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.aircraft import AircraftEquations

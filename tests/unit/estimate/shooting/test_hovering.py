@@ -15,7 +15,7 @@ from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.ratios import in_ratio, ratios
 from stoop.flight import from_columns
 from stoop.problem.windows import Window
-from stoop.simulate import parse_maneuver, simulate_flight
+from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow import identify

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from stoop.assess.error_bars import error_bars
+from stoop.assessment.error_bars import error_bars
 from stoop.cli import demo
 from stoop.estimate import methods
 from stoop.estimate.fit import Options, estimation_problem
@@ -13,7 +13,7 @@ from stoop.estimate.shooting.method import MultipleShooting
 from stoop.flight import from_columns
 from stoop.kernels import filtering
 from stoop.problem.windows import Window
-from stoop.simulate import initial_states, parameter_rows, parse_maneuver, simulate_flight, trim
+from stoop.simulation import initial_states, parameter_rows, parse_maneuver, simulate_flight, trim
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow import identify
 

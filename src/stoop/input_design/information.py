@@ -1,0 +1,242 @@
+"""Fisher information of a maneuver before it is flown.
+
+It is that of the readings of a flight from trim with the sensors' noise, the initial state and the biases unknown, added
+to the information that there is already.
+
+References
+----------
+V. Klein, E. A. Morelli, *Aircraft System Identification: Theory and Practice*, 2nd ed., 2016, chapter 9
+(experiment design). V. V. Fedorov, *Theory of Optimal Experiments*, Academic Press, 1972 (D-optimality).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from stoop.assessment.covariance import invert, marked, standard_errors
+from stoop.base.arrays import FloatArray
+from stoop.errors import IdentificationError
+from stoop.input_design.limits import Limits
+from stoop.problem import Layout, Misfit, Piece, Weights
+from stoop.problem.prepare import Prepared, nuisances
+from stoop.problem.windows import Window
+from stoop.results.result import Result
+from stoop.simulation import Maneuver, Trim
+from stoop.simulation.fly import flown_inputs
+from stoop.vehicle import Vehicle
+
+BOX_INFORMATION: Final = 12.0  #: of a number that is only known to lie in the unit box: one over its variance
+
+
+@dataclass(frozen=True, eq=False)
+class Knowledge:
+    """Fisher information about some parameters before the next flight, by name.
+
+    Attributes
+    ----------
+    names : tuple of str
+    information : (k, k)
+        In the inverse products of the parameters' units; zeros where nothing is known.
+    """
+
+    names: tuple[str, ...]
+    information: FloatArray
+
+    @classmethod
+    def none(cls) -> Knowledge:
+        """Return no information."""
+        return cls((), np.zeros((0, 0)))
+
+    @classmethod
+    def of_result(cls, result: Result) -> Knowledge:
+        """Return the information of an identification about its identifiable parameters."""
+        covariance = result.covariance.matrix
+        known = [
+            i
+            for i, n in enumerate(result.covariance.names)
+            if result.parameters[n].identifiable and 0.0 < float(covariance[i, i]) < np.inf
+        ]
+        names = tuple(result.covariance.names[i] for i in known)
+        return cls(names, invert(covariance[np.ix_(known, known)]).matrix)
+
+    def among(self, names: tuple[str, ...]) -> FloatArray:
+        """Return the information (n, n) about the parameters of a list, zeros for unknown ones."""
+        out = np.zeros((len(names), len(names)))
+        shared = [i for i, n in enumerate(self.names) if n in names]
+        others = [i for i in range(len(self.names)) if i not in shared]
+        place = [names.index(self.names[i]) for i in shared]
+        own = self.information[np.ix_(shared, shared)]
+        if others:  # the others are unknown: marginal information
+            cross = self.information[np.ix_(shared, others)]
+            lost: FloatArray = cross @ invert(self.information[np.ix_(others, others)]).matrix @ cross.T
+            own = own - lost
+        out[np.ix_(place, place)] = own
+        return out
+
+    def std(self, names: tuple[str, ...]) -> FloatArray:
+        """Return the standard errors (n,) of parameters; infinite where nothing is known."""
+        inverse = invert(self.among(names))
+        return standard_errors(marked(inverse.matrix, inverse.determined))
+
+
+@dataclass(frozen=True, eq=False)
+class Forecast:
+    """Predicted readings of a maneuver, and their information.
+
+    Attributes
+    ----------
+    readings : (n, n_y)
+        Without noise; not finite where the flight diverges.
+    excess : float
+        By how much they leave the envelope, in its widths; infinite for a flight that diverges.
+    information : (D, D)
+        About the parameters in the unit box, everything else unknown; without what is known already.
+    """
+
+    readings: FloatArray
+    excess: float
+    information: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """A vehicle in steady flight, the limits of its maneuvers, and the information about its parameters.
+
+    Attributes
+    ----------
+    vehicle : Vehicle
+        Its free numbers are the parameters, at their present values.
+    trim : Trim
+    limits : Limits
+    knowledge : Knowledge
+    noise : (n_y, n_y)
+        Covariance of the measurement noise.
+    """
+
+    vehicle: Vehicle
+    trim: Trim
+    limits: Limits
+    knowledge: Knowledge
+    noise: FloatArray
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Return the parameters."""
+        return tuple(p.name for p in self._layout.parameters)
+
+    @cached_property
+    def width(self) -> FloatArray:
+        """Return the widths (D,) of their boxes, SI."""
+        return self._layout.width
+
+    @cached_property
+    def lower(self) -> FloatArray:
+        """Return the lower ends (D,) of their boxes, SI."""
+        return self._layout.lower
+
+    @cached_property
+    def values(self) -> FloatArray:
+        """Return their present values (D,), SI."""
+        return np.array([p.value for p in self._layout.parameters])
+
+    @cached_property
+    def known(self) -> FloatArray:
+        """Information (D, D) that there is before the flight, in the unit box."""
+        return self.knowledge.among(self.names) * np.outer(self.width, self.width)
+
+    def forecast(self, maneuver: Maneuver, only_inside: bool = False) -> Forecast:
+        """Return the predicted readings of a maneuver and their information.
+
+        Parameters
+        ----------
+        maneuver : Maneuver
+        only_inside : bool
+            Leave the information out where the flight leaves the envelope.
+        """
+        problem = self._problem(maneuver)
+        z = np.concatenate([self._layout.unit(self.values), np.zeros(problem.extra)])
+        with np.errstate(invalid="ignore", over="ignore"):
+            readings = problem.outputs(z, 0)
+        if not np.isfinite(readings).all():
+            return Forecast(readings, np.inf, self._no_information)
+        excess = self.limits.excess(readings, self.vehicle.outputs)
+        if only_inside and excess > 0.0:
+            return Forecast(readings, excess, self._no_information)
+        r = problem.residuals(z[None, :], 0)[0]
+        J, _ = problem.jacobian(z, 0, r)
+        return Forecast(readings, excess, marginal(J, problem.dimension))
+
+    def std(self, *forecasts: Forecast) -> FloatArray:
+        """Return the standard errors (D,), SI, that flights with these forecasts leave, with what is known."""
+        inverse = invert(self.known + sum((f.information for f in forecasts), self._no_information))
+        return standard_errors(marked(inverse.matrix, inverse.determined)) * self.width
+
+    def gain(self, forecast: Forecast) -> float:
+        """Return the mean logarithm of how much smaller a flight makes the parameters' uncertainty ellipsoid.
+
+        D-optimality: log det of the information, per parameter; the box counts as weak knowledge, so that a
+        parameter that is not excited costs much, but not infinitely much.
+        """
+        whole = self.known + BOX_INFORMATION * np.eye(len(self.names))
+        after = np.linalg.slogdet(whole + forecast.information)[1] - np.linalg.slogdet(whole)[1]
+        return 0.5 * float(after) / len(self.names)
+
+    def with_values(self, values: FloatArray) -> Setup:
+        """Return the setup with other values (D,) of the parameters, trimmed at the same speed."""
+        from stoop.simulation import trim
+
+        vehicle = self.vehicle.with_numbers(
+            {n: {"value": float(v)} for n, v in zip(self.names, values, strict=True)}
+        )
+        return replace(self, vehicle=vehicle, trim=trim(vehicle, self.trim.start["V"], self.trim.start["h"]))
+
+    @cached_property
+    def _layout(self) -> Layout:
+        """Parameters without priors: prior information stands in `knowledge` alone."""
+        layout = Layout.of(self.vehicle, ())
+        if not layout.parameters:
+            raise IdentificationError(
+                f"{self.vehicle.where}: no number is free; set free = true or use --free NAME"
+            )
+        return replace(layout, parameters=tuple(replace(p, prior=None) for p in layout.parameters))
+
+    @cached_property
+    def _no_information(self) -> FloatArray:
+        return np.zeros((len(self.names), len(self.names)))
+
+    def _problem(self, maneuver: Maneuver) -> Misfit:
+        vehicle, t = self.vehicle, maneuver.time
+        inputs = flown_inputs(vehicle, maneuver, self.trim)
+        blank = np.zeros((len(t), len(vehicle.outputs)))
+        piece = Piece(0, t, inputs, blank, self.trim.start, self.trim.changes)
+        prepared = Prepared((Window("design", 0.0, float(t[-1])),), (piece,), ())
+        layout = replace(self._layout, nuisances=nuisances(vehicle, prepared))
+        return Misfit(layout, (piece,), Weights.of(self.noise), ((len(t),),))
+
+
+def marginal(J: FloatArray, d: int) -> FloatArray:
+    """Return the information (d, d) about the first d unknowns when the others are estimated too.
+
+    A reading with a sensitivity that is not finite has no information: neither about that parameter nor, as if it were
+    known, about the others. Others that are not identifiable take only what they share.
+
+    Parameters
+    ----------
+    J : (n, k)
+        Whitened sensitivities of the readings.
+    d : int
+    """
+    J = J[np.isfinite(J).all(axis=1)]
+    whole = J.T @ J
+    shared = invert(whole[d:, d:]).factor.T @ whole[d:, :d]
+    out: FloatArray = whole[:d, :d] - shared.T @ shared
+    return 0.5 * (out + out.T)
+
+
+def sensor_noise(vehicle: Vehicle) -> FloatArray:
+    """Return the noise covariance (n_y, n_y) that the vehicle file states."""
+    return np.diag([getattr(vehicle.file.sensors, c).sigma ** 2 for c in vehicle.outputs])

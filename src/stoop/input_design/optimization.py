@@ -1,0 +1,254 @@
+"""Input optimization: D-optimal maneuvers by stoop's own optimizers, and their robustness to the model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from stoop import optimize
+from stoop.assessment.covariance import invert
+from stoop.base.arrays import FloatArray
+from stoop.errors import SimulationError
+from stoop.input_design.information import Forecast, Setup
+from stoop.input_design.inputs import LEAD, SHAPES, Frame, Shape
+from stoop.optimize.problem import ScalarProblem
+from stoop.simulation import Maneuver
+
+OUTSIDE: Final = 1e3  #: cost of leaving the envelope at all: every maneuver within it is better
+MIN_STEP: Final = 0.1  #: s
+MARGIN: Final = 0.02  #: of an envelope's width to its edge: forecasts of the search have a coarser step
+SEARCH_RATE: Final = 50.0  #: Hz; a short period needs no more, and a search takes half as long
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to design.
+
+    Attributes
+    ----------
+    duration : float, s
+    rate : float, Hz
+        Of the maneuver file.
+    band : float, Hz
+        Highest frequency of a multisine.
+    optimizer : str
+    evaluations : int
+        Maneuvers tried for one family of inputs.
+    seed : int
+    """
+
+    duration: float = 20.0
+    rate: float = 100.0
+    band: float = 2.0
+    optimizer: str = "ps-gde"
+    evaluations: int = 2000
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """An optimized maneuver and its forecast.
+
+    Attributes
+    ----------
+    shape : str
+    maneuver : Maneuver
+    forecast : Forecast
+        At the maneuver's own rate.
+    gain : float
+        See :meth:`stoop.input_design.Setup.gain`.
+    evaluations : float
+    """
+
+    shape: str
+    maneuver: Maneuver
+    forecast: Forecast
+    gain: float
+    evaluations: float
+
+
+@dataclass(frozen=True, eq=False)
+class InformationCost(ScalarProblem):
+    """Cost of a point of a family of inputs: minus the gain of its maneuver; outside the envelope, how far."""
+
+    setup: Setup
+    shape: Shape
+    plan: Plan
+
+    @property
+    def dimension(self) -> int:
+        """Number of unknowns."""
+        return self.shape.dimension
+
+    def costs(self, X: FloatArray, rung: int) -> FloatArray:
+        """Return the costs (B,) of points (B, dimension)."""
+        return np.array([self._cost(x) for x in X])
+
+    def maneuver(self, x: FloatArray, rate: float) -> Maneuver:
+        """Return the maneuver of a point, from the trim of the setup."""
+        start = self.setup.trim.start
+        flight = {
+            "duration": self.plan.duration,
+            "rate": rate,
+            "airspeed": start["V"],
+            "altitude": start["h"],
+        }
+        return Maneuver.model_validate({**flight, "input": self.shape.inputs(x)})
+
+    def _cost(self, x: FloatArray) -> float:
+        forecast = self.setup.forecast(self.maneuver(x, min(SEARCH_RATE, self.plan.rate)), only_inside=True)
+        return OUTSIDE + forecast.excess if forecast.excess > 0.0 else -self.setup.gain(forecast)
+
+
+def design(
+    setup: Setup,
+    plan: Plan,
+    shape: str = "multisine",
+    callback: Callable[[optimize.Progress], None] | None = None,
+) -> Design:
+    """Return the D-optimal maneuver of a family of inputs.
+
+    Parameters
+    ----------
+    setup : Setup
+    plan : Plan
+    shape : str
+        A name of :data:`stoop.input_design.SHAPES`.
+    callback : callable, optional
+        Sees an :class:`stoop.optimize.Progress` after each generation.
+
+    Raises
+    ------
+    SimulationError
+        No maneuver of the family stays within the envelope.
+    """
+    problem = InformationCost(_with_margin(setup), SHAPES[shape](_frame(setup, plan)), plan)
+    stop = optimize.Stop(budget=float(plan.evaluations))
+    optimizer = optimize.create(plan.optimizer, stop.budget)
+    with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
+        outcome = optimize.minimize(
+            optimizer, problem, seed=plan.seed, starts=problem.shape.starts, stop=stop, callback=callback
+        )
+    if outcome.status == "interrupted":
+        raise KeyboardInterrupt  # half a search is no design, and the families after it are not wanted either
+    if not outcome.cost < OUTSIDE:
+        raise SimulationError(
+            f"design: no {shape} of these amplitudes stays within the envelope for {plan.duration:g} s; "
+            "lower --amplitude, widen --within, or design for a shorter time"
+        )
+    maneuver = problem.maneuver(outcome.z, plan.rate)
+    forecast = setup.forecast(maneuver)
+    return Design(shape, maneuver, forecast, setup.gain(forecast), outcome.trajectories)
+
+
+def textbook_maneuver(setup: Setup, plan: Plan) -> Maneuver:
+    """Return the textbook maneuver: a 3-2-1-1 on one control after the other.
+
+    With steps as long as the time allows or half as long, whichever has more information. As large as a design may be, and
+    smaller by common steps of 10 % only where it would leave the envelope.
+    """
+    rows = SHAPES["3-2-1-1"](_frame(setup, plan))
+    problem = InformationCost(setup, rows, plan)
+    inside = [found for start in rows.starts if (found := _largest(problem, start)) is not None]
+    if not inside:
+        raise SimulationError(
+            f"design: even small 3-2-1-1 inputs leave the envelope within {plan.duration:g} s; "
+            "lower --amplitude, widen --within, or design for a shorter time"
+        )
+    return max(inside, key=lambda maneuver: setup.gain(setup.forecast(maneuver)))
+
+
+def _largest(problem: InformationCost, point: FloatArray) -> Maneuver | None:
+    """Return the largest of a 3-2-1-1 that stays inside, if there is one."""
+    for share in np.arange(1.0, 0.15, -0.1):
+        sized = point.copy()
+        sized[2::3] = 0.5 + 0.5 * share
+        maneuver = problem.maneuver(sized, problem.plan.rate)
+        if problem.setup.forecast(maneuver, only_inside=True).excess == 0.0:
+            return maneuver
+    return None
+
+
+def _frame(setup: Setup, plan: Plan) -> Frame:
+    limits = setup.limits
+    if plan.duration <= 4.0 * LEAD:
+        raise SimulationError(
+            f"design: {plan.duration:g} s is too short; design for more than {4.0 * LEAD:g} s"
+        )
+    return Frame(dict(limits.amplitude), limits.slew, plan.duration, plan.band, MIN_STEP)
+
+
+def _with_margin(setup: Setup) -> Setup:
+    """Return the setup with a margin kept from every edge of its envelope."""
+    inner = {
+        c: (low + MARGIN * (high - low), high - MARGIN * (high - low))
+        for c, (low, high) in setup.limits.envelope.items()
+    }
+    return replace(setup, limits=replace(setup.limits, envelope=inner))
+
+
+@dataclass(frozen=True)
+class Robustness:
+    """A maneuver flown with models drawn from the distribution of the parameters.
+
+    Attributes
+    ----------
+    draws : int
+    untrimmed : int
+        Models without a trim at this speed.
+    outside : int
+        Flights that left the envelope, those that diverged among them.
+    largest_excess : float
+        Of those that did not diverge, in widths of the envelope.
+    ratios : tuple of float
+        Mean standard error over that of the reference maneuver, for each model that stayed inside.
+    """
+
+    draws: int
+    untrimmed: int
+    outside: int
+    largest_excess: float
+    ratios: tuple[float, ...]
+
+
+def robustness(setup: Setup, maneuver: Maneuver, reference: Maneuver, draws: int, seed: int) -> Robustness:
+    """Fly a maneuver with models drawn from the distribution of the parameters.
+
+    Parameters
+    ----------
+    setup : Setup
+    maneuver, reference : Maneuver
+        The design, and what it is compared with.
+    draws : int
+    seed : int
+
+    Notes
+    -----
+    A direction without information is not drawn: the model keeps its file's values there.
+    """
+    factor = invert(setup.known).factor * setup.width[:, None]
+    noise = np.random.default_rng(seed).standard_normal((draws, factor.shape[1]))
+    untrimmed, excesses, ratios = 0, [], []
+    for values in setup.values + noise @ factor.T:
+        try:
+            other = setup.with_values(np.clip(values, setup.lower, setup.lower + setup.width))
+        except SimulationError:
+            untrimmed += 1
+            continue
+        forecast = other.forecast(maneuver, only_inside=True)
+        excesses.append(forecast.excess)
+        if forecast.excess == 0.0:
+            ratios.append(mean_ratio(other.std(forecast), other.std(other.forecast(reference))))
+    finite = [e for e in excesses if np.isfinite(e)]
+    outside = sum(e > 0.0 for e in excesses)
+    return Robustness(draws, untrimmed, outside, max(finite, default=0.0), tuple(ratios))
+
+
+def mean_ratio(std: FloatArray, reference: FloatArray) -> float:
+    """Return the mean of the ratios of two sets of standard errors, over the parameters that both determine."""
+    both = np.isfinite(std) & np.isfinite(reference) & (reference > 0.0)
+    return float(np.mean(std[both] / reference[both])) if both.any() else float("nan")

@@ -1,0 +1,85 @@
+"""The advice follows from the motion flown: what is still, what is tied, and which control parts it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stoop.assessment.maneuver_advice import FlownModel, Term, advice
+
+T = np.linspace(0.0, 10.0, 1000)
+ELEVATOR = np.sign(np.sin(2.0 * T)) * 0.05
+RATE = np.convolve(ELEVATOR, np.exp(-T[:200] * 4.0), mode="full")[:1000] * 0.01
+
+
+def term(name: str, variables: set[str], value: float, flown: np.ndarray) -> Term:
+    return Term(name, name[:2], frozenset(variables), value, flown)
+
+
+def flown(*terms: Term) -> FlownModel:
+    every = {t.name: t for t in terms}
+    return FlownModel(
+        every, "elevator", "aileron", "rudder", "throttle", {"short period": 4.0, "Dutch roll": 2.0}
+    )
+
+
+def test_a_rate_that_follows_the_elevator_asks_for_quick_reversals_at_the_short_period() -> None:
+    said = advice(
+        "Cmq",
+        (),
+        flown(term("Cmq", {"q"}, -10.0, -0.3 * ELEVATOR), term("Cmelevator", {"elevator"}, -1.0, ELEVATOR)),
+    )
+    assert "q moves with elevator" in said
+    assert "3-2-1-1 with elevator, unit step about 0.4 s" in said
+
+
+def test_roll_and_yaw_that_move_together_ask_for_controls_at_separate_times() -> None:
+    p = 0.1 * np.sin(T)
+    said = advice("Clp", (), flown(term("Clp", {"p"}, -0.5, p), term("Clr", {"r"}, 0.1, 0.3 * p)))
+    assert "p moves with r" in said
+    assert "aileron and rudder at separate times" in said
+
+
+def test_an_airspeed_that_does_not_change_asks_for_speed() -> None:
+    said = advice(
+        "CLV",
+        (),
+        flown(term("CLV", {"V"}, 0.1, 1e-3 * np.sin(T)), term("CLalpha", {"alpha"}, 5.0, 0.05 * np.sin(T))),
+    )
+    assert "varies by 0.067 % only" in said
+    assert "throttle steps" in said
+    assert "phugoid" in said
+
+
+def test_a_product_or_power_asks_for_range() -> None:
+    alpha = 0.02 * np.sin(T)
+    said = advice(
+        "CDalpha2",
+        (),
+        flown(term("CDalpha2", {"alpha"}, 1.0, alpha**2), term("CDalpha", {"alpha"}, 0.3, alpha)),
+    )
+    assert "wider range of alpha" in said
+    assert "pull-ups and push-overs" in said
+
+
+def test_a_control_that_a_controller_moves_asks_for_an_input_of_its_own() -> None:
+    beta = 0.05 * np.sin(T)
+    said = advice(
+        "Cnrudder",
+        (),
+        flown(term("Cnrudder", {"rudder"}, -0.1, 0.5 * beta + 0.2), term("Cnalpha", {"alpha"}, 0.1, beta)),
+    )
+    assert "add inputs of its own on rudder" in said
+
+
+def test_an_inertia_that_trades_off_is_measured_on_the_ground() -> None:
+    one = flown(term("Cmq", {"q"}, -10.0, RATE))
+    assert "swing test" in advice("Cmq", ("mass.inertia.yy",), one)
+    assert "swing the aircraft" in advice("mass.inertia.yy", (), one)
+    assert "throttle" in advice("propulsion.CT0", (), one)
+    assert "doublets" in advice("controls.elevator.lag", (), one)
+
+
+def test_a_term_that_never_moved_and_a_constant_break_nothing() -> None:
+    still = flown(term("CQp", {"p"}, 0.1, np.zeros(1000)), term("CQ0", set(), 0.01, np.ones(1000)))
+    assert "p varies by 0" in advice("CQp", (), still).lower()
+    assert "steady flight" in advice("CQ0", (), still)

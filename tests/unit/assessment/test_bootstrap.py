@@ -1,0 +1,192 @@
+"""The bootstrap where its answer is known: least squares in closed form, white and colored noise, singular problems."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from naive.fitted import Fitted, line
+from numpy.testing import assert_allclose
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
+
+from stoop.assessment.bootstrap import ColoredBlocks, block_length, percentiles, shifts, whitened
+from stoop.assessment.colored_residuals import ColoredNoise
+from stoop.assessment.error_bars import estimate_uncertainty
+from stoop.assessment.refit import Optimum, linearize, refit
+from stoop.problem.evidence import PieceEvidence
+
+SAMPLES = 800
+
+
+def design(size: int = SAMPLES) -> np.ndarray:
+    t = np.linspace(0.0, 8.0, size)
+    return np.column_stack([np.ones(size), np.sin(1.3 * t), np.where(t > 4.0, 1.0, -0.5)])
+
+
+def ar1(size: int, rho: float, random: np.random.Generator) -> np.ndarray:
+    white = random.normal(size=size + 500)
+    return np.asarray(lfilter([np.sqrt(1.0 - rho**2)], [1.0, -rho], white)[500:])
+
+
+def solved(X: np.ndarray, y: np.ndarray, sigma: float = 1.0) -> tuple[Optimum, np.ndarray]:
+    """Return the optimum and the residuals measured - simulated, weighted."""
+    truth = np.linalg.lstsq(X, y, rcond=None)[0]
+    return linearize(line(X, y, sigma), truth, np.arange(X.shape[1])), (y - X @ truth) / sigma
+
+
+def bootstrap(X: np.ndarray, y: np.ndarray, sigma: float, count: int) -> tuple[np.ndarray, Optimum]:
+    optimum, v = solved(X, y, sigma)
+    found = estimate_uncertainty([PieceEvidence(v[:, None], X[:, None, :] / sigma)], np.zeros((3, 3)))
+    drawn = ColoredBlocks.of(found.noise, [v[:, None]])
+    return refit(optimum, shifts(optimum, drawn, range(count), 1)).z, optimum
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.95], ids=["white", "AR(1) 0.95"])
+def test_standard_errors_are_those_of_the_noise_that_made_the_data(rho: float) -> None:
+    """The truth is the sandwich with the autocovariance that generated the noise; plain Cramer-Rao fails at 0.95."""
+    X, sigma = design(), 0.02
+    lags = np.abs(np.subtract.outer(np.arange(SAMPLES), np.arange(SAMPLES)))
+    inverse = np.linalg.inv(X.T @ X)
+    truth = np.sqrt(np.diag(inverse @ X.T @ (sigma**2 * rho**lags) @ X @ inverse))
+    plain = sigma * np.sqrt(np.diag(inverse))
+    found = []
+    for seed in range(6):
+        y = X @ np.array([0.5, 0.4, 0.3]) + sigma * ar1(SAMPLES, rho, np.random.default_rng(seed))
+        z, _ = bootstrap(X, y, sigma, 150)
+        found.append(z.std(axis=0, ddof=1))
+    ratio = np.mean(found, axis=0) / truth
+    assert_allclose(ratio, 1.0, atol=0.2)
+    assert (rho == 0.0) == bool(np.all(truth / plain < 1.05))
+    assert rho == 0.0 or np.all(truth / plain > 3.0)
+
+
+def test_refits_of_a_linear_problem_are_least_squares_to_the_last_digit() -> None:
+    random = np.random.default_rng(4)
+    X = design()
+    y = X @ np.array([0.5, 0.4, 0.3]) + 0.05 * random.normal(size=SAMPLES)
+    optimum, _ = solved(X, y, 0.05)
+    noise = random.normal(size=(5, SAMPLES))
+    found = refit(optimum, -optimum.residual - noise)
+    naive = [np.linalg.lstsq(X, X @ optimum.z + 0.05 * e, rcond=None)[0] for e in noise]
+    assert_allclose(found.z, naive, atol=1e-7)
+    assert set(found.endings) == {"arrived"}
+
+
+def test_refits_of_a_curved_problem_are_those_of_scipy() -> None:
+    t = np.linspace(0.0, 1.0, 60)
+
+    def curve(z: np.ndarray) -> np.ndarray:
+        return np.asarray(z[..., :1] * np.exp(-8.0 * z[..., 1:2] * t))
+
+    truth = np.array([0.5, 0.4])
+    random = np.random.default_rng(2)
+    y = curve(truth) + 0.05 * random.normal(size=60)
+    problem = Fitted(lambda Z: (curve(Z) - y) / 0.05, 2)
+    best = least_squares(lambda z: (curve(z) - y) / 0.05, truth, xtol=1e-14, ftol=1e-14, gtol=1e-14).x
+    optimum = linearize(problem, best, np.arange(2))
+    noise = random.normal(size=(20, 60))
+    found = refit(optimum, -optimum.residual - noise)
+    for z, e in zip(found.z, noise, strict=True):
+        data = curve(best) + 0.05 * e
+        wanted = least_squares(
+            lambda z, data=data: (curve(z) - data) / 0.05, best, bounds=([0, 0], [1, 1]), xtol=1e-14
+        ).x
+        assert_allclose(z, wanted, atol=3e-4)  # a thousandth of a standard error
+
+
+def test_a_refit_stays_in_its_box() -> None:
+    X = design()
+    optimum, _ = solved(X, X @ np.array([0.001, 0.5, 0.5]), 0.05)
+    noise = np.repeat([[3.0], [-3.0]], SAMPLES, axis=1)
+    found = refit(optimum, -optimum.residual - noise)
+    assert found.z[0, 0] == pytest.approx(0.151, abs=1e-6)
+    assert found.z[1, 0] == pytest.approx(0.0, abs=1e-9)
+    others = np.linalg.lstsq(X[:, 1:], X @ np.array([0.001, 0.5, 0.5]) - 0.15, rcond=None)[0]
+    assert_allclose(found.z[1, 1:], others, atol=1e-6)
+
+
+def test_a_direction_without_information_does_not_move() -> None:
+    X = design()
+    y = X @ np.array([0.5, 0.4, 0.3])
+    problem = Fitted(lambda Z: np.sum(Z[:, None, :3] * X, axis=2) / 0.1 - y / 0.1, 4)
+    optimum = linearize(problem, np.array([0.5, 0.4, 0.3, 0.7]), np.arange(4))
+    found = refit(optimum, np.random.default_rng(0).normal(size=(3, SAMPLES)))
+    assert_allclose(found.z[:, 3], 0.7)
+    assert not optimum.inverse.determined[3]
+    assert set(found.endings) == {"arrived"}
+
+
+def test_a_diverging_replicate_is_lost_and_no_other() -> None:
+    t = np.linspace(0.0, 1.0, 40)
+    problem = Fitted(lambda Z: np.where(Z[:, :1] > 0.999, np.nan, Z[:, :1] * np.ones_like(t)), 1)
+    optimum = linearize(problem, np.array([0.5]), np.arange(1))
+    shift = np.array([[-0.6], [np.nan]]) * np.ones((2, 40))
+    found = refit(optimum, shift)
+    assert found.endings == ("arrived", "lost")
+    assert found.z[0, 0] == pytest.approx(0.6)
+    assert np.isnan(found.z[1, 0])
+
+
+def test_noise_of_one_replicate_depends_on_its_number_and_the_seed_alone() -> None:
+    X = design(200)
+    y = X @ np.array([0.5, 0.4, 0.3]) + 0.1 * ar1(200, 0.8, np.random.default_rng(1))
+    optimum, v = solved(X, y, 0.1)
+    found = estimate_uncertainty([PieceEvidence(v[:, None], X[:, None, :] / 0.1)], np.zeros((3, 3)))
+    drawn = ColoredBlocks.of(found.noise, [v[:, None]])
+    whole = shifts(optimum, drawn, range(6), 7)
+    assert np.array_equal(whole[4:], shifts(optimum, drawn, [4, 5], 7))
+    assert not np.array_equal(whole, shifts(optimum, drawn, range(6), 8))
+
+
+def test_missing_readings_get_no_noise_and_cost_no_other() -> None:
+    X = design(400)
+    v = ar1(400, 0.9, np.random.default_rng(3))[:, None]
+    v[100:140] = np.nan
+    v[::7] = np.nan
+    drawn = ColoredBlocks.of(ColoredNoise(np.array([[0.9]]), np.array([[0.19]])), [v])
+    optimum, _ = solved(X, X @ np.array([0.5, 0.4, 0.3]), 1.0)
+    out = shifts(optimum, drawn, range(40), 0) + optimum.residual
+    assert np.all(out[:, ~np.isfinite(v[:, 0])] == 0.0)
+    assert np.std(out[:, np.isfinite(v[:, 0])]) == pytest.approx(1.0, abs=0.15)
+
+
+def test_drawn_noise_has_color_and_strength_of_the_model_and_shares_its_disturbances() -> None:
+    random = np.random.default_rng(5)
+    shared = ar1(3000, 0.9, random)
+    v = np.column_stack([shared, 0.8 * shared + 0.6 * ar1(3000, 0.9, random)])
+    color = ColoredNoise(np.array([[0.9], [0.9]]), 4.0 * 0.19 * np.array([[1.0, 0.8], [0.8, 1.0]]))
+    drawn = ColoredBlocks.of(color, [v])
+    made = np.concatenate([drawn.segment(0, np.random.default_rng(i)) for i in range(20)])
+    assert made.std(axis=0) == pytest.approx([2.0, 2.0], rel=0.05)
+    assert np.corrcoef(made.T)[0, 1] == pytest.approx(0.8, abs=0.03)
+    assert np.corrcoef(made[1:, 0], made[:-1, 0])[0, 1] == pytest.approx(0.9, abs=0.02)
+
+
+def test_block_length_grows_with_the_memory_of_the_series() -> None:
+    """Politis and White (2004), section 3.2: for AR(1) the ideal length is (6 rho^2 / (1 - rho^2)^2 n)^(1/3)."""
+    assert block_length(np.random.default_rng(0).normal(size=4000)) < 4.0
+    for rho in (0.5, 0.8):
+        ideal = (6.0 * (rho / (1.0 - rho**2)) ** 2 * 8000) ** (1.0 / 3.0)
+        found = [block_length(ar1(8000, rho, np.random.default_rng(i))) for i in range(8)]
+        assert np.median(found) == pytest.approx(ideal, rel=0.3)
+    assert block_length(np.zeros(50)) == 1.0
+
+
+def test_whitening_leaves_no_color_even_where_the_spectrum_is_steep() -> None:
+    v = lfilter([1.0], np.poly([0.995, 0.97, 0.9]), np.random.default_rng(8).normal(size=3000))[500:]
+    (rest,) = whitened([v], 20)
+    r = np.array([np.corrcoef(rest[lag:], rest[: len(rest) - lag])[0, 1] for lag in range(1, 30)])
+    assert np.abs(r).max() < 4.0 / np.sqrt(len(rest))
+    (short,) = whitened([v[:30]], 20)
+    assert np.isnan(short).all()
+
+
+def test_percentiles_are_corrected_for_bias() -> None:
+    """A lognormal: bias-corrected percentiles do not mind that the estimate is the median, Efron and Tibshirani 14.3."""
+    values = np.exp(np.random.default_rng(1).normal(size=(200_000, 1)))
+    found = percentiles(np.array([1.0]), values)
+    assert found.lower[0] == pytest.approx(np.exp(-1.96), rel=0.02)
+    assert found.upper[0] == pytest.approx(np.exp(1.96), rel=0.02)
+    shifted = percentiles(np.array([np.exp(0.5)]), values)
+    assert shifted.upper[0] == pytest.approx(np.exp(2.0 * 0.5 + 1.96), rel=0.05)
+    assert np.isnan(percentiles(np.array([1.0]), values[:39]).std[0])

@@ -1,0 +1,155 @@
+"""The correction for colored residuals: its double sum done naively, its limit, and its coverage."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.signal import lfilter
+
+from stoop.assessment.colored_residuals import ColoredNoise, Coloring
+from stoop.assessment.covariance import (
+    NORMAL_95,
+    data_information,
+    invert,
+    prior_information,
+    standard_errors,
+)
+from stoop.assessment.error_bars import estimate_uncertainty
+from stoop.problem.evidence import PieceEvidence
+
+CHANNELS, PARAMETERS = 2, 4
+
+
+def sensitivities(size: int, seed: int = 0) -> np.ndarray:
+    """Return (n, ny, k): answers of oscillators to a 3-2-1-1, a bias and an initial value per channel."""
+    random = np.random.default_rng(seed)
+    edges = (np.array([1, 4, 6, 7, 8]) * size) // 12
+    command = np.zeros(size)
+    for start, stop, sign in zip(edges[:-1], edges[1:], (1, -1, 1, -1), strict=True):
+        command[start:stop] = sign
+    columns = np.zeros((size, CHANNELS, PARAMETERS + 2 * CHANNELS))
+    for channel in range(CHANNELS):
+        for parameter in range(PARAMETERS):
+            pole = np.exp((-random.uniform(0.5, 3) + 1j * random.uniform(1, 8)) / 100)
+            answer = lfilter([1.0], [1.0, -2 * pole.real, abs(pole) ** 2], command)
+            columns[:, channel, parameter] = answer / np.sqrt(np.mean(answer**2))
+        columns[:, channel, PARAMETERS + channel] = 1.0
+        columns[:, channel, PARAMETERS + CHANNELS + channel] = np.exp(-np.arange(size) / 80.0)
+    return columns
+
+
+def noise(size: int, rho: float, random: np.random.Generator) -> np.ndarray:
+    """Return (n, ny) stationary AR(1) noise of variance 1."""
+    white = random.normal(size=(size + 400, CHANNELS))
+    return np.asarray(lfilter([np.sqrt(1 - rho**2)], [1.0, -rho], white, axis=0)[400:])
+
+
+def test_the_double_sum_done_naively() -> None:
+    first, second = sensitivities(60), sensitivities(40, seed=1)
+    segments = (PieceEvidence(np.zeros((60, 2)), first), PieceEvidence(np.zeros((40, 2)), second))
+    prior = prior_information([0.3] + [np.inf] * 7)
+    inverse = invert(data_information(segments) + prior)
+    color = ColoredNoise(np.array([[0.6], [-0.4]]), np.array([[1.0, 0.5], [0.5, 2.0]]))
+    stationary = color.innovation / (1 - np.outer([0.6, -0.4], [0.6, -0.4]))
+    middle = np.zeros_like(prior)
+    for jacobian in (first, second):
+        for i, left in enumerate(jacobian):
+            for j, right in enumerate(jacobian):
+                power = np.diag(np.array([0.6, -0.4]) ** abs(i - j))
+                autocovariance = power @ stationary if i >= j else stationary @ power
+                middle += left.T @ autocovariance @ right
+    naive = inverse.matrix @ (middle + prior) @ inverse.matrix
+    found = Coloring(segments, inverse, prior).covariance(color)
+    assert_allclose(found, naive, rtol=1e-6, atol=1e-9 * np.abs(naive).max())
+
+
+def fit(jacobian: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the estimate and the residuals of ordinary least squares; NaN is missing."""
+    there = np.isfinite(measured)
+    estimate = np.linalg.lstsq(jacobian[there], measured[there], rcond=None)[0]
+    return estimate, measured - jacobian @ estimate
+
+
+@pytest.mark.parametrize(
+    ("rho", "plain", "least"),
+    [(0.0, (0.92, 0.97), 0.92), (0.95, (0.1, 0.4), 0.90)],
+    ids=["white", "AR(1) 0.95"],
+)
+def test_coverage_of_95_percent_intervals(rho: float, plain: tuple[float, float], least: float) -> None:
+    random = np.random.default_rng(11)
+    jacobian = sensitivities(800)
+    flat = jacobian.shape[2]
+    hits, plain_hits, factors = [], [], []
+    for _ in range(250):
+        estimate, residual = fit(jacobian, noise(800, rho, random))
+        found = estimate_uncertainty([PieceEvidence(residual, jacobian)], np.zeros((flat, flat)))
+        error = np.abs(estimate[:PARAMETERS])
+        hits.append(error < NORMAL_95 * standard_errors(found.corrected)[:PARAMETERS])
+        plain_hits.append(error < NORMAL_95 * standard_errors(found.cramer_rao)[:PARAMETERS])
+        factors.append(found.coloring_factor[:PARAMETERS])
+    assert plain[0] < np.mean(plain_hits) < plain[1]
+    assert least < np.mean(hits) < 0.98
+    if rho == 0.0:
+        assert np.mean(factors) == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("missing", [0.0, 0.3])
+def test_mean_of_the_corrected_error_is_the_scatter(missing: float) -> None:
+    random = np.random.default_rng(5)
+    jacobian = sensitivities(900)
+    size = jacobian.shape[2]
+    estimates, sigmas = [], []
+    for _ in range(200):
+        measured = noise(900, 0.9, random)
+        measured[random.uniform(size=measured.shape) < missing] = np.nan
+        one, residual_one = fit(jacobian, measured)
+        cut = [
+            PieceEvidence(residual_one[:400], jacobian[:400]),
+            PieceEvidence(residual_one[400:], jacobian[400:]),
+        ]
+        estimates.append(one)
+        sigmas.append(standard_errors(estimate_uncertainty(cut, np.zeros((size, size))).corrected))
+    ratio = np.mean(sigmas, axis=0) / np.std(estimates, axis=0)
+    assert_allclose(ratio[:PARAMETERS], 1.0, atol=0.15)
+
+
+def test_the_factor_grows_with_the_color() -> None:
+    random = np.random.default_rng(3)
+    jacobian = sensitivities(800)
+    size = jacobian.shape[2]
+    factors = []
+    for rho in (0.0, 0.8, 0.95):
+        residual = fit(jacobian, noise(800, rho, random))[1]
+        found = estimate_uncertainty([PieceEvidence(residual, jacobian)], np.zeros((size, size)))
+        factors.append(float(np.median(found.coloring_factor)))
+    assert factors[0] < 1.3 < factors[1] < factors[2]
+    assert found.autocorrelation.shape == (CHANNELS, 201)
+
+
+def test_a_strong_prior_is_neither_widened_nor_narrowed() -> None:
+    jacobian = sensitivities(500)
+    residual = fit(jacobian, noise(500, 0.95, np.random.default_rng(4)))[1]
+    prior = prior_information([1e-6] + [np.inf] * 7)
+    found = estimate_uncertainty([PieceEvidence(residual, jacobian)], prior)
+    assert standard_errors(found.corrected)[0] == pytest.approx(1e-6, rel=1e-3)
+
+
+def test_unseen_unknowns_are_infinite_and_disturb_no_other() -> None:
+    jacobian = sensitivities(500)
+    residual = fit(jacobian, noise(500, 0.5, np.random.default_rng(4)))[1]
+    wide = np.concatenate([jacobian, np.zeros((500, CHANNELS, 1))], axis=2)
+    whole = estimate_uncertainty([PieceEvidence(residual, jacobian)], np.zeros((8, 8)))
+    found = estimate_uncertainty([PieceEvidence(residual, wide)], np.zeros((9, 9)))
+    assert_allclose(found.corrected[:8, :8], whole.corrected, rtol=1e-9)
+    assert standard_errors(found.corrected)[8] == np.inf
+    assert standard_errors(found.cramer_rao)[8] == np.inf
+
+
+@pytest.mark.parametrize("size", [2, 5, 49])
+def test_short_records(size: int) -> None:
+    jacobian = sensitivities(60)[:size, :, PARAMETERS : PARAMETERS + CHANNELS]
+    residual = np.random.default_rng(1).normal(size=(size, CHANNELS))
+    found = estimate_uncertainty([PieceEvidence(residual, jacobian)], np.zeros((2, 2)))
+    assert np.isfinite(found.corrected).all()
+    assert (standard_errors(found.corrected) > 0.0).all()

@@ -1,0 +1,124 @@
+"""Theil's coefficient, its parts, the root mean square error and R2, against their definitions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from numpy.testing import assert_allclose
+
+from stoop.assessment.goodness_of_fit import (
+    Match,
+    channel_figures,
+    filtered_theil,
+    join,
+    r2,
+    rmse,
+    theil,
+    theil_parts,
+)
+
+curve = hnp.arrays(np.float64, st.integers(2, 30), elements=st.integers(-999, 999).map(float))
+
+
+def pair(size: int = 400) -> tuple[np.ndarray, np.ndarray]:
+    t = np.arange(size) / 100.0
+    return np.sin(3 * t), 0.8 * np.sin(3 * t - 0.2) + 0.1
+
+
+def test_against_the_definition_by_hand() -> None:
+    # rms(z - y) = sqrt(1/2), rms(z) = sqrt(5/2), rms(y) = sqrt(10/2)
+    z, y = np.array([1.0, 2.0]), np.array([1.0, 3.0])
+    assert_allclose(theil(z, y), 1.0 / (np.sqrt(5.0) + np.sqrt(10.0)))
+    assert_allclose(rmse(z, y), np.sqrt(0.5))
+    assert_allclose(r2(z, y), 1.0 - 1.0 / 0.5)
+
+
+@given(curve)
+def test_bounds(z: np.ndarray) -> None:
+    assert theil(z, z) == 0.0
+    assert theil(z, -z) == (pytest.approx(1.0) if np.any(z) else 0.0)
+    assert 0.0 <= theil(z, np.roll(z, 1)) <= 1.0 + 1e-12
+
+
+@given(curve, st.floats(0.1, 10.0))
+def test_units_do_not_matter(z: np.ndarray, factor: float) -> None:
+    y = np.roll(z, 1) + 0.5
+    assert_allclose(theil(factor * z, factor * y), theil(z, y), rtol=1e-9)
+
+
+def test_parts_add_up_and_name_the_fault() -> None:
+    z, y = pair()
+    parts = theil_parts(z, y)
+    assert_allclose(parts.bias + parts.variance + parts.covariance, 1.0)
+    assert parts.coefficient == theil(z, y)
+    assert theil_parts(z, z + 1.0).bias == pytest.approx(1.0)
+    assert theil_parts(z - z.mean(), 2.0 * (z - z.mean())).variance == pytest.approx(1.0)
+    wave = 2 * np.pi * np.arange(100) / 100  # a whole period: a shift in phase changes nothing but the phase
+    assert theil_parts(np.sin(wave), np.cos(wave)).covariance == pytest.approx(1.0)
+    assert np.isnan(theil_parts(z, z).bias)
+
+
+def test_missing_samples_are_left_out() -> None:
+    z, y = pair()
+    holes = z.copy()
+    holes[50:60] = np.nan
+    there = np.isfinite(holes)
+    assert theil(holes, y) == theil(z[there], y[there])
+    assert rmse(holes, y) == rmse(z[there], y[there])
+    assert r2(holes, y) == r2(z[there], y[there])
+
+
+@pytest.mark.parametrize("figure", [theil, rmse, r2])
+def test_nothing_measured_is_nan(figure: object) -> None:
+    nothing = np.full(5, np.nan)
+    assert np.isnan(figure(nothing, np.zeros(5)))  # type: ignore[operator]
+    assert np.isnan(theil_parts(nothing, nothing).bias)
+
+
+def test_zero_against_zero() -> None:
+    zero = np.zeros(4)
+    assert theil(zero, zero) == 0.0
+    assert np.isnan(r2(zero, zero))
+
+
+def test_vibration_does_not_count() -> None:
+    z, y = pair()
+    shaken = z + np.sin(2 * np.pi * 35 * np.arange(z.size) / 100.0)
+    assert filtered_theil(shaken, y, 100.0) == pytest.approx(theil(z, y), abs=0.01)
+    assert theil(shaken, y) > 2 * theil(z, y)
+
+
+def test_figures_of_a_channel() -> None:
+    z, y = pair()
+    z2, y2 = join([z[:200], z[200:]]), join([y[:200], y[200:]])
+    figures = channel_figures(z2, Match(y2), 100.0, baseline=Match(z2))
+    assert figures.baseline_theil == 0.0
+    assert figures.rmse == pytest.approx(rmse(z, y))
+    assert figures.r2 == pytest.approx(r2(z, y))
+    assert figures.theil == pytest.approx(theil(z, y), abs=2e-3)
+    assert np.isnan(channel_figures(z2, Match(y2), 100.0).baseline_theil)
+
+
+def test_a_diverged_simulation_is_worst_not_an_overflow() -> None:
+    z, y = pair()
+    far = np.where(np.arange(z.size) > 200, 1e300, y)
+    assert theil(z, far) == pytest.approx(1.0)
+    assert theil_parts(z, far).coefficient == pytest.approx(1.0)
+    assert rmse(z, far) > 1e299
+    assert r2(z, far) == -np.inf
+
+
+def test_everything_stands_beside_the_baseline() -> None:
+    z, y = pair()
+    figures = channel_figures(z, Match(y, 2.0 * (z - y)), 100.0, baseline=Match(0.5 * y, z))
+    parts = theil_parts(z, y)
+    assert (figures.theil_shares.bias, figures.theil_shares.variance) == (parts.bias, parts.variance)
+    assert figures.press == pytest.approx(2.0 * figures.rmse)
+    assert figures.whiteness.verdict == figures.baseline.whiteness.verdict == "colored"
+    assert figures.baseline.rmse == rmse(z, 0.5 * y)
+    assert figures.baseline.r2 == r2(z, 0.5 * y)
+    assert figures.baseline.press == pytest.approx(np.sqrt(np.mean(z**2)))
+    assert np.isnan(channel_figures(z, Match(y), 100.0).press)

@@ -1,0 +1,194 @@
+"""The trivial lag: its exact answer, recovery of a known lag, holes, and its place beside a maneuver."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.integrate import solve_ivp
+
+from stoop.assessment.baseline import (
+    BaselineManeuver,
+    BaselineSegment,
+    Lag,
+    LagRecord,
+    baseline_matches,
+    fit_lag,
+)
+from stoop.assessment.goodness_of_fit import theil
+
+RATE = 100.0
+
+
+def commands(size: int, seed: int, count: int = 1) -> np.ndarray:
+    random = np.random.default_rng(seed)
+    levels = random.normal(size=(size // 40 + 1, count))
+    return np.repeat(levels, 40, axis=0)[:size]
+
+
+def truth(tau: float = 0.2, delay: float = 0.05, gains: tuple[float, ...] = (3.0,)) -> Lag:
+    return Lag(tau, delay, np.array(gains), {0: 0.4, 1: -0.2}, (), RATE)
+
+
+def record(lag: Lag, size: int, seed: int, maneuver: int = 0, noise: float = 0.0) -> LagRecord:
+    u = commands(size, seed, len(lag.gains))
+    y = lag.respond(u, lag.biases[maneuver], initial=0.5)
+    return LagRecord(u, y + noise * np.random.default_rng(seed + 100).normal(size=size), maneuver)
+
+
+@pytest.mark.parametrize("tau", [0.002, 0.1, 50.0])
+def test_answer_is_the_exact_solution_for_straight_commands(tau: float) -> None:
+    t = np.arange(200) / RATE
+    u = np.interp(t, [0.0, 0.5, 0.6, 2.0], [1.0, 1.0, -1.0, 0.5])
+    exact = solve_ivp(
+        lambda s, y: (2.0 * np.interp(s, t, u) + 0.3 - y) / tau,
+        (0.0, t[-1]),
+        [0.7],
+        t_eval=t,
+        rtol=1e-10,
+        atol=1e-12,
+        max_step=0.01,
+        method="Radau",
+    )
+    lag = Lag(tau, 0.0, np.array([2.0]), {}, (), RATE)
+    assert_allclose(lag.respond(u[:, None], bias=0.3, initial=0.7), exact.y[0], atol=2e-7)
+
+
+def test_dead_time_holds_the_first_command() -> None:
+    u = commands(200, 1)
+    lag = truth(delay=0.1)
+    late = np.concatenate([np.repeat(u[:1], 10, axis=0), u])[:200]
+    assert_allclose(lag.respond(u, 0.4, 0.5), truth(delay=0.0).respond(late, 0.4, 0.5), atol=1e-12)
+
+
+def test_dead_time_longer_than_the_record() -> None:
+    lag = Lag(0.1, 0.2, np.array([1.0]), {}, (), RATE)
+    assert np.isfinite(lag.respond(commands(10, 1), 0.0, 0.0)).all()
+
+
+@pytest.mark.parametrize(("tau", "delay"), [(0.02, 0.0), (0.2, 0.05), (0.7, 0.13), (3.0, 0.28)])
+def test_a_lag_is_recovered(tau: float, delay: float) -> None:
+    lag = truth(tau, delay, gains=(3.0, -1.0))
+    records = [record(lag, 500, 1), record(lag, 300, 2), record(lag, 400, 3, maneuver=1)]
+    found = fit_lag(records, RATE)
+    assert found is not None
+    assert found.dead_time == pytest.approx(delay)
+    assert found.time_constant == pytest.approx(tau, rel=2e-3)
+    assert_allclose(found.gains, lag.gains, rtol=2e-3)
+    assert_allclose([found.biases[0], found.biases[1]], [0.4, -0.2], atol=5e-3)
+    assert_allclose(found.initial, 0.5, atol=5e-3)
+    for matched, one in zip(found.matched(records), records, strict=True):
+        assert theil(one.measured, matched) < 2e-3
+
+
+def test_holes_in_the_measurements_do_no_harm() -> None:
+    whole = record(truth(), 600, 4)
+    measured = whole.measured.copy()
+    measured[::3] = np.nan
+    found = fit_lag([LagRecord(whole.commands, measured)], RATE)
+    assert found is not None
+    assert found.time_constant == pytest.approx(0.2, rel=1e-3)
+    assert_allclose(found.matched([whole])[0], whole.measured, atol=1e-3)
+
+
+def test_prediction_brings_its_own_bias_or_none() -> None:
+    lag = truth()
+    found = fit_lag([record(lag, 600, 5, 0), record(lag, 600, 6, 1)], RATE)
+    assert found is not None
+    u = commands(500, 7)
+    y = lag.respond(u, bias=1.5, initial=0.0)
+    new = [LagRecord(u[:250], y[:250]), LagRecord(u[250:], y[250:])]
+    assert theil(y, np.concatenate(found.predicted(new))) < 0.05
+    blind = lag.respond(u[:250], bias=0.1, initial=float(np.mean(y[:20])))
+    assert_allclose(found.predicted_blind(new)[0], blind, atol=5e-3)
+
+
+def test_prediction_without_any_measurement_is_finite() -> None:
+    found = fit_lag([record(truth(), 300, 8)], RATE)
+    assert found is not None
+    u = commands(50, 9)
+    assert np.isfinite(found.predicted([LagRecord(u, np.full(50, np.nan))])[0]).all()
+
+
+def test_too_little_to_fit() -> None:
+    assert fit_lag([LagRecord(np.zeros((5, 1)), np.zeros(5))], RATE) is None
+    assert fit_lag([LagRecord(np.zeros((50, 1)), np.full(50, np.nan))], RATE) is None
+
+
+def test_a_dead_command_gives_no_gain() -> None:
+    found = fit_lag([LagRecord(np.zeros((50, 1)), np.ones(50))], RATE)
+    assert found is not None
+    assert found.gains[0] == 0.0
+
+
+def segment(lags: dict[str, Lag], size: int, seed: int, maneuver: int) -> BaselineSegment:
+    u = commands(size, seed, 3)
+    driven = {"control_roll": u[:, 0], "control_pitch": u[:, 1], "control_yaw": u[:, 2]}
+    return BaselineSegment(
+        driven, {name: lag.respond(u, lag.biases[maneuver], 0.1) for name, lag in lags.items()}
+    )
+
+
+def test_every_maneuver_gets_its_curves() -> None:
+    lags = {"p": truth(gains=(3.0, 0.0, 0.0)), "beta": truth(gains=(0.5, 0.0, -2.0))}
+    fit = BaselineManeuver("fit", (segment(lags, 400, 1, 0), segment(lags, 300, 2, 0)), RATE)
+    other = BaselineManeuver("validation", (segment(lags, 350, 3, 1),), RATE)
+    first, second = baseline_matches([fit, other], ["p", "beta", "V"])
+    assert set(first) == {"p", "beta"}
+    assert first["p"].simulated.shape == (701,)
+    assert np.isnan(first["p"].simulated[400])
+    assert theil(fit.segments[0].measured["p"], first["p"].simulated[:400]) < 1e-3
+    assert theil(other.segments[0].measured["beta"], second["beta"].simulated) < 0.05
+
+
+def test_a_lag_predicts_at_another_rate() -> None:
+    lag = truth(gains=(3.0, 0.0, 0.0))
+    fit = BaselineManeuver("fit", (segment({"p": lag}, 800, 1, 0),), RATE)
+    whole = segment({"p": lag}, 800, 3, 1)
+    matched = []
+    for every in (1, 2, 5):
+        commands = {name: values[::every] for name, values in whole.commands.items()}
+        seen = BaselineSegment(commands, {"p": whole.measured["p"][::every]})
+        other = BaselineManeuver("validation", (seen,), RATE / every)
+        matched.append(theil(seen.measured["p"], baseline_matches([fit, other], ["p"])[1]["p"].simulated))
+    assert matched[0] < 0.05
+    assert matched[1:] == pytest.approx(
+        [matched[0]] * 2, abs=0.05
+    )  # steps become ramps of a slower clock's length
+
+
+def test_a_lag_is_fitted_to_what_was_sampled_alike() -> None:
+    lags = {"p": truth(gains=(3.0, 0.0, 0.0))}
+    fits = [BaselineManeuver("fit", (segment(lags, 600, seed, 0),), RATE) for seed in (1, 2)]
+    misread = BaselineManeuver("fit", fits[1].segments, 7.0 * RATE)
+    other = BaselineManeuver("validation", (segment(lags, 350, 3, 1),), RATE)
+    alone, beside = (baseline_matches([fits[0], *more, other], ["p"])[-1]["p"] for more in ([], [misread]))
+    assert np.array_equal(alone.simulated, beside.simulated)
+
+
+def test_own_axis_only_in_a_fit() -> None:
+    # p that answers to the yaw command alone cannot be matched by the roll command
+    lags = {"p": truth(gains=(0.0, 0.0, 3.0))}
+    fit = BaselineManeuver("fit", (segment(lags, 600, 1, 0),), RATE)
+    (curves,) = baseline_matches([fit], ["p"])
+    assert theil(fit.segments[0].measured["p"], curves["p"].simulated) > 0.3
+
+
+def test_every_channel_has_its_axis() -> None:
+    lags = {
+        "phi": truth(gains=(3.0, 0.0, 0.0)),
+        "alpha": truth(gains=(0.0, 3.0, 0.0)),
+        "beta": truth(gains=(0.0, 0.0, 3.0)),
+    }
+    fit = BaselineManeuver("fit", (segment(lags, 600, 1, 0),), RATE)
+    (curves,) = baseline_matches([fit], list(lags))
+    for name in lags:
+        assert theil(fit.segments[0].measured[name], curves[name].simulated) < 1e-3
+
+
+def test_nothing_to_learn_from() -> None:
+    lags = {"p": truth(gains=(3.0, 0.0, 0.0))}
+    alone = BaselineManeuver("validation", (segment(lags, 300, 1, 0),), RATE)
+    assert baseline_matches([alone], ["p"]) == ({},)
+    empty = BaselineManeuver("fit", (BaselineSegment({}, {"p": np.zeros(50)}),), RATE)
+    assert baseline_matches([empty], ["p"]) == ({},)

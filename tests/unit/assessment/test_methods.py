@@ -1,0 +1,100 @@
+"""Bootstrap, profile and PRESS of methods that simulate: filter error and multiple shooting; a regression is refused."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from stoop.assessment.assessment import AssessedFit, check_method, pack, unpack
+from stoop.errors import IdentificationError
+from stoop.estimate.fit import Options
+from stoop.parallel import Given
+from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.vehicle.builtin import resolve_vehicle
+from stoop.workflow import Bootstrap, Job, Profile, identify
+
+FREE = ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")
+MANEUVER = """
+duration = 10.0
+rate = 50.0
+[[input]]
+control = "elevator"
+shape = "3-2-1-1"
+start = 0.5
+step = 0.4
+amplitude = 0.05
+[[input]]
+control = "elevator"
+shape = "doublet"
+start = 5.0
+step = 0.6
+amplitude = 0.04
+"""
+
+
+@pytest.fixture(scope="module", params=["filter-error", "multiple-shooting"])
+def job(request: pytest.FixtureRequest) -> Job:
+    vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
+    held = {p.name: {"free": False} for p in vehicle.parameters if p.free and p.name not in FREE}
+    vehicle = vehicle.with_numbers(held)
+    flight = simulate_flight(vehicle, parse_maneuver(MANEUVER, "test"), seed=3, name="sim")
+    return identify(vehicle, flight, ["0:10"], options=Options(method=request.param))
+
+
+def here() -> Given:
+    return Given(ThreadPoolExecutor(1))
+
+
+def test_a_problem_comes_back_from_text_with_the_same_residuals(job: Job) -> None:
+    fit = AssessedFit(job.fit, 0)
+    again, arrays = unpack(fit.packed({}))
+    Z = job.fit.z + 1e-3 * np.random.default_rng(0).standard_normal((3, len(job.fit.z)))
+    assert np.array_equal(again.residuals(Z, 0), fit.problem.residuals(Z, 0))
+    assert pack(again, {"z": arrays["z"]}) == pack(fit.problem, {"z": job.fit.z})
+
+
+def test_residuals_and_derivatives_are_those_of_the_evidence(job: Job) -> None:
+    problem, evidence = AssessedFit(job.fit, 0).problem, job.fit.evidence
+    r = problem.residuals(job.fit.z[None], 0)[0]
+    (piece,) = evidence.pieces
+    assert -r[: piece.residual.size] == pytest.approx(piece.filled()[0].ravel(), abs=1e-6)
+    J, _ = problem.jacobian(job.fit.z, 0, r)
+    expected = piece.filled()[1].reshape(piece.residual.size, -1)[:, : len(job.fit.z)]
+    found = J[: piece.residual.size] / job.fit.problem.layout.scales
+    size = np.linalg.norm(expected, axis=0)
+    assert np.linalg.norm(found - expected, axis=0)[size > 0.0] == pytest.approx(0.0, abs=0.05 * size.max())
+    own = size[: len(FREE)]
+    assert np.linalg.norm((found - expected)[:, : len(FREE)], axis=0) / own == pytest.approx(0.0, abs=0.05)
+
+
+def test_bootstrap_and_profile_agree_with_the_corrected_errors(job: Job) -> None:
+    result = job.assess(Bootstrap(100, pool=here()), Profile(("Cmq",), here())).identification.result
+    corrected, found = (result.uncertainty[m].parameters for m in ("corrected", "bootstrap"))
+    ratios = [found[n].std_error / corrected[n].std_error for n in FREE]
+    assert float(np.median(ratios)) == pytest.approx(1.0, abs=0.25)
+    assert result.uncertainty["bootstrap"].figures["lost"] == 0.0
+    profile = result.uncertainty["profile"].parameters["Cmq"]
+    assert profile.std_error == pytest.approx(corrected["Cmq"].std_error, rel=0.2)
+    assert profile.ci95_lower < result.parameters["Cmq"].estimate < profile.ci95_upper
+
+
+def test_press_is_near_the_residuals_of_the_method(job: Job) -> None:
+    channels = job.identification.result.maneuvers[0].channels
+    sigma = job.fit.problem.layout.vehicle.file.sensors
+    for name in ("q", "alpha"):
+        assert channels[name].press == pytest.approx(getattr(sigma, name).sigma, rel=0.5)
+
+
+def test_what_the_data_determine_is_analyzed(job: Job) -> None:
+    found = job.identification.result.identifiability
+    assert len(found.singular_values) >= len(FREE)
+    assert set(found.parameters) == set(FREE)
+
+
+@pytest.mark.parametrize("method", ["equation-error", "frequency-domain"])
+def test_a_regression_has_nothing_to_refit(method: str) -> None:
+    with pytest.raises(IdentificationError, match="regression without one") as error:
+        check_method(method)
+    assert "\n" not in str(error.value)

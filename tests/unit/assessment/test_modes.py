@@ -1,0 +1,181 @@
+"""Modes with intervals: derivatives against differences, intervals against a Monte Carlo that does everything again."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from stoop.assessment.modes import NORMAL_95, Linearized, differentiated, mode_estimates
+from stoop.simulation import trim
+from stoop.simulation.linearize import modes_of, state_matrix
+from stoop.simulation.trim import neighbors
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+
+NAMES = ("V", "alpha", "q", "theta")
+
+
+def oscillator(w: float, zeta: float) -> np.ndarray:
+    """Return a short period beside a phugoid that nothing moves."""
+    A = np.zeros((4, 4))
+    A[1:3, 1:3] = [[0.0, 1.0], [-(w**2), -2.0 * zeta * w]]
+    A[np.ix_([0, 3], [0, 3])] = [[-0.02, -9.81], [0.01, 0.0]]
+    return A
+
+
+def linearized(w: float, zeta: float) -> Linearized:
+    """Return it with its derivatives by w and zeta."""
+    by_w, by_zeta = np.zeros((4, 4)), np.zeros((4, 4))
+    by_w[2, 1:3], by_zeta[2, 2] = (-2.0 * w, -2.0 * zeta), -2.0 * w
+    return Linearized(NAMES, oscillator(w, zeta), np.array([by_w, by_zeta]))
+
+
+def test_an_oscillator_by_hand() -> None:
+    (mode,) = (
+        m
+        for m in mode_estimates(linearized(4.0, 0.3), ("w", "zeta"), np.diag([0.1, 0.02]) ** 2)
+        if "short" in m.name
+    )
+    assert mode.method == "delta"
+    assert (mode.frequency.estimate, mode.frequency.std_error) == pytest.approx((4.0, 0.1))
+    assert (mode.damping.estimate, mode.damping.std_error) == pytest.approx((0.3, 0.02))
+    # real part = -zeta w
+    sigma = math.hypot(0.3 * 0.1, 4.0 * 0.02)
+    assert (mode.real.estimate, mode.real.std_error) == pytest.approx((-1.2, sigma))
+    assert mode.real.ci95_upper == pytest.approx(-1.2 + NORMAL_95 * sigma)
+    assert mode.time_constant.ci95_upper == pytest.approx(1.0 / (1.2 - NORMAL_95 * sigma))
+
+
+def test_derivatives_of_eigenvalues_against_differences() -> None:
+    random = np.random.default_rng(0)
+    A, slopes = random.standard_normal((6, 6)), random.standard_normal((3, 6, 6))
+    found = Linearized(tuple("abcdef"), A, slopes)
+    h = 1e-6
+    for mode in modes_of(A, found.names):
+        gradient = found.gradient(mode.eigenvalue)
+        for slope, g in zip(slopes, gradient, strict=True):
+            ends = [np.linalg.eigvals(A + sign * h * slope) for sign in (1, -1)]
+            upper, lower = (end[np.argmin(np.abs(end - mode.eigenvalue))] for end in ends)
+            assert g == pytest.approx((upper - lower) / (2 * h), abs=1e-7)
+
+
+def test_a_pair_that_may_part_is_sampled() -> None:
+    """At a damping of 0.97 +- 0.05 a pair is two real roots in about a quarter of all cases."""
+    covariance = np.diag([0.05, 0.05]) ** 2
+    (mode,) = (
+        m for m in mode_estimates(linearized(4.0, 0.97), ("w", "zeta"), covariance) if "short" in m.name
+    )
+    assert mode.method == "sampled"
+    assert mode.other_character == pytest.approx(0.274, abs=0.04)  # P(zeta > 1) = P(z > 0.6)
+    assert "two real modes" in mode.remark
+    assert (mode.damping.ci95_lower, mode.damping.ci95_upper) == pytest.approx((0.872, 1.068), abs=0.015)
+    assert (mode.frequency.ci95_lower, mode.frequency.ci95_upper) == pytest.approx((3.902, 4.098), abs=0.03)
+
+
+def test_a_spiral_that_may_go_either_way_has_no_time_constant() -> None:
+    A, slope = np.diag([-5.0, -0.01]), np.zeros((1, 2, 2))
+    slope[0, 1, 1] = 1.0
+    spiral = mode_estimates(Linearized(("p", "phi"), A, slope), ("x",), np.array([[0.02**2]]))[-1]
+    assert spiral.name == "spiral"
+    assert math.isnan(spiral.time_constant.ci95_lower)
+    assert "stable or unstable" in spiral.remark
+    assert spiral.real.ci95_upper == pytest.approx(-0.01 + NORMAL_95 * 0.02)
+
+
+def test_what_the_data_cannot_tell_makes_the_mode_unknown() -> None:
+    covariance = np.diag([0.01, np.inf])
+    modes = mode_estimates(linearized(4.0, 0.3), ("w", "zeta"), covariance)
+    short = next(m for m in modes if m.name == "short period")
+    assert math.isnan(short.frequency.ci95_lower)
+    assert "zeta, which the data cannot tell" in short.remark
+    phugoid = next(m for m in modes if m.name == "phugoid")
+    assert phugoid.remark == ""
+
+
+@pytest.fixture(scope="module")
+def aircraft() -> Vehicle:
+    return resolve_vehicle("twin-boom")
+
+
+def changed(vehicle: Vehicle, numbers: dict[str, float]) -> Vehicle:
+    return vehicle.with_numbers({name: {"value": value} for name, value in numbers.items()})
+
+
+FREE = ("CL0", "CLalpha", "CD0", "Cmalpha", "Cmq", "Clp", "Clbeta", "Cnbeta", "Cnr", "mass.inertia.yy")
+
+
+def of_aircraft(vehicle: Vehicle) -> tuple[Linearized, dict[str, float]]:
+    point = trim(vehicle, 36.0)
+    near = neighbors(vehicle, point)
+    values = {name: vehicle.value(name) for name in FREE}
+    scales = {name: abs(value) for name, value in values.items()}
+    return differentiated(lambda n: state_matrix(vehicle, near(n) if n else point), values, scales), values
+
+
+def test_the_trim_follows_the_parameters(aircraft: Vehicle) -> None:
+    point, h = trim(aircraft, 36.0), 1e-4
+    near = neighbors(aircraft, point)
+    for name in ("CL0", "CLalpha", "Cmalpha", "CD0"):
+        value = aircraft.value(name)
+        new, exact = near({name: value + h}), trim(changed(aircraft, {name: value + h}), 36.0)
+        moved = {**exact.start, **exact.deflections, **exact.thrust}
+        for key, now in {**new.start, **new.deflections, **new.thrust}.items():
+            assert now == pytest.approx(moved[key], abs=2e-7 * max(1.0, abs(moved[key]))), (name, key)
+
+
+def test_derivatives_of_the_matrix_against_trims_done_again(aircraft: Vehicle) -> None:
+    found, values = of_aircraft(aircraft)
+
+    def again(numbers: dict[str, float]) -> tuple[tuple[str, ...], np.ndarray]:
+        vehicle = changed(aircraft, numbers)
+        return state_matrix(vehicle, trim(vehicle, 36.0))
+
+    expected = differentiated(again, values, {name: abs(value) for name, value in values.items()})  # type: ignore[arg-type]
+    scale = np.abs(expected.derivative).max(axis=(1, 2), keepdims=True)
+    np.testing.assert_allclose(found.derivative / scale, expected.derivative / scale, atol=1e-5)
+
+
+@pytest.mark.slow
+def test_intervals_against_a_monte_carlo_that_trims_every_draw(aircraft: Vehicle) -> None:
+    found, values = of_aircraft(aircraft)
+    sigma = np.array([0.03 * abs(v) for v in values.values()])
+    rho = 0.5 * np.ones((len(sigma), len(sigma))) + 0.5 * np.eye(len(sigma))
+    covariance = rho * np.outer(sigma, sigma)
+    estimates = {m.name: m for m in mode_estimates(found, tuple(values), covariance)}
+    draws = np.random.default_rng(1).multivariate_normal(list(values.values()), covariance, 250)
+    flown: dict[str, list[complex]] = {}
+    for draw in draws:
+        vehicle = changed(aircraft, dict(zip(values, map(float, draw), strict=True)))
+        names, A = state_matrix(vehicle, trim(vehicle, 36.0))
+        for mode in modes_of(A, names):
+            flown.setdefault(mode.name, []).append(mode.eigenvalue)
+    for name in ("short period", "phugoid", "Dutch roll", "roll", "spiral"):
+        s = np.array(flown[name])
+        assert len(s) == len(draws)
+        assert estimates[name].real.std_error == pytest.approx(np.std(s.real), rel=0.15), name
+        inside = (estimates[name].real.ci95_lower < s.real) & (s.real < estimates[name].real.ci95_upper)
+        assert 0.91 <= np.mean(inside) <= 0.99, name
+        if s[0].imag:
+            assert estimates[name].frequency.std_error == pytest.approx(np.std(np.abs(s)), rel=0.15), name
+            damping = -s.real / np.abs(s)
+            assert estimates[name].damping.std_error == pytest.approx(np.std(damping), rel=0.15), name
+
+
+def test_what_hardly_moves_a_mode_does_not_make_it_unknown() -> None:
+    """The twin-boom flies with a little sideslip: lateral numbers have 1e-7 of a part in the phugoid."""
+    vehicle = resolve_vehicle("twin-boom").reduced("full")
+    point = trim(vehicle, 35.0, 200.0)
+    follow = neighbors(vehicle, point)
+    names = ("CLalpha", "Cmq", "Cnbeta")
+    values = {n: vehicle.value(n) for n in names}
+    found = differentiated(
+        lambda numbers: state_matrix(vehicle, follow(numbers) if numbers else point),
+        values,
+        {n: abs(x) for n, x in values.items()},
+    )
+    covariance = np.diag([0.01, 0.01, np.inf])
+    unknown = {m.name for m in mode_estimates(found, names, covariance) if math.isnan(m.real.std_error)}
+    assert {"Dutch roll", "spiral"} <= unknown
+    assert not {"short period", "phugoid"} & unknown

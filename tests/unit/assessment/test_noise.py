@@ -1,0 +1,76 @@
+"""The color of residuals against its definition and against known autoregressions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.fft import irfft
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
+
+from stoop.assessment.colored_residuals import ColoredNoise, autocorrelation, fit_noise
+from stoop.estimate.noise import lagged_products
+
+
+def test_lagged_products_are_the_naive_sums() -> None:
+    random = np.random.default_rng(0)
+    pieces = [random.normal(size=(30, 2)), random.normal(size=(7, 2))]
+    masks = [random.uniform(size=piece.shape) > 0.3 for piece in pieces]
+    pieces = [np.where(mask, piece, 0.0) for piece, mask in zip(pieces, masks, strict=True)]
+    sums, counts = lagged_products(pieces, [mask.astype(float) for mask in masks], 5)
+    for lag in range(6):
+        naive = sum((piece[: len(piece) - lag] * piece[lag:]).sum(axis=0) for piece in pieces)
+        pairs = sum((mask[: len(mask) - lag] & mask[lag:]).sum(axis=0) for mask in masks)
+        assert_allclose(sums[:, lag], naive, atol=1e-12)
+        assert_allclose(counts[:, lag], pairs)
+
+
+def test_autocorrelation_of_white_and_of_colored() -> None:
+    white = np.random.default_rng(1).normal(size=(5000, 1))
+    colored = lfilter([1.0], [1.0, -0.9], white, axis=0)
+    found = autocorrelation([np.column_stack([white, colored, np.full(5000, np.nan)])], 20)
+    assert_allclose(found[:2, 0], 1.0)
+    assert np.abs(found[0, 1:]).max() < 4.0 / np.sqrt(5000)
+    assert_allclose(found[1, :4], 0.9 ** np.arange(4), atol=0.05)
+    assert np.isnan(found[2]).all()
+
+
+def test_an_autoregression_is_recovered() -> None:
+    random = np.random.default_rng(2)
+    driving = random.normal(size=(40_000, 2)) @ np.array([[1.0, 0.6], [0.0, 0.8]])
+    values = np.column_stack(
+        [
+            lfilter([1.0], [1.0, -1.5, 0.7], driving[:, 0]),
+            lfilter([1.0], [1.0, -0.5], driving[:, 1]),
+        ]
+    )
+    sums, counts = lagged_products([values], [np.ones_like(values)], 2)
+    noise = fit_noise(sums / counts, [values])
+    assert_allclose(noise.coefficients, [[1.5, -0.7], [0.5, 0.0]], atol=0.02)
+    assert_allclose(noise.innovation, np.cov(driving.T), atol=0.03)
+
+
+def test_levinson_solves_yule_walker() -> None:
+    autocovariance = np.array([3.0, 1.5, 0.2, -0.4])
+    noise = fit_noise(autocovariance[None], [np.ones((10, 1))])
+    assert_allclose(noise.coefficients[0], solve_toeplitz(autocovariance[:3], autocovariance[1:]))
+
+
+def test_impossible_autocovariance_stays_stable() -> None:
+    noise = fit_noise(np.array([[1.0, 1.4, 0.2], [0.0, 0.0, 0.0]]), [np.ones((10, 2))])
+    roots = np.roots(np.concatenate([[1.0], -noise.coefficients[0]]))
+    assert np.abs(roots).max() < 1.0
+    assert np.isfinite(noise.spectrum(64)).all()
+    assert_allclose(noise.coefficients[1], 0.0)
+
+
+def test_spectrum_transforms_to_the_autocovariance() -> None:
+    noise = ColoredNoise(np.array([[0.8], [-0.3]]), np.array([[1.0, 0.4], [0.4, 2.0]]))
+    back = irfft(noise.spectrum(512), 512, axis=0)
+    lags = np.arange(5)
+    assert_allclose(back[:5, 0, 0], 0.8**lags / (1 - 0.64), atol=1e-9)
+    # E[v0(i + l) v1(i)] = 0.8^l * 0.4 / (1 + 0.24)
+    assert_allclose(back[:5, 0, 1], 0.8**lags * 0.4 / 1.24, atol=1e-9)
+    assert_allclose(noise.power(512), np.diagonal(noise.spectrum(512).real, axis1=1, axis2=2))
+    assert back[1, 1, 0] == pytest.approx(-0.3 * 0.4 / 1.24)

@@ -1,0 +1,176 @@
+"""A simulated flight goes out as the log of an autopilot, or as a table, and comes back the same."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pymavlink import DFReader
+from pyulog import ULog
+
+from stoop.base.variables import QUATERNION
+from stoop.cli.main import main
+from stoop.errors import OutputError
+from stoop.exporters.flight_file import ENDINGS, TABLES, WRITERS, save_flight_as
+from stoop.flight import Flight, from_columns, load
+from stoop.logs.table import beside
+from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.vehicle.builtin import BUILT_IN, resolve_vehicle
+
+MANEUVER = """
+duration = 3.0
+heading = 4.0
+{wind}
+[[input]]
+control = "{control}"
+shape = "doublet"
+start = 0.5
+step = 0.3
+amplitude = {amplitude}
+"""
+SINGLE = 2.0**-22  #: of the largest value: numbers of 32 bits, twice rounded
+PULSE = 0.5  #: us; ArduPilot logs pulses as whole numbers
+STEPS = {".bin": PULSE / 500.0, ".usd": 0.5 / 65535.0}  #: of a command, half
+
+
+@cache
+def flown(name: str) -> Flight:
+    vehicle = resolve_vehicle(name)
+    control, amplitude = ("roll", 8.0) if vehicle.has_rotors else ("elevator", 0.05)
+    wind = "wind = [3.0, -2.0, 0.0]" if vehicle.has_rotors else ""
+    maneuver = parse_maneuver(MANEUVER.format(control=control, amplitude=amplitude, wind=wind), "m.toml")
+    return simulate_flight(vehicle, maneuver, seed=1)
+
+
+def there_and_back(flight: Flight, target: Path) -> Flight:
+    save_flight_as(flight, target)
+    return load(target)
+
+
+@pytest.mark.parametrize(
+    ("name", "ending"),
+    [(n, e) for n in BUILT_IN for e in (".ulg", ".bin", ".usd")]
+    + [(n, e) for n in ("twin-boom", "quad-x") for e in TABLES],
+)
+def test_every_channel_comes_back(name: str, ending: str, tmp_path: Path) -> None:
+    flight = flown(name)
+    back = there_and_back(flight, tmp_path / f"flight{ending}")
+    np.testing.assert_allclose(back.time, flight.time, atol=1e-9)
+    for variable in map(str, flight.data.data_vars):
+        if variable in QUATERNION:
+            continue  # either sign is right; the angles tell
+        x, y = flight.column(variable), back.column(variable)
+        most = max(SINGLE * float(np.abs(x).max()), tolerance(variable, ending))
+        if variable == "psi":  # of a heading up to 360 deg, or turned by a quarter
+            most = SINGLE * 2.0 * np.pi
+        assert float(np.abs(y - x).max()) <= most * 1.001, variable
+
+
+def tolerance(variable: str, ending: str) -> float:
+    """Return half of a step of what is kept as a whole number; angles and positions come of two single numbers."""
+    if variable.startswith(("motor_", "servo_")):
+        return STEPS.get(ending, 0.0)
+    if variable in ("elevator", "aileron", "rudder"):
+        return {".bin": 0.5 * STEPS[".bin"]}.get(ending, 0.0)
+    return {"phi": SINGLE, "theta": SINGLE, "pn": SINGLE, "pe": SINGLE, "pd": SINGLE}.get(variable, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("ending", "needed"), [(".ulg", False), (".bin", True), (".usd", True), (".csv", True)]
+)
+def test_a_mapping_only_where_one_is_needed(ending: str, needed: bool, tmp_path: Path) -> None:
+    """PX4 has a topic for all that a quadrotor records; that of an earlier flight must not stay beside it."""
+    target = tmp_path / f"flight{ending}"
+    beside(target).write_text('extends = "px4"\n', encoding="utf-8")
+    told = save_flight_as(flown("quad-x"), target)
+    assert (told is not None) == needed
+    assert beside(target).exists() == needed
+
+
+def test_pyulog_reads_it(tmp_path: Path) -> None:
+    flight, target = flown("quad-x"), tmp_path / "flight.ulg"
+    save_flight_as(flight, target)
+    log = ULog(str(target))
+    topics = {d.name: d.data for d in log.data_list}
+    assert set(topics) == {
+        "vehicle_attitude", "vehicle_angular_velocity", "sensor_combined", "vehicle_local_position",
+        "actuator_motors", "vehicle_air_data",
+    }  # fmt: skip
+    np.testing.assert_array_equal(topics["sensor_combined"]["gyro_rad[1]"], flight.column("q").astype("f4"))
+    np.testing.assert_array_equal(topics["vehicle_local_position"]["vy"], flight.column("ve").astype("f4"))
+    np.testing.assert_array_equal(
+        topics["actuator_motors"]["control[2]"], flight.column("motor_3").astype("f4")
+    )
+    assert np.isnan(topics["actuator_motors"]["control[11]"]).all()
+    assert topics["vehicle_local_position"]["v_xy_valid"].all()
+    np.testing.assert_allclose(topics["vehicle_attitude"]["timestamp_sample"] * 1e-6, flight.time, atol=1e-6)
+
+
+def test_pymavlink_reads_it(tmp_path: Path) -> None:
+    flight, target = flown("quad-x"), tmp_path / "flight.bin"
+    save_flight_as(flight, target)
+    log = DFReader.DFReader_binary(str(target))
+    att, rcou, msg = (first_of(log, kind) for kind in ("ATT", "RCOU", "MSG"))
+    assert att.Roll == pytest.approx(np.degrees(flight.column("phi")[0]), rel=1e-6)
+    assert att.Yaw == pytest.approx(np.degrees(flight.column("psi")[0]) % 360.0, rel=1e-6)
+    assert round(1000 + 1000 * flight.column("motor_1")[0]) == rcou.C1
+    assert log.formats[log.name_to_id["IMU"]].units[1:] == ["instance", *["rad/s"] * 3, *["m/s/s"] * 3]
+    assert msg.Message == "stoop: simulated flight"
+    log.close()
+
+
+def first_of(log: Any, kind: str) -> Any:
+    log.rewind()
+    return log.recv_match(type=kind)
+
+
+def test_an_aircraft_with_every_command(tmp_path: Path) -> None:
+    """What no autopilot has a place for is kept all the same: a measured thrust, more motors than outputs."""
+    time = np.arange(200) * 0.01
+    rng = np.random.default_rng(0)
+    names = [
+        "V",
+        "alpha",
+        "beta",
+        "p",
+        "q",
+        "r",
+        "thrust",
+        "throttle",
+        "flap",
+        "elevator",
+        "voltage",
+        "rotor_1",
+    ]
+    names += ["control_roll", "control_pitch", "control_yaw", "control_throttle", "pwm_3", "airspeed_pitot"]
+    names += ["density", "pressure", "temperature", "wind_n", "wind_e", "injected", "p_dot"]
+    names += [f"motor_{n}" for n in range(1, 17)] + [f"servo_{n}" for n in range(1, 9)]
+    base = {"density": 1.2, "pressure": 9e4, "temperature": 280.0, "pwm_3": 1500.0, "V": 20.0}
+    columns = {n: base.get(n, 0.3) * (1.0 + 0.1 * rng.random(time.size)) for n in names}
+    flight = from_columns("all", time, columns)
+    for ending in WRITERS:
+        back = there_and_back(flight, tmp_path / f"all{ending}")
+        for n in names:
+            assert back.column(n) == pytest.approx(flight.column(n), rel=2e-3, abs=1.01e-3), (ending, n)
+
+
+def test_a_name_of_no_format_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        OutputError, match=r"flight\.xyz: no kind of flight file; end its name in \.nc, \.ulg"
+    ):
+        save_flight_as(flown("quad-x"), tmp_path / "flight.xyz")
+    assert ENDINGS == (".nc", ".ulg", ".bin", ".usd", ".csv", ".mat", ".parquet")
+
+
+def test_a_mapping_of_yours_is_not_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "m.toml").write_text("duration = 1.0\n", encoding="utf-8")
+    (tmp_path / "flight.ulg.toml").write_text("mine", encoding="utf-8")
+    words = ["simulate", "quad-x", "--maneuver", str(tmp_path / "m.toml"), "-o", str(tmp_path / "flight.ulg")]
+    assert main(words) == 2
+    assert "flight.ulg.toml: exists already; add --overwrite" in capsys.readouterr().err
+    assert not (tmp_path / "flight.ulg").exists()
+    assert main([*words, "--overwrite"]) == 0
+    assert "next: stoop info" in capsys.readouterr().out

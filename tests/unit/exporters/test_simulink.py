@@ -1,0 +1,159 @@
+"""MATLAB functions: read by an evaluator that knows assignments and arithmetic only, they give the kernel's numbers.
+
+The functions use nothing else: one statement a line, ``+ - * / ^``, sqrt, atan2, abs. GNU Octave 7.3 flies them to the
+last digits as well; it is no part of the tests' environment.
+"""
+
+from __future__ import annotations
+
+import ast
+import io
+import math
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+from stoop.exporters.simulink import Matlab, equations, matlab
+from stoop.exporters.state_space import mat_bytes, state_space
+from stoop.simulation import Trim, initial_states, parameter_rows, trim
+from stoop.vehicle import Vehicle, parse_vehicle
+from stoop_studies.verify.export import load
+
+FREE = """
+name = "free"
+[mass]
+mass = 1.0
+inertia = { xx = 0.02, yy = 0.02, zz = 0.03 }
+[rotors]
+drive = "speed"
+T2 = 1e-5
+inertia = 6e-5
+[rotor.one]
+channel = "rotor_1"
+position = [0.0, 0.0, 0.0]
+spin = "ccw"
+"""
+FUNCTIONS = {"sqrt": math.sqrt, "atan2": math.atan2, "abs": abs, "atan": math.atan}
+OPERATIONS: dict[type, Any] = {
+    ast.Add: lambda a, b: a + b,
+    ast.Sub: lambda a, b: a - b,
+    ast.Mult: lambda a, b: a * b,
+    ast.Div: lambda a, b: a / b,
+    ast.Pow: lambda a, b: a**b,
+}
+
+
+def arithmetic(node: ast.expr, known: dict[str, Any]) -> float:
+    """Compute an expression; ``x(3)`` is an entry, ``sqrt(3)`` a function."""
+    match node:
+        case ast.Constant(value=int() | float() as value):
+            return float(value)
+        case ast.Name(id=name):
+            return float(known[name])
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            return -arithmetic(operand, known)
+        case ast.BinOp(left=left, op=op, right=right):
+            return float(OPERATIONS[type(op)](arithmetic(left, known), arithmetic(right, known)))
+        case ast.Call(func=ast.Name(id=name), args=[ast.Constant(value=int(i))]) if name in ("x", "u", "p"):
+            return float(known[name][i - 1])
+        case ast.Call(func=ast.Name(id=name), args=arguments):
+            return float(FUNCTIONS[name](*(arithmetic(a, known) for a in arguments)))
+    raise AssertionError(ast.dump(node))
+
+
+def run(text: str, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Run a generated function; in MATLAB ``-a^2`` and ``2^-1`` mean what they mean in Python."""
+    known: dict[str, Any] = {"x": x, "u": u, "p": p}
+    lines = [line for line in text.splitlines() if not line.lstrip().startswith("%")]
+    assert re.fullmatch(r"function \[dx, y\] = \w+_equations\(x, u, p\)", lines[0])
+    assert lines[-1] == "end"
+    for line in lines[1:-1]:
+        target, expression = re.fullmatch(r"([\w() ]+?) = (.+);", line).groups()  # type: ignore[union-attr]
+        if sized := re.fullmatch(r"zeros\((\d+), 1\)", expression):
+            known[target] = np.zeros(int(sized[1]))
+            continue
+        python = re.sub(r"\.([*/^])", r"\1", expression).replace("^", "**")
+        value = arithmetic(ast.parse(python, mode="eval").body, known)
+        if entry := re.fullmatch(r"(dx|y)\((\d+)\)", target):
+            known[entry[1]][int(entry[2]) - 1] = value
+        else:
+            known[target] = value
+    return known["dx"], known["y"]
+
+
+def files(vehicle: Vehicle, point: Trim) -> Matlab:
+    return matlab(vehicle, point, state_space(vehicle, point))
+
+
+def check(vehicle: Vehicle, point: Trim, text: str) -> None:
+    rows = parameter_rows(vehicle, point.changes)
+    steady = initial_states(vehicle, point.start, rows, point.inputs)[:, 0]
+    random = np.random.default_rng(5)
+    for _ in range(3):
+        x = steady + 0.05 * random.standard_normal(len(vehicle.states))
+        u = point.inputs + 0.05 * random.standard_normal(len(vehicle.inputs))
+        expected = vehicle.kernel().evaluate(rows, x[:, None], u[:, None])
+        for ours, theirs in zip(run(text, x, u, rows[:, 0]), expected, strict=True):
+            assert ours == pytest.approx(theirs[:, 0], rel=1e-10, abs=1e-11)
+
+
+def test_the_function_computes_what_the_kernel_does(twin_boom: Vehicle, steady: Trim) -> None:
+    check(twin_boom, steady, equations(twin_boom, "twin_boom"))
+
+
+def test_it_flies_with_the_slopes_of_channels_that_spin_rotors_up(twin_boom: Vehicle) -> None:
+    """The script's own steps, one for one in Python, keep the angular momentum of a free body."""
+    vehicle = parse_vehicle(FREE, "free")
+    still = Trim({"h": 100.0}, {}, {}, np.array([990.0, 0.0]), {}, 0.0)
+    found = files(vehicle, still)
+    script, function = found.texts["free_fly.m"], found.texts["free_equations.m"]
+    assert "u(2) rotor_1.slope, rad/s2" in function
+    for line in (
+        "slopes = diff(u(:, [1])) / h;  % of channels",
+        "u(:, [2]) = slopes([1:end end], :);",
+        "    b([2]) = a([2]);",
+        "    b([2]) = u(k + 1, [2])';",
+    ):
+        assert line in script
+    assert not any("slope" in text for text in files(twin_boom, trim(twin_boom)).texts.values())
+    u = np.zeros((4, 2))
+    u[:, 0], h = (990.0, 1010.0, 970.0, 1000.0), 0.01
+    u[:, 1] = (np.diff(u[:, 0]) / h)[[0, 1, 2, 2]]
+    p, s = parameter_rows(vehicle)[:, 0], initial_states(vehicle, {}, parameter_rows(vehicle), u[0])[:, 0]
+    for k in range(3):
+        a, b = u[k], np.array([u[k + 1, 0], u[k, 1]])
+        k1 = run(function, s, a, p)[0]
+        k2 = run(function, s + h / 2 * k1, (a + b) / 2, p)[0]
+        k3 = run(function, s + h / 2 * k2, (a + b) / 2, p)[0]
+        s = s + h / 6 * (k1 + 2 * k2 + 2 * k3 + run(function, s + h * k3, b, p)[0])
+        assert s[vehicle.states.index("r")] == pytest.approx(6e-5 / 0.03 * (u[k + 1, 0] - 990.0), abs=1e-12)
+
+
+@pytest.mark.slow
+def test_also_for_an_aircraft_that_uses_every_table() -> None:
+    vehicle = load("crooked")
+    check(vehicle, trim(vehicle, None, 200.0), equations(vehicle, "crooked"))
+
+
+def test_the_numbers_are_those_of_the_steady_flight(twin_boom: Vehicle, steady: Trim) -> None:
+    read = loadmat(io.BytesIO(mat_bytes(files(twin_boom, steady).variables)))
+    rows = parameter_rows(twin_boom, steady.changes)
+    assert np.array_equal(read["p"], rows)
+    assert np.array_equal(read["x0"], initial_states(twin_boom, steady.start, rows, steady.inputs))
+    assert np.array_equal(read["u0"][:, 0], steady.inputs)
+
+
+def test_scripts_name_files_that_are_written(twin_boom: Vehicle, steady: Trim) -> None:
+    found = files(twin_boom, steady)
+    written = {*(n.removesuffix(".m") for n in found.texts), f"{found.name}.mat"}
+    for text in found.texts.values():
+        assert "{" not in text
+        for name in re.findall(rf"\b{found.name}_(?!model)\w+", text):
+            assert name in written
+    read = loadmat(io.BytesIO(mat_bytes(found.variables)), simplify_cells=True)
+    assert set(re.findall(r"'(x0|u0|p)'", found.texts[f"{found.name}_simulink.m"])) <= set(read)
+    assert read["linear"]["A"].shape == (10, 10)
+    assert list(read["state_names"]) == list(twin_boom.states)

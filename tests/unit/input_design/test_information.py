@@ -1,0 +1,142 @@
+from __future__ import annotations
+
+import functools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stoop.errors import SimulationError
+from stoop.estimate.fit import Options, estimation_problem
+from stoop.input_design import Knowledge, Limits, Setup
+from stoop.input_design.information import marginal, sensor_noise
+from stoop.input_design.optimization import Plan, design, mean_ratio, robustness, textbook_maneuver
+from stoop.problem.windows import Window
+from stoop.simulation import Maneuver, simulate_flight, trim
+from stoop.vehicle.builtin import resolve_vehicle
+
+PLAN = Plan(duration=8.0, rate=50.0, evaluations=60, seed=1)
+MOVES = Maneuver.model_validate(
+    {
+        "duration": 8.0,
+        "rate": 50.0,
+        "input": [{"control": "elevator", "shape": "3-2-1-1", "start": 1.0, "step": 0.4, "amplitude": 0.05}],
+    }
+)
+
+
+@functools.cache
+def setup() -> Setup:
+    vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
+    point = trim(vehicle)
+    return Setup(vehicle, point, Limits.about(vehicle, point), Knowledge.none(), sensor_noise(vehicle))
+
+
+def test_information_is_that_of_the_problem_a_fit_would_pose() -> None:
+    """The other way: fly, pose the fit's own problem at the truth, invert everything, take the parameters' block."""
+    flight = simulate_flight(setup().vehicle, MOVES, noise=False)
+    sigma = np.sqrt(np.diag(setup().noise))
+    problem, _ = estimation_problem(
+        setup().vehicle, {"simulated": flight}, [Window("simulated", 0.0, 8.0)], Options(covariance=sigma**2)
+    )
+    # the truth of the initial state is the trim; the fit guesses it from noise-free readings, a little off
+    z = np.concatenate([problem.layout.unit(setup().values), np.zeros(problem.extra)])
+    J, _ = problem.jacobian(
+        z, len(problem.prices) - 1, problem.residuals(z[None], len(problem.prices) - 1)[0]
+    )
+    inverse = np.linalg.inv(J.T @ J)
+    expected = np.sqrt(np.diag(inverse))[: problem.dimension] * problem.layout.width
+    found = setup().std(setup().forecast(MOVES))
+    assert np.isfinite(found).all()
+    assert found == pytest.approx(expected, rel=0.02)
+
+
+def test_what_is_not_finite_is_no_information() -> None:
+    J = np.random.default_rng(3).standard_normal((40, 5))
+    truth = np.linalg.inv(np.linalg.inv(J[10:].T @ J[10:])[:2, :2])
+    assert marginal(J[10:], 2) == pytest.approx(truth)
+    J[:5, 0] = np.nan
+    J[5:10, 4] = np.inf  # a nuisance with its sensitivity set to zero would count as known there
+    assert marginal(J, 2) == pytest.approx(truth)
+    assert not marginal(np.full((9, 5), np.nan), 2).any()
+
+
+def test_nuisances_that_nothing_tells_apart_are_no_failure() -> None:
+    J = np.random.default_rng(4).standard_normal((40, 4))
+    again, still = -2.0 * J[:, 3], np.zeros(40)
+    twins = np.column_stack([J, again, still])
+    assert marginal(twins, 2) == pytest.approx(marginal(J, 2))
+
+
+def test_noise_and_repetition_scale_as_they_must() -> None:
+    told = setup().forecast(MOVES)
+    louder = replace(setup(), noise=4.0 * setup().noise)
+    weak_priors = 1e-2  # initial states have wide priors, which do not scale
+    assert louder.std(louder.forecast(MOVES)) == pytest.approx(2.0 * setup().std(told), rel=weak_priors)
+    assert setup().std(told, told) == pytest.approx(setup().std(told) / np.sqrt(2.0), rel=1e-9)
+    assert setup().gain(told) > 0.0
+
+
+def test_what_is_known_counts() -> None:
+    known = Knowledge(("CLalpha",), np.array([[1e-2**-2.0]]))
+    informed = replace(setup(), knowledge=known)
+    told = informed.forecast(MOVES)
+    i = informed.names.index("CLalpha")
+    assert informed.std()[i] == pytest.approx(1e-2)
+    assert np.isinf(np.delete(informed.std(), i)).all()
+    assert informed.std(told)[i] < min(1e-2, setup().std(told)[i])
+
+
+def test_knowledge_of_some_is_not_knowledge_of_the_others() -> None:
+    """Marginal standard errors stay when parameters are left out."""
+    rng = np.random.default_rng(0)
+    root = rng.standard_normal((4, 9))
+    covariance = root @ root.T
+    whole = Knowledge(("a", "b", "c", "d"), np.linalg.inv(covariance))
+    assert whole.std(("d", "b")) == pytest.approx(np.sqrt(np.diag(covariance))[[3, 1]])
+    assert np.linalg.inv(whole.among(("d", "b"))) == pytest.approx(covariance[np.ix_([3, 1], [3, 1])])
+    assert np.isinf(whole.std(("x",))).all()
+
+
+def test_leaving_the_envelope() -> None:
+    tight = Limits.about(setup().vehicle, setup().trim, envelope={"q": (-0.01, 0.01)})
+    told = replace(setup(), limits=tight).forecast(MOVES, only_inside=True)
+    q = told.readings[:, setup().vehicle.outputs.index("q")]
+    assert told.excess == pytest.approx((np.abs(q).max() - 0.01) / 0.02)
+    assert not told.information.any(), "nobody will fly it"
+    with pytest.raises(SimulationError, match="stays within the envelope"):
+        design(replace(setup(), limits=tight), PLAN, "3-2-1-1")
+    with pytest.raises(SimulationError, match="even small 3-2-1-1"):
+        textbook_maneuver(replace(setup(), limits=tight), PLAN)
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"amplitude": {"flap": 0.1}}, "there is no control 'flap'; choose from elevator"),
+        ({"envelope": {"beta": (-1.0, 1.0)}}, "there is no channel 'beta'; choose from V, alpha"),
+        ({"envelope": {"V": (10.0, 20.0)}}, "the steady flight has V = 35, which is not between 10 and 20"),
+    ],
+)
+def test_limits_that_cannot_be(given: dict[str, dict[str, float]], says: str) -> None:
+    with pytest.raises(SimulationError, match=says):
+        Limits.about(setup().vehicle, setup().trim, **given)
+
+
+def test_a_design_is_better_than_what_it_began_with_and_repeatable() -> None:
+    first, second = design(setup(), PLAN, "square"), design(setup(), PLAN, "square")
+    assert first.maneuver == second.maneuver
+    assert first.forecast.excess == 0.0
+    textbook = setup().forecast(textbook_maneuver(setup(), PLAN))
+    assert first.gain > setup().gain(textbook)
+    assert mean_ratio(setup().std(first.forecast), setup().std(textbook)) < 1.0
+
+
+def test_robustness_draws_from_what_is_known() -> None:
+    sure = Knowledge(("Cmalpha", "Cmq"), np.diag([1e-6**-2.0, 1e-4**-2.0]))
+    told = robustness(replace(setup(), knowledge=sure), MOVES, MOVES, 5, 0)
+    assert (told.draws, told.untrimmed, told.outside) == (5, 0, 0)
+    assert told.ratios == pytest.approx([1.0] * 5), "the same maneuver as its own reference"
+    unsure = Knowledge(("Cmalpha",), np.array([[8.0**-2.0]]))
+    wild = robustness(replace(setup(), knowledge=unsure), MOVES, MOVES, 12, 0)
+    assert wild.outside + wild.untrimmed > 0, "some of these are unstable"

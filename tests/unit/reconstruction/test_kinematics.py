@@ -1,0 +1,117 @@
+"""Kinematics against truth: errors put into sensors come back, and what cannot be told is not."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from stoop.errors import FlightError
+from stoop.flight import from_columns
+from stoop.reconstruction.compatibility import check
+from stoop.reconstruction.corrected import corrected_flight
+from stoop.reconstruction.kinematics import INPUTS, OUTPUTS, PARAMETERS, SCALED, STATES, kernel
+from stoop.reconstruction.pieces import cut_pieces
+from stoop_studies.verify.delays import WIND, late_sensors
+
+
+@pytest.fixture(scope="module")
+def checked() -> tuple[object, object]:
+    flight, delays = late_sensors(1)
+    return check(flight)[0], delays
+
+
+def test_a_point_at_rest_in_a_turn_reads_what_geometry_says() -> None:
+    """A vane one meter ahead of the reference in a pure pitch rate sees alpha fall by q x / V."""
+    rows = np.array([[1.0 if n in {f"{s}.scale" for s in SCALED} else 0.0] for n in PARAMETERS])
+    rows[PARAMETERS.index("vane.x")] = 1.0
+    state = np.zeros((len(STATES), 1))
+    state[STATES.index("u")], state[STATES.index("e0")] = 20.0, 1.0
+    inputs = np.zeros((len(INPUTS), 1))
+    inputs[INPUTS.index("q")], inputs[INPUTS.index("az")] = 0.5, -9.80665
+    rates, outputs = kernel().evaluate(rows, state, inputs)
+    assert outputs[OUTPUTS.index("alpha"), 0] == pytest.approx(np.arctan2(-0.5, 20.0))
+    assert outputs[OUTPUTS.index("vn"), 0] == pytest.approx(20.0)
+    assert rates[STATES.index("w"), 0] == pytest.approx(0.5 * 20.0)
+    assert rates[STATES.index("pn"), 0] == pytest.approx(20.0)
+
+
+@pytest.mark.slow
+def test_delays_wind_and_vanes_come_back(checked: tuple[object, object]) -> None:
+    result, delays = checked
+    found = result.findings  # type: ignore[attr-defined]
+    truth = {f"{name}.delay": value for name, value in delays.items()}  # type: ignore[attr-defined]
+    truth |= {"wind.n": WIND[0], "wind.e": WIND[1], "alpha.scale": 1.0, "beta.scale": 1.0, "V.scale": 1.0}
+    for name, value in truth.items():
+        assert abs(found[name].estimate - value) < 4.0 * found[name].std_error, name
+    assert found["velocity.delay"].std_error < 0.003
+    assert not any("inconsistent" in warning for warning in map(str, result.notices))  # type: ignore[attr-defined]
+
+
+def test_without_attitude_nothing_can_be_compared() -> None:
+    time = 0.01 * np.arange(1000)
+    flight = from_columns("bare", time, {name: np.zeros(1000) for name in ("p", "q", "r", "V")})
+    with pytest.raises(FlightError, match="attitude was not logged"):
+        check(flight)
+
+
+def test_without_accelerometers_rates_are_held_against_the_attitude() -> None:
+    rng = np.random.default_rng(0)
+    time = 0.01 * np.arange(2000)
+    phi = 0.5 * np.sin(time)
+    columns = {
+        "phi": phi + 1e-3 * rng.standard_normal(2000), "theta": np.zeros(2000), "psi": np.zeros(2000),
+        "p": 0.5 * np.cos(time) + 0.02, "q": np.zeros(2000), "r": np.zeros(2000),
+    }  # fmt: skip
+    result, _ = check(from_columns("turning", time, columns))
+    assert set(result.findings) == {f"{n}.{kind}" for n in "pqr" for kind in ("bias", "scale")} | {
+        "attitude.delay"
+    }
+    bias = result.findings["p.bias"]
+    assert bias.estimate == pytest.approx(0.02, abs=max(4.0 * bias.std_error, 1e-3))
+    wrong = from_columns("wrong", time, {**columns, "p": -columns["p"]})
+    said = [str(found) for found in check(dataclasses.replace(wrong))[0].notices]
+    assert any("inconsistent" in w for w in said)
+    assert any("no calibration" in w for w in said)
+
+
+def test_a_delay_beyond_what_pieces_have_to_spare_is_no_number() -> None:
+    """The attitude comes 0.8 s late: a clock is wrong, and the estimate is not to be taken for a delay."""
+    rng = np.random.default_rng(0)
+    time = 0.01 * np.arange(2000)
+    late = 0.5 * np.sin(2.0 * (time - 0.8)) + 0.1 * np.sin(0.5 * (time - 0.8))
+    rate = np.cos(2.0 * time) + 0.05 * np.cos(0.5 * time)
+    columns = {
+        "phi": late,
+        "theta": 0.0 * time,
+        "psi": 0.0 * time,
+        "p": rate,
+        "q": 0.0 * time,
+        "r": 0.0 * time,
+    }
+    flight = from_columns(
+        "late", time, {n: x + 1e-3 * rng.standard_normal(time.size) for n, x in columns.items()}
+    )
+    result, found = check(flight, [(1.0, 19.0)])
+    delay = result.findings["attitude.delay"]
+    assert abs(delay.estimate) > 0.3
+    assert not delay.identifiable
+    assert "clocks" in delay.reason
+    assert not any(w.startswith("attitude is late") for w in map(str, result.notices))
+    early = corrected_flight(found).column("phi")
+    np.testing.assert_allclose(np.std(early - flight.column("phi")), 0.0, atol=0.02)  # it was not shifted
+
+
+def test_what_hovers_is_in_the_air_at_any_speed() -> None:
+    """Rotors that carry it tell that it flies; a speed over ground near zero does not tell that it stands."""
+    time = np.arange(800) / 100.0
+    still = np.zeros(time.size)
+    columns = dict.fromkeys(("p", "q", "r", "phi", "theta", "psi", "ax", "ay", "vn", "ve", "vd"), still)
+    motors = {f"motor_{n}": still + 0.6 for n in range(1, 5)}
+    hovering = from_columns("f", time, {**columns, "az": still - 9.8, **motors})
+    spans = [(piece.time[0], piece.time[-1]) for piece in cut_pieces(hovering).pieces]
+    assert spans == [(0.0, time[-1])]
+    grounded = from_columns("f", time, {**columns, "az": still - 9.8})
+    with pytest.raises(FlightError, match="in the air for no 3 s; choose a window"):
+        cut_pieces(grounded)

@@ -1,0 +1,184 @@
+"""Steady flight on rotors against statics on paper."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from naive.aircraft import rotation
+
+from stoop.errors import SimulationError
+from stoop.simulation import linearize, parameter_rows, trim
+from stoop.simulation.hover import hover_about
+from stoop.simulation.initial import initial_states
+from stoop.simulation.rotors import accelerations, channel_range, effects
+from stoop.simulation.steady import Trim
+from stoop.simulation.trim import neighbors
+from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.builtin import builtin_vehicle
+
+G = 9.80665
+
+
+def readings(vehicle: Vehicle, point: Trim) -> dict[str, float]:
+    rows = parameter_rows(vehicle, point.changes)
+    states = initial_states(vehicle, point.start, rows, point.inputs)
+    _, y = vehicle.kernel().evaluate(rows, states, point.inputs[:, None].copy())
+    return dict(zip(vehicle.outputs, y[:, 0].tolist(), strict=True))
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "quad-x",
+        "quad-plus",
+        *(pytest.param(n, marks=pytest.mark.slow) for n in ("hexa-x", "octo-x", "quadplane")),
+    ],
+)
+def test_templates_hover_on_equal_rotors(name: str) -> None:
+    vehicle = builtin_vehicle(name)
+    point = trim(vehicle)
+    commands = point.inputs[channel_range(vehicle).columns]
+    assert point.residual < 1e-7
+    assert 0.3 < commands.min() <= commands.max() < 0.75
+    assert commands == pytest.approx(np.full(len(commands), commands[0]), abs=1e-6)
+    y = readings(vehicle, point)
+    assert [y[c] for c in ("vn", "ve", "vd", "p", "q", "r")] == pytest.approx([0.0] * 6, abs=1e-12)
+    assert [y[c] for c in ("ax", "ay", "az")] == pytest.approx([0.0, 0.0, -G], abs=1e-5)
+
+
+def test_it_leans_into_the_wind_by_the_angle_of_linear_drag(even: Vehicle) -> None:
+    """Drag is linear and alike along all axes, so tan(tilt) = c W / (m g); heading north, the nose goes up."""
+    for W in (2.0, 8.0):
+        point = trim(even, wind=(W, 0.0, 0.0))
+        assert point.start["theta"] == pytest.approx(np.arctan(0.1 * W / (1.5 * G)), abs=1e-9)
+        assert point.start["phi"] == pytest.approx(0.0, abs=1e-9)
+        across = trim(even, wind=(0.0, W, 0.0))
+        assert across.start["phi"] == pytest.approx(-np.arctan(0.1 * W / (1.5 * G)), abs=1e-9)
+
+
+def test_the_air_does_not_know_the_ground(quad: Vehicle) -> None:
+    moving = trim(quad, velocity=(3.0, -2.0, 0.5))
+    blown = trim(quad, wind=(-3.0, 2.0, -0.5))
+    assert moving.inputs == pytest.approx(blown.inputs, abs=1e-9)
+    assert [readings(quad, moving)[c] for c in ("vn", "ve", "vd")] == pytest.approx(
+        [3.0, -2.0, 0.5], abs=1e-9
+    )
+    assert [readings(quad, blown)[c] for c in ("vn", "ve", "vd")] == pytest.approx([0.0] * 3, abs=1e-9)
+    assert [blown.changes[f"sensors.{c}.bias"] for c in ("vn", "ve", "vd")] == [-3.0, 2.0, -0.5]
+
+
+def test_the_wind_of_the_file_blows_unless_another_is_asked_for(quad: Vehicle) -> None:
+    windy = quad.with_numbers({"sensors.ve.bias": {"value": 4.0}})
+    assert trim(windy).inputs == pytest.approx(trim(quad, wind=(0.0, 4.0, 0.0)).inputs, abs=1e-12)
+    assert trim(windy, wind=(0.0, 0.0, 0.0)).inputs == pytest.approx(trim(quad).inputs, abs=1e-12)
+
+
+def test_heading_turns_the_tilt_with_it(even: Vehicle) -> None:
+    for heading in (0.7, -2.0):
+        point = trim(even, wind=(6.0, 0.0, 0.0), heading=heading)
+        up = rotation(point.start["phi"], point.start["theta"], heading) @ [0.0, 0.0, -1.0]
+        lean = 0.1 * 6.0 / (1.5 * G)
+        assert up == pytest.approx(np.array([-lean, 0.0, -1.0]) / np.hypot(1.0, lean), abs=1e-9)
+
+
+def test_a_weak_rotor_works_harder_and_a_heavy_side_too(quad: Vehicle, even: Vehicle) -> None:
+    whole = trim(even).thrust
+    weak = trim(even.with_numbers({"rotor.m1.factor": {"value": 0.8}})).thrust
+    assert weak["motor_1"] > whole["motor_1"] + 0.05
+    # thrusts, not commands, balance: 0.8 T(m1) = T(m2), as before
+    thrust = {n: 2.5 * x + 6.0 * x * x for n, x in weak.items()}
+    assert 0.8 * thrust["motor_1"] == pytest.approx(thrust["motor_2"], rel=1e-9)
+    ahead = trim(even.with_numbers({"mass.center_of_gravity.x": {"value": 0.02}})).thrust
+    lift = {n: 2.5 * x + 6.0 * x * x for n, x in ahead.items()}
+    front, rear = lift["motor_1"] + lift["motor_3"], lift["motor_2"] + lift["motor_4"]
+    assert front * (0.177 - 0.02) == pytest.approx(rear * (0.177 + 0.02), rel=1e-9)
+    assert trim(quad).residual < 1e-7
+
+
+def test_of_many_ways_the_one_next_to_equal_commands() -> None:
+    """Six rotors, one weak: the change from equal commands has no part that gives no acceleration."""
+    hexa = builtin_vehicle("hexa-x")
+    text = hexa.text.replace("[rotor.m1]", "[rotor.m1]\nfactor = 0.8", 1)
+    weak = parse_vehicle(text, "weak.toml")
+    point = trim(weak)
+    area = channel_range(weak)
+    commands = point.inputs[area.columns]
+    level = point.inputs.copy()
+    # equal commands that lift the weight alone
+    from scipy.optimize import brentq
+
+    def sinks(c: float) -> float:
+        level[area.columns] = c
+        return float(accelerations(weak, {"h": 200.0}, level[:, None].copy(), {})[2, 0])
+
+    level[area.columns] = brentq(sinks, 0.1, 1.0, xtol=1e-13)
+    effect = effects(weak, {"h": 200.0}, level, {})
+    idle = np.linalg.svd(effect)[2][4:]
+    assert np.abs(idle @ (commands - level[area.columns])).max() < 1e-6
+    assert np.ptp(commands) > 0.02
+
+
+def test_one_newton_step_finds_the_trim_of_a_neighbor(quad: Vehicle) -> None:
+    point = trim(quad, velocity=(2.0, 1.0, 0.0))
+    near = neighbors(quad, point)({"mass.mass": 1.5 * (1.0 + 1e-5)})
+    exact = trim(quad.with_numbers({"mass.mass": {"value": 1.5 * (1.0 + 1e-5)}}), velocity=(2.0, 1.0, 0.0))
+    assert near.inputs - point.inputs == pytest.approx(exact.inputs - point.inputs, rel=1e-3, abs=1e-12)
+    known, x = hover_about(quad, point)
+    assert np.abs(known.residuals(x)).max() < 1e-7
+
+
+@pytest.mark.parametrize(
+    ("changes", "how", "says"),
+    [
+        (
+            {"mass.mass": 4.0},
+            {},
+            r"too heavy to hover: at full command \(1\) the rotors lift 8\d% of the weight",
+        ),
+        ({"rotors.T0": 5.0}, {}, r"rises with its rotors at idle \(0\); check mass, T0 and idle"),
+        (
+            {"mass.center_of_gravity.x": 0.15, "mass.mass": 2.0},
+            {},
+            r"motor_[13] would be 1\.\d+, and its range ends at 1",
+        ),
+        ({}, {"wind": (400.0, 0.0, 0.0)}, r"no steady flight.*in less wind"),
+        (
+            {"rotors.torque_ratio": 0.0, "mass.inertia.xz": 0.0},
+            {},
+            "cannot command yaw, so no autopilot holds it",
+        ),
+        ({"rotor.m1.position.y": -0.177, "rotor.m4.position.y": -0.177}, {}, "apart from each other"),
+        ({}, {"airspeed": 12.0}, "no wings to fly 12 m/s on; leave the airspeed out and write velocity"),
+    ],
+)
+def test_what_cannot_hover_is_told_why(
+    even: Vehicle, changes: dict[str, float], how: dict[str, object], says: str
+) -> None:
+    vehicle = even.with_numbers({name: {"value": value} for name, value in changes.items()})
+    with pytest.raises(SimulationError, match=says):
+        trim(vehicle, **how)  # type: ignore[arg-type]
+
+
+def test_modes_of_a_hover(even: Vehicle) -> None:
+    """Without moments from speed: tilt and rates integrate; speeds decay with c/m; rotors with their lag."""
+    model = linearize(even, trim(even))
+    modes = {mode.name: mode.eigenvalue for mode in model.modes}
+    assert modes["heave"] == pytest.approx(-0.1 / 1.5, abs=1e-6)
+    assert modes["lag"] == pytest.approx(-20.0, abs=1e-6)
+    assert model.states[:3] == ("u", "v", "w")
+    assert model.inputs == ("motor_1", "motor_2", "motor_3", "motor_4")
+    at = {name: i for i, name in enumerate(model.states)}
+    assert model.A[at["u"], at["theta"]] == pytest.approx(-G)
+    assert model.A[at["v"], at["phi"]] == pytest.approx(G)
+
+
+@pytest.mark.slow
+def test_a_quadplane_flies_on_its_wings_too() -> None:
+    vehicle = builtin_vehicle("quadplane")
+    point = trim(vehicle, 18.0)
+    assert point.residual < 1e-7
+    area = channel_range(vehicle)
+    assert (point.inputs[area.columns] == area.idle).all()
+    y = readings(vehicle, point)
+    assert np.linalg.norm([y["vn"], y["ve"], y["vd"]]) == pytest.approx(18.0)
+    assert {"short period", "phugoid", "Dutch roll"} <= {m.name for m in linearize(vehicle, point).modes}

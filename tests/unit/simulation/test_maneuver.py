@@ -1,0 +1,253 @@
+"""Maneuver files: their shapes, and one line for whatever cannot be flown."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stoop.errors import ManeuverError
+from stoop.simulation import load_maneuver, maneuver, parse_maneuver
+
+WHERE = "folder/bad.toml"
+
+
+def shape(**keys: object) -> str:
+    return "duration = 10.0\n[[input]]\n" + "\n".join(
+        f"{k} = {v!r}" for k, v in ({"control": "elevator"} | keys).items()
+    )
+
+
+def flown(text: str) -> np.ndarray:
+    return parse_maneuver(text, "x").deflections()["elevator"]
+
+
+def test_3211_has_its_steps_on_the_samples_they_name() -> None:
+    y = flown(shape(shape="3-2-1-1", start=1.0, step=0.3, amplitude=0.2))
+    expected = np.zeros(1001)
+    for first, last, sign in ((100, 190, 1), (190, 250, -1), (250, 280, 1), (280, 310, -1)):
+        expected[first:last] = 0.2 * sign
+    assert np.array_equal(y, expected)
+
+
+@pytest.mark.parametrize(("name", "units"), [("doublet", (1, 1)), ("1-1", (1, 1)), ("2-1-1", (2, 1, 1))])
+def test_steps_alternate(name: str, units: tuple[int, ...]) -> None:
+    y = flown(shape(shape=name, start=2.0, step=0.5, amplitude=-0.1))
+    runs = np.split(y, np.flatnonzero(np.diff(y)) + 1)
+    assert [len(r) for r in runs[1:-1]] == [50 * u for u in units]
+    assert [r[0] for r in runs[1:-1]] == [-0.1 * (-1) ** i for i in range(len(units))]
+
+
+def test_pulse() -> None:
+    y = flown(shape(shape="pulse", start=0.0, duration=3.0, amplitude=0.2))
+    assert np.array_equal(y, np.where(np.arange(1001) < 300, 0.2, 0.0))
+
+
+def test_multisine_keeps_its_amplitude_band_and_low_peaks() -> None:
+    y = flown(shape(shape="multisine", start=0.0, duration=10.0, amplitude=0.1, band=2.0))[:1000]
+    assert np.abs(y).max() == pytest.approx(0.1, rel=1e-12)
+    power = np.abs(np.fft.rfft(y)) ** 2
+    assert power[1:21].min() > 0.99 * power[1:21].max(), "equal power up to 2 Hz"
+    assert power[21:].max() < 1e-20 * power[1]
+    assert np.abs(y).max() / np.sqrt(np.mean(y**2)) < 2.0, "low peak factor"
+
+
+def test_multisines_of_one_stride_are_orthogonal() -> None:
+    text = shape(shape="multisine", start=0.0, duration=10.0, amplitude=0.1, band=2.0, first=1, stride=2)
+    other = text.split("[[input]]")[1].replace("elevator", "rudder").replace("first = 1", "first = 2")
+    both = parse_maneuver(f"{text}\n[[input]]{other}", "x").deflections()
+    a, b = both["elevator"][:1000], both["rudder"][:1000]
+    assert abs(a @ b) < 1e-12 * (a @ a)
+
+
+def test_harmonics_have_the_amplitudes_and_phases_they_are_given() -> None:
+    text = shape(
+        shape="harmonics",
+        start=0.0,
+        duration=10.0,
+        harmonics=[2, 7],
+        amplitudes=[0.1, -0.03],
+        phases=[0.4, 1.0],
+    )
+    spectrum = np.fft.rfft(flown(text)[:1000]) / 500.0
+    assert np.allclose(spectrum[[2, 7]], [-0.1j * np.exp(0.4j), 0.03j * np.exp(1.0j)])
+    spectrum[[2, 7]] = 0.0
+    assert np.abs(spectrum).max() < 1e-14
+
+
+def test_slew_bounds_the_rate_and_keeps_the_levels() -> None:
+    text = shape(shape="3-2-1-1", start=1.0, step=0.5, amplitude=0.1, slew=1.0)
+    y = flown(text)
+    assert np.abs(np.diff(y)).max() <= 0.01 * (1.0 + 1e-9)
+    assert y[[100, 110, 250, 350, 400, 450, 470]] == pytest.approx(
+        [0.0, 0.1, 0.1, -0.1, 0.1, -0.1, 0.0], abs=1e-12
+    )
+
+
+def test_levels_are_held_one_after_the_other() -> None:
+    row = {"levels": [0.1, -0.05, 0.0, 0.02], "lengths": [0.5, 0.3, 0.7, 0.5]}
+    y = flown(shape(shape="levels", start=1.0, **row))
+    assert [float(v) for v in y[[99, 100, 149, 150, 179, 180, 249, 250, 299, 300]]] == [
+        0, 0.1, 0.1, -0.05, -0.05, 0, 0, 0.02, 0.02, 0,
+    ]  # fmt: skip
+    slow = flown(shape(shape="levels", start=1.0, slew=0.6, **row))
+    assert np.abs(np.diff(slow)).max() <= 0.006 * (1.0 + 1e-9)
+    assert slow[[120, 149, 179, 200]] == pytest.approx([0.1, 0.1, -0.05, 0.0])
+
+
+def test_inputs_on_one_control_add() -> None:
+    one = shape(shape="pulse", start=1.0, duration=1.0, amplitude=0.1)
+    twice = f"{one}\n[[input]]\n" + one.split("[[input]]\n")[1]
+    assert np.allclose(flown(twice), 2 * flown(one))
+
+
+PULSE = {"shape": "pulse", "start": 1.0, "duration": 1.0, "amplitude": 0.1}
+SINE = {"shape": "multisine", "start": 0.0, "duration": 5.0, "amplitude": 0.1, "band": 2.0}
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "duration: missing; add it"),
+        ("duration = 0.0", "duration: it must be greater than 0"),
+        ("duration = -1.0", "duration: it must be greater than 0"),
+        ("duration = nan", "duration: it must be a finite number"),
+        ("duration = inf", "duration: it must be a finite number"),
+        (f"duration = 1{'0' * 400}", "duration: it must be a valid number"),
+        ("duration = '9'", "duration: it must be a valid number"),
+        ("duration = 1e9", "duration: it must be less than or equal to 36000"),
+        ("duration = 36000.0\nrate = 10000.0", "exceeds 5000000 samples; lower one of them"),
+        ("duration = 0.001", "shorter than one sample"),
+        ("duration = 9.0\nrate = 0.0", "rate: it must be greater than 0"),
+        ("duration = 9.0\nairspeed = -3.0", "airspeed: it must be greater than 0"),
+        ("duration = 9.0\naltitude = 40000.0", "altitude: it must be less than or equal to 11000"),
+        ("duration = 9.0\nspeed = 3.0", "speed: unknown key"),
+        ("duration = 9.0\nairsped = 3.0", "airsped: unknown key; remove it or correct its name (did you mean airspeed?)"),
+        ("duration = 9.0\n[noise]\nq = -0.1", "noise.q: it must be greater than or equal to 0"),
+        ("duration = 9.0\n[noise]\nq = nan", "noise.q: it must be a finite number"),
+        ("duration = 9.0\ninput = 3", "input: this must be a list"),
+        ("duration = 9.0\n[input]\ncontrol = 'elevator'", "input: this must be a list"),
+        ("format = 'x'\nduration = 9.0", "format: it must be 'stoop-maneuver/1'"),
+        ("duration = 9.0\n[[input]]\ncontrol = 'elevator'", "input.0: the key 'shape' is missing"),
+        (shape(shape="sine"), "input.0: 'shape' is 'sine'; choose one of '3-2-1-1', 'doublet'"),
+        (
+            shape(**PULSE | {"amplitude": 11.46}),
+            "input.0.amplitude: 11.46 looks like degrees; write radians (0.2), or, for what hovers without 'elevator', name roll",
+        ),
+        (shape(shape="pulse", start=1.0, amplitude=0.1), "input.0.duration: missing"),
+        (shape(**PULSE | {"start": -1.0}), "input.0.start: it must be greater than or equal to 0"),
+        (shape(**PULSE, step=3.0), "input.0.step: unknown key; remove it or correct its name (known here: control, shape"),
+        (shape(**SINE | {"band": 0.1}), "no harmonic of 1/5 s lies below 0.1 Hz"),
+        (shape(**SINE | {"band": 80.0}), "above half the rate"),
+        (shape(**SINE | {"duration": 1e6, "band": 40.0}), "more than 2000 harmonics"),
+        (shape(**SINE | {"first": 0}), "input.0.first: it must be greater than or equal to 1"),
+        (shape(**SINE | {"first": 10**400}), "input.0.first: "),
+        (shape(shape="doublet", start=1.0, step=0.1, amplitude=0.1, slew=1.0), "a slew of 1 rad/s does not get"),
+        (shape(shape="levels", start=1.0, levels=[0.1, 0.2], lengths=[1.0]), "differ in length"),
+        (shape(shape="levels", start=1.0, levels=[0.1, -0.2], lengths=[1.0, 0.2], slew=1.0), "from 0.1 to -0.2 rad within 0.2 s"),
+        (shape(shape="harmonics", start=0.0, duration=5.0, harmonics=[1, 2], amplitudes=[0.1], phases=[0.0]), "differ in length"),
+        (shape(shape="harmonics", start=0.0, duration=5.0, harmonics=[400], amplitudes=[0], phases=[0]), "above half the rate"),
+        (shape(shape="harmonics", start=0.0, duration=5.0, harmonics=[], amplitudes=[], phases=[]), "input.0.harmonics: "),
+        ("duration", "not valid TOML"),
+        ("[" * 9000, "not valid TOML"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_flown(text: str, says: str) -> None:
+    with pytest.raises(ManeuverError) as caught:
+        parse_maneuver(text, WHERE)
+    said = str(caught.value)
+    assert said.startswith(f"{WHERE}: ")
+    assert says in said
+    assert said.isprintable()
+
+
+@pytest.mark.parametrize("content", [bytes(range(256)), b"#" * 1_000_001])
+def test_files_that_are_none(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "m.toml"
+    path.write_bytes(content)
+    with pytest.raises(ManeuverError, match=r"m\.toml: .*check the path"):
+        load_maneuver(path)
+    with pytest.raises(ManeuverError, match=r"none\.toml: cannot read the maneuver file"):
+        load_maneuver(tmp_path / "none.toml")
+
+
+word = st.sampled_from(
+    ["duration", "rate", "input", "noise", "shape", "pulse", "multisine", "start", "amplitude", "band", "x"]
+)
+literal = st.one_of(
+    st.floats().map(repr),
+    st.integers().map(str),
+    st.integers(10**307, 10**320).map(str),
+    word.map("'{}'".format),
+    st.sampled_from(["true", "false", "[]", "{}", "[{shape = 'pulse'}]"]),
+)
+lines = st.lists(st.tuples(word, literal).map(" = ".join), max_size=6).map("\n".join)
+
+
+@given(
+    st.one_of(
+        st.text(max_size=80), lines, lines.map("duration = 5.0\n[[input]]\ncontrol = 'elevator'\n{}".format)
+    )
+)
+@settings(max_examples=400, deadline=None)
+def test_any_text_flies_or_is_refused_in_one_line(text: str) -> None:
+    try:
+        maneuver = parse_maneuver(text, WHERE)
+    except ManeuverError as error:
+        said = str(error)
+    else:
+        assert all(np.isfinite(v).all() for v in maneuver.deflections().values())
+        return
+    assert said.startswith(f"{WHERE}: ")
+    assert said.isprintable()
+
+
+def of(control: str, amplitude: float) -> str:
+    return shape(control=control, shape="doublet", start=1.0, step=0.5, amplitude=amplitude)
+
+
+def test_units_follow_the_control() -> None:
+    """Accelerations, speeds and channels may be larger than an angle; a surface and a heading are angles still."""
+    for control, amplitude in (("roll", 40.0), ("north", -12.0), ("motor_1", 0.2), ("pwm_3", 150.0)):
+        y = parse_maneuver(of(control, amplitude), WHERE).deflections()[control]
+        assert np.abs(y).max() == abs(amplitude)
+    assert maneuver.unit_of("heave") == "m/s2"
+    assert maneuver.unit_of("elevator") == "rad"
+    with pytest.raises(
+        ManeuverError, match=r"input.0.amplitude: 90 looks like degrees; write radians \(1.571\)"
+    ):
+        parse_maneuver(of("heading", 90.0), WHERE)
+    with pytest.raises(
+        ManeuverError, match=r"input.0.amplitude: 1e\+09 is beyond any size; write it in rad/s2"
+    ):
+        parse_maneuver(of("pitch", 1e9), WHERE)
+    slow = shape(control="yaw", shape="doublet", start=1.0, step=0.1, amplitude=9.0, slew=1.0)
+    with pytest.raises(ManeuverError, match="a slew of 1 rad/s2/s does not get from 0 to 9 rad/s2"):
+        parse_maneuver(slow, WHERE)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("wind = [1.0, 2.0]", "wind.2: too few entries; write one more"),
+        ("wind = [1.0, 2.0, 900.0]", "wind.2: it must be less than or equal to 200"),
+        ("wind = 4.0", "wind: this must be a list"),
+        ("velocity = [1.0, 2.0, nan]", "velocity.2: it must be a finite number"),
+        ("velocity = [0.0, 0.0, 0.0]\nairspeed = 10.0", "airspeed and velocity: one flies on wings"),
+        ("heading = 90.0", "heading: it must be less than or equal to 6.28"),
+        ("[battery]\nstart = 0.0", "battery.start: it must be greater than 0"),
+        ("[battery]\nfall = -1.0", "battery.fall: it must be greater than or equal to 0"),
+        (
+            "[battery]\nsagg = 1.0",
+            "battery.sagg: unknown key; remove it or correct its name (did you mean sag?)",
+        ),
+    ],
+)
+def test_what_rotors_add_is_checked(text: str, says: str) -> None:
+    with pytest.raises(ManeuverError) as caught:
+        parse_maneuver(f"duration = 9.0\n{text}", WHERE)
+    assert says in str(caught.value)
+    assert str(caught.value).startswith(f"{WHERE}: ")

@@ -1,0 +1,339 @@
+"""Flights on rotors: what is recorded gives the same flight again, and the autopilot flies what it is asked to."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.errors import ManeuverError, SimulationError
+from stoop.flight import load, save
+from stoop.simulation import (
+    initial_states,
+    load_maneuver,
+    parameter_rows,
+    parse_maneuver,
+    simulate_flight,
+    trim,
+)
+from stoop.simulation.autopilot import linear_errors
+from stoop.simulation.delays import late_inputs, late_outputs
+from stoop.simulation.fly import Flown, fly
+from stoop.simulation.maneuver import Maneuver
+from stoop.simulation.rotors import accelerations, channel_range
+from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.builtin import builtin_vehicle, resolve_vehicle
+
+G = 9.80665
+EXAMPLES = Path(__file__).parents[3] / "examples"
+BUSY = [
+    {"control": "roll", "shape": "doublet", "start": 0.5, "step": 0.3, "amplitude": 8.0},
+    {"control": "heave", "shape": "3-2-1-1", "start": 1.0, "step": 0.2, "amplitude": 2.0},
+    {"control": "right", "shape": "pulse", "start": 2.0, "duration": 2.0, "amplitude": 2.0},
+    {"control": "motor_2", "shape": "pulse", "start": 5.0, "duration": 0.3, "amplitude": 0.1},
+]
+
+
+def maneuver(duration: float = 8.0, *inputs: dict[str, object], **keys: object) -> Maneuver:
+    return Maneuver.model_validate({"duration": duration, "input": list(inputs)} | keys)
+
+
+def pulse(control: str, amplitude: float, start: float = 1.0, duration: float = 100.0) -> dict[str, object]:
+    return {
+        "control": control,
+        "shape": "pulse",
+        "start": start,
+        "duration": duration,
+        "amplitude": amplitude,
+    }
+
+
+def replayed(vehicle: Vehicle, flown: Flown, dt: float) -> np.ndarray:
+    """Simulate the recorded channels, nothing else."""
+    rows = parameter_rows(vehicle, flown.trim.changes)
+    start = initial_states(vehicle, flown.trim.start, rows, flown.inputs[0])
+    received = late_inputs(vehicle, flown.inputs, rows, dt)
+    truth = vehicle.kernel().trajectories(rows, start, received, dt)
+    return late_outputs(vehicle, truth, rows, dt)[0]
+
+
+@pytest.mark.parametrize("rate", [25.0, 77.0, 100.0, 400.0])
+@pytest.mark.parametrize("delay", [0.0, 0.004, 0.013, 0.04])
+def test_recorded_channels_give_the_same_flight_again(quad: Vehicle, rate: float, delay: float) -> None:
+    vehicle = quad.with_numbers({"rotors.delay": {"value": delay}})
+    battery = {"fall": 0.05, "sag": 0.8}
+    flown = fly(vehicle, maneuver(8.0, *BUSY, rate=rate, battery=battery, wind=(3.0, 1.0, 0.2), heading=0.4))
+    assert np.abs(replayed(vehicle, flown, 1.0 / rate) - flown.outputs).max() < 1e-9
+    assert np.abs(flown.velocity[-1]).max() < 0.4, "and the autopilot has it in hand"
+
+
+def test_it_stays_where_nothing_is_asked_of_it(quad: Vehicle) -> None:
+    still = fly(quad, maneuver(20.0, wind=(5.0, -3.0, 0.5)))
+    assert np.abs(still.velocity).max() < 1e-3
+    away = fly(quad, maneuver(20.0, velocity=(2.0, 1.0, -0.5), heading=1.0))
+    assert np.abs(away.velocity - [2.0, 1.0, -0.5]).max() < 1e-3
+
+
+def test_set_points_are_reached(quad: Vehicle) -> None:
+    asked = {"north": (1.5, 0), "east": (-2.0, 1), "down": (1.0, 2)}
+    for control, (speed, axis) in asked.items():
+        flown = fly(quad, maneuver(10.0, pulse(control, speed), wind=(2.0, 0.0, 0.0)))
+        wanted = np.zeros(3)
+        wanted[axis] = speed
+        assert flown.velocity[-1] == pytest.approx(wanted, abs=0.05), control
+        assert np.abs(flown.velocity[:, axis]).max() < 1.35 * abs(speed)
+    turned = fly(quad, maneuver(12.0, pulse("heading", 2.0), pulse("forward", 1.5, 6.0), heading=0.5))
+    assert turned.outputs[-1, quad.outputs.index("psi")] == pytest.approx(2.5, abs=0.03)
+    assert turned.velocity[-1] == pytest.approx([1.5 * np.cos(2.5), 1.5 * np.sin(2.5), 0.0], abs=0.06)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "quad-x",
+        "quad-plus",
+        *(pytest.param(n, marks=pytest.mark.slow) for n in ("hexa-x", "octo-x", "quadplane")),
+    ],
+)
+def test_templates_answer_steps_and_come_to_rest(name: str) -> None:
+    vehicle = builtin_vehicle(name)
+    steps = [
+        pulse("roll", 5.0, 1.0, 0.5),
+        pulse("pitch", -5.0, 3.0, 0.5),
+        pulse("yaw", 0.5, 5.0, 0.5),
+        pulse("heave", 2.0, 7.0, 0.5),
+        pulse("north", 2.0, 9.0, 3.0),
+        pulse("heading", 0.8, 13.0, 100.0),
+    ]
+    flown = fly(vehicle, maneuver(25.0, *steps))
+    y = dict(zip(vehicle.outputs, flown.outputs.T, strict=True))
+    for rate, start, sign in (("p", 1.0, 1), ("q", 3.0, -1), ("r", 5.0, 1)):
+        during = (flown.time > start + 0.1) & (flown.time < start + 0.25)
+        assert (sign * y[rate][during]).min() > 0.0, f"{rate} goes the way that it is asked to"
+    assert y["vd"][int(7.4 * 100)] < -0.2, "heave is up"
+    assert y["vn"][int(11.8 * 100)] == pytest.approx(2.0, abs=0.4)
+    assert np.abs(flown.outputs[-1, :6]).max() < 0.05
+    assert y["psi"][-1] == pytest.approx(0.8, abs=0.03)
+    assert flown.clipped is not None
+    assert not flown.clipped.any()
+
+
+def test_the_examples_fly_without_an_end_of_range() -> None:
+    vehicle = builtin_vehicle("quad-x")
+    flight = simulate_flight(vehicle, load_maneuver(EXAMPLES / "maneuver_quad.toml"), seed=1)
+    assert [found.code for found in flight.notices] == ["simulated"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["hexa-x", "octo-x", "quadplane"])
+def test_larger_vehicles_fly_the_examples(name: str) -> None:
+    file = "maneuver_quadplane.toml" if name == "quadplane" else "maneuver_quad.toml"
+    flight = simulate_flight(builtin_vehicle(name), load_maneuver(EXAMPLES / file), seed=1)
+    assert [found.code for found in flight.notices] == ["simulated"]
+
+
+def test_excitations_are_accelerations(quad: Vehicle) -> None:
+    """The first command after their start is the trim's plus the allocated channels, which give them exactly."""
+    for control, entry in (("roll", 3), ("pitch", 4), ("yaw", 5), ("heave", 2)):
+        flown = fly(quad, maneuver(2.0, pulse(control, 0.01)))
+        rates = accelerations(quad, flown.trim.start, flown.inputs[100][:, None].copy(), flown.trim.changes)[
+            :, 0
+        ]
+        expected = np.zeros(6)
+        expected[entry] = -0.01 if control == "heave" else 0.01
+        assert rates[2:] == pytest.approx(expected[2:], abs=5e-5), control
+    one = fly(quad, maneuver(2.0, pulse("motor_3", 0.02)))
+    assert one.inputs[100] - one.inputs[99] == pytest.approx([0.0, 0.0, 0.02, 0.0, 0.0], abs=1e-9)
+
+
+def test_momentum_is_what_the_accelerometers_felt(quad: Vehicle) -> None:
+    """Specific force turned into the Earth's axes, plus gravity, is the rate of the velocity over ground."""
+    punctual = quad.with_numbers({"sensors.q.delay": {"value": 0.0}})
+    flight = simulate_flight(punctual, maneuver(6.0, *BUSY, rate=400.0, wind=(4.0, 0.0, 0.0)), noise=False)
+    e0, e1, e2, e3 = (flight.column(f"q{i}") for i in range(4))
+    a = np.array([flight.column(c) for c in ("ax", "ay", "az")])
+    e = np.array([e1, e2, e3])
+    t = 2.0 * np.cross(e, a, axis=0)
+    rate = (a + e0 * t + np.cross(e, t, axis=0)).T
+    rate[:, 2] += G
+    gained = np.cumsum(0.5 * (rate[1:] + rate[:-1]), axis=0) / 400.0
+    velocity = np.array([flight.column(c) for c in ("vn", "ve", "vd")]).T
+    assert velocity[1:] - velocity[0] == pytest.approx(gained, abs=2e-4)
+    # and the power of that force is the gain of kinetic and potential energy, per mass
+    power = np.sum(rate * velocity, axis=1) - G * velocity[:, 2]
+    work = np.cumsum(0.5 * (power[1:] + power[:-1])) / 400.0
+    energy = 0.5 * np.sum(velocity**2, axis=1) + G * flight.column("altitude")
+    assert energy[1:] - energy[0] == pytest.approx(work, abs=2e-3)
+    position = np.array([flight.column(c) for c in ("pn", "pe", "pd")]).T
+    assert np.gradient(position, 1.0 / 400.0, axis=0)[2:-2] == pytest.approx(velocity[2:-2], abs=1e-3)
+    assert flight.column("altitude") == pytest.approx(200.0 - position[:, 2], abs=1e-12)
+
+
+def test_a_seed_names_a_flight(quad: Vehicle) -> None:
+    one, again, other = (simulate_flight(quad, maneuver(3.0, *BUSY), seed=s) for s in (1, 1, 2))
+    assert np.array_equal(one.column("q"), again.column("q"))
+    assert not np.array_equal(one.column("q"), other.column("q"))
+    assert np.array_equal(one.column("motor_1"), other.column("motor_1")), "the autopilot sees true states"
+
+
+def test_the_flight_file_holds_it_all(quad: Vehicle, tmp_path: Path) -> None:
+    flight = simulate_flight(quad, maneuver(3.0, *BUSY, wind=(3.0, -1.0, 0.2)), seed=2)
+    save(flight, tmp_path / "flight.nc")
+    again = load(tmp_path / "flight.nc")
+    names = {
+        *quad.outputs,
+        "motor_1", "motor_2", "motor_3", "motor_4", "voltage", "altitude", "pn", "pe", "pd", "q0", "q1", "q2", "q3",
+    }  # fmt: skip
+    assert set(again.data.data_vars) == names
+    truth = json.loads(flight.data.attrs["truth"])
+    assert [truth[f"sensors.{c}.bias"] for c in ("vn", "ve", "vd")] == [3.0, -1.0, 0.2]
+    assert truth["rotors.T2"] == 6.0
+
+
+def test_ends_of_the_range_are_reported(quad: Vehicle) -> None:
+    hard = maneuver(
+        4.0, {"control": "roll", "shape": "doublet", "start": 1.0, "step": 0.2, "amplitude": 160.0}
+    )
+    flown = fly(quad, hard)
+    area = channel_range(quad)
+    commands = flown.inputs[:, area.columns]
+    assert commands.min() == 0.0
+    assert commands.max() == 1.0
+    assert flown.clipped is not None
+    assert (flown.clipped == ((commands == 0.0) | (commands == 1.0))).all()
+    found = simulate_flight(quad, hard).notices[1]
+    assert found.code == "rotors-saturated"
+    assert "motor_1" in found.values["rotors"]
+    assert np.abs(replayed(quad, flown, 0.01) - flown.outputs).max() < 1e-9
+
+
+def test_the_battery_falls_and_the_autopilot_makes_up_for_it(quad: Vehicle) -> None:
+    fresh = fly(quad, maneuver(6.0, *BUSY[:2]))
+    volts = quad.inputs.index("voltage")
+    assert (fresh.inputs[:, volts] == 16.0).all()
+    tired = fly(quad, maneuver(6.0, *BUSY[:2], battery={"start": 15.5, "fall": 0.1, "sag": 0.9}))
+    area, voltage = channel_range(quad), tired.inputs[:, volts]
+    x, hover = tired.inputs[:, area.columns] * voltage[:, None] / 16.0, fresh.trim.inputs[area.columns]
+    load = np.mean((x / hover) ** 2, axis=1)
+    assert voltage == pytest.approx(15.5 - 0.1 * tired.time - 0.9 * load, abs=1e-9)
+    assert x == pytest.approx(fresh.inputs[:, area.columns], abs=0.02)
+    # Nearly: between samples the product of two straight lines is none.
+    assert np.sqrt(np.mean((tired.outputs - fresh.outputs) ** 2)) < 0.01
+
+
+@pytest.mark.slow
+def test_gusts_push_and_the_autopilot_holds(quad: Vehicle) -> None:
+    gusty = parse_vehicle(
+        quad.text
+        + "\n[turbulence]\nairspeed = 5.0\nu = { intensity = 0.8, length = 30.0 }\nw = { intensity = 0.5, length = 15.0 }\n",
+        "gusty.toml",
+    )
+    one, again, other = (fly(gusty, maneuver(10.0, wind=(4.0, 0.0, 0.0)), seed=s) for s in (5, 5, 6))
+    assert np.array_equal(one.outputs, again.outputs)
+    assert not np.array_equal(one.outputs, other.outputs)
+    assert 0.01 < np.abs(one.velocity).max() < 1.0
+    assert one.inputs[:, channel_range(gusty).columns].std(axis=0).min() > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        (
+            {"input": [pulse("elevator", 0.1)]},
+            "moves 'elevator', but the controls are roll, pitch, yaw, heave, north",
+        ),
+        ({"airspeed": 12.0}, "no wings to fly 12 m/s on"),
+        (
+            {"airspeed": 12.0, "input": [pulse("roll", 1.0)]},
+            "airspeed: quad.toml has no wings to fly 12 m/s on, so no trim there; leave it out, write velocity, and move roll, "
+            "pitch, yaw, heave, north, east, down, forward, right, heading, motor_1",
+        ),
+        ({"duration": 30000.0}, "more than 500000 samples under the autopilot; lower one of them"),
+        ({"noise": {"V": 0.1}}, "noise: 'V' is not observed; channels are vn, ve, vd"),
+    ],
+)
+def test_what_cannot_be_flown(quad: Vehicle, given: dict[str, object], says: str) -> None:
+    with pytest.raises((ManeuverError, SimulationError), match=says):
+        simulate_flight(quad, Maneuver.model_validate({"duration": 2.0} | given))
+
+
+def test_what_a_quadplane_moves_on_its_rotors_alone() -> None:
+    quadplane = resolve_vehicle("quadplane")
+    fast = Maneuver.model_validate({"duration": 2.0, "airspeed": 20.0, "input": [pulse("pitch", 1.0)]})
+    with pytest.raises(
+        ManeuverError,
+        match=r"moves 'pitch', but the controls are elevator.* or leave the airspeed out: 'pitch'",
+    ):
+        fly(quadplane, fast)
+
+
+def test_what_only_rotors_can_do(twin_boom: Vehicle, quad: Vehicle) -> None:
+    with pytest.raises(ManeuverError, match=r"velocity: .*twin.* has no rotors to hover on; write airspeed"):
+        fly(twin_boom, maneuver(2.0, velocity=(1.0, 0.0, 0.0)))
+    with pytest.raises(ManeuverError, match=r"battery: no rotor of .* feels the voltage"):
+        fly(twin_boom, maneuver(2.0, battery={"fall": 0.1}))
+    slow = parse_vehicle(quad.text.replace("[rotors]", "[rotors]\nvoltage_average = 30.0"), "slow.toml")
+    with pytest.raises(
+        ManeuverError, match=r"battery.sag: .* take the voltage over 30 s \(voltage_average\)"
+    ):
+        fly(slow, maneuver(2.0, battery={"sag": 0.5}))
+    with pytest.raises(ManeuverError, match="moves 'heave', but the controls are elevator"):
+        fly(twin_boom, maneuver(2.0, pulse("heave", 1.0)))
+    assert fly(quad, maneuver(0.5, velocity=(1.0, 0.0, 0.0))).velocity[0] == pytest.approx([1.0, 0.0, 0.0])
+
+
+def test_a_flight_too_coarse_to_be_simulated(quad: Vehicle) -> None:
+    with pytest.raises(SimulationError, match=r"diverges at .* s; raise the rate of the maneuver"):
+        fly(quad, maneuver(400.0, pulse("roll", 1.0), rate=2.0))
+
+
+@pytest.mark.slow
+def test_a_quadplane_flies_on_its_wings_in_a_wind() -> None:
+    vehicle = builtin_vehicle("quadplane")
+    inputs = [{"control": "elevator", "shape": "doublet", "start": 1.0, "step": 0.4, "amplitude": 0.03}]
+    keys = {"airspeed": 18.0, "heading": 0.8, "wind": (3.0, -2.0, 0.0)}
+    flown = fly(vehicle, maneuver(4.0, *inputs, **keys))
+    still = fly(vehicle, maneuver(4.0, *inputs, **keys | {"wind": (0.0, 0.0, 0.0)}))
+    assert flown.velocity is not None
+    assert flown.velocity - still.velocity == pytest.approx(np.tile([3.0, -2.0, 0.0], (401, 1)), abs=1e-9)
+    assert flown.outputs[:, :3] == pytest.approx(flown.velocity, abs=1e-6)
+    assert still.velocity[0] == pytest.approx([18.0 * np.cos(0.8), 18.0 * np.sin(0.8), 0.0], abs=1e-6)
+    assert np.abs(replayed(vehicle, flown, 0.01) - flown.outputs).max() < 1e-9
+
+
+@pytest.mark.slow
+def test_an_aircraft_in_a_wind_records_its_speed_over_ground(twin_boom: Vehicle) -> None:
+    inputs = [{"control": "aileron", "shape": "doublet", "start": 1.0, "step": 0.4, "amplitude": 0.05}]
+    wind = (4.0, -3.0, 0.5)
+    flight = simulate_flight(twin_boom, maneuver(5.0, *inputs, wind=wind, heading=1.0), noise=False)
+    V, alpha, beta = (flight.column(c) for c in ("V", "alpha", "beta"))
+    v = np.array([V * np.cos(alpha) * np.cos(beta), V * np.sin(beta), V * np.sin(alpha) * np.cos(beta)])
+    e0, e = flight.column("q0"), np.array([flight.column(f"q{i}") for i in (1, 2, 3)])
+    t = 2.0 * np.cross(e, v, axis=0)
+    expected = (v + e0 * t + np.cross(e, t, axis=0)).T + wind
+    assert pytest.approx(expected, abs=1e-8) == np.array([flight.column(c) for c in ("vn", "ve", "vd")]).T
+    assert flight.column("psi")[0] == pytest.approx(1.0)
+    noisy = simulate_flight(
+        twin_boom, maneuver(5.0, *inputs, wind=wind, heading=1.0, noise={"vn": 0.3, "ve": 0.0})
+    )
+    assert np.std(noisy.column("vn") - flight.column("vn")) == pytest.approx(0.3, rel=0.1)
+    assert np.array_equal(noisy.column("ve"), flight.column("ve"))
+    assert np.std(noisy.column("vd") - flight.column("vd")) == pytest.approx(0.1, rel=0.1)
+    calm = simulate_flight(twin_boom, maneuver(5.0, *inputs, heading=1.0), noise=False)
+    assert "vn" not in calm.data
+    assert np.array_equal(calm.column("V"), V), "a steady wind carries the aircraft along"
+
+
+def test_its_model_sees_a_lag_of_every_rotor(quad: Vehicle) -> None:
+    model = linear_errors(quad, trim(quad))
+    assert model.A.shape == (16, 16)
+    assert model.effect @ model.mixing == pytest.approx(np.eye(4), abs=1e-9)
+
+
+def test_a_maneuver_file_for_rotors(quad: Vehicle) -> None:
+    text = "duration = 2.0\nvelocity = [1.0, 0.0, 0.0]\nwind = [0.0, 2.0, 0.0]\nheading = 0.3\n[battery]\nfall = 0.1\n"
+    flown = fly(quad, parse_maneuver(text, "m.toml"))
+    assert flown.trim.wind == (0.0, 2.0, 0.0)
+    assert flown.trim.start["psi"] == 0.3
