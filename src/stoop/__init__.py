@@ -3,9 +3,9 @@
 >>> import stoop
 >>> vehicle = stoop.load_vehicle("vehicle.toml")  # doctest: +SKIP
 >>> flight = stoop.load_flight("log.ulg")  # doctest: +SKIP
->>> job = stoop.fit(vehicle, flight, ["140:145", "160:168"], validate=["187:196"])  # doctest: +SKIP
->>> print(job)  # doctest: +SKIP
->>> job.save("result")  # doctest: +SKIP
+>>> fit = stoop.fit(vehicle, flight, ["140:145", (160, 168)], validate="187:196")  # doctest: +SKIP
+>>> fit.parameters["Clp"].std_error  # doctest: +SKIP
+>>> fit.save("result")  # doctest: +SKIP
 """
 
 from __future__ import annotations
@@ -14,43 +14,62 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from stoop import errors
+    from stoop.api import assess, design, export, fit, load_flight, load_vehicle, predict, reconstruct
+    from stoop.base.notices import Notice
     from stoop.estimate.fit import Options
-    from stoop.flight.load import load as load_flight
-    from stoop.flight.store import save as save_flight
+    from stoop.flight import Flight
+    from stoop.flight import save as save_flight
     from stoop.results.result import read_result
-    from stoop.simulate.fly import simulate_flight
-    from stoop.simulate.linearize import linearize
-    from stoop.simulate.maneuver import load_maneuver
-    from stoop.simulate.trim import trim
-    from stoop.vehicle import load_vehicle
-    from stoop.workflow import identify as fit
+    from stoop.simulate import linearize, load_maneuver, simulate, simulate_flight, trim
+    from stoop.vehicle import Vehicle
+    from stoop.workflow import Bootstrap, Posterior, Profile
 
 _PLACES = {
+    **dict.fromkeys(
+        ("assess", "design", "export", "fit", "load_flight", "load_vehicle", "predict", "reconstruct"),
+        "stoop.api",
+    ),
+    **dict.fromkeys(("linearize", "load_maneuver", "simulate", "simulate_flight", "trim"), "stoop.simulate"),
+    **dict.fromkeys(("Bootstrap", "Posterior", "Profile"), "stoop.workflow"),
+    "Flight": "stoop.flight",
+    "Notice": "stoop.base.notices",
     "Options": "stoop.estimate.fit",
-    "fit": "stoop.workflow",
-    "linearize": "stoop.simulate",
-    "load_flight": "stoop.flight",
-    "load_maneuver": "stoop.simulate",
-    "load_vehicle": "stoop.vehicle",
+    "Vehicle": "stoop.vehicle",
     "read_result": "stoop.results.result",
     "save_flight": "stoop.flight",
-    "simulate_flight": "stoop.simulate",
-    "trim": "stoop.simulate",
-}  #: public name -> room; imported on first use, so that ``import stoop`` costs nothing
-_OTHER_NAMES = {"fit": "identify", "load_flight": "load", "save_flight": "save"}
+}  #: public name -> module; imported on first use, so that ``import stoop`` costs nothing
+_OTHER_NAMES = {"save_flight": "save"}
 
 __all__ = [
+    "Bootstrap",
+    "Flight",
+    "Notice",
     "Options",
+    "Posterior",
+    "Profile",
+    "Vehicle",
+    "assess",
+    "design",
+    "errors",
+    "export",
     "fit",
     "linearize",
     "load_flight",
     "load_maneuver",
     "load_vehicle",
+    "predict",
     "read_result",
+    "reconstruct",
     "save_flight",
+    "simulate",
     "simulate_flight",
     "trim",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__version__"])
 
 
 def __getattr__(name: str) -> Any:
@@ -58,6 +77,10 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version("stoop")
+    if name == "errors":
+        return importlib.import_module("stoop.errors")
     if name not in _PLACES:
         raise AttributeError(f"module 'stoop' has no attribute '{name}'")
-    return getattr(importlib.import_module(_PLACES[name]), _OTHER_NAMES.get(name, name))
+    found = getattr(importlib.import_module(_PLACES[name]), _OTHER_NAMES.get(name, name))
+    globals()[name] = found  # which also hides a room of the same name, such as stoop.design
+    return found
