@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.table import Row
+from stoop.assess.assessment import AssessedFit
+from stoop.assess.bootstrap import bootstrap_plan
 from stoop.estimate.fit import Options, fit
 from stoop.parallel import LocalProcesses, execute
-from stoop.workflow.bootstrap import bootstrap_plan
-from stoop.workflow.case import case_of
 from stoop_studies.verify.scenes import Scene, in_white_noise
 
 PART = "bootstrap"
@@ -24,7 +24,7 @@ ASKED = 60.0  #: s on two processors
 def run() -> list[Row]:
     """Bootstrap one fit."""
     scene: Scene = in_white_noise(0)
-    case = case_of(fit(scene.start, scene.flights, scene.windows, Options()), Options().method, 0)
+    case = AssessedFit(fit(scene.start, scene.flights, scene.windows, Options()), 0)
     began = time.perf_counter()
     plan = bootstrap_plan(case, REPLICATES)
     with tempfile.TemporaryDirectory() as folder:

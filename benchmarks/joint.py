@@ -12,8 +12,8 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.table import Row
+from stoop.assess.error_bars import error_bars
 from stoop.estimate.fit import Fit, Options, fit
-from stoop.workflow.judged import judged
 from stoop_studies.verify.scenes import Scene, in_white_noise
 
 PART = "joint"
@@ -50,7 +50,7 @@ def run() -> list[Row]:
 def _identified(scene: Scene, seed: int) -> Fit:
     options = Options(seed=seed)
     found = fit(scene.start, scene.flights, scene.windows, options)
-    judged(found, options)
+    error_bars(found)
     return found
 
 

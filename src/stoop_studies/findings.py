@@ -1,4 +1,4 @@
-"""What an experiment is told and what it found: claims held against numbers, tables, a page."""
+"""The setting of an experiment and what it found: claims compared with numbers, tables, a page."""
 
 from __future__ import annotations
 
@@ -15,9 +15,7 @@ from stoop.report.sheet import Code, Section, Sheet, Table
 
 CLAIMS_HEAD: Final = ("verdict", "statement: what was measured")
 Results = Mapping[str, Any]
-Numbers = tuple[
-    tuple[str, ...], tuple[tuple[Cell, ...], ...]
-]  #: names of the columns, and the rows under them
+Numbers = tuple[tuple[str, ...], tuple[tuple[Cell, ...], ...]]  #: names of the columns, rows under them
 
 
 @dataclass(frozen=True)
@@ -114,7 +112,8 @@ class Findings:
 
     def sheet(self, command: str, notes: Sequence[Section] = ()) -> Sheet:
         """Return the page; at its end stand the notes and the command that makes it."""
-        verdicts = Section("What holds and what does not", (_claims_table(self.claims),))
+        table = Table("Each statement held against the numbers below", CLAIMS_HEAD, claim_rows(self.claims))
+        verdicts = Section("What holds and what does not", (table,))
         made = Section("Made by", (Code(command),))
         return Sheet(self.title, self.lead, (verdicts, *self.sections, *notes, made))
 
@@ -139,10 +138,6 @@ class Experiment(Protocol):
 
     def findings(self, setting: Setting, results: Results) -> Findings:
         """Return what the runs, by key, show."""
-
-
-def _claims_table(claims: Sequence[Claim]) -> Table:
-    return Table("Each statement held against the numbers below", CLAIMS_HEAD, claim_rows(claims))
 
 
 def claim_rows(claims: Sequence[Claim]) -> tuple[tuple[str, ...], ...]:

@@ -59,7 +59,7 @@ def carry_out(
     execute: Execute,
     overwrite: bool = False,
 ) -> Findings:
-    """Run what is left of an experiment, and write its page and table.
+    """Run what is left of an experiment, and write its page and tables.
 
     Parameters
     ----------
@@ -78,16 +78,17 @@ def carry_out(
     StoopError
         The folder cannot be used, or a run failed; nothing is lost.
     """
-    prepare(suite, folder, experiment, overwrite)
+    name = experiment.name
+    store = folder / f"{name}.sqlite"
+    tables = {"": f"{name}.csv", **{part: f"{name}-{part}.csv" for part in experiment.parts}}
+    _prepare(suite, folder, name, store, [folder / table for table in tables.values()], overwrite)
     plan = experiment.plan(setting)
-    results = {} if plan is None else execute(plan, _store(folder, experiment.name))
+    results = {} if plan is None else execute(plan, store)
     findings = experiment.findings(setting, results)
-    sheet = findings.sheet(suite.command(experiment.name, setting), suite.notes)
     # the page first: a table without a page would not be known as ours when the command is given again
-    write_sheet(sheet, page_path(folder, experiment.name))
-    write_text_atomic(folder / f"{experiment.name}.csv", findings.csv)
-    for part in experiment.parts:
-        write_text_atomic(folder / f"{experiment.name}-{part}.csv", findings.part(part))
+    write_sheet(findings.sheet(suite.command(name, setting), suite.notes), page_path(folder, name))
+    for part, table in tables.items():
+        write_text_atomic(folder / table, findings.part(part) if part else findings.csv)
     return findings
 
 
@@ -96,46 +97,33 @@ def page_path(folder: Path, name: str) -> Path:
     return folder / f"{name}.html"
 
 
-def _store(folder: Path, name: str) -> Path:
-    return folder / f"{name}.sqlite"
-
-
-def prepare(suite: Suite, folder: Path, experiment: Experiment, overwrite: bool) -> None:
-    """Make the folder; refuse what is not ours, or with ``overwrite`` begin anew.
-
-    Raises
-    ------
-    OutputError
-        The folder is a file, cannot be made, or holds files of something else.
-    """
-    name = experiment.name
+def _prepare(
+    suite: Suite, folder: Path, name: str, store: Path, tables: Sequence[Path], overwrite: bool
+) -> None:
+    """Make the folder; refuse what is not of an earlier run of the experiment, or with ``overwrite`` begin anew."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
         raise OutputError(f"{folder}: is a file; name a folder") from None
     except OSError as error:
         raise OutputError(f"{folder}: cannot be made ({error.strerror}); choose another") from None
-    if overwrite:
-        forget(_store(folder, name))
-    elif not _ours(suite, folder, experiment):
-        raise OutputError(
-            f"{page_path(folder, name)}: is of something else than {suite.call(name)}; "
-            "add --overwrite, or choose another folder"
-        )
-
-
-def _ours(suite: Suite, folder: Path, experiment: Experiment) -> bool:
-    """Whether page and tables are missing, or of an earlier run of the experiment."""
-    name = experiment.name
     page = page_path(folder, name)
-    if page.exists():
-        return _says(page, suite.call(name))
-    tables = (f"{name}.csv", *(f"{name}-{part}.csv" for part in experiment.parts))
-    return not any((folder / t).exists() for t in tables) or _store(folder, name).exists()
+    if overwrite:
+        forget(store)
+    elif page.exists():
+        _check_ours(page, suite.call(name), f" than {suite.call(name)}")
+    elif any(table.exists() for table in tables) and not store.exists():
+        raise OutputError(_foreign(page, f" than {suite.call(name)}"))
 
 
-def _says(page: Path, words: str) -> bool:
-    return page.is_file() and words in page.read_text(encoding="utf-8", errors="replace")
+def _check_ours(path: Path, words: str, other: str) -> None:
+    """Refuse a file that does not contain our words."""
+    if not (path.is_file() and words in path.read_text(encoding="utf-8", errors="replace")):
+        raise OutputError(_foreign(path, other))
+
+
+def _foreign(path: Path, other: str) -> str:
+    return f"{path}: is of something else{other}; add --overwrite, or choose another folder"
 
 
 def check_index(suite: Suite, folder: Path, overwrite: bool) -> None:
@@ -146,23 +134,20 @@ def check_index(suite: Suite, folder: Path, overwrite: bool) -> None:
     OutputError
         With what to do instead.
     """
-    path = folder / INDEX
-    if path.exists() and not overwrite and not _says(path, suite.title):
-        raise OutputError(f"{path}: is of something else; add --overwrite, or choose another folder")
+    if (path := folder / INDEX).exists() and not overwrite:
+        _check_ours(path, suite.title, "")
 
 
 def write_index(
     suite: Suite, found: Mapping[str, Findings], settings: Sequence[Setting], folder: Path
 ) -> None:
     """Write the page that leads to all others."""
-    sections = [_entry(name, f) for name, f in found.items()]
+    sections = []
+    for name, findings in found.items():
+        # markup of our own: the name of an experiment, and nothing that was read from anywhere
+        link = Markup('<a href="{0}.html">{0}.html</a>').format(name)
+        table = Table("What it shows", CLAIMS_HEAD, (*claim_rows(findings.claims), ("page", link)))
+        sections.append(Section(findings.title, (Prose(findings.lead), table)))
     commands = "\n".join(suite.command(n, s) for n, s in zip(found, settings, strict=True))
     made = Section("Made by", (Code(commands),))
     write_sheet(Sheet(suite.title, suite.lead, (*sections, made)), folder / INDEX)
-
-
-def _entry(name: str, findings: Findings) -> Section:
-    # markup of our own: the name of an experiment, and nothing that was read from anywhere
-    link = Markup('<a href="{0}.html">{0}.html</a>').format(name)
-    table = Table("What it shows", CLAIMS_HEAD, (*claim_rows(findings.claims), ("page", link)))
-    return Section(findings.title, (Prose(findings.lead), table))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stoop.flight import Flight, load
-from stoop.reconstruct.result import Compatibility
+from stoop.reconstruct.compatibility import Compatibility
 from stoop.workflow.compatibility import check_compatibility, write_compatibility
 
 Checked = tuple[Compatibility, Flight, Flight]
@@ -33,12 +33,12 @@ def test_the_wind_agrees_with_the_reconstruction_of_the_whole_flight(checked: Ch
     for axis, whole in (("n", flight.air.wind_n), ("e", flight.air.wind_e)):
         one = result.findings[f"wind.{axis}"]
         assert one.estimate == pytest.approx(whole, abs=4.0 * one.std_error)
-    assert any("agrees with" in note for note in result.notes)
+    assert "winds-agree" in {found.code for found in result.notices}
 
 
 def test_an_autopilot_s_navigation_is_consistent(checked: Checked) -> None:
     result = checked[0]
-    assert not any("inconsistent" in warning for warning in result.warnings)
+    assert not any("inconsistent" in found.code for found in result.notices)
     for name, limit in (("phi", 0.02), ("theta", 0.02), ("vn", 0.3), ("ve", 0.3), ("vd", 0.3)):
         assert result.channels[name].rms < limit
         assert result.channels[name].rms < 0.2 * result.channels[name].movement
@@ -62,4 +62,4 @@ def test_a_turned_sign_is_inconsistent(checked: Checked) -> None:
     import dataclasses
 
     result, _ = check_compatibility(dataclasses.replace(flight, data=wrong), [(140.0, 152.0)])
-    assert any("attitude and rates are inconsistent" in warning for warning in result.warnings)
+    assert "attitude-inconsistent" in {found.code for found in result.notices}

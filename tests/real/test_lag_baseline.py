@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from stoop.assess.baseline import BaselineManeuver, BaselineSegment, baseline_matches
-from stoop.assess.figures import filtered_theil
-from stoop.assess.runs import join
+from stoop.assess.goodness_of_fit import filtered_theil, join
 from stoop.flight.load import load
 from stoop.flight.segmentation import segments
 

@@ -16,13 +16,13 @@ import pytest
 from docs.pages import DOCS, table
 
 from stoop.assess.covariance import NORMAL_95
+from stoop.assess.error_bars import error_bars
 from stoop.estimate.fit import Fit, Options
 from stoop.estimate.shooting.method import fit
 from stoop.problem.windows import Window
 from stoop.simulate import parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
-from stoop.workflow.judged import judged
 
 SECONDS = 40.0
 Flights = Mapping[str, range]
@@ -89,7 +89,7 @@ def misled(vehicle: Vehicle, seed: int) -> tuple[Vehicle, dict[str, float]]:
 
 
 def sigmas_off(found: Fit, truth: dict[str, float]) -> np.ndarray:
-    std = judged(found, Options(method="multiple-shooting")).std
+    std = error_bars(found).std
     errors = [found.estimates[p.name] - truth[p.name] for p in found.problem.layout.parameters]
     return np.array(errors) / std[: len(errors)]
 

@@ -10,10 +10,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.export import excitation, jsbsim_folder
-from stoop.export.flown import Record, jsbsim_readings, own_readings, relative_differences, sortie
-from stoop.export.jsbsim_flight import fly, specific_force
-from stoop.export.names import file_name
+from stoop.export import jsbsim_aircraft
+from stoop.export.jsbsim_flight import fly, jsbsim_readings, sortie, specific_force
+from stoop.export.record import (
+    Record,
+    every_control,
+    file_name,
+    maneuver_record,
+    own_readings,
+    relative_differences,
+    steady_record,
+)
 from stoop.simulate import initial_states, parameter_rows, trim
 from stoop.vehicle import Vehicle
 from stoop_studies.verify.export import INPUTS, load
@@ -26,7 +33,7 @@ DENSER = 1e-5  #: JSBSim's standard atmosphere, relative; measured 8.1e-6 at sea
 
 def exported(root: Path, vehicle: Vehicle) -> str:
     """Write JSBSim's root folder; return the name of the aircraft."""
-    for place, text in jsbsim_folder.folder(vehicle, None).items():
+    for place, text in jsbsim_aircraft.folder(vehicle, None).items():
         path = root / place
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
@@ -51,7 +58,7 @@ def test_accelerations_at_random_states(name: str, tmp_path: Path) -> None:
         }
         inputs = point.inputs * (1.0 + 0.1 * random.standard_normal(len(point.inputs)))
         record = Record(vehicle, start, np.array([0.0, 0.01]), np.stack([inputs, inputs]))
-        flown = fly(tmp_path, sortie(aircraft, record, tmp_path / jsbsim_folder.PLANET))
+        flown = fly(tmp_path, sortie(aircraft, record, tmp_path / jsbsim_aircraft.PLANET))
         rates, readings = vehicle.kernel().evaluate(
             rows, initial_states(vehicle, start, rows, inputs), inputs[:, None]
         )
@@ -68,7 +75,7 @@ def test_accelerations_at_random_states(name: str, tmp_path: Path) -> None:
 def apart(root: Path, record: Record, steps: int = 1) -> float:
     """Return the largest difference of any channel, as a fraction of its maximum."""
     name = exported(root, record.vehicle)
-    flown = jsbsim_readings(root, name, record, root / jsbsim_folder.PLANET)
+    flown = jsbsim_readings(root, name, record, root / jsbsim_aircraft.PLANET)
     return max(relative_differences(record.vehicle, own_readings(record, steps), flown).values())
 
 
@@ -83,7 +90,7 @@ def apart(root: Path, record: Record, steps: int = 1) -> float:
 def test_thirty_seconds_open_loop(name: str, most: float, tmp_path: Path) -> None:
     vehicle = load(name)
     point = trim(vehicle, None, 200.0)
-    record = excitation.record(vehicle, point, INPUTS["3-2-1-1, doublets"](vehicle, point))
+    record = maneuver_record(vehicle, point, INPUTS["3-2-1-1, doublets"](vehicle, point))
     assert record.time[-1] == 30.0
     assert apart(tmp_path, record) < most
 
@@ -95,7 +102,7 @@ def test_delays_of_any_length(delays: tuple[float, float], tmp_path: Path) -> No
     names = ("controls.elevator.delay", "controls.aileron.delay")
     vehicle = load("crooked").with_numbers({n: {"value": d} for n, d in zip(names, delays, strict=True)})
     point = trim(vehicle, None, 200.0)
-    record = excitation.record(vehicle, point, excitation.every_control(vehicle, point, 10.0))
+    record = maneuver_record(vehicle, point, every_control(vehicle, point, 10.0))
     assert apart(tmp_path, record, 10) < 1e-4
 
 
@@ -103,7 +110,7 @@ def test_delays_of_any_length(delays: tuple[float, float], tmp_path: Path) -> No
 def test_a_surface_that_begins_away_from_its_command(tmp_path: Path) -> None:
     vehicle = load("v-tail")
     point = trim(vehicle, None, 200.0)
-    steady = excitation.steady(vehicle, point, 5.0)
+    steady = steady_record(vehicle, point, 5.0)
     begun = {**steady.start, "elevator.lag": 0.05, "aileron.lag": -0.03, "q": 0.1, "phi": 0.2}
     record = Record(steady.vehicle, begun, steady.time, steady.inputs)
     assert np.ptp(own_readings(record)[:, vehicle.outputs.index("q")]) > 0.1, "it shows"
@@ -115,7 +122,7 @@ def test_an_aircraft_that_jsbsim_does_not_know(tmp_path: Path) -> None:
     from stoop.vehicle.builtin import builtin_vehicle
 
     vehicle = builtin_vehicle("twin-boom")
-    record = excitation.steady(vehicle, trim(vehicle, 35.0, 200.0), 1.0)
+    record = steady_record(vehicle, trim(vehicle, 35.0, 200.0), 1.0)
     exported(tmp_path, vehicle)
     with pytest.raises(SimulationError, match="JSBSim does not take"):
         jsbsim_readings(tmp_path, "another", record, None)

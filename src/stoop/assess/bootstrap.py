@@ -1,71 +1,271 @@
 """The bootstrap of a fit: refits to the model's own curves with noise like that of the residuals.
 
+The residuals of a fit are colored, often over hundreds of samples. Blocks cut from them directly would break
+that color at every joint, and the fit has absorbed part of it. So their color is taken off first, by the
+autoregression that also corrects the covariance (what the fit absorbed added back); blocks of what is left
+are drawn, all channels together, and colored again. Blocks keep what the autoregression does not explain: the
+remaining correlation, heavy tails, and channels that are disturbed at the same time. Residuals of windows that each
+begin in a state of their own are no stationary noise: whole windows are drawn, with the gaps behind them.
+
+Replicates are refitted in chunks, on any pool, into a store that survives kills.
+
 References
 ----------
 B. Efron and R. J. Tibshirani, *An Introduction to the Bootstrap*, Chapman and Hall, 1993, chapters 9 (residuals)
 and 14 (bias-corrected percentiles).
+H. R. Kuensch, "The jackknife and the bootstrap for general stationary observations", *Annals of Statistics*
+17(3), 1989, pp. 1217-1241 (moving blocks).
+A. C. Davison and D. V. Hinkley, *Bootstrap Methods and their Application*, Cambridge, 1997, section 8.2
+(post-blackening).
+D. N. Politis and H. White, "Automatic block-length selection for the dependent bootstrap", *Econometric
+Reviews* 23(1), 2004, pp. 53-70, and the correction with A. Patton, 28(4), 2009, pp. 372-375.
+A. C. Cameron, J. B. Gelbach and D. L. Miller, "Bootstrap-based improvements for inference with clustered errors",
+*Review of Economics and Statistics* 90(3), 2008, pp. 414-427 (random signs of whole clusters).
 """
 
 from __future__ import annotations
 
+import hashlib
+import tempfile
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final, Protocol
 
 import numpy as np
-import numpy.typing as npt
+from scipy.signal import lfilter
 from scipy.special import ndtr, ndtri
+from threadpoolctl import threadpool_limits
 
-from stoop.assess.blocks import Blocks
+from stoop.assess.assessment import AssessedFit, Finding, Refittable, Watch, simulated, unpack
+from stoop.assess.colored_residuals import ColoredNoise
 from stoop.assess.covariance import NORMAL_95
-from stoop.assess.optimum import Optimum
-from stoop.assess.refit import Refits, refit
-from stoop.base.arrays import FloatArray
+from stoop.assess.refit import Optimum, linearize, refit
+from stoop.assess.windowed_covariance import MIN_WINDOWS, leave_window_out
+from stoop.base.arrays import BoolArray, FloatArray
+from stoop.base.notices import Notice, notice
+from stoop.estimate.noise import lagged_products
+from stoop.estimate.shooting.following import FollowingWindows
+from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run, Tally, execute
+from stoop.results.uncertainty import MethodIntervals
 
-BoolArray = npt.NDArray[np.bool_]
+LONGEST_BLOCK: Final = 0.25  #: of a segment: fewer than four blocks would repeat the record
+MIN_INNOVATIONS: Final = 20  #: of its own that a segment must have; else it takes those of all
+MIN_REPLICATES: Final = 40  #: with fewer there is no 2.5 % to either side
+CHUNK: Final = 25  #: replicates of one run: what a kill may cost
+WORK: Final = "stoop.assess.bootstrap:refit_chunk"
+MOST_LOST: Final = 0.02  #: share of replicates without an optimum from which it is reported
 
-FEWEST: Final = 40  #: replicates; with fewer there is no 2.5 % to either side
+
+def block_length(series: FloatArray) -> float:
+    """Return the length of moving blocks that suits a series (n,) best, samples; at least 1.
+
+    Politis and White (2004) with the correction of 2009: the length that minimizes the mean square error of the
+    variance of a mean, from the autocovariance up to where it dies away: the lag from which a run of autocorrelations
+    is within chance.
+    """
+    n = len(series)
+    centered = series - series.mean()
+    digits = np.log10(max(n, 10))
+    most = min(n - 1, int(np.ceil(np.sqrt(n))) + max(5, int(digits**1.5)))
+    sums, _ = lagged_products([centered[:, None]], [np.ones((n, 1))], most)
+    covariance = sums[0] / n
+    if not covariance[0] > 0.0:
+        return 1.0
+    run = max(5, int(np.sqrt(digits)))
+    small = np.abs((covariance / covariance[0])[1:]) < 2.0 * np.sqrt(digits / n)
+    last = max(1, next((lag for lag in range(len(small)) if small[lag : lag + run].all()), len(small)))
+    lags = np.arange(-min(2 * last, most), min(2 * last, most) + 1)
+    taper = np.clip(2.0 * (1.0 - np.abs(lags) / (2.0 * last)), 0.0, 1.0)
+    smoothed = taper * covariance[np.abs(lags)]
+    level, slope = float(smoothed.sum()), float(np.sum(np.abs(lags) * smoothed))
+    if level <= 0.0:
+        return 1.0
+    return max(1.0, float(np.cbrt(2.0 * slope**2 / (4.0 / 3.0 * level**2) * n)))
 
 
-def shifts(
-    optimum: Optimum, noise: Blocks, present: Sequence[BoolArray], numbers: Sequence[int], seed: int
-) -> FloatArray:
+class NoiseSource(Protocol):
+    """Draws noise like that behind the residuals of a fit."""
+
+    def draw(self, random: np.random.Generator) -> FloatArray:
+        """Return noise (m,) for all residuals but those of the priors."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class ColoredBlocks:
+    """Blocks of innovations, colored again.
+
+    Attributes
+    ----------
+    noise : ColoredNoise
+        Color and strength of the weighted noise.
+    pools : tuple of (m_i, ny)
+        Innovations of each segment, scaled to the strength of the noise; NaN where a reading they need is missing.
+    present : tuple of (n_i, ny) bool
+        Where each segment was measured.
+    block : int
+        Samples of one block.
+    rest : int
+        Residuals behind those of the readings, which have no noise (gaps between windows that meet).
+    """
+
+    noise: ColoredNoise
+    pools: tuple[FloatArray, ...]
+    present: tuple[BoolArray, ...]
+    block: int
+    rest: int = 0
+
+    @classmethod
+    def of(cls, noise: ColoredNoise, residuals: Sequence[FloatArray], rest: int = 0) -> ColoredBlocks:
+        """Return the source of noise like `residuals`, a sequence of weighted (n_i, ny), NaN where missing."""
+        order = noise.coefficients.shape[1]
+        channels = [whitened([r[:, i] for r in residuals], order) for i in range(len(noise.coefficients))]
+        scaled = [_scaled(c, float(np.sqrt(noise.innovation[i, i]))) for i, c in enumerate(channels)]
+        own = [np.column_stack(segment) for segment in zip(*scaled, strict=True)]
+        whole = np.concatenate(own)
+        whole = whole if len(whole) else np.full((1, len(noise.coefficients)), np.nan)
+        pools = tuple(pool if len(pool) >= MIN_INNOVATIONS else whole for pool in own)
+        seen = [column[np.isfinite(column)] for column in whole.T]
+        longest = max((block_length(c) for c in seen if len(c) >= MIN_INNOVATIONS), default=1.0)
+        return cls(noise, pools, tuple(np.isfinite(r) for r in residuals), int(np.ceil(longest)), rest)
+
+    def draw(self, random: np.random.Generator) -> FloatArray:
+        """Return noise (m,); zero where nothing was measured."""
+        drawn = [self.segment(i, random) for i in range(len(self.pools))]
+        parts = [np.where(mask, v, 0.0).ravel() for v, mask in zip(drawn, self.present, strict=True)]
+        return np.concatenate([*parts, np.zeros(self.rest)])
+
+    def segment(self, index: int, random: np.random.Generator) -> FloatArray:
+        """Return a record (n_i, ny) that has run as long before it begins, so that it begins like any other stretch."""
+        pool, length = self.pools[index], len(self.present[index])
+        block, total = max(1, min(self.block, int(LONGEST_BLOCK * len(pool)))), 2 * length
+        starts = random.integers(0, len(pool) - block + 1, -(-total // block))
+        rows = (starts[:, None] + np.arange(block)).ravel()[:total]
+        innovations = pool[rows]
+        gaps = ~np.isfinite(innovations)
+        if gaps.any():
+            strength = np.sqrt(np.diag(self.noise.innovation))
+            innovations[gaps] = (random.standard_normal(innovations.shape) * strength)[gaps]
+        columns = zip(self.noise.coefficients, innovations.T, strict=True)
+        colored = [lfilter([1.0], np.concatenate([[1.0], -a]), e) for a, e in columns]
+        return np.ascontiguousarray(np.array(colored).T[length:])
+
+
+def whitened(segments: Sequence[FloatArray], order: int) -> list[FloatArray]:
+    """Return the innovations of a series, (n_i - order,) for segments (n_i,); NaN where unknown.
+
+    The autoregression is fitted by least squares: one from the autocovariance, as it is used to color, is biased where
+    the spectrum is steep, and what little color it leaves would be amplified when the noise is colored again.
+    """
+    window = np.lib.stride_tricks.sliding_window_view
+    rows = [
+        window(segment, order + 1)[:, ::-1] for segment in segments
+    ]  # beside its own past, the latest first
+    table = np.concatenate(rows)
+    whole = table[np.isfinite(table).all(axis=1)]
+    if len(whole) < MIN_INNOVATIONS + 2 * order:
+        return [np.full(len(part), np.nan) for part in rows]
+    coefficients = np.linalg.lstsq(whole[:, 1:], whole[:, 0], rcond=None)[0]
+    return [part[:, 0] - part[:, 1:] @ coefficients for part in rows]
+
+
+def _scaled(segments: Sequence[FloatArray], strength: float) -> list[FloatArray]:
+    """Return segments with mean zero and a given standard deviation over all of them."""
+    seen = np.concatenate(segments)
+    seen = seen[np.isfinite(seen)]
+    spread = float(np.std(seen)) if seen.size else 0.0
+    factor = strength / spread if spread > 0.0 else 0.0
+    return [(segment - (seen.mean() if seen.size else 0.0)) * factor for segment in segments]
+
+
+@dataclass(frozen=True, eq=False)
+class WholeWindows:
+    """Residuals of whole windows, with the gaps behind them, each of random sign in the place of another.
+
+    Attributes
+    ----------
+    windows : tuple of (w_i, n_i, ny)
+        Residuals of the windows of each piece, as a fit to all others would leave them; as long as the longest window.
+    gaps : tuple of (w_i, e)
+        From each window to the next; zero for the last.
+    edges : tuple of tuple of int
+        First sample of each window, then the number of samples.
+    present : tuple of (m_i, ny) bool
+        Where each piece was measured.
+    """
+
+    windows: tuple[FloatArray, ...]
+    gaps: tuple[FloatArray, ...]
+    edges: tuple[tuple[int, ...], ...]
+    present: tuple[BoolArray, ...]
+
+    @classmethod
+    def of(cls, problem: FollowingWindows, optimum: Optimum) -> WholeWindows:
+        """Return the source of noise like the residuals of windows at an optimum."""
+        present = tuple(np.isfinite(piece.measured) for piece in problem.problem.pieces)
+        first, gap = 0, sum(mask.size for mask in present)
+        many = len(problem.gap_weights)
+        windows, gaps = [], []
+        for mask, edges in zip(present, problem.edges, strict=True):
+            ny, count = mask.shape[1], len(edges) - 1
+            longest = int(np.max(np.diff(edges)))
+            left, behind = np.zeros((count, longest, ny)), np.zeros((count, many))
+            for w in range(count):
+                length = edges[w + 1] - edges[w]
+                own = np.arange(first + edges[w] * ny, first + edges[w + 1] * ny)
+                last = np.arange(gap + w * many, gap + (w + 1) * many) if w + 1 < count else own[:0]
+                rows = np.concatenate([own, last])
+                r = leave_window_out(optimum.residual[rows], optimum.jacobian[rows], optimum.inverse.factor)
+                left[w, :length] = r[: len(own)].reshape(length, ny)
+                left[w, length:] = left[w, length - 1]
+                behind[w, : len(last)] = r[len(own) :]
+            windows.append(left)
+            gaps.append(behind)
+            first, gap = first + mask.size, gap + (count - 1) * many
+        return cls(tuple(windows), tuple(gaps), problem.edges, present)
+
+    def draw(self, random: np.random.Generator) -> FloatArray:
+        """Return noise (m,) for the readings of all pieces, then for all gaps."""
+        readings, gaps = [], []
+        for left, behind, edges, mask in zip(self.windows, self.gaps, self.edges, self.present, strict=True):
+            count = len(edges) - 1
+            chosen = random.integers(0, count, count)
+            signs = random.choice([-1.0, 1.0], count)
+            parts = [s * left[c, :n] for c, s, n in zip(chosen, signs, np.diff(edges), strict=True)]
+            readings.append(np.where(mask, np.concatenate(parts), 0.0).ravel())
+            gaps.append((signs[:-1, None] * behind[chosen[:-1]]).ravel())
+        return np.concatenate([*readings, *gaps])
+
+
+def shifts(optimum: Optimum, noise: NoiseSource, numbers: Sequence[int], seed: int) -> FloatArray:
     """Return what replicates add to the residuals, (B, n_r).
 
-    A replicate's measurements are the fitted curves plus new noise; its priors are read anew, too: a prior is a
+    A replicate's measurements are the fitted curves plus new noise; its priors are drawn anew, too: a prior is a
     measurement with an error of its own.
 
     Parameters
     ----------
     optimum : Optimum
-    noise : Blocks
-    present : sequence of (n_i, ny) bool
-        Where something was measured.
+    noise : NoiseSource
     numbers : sequence of int
         Of the replicates: the noise of each depends on its number and `seed` alone.
     seed : int
     """
-    samples = sum(mask.size for mask in present)
     out = np.empty((len(numbers), len(optimum.residual)))
     for row, number in zip(out, numbers, strict=True):
         random = np.random.default_rng([seed, number])
-        drawn = [np.where(mask, v, 0.0) for v, mask in zip(noise.draw(random), present, strict=True)]
-        row[:samples] = np.concatenate([v.ravel() for v in drawn])
-        row[samples:] = random.standard_normal(len(row) - samples)
+        drawn = noise.draw(random)
+        row[: len(drawn)] = drawn
+        row[len(drawn) :] = random.standard_normal(len(row) - len(drawn))
     return np.asarray(-optimum.residual - out)
-
-
-def replicates(
-    optimum: Optimum, noise: Blocks, present: Sequence[BoolArray], numbers: Sequence[int], seed: int
-) -> Refits:
-    """Return the refits of some replicates; see :func:`shifts`."""
-    return refit(optimum, shifts(optimum, noise, present, numbers, seed))
 
 
 @dataclass(frozen=True, eq=False)
 class Percentiles:
-    """What the scatter of replicates says; (k,) each.
+    """Statistics of the scatter of replicates; (k,) each.
 
     Attributes
     ----------
@@ -87,10 +287,10 @@ def percentiles(estimate: FloatArray, values: FloatArray) -> Percentiles:
     ----------
     estimate : (k,)
     values : (B, k)
-        Of the replicates that arrived.
+        Of the replicates that converged.
     """
     nothing = np.full(len(estimate), np.nan)
-    if len(values) < FEWEST:
+    if len(values) < MIN_REPLICATES:
         return Percentiles(nothing, nothing, nothing, nothing)
     below = np.mean(values < estimate, axis=0) + 0.5 * np.mean(values == estimate, axis=0)
     reach = 1.0 / len(values)
@@ -101,7 +301,108 @@ def percentiles(estimate: FloatArray, values: FloatArray) -> Percentiles:
     return Percentiles(values.std(axis=0, ddof=1), values.mean(axis=0) - estimate, lower, upper)
 
 
-def tally(endings: Sequence[str]) -> dict[str, float]:
-    """Return how many replicates there were, and how they ended."""
-    count = Counter(endings)
-    return {"replicates": float(len(endings)), "dived": float(count["dived"]), "lost": float(count["lost"])}
+@dataclass(frozen=True)
+class Bootstrap:
+    """Refit the fit to its own curves with noise like its residuals, many times.
+
+    Attributes
+    ----------
+    replicates : int
+    pool : Pool
+        Where they are refitted.
+    store : Path, optional
+        What is done is kept there, and not done again; in a temporary folder when absent.
+    """
+
+    replicates: int = 1000
+    pool: Pool = field(default_factory=LocalProcesses)
+    store: Path | None = None
+
+    name: str = field(default="bootstrap", init=False)
+
+    def __call__(self, fit: AssessedFit, watch: Watch) -> Finding:
+        """Return standard errors and bias-corrected percentile intervals."""
+        plan = bootstrap_plan(fit, self.replicates)
+
+        def report(done: Tally) -> None:
+            watch(f"bootstrap: {done.done * CHUNK} of {done.total * CHUNK} replicates {done.note}".rstrip())
+
+        with tempfile.TemporaryDirectory(prefix="stoop-") as folder:
+            store = self.store or Path(folder) / "bootstrap.sqlite"
+            return Finding(_intervals(fit, execute(plan, store, self.pool, report)))
+
+
+def bootstrap_plan(fit: AssessedFit, count: int) -> Plan:
+    """Return the campaign: `count` replicates, rounded up to whole chunks."""
+    noise = fit.uncertainty.noise
+    whole = sum(len(p.edges) - 1 for p in fit.fit.evidence.pieces if p.edges) >= MIN_WINDOWS
+    problem = fit.packed(
+        {"color": noise.coefficients, "innovation": noise.innovation, "whole_windows": np.array(whole)}
+    )
+    digest = hashlib.sha256(problem.encode()).hexdigest()
+    runs = tuple(
+        Run(f"{first:06d}", WORK, {"problem": problem, "seed": fit.seed, "first": first, "count": CHUNK})
+        for first in range(0, count, CHUNK)
+    )
+    return Plan("bootstrap of a fit", {"problem": digest, "seed": fit.seed}, runs)
+
+
+def refit_chunk(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> list[Json]:
+    """Refit one chunk of replicates: the work of a run.
+
+    Parameters
+    ----------
+    arguments : mapping
+        ``problem``: see :func:`stoop.assess.assessment.pack`; ``seed``; ``first``, ``count``: which replicates.
+    stops : sequence of None
+
+    Returns
+    -------
+    list of dict, one per stop
+        ``values``: parameters of each replicate, SI; ``endings``.
+    """
+    given: Any = arguments
+    first, count, seed = (int(given[name]) for name in ("first", "count", "seed"))
+    with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
+        problem, optimum, noise = _unpacked(str(given["problem"]))
+        found = refit(optimum, shifts(optimum, noise, range(first, first + count), seed))
+    values = simulated(problem).layout.physical(found.z)  # NaN for those that were lost
+    done: dict[str, Json] = {"values": values.tolist(), "endings": list(found.endings)}
+    return [done for _ in stops]
+
+
+@lru_cache(maxsize=1)
+def _unpacked(text: str) -> tuple[Refittable, Optimum, NoiseSource]:
+    """Return the problem, its optimum, and what draws its noise."""
+    problem, arrays = unpack(text)
+    optimum = linearize(problem, arrays["z"], arrays["free"].astype(np.intp))
+    if isinstance(problem, FollowingWindows) and arrays["whole_windows"]:
+        return problem, optimum, WholeWindows.of(problem, optimum)
+    base = simulated(problem)
+    residuals, first = [], 0
+    for piece in base.pieces:
+        mask = np.isfinite(piece.measured)
+        block = -optimum.residual[first : first + mask.size].reshape(mask.shape)
+        residuals.append(np.where(mask, block, np.nan))
+        first += mask.size
+    rest = len(optimum.residual) - first - len(base.layout.prior_residuals(arrays["z"][None, :])[0])
+    noise = ColoredNoise(arrays["color"], arrays["innovation"])
+    return problem, optimum, ColoredBlocks.of(noise, residuals, rest)
+
+
+def _intervals(fit: AssessedFit, results: Mapping[str, Json]) -> MethodIntervals:
+    parts: list[Any] = list(results.values())
+    values = np.concatenate([np.array(part["values"], dtype=np.float64) for part in parts])
+    endings = Counter(ending for part in parts for ending in part["endings"])
+    converged = np.isfinite(values).all(axis=1)
+    found = percentiles(np.array(list(fit.fit.estimates.values())), values[converged])
+    total, count, lost = endings.total(), int(converged.sum()), endings["lost"]
+    notices: list[Notice] = []
+    if count < MIN_REPLICATES:
+        notices.append(notice("bootstrap-too-few-replicates", count=count, needed=MIN_REPLICATES))
+    if lost > MOST_LOST * total:
+        notices.append(notice("bootstrap-replicates-lost", lost=lost, replicates=total))
+    figures = {"replicates": float(total), "dived": float(endings["dived"]), "lost": float(lost)}
+    return MethodIntervals(
+        fit.intervals(found.std, found.lower, found.upper), figures, tuple(map(str, notices))
+    )

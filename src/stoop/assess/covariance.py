@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import BoolArray, FloatArray
+from stoop.problem.evidence import PieceEvidence
 
 NORMAL_95: Final = 1.959963984540054  #: two-sided 95 % quantile of the normal distribution
 SINGULAR: Final = 1e-13  #: of the greatest scaled eigenvalue; below it is rounding, not information
@@ -31,7 +33,7 @@ class Inverse:
     """
 
     factor: FloatArray
-    determined: npt.NDArray[np.bool_]
+    determined: BoolArray
     eigenvalues: FloatArray
 
     @property
@@ -55,7 +57,26 @@ def invert(information: FloatArray) -> Inverse:
     return Inverse(factor, determined & (diagonal > 0.0), values)
 
 
-def marked(covariance: FloatArray, determined: npt.NDArray[np.bool_]) -> FloatArray:
+def data_information(pieces: Sequence[PieceEvidence]) -> FloatArray:
+    """Return Fisher's information (k, k) of the measurements alone, for white noise."""
+    count = pieces[0].jacobian.shape[2]
+    total = np.zeros((count, count))
+    for piece in pieces:
+        rows = piece.filled()[1].reshape(-1, count)
+        seen = np.flatnonzero(rows.any(axis=0))  # not the initial states and biases of other maneuvers
+        part = rows[:, seen]
+        total[np.ix_(seen, seen)] += part.T @ part
+    return total
+
+
+def prior_information(std: ArrayLike) -> FloatArray:
+    """Return the information (k, k) of independent priors; an infinite or NaN `std` (k,) is no prior."""
+    spread = np.asarray(std, dtype=np.float64)
+    known = np.isfinite(spread) & (spread > 0.0)
+    return np.diag(np.where(known, np.where(known, spread, 1.0) ** -2.0, 0.0))
+
+
+def marked(covariance: FloatArray, determined: BoolArray) -> FloatArray:
     """Return `covariance` (k, k) with infinite variance, and NaN covariances, for what is not determined."""
     result = np.array(covariance)
     result[~determined, :] = np.nan

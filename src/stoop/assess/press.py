@@ -32,7 +32,9 @@ from typing import Final
 import numpy as np
 from scipy.linalg import lstsq
 
+from stoop.assess.covariance import data_information
 from stoop.base.arrays import FloatArray
+from stoop.estimate.fit import Fit
 
 BLOCK: Final = 1.0  #: s that are left out together
 
@@ -69,3 +71,36 @@ def _without(e: FloatArray, J: FloatArray, information: FloatArray) -> FloatArra
     # What only these samples know is not determined by the rest: it stays where it is (minimum norm).
     d = scale * lstsq(rest, scale * (J.T @ e), cond=1e-12, check_finite=False)[0]
     return np.asarray(e + J @ d)
+
+
+def left_out_residuals(fit: Fit) -> list[FloatArray] | None:
+    """Return measured minus simulated (n, n_y) of every piece, each second left out of the fit in turn.
+
+    They are in the channels' units, NaN where nothing was measured, and are the residuals that the method minimizes: of
+    the simulation, of windows, or of a filter's predictions. None for a regression, or where the fit cannot be
+    differentiated.
+    """
+    if fit.own_evidence is None and fit.covariance is not None:
+        return None
+    if fit.own_evidence is not None and fit.local_problem is None:
+        return None
+    evidence, nuisances = fit.evidence, fit.problem.layout.nuisances
+    if not all(
+        np.isfinite(p.filled()[0]).all() and np.isfinite(p.filled()[1]).all() for p in evidence.pieces
+    ):
+        return None
+    d = fit.problem.dimension
+    lasting = np.array([*range(d), *(d + i for i, n in enumerate(nuisances) if n.is_bias)], dtype=np.intp)
+    pieces = [piece.of(lasting) for piece in evidence.pieces]
+    information = data_information(pieces) + evidence.prior[np.ix_(lasting, lasting)]
+    white = [
+        left_out(own.residual, own.jacobian, information, round(BLOCK / piece.dt))
+        for own, piece in zip(pieces, fit.problem.pieces, strict=True)
+    ]
+    present = [np.isfinite(p.measured) for p in fit.problem.pieces]
+    filled = [np.where(np.isfinite(w), w, 0.0) for w in white]
+    if fit.local_problem is not None:
+        units = fit.local_problem().in_units(filled)
+    else:
+        units = [fit.problem.weights.colored(w, seen) for w, seen in zip(filled, present, strict=True)]
+    return [np.where(seen, u, np.nan) for seen, u in zip(present, units, strict=True)]

@@ -14,70 +14,41 @@ pp. 129-148 (the ratio of a likelihood that takes correlated readings as indepen
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+import hashlib
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
+from stoop.assess.assessment import AssessedFit, Finding, Watch, unpack
 from stoop.assess.covariance import NORMAL_95
-from stoop.assess.optimum import Optimum
+from stoop.assess.refit import Optimum, Pinned, linearize, stationary
 from stoop.base.arrays import FloatArray
-from stoop.optimize import Problem, Refinement, Settings, refine
+from stoop.base.notices import Notice, notice
+from stoop.base.text import nearest
+from stoop.errors import IdentificationError
+from stoop.optimize import Refinement, Settings, refine
+from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run, Tally, execute
+from stoop.problem import Misfit
+from stoop.results.uncertainty import Interval, MethodIntervals
 
 CROSSING: Final = 0.01  #: of the threshold's root, by which a crossing may be missed
 TRIES: Final = 12  #: refits at most on one side
 GROWTH: Final = 3.0  #: of the step outward, at most
 WIDE: Final = 0.05  #: of the box: first step of a parameter that the data do not see
 SETTINGS: Final = Settings(60, 1e-9, 1e-6, 0, np.inf)
+WORK: Final = "stoop.assess.profile:profile_one"
+DOUBTFUL: Final = "doubtful"  #: stands for all parameters whose identifiability is in doubt
+BETTER: Final = 0.1  #: statistic by which a refit must fall below the fit's optimum for it to be reported
 
 
 @dataclass(frozen=True, eq=False)
-class Pinned:
-    """A problem with one of its parameters held."""
-
-    problem: Problem
-    entry: int
-    value: float
-
-    @property
-    def dimension(self) -> int:
-        """Number of variables left in the unit box."""
-        return self.problem.dimension - 1
-
-    @property
-    def extra(self) -> int:
-        """Number of nuisances."""
-        return self.problem.extra
-
-    @property
-    def prices(self) -> tuple[float, ...]:
-        """Price of one trajectory on each rung."""
-        return self.problem.prices
-
-    def whole(self, Z: FloatArray) -> FloatArray:
-        """Return vectors of the whole problem."""
-        return np.insert(Z, self.entry, self.value, axis=1)
-
-    def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
-        """Return weighted residuals (B, n_r)."""
-        return self.problem.residuals(self.whole(Z), rung)
-
-    def costs(self, X: FloatArray, rung: int) -> FloatArray:
-        """Return costs (B,) with the nuisances at their start."""
-        return self.problem.costs(self.whole(X), rung)
-
-    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
-        """Return the derivative by what is left, and the trajectories it took."""
-        jacobian, spent = self.problem.jacobian(self.whole(z[None, :])[0], rung, r)
-        return np.delete(jacobian, self.entry, axis=1), spent
-
-    def reference(self, rung: int) -> float:
-        """Return the trivial model's cost."""
-        return self.problem.reference(rung)
-
-
-@dataclass(frozen=True, eq=False)
-class Profile:
+class ProfileLikelihood:
     """The profile of one parameter, in the unit box.
 
     Attributes
@@ -96,7 +67,7 @@ class Profile:
     better: float
 
 
-def profile(optimum: Optimum, entry: int, factor: float = 1.0) -> Profile:
+def profile_likelihood(optimum: Optimum, entry: int, factor: float = 1.0) -> ProfileLikelihood:
     """Return the profile of one parameter.
 
     Parameters
@@ -114,7 +85,7 @@ def profile(optimum: Optimum, entry: int, factor: float = 1.0) -> Profile:
     ends = [side.end() for side in sides]
     tried = sorted([(float(optimum.z[entry]), 0.0), *(point for side in sides for point in side.points)])
     better = max([better, *(side.better for side in sides)])
-    return Profile(ends[0], ends[1], np.array(tried), better)
+    return ProfileLikelihood(ends[0], ends[1], np.array(tried), better)
 
 
 def _refitted(optimum: Optimum, entry: int, value: float, start: FloatArray) -> Refinement:
@@ -212,3 +183,121 @@ def _cross(below: tuple[float, float], above: tuple[float, float]) -> float:
     if not np.isfinite(high):
         return 0.5 * (a + b)
     return b if high <= low else a + (b - a) * (NORMAL_95 - low) / (high - low)
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Hold one parameter after the other on a row of values and refit the others.
+
+    Attributes
+    ----------
+    parameters : tuple of str
+        Names; ``doubtful`` stands for all whose identifiability is in doubt, or that lie at a bound.
+    pool : Pool
+    store : Path, optional
+        What is done is kept there, and not done again; in a temporary folder when absent.
+    """
+
+    parameters: tuple[str, ...] = (DOUBTFUL,)
+    pool: Pool = field(default_factory=LocalProcesses)
+    store: Path | None = None
+
+    name: str = field(default="profile", init=False)
+
+    def __call__(self, fit: AssessedFit, watch: Watch) -> Finding:
+        """Return likelihood-ratio intervals; NaN for an end that the data leave open."""
+        plan = profile_plan(fit, selected(fit, self.parameters))
+
+        def report(done: Tally) -> None:
+            watch(f"profile: {done.done} of {done.total} parameters {done.note}".rstrip())
+
+        with tempfile.TemporaryDirectory(prefix="stoop-") as folder:
+            store = self.store or Path(folder) / "profile.sqlite"
+            return Finding(_intervals(fit, execute(plan, store, self.pool, report)))
+
+
+def selected(fit: AssessedFit, wanted: Sequence[str]) -> tuple[str, ...]:
+    """Return the parameters that are profiled.
+
+    Raises
+    ------
+    IdentificationError
+        A name that is not free.
+    """
+    check_names(fit.names, wanted)
+    doubtful = [
+        name
+        for name, held in zip(fit.names, fit.bars.at_bound, strict=False)
+        if held or fit.bars.identifiability[name].reason
+    ]
+    return tuple(dict.fromkeys(name for one in wanted for name in (doubtful if one == DOUBTFUL else [one])))
+
+
+def check_names(free: Sequence[str], wanted: Sequence[str]) -> None:
+    """Refuse a name that is not among the free parameters.
+
+    Raises
+    ------
+    IdentificationError
+    """
+    for name in wanted:
+        if name != DOUBTFUL and name not in free:
+            raise IdentificationError(f"profile '{name}': no free parameter; {nearest(name, free)}")
+
+
+def profile_plan(fit: AssessedFit, names: Sequence[str]) -> Plan:
+    """Return the campaign: one run a parameter."""
+    problem = fit.packed({})
+    digest = hashlib.sha256(problem.encode()).hexdigest()
+    free, plain = fit.free, np.sqrt(np.diag(fit.uncertainty.cramer_rao))
+    with np.errstate(invalid="ignore"):
+        factors = dict(zip(free.tolist(), (fit.bars.std[free] / plain[: len(free)]).tolist(), strict=True))
+    runs = []
+    for name in names:
+        entry = fit.names.index(name)
+        factor = factors.get(entry, np.nan)
+        given = {"problem": problem, "entry": entry, "factor": factor if np.isfinite(factor) else 1.0}
+        runs.append(Run(name, WORK, given))
+    return Plan("profile likelihoods of a fit", {"problem": digest}, tuple(runs))
+
+
+def profile_one(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> list[Json]:
+    """Return the profile of one parameter, in the unit box: the work of a run."""
+    given: Any = arguments
+    with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
+        optimum = _unpacked(str(given["problem"]))
+        found = profile_likelihood(optimum, int(given["entry"]), float(given["factor"]))
+    done: dict[str, Json] = {
+        "ends": [found.lower, found.upper],
+        "points": found.points.tolist(),
+        "better": found.better,
+    }
+    return [done for _ in stops]
+
+
+@lru_cache(maxsize=1)
+def _unpacked(text: str) -> Optimum:
+    problem, arrays = unpack(text)
+    optimum = linearize(problem, arrays["z"], arrays["free"].astype(np.intp))
+    return optimum if isinstance(problem, Misfit) else stationary(optimum)
+
+
+def _intervals(fit: AssessedFit, results: Mapping[str, Any]) -> MethodIntervals:
+    layout, parameters, notices = fit.fit.problem.layout, {}, list[Notice]()
+    if len(results) < len(fit.names):
+        notices.append(notice("profile-of-some-parameters"))
+    for name, found in results.items():
+        entry = fit.names.index(name)
+        p = layout.parameters[entry]
+        low, high = (layout.lower[entry] + layout.width[entry] * float(end) for end in found["ends"])
+        parameters[name] = Interval(float(high - low) / (2.0 * NORMAL_95), float(low), float(high))
+        below, above = not np.isfinite(low), not np.isfinite(high)
+        if below or above:
+            code = (
+                "profile-open" if below and above else "profile-open-below" if below else "profile-open-above"
+            )
+            notices.append(notice(code, name, lower=p.lower, upper=p.upper))
+        if found["better"] > BETTER:
+            notices.append(notice("profile-better-optimum", name))
+    refits = sum(len(found["points"]) - 1 for found in results.values())
+    return MethodIntervals(parameters, {"refits": float(refits)}, tuple(map(str, notices)))

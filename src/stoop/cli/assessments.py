@@ -11,11 +11,11 @@ from stoop.cli.numbers import at_least_one
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from stoop.assess.assessment import Assessment
     from stoop.cli.progress import Watch
     from stoop.flight import Flight
     from stoop.vehicle import Vehicle
     from stoop.workflow import Job
-    from stoop.workflow.case import Assessment
 
 STORES = ("bootstrap.sqlite", "profile.sqlite")  #: in the output folder while the work goes on
 
@@ -50,10 +50,10 @@ def check(arguments: argparse.Namespace, vehicle: Vehicle, flights: Sequence[Fli
     """
     if not wanted(arguments):
         return
-    from stoop.assess.ensemble import libraries
+    from stoop.assess.assessment import check_method
+    from stoop.assess.posterior import libraries
+    from stoop.assess.profile import check_names
     from stoop.estimate.methods import choose_method
-    from stoop.workflow.case import check_method
-    from stoop.workflow.profile import check_names
 
     check_method(choose_method(arguments.method, vehicle, flights).name)
     if arguments.posterior:
@@ -63,8 +63,8 @@ def check(arguments: argparse.Namespace, vehicle: Vehicle, flights: Sequence[Fli
 
 def asked(arguments: argparse.Namespace) -> list[Assessment]:
     """Return the assessments that were asked for."""
+    from stoop.assess.profile import DOUBTFUL
     from stoop.workflow import Bootstrap, Posterior, Profile
-    from stoop.workflow.profile import DOUBTFUL
 
     folder = arguments.output
     out: list[Assessment] = []

@@ -14,7 +14,7 @@ from stoop.cli.point import LOG_HELP, MAPPING_HELP
 from stoop.cli.spans import add_window, spans
 
 if TYPE_CHECKING:
-    from stoop.reconstruct.result import Compatibility
+    from stoop.reconstruct.compatibility import Compatibility
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,6 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _tell(out: Page, result: Compatibility) -> None:
+    from stoop.base.notices import of_severity
     from stoop.base.numbers import factor_and_unit, number, rounded_to_error
     from stoop.cli.tables import words
 
@@ -68,7 +69,8 @@ def _tell(out: Page, result: Compatibility) -> None:
         shown = number(factor * left.rms, 3), number(factor * left.movement, 3)
         out.line(f"{name:16}{shown[0]:>8} {unit:6} of {shown[1]:>8} {unit} movement")
     out.heading("What is inconsistent")
-    out.bullets(result.warnings or ("nothing evident",))
-    if result.notes:
+    out.bullets(map(str, of_severity(result.notices, "warning") or ("nothing evident",)))
+    notes = of_severity(result.notices, "info")
+    if notes:
         out.heading("Notes")
-        out.bullets(result.notes)
+        out.bullets(map(str, notes))

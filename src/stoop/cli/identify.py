@@ -19,6 +19,7 @@ from stoop.cli.point import LOG_HELP, MAPPING_HELP, VEHICLE_HELP
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from stoop.assess.repeatability import SingleFit
     from stoop.cli.progress import Watch
     from stoop.estimate.fit import Options
     from stoop.flight import Flight
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from stoop.workflow import Job
     from stoop.workflow.checkpoint import Checkpoint
     from stoop.workflow.identification import Search
-    from stoop.workflow.repeat import Alone
 
 _WINDOW = "[FLIGHT@]START:STOP[#LOADING]"
 _INTERRUPTED = 130
@@ -227,7 +227,7 @@ def _identify(
     return job, ctrl_c.came or done.fit.outcome.status == "interrupted"
 
 
-def _alone(done: Search, checkpoint: Checkpoint, watch: Watch) -> list[Alone]:
+def _alone(done: Search, checkpoint: Checkpoint, watch: Watch) -> list[SingleFit]:
     """Fit every maneuver alone; the search that was done is safe meanwhile."""
     from stoop.workflow.repeat import fit_alone
 

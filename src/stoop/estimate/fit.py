@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -109,6 +110,9 @@ class Fit:
         Readings of each piece, where they are not those of one simulation from its first sample.
     white : (D + E, D + E), optional
         Like `covariance`, as if residuals were white, where the method looked at their color.
+    local_problem : callable, optional
+        Gives the problem (:class:`stoop.optimize.Problem`) whose least-squares optimum is the estimate, for refits near
+        it, where `problem` is not that.
     noise_given : bool
         Whether the covariance of the measurement noise was given and not estimated.
     """
@@ -123,6 +127,7 @@ class Fit:
     noise: FloatArray | None = None
     covariance: FloatArray | None = None
     own_evidence: Evidence | None = None
+    local_problem: Callable[[], Any] | None = None
     simulated: tuple[FloatArray, ...] | None = None
     white: FloatArray | None = None
     noise_given: bool = False

@@ -1,4 +1,4 @@
-"""Methods of identification by name: the function that fits, and the function that gives error bars.
+"""Methods of identification by name.
 
 ``fit(vehicle, flights, windows, options, callback, state) -> Fit``
     Turns windows of flights into estimates. `stoop.estimate.fit.estimation_problem` gives the problem: pieces, layout of
@@ -10,6 +10,9 @@
     - ``outcome``: how it ended; ``notices``: how to read it, and what is doubtful.
 
     `callback` and `state` belong to searches that can be resumed; others ignore them.
+
+Error bars come from the evidence, the same way for all methods: `stoop.assess.error_bars`. ``local_problem`` gives the
+least-squares problem for refits near the estimate where it is not ``problem``.
 
 To add a method, write its function and add one line to `_METHODS`.
 """
@@ -36,9 +39,6 @@ MIN_MOTOR_RATE: Final = 100.0
 simulated flight with shaken motors (tests/recovery/test_slow_motors.py) multiple shooting makes the inertia 0.39 too large at 50
 Hz, 0.13 at 100 Hz and 0.05 at 125 Hz; equation error 0.24, 0.06 and 0.03. Above, only multiple shooting knows its error bars."""
 GRID_SHARE: Final = 0.98  #: of the grid's rate: what was logged faster than that is used as it was logged
-_SENSITIVITIES = "stoop.workflow.errorbars:error_bars"
-_INNOVATIONS = "stoop.workflow.filterbars:error_bars"
-_GIVEN = "stoop.workflow.givenbars:error_bars"
 
 
 @dataclass(frozen=True)
@@ -47,49 +47,43 @@ class Method:
 
     Attributes
     ----------
-    fit, error_bars : str
+    fit : str
         ``"module:function"``, see the head of this module.
     purpose : str
         What it is for, in a few words.
+    simulates : bool
+        Whether residuals are those of a simulation, so that bootstrap, posterior and profile can refit it.
     """
 
     fit: str
-    error_bars: str
     purpose: str
+    simulates: bool = True
 
     def fitter(self) -> Callable[..., Any]:
         """Return the function that fits."""
         return _imported(self.fit)
 
-    def judge(self) -> Callable[..., Any]:
-        """Return the function that gives error bars."""
-        return _imported(self.error_bars)
-
 
 _METHODS: Final[dict[str, Method]] = {
-    DEFAULT: Method("stoop.estimate.fit:fit", _SENSITIVITIES, "flights in calm air"),
-    "filter-error": Method(
-        "stoop.estimate.filter_error.method:steady", _INNOVATIONS, "flights in turbulence"
-    ),
+    DEFAULT: Method("stoop.estimate.fit:fit", "flights in calm air"),
+    "filter-error": Method("stoop.estimate.filter_error.method:steady", "flights in turbulence"),
     "filter-error-ekf": Method(
         "stoop.estimate.filter_error.method:varying",
-        _INNOVATIONS,
         "likewise, with a gain that follows large maneuvers",
     ),
     "multiple-shooting": Method(
         "stoop.estimate.shooting.method:fit",
-        _INNOVATIONS,
         "vehicles that are unstable or fly on rotors: short windows",
     ),
     "equation-error": Method(
         "stoop.estimate.regression.method:equation_error",
-        _GIVEN,
         "a first look without a simulation: smoothed samples",
+        simulates=False,
     ),
     "frequency-domain": Method(
         "stoop.estimate.regression.method:frequency_domain",
-        _GIVEN,
         "likewise, on the Fourier coefficients of a band",
+        simulates=False,
     ),
 }
 

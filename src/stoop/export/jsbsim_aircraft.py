@@ -1,26 +1,56 @@
-"""A vehicle as a JSBSim aircraft file; every number with all its digits, in JSBSim's own units.
+"""A vehicle as the folder that JSBSim takes as its root: aircraft, flat planet, steady flight, script; and read back.
 
-JSBSim converts SI units with rounded factors (2.20462 lb per kg), so the factors here are exact and the file
-holds feet, inches, pounds and slugs. Its structural axes point aft, right and up.
+JSBSim converts SI units with rounded factors (2.20462 lb per kg), so the factors here are exact and the files
+hold feet, inches, pounds and slugs, every number with all its digits. Its structural axes point aft, right and up.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Final
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element, SubElement
 
 from stoop.base.units import FOOT, INCH, SLUG
 from stoop.errors import VehicleError, one_line
-from stoop.export.jsbsim_control import delays, flight_control
-from stoop.export.jsbsim_function import leaf, number
-from stoop.export.jsbsim_model import THRUST, Physics, aerodynamics, pounds
+from stoop.export.jsbsim_flight import FRAME_RATE, INTEGRATORS, START, sortie
+from stoop.export.jsbsim_model import (
+    THRUST,
+    Physics,
+    aerodynamics,
+    coefficient,
+    delays,
+    flight_control,
+    leaf,
+    number,
+    pounds,
+)
+from stoop.export.record import Record, file_name
 from stoop.vehicle import Vehicle
 
 POUNDS_PER_SLUG: Final = 32.174049  #: what JSBSim takes a weight to a mass with (FGJSBBase)
-_AXES: Final = ("x", "y", "z")
 Point = tuple[float, float, float]
+RADIUS: Final = 1e10  #: m; over it the air turns by 1e-7 rad in a kilometer, and gravity falls by as much
+PLANET: Final = "flat.xml"
+STEADY: Final = "steady"
+_AXES: Final = {"x": -1.0, "y": 1.0, "z": -1.0}  #: signs of JSBSim's structural axes
+_METRICS: Final = {
+    "wingarea": ("reference.area", FOOT**2, "FT2"),
+    "wingspan": ("reference.span", FOOT, "FT"),
+    "chord": ("reference.chord", FOOT, "FT"),
+}
+_LOCATIONS: Final = {
+    "AERORP": "reference.moment_point",
+    "EYEPOINT": "sensors.accelerometer_position",
+    "VRP": "mass.center_of_gravity",
+}
+_INERTIA: Final = {"xx": 1.0, "yy": 1.0, "zz": 1.0, "xy": 1.0, "xz": -1.0, "yz": 1.0}  #: sign by axes
+_INERTIA_UNIT: Final = SLUG * FOOT**2
+_INITIAL: Final = {
+    "u": ("ubody", "FT/SEC"), "v": ("vbody", "FT/SEC"), "w": ("wbody", "FT/SEC"),
+    "phi": ("phi", "RAD"), "theta": ("theta", "RAD"), "psi": ("psi", "RAD"), "h": ("altitude", "FT"),
+}  #: element and unit of an initialization file  # fmt: skip
 
 
 def aircraft(vehicle: Vehicle) -> str:
@@ -103,30 +133,26 @@ def _measured(tag: str, x: float, unit: str) -> Element:
 def location(where: Point, name: str | None = None) -> Element:
     """Return a point, m forward, right, down, in JSBSim's inches aft, right, up."""
     out = Element("location", {"unit": "IN"} if name is None else {"name": name, "unit": "IN"})
-    signs = (-1.0, 1.0, -1.0)
-    out.extend(leaf(a, number(s * x / INCH + 0.0)) for a, s, x in zip(_AXES, signs, where, strict=True))
+    out.extend(leaf(a, number(s * x / INCH + 0.0)) for (a, s), x in zip(_AXES.items(), where, strict=True))
     return out
 
 
 def _metrics(vehicle: Vehicle) -> Element:
     out = Element("metrics")
-    out.append(_measured("wingarea", vehicle.value("reference.area") / FOOT**2, "FT2"))
-    out.append(_measured("wingspan", vehicle.value("reference.span") / FOOT, "FT"))
-    out.append(_measured("chord", vehicle.value("reference.chord") / FOOT, "FT"))
-    out.append(location(point(vehicle, "reference.moment_point"), "AERORP"))
-    out.append(location(point(vehicle, "sensors.accelerometer_position"), "EYEPOINT"))
-    out.append(location(point(vehicle, "mass.center_of_gravity"), "VRP"))
+    for tag, (name, size, unit) in _METRICS.items():
+        out.append(_measured(tag, vehicle.value(name) / size, unit))
+    for tag, name in _LOCATIONS.items():
+        out.append(location(point(vehicle, name), tag))
     return out
 
 
 def _mass_balance(vehicle: Vehicle) -> Element:
     """Return mass properties; JSBSim's products of inertia are elements of the tensor in structural axes."""
     out = Element("mass_balance", {"negated_crossproduct_inertia": "true"})
-    moment = SLUG * FOOT**2
-    for axes, sign in (("xx", 1.0), ("yy", 1.0), ("zz", 1.0), ("xy", 1.0), ("xz", -1.0), ("yz", 1.0)):
+    for axes, sign in _INERTIA.items():
         name = f"mass.inertia.{axes}"
         inertia = vehicle.value(name) if name in vehicle.rows else 0.0
-        out.append(_measured(f"i{axes}", sign * inertia / moment + 0.0, "SLUG*FT2"))
+        out.append(_measured(f"i{axes}", sign * inertia / _INERTIA_UNIT + 0.0, "SLUG*FT2"))
     out.append(_measured("emptywt", vehicle.value("mass.mass") / SLUG * POUNDS_PER_SLUG, "LBS"))
     out.append(location(point(vehicle, "mass.center_of_gravity"), "CG"))
     return out
@@ -143,3 +169,104 @@ def _thrust(vehicle: Vehicle) -> Element:
     along = (math.cos(pitch), 0.0, -math.sin(pitch))
     direction.extend(leaf(a, number(x + 0.0)) for a, x in zip(_AXES, along, strict=True))
     return out
+
+
+def folder(vehicle: Vehicle, steady: Record | None) -> dict[str, str]:
+    """Return the files by their place below the root.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    steady : Record, optional
+        A steady flight, of which the start is used.
+
+    Raises
+    ------
+    VehicleError
+        What JSBSim cannot fly.
+    """
+    name = file_name(vehicle.name)
+    out = {
+        f"aircraft/{name}/{name}.xml": aircraft(vehicle),
+        PLANET: flat_planet(vehicle.value("environment.gravity")),
+    }
+    if steady is not None:
+        out[f"aircraft/{name}/{STEADY}.xml"] = initialization(steady, name)
+        out[f"scripts/{name}.xml"] = script(steady, name)
+    return out
+
+
+def flat_planet(gravity: float) -> str:
+    """Return a planet that does not turn and is too large to be round: constant gravity, m/s2."""
+    radius = RADIUS / FOOT
+    out = Element("planet", {"name": "flat"})
+    for tag, x, unit in (
+        ("semimajor_axis", radius, "FT"),
+        ("semiminor_axis", radius, "FT"),
+        ("rotation_rate", 0.0, "RAD/SEC"),
+        ("GM", gravity / FOOT * radius**2, "FT3/SEC2"),
+        ("J2", 0.0, None),
+    ):
+        item = SubElement(out, tag, {} if unit is None else {"unit": unit})
+        item.text = number(x)
+    return document(out)
+
+
+def initialization(steady: Record, name: str) -> str:
+    """Return the start of a steady flight as JSBSim reads it."""
+    start = sortie(name, steady, None).start
+    out = Element("initialize", {"name": STEADY})
+    for key, (tag, unit) in _INITIAL.items():
+        item = leaf(tag, number(start[key] / START[key][1]))
+        item.set("unit", unit)
+        out.append(item)
+    for tag in ("latitude", "longitude"):
+        out.append(leaf(tag, "0.0"))
+    return document(out)
+
+
+def script(steady: Record, name: str) -> str:
+    """Return a script that holds the steady flight for its time."""
+    flown = sortie(name, steady, None)
+    out = Element("runscript", {"name": one_line(steady.vehicle.name)})
+    SubElement(out, "description").text = "A steady flight; made by stoop export"
+    SubElement(out, "use", {"aircraft": name, "initialize": STEADY})
+    length = float(steady.time[-1] - steady.time[0])
+    run = SubElement(out, "run", {"start": "0.0", "end": number(length), "dt": number(1.0 / FRAME_RATE)})
+    held = {**INTEGRATORS, **flown.held, **{n: float(column[0]) for n, column in flown.inputs.items()}}
+    for place, x in held.items():
+        SubElement(run, "property", {"value": number(x)}).text = place
+    return document(out)
+
+
+def read_numbers(text: str) -> dict[str, float]:
+    """Return mass properties, geometry and aerodynamic coefficients of an aircraft file that stoop wrote, SI.
+
+    The text is trusted: it is read to check what was written.
+    """
+    root = ET.fromstring(text)  # noqa: S314 - our own
+    out = {}
+    for term in root.iterfind("aerodynamics/axis/function[product]"):
+        # the last but one factor of the product: the last is what it multiplies
+        factors = list(term.iterfind("product/*"))
+        out[term.get("name", "").removeprefix(coefficient(""))] = float(factors[-2].text or "nan")
+    for tag, (name, size, _) in _METRICS.items():
+        out[name] = _value(root, f"metrics/{tag}") * size
+    out["mass.mass"] = _value(root, "mass_balance/emptywt") / POUNDS_PER_SLUG * SLUG
+    for axes, sign in _INERTIA.items():
+        out[f"mass.inertia.{axes}"] = sign * (_value(root, f"mass_balance/i{axes}") * _INERTIA_UNIT)
+    for place in root.iter("location"):
+        if point_name := {**_LOCATIONS, "CG": "mass.center_of_gravity"}.get(place.get("name", "")):
+            out |= {f"{point_name}.{a}": s * _value(place, a) * INCH for a, s in _AXES.items()}
+    return out
+
+
+def _value(root: Element, path: str) -> float:
+    return float(root.findtext(path) or "nan")
+
+
+def relative_errors(vehicle: Vehicle, text: str) -> Mapping[str, float]:
+    """Return the relative difference of each written number from the vehicle's; of a zero, the absolute one."""
+    read = read_numbers(text)
+    own = {name: vehicle.value(name) for name in read if name in vehicle.rows}
+    return {name: abs(read[name] - x) / (abs(x) or 1.0) for name, x in own.items()}

@@ -8,7 +8,7 @@ the pilot is a frame old, so forces and angular accelerations are read instead.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -16,8 +16,16 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.rotations import quaternions_of
 from stoop.base.units import FOOT, POUND_FORCE, SLUG
+from stoop.base.variables import EULER
 from stoop.errors import SimulationError, StoopError
+from stoop.export.jsbsim_model import channel, channel_start, constant_thrust, delays, lag_start, lagged
+from stoop.export.record import Record
+from stoop.simulate import parameter_rows
+from stoop.simulate.delays import late_outputs
+from stoop.simulate.initial import commanded, rigid_states
+from stoop.vehicle import Vehicle
 
 FRAME_RATE: Final = 1000.0  #: Hz at least
 MIDDLE_LATITUDE: Final = math.pi / 4.0  #: rad, where the Earth pulls as the standard gravity does
@@ -160,6 +168,84 @@ def specific_force(flown: Mapping[str, FloatArray]) -> FloatArray:
     return np.stack([flown[a] / flown["mass"] for a in "XYZ"])
 
 
-def named(names: Sequence[str], flown: Mapping[str, FloatArray]) -> FloatArray:
-    """Return (k, n) of the named columns."""
-    return np.stack([flown[n] for n in names])
+def jsbsim_readings(
+    root: Path,
+    name: str,
+    record: Record,
+    planet: Path | None,
+    rate: float = FRAME_RATE,
+) -> FloatArray:
+    """Return what JSBSim flies, read by the same instruments: (n, n_y).
+
+    Parameters
+    ----------
+    root : Path
+        JSBSim's root folder.
+    name : str
+        Folder of the aircraft in it.
+    record : Record
+    planet : Path or None
+        A planet file; JSBSim's own Earth without one.
+    rate : float, Hz
+        Of JSBSim's frames, at least.
+    """
+    flown = fly(root, sortie(name, record, planet, rate))
+    vehicle = record.vehicle
+    out = instruments(vehicle)(flown).T[None]
+    return np.asarray(late_outputs(vehicle, out, parameter_rows(vehicle), record.dt)[0])
+
+
+def sortie(name: str, record: Record, planet: Path | None, rate: float = FRAME_RATE) -> Sortie:
+    """Return what JSBSim is to fly."""
+    vehicle = record.vehicle
+    rigid = {k: float(v[0]) for k, v in rigid_states(record.start).items() if k in (*"uvwpqr", "h")}
+    start = rigid | {a: float(record.start.get(a, 0.0)) for a in EULER}
+    columns = {n: record.inputs[:, i] for i, n in enumerate(vehicle.inputs) if n != "none"}
+    held = {channel_start(n): float(columns[n][0]) for n in delays(vehicle)}
+    frames = frames_per_sample(record.dt, rate)
+    held |= {lag_start(c): _surface_start(record, c, record.dt / frames) for c in lagged(vehicle)}
+    held |= constant_thrust(vehicle)
+    return Sortie(name, start, record.time, {channel(n): c for n, c in columns.items()}, held, planet, frames)
+
+
+def _surface_start(record: Record, control: str, dt: float) -> float:
+    """Return the start value that makes JSBSim's lag filter begin where the surface of the record does.
+
+    The filter y1 = ca (x1 + x0) + cb y0 runs once before the flight, with zeros behind it; so the surface begins
+    at S + ca (x0 - S) for a start value S and a command x0.
+    """
+    vehicle = record.vehicle
+    step = dt / vehicle.value(f"controls.{control}.lag")
+    command = float(commanded(vehicle, control, parameter_rows(vehicle), record.inputs[0])[0])
+    return command + float(record.start.get(f"{control}.lag", 0.0)) * (2.0 + step) / 2.0
+
+
+def instruments(vehicle: Vehicle) -> Any:
+    """Return the function that reads (n_y, n) instruments off what JSBSim flew."""
+    import sympy as sp
+
+    from stoop.vehicle.symbolic import instruments as read
+    from stoop.vehicle.symbolic.frames import air, attitude
+    from stoop.vehicle.symbolic.symbols import Numbers
+
+    n = Numbers.of(vehicle)
+    names = ("u", "v", "w", "p", "q", "r", "pdot", "qdot", "rdot", "X", "Y", "Z", "e0", "e1", "e2", "e3")
+    s = {name: sp.Symbol(f"jsbsim {name}", real=True) for name in names}
+    velocity, omega = (s["u"], s["v"], s["w"]), (s["p"], s["q"], s["r"])
+    felt = read.accelerometer(n, (s["X"], s["Y"], s["Z"]), omega, (s["pdot"], s["qdot"], s["rdot"]))
+    turned = attitude((s["e0"], s["e1"], s["e2"], s["e3"]))
+    truth = read.truth(air(velocity).V, read.vane(n, velocity, omega), omega, turned, felt)
+    readings = read.readings(n, truth)
+    numbers = dict(zip(n.symbols, vehicle.values.tolist(), strict=True))
+    expressions = [sp.sympify(readings[c]).xreplace(numbers) for c in vehicle.outputs]
+    function = sp.lambdify(list(s.values()), expressions, "numpy")
+
+    def apply(flown: Mapping[str, FloatArray]) -> FloatArray:
+        force = dict(zip("XYZ", specific_force(flown), strict=True))
+        angles = np.column_stack([flown[a] for a in EULER])
+        turn = dict(zip(names[-4:], quaternions_of(angles).T, strict=True))
+        known = {**flown, **force, **turn}
+        columns = function(*(known[name] for name in names))
+        return np.stack([np.broadcast_to(c, flown["u"].shape) for c in columns])
+
+    return apply

@@ -1,12 +1,16 @@
-"""A vehicle's aerodynamics and thrust as JSBSim functions, from the symbols that make the compiled kernel.
+"""A vehicle's equations as JSBSim functions: controls, aerodynamics and thrust, from the symbols of the compiled kernel.
 
-Inside the functions all is SI, as in the vehicle file; JSBSim's own units appear at their borders only:
-what is read (``velocities/vt-fps``) and what an axis or a force returns (pounds, foot-pounds).
+Inside the functions all is SI, as in the vehicle file; JSBSim's own units appear at their borders only: what is read
+(``velocities/vt-fps``) and what an axis or a force returns (pounds, foot-pounds).
+
+JSBSim's ``delay`` of N frames passes a signal N - 1 frames late (1.3.3), and none at all for N = 0. Fractions of a frame
+are interpolated here. Its delays and lags begin with zeros, so what goes through them is the deviation from a start
+value, which is a property.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 from xml.etree.ElementTree import Element, SubElement
@@ -14,7 +18,10 @@ from xml.etree.ElementTree import Element, SubElement
 import sympy as sp
 
 from stoop.base.units import FOOT, POUND_FORCE, SLUG
-from stoop.export.jsbsim_function import convert, function, node, prop, value
+from stoop.simulate import parameter_rows
+from stoop.simulate.delays import input_delays
+from stoop.simulate.initial import commanded
+from stoop.simulate.trim import neutral_inputs
 from stoop.vehicle import Vehicle, terms
 from stoop.vehicle.symbolic import component, forces
 from stoop.vehicle.symbolic.frames import Air
@@ -26,6 +33,91 @@ AIRSPEED: Final = "stoop/air/V-m_sec"
 DENSITY: Final = "stoop/air/density-kg_m3"
 PRESSURE_AREA: Final = "stoop/air/dynamic-pressure-area-lbs"
 THRUST: Final = "stoop/thrust-N"
+FRAME: Final = "simulation/channel-dt"
+
+
+def number(value: float) -> str:
+    """Return a number as text that reads back as the same double."""
+    return repr(float(value))
+
+
+def leaf(tag: str, text: str) -> Element:
+    """Return an element that holds text."""
+    out = Element(tag)
+    out.text = text
+    return out
+
+
+def value(x: float) -> Element:
+    """Return a constant."""
+    return leaf("value", number(x))
+
+
+def prop(name: str) -> Element:
+    """Return the value of a property."""
+    return leaf("property", name)
+
+
+def node(tag: str, *children: Element) -> Element:
+    """Return an operation on its arguments; a sum or product of one is that one."""
+    if tag in ("sum", "product") and len(children) == 1:
+        return children[0]
+    out = Element(tag)
+    out.extend(children)
+    return out
+
+
+def function(name: str, body: Element, description: str = "") -> Element:
+    """Return a named function: its value is the property of that name."""
+    out = Element("function", {"name": name})
+    if description:
+        SubElement(out, "description").text = description
+    out.append(body)
+    return out
+
+
+def convert(expr: Any, names: Mapping[Any, str]) -> Element:
+    """Turn an expression into the element that computes it.
+
+    Parameters
+    ----------
+    expr : SymPy expression of symbols, numbers, sums, products, whole or half powers and ``Abs``
+    names : mapping of symbol to property
+
+    Raises
+    ------
+    NotImplementedError
+        A function that vehicle files cannot express.
+    """
+    expr = sp.sympify(expr)
+    if expr.is_Symbol:
+        return prop(names[expr])
+    if expr.is_Number:
+        return value(float(expr))
+    if expr.is_Add:
+        return node("sum", *(convert(a, names) for a in expr.args))
+    if expr.is_Mul:
+        return _product(expr, names)
+    if expr.is_Pow:
+        return _power(expr, names)
+    if isinstance(expr, sp.Abs):
+        return node("abs", convert(expr.args[0], names))
+    raise NotImplementedError(f"{type(expr).__name__} has no form in JSBSim")
+
+
+def _product(expr: Any, names: Mapping[Any, str]) -> Element:
+    """Write what is below the line as a quotient, so that no reciprocal is rounded."""
+    above, below = sp.fraction(expr)
+    if below == 1:
+        return node("product", *(convert(a, names) for a in expr.args))
+    return node("quotient", convert(above, names), convert(below, names))
+
+
+def _power(expr: Any, names: Mapping[Any, str]) -> Element:
+    base, exponent = expr.args
+    if exponent.is_negative:
+        return node("quotient", value(1.0), convert(base**-exponent, names))
+    return node("pow", convert(base, names), value(float(exponent)))
 
 
 def channel(name: str) -> str:
@@ -174,3 +266,121 @@ def pounds(name: str) -> Element:
     body = SubElement(out, "product")
     body.extend([prop(name), value(1.0 / POUND_FORCE)])
     return out
+
+
+def channel_start(name: str) -> str:
+    """Return the property of the value that a delayed channel had before the flight began."""
+    return f"stoop/start/{name}"
+
+
+def lag_start(control: str) -> str:
+    """Return the property of where a lagged surface stood before the flight began, rad."""
+    return f"stoop/start/{control}-rad"
+
+
+def delayed(name: str) -> str:
+    """Return the property of a channel as the surfaces receive it."""
+    return f"stoop/delayed/{name}"
+
+
+def delays(vehicle: Vehicle) -> dict[str, float]:
+    """Return the delay of each channel that has one, s."""
+    return {vehicle.inputs[i]: float(vehicle.values[row]) for i, row in input_delays(vehicle)}
+
+
+def lagged(vehicle: Vehicle) -> tuple[str, ...]:
+    """Return the controls whose surface follows with a lag."""
+    return tuple(s.removesuffix(".lag") for s in vehicle.states if s.endswith(".lag"))
+
+
+def flight_control(vehicle: Vehicle) -> Element:
+    """Return the flight control section."""
+    out = Element("flight_control", {"name": "controls"})
+    neutral = neutral_inputs(vehicle, 0.0)
+    late = delays(vehicle)
+    for name, x in zip(vehicle.inputs, neutral.tolist(), strict=True):
+        if name != "none":
+            _declare(out, channel(name), x)
+        if name in late:
+            _declare(out, channel_start(name), x)
+    rows = parameter_rows(vehicle)
+    for control in lagged(vehicle):
+        _declare(out, lag_start(control), float(commanded(vehicle, control, rows, neutral)[0]))
+    for name, x in constant_thrust(vehicle).items():
+        _declare(out, name, x)
+    for name, seconds in late.items():
+        out.append(_channel(name, _delay(name, seconds)))
+    for control in vehicle.controls:
+        out.append(_channel(control, _surface(vehicle, control, late)))
+    return out
+
+
+def _declare(parent: Element, name: str, x: float) -> None:
+    SubElement(parent, "property", {"value": number(x)}).text = name
+
+
+def _channel(name: str, components: Iterator[Element]) -> Element:
+    out = Element("channel", {"name": name})
+    out.extend(components)
+    return out
+
+
+def _component(name: str, body: Element) -> Element:
+    out = Element("fcs_function", {"name": name})
+    out.append(node("function", body))
+    return out
+
+
+def _late(name: str, source: str, kind: str, amount: str) -> Element:
+    out = Element("actuator", {"name": name})  # the only component of 1.3.3 that minds its delay
+    out.append(leaf("input", source))
+    SubElement(out, "delay", {"type": kind}).text = amount
+    return out
+
+
+def _delay(name: str, seconds: float) -> Iterator[Element]:
+    """Yield what makes a channel late by a time that need not be whole frames."""
+    moved, earlier, middle, later = (f"stoop/late/{name}-{i}" for i in range(4))
+    yield _component(moved, node("difference", prop(channel(name)), prop(channel_start(name))))
+    yield _late(earlier, moved, "time", number(seconds))
+    yield _late(middle, earlier, "frames", "2")
+    yield _late(later, middle, "frames", "2")
+    below = node("lt", value(seconds), prop(FRAME))
+    between = node("ifthen", below, _blend(earlier, middle, seconds), _blend(middle, later, seconds))
+    yield _component(delayed(name), node("sum", prop(channel_start(name)), between))
+
+
+def _blend(a: str, b: str, seconds: float) -> Element:
+    """Return a value between one frame and the next: how far is the fraction of the delay in frames."""
+    weight = node("fraction", node("quotient", value(seconds), prop(FRAME)))
+    return node("sum", prop(a), node("product", weight, node("difference", prop(b), prop(a))))
+
+
+def _surface(vehicle: Vehicle, control: str, late: dict[str, float]) -> Iterator[Element]:
+    """Yield mixer and lag of one control."""
+    if control not in lagged(vehicle):
+        yield _component(deflection(control), _mix(vehicle, control, late))
+        return
+    moved, follower, begin = f"stoop/command/{control}-rad", f"stoop/lagged/{control}-rad", lag_start(control)
+    yield _component(moved, node("difference", _mix(vehicle, control, late), prop(begin)))
+    out = Element("lag_filter", {"name": follower})
+    out.append(leaf("input", moved))
+    out.append(leaf("c1", number(1.0 / vehicle.value(f"controls.{control}.lag"))))
+    yield out
+    yield _component(deflection(control), node("sum", prop(begin), prop(follower)))
+
+
+def _mix(vehicle: Vehicle, control: str, late: dict[str, float]) -> Element:
+    """Return offset + sum of gain (channel - center)."""
+    base, spec = f"controls.{control}", vehicle.file.controls[control]
+    parts = []
+    for name in vehicle.channels_of(control):
+        signal = prop(delayed(name) if name in late else channel(name))
+        center = f"{base}.center.{name}"
+        if center in vehicle.rows:
+            signal = node("difference", signal, value(vehicle.value(center)))
+        gain = [] if spec.mix is None else [value(vehicle.value(f"{base}.mix.{name}"))]
+        parts.append(node("product", *gain, signal))
+    if f"{base}.offset" in vehicle.rows:
+        parts.append(value(vehicle.value(f"{base}.offset")))
+    return node("sum", *parts)

@@ -14,7 +14,7 @@ import sympy as sp
 from sympy.printing.octave import OctaveCodePrinter
 
 from stoop.errors import one_line
-from stoop.export.names import identifier
+from stoop.export.record import identifier
 from stoop.export.state_space import StateSpace, cells, numbers, unit
 from stoop.export.state_space import variables as linear_variables
 from stoop.simulate import Trim, initial_states, parameter_rows

@@ -29,8 +29,8 @@ _UNITS: Final = {
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
-    """What an identification knows of a vehicle's numbers: names, and their covariance (k, k)."""
+class ParameterCovariance:
+    """Covariance (k, k) of the named parameters of an identification, SI."""
 
     names: tuple[str, ...]
     covariance: FloatArray
@@ -61,7 +61,7 @@ class StateSpace:
     standard_errors: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
-def state_space(vehicle: Vehicle, point: Trim, known: Known | None = None) -> StateSpace:
+def state_space(vehicle: Vehicle, point: Trim, known: ParameterCovariance | None = None) -> StateSpace:
     """Linearize a vehicle about a steady flight."""
     model = linearize(vehicle, point)
     errors = {} if known is None else standard_errors(vehicle, point, known)
@@ -81,7 +81,7 @@ def _steady(vehicle: Vehicle, point: Trim, model: LinearModel) -> tuple[FloatArr
     return x, u, readings[:, 0]
 
 
-def standard_errors(vehicle: Vehicle, point: Trim, known: Known) -> dict[str, FloatArray]:
+def standard_errors(vehicle: Vehicle, point: Trim, known: ParameterCovariance) -> dict[str, FloatArray]:
     """Return the standard error of every entry: the square root of diag(J S J') with J by central differences.
 
     A parameter without a finite variance is unknown, and so is every entry that it moves.

@@ -12,15 +12,15 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.variables import EULER, QUATERNION, VARIABLES, WRAPPED
 from stoop.flight import Flight
-from stoop.flight.air_data_reconstruction import RECONSTRUCTED, with_air
+from stoop.flight.air_data_reconstruction import RECONSTRUCTED, flow, with_air
 from stoop.flight.flight import dataset, on_circle, with_attitude
-from stoop.reconstruct.equations import INPUTS
+from stoop.flight.instrument_errors import DELAYED, RATES_DELAY
 from stoop.reconstruct.estimate import Estimate
-from stoop.reconstruct.unknowns import DELAYED, RATES_DELAY
+from stoop.reconstruct.kinematics import INPUTS
 from stoop.simulate.delays import delayed
 from stoop.simulate.initial import rigid_states
 
-SURE: Final = 2.0  #: standard errors; a shorter delay is left, for shifting smooths
+MIN_SIGMAS: Final = 2.0  #: standard errors; a shorter delay is left, for shifting smooths
 _LATE: Final = {c: f"{name}.delay" for name, group in DELAYED.items() for c in group} | dict.fromkeys(
     "pqr", RATES_DELAY
 )
@@ -31,10 +31,14 @@ def corrected_flight(found: Estimate) -> Flight:
 
     Biases and scales are undone together, as they were estimated; delays where they are evident.
     """
-    flight, values = found.prepared.flight, found.values
-    told = {one.name for one in found.judged if one.identifiable and one.name.endswith(".delay")}
-    delays = {n: values[n] for n in told if abs(values[n]) > SURE * found.errors[n]}
-    kept = {n: flight.column(n) for n in VARIABLES if n in flight.data and _is_measured(flight, n)}
+    flight, values = found.pieces.flight, found.values
+    evident = {one.name for one in found.identifiability if one.identifiable and one.name.endswith(".delay")}
+    delays = {n: values[n] for n in evident if abs(values[n]) > MIN_SIGMAS * found.errors[n]}
+    kept = {
+        n: flight.column(n)
+        for n in VARIABLES
+        if n in flight.data and flight.sources[n].source != RECONSTRUCTED
+    }
     columns = {name: _early(name, x, delays, flight.rate) for name, x in kept.items()}
     columns = {name: _undone(name, x, values) for name, x in columns.items()}
     columns = _flow_at_reference(columns, values)
@@ -61,10 +65,6 @@ def _notices(flight: Flight) -> tuple[Notice, ...]:
     return tuple(found for found in flight.notices if found not in told)
 
 
-def _is_measured(flight: Flight, name: str) -> bool:
-    return flight.sources[name].source != RECONSTRUCTED
-
-
 def _early(name: str, x: FloatArray, delays: Mapping[str, float], rate: float) -> FloatArray:
     samples = -delays.get(_LATE.get(name, ""), 0.0) * rate
     if name in WRAPPED:  # between pi and -pi there is no value: interpolate on the circle
@@ -86,7 +86,5 @@ def _flow_at_reference(columns: dict[str, FloatArray], values: Mapping[str, floa
     moving = rigid_states({name: columns[name] for name in ("V", "alpha", "beta")})
     omega = np.column_stack([columns[name] for name in "pqr"])
     arm = np.array([values[f"vane.{axis}"] for axis in "xyz"])
-    u, v, w = np.column_stack([moving[name] for name in "uvw"]).T - np.cross(omega, arm).T
-    speed = np.sqrt(u**2 + v**2 + w**2)
-    flow = {"V": speed, "alpha": np.arctan2(w, u), "beta": np.arcsin(np.clip(v / speed, -1.0, 1.0))}
-    return {**columns, **flow}
+    velocity = np.column_stack([moving[name] for name in "uvw"]) - np.cross(omega, arm)
+    return {**columns, **dict(zip(("V", "alpha", "beta"), flow(velocity), strict=True))}

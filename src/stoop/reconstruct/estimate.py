@@ -1,4 +1,4 @@
-"""The fit: dives and noise estimates in turn until both rest, then error bars that respect color."""
+"""Alternate noise estimation and Levenberg-Marquardt until both converge; error bars that count the color of residuals."""
 
 from __future__ import annotations
 
@@ -10,45 +10,37 @@ from threadpoolctl import threadpool_limits
 
 from stoop import optimize
 from stoop.assess.covariance import standard_errors
-from stoop.assess.estimate import Uncertainty, estimate_uncertainty
-from stoop.assess.identifiability import Identifiability, Yardstick, identifiability
-from stoop.assess.sensitivity import Sensitivity
+from stoop.assess.error_bars import Uncertainty, estimate_uncertainty
+from stoop.assess.identifiability import ComparisonScale, Identifiability, identifiability
 from stoop.base.arrays import FloatArray
+from stoop.base.variables import POSITION, VELOCITY
 from stoop.errors import IdentificationError
 from stoop.estimate.noise import correlation_times
 from stoop.flight import Flight
+from stoop.flight.instrument_errors import instrument_errors
 from stoop.problem import on_circle
-from stoop.reconstruct.equations import OUTPUTS
-from stoop.reconstruct.prepare import LEAD, Prepared
+from stoop.problem.evidence import PieceEvidence
+from stoop.reconstruct.kinematics import OUTPUTS
+from stoop.reconstruct.pieces import MARGIN, Pieces
 from stoop.reconstruct.problem import START, Problem
-from stoop.reconstruct.unknowns import unknowns
 
-ROUNDS: Final = 12
-RESTS: Final = 0.2  #: standard errors by which new weights may still move an unknown
-FLOOR: Final = {
-    "V": 0.05,
-    "airspeed_pitot": 0.05,
-    "vn": 0.01,
-    "ve": 0.01,
-    "vd": 0.01,
-    "pn": 0.02,
-    "pe": 0.02,
-    "pd": 0.02,
-}
-ANGLE_FLOOR: Final = 1e-4  #: rad; no channel is trusted further than its floor
-FIRST: Final = {
-    "V": 1.0,
-    "airspeed_pitot": 1.0,
-    "vn": 0.5,
-    "ve": 0.5,
-    "vd": 0.5,
-    "pn": 2.0,
-    "pe": 2.0,
-    "pd": 2.0,
-}
-ANGLE_FIRST: Final = 0.03  #: rad; noise before anything is known
+MAX_ROUNDS: Final = 12  #: of alternate noise estimation and Levenberg-Marquardt
+MAX_CHANGE: Final = 0.2  #: standard errors by which new weights may still change an estimate
+_AIRSPEEDS, _VELOCITIES, _POSITIONS = ("V", "airspeed_pitot"), VELOCITY, POSITION
+NOISE_FLOORS: Final = {
+    **dict.fromkeys(OUTPUTS, 1e-4),
+    **dict.fromkeys(_AIRSPEEDS, 0.05),
+    **dict.fromkeys(_VELOCITIES, 0.01),
+    **dict.fromkeys(_POSITIONS, 0.02),
+}  #: rad, m/s, m; no channel is trusted further
+FIRST_NOISE: Final = {
+    **dict.fromkeys(OUTPUTS, 0.03),
+    **dict.fromkeys(_AIRSPEEDS, 1.0),
+    **dict.fromkeys(_VELOCITIES, 0.5),
+    **dict.fromkeys(_POSITIONS, 2.0),
+}  #: rad, m/s, m; before anything is known
 TOO_LATE: Final = (
-    f"more than the {LEAD:g} s that pieces have to spare at their ends: look at the clocks instead"
+    f"more than the {MARGIN:g} s that pieces have to spare at their ends: look at the clocks instead"
 )
 _SETTINGS: Final = optimize.Settings(iterations=60, gain=1e-8, predicted=1e-6, stall=0, stall_damping=np.inf)
 
@@ -59,23 +51,23 @@ class Estimate:
 
     Attributes
     ----------
-    prepared : Prepared
+    pieces : Pieces
     problem : Problem
         With the final weights.
     z : (E,), the optimum
     uncertainty : Uncertainty
         Of the whole vector, in prior standard deviations.
-    judged : tuple of Identifiability, of the unknowns
-    rested : bool
-        Whether noise and estimates came to rest.
+    identifiability : tuple of Identifiability, of the instrument errors
+    converged : bool
+        Whether noise and estimates converged.
     """
 
-    prepared: Prepared
+    pieces: Pieces
     problem: Problem
     z: FloatArray
     uncertainty: Uncertainty
-    judged: tuple[Identifiability, ...]
-    rested: bool
+    identifiability: tuple[Identifiability, ...]
+    converged: bool
 
     @property
     def values(self) -> dict[str, float]:
@@ -90,7 +82,7 @@ class Estimate:
         return {u.name: float(value) for u, value in zip(self.problem.unknowns, sigma, strict=True)}
 
 
-def estimate(prepared: Prepared) -> Estimate:
+def estimate(pieces: Pieces) -> Estimate:
     """Estimate everything that the logged channels can tell of each other.
 
     Raises
@@ -99,29 +91,36 @@ def estimate(prepared: Prepared) -> Estimate:
         The kinematics cannot be integrated from the recorded inputs.
     """
     with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
-        return _estimate(prepared, Problem(unknowns(prepared.logged), prepared.pieces, _first_sigma()))
+        return _estimate(
+            pieces,
+            Problem(
+                instrument_errors(pieces.logged),
+                pieces.pieces,
+                np.array([FIRST_NOISE[name] for name in OUTPUTS]),
+            ),
+        )
 
 
-def _estimate(prepared: Prepared, problem: Problem) -> Estimate:
-    z, rested = first_guess(problem, prepared.flight), False
-    for _ in range(ROUNDS):
+def _estimate(pieces: Pieces, problem: Problem) -> Estimate:
+    z, converged = first_guess(problem, pieces.flight), False
+    for _ in range(MAX_ROUNDS):
         end = optimize.refine(problem, z, 0, _SETTINGS)
         if not np.isfinite(end.cost):
             raise IdentificationError(
-                f"{prepared.flight.name}: the recorded rates and accelerations cannot be integrated; "
+                f"{pieces.flight.name}: the recorded rates and accelerations cannot be integrated; "
                 "look for wild samples with stoop info"
             )
-        rested, z = _moved(problem, z, end.z) < RESTS, end.z
-        if rested:
+        converged, z = _change(problem, z, end.z) < MAX_CHANGE, end.z
+        if converged:
             break
         # half of the way, or channels take turns in being believed
         problem = problem.weighted(np.sqrt(problem.sigma * _sigma(problem, z)))
     found = estimate_uncertainty(sensitivities(problem, z), np.eye(problem.extra))
-    return Estimate(prepared, problem, z, found, _judged(problem, z, found), rested)
+    return Estimate(pieces, problem, z, found, _judged(problem, z, found), converged)
 
 
-def _moved(problem: Problem, before: FloatArray, now: FloatArray) -> float:
-    """Return by how many of its standard errors the unknown that moved most has moved."""
+def _change(problem: Problem, before: FloatArray, now: FloatArray) -> float:
+    """Return the largest change of an instrument error, in its standard errors."""
     J, _ = problem.jacobian(now, 0, problem.residuals(now[None, :], 0)[0])
     error = np.sqrt(np.diag(np.linalg.inv(J.T @ J)))
     return float(np.max(np.abs(now - before)[: problem.shared] / error[: problem.shared], initial=0.0))
@@ -144,10 +143,6 @@ def residuals(problem: Problem, z: FloatArray) -> list[FloatArray]:
     ]
 
 
-def _first_sigma() -> FloatArray:
-    return np.array([FIRST.get(name, ANGLE_FIRST) for name in OUTPUTS])
-
-
 def _sigma(problem: Problem, z: FloatArray) -> FloatArray:
     """Return by what each channel is to be weighted: noise times the root of its own correlation time.
 
@@ -161,12 +156,12 @@ def _sigma(problem: Problem, z: FloatArray) -> FloatArray:
     for i, name in enumerate(OUTPUTS):
         seen = together[np.isfinite(together[:, i]), i]
         if seen.size:
-            power = max(float(np.mean(seen**2)), FLOOR.get(name, ANGLE_FLOOR) ** 2)
+            power = max(float(np.mean(seen**2)), NOISE_FLOORS[name] ** 2)
             out[i] = np.sqrt(power * repeats[i])
     return out
 
 
-def sensitivities(problem: Problem, z: FloatArray) -> list[Sensitivity]:
+def sensitivities(problem: Problem, z: FloatArray) -> list[PieceEvidence]:
     """Return whitened residuals and sensitivities of each piece, channels that were measured only."""
     r = problem.residuals(z[None, :], 0)[0]
     J, _ = problem.jacobian(z, 0, r)
@@ -177,7 +172,7 @@ def sensitivities(problem: Problem, z: FloatArray) -> list[Sensitivity]:
         shape = (len(piece.measured), len(OUTPUTS))
         seen = np.isfinite(piece.measured[:, used])
         residual = np.where(seen, -r[block].reshape(shape)[:, used], np.nan)
-        out.append(Sensitivity(residual, J[block].reshape(*shape, -1)[:, used]))
+        out.append(PieceEvidence(residual, J[block].reshape(*shape, -1)[:, used]))
         first = block.stop
     return out
 
@@ -187,7 +182,7 @@ def _judged(problem: Problem, z: FloatArray, found: Uncertainty) -> tuple[Identi
     names = [u.name for u in problem.unknowns] + [
         f"start {i}" for i in range(len(START) * len(problem.pieces))
     ]
-    yardstick = Yardstick(np.ones(count), np.full(count, np.inf), np.ones(count))
+    yardstick = ComparisonScale(np.ones(count), np.full(count, np.inf), np.ones(count))
     judged = identifiability(names, found.information, found.corrected, yardstick)
     values = problem.values(z[None, :])[0]
     return tuple(
@@ -196,6 +191,6 @@ def _judged(problem: Problem, z: FloatArray, found: Uncertainty) -> tuple[Identi
 
 
 def _within_reach(one: Identifiability, value: float) -> Identifiability:
-    """Take back what is said of a delay so long that pieces hold nothing to compare with."""
-    far = one.name.endswith(".delay") and abs(value) > LEAD
+    """Take a delay as not identifiable that is so long that pieces hold nothing to compare with."""
+    far = one.name.endswith(".delay") and abs(value) > MARGIN
     return replace(one, identifiable=False, reason=TOO_LATE) if far else one

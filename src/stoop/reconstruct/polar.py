@@ -20,16 +20,15 @@ from typing import Final
 import numpy as np
 from scipy.optimize import least_squares
 
-from stoop.assess.covariance import NORMAL_95
-from stoop.assess.estimate import estimate_uncertainty
-from stoop.assess.sensitivity import Sensitivity, prior_information
+from stoop.assess.covariance import NORMAL_95, prior_information
+from stoop.assess.error_bars import estimate_uncertainty
 from stoop.base.arrays import FloatArray
+from stoop.base.robust import huber_weights, robust_std
+from stoop.problem.evidence import PieceEvidence
 from stoop.reconstruct.performance import Blocks
 
 SHAPE: Final = ("c0", "c1", "c2")  #: CD = c0 + c1 CL + c2 CL^2
-HUBER: Final = 1.345  #: standard deviations; 95 % efficient on Gaussian noise
-MAD: Final = 1.4826  #: median absolute deviation to standard deviation
-ROUNDS: Final = 30
+MAX_ITERATIONS: Final = 30
 STEP: Final = 1e-6
 DISC: Final = 0.35  #: of the root of the wing area: usual diameter of all propellers' discs together ...
 DISC_SPREAD: Final = float(np.log(1.6))  #: ... within this factor
@@ -188,7 +187,7 @@ _DERIVED: Final[dict[str, Callable[[FloatArray], float]]] = {
 
 def _bin(CL: FloatArray, CD: FloatArray) -> Bin:
     middle = float(np.median(CD))
-    return Bin(float(np.median(CL)), middle, MAD * float(np.median(np.abs(CD - middle))), len(CL))
+    return Bin(float(np.median(CL)), middle, robust_std(CD - middle), len(CL))
 
 
 def useful_power(
@@ -208,7 +207,7 @@ def useful_power(
     induced = np.cbrt(
         received / (2.0 * density * area)
     )  # of a disc at rest: never too small, so Newton comes down
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ITERATIONS):
         excess = 2.0 * density * area * (speed + induced) ** 2 * induced - received
         slope = 2.0 * density * area * (speed + induced) * (speed + 3.0 * induced)
         induced = induced - excess / slope
@@ -265,12 +264,12 @@ def fit_polar(
     names, mean, std = _priors(cut.powered, area, airspeed_std, propulsion)
     balance = _Balance(cut, area, names)
     values, weights, sigma = mean.copy(), np.ones(len(cut.time)), 1.0
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ITERATIONS):
         before = values
         values = _solved(balance, values, np.sqrt(weights) / sigma, mean, std)
         left = balance.residual(values)
-        sigma = MAD * float(np.median(np.abs(left))) or 1.0
-        weights = np.minimum(1.0, HUBER * sigma / np.maximum(np.abs(left), 1e-12))
+        sigma = robust_std(left) or 1.0
+        weights = huber_weights(left, sigma)
         if float(np.max(np.abs(values - before))) < 1e-8:
             break
     covariance = _covariance(balance, values, np.sqrt(weights) / sigma, std)
@@ -310,7 +309,7 @@ def _covariance(balance: _Balance, values: FloatArray, root: FloatArray, std: Fl
     left, slopes = balance.residual(values), -balance.jacobian(values)
     parts = [np.flatnonzero(balance.blocks.stretch == s) for s in np.unique(balance.blocks.stretch)]
     segments = [
-        Sensitivity((root * left)[part][:, None], (root[:, None] * slopes)[part][:, None, :])
+        PieceEvidence((root * left)[part][:, None], (root[:, None] * slopes)[part][:, None, :])
         for part in parts
         if part.size > 1
     ]

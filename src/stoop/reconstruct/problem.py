@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of
 from stoop.base.variables import EULER, WRAPPED
+from stoop.flight.instrument_errors import DELAYED, RATES_DELAY, InstrumentError
 from stoop.kernels import Kernel
 from stoop.optimize import forward_jacobian
 from stoop.problem import on_circle
-from stoop.reconstruct.equations import INPUTS, OUTPUTS, PARAMETERS, SCALED, kernel
-from stoop.reconstruct.unknowns import DELAYED, RATES_DELAY, Unknown
+from stoop.reconstruct.kinematics import INPUTS, OUTPUTS, PARAMETERS, SCALED, kernel
+from stoop.reconstruct.pieces import Piece
 from stoop.simulate.delays import delayed
 
 STEP: Final = 1e-6  #: of a prior's standard deviation
@@ -32,49 +33,18 @@ _LATE: Final = {channel: f"{name}.delay" for name, channels in DELAYED.items() f
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
-    """A stretch without a hole in the inertial data, with its own initial state.
-
-    Attributes
-    ----------
-    time : (n,) s, uniform
-    inputs : (n, 6), as read: ax ay az [m/s2], p q r [rad/s]
-    readings : (n, 13), in the order of `OUTPUTS`; NaN where nothing was logged, or nothing is compared
-    start : mapping, names of `START` -> guess, SI
-    every : int
-        Each so-manieth sample is compared.
-    """
-
-    time: FloatArray
-    inputs: FloatArray
-    readings: FloatArray
-    start: Mapping[str, float]
-    every: int = 1
-
-    @cached_property
-    def measured(self) -> FloatArray:
-        """What is compared, (m, 13)."""
-        return self.readings[:: self.every]
-
-    @property
-    def dt(self) -> float:
-        """Sample period, s."""
-        return float(self.time[-1] - self.time[0]) / (len(self.time) - 1)
-
-
-@dataclass(frozen=True, eq=False)
 class Problem:
     """See :class:`stoop.optimize.Problem`; one rung, no box.
 
     Attributes
     ----------
-    unknowns : tuple of Unknown
+    unknowns : tuple of InstrumentError
     pieces : tuple of Piece
     sigma : (13,)
         By which each channel is weighted.
     """
 
-    unknowns: tuple[Unknown, ...]
+    unknowns: tuple[InstrumentError, ...]
     pieces: tuple[Piece, ...]
     sigma: FloatArray
     dimension: int = 0

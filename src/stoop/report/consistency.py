@@ -8,8 +8,9 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import of_severity
 from stoop.base.numbers import NOTHING, factor_and_unit, number, rounded_to_error, window
-from stoop.reconstruct.result import Compatibility, Finding, Trace
+from stoop.reconstruct.compatibility import Compatibility, Finding, Trace
 from stoop.report.plots import Series, Strip, stacked_plots
 from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table
 
@@ -30,14 +31,16 @@ Delays are against the accelerometers; positions are relative to the point whose
 
 def consistency_sheet(result: Compatibility, command: str) -> Sheet:
     """Return the page."""
+    warnings = [str(found) for found in of_severity(result.notices, "warning")]
     sections = [
-        Section("What is inconsistent", (Prose(_listed(result.warnings or ("nothing evident",))),)),
+        Section("What is inconsistent", (Prose(_listed(warnings or ("nothing evident",))),)),
         Section("Sensors", (Prose(_READ), _estimates(result), _channels(result))),
         Section("Measured and reconstructed", tuple(_figures(result, residual=False))),
         Section("What is left", tuple(_figures(result, residual=True))),
     ]
-    if result.notes:
-        sections.append(Section("Notes", (Prose(_listed(result.notes)),)))
+    notes = [str(found) for found in of_severity(result.notices, "info")]
+    if notes:
+        sections.append(Section("Notes", (Prose(_listed(notes)),)))
     return Sheet(
         f"Data compatibility of {result.flight}", _LEAD, (*sections, Section("Made by", (Code(command),)))
     )

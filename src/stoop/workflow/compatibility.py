@@ -8,8 +8,8 @@ from typing import Final
 
 from stoop.base.files import write_text_atomic
 from stoop.flight import Flight, save
+from stoop.reconstruct.compatibility import Compatibility, check
 from stoop.reconstruct.corrected import corrected_flight
-from stoop.reconstruct.result import Compatibility, check
 from stoop.workflow.provenance import file_hashes, flight_files, versions
 
 PAGE: Final = "compatibility.html"

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stoop.assess.baseline import BaselineManeuver, BaselineSegment, baseline_matches
-from stoop.assess.figures import Match, channel_figures
-from stoop.assess.runs import join
+from stoop.assess.goodness_of_fit import Match, channel_figures, join
 from stoop.base.arrays import FloatArray
 from stoop.base.variables import VARIABLES, WRAPPED
 from stoop.problem import Piece

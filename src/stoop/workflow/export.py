@@ -11,9 +11,9 @@ from typing import Final
 
 from stoop.base.files import write_bytes_atomic
 from stoop.errors import OutputError, SimulationError
-from stoop.export import excitation, jsbsim_folder, simulink, state_space
+from stoop.export import jsbsim_aircraft, simulink, state_space
 from stoop.export.jsbsim_model import THRUST, channel
-from stoop.export.names import file_name
+from stoop.export.record import excitation_record, file_name, steady_record
 from stoop.flight import VARIABLES
 from stoop.simulate import Trim, trim
 from stoop.simulate.linearize import left_out
@@ -111,8 +111,8 @@ def _jsbsim(subject: Subject, condition: Condition) -> Exported:
     except SimulationError as error:
         point = None
         notes.append(f"No start and no script: {error}.")
-    steady = None if point is None else excitation.steady(vehicle, point)
-    texts = jsbsim_folder.folder(vehicle, steady)
+    steady = None if point is None else steady_record(vehicle, point)
+    texts = jsbsim_aircraft.folder(vehicle, steady)
     name = file_name(vehicle.name)
     aircraft = f"aircraft/{name}/{name}.xml"
     if importlib.util.find_spec("jsbsim") is None:
@@ -142,7 +142,7 @@ def _flown(
     out: list[Comparison] = []
     failed: list[str] = []
     for maneuver in (*_excited(subject, point), *subject.maneuvers):
-        loaded = jsbsim_folder.folder(maneuver.record.vehicle, None) if maneuver.loaded else texts
+        loaded = jsbsim_aircraft.folder(maneuver.record.vehicle, None) if maneuver.loaded else texts
         with tempfile.TemporaryDirectory(prefix="stoop-export-") as root:
             _place(Path(root), _encoded(loaded))
             try:
@@ -153,7 +153,7 @@ def _flown(
 
 
 def _excited(subject: Subject, point: Trim | None) -> list[Maneuver]:
-    record = None if point is None else excitation.excited(subject.vehicle, point)
+    record = None if point is None else excitation_record(subject.vehicle, point)
     if record is None:
         return []
     span = record.time[-1] - record.time[0]

@@ -12,12 +12,10 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE
 from stoop.base.variables import WRAPPED
-from stoop.export.flown import Record, differences, jsbsim_readings, own_readings, relative_differences
-from stoop.export.jsbsim_control import delays
-from stoop.export.jsbsim_flight import FRAME_RATE, frames_per_sample
-from stoop.export.jsbsim_folder import PLANET
-from stoop.export.jsbsim_reading import changed
-from stoop.export.names import file_name
+from stoop.export.jsbsim_aircraft import PLANET, relative_errors
+from stoop.export.jsbsim_flight import FRAME_RATE, frames_per_sample, jsbsim_readings
+from stoop.export.jsbsim_model import delays
+from stoop.export.record import Record, differences, file_name, own_readings, relative_differences
 from stoop.flight import VARIABLES
 from stoop.report.plots import Series, Strip, stacked_plots
 from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table, render_sheet
@@ -120,7 +118,7 @@ def page_text(
     vehicle: Vehicle, aircraft: str, name: str, flown: Sequence[Comparison], notes: Sequence[str]
 ) -> str:
     """Return the page as HTML."""
-    read = changed(vehicle, aircraft)
+    read = relative_errors(vehicle, aircraft)
     lead = (
         f"The aircraft in aircraft/{name} says in JSBSim's terms what the vehicle file says, and flies the same. "
         f"Read back, {len(read)} numbers differ from the vehicle's by at most {max(read.values()):.0e} of themselves."

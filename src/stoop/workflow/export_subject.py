@@ -11,9 +11,8 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
-from stoop.export.flown import Record
-from stoop.export.state_space import Known
-from stoop.export.still import still
+from stoop.export.record import Record, without_turbulence
+from stoop.export.state_space import ParameterCovariance
 from stoop.problem import Piece
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
@@ -53,7 +52,7 @@ class Subject:
     Attributes
     ----------
     vehicle : Vehicle
-    known : Known, optional
+    known : ParameterCovariance, optional
         Its numbers' covariance.
     maneuvers : tuple of Maneuver
         Of the flight that it was identified from.
@@ -64,7 +63,7 @@ class Subject:
     """
 
     vehicle: Vehicle
-    known: Known | None = None
+    known: ParameterCovariance | None = None
     maneuvers: tuple[Maneuver, ...] = ()
     altitude: float = ALTITUDE
     density: float | None = None
@@ -84,12 +83,13 @@ def read_subject(text: str) -> Subject:
     path = Path(text)
     if path.is_dir() or path.name == RESULT:
         return _identified(read_identified(path))
-    vehicle, notes = still(resolve_vehicle(text))
-    return Subject(vehicle, notes=notes)
+    vehicle, notices = without_turbulence(resolve_vehicle(text))
+    return Subject(vehicle, notes=tuple(map(str, notices)))
 
 
 def _identified(found: Identified) -> Subject:
-    vehicle, notes = still(found.vehicle)
+    vehicle, notices = without_turbulence(found.vehicle)
+    notes = tuple(map(str, notices))
     covariance = found.result.covariance
     known = _known_of(vehicle, covariance.names, covariance.matrix)
     subject = Subject(vehicle, known, notes=notes)
@@ -99,10 +99,12 @@ def _identified(found: Identified) -> Subject:
         return replace(subject, notes=(*notes, f"No comparison with the flight: {error}."))
 
 
-def _known_of(vehicle: Vehicle, names: Sequence[str], covariance: FloatArray) -> Known | None:
+def _known_of(vehicle: Vehicle, names: Sequence[str], covariance: FloatArray) -> ParameterCovariance | None:
     """Return what is known of the numbers that the vehicle has; those of its gusts left with them."""
     kept = [i for i, name in enumerate(names) if name in vehicle.rows]
-    return Known(tuple(names[i] for i in kept), covariance[np.ix_(kept, kept)]) if kept else None
+    return (
+        ParameterCovariance(tuple(names[i] for i in kept), covariance[np.ix_(kept, kept)]) if kept else None
+    )
 
 
 def _with_flights(subject: Subject, found: Identified) -> Subject:

@@ -10,6 +10,10 @@ from typing import Final
 import numpy as np
 
 from stoop.assess.covariance import intervals_95
+from stoop.assess.error_bars import ErrorBars, error_bars
+from stoop.assess.flight_conditions import modes
+from stoop.assess.press import left_out_residuals
+from stoop.assess.uncertainty import with_uncertainty
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, as_notice, of_severity
 from stoop.base.variables import VARIABLES
@@ -35,12 +39,7 @@ from stoop.results.result import (
 )
 from stoop.vehicle.notation import symbols
 from stoop.workflow.curves import Simulated, channel_units, maneuver_curves
-from stoop.workflow.errorbars import ErrorBars
-from stoop.workflow.evidence import with_evidence
-from stoop.workflow.judged import declined, judged, residual_color
-from stoop.workflow.modes import modes
 from stoop.workflow.notices import basis_notices, data_notices, fit_warnings, slowest_rate
-from stoop.workflow.press import left_out_residuals
 from stoop.workflow.provenance import versions
 
 TOO_FEW: Final = "there are too few samples for any error bar to hold"
@@ -73,9 +72,9 @@ def identification(
     command : str
     """
     vehicle = fit.problem.layout.vehicle
-    color, bars = residual_color(fit, options), judged(fit, options)
+    color, bars = fit.inflation, error_bars(fit)
     if too_few(fit.problem, slowest_rate(fit, flights)):
-        bars = declined(bars, TOO_FEW)
+        bars = bars.rejected(TOO_FEW)
     fitted = fit.simulated or [fit.problem.outputs(fit.z, i) for i in range(len(fit.problem.pieces))]
     groups = [Simulated("fit", fit.prepared, fitted, left_out_residuals(fit))]
     if predicted:
@@ -83,7 +82,7 @@ def identification(
     maneuvers, traces = maneuver_curves(vehicle, groups)
     result = _result(fit, bars, maneuvers, flights, inputs, options)
     result = replace(result, modes=modes(fit, result.covariance.names, result.covariance.matrix))
-    result = with_evidence(result, fit, bars)
+    result = with_uncertainty(result, fit, bars)
     result = replace(result, notices=(*result.notices, *_notices(fit, result, flights, groups, color)))
     return Identification(
         result=replace(result, seconds=time.perf_counter() - began),
@@ -163,9 +162,9 @@ def _noise(fit: Fit, options: Options) -> FloatArray:
 def _parameters(fit: Fit, bars: ErrorBars) -> dict[str, ParameterEstimate]:
     out = {}
     for i, p in enumerate(fit.problem.layout.parameters):
-        estimate, sigma, held = fit.estimates[p.name], float(bars.std[i]), bool(bars.held[i])
+        estimate, sigma, held = fit.estimates[p.name], float(bars.std[i]), bool(bars.at_bound[i])
         low, high = intervals_95(np.array([estimate]), np.array([sigma]))[0]
-        identifiable = not held and bars.judged[p.name].identifiable
+        identifiable = not held and bars.identifiability[p.name].identifiable
         out[p.name] = ParameterEstimate(
             estimate=estimate,
             std_error=np.nan if held else sigma,

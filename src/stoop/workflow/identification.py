@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stoop import optimize
+from stoop.assess.assessment import Assessment
 from stoop.base.notices import Notice
 from stoop.errors import FlightError
 from stoop.estimate import methods
@@ -21,7 +22,6 @@ from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window, Windows, as_windows
 from stoop.results.result import Identification, ParameterEstimate, Result
 from stoop.vehicle import Vehicle, load_vehicle
-from stoop.workflow.case import Assessment
 from stoop.workflow.fit_result import identification
 from stoop.workflow.provenance import by_name, flight_files, input_hashes
 
@@ -73,9 +73,13 @@ class Job:
         watch : callable, optional
             Called with the progress of each.
         """
-        from stoop.workflow.assess import assessed
+        from stoop.assess.assessment import assess
 
-        return assessed(self, assessments, watch or (lambda text: None))
+        result, files = assess(
+            self.identification.result, self.fit, assessments, watch or (lambda text: None)
+        )
+        identification = replace(self.identification, result=result)
+        return replace(self, identification=identification, attachments={**self.attachments, **files})
 
     def save(self, folder: str | Path, overwrite: bool = False) -> Path:
         """Write ``result.json``, ``vehicle.toml``, ``flight.nc`` and ``report.html`` into a folder."""

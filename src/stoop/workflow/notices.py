@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from stoop.assess.error_bars import ErrorBars
 from stoop.base.notices import Notice, as_notice, notice, of_severity
 from stoop.estimate.excitation import excitation_notices
 from stoop.estimate.fit import Fit
@@ -19,7 +20,6 @@ from stoop.flight.faults import Fault
 from stoop.results.result import ManeuverResult, ParameterEstimate
 from stoop.vehicle import Vehicle
 from stoop.vehicle.plausible import inertia_doubts
-from stoop.workflow.errorbars import ErrorBars
 
 SENSOR_FAULTS: Final = {
     "wrong sign": "sensor-fault",
@@ -112,10 +112,10 @@ def _not_determined(parameters: Mapping[str, ParameterEstimate], bars: ErrorBars
     """Name the parameters at a bound, those that rest on it, and those not identifiable, of one reason together."""
     held = tuple(name for name, p in parameters.items() if p.at_bound)
     found = [notice("at-bound", parameters=held)] if held else []
-    if bars.leaning:
-        found.append(notice("conditional-on-bound", held=held, parameters=tuple(bars.leaning)))
+    if bars.conditional:
+        found.append(notice("conditional-on-bound", held=held, parameters=tuple(bars.conditional)))
     reasons: dict[str, list[str]] = {}
-    for name, one in bars.judged.items():
+    for name, one in bars.identifiability.items():
         if not one.identifiable and not parameters[name].at_bound:
             reasons.setdefault(one.reason, []).append(name)
     for reason, names in reasons.items():

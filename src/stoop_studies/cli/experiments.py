@@ -1,25 +1,29 @@
-"""What verbs that run experiments share: their arguments, and one experiment from its runs to its claims."""
+"""What verbs that run experiments share: their arguments, and experiments from their runs to their claims."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+import sys
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stoop.cli.campaign import add_campaign_arguments
+from stoop.cli.campaign import add_campaign_arguments, run_campaign
 from stoop.cli.numbers import at_least_one, count
 from stoop.cli.page import page
+from stoop.cli.printable import printable
+from stoop.errors import StoopError
 
 if TYPE_CHECKING:
     from stoop_studies.findings import Experiment, Findings, Setting
     from stoop_studies.outputs import Suite
 
 EVERYTHING = "all"
+CORRECTABLE = 2  #: exit status where something is missing that the user can supply
 
 
 def add_experiment_arguments(
-    parser: argparse.ArgumentParser, names: Sequence[str], what: str, here: Path
+    parser: argparse.ArgumentParser, names: Sequence[str], what: str, folder: Path
 ) -> None:
     """Add what to run, how many times, where, and into which folder.
 
@@ -30,8 +34,8 @@ def add_experiment_arguments(
         Of the experiments.
     what : str
         One line on each, for the help.
-    here : Path
-        The folder when none is named.
+    folder : Path
+        When none is named.
     """
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = (
@@ -39,8 +43,8 @@ def add_experiment_arguments(
     )
     add = parser.add_argument
     add("experiment", metavar="EXPERIMENT", choices=(*names, EVERYTHING), help="one of those below")
-    folder = f"folder for page, table and store (default: {here})"
-    add("-o", "--output", metavar="DIR", type=Path, default=here, help=folder)
+    where = f"folder for page, table and store (default: {folder})"
+    add("-o", "--output", metavar="DIR", type=Path, default=folder, help=where)
     add("--runs", metavar="N", type=at_least_one, help="seeds of each case (default: as the list below says)")
     add("--seed", metavar="N", type=count, default=0, help="the first of them (default: 0)")
     add_campaign_arguments(parser)
@@ -48,29 +52,61 @@ def add_experiment_arguments(
     add("--overwrite", action="store_true", help=again)
 
 
-def run_experiment(
-    arguments: argparse.Namespace, suite: Suite, experiment: Experiment, setting: Setting
-) -> Findings:
-    """Run one experiment and tell its claims.
+def run_experiments(
+    arguments: argparse.Namespace,
+    suite: Suite,
+    names: Sequence[str],
+    load: Callable[[str], tuple[Experiment, Setting]],
+    skip_failed: bool = False,
+) -> int:
+    """Run one experiment, or all of them one after the other, and print what each one showed.
+
+    Parameters
+    ----------
+    arguments : Namespace
+    suite : Suite
+    names : sequence of str
+        Of all experiments.
+    load : callable
+        From a name to the experiment and its setting.
+    skip_failed : bool
+        Whether one of all that cannot be run keeps the others from it.
 
     Raises
     ------
     StoopError
         The folder cannot be used, or a run failed; nothing is lost.
     """
-    from stoop.cli.campaign import run_campaign
-    from stoop_studies.outputs import carry_out, page_path
+    from stoop_studies.outputs import INDEX, carry_out, check_index, page_path, write_index
 
-    findings = carry_out(
-        suite,
-        experiment,
-        setting,
-        arguments.output,
-        lambda plan, store: run_campaign(arguments, plan, store),
-        arguments.overwrite,
-    )
+    everything = arguments.experiment == EVERYTHING
+    if everything:
+        check_index(suite, arguments.output, arguments.overwrite)
+    wanted = names if everything else (arguments.experiment,)
+    found: dict[str, Findings] = {}
+    settings: list[Setting] = []
     out = page()
-    out.heading(findings.title)
-    out.bullets(claim.line for claim in findings.claims)
-    out.line(f"page: {page_path(arguments.output, experiment.name)}")
-    return findings
+    for name in wanted:
+        try:
+            experiment, setting = load(name)
+            found[name] = carry_out(
+                suite,
+                experiment,
+                setting,
+                arguments.output,
+                lambda plan, store: run_campaign(arguments, plan, store),
+                arguments.overwrite,
+            )
+        except StoopError as error:
+            if not (everything and skip_failed):
+                raise
+            print(printable(f"stoop: error: {error}"), file=sys.stderr)
+            continue
+        settings.append(setting)
+        out.heading(found[name].title)
+        out.bullets(claim.line for claim in found[name].claims)
+        out.line(f"page: {page_path(arguments.output, name)}")
+    if everything:
+        write_index(suite, found, settings, arguments.output)
+        out.line(f"all pages: {arguments.output / INDEX}")
+    return 0 if len(found) == len(wanted) else CORRECTABLE

@@ -6,19 +6,17 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stoop.cli.page import page
-from stoop_studies.cli.experiments import EVERYTHING, add_experiment_arguments, run_experiment
+from stoop_studies.cli.experiments import add_experiment_arguments, run_experiments
 
 if TYPE_CHECKING:
-    from stoop_studies.findings import Setting
-    from stoop_studies.reproduce.suite import PaperExperiment
+    from stoop_studies.findings import Experiment, Setting
 
-HERE = Path("stoop-reproduce")
+FOLDER = Path("stoop-reproduce")
 NAMES = (
     "table1", "figure1", "figure2", "figure3", "lateral", "longitudinal-full", "sweep", "ablation", "noise",
     "multirotor",
 )  # fmt: skip
-_READ = ("multirotor",)  #: those that read published data
+READERS = ("multirotor",)  #: of published data
 WHAT = """\
   table1             GA, PSO, PS-GDE and the default at 500 to 2000 iterations (50 runs each)
   figure1            the logistic map, and what it is worth as a first population
@@ -35,7 +33,7 @@ WHAT = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
-    add_experiment_arguments(parser, NAMES, WHAT, HERE)
+    add_experiment_arguments(parser, NAMES, WHAT, FOLDER)
     bounds = "bounds: N as wide as each value, W eight times, S from zero (default: N; noise: W)"
     parser.add_argument("--box", choices=("N", "S", "W"), help=bounds)
     data = "folder of published data (multirotor: the log of the hexacopter; left out without it)"
@@ -44,26 +42,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the experiments one after the other, and say what each one showed."""
-    from stoop_studies.outputs import INDEX, check_index, write_index
+    from stoop_studies.findings import Setting
     from stoop_studies.reproduce.registry import EXPERIMENTS
     from stoop_studies.reproduce.suite import SUITE
 
-    everything = arguments.experiment == EVERYTHING
-    names = NAMES if everything else (arguments.experiment,)
-    if everything:
-        check_index(SUITE, arguments.output, arguments.overwrite)
-    settings = [_setting(arguments, EXPERIMENTS[name]) for name in names]
-    found = {
-        n: run_experiment(arguments, SUITE, EXPERIMENTS[n], s) for n, s in zip(names, settings, strict=True)
-    }
-    if everything:
-        write_index(SUITE, found, settings, arguments.output)
-        page().line(f"all pages: {arguments.output / INDEX}")
-    return 0
+    def load(name: str) -> tuple[Experiment, Setting]:
+        experiment = EXPERIMENTS[name]
+        data = arguments.data if name in READERS else None
+        runs, box = arguments.runs or experiment.runs, arguments.box or experiment.box
+        return experiment, Setting(runs, arguments.seed, box, data)
 
-
-def _setting(arguments: argparse.Namespace, experiment: PaperExperiment) -> Setting:
-    from stoop_studies.findings import Setting
-
-    data = arguments.data if experiment.name in _READ else None
-    return Setting(arguments.runs or experiment.runs, arguments.seed, arguments.box or experiment.box, data)
+    return run_experiments(arguments, SUITE, NAMES, load)

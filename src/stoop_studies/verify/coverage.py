@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.assess.covariance import NORMAL_95
+from stoop.assess.error_bars import error_bars
 from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.base.numbers import finite_or_none
@@ -16,7 +17,6 @@ from stoop.estimate import methods
 from stoop.estimate.fit import Options
 from stoop.report.sheet import Prose, Section, Table
 from stoop.vehicle.builtin import resolve_vehicle
-from stoop.workflow.judged import judged
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify.experiment import Samples, Verification, or_none, work
 from stoop_studies.verify.scenes import (
@@ -102,13 +102,13 @@ def cover(name: str, seed: int) -> dict[str, Any]:
     case = CASES[name]
     scene, options = case.fly(seed), Options(seed=seed, method=case.method)
     fit = methods.find(case.method).fitter()(scene.start, scene.flights, scene.windows, options, None, None)
-    bars, count = judged(fit, options), len(scene.truth)
-    at_bound = bars.held[:count]
+    bars, count = error_bars(fit), len(scene.truth)
+    at_bound = bars.at_bound[:count]
     return {
         "names": list(scene.truth),
         "errors": [fit.estimates[name] - value for name, value in scene.truth.items()],
         "sigma": or_none(np.where(at_bound, np.nan, bars.std[:count])),
-        "cramer_rao": or_none(np.where(at_bound, np.nan, bars.white[:count])),
+        "cramer_rao": or_none(np.where(at_bound, np.nan, bars.cramer_rao_std[:count])),
         "status": fit.outcome.status,
     }
 

@@ -14,19 +14,19 @@ import numpy as np
 import tomlkit
 
 from stoop.assess.covariance import NORMAL_95
+from stoop.assess.error_bars import error_bars
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import matrices_of, quaternions_of
 from stoop.base.variables import EULER, POSITION, VELOCITY
 from stoop.estimate.fit import Options, fit
 from stoop.flight import Flight, from_columns
-from stoop.reconstruct.result import check
+from stoop.reconstruct.compatibility import check
 from stoop.report.sheet import Prose, Section, Table
 from stoop.simulate import Maneuver, simulate_flight
 from stoop.simulate.initial import rigid_states
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.load import parse_vehicle
-from stoop.workflow.judged import judged
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify.experiment import Samples, Verification, or_none, work
 from stoop_studies.verify.scenes import (
@@ -172,16 +172,14 @@ def recover(case: str, seed: int) -> dict[str, Any]:
     if case == "identify":
         scene, options = late_vehicle(seed), Options(seed=seed)
         done = fit(scene.start, scene.flights, scene.windows, options)
-        std = dict(
-            zip((p.name for p in done.problem.layout.parameters), judged(done, options).std, strict=False)
-        )
+        std = dict(zip((p.name for p in done.problem.layout.parameters), error_bars(done).std, strict=False))
         truth, status = scene.truth, str(done.outcome.status)
         found = {name: (done.estimates[name], float(std[name])) for name in truth}
     else:
         flight, delays = late_sensors(seed)
         result, estimate = check(flight)
         truth = {f"{name}.delay": value for name, value in delays.items()}
-        status = "converged" if estimate.rested else "weights did not rest"
+        status = "converged" if estimate.converged else "weights did not rest"
         found = {name: (result.findings[name].estimate, result.findings[name].std_error) for name in truth}
     return {
         "names": list(truth),

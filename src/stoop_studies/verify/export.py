@@ -12,11 +12,17 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
-from stoop.export import excitation, jsbsim_folder
-from stoop.export.excitation import AMPLITUDE, RATE, every_control
-from stoop.export.flown import jsbsim_readings, own_readings, relative_differences
-from stoop.export.jsbsim_flight import FRAME_RATE, frames_per_sample
-from stoop.export.names import file_name
+from stoop.export import jsbsim_aircraft
+from stoop.export.jsbsim_flight import FRAME_RATE, frames_per_sample, jsbsim_readings
+from stoop.export.record import (
+    AMPLITUDE,
+    RATE,
+    every_control,
+    file_name,
+    maneuver_record,
+    own_readings,
+    relative_differences,
+)
 from stoop.report.sheet import Prose, Section, Table
 from stoop.simulate import Maneuver, Trim, trim
 from stoop.vehicle import Vehicle, parse_vehicle
@@ -122,14 +128,14 @@ def compare(vehicle_name: str, inputs: str) -> Comparison:
     """Export, fly by both, and compare."""
     vehicle = load(vehicle_name)
     point = trim(vehicle, None, ALTITUDE)
-    record = excitation.record(vehicle, point, INPUTS[inputs](vehicle, point))
+    record = maneuver_record(vehicle, point, INPUTS[inputs](vehicle, point))
     own, fine = own_readings(record), own_readings(record, frames_per_sample(record.dt))
     with tempfile.TemporaryDirectory(prefix="stoop-export-") as folder:
         root = Path(folder)
-        for place, text in jsbsim_folder.folder(record.vehicle, None).items():
+        for place, text in jsbsim_aircraft.folder(record.vehicle, None).items():
             (root / place).parent.mkdir(parents=True, exist_ok=True)
             (root / place).write_text(text, encoding="utf-8")
-        planet, name = root / jsbsim_folder.PLANET, file_name(vehicle.name)
+        planet, name = root / jsbsim_aircraft.PLANET, file_name(vehicle.name)
         flat = jsbsim_readings(root, name, record, planet)
         faster = jsbsim_readings(root, name, record, planet, FASTER * FRAME_RATE)
         earth = jsbsim_readings(root, name, record, None)

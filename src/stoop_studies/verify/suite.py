@@ -58,8 +58,7 @@ EXPERIMENTS: Final[Mapping[str, Entry]] = {
         "forces of a real hexacopter predicted in sprints, beside its owners' model; reads --data DIR",
     ),
     "propellers": Entry(
-        f"{_HERE}.propellers",
-        "cut propellers and added weights on real quadrotors; reads --data DIR",
+        f"{_HERE}.propellers", "cut propellers and added weights on real quadrotors; reads --data DIR"
     ),
     "readers": Entry(
         f"{_HERE}.readers.experiment",

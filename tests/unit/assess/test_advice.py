@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stoop.assess.advice import Flown, Term, advice
+from stoop.assess.maneuver_advice import FlownModel, Term, advice
 
 T = np.linspace(0.0, 10.0, 1000)
 ELEVATOR = np.sign(np.sin(2.0 * T)) * 0.05
@@ -15,9 +15,11 @@ def term(name: str, variables: set[str], value: float, flown: np.ndarray) -> Ter
     return Term(name, name[:2], frozenset(variables), value, flown)
 
 
-def flown(*terms: Term) -> Flown:
+def flown(*terms: Term) -> FlownModel:
     every = {t.name: t for t in terms}
-    return Flown(every, "elevator", "aileron", "rudder", "throttle", {"short period": 4.0, "Dutch roll": 2.0})
+    return FlownModel(
+        every, "elevator", "aileron", "rudder", "throttle", {"short period": 4.0, "Dutch roll": 2.0}
+    )
 
 
 def test_a_rate_that_follows_the_elevator_asks_for_quick_reversals_at_the_short_period() -> None:

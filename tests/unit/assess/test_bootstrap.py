@@ -9,13 +9,11 @@ from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from stoop.assess.blocks import block_length, blocks, whitened
-from stoop.assess.bootstrap import percentiles, replicates, shifts
-from stoop.assess.estimate import estimate_uncertainty
-from stoop.assess.noise import ColoredNoise
-from stoop.assess.optimum import Optimum, linearize
-from stoop.assess.refit import refit
-from stoop.assess.sensitivity import Sensitivity
+from stoop.assess.bootstrap import ColoredBlocks, block_length, percentiles, shifts, whitened
+from stoop.assess.colored_residuals import ColoredNoise
+from stoop.assess.error_bars import estimate_uncertainty
+from stoop.assess.refit import Optimum, linearize, refit
+from stoop.problem.evidence import PieceEvidence
 
 SAMPLES = 800
 
@@ -38,10 +36,9 @@ def solved(X: np.ndarray, y: np.ndarray, sigma: float = 1.0) -> tuple[Optimum, n
 
 def bootstrap(X: np.ndarray, y: np.ndarray, sigma: float, count: int) -> tuple[np.ndarray, Optimum]:
     optimum, v = solved(X, y, sigma)
-    found = estimate_uncertainty([Sensitivity(v[:, None], X[:, None, :] / sigma)], np.zeros((3, 3)))
-    drawn = blocks(found.noise, [v[:, None]])
-    present = [np.ones((len(y), 1), dtype=bool)]
-    return replicates(optimum, drawn, present, range(count), 1).z, optimum
+    found = estimate_uncertainty([PieceEvidence(v[:, None], X[:, None, :] / sigma)], np.zeros((3, 3)))
+    drawn = ColoredBlocks.of(found.noise, [v[:, None]])
+    return refit(optimum, shifts(optimum, drawn, range(count), 1)).z, optimum
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.95], ids=["white", "AR(1) 0.95"])
@@ -134,11 +131,11 @@ def test_noise_of_one_replicate_depends_on_its_number_and_the_seed_alone() -> No
     X = design(200)
     y = X @ np.array([0.5, 0.4, 0.3]) + 0.1 * ar1(200, 0.8, np.random.default_rng(1))
     optimum, v = solved(X, y, 0.1)
-    found = estimate_uncertainty([Sensitivity(v[:, None], X[:, None, :] / 0.1)], np.zeros((3, 3)))
-    drawn, present = blocks(found.noise, [v[:, None]]), [np.ones((200, 1), dtype=bool)]
-    whole = shifts(optimum, drawn, present, range(6), 7)
-    assert np.array_equal(whole[4:], shifts(optimum, drawn, present, [4, 5], 7))
-    assert not np.array_equal(whole, shifts(optimum, drawn, present, range(6), 8))
+    found = estimate_uncertainty([PieceEvidence(v[:, None], X[:, None, :] / 0.1)], np.zeros((3, 3)))
+    drawn = ColoredBlocks.of(found.noise, [v[:, None]])
+    whole = shifts(optimum, drawn, range(6), 7)
+    assert np.array_equal(whole[4:], shifts(optimum, drawn, [4, 5], 7))
+    assert not np.array_equal(whole, shifts(optimum, drawn, range(6), 8))
 
 
 def test_missing_readings_get_no_noise_and_cost_no_other() -> None:
@@ -146,9 +143,9 @@ def test_missing_readings_get_no_noise_and_cost_no_other() -> None:
     v = ar1(400, 0.9, np.random.default_rng(3))[:, None]
     v[100:140] = np.nan
     v[::7] = np.nan
-    drawn = blocks(ColoredNoise(np.array([[0.9]]), np.array([[0.19]])), [v])
+    drawn = ColoredBlocks.of(ColoredNoise(np.array([[0.9]]), np.array([[0.19]])), [v])
     optimum, _ = solved(X, X @ np.array([0.5, 0.4, 0.3]), 1.0)
-    out = shifts(optimum, drawn, [np.isfinite(v)], range(40), 0) + optimum.residual
+    out = shifts(optimum, drawn, range(40), 0) + optimum.residual
     assert np.all(out[:, ~np.isfinite(v[:, 0])] == 0.0)
     assert np.std(out[:, np.isfinite(v[:, 0])]) == pytest.approx(1.0, abs=0.15)
 
@@ -158,8 +155,8 @@ def test_drawn_noise_has_color_and_strength_of_the_model_and_shares_its_disturba
     shared = ar1(3000, 0.9, random)
     v = np.column_stack([shared, 0.8 * shared + 0.6 * ar1(3000, 0.9, random)])
     color = ColoredNoise(np.array([[0.9], [0.9]]), 4.0 * 0.19 * np.array([[1.0, 0.8], [0.8, 1.0]]))
-    drawn = blocks(color, [v])
-    made = np.concatenate([drawn.draw(np.random.default_rng(i))[0] for i in range(20)])
+    drawn = ColoredBlocks.of(color, [v])
+    made = np.concatenate([drawn.segment(0, np.random.default_rng(i)) for i in range(20)])
     assert made.std(axis=0) == pytest.approx([2.0, 2.0], rel=0.05)
     assert np.corrcoef(made.T)[0, 1] == pytest.approx(0.8, abs=0.03)
     assert np.corrcoef(made[1:, 0], made[:-1, 0])[0, 1] == pytest.approx(0.9, abs=0.02)

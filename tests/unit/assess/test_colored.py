@@ -7,11 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
-from stoop.assess.colored import Coloring
-from stoop.assess.covariance import NORMAL_95, invert, standard_errors
-from stoop.assess.estimate import estimate_uncertainty
-from stoop.assess.noise import ColoredNoise
-from stoop.assess.sensitivity import Sensitivity, data_information, prior_information
+from stoop.assess.colored_residuals import ColoredNoise, Coloring
+from stoop.assess.covariance import NORMAL_95, data_information, invert, prior_information, standard_errors
+from stoop.assess.error_bars import estimate_uncertainty
+from stoop.problem.evidence import PieceEvidence
 
 CHANNELS, PARAMETERS = 2, 4
 
@@ -42,7 +41,7 @@ def noise(size: int, rho: float, random: np.random.Generator) -> np.ndarray:
 
 def test_the_double_sum_done_naively() -> None:
     first, second = sensitivities(60), sensitivities(40, seed=1)
-    segments = (Sensitivity(np.zeros((60, 2)), first), Sensitivity(np.zeros((40, 2)), second))
+    segments = (PieceEvidence(np.zeros((60, 2)), first), PieceEvidence(np.zeros((40, 2)), second))
     prior = prior_information([0.3] + [np.inf] * 7)
     inverse = invert(data_information(segments) + prior)
     color = ColoredNoise(np.array([[0.6], [-0.4]]), np.array([[1.0, 0.5], [0.5, 2.0]]))
@@ -78,7 +77,7 @@ def test_coverage_of_95_percent_intervals(rho: float, plain: tuple[float, float]
     hits, plain_hits, factors = [], [], []
     for _ in range(250):
         estimate, residual = fit(jacobian, noise(800, rho, random))
-        found = estimate_uncertainty([Sensitivity(residual, jacobian)], np.zeros((flat, flat)))
+        found = estimate_uncertainty([PieceEvidence(residual, jacobian)], np.zeros((flat, flat)))
         error = np.abs(estimate[:PARAMETERS])
         hits.append(error < NORMAL_95 * standard_errors(found.corrected)[:PARAMETERS])
         plain_hits.append(error < NORMAL_95 * standard_errors(found.cramer_rao)[:PARAMETERS])
@@ -100,8 +99,8 @@ def test_mean_of_the_corrected_error_is_the_scatter(missing: float) -> None:
         measured[random.uniform(size=measured.shape) < missing] = np.nan
         one, residual_one = fit(jacobian, measured)
         cut = [
-            Sensitivity(residual_one[:400], jacobian[:400]),
-            Sensitivity(residual_one[400:], jacobian[400:]),
+            PieceEvidence(residual_one[:400], jacobian[:400]),
+            PieceEvidence(residual_one[400:], jacobian[400:]),
         ]
         estimates.append(one)
         sigmas.append(standard_errors(estimate_uncertainty(cut, np.zeros((size, size))).corrected))
@@ -116,7 +115,7 @@ def test_the_factor_grows_with_the_color() -> None:
     factors = []
     for rho in (0.0, 0.8, 0.95):
         residual = fit(jacobian, noise(800, rho, random))[1]
-        found = estimate_uncertainty([Sensitivity(residual, jacobian)], np.zeros((size, size)))
+        found = estimate_uncertainty([PieceEvidence(residual, jacobian)], np.zeros((size, size)))
         factors.append(float(np.median(found.coloring_factor)))
     assert factors[0] < 1.3 < factors[1] < factors[2]
     assert found.autocorrelation.shape == (CHANNELS, 201)
@@ -126,7 +125,7 @@ def test_a_strong_prior_is_neither_widened_nor_narrowed() -> None:
     jacobian = sensitivities(500)
     residual = fit(jacobian, noise(500, 0.95, np.random.default_rng(4)))[1]
     prior = prior_information([1e-6] + [np.inf] * 7)
-    found = estimate_uncertainty([Sensitivity(residual, jacobian)], prior)
+    found = estimate_uncertainty([PieceEvidence(residual, jacobian)], prior)
     assert standard_errors(found.corrected)[0] == pytest.approx(1e-6, rel=1e-3)
 
 
@@ -134,8 +133,8 @@ def test_unseen_unknowns_are_infinite_and_disturb_no_other() -> None:
     jacobian = sensitivities(500)
     residual = fit(jacobian, noise(500, 0.5, np.random.default_rng(4)))[1]
     wide = np.concatenate([jacobian, np.zeros((500, CHANNELS, 1))], axis=2)
-    whole = estimate_uncertainty([Sensitivity(residual, jacobian)], np.zeros((8, 8)))
-    found = estimate_uncertainty([Sensitivity(residual, wide)], np.zeros((9, 9)))
+    whole = estimate_uncertainty([PieceEvidence(residual, jacobian)], np.zeros((8, 8)))
+    found = estimate_uncertainty([PieceEvidence(residual, wide)], np.zeros((9, 9)))
     assert_allclose(found.corrected[:8, :8], whole.corrected, rtol=1e-9)
     assert standard_errors(found.corrected)[8] == np.inf
     assert standard_errors(found.cramer_rao)[8] == np.inf
@@ -145,6 +144,6 @@ def test_unseen_unknowns_are_infinite_and_disturb_no_other() -> None:
 def test_short_records(size: int) -> None:
     jacobian = sensitivities(60)[:size, :, PARAMETERS : PARAMETERS + CHANNELS]
     residual = np.random.default_rng(1).normal(size=(size, CHANNELS))
-    found = estimate_uncertainty([Sensitivity(residual, jacobian)], np.zeros((2, 2)))
+    found = estimate_uncertainty([PieceEvidence(residual, jacobian)], np.zeros((2, 2)))
     assert np.isfinite(found.corrected).all()
     assert (standard_errors(found.corrected) > 0.0).all()

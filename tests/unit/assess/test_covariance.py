@@ -8,8 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from stoop.assess.covariance import correlation, intervals_95, invert, marked, standard_errors
-from stoop.assess.sensitivity import Sensitivity, data_information, prior_information
+from stoop.assess.covariance import (
+    correlation,
+    data_information,
+    intervals_95,
+    invert,
+    marked,
+    prior_information,
+    standard_errors,
+)
+from stoop.problem.evidence import PieceEvidence
 
 
 def information(seed: int, size: int) -> np.ndarray:
@@ -69,7 +77,7 @@ def test_missing_measurements_carry_no_information() -> None:
     residual, jacobian = random.normal(size=(20, 2)), random.normal(size=(20, 2, 3))
     residual[4, 1] = np.nan
     jacobian[4, 1] = np.nan
-    whole = data_information([Sensitivity(residual, jacobian)])
+    whole = data_information([PieceEvidence(residual, jacobian)])
     rows = np.delete(jacobian.reshape(-1, 3), 9, axis=0)
     assert_allclose(whole, rows.T @ rows)
 

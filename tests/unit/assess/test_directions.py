@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from stoop.assess.covariance import correlation
-from stoop.assess.directions import blind_directions, marginal_information, partners, worst_pairs
+from stoop.assess.identifiability import marginal_information, near_null_directions, partners, worst_pairs
 
 NAMES = ("a", "b", "c", "d")
 
@@ -16,7 +16,7 @@ def test_the_sum_of_two_is_seen_and_their_difference_is_not() -> None:
     random = np.random.default_rng(0)
     common = random.normal(size=500)
     J = np.column_stack([common, common + 1e-4 * random.normal(size=500), 5.0 * random.normal(size=500)])
-    (dark,) = blind_directions(NAMES[:3], J.T @ J, np.full(3, 1e6))
+    (dark,) = near_null_directions(NAMES[:3], J.T @ J, np.full(3, 1e6))
     assert set(dark.changes) == {"a", "b"}
     assert dark.changes["a"] == pytest.approx(-dark.changes["b"], rel=1e-3)
     assert dark.singular_value < 1e-3
@@ -26,13 +26,13 @@ def test_the_sum_of_two_is_seen_and_their_difference_is_not() -> None:
 
 
 def test_what_the_data_do_not_see_at_all_comes_first() -> None:
-    (dark,) = blind_directions(("a", "b"), np.diag([2.0, 0.0]), np.ones(2))
+    (dark,) = near_null_directions(("a", "b"), np.diag([2.0, 0.0]), np.ones(2))
     assert dark.changes == {"b": 1.0}
     assert dark.singular_value == 0.0
 
 
 def test_well_separated_parameters_have_no_blind_direction() -> None:
-    assert blind_directions(("a", "b"), np.array([[1.0, 0.3], [0.3, 4.0]]), np.ones(2)) == ()
+    assert near_null_directions(("a", "b"), np.array([[1.0, 0.3], [0.3, 4.0]]), np.ones(2)) == ()
 
 
 def test_units_do_not_matter() -> None:
@@ -40,7 +40,7 @@ def test_units_do_not_matter() -> None:
     common = random.normal(size=300)
     J = np.column_stack([common, common + 1e-3 * random.normal(size=300)])
     scaled = J * np.array([1e6, 1e-6])
-    (one,), (other,) = (blind_directions(("a", "b"), M.T @ M, np.full(2, 1e12)) for M in (J, scaled))
+    (one,), (other,) = (near_null_directions(("a", "b"), M.T @ M, np.full(2, 1e12)) for M in (J, scaled))
     assert one.singular_value == pytest.approx(other.singular_value, rel=1e-6)
     assert abs(other.changes["a"]) == pytest.approx(1e-6 * abs(one.changes["a"]), rel=1e-4)
 
@@ -65,6 +65,6 @@ def test_pairs_and_partners() -> None:
 
 def test_a_step_that_would_more_than_double_a_parameter_is_cut() -> None:
     J = np.column_stack([np.ones(50), np.ones(50) + 1e-9 * np.arange(50)])
-    (dark,) = blind_directions(("a", "b"), J.T @ J, np.array([0.5, 2.0]))
+    (dark,) = near_null_directions(("a", "b"), J.T @ J, np.array([0.5, 2.0]))
     assert dark.changes["a"] == pytest.approx(0.5)
     assert dark.changes["b"] == pytest.approx(-0.5, rel=1e-3)

@@ -9,8 +9,16 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.testing import assert_allclose
 
-from stoop.assess.figures import Match, channel_figures, filtered_theil, r2, rmse, theil, theil_parts
-from stoop.assess.runs import join
+from stoop.assess.goodness_of_fit import (
+    Match,
+    channel_figures,
+    filtered_theil,
+    join,
+    r2,
+    rmse,
+    theil,
+    theil_parts,
+)
 
 curve = hnp.arrays(np.float64, st.integers(2, 30), elements=st.integers(-999, 999).map(float))
 

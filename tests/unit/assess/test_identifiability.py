@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from stoop.assess.covariance import invert, marked
-from stoop.assess.identifiability import Identifiability, Yardstick, identifiability, scaled_singular_values
-from stoop.assess.sensitivity import prior_information
+from stoop.assess.covariance import invert, marked, prior_information
+from stoop.assess.identifiability import (
+    ComparisonScale,
+    Identifiability,
+    identifiability,
+    scaled_singular_values,
+)
 
 
 def judge(
@@ -17,7 +21,7 @@ def judge(
     information = rows.T @ rows + prior_information(prior)
     inverse = invert(information)
     names = [f"C{i}" for i in range(rows.shape[1])]
-    yardstick = Yardstick(np.array(prior), np.array(box), np.array(size))
+    yardstick = ComparisonScale(np.array(prior), np.array(box), np.array(size))
     return identifiability(names, information, marked(inverse.matrix, inverse.determined), yardstick)
 
 

@@ -7,9 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
-from stoop.assess.baseline import BaselineManeuver, BaselineSegment, baseline_matches
-from stoop.assess.figures import theil
-from stoop.assess.lag import Lag, LagRecord, fit_lag
+from stoop.assess.baseline import BaselineManeuver, BaselineSegment, Lag, LagRecord, baseline_matches, fit_lag
+from stoop.assess.goodness_of_fit import theil
 
 RATE = 100.0
 

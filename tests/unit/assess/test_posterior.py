@@ -10,9 +10,8 @@ import pytest
 from naive.fitted import Fitted, line
 from numpy.testing import assert_allclose
 
-from stoop.assess.ensemble import Chains, libraries, sample
-from stoop.assess.optimum import linearize
-from stoop.assess.posterior import Target, reference, stretch
+from stoop.assess.posterior import Chains, Target, libraries, reference, sample, stretch
+from stoop.assess.refit import linearize
 from stoop.errors import IdentificationError
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stoop.assess.lag import Lag, LagRecord, _Search, fit_lag
+from stoop.assess.baseline import Lag, LagRecord, _Search, fit_lag
 from stoop.assess.press import left_out
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from stoop.assess.repeatability import agreement, without_prior
+from stoop.assess.repeatability import scatter, without_prior
 from stoop.results.uncertainty import SingleEstimate
 
 
@@ -16,7 +16,7 @@ def singles(values: list[float], errors: list[float]) -> list[SingleEstimate]:
 
 
 def test_by_hand() -> None:
-    found = agreement(singles([1.0, 2.0], [1.0, 0.5]))
+    found = scatter(singles([1.0, 2.0], [1.0, 0.5]))
     assert found.mean == pytest.approx(9.0 / 5.0)
     assert found.std_error == pytest.approx(math.sqrt(1.0 / 5.0))
     assert found.chi_square == pytest.approx(0.8**2 + (0.2 / 0.5) ** 2)
@@ -30,22 +30,22 @@ def test_right_error_bars_are_doubted_as_often_as_promised() -> None:
     random = np.random.default_rng(0)
     errors = [0.5, 1.0, 2.0, 1.5]
     wild = [
-        agreement(singles(list(random.normal(3.0, errors)), errors)).verdict == "scatter" for _ in range(1000)
+        scatter(singles(list(random.normal(3.0, errors)), errors)).verdict == "scatter" for _ in range(1000)
     ]
     assert 0.03 < np.mean(wild) < 0.07
 
 
 def test_an_outlier_is_seen() -> None:
-    assert agreement(singles([1.0, 1.1, 0.9, 2.0], [0.1] * 4)).verdict == "scatter"
+    assert scatter(singles([1.0, 1.1, 0.9, 2.0], [0.1] * 4)).verdict == "scatter"
 
 
 def test_what_is_not_counted_does_not_count() -> None:
     some = [*singles([1.0, 1.1], [0.1, 0.1]), SingleEstimate(9.0, 0.1, counted=False)]
-    found = agreement(some)
+    found = scatter(some)
     assert (found.mean, found.degrees, len(found.singles)) == (pytest.approx(1.05), 1, 3)
-    alone = agreement(some[1:])
+    alone = scatter(some[1:])
     assert (alone.mean, alone.degrees, alone.verdict) == (1.1, 0, "")
-    nobody = agreement(some[2:])
+    nobody = scatter(some[2:])
     assert math.isnan(nobody.mean)
     assert nobody.verdict == ""
 

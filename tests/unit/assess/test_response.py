@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stoop.assess.response import elsewhere, free_response, measured_mode
+from stoop.assess.free_response import elsewhere, free_response, measured_mode
 
 TIME = np.arange(0.0, 8.0, 0.01)
 
@@ -123,7 +123,7 @@ def test_controls_that_never_rest_leave_nothing() -> None:
 
 
 def test_a_part_too_short_for_the_mode_of_the_whole_is_no_error() -> None:
-    from stoop.assess.response import _Oscillation
+    from stoop.assess.free_response import _Oscillation
 
     t = np.arange(0.0, 4.0, 0.01)
     part = _Oscillation(t, np.cos(t)[:, None], np.ones((len(t), 1))).part(0.0, 0.5)

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from stoop.assess.runs import join, low_pass, runs
+from stoop.assess.goodness_of_fit import join, low_pass
+from stoop.base.arrays import runs
 
 RATE = 100.0
 
@@ -22,9 +23,9 @@ def test_join_puts_one_nan_between() -> None:
 def test_runs_cover_exactly_what_is_true(flags: list[bool]) -> None:
     present = np.array(flags, dtype=bool)
     covered = np.zeros_like(present)
-    for run in runs(present):
-        assert present[run].all()
-        covered[run] = True
+    for start, stop in runs(present):
+        assert present[start:stop].all()
+        covered[start:stop] = True
     assert_array_equal(covered, present)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from stoop.assess.trust import trust
+from stoop.assess.agreement import method_agreement
 from stoop.results.result import ParameterEstimate
 from stoop.results.uncertainty import Interval, MethodIntervals
 
@@ -21,7 +21,7 @@ def method(
 
 
 def said(**methods: MethodIntervals) -> str:
-    return " ".join(trust(ONE, {"corrected": method(0.1), "cramer_rao": method(0.1), **methods}))
+    return " ".join(method_agreement(ONE, {"corrected": method(0.1), "cramer_rao": method(0.1), **methods}))
 
 
 def test_white_residuals() -> None:
@@ -56,9 +56,9 @@ def test_a_profile_with_an_open_end() -> None:
 def test_what_cannot_be_told_is_trusted_by_nobody() -> None:
     parameters = ONE | {"c": ParameterEstimate(1.0, 5.0, identifiable=False)}
     assert "c: the data cannot tell" in " ".join(
-        trust(parameters, {"corrected": method(0.1), "cramer_rao": method(0.1)})
+        method_agreement(parameters, {"corrected": method(0.1), "cramer_rao": method(0.1)})
     )
 
 
 def test_without_methods_nothing_is_said() -> None:
-    assert trust(ONE, {}) == ()
+    assert method_agreement(ONE, {}) == ()

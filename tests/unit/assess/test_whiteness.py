@@ -7,7 +7,7 @@ import pytest
 from naive.whiteness import naive_ljung_box
 from scipy.stats import chi2
 
-from stoop.assess.whiteness import LAGS, whiteness
+from stoop.assess.goodness_of_fit import WHITENESS_LAGS, whiteness
 
 
 def colored(size: int, rho: float, seed: int) -> np.ndarray:
@@ -22,15 +22,17 @@ def colored(size: int, rho: float, seed: int) -> np.ndarray:
 def test_against_the_formula_written_out(rho: float) -> None:
     residual = colored(300, rho, 7)
     found = whiteness(residual)
-    assert found.lags == LAGS
-    assert found.statistic == pytest.approx(naive_ljung_box(residual, LAGS), rel=1e-10)
-    assert found.p_value == pytest.approx(chi2.sf(found.statistic, LAGS), rel=1e-12)
+    assert found.lags == WHITENESS_LAGS
+    assert found.statistic == pytest.approx(naive_ljung_box(residual, WHITENESS_LAGS), rel=1e-10)
+    assert found.p_value == pytest.approx(chi2.sf(found.statistic, WHITENESS_LAGS), rel=1e-12)
 
 
 def test_segments_with_holes_against_the_formula_written_out() -> None:
     residual = colored(300, 0.2, 8)
     residual[[40, 41, 150]] = np.nan
-    assert whiteness(residual).statistic == pytest.approx(naive_ljung_box(residual, LAGS), rel=1e-10)
+    assert whiteness(residual).statistic == pytest.approx(
+        naive_ljung_box(residual, WHITENESS_LAGS), rel=1e-10
+    )
 
 
 def test_by_hand() -> None:

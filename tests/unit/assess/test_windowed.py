@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from stoop.assess.sensitivity import Sensitivity
-from stoop.assess.windowed import FEWEST, widened, windowed_covariance
+from stoop.assess.windowed_covariance import MIN_WINDOWS, widened, windowed_covariance
+from stoop.problem.evidence import PieceEvidence
 
 LENGTH = 40
 
@@ -25,7 +25,7 @@ def repeated(slopes: np.ndarray, windows: int, times: int) -> np.ndarray:
     for _ in range(times):
         noise = gusty(rng, windows)
         estimate = pull @ noise[:, 0]
-        segment = Sensitivity(noise - (slopes @ estimate)[:, None], slopes[:, None, :])
+        segment = PieceEvidence(noise - (slopes @ estimate)[:, None], slopes[:, None, :])
         covariance = windowed_covariance([segment], [edges], [none], np.zeros((k, k)))
         found.append(estimate)
         told.append(np.diag(covariance))
@@ -40,7 +40,7 @@ def test_standard_errors_are_those_of_repetitions():
 
 def test_what_a_fit_takes_up_of_the_noise_of_few_windows_is_given_back():
     """Six slow unknowns take up a sixth of the noise of thirteen windows, or else variances are a quarter too small."""
-    rng, windows = np.random.default_rng(2), FEWEST + 1
+    rng, windows = np.random.default_rng(2), MIN_WINDOWS + 1
     level = np.repeat(rng.standard_normal((windows, 3)), LENGTH, axis=0)
     slopes = np.concatenate([level, level * np.tile(np.linspace(-1, 1, LENGTH), windows)[:, None]], axis=1)
     assert np.mean(repeated(slopes, windows, 400)) == pytest.approx(1.0, rel=0.12)
@@ -60,7 +60,7 @@ def test_no_variance_is_negative_however_short_pieces_are():
     rng = np.random.default_rng(4)
     for _ in range(50):
         pieces = [
-            Sensitivity(rng.standard_normal((120, 1)), rng.standard_normal((120, 1, 6))) for _ in range(4)
+            PieceEvidence(rng.standard_normal((120, 1)), rng.standard_normal((120, 1, 6))) for _ in range(4)
         ]
         none = (np.empty((2, 0)), np.empty((2, 0, 6)))
         covariance = windowed_covariance(pieces, [(0, 40, 80, 120)] * 4, [none] * 4, np.zeros((6, 6)))
@@ -69,9 +69,9 @@ def test_no_variance_is_negative_however_short_pieces_are():
 
 
 def test_few_windows_say_nothing():
-    segment = Sensitivity(np.zeros((10, 1)), np.ones((10, 1, 1)))
+    segment = PieceEvidence(np.zeros((10, 1)), np.ones((10, 1, 1)))
     gap = (np.zeros((1, 1)), np.zeros((1, 1, 1)))
-    assert FEWEST > 2
+    assert MIN_WINDOWS > 2
     assert windowed_covariance([segment], [(0, 5, 10)], [gap], np.zeros((1, 1))) is None
 
 

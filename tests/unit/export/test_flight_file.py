@@ -14,8 +14,7 @@ from pyulog import ULog
 from stoop.base.variables import QUATERNION
 from stoop.cli.main import main
 from stoop.errors import OutputError
-from stoop.export.flight_file import ENDINGS, LOGS, save_flight_as
-from stoop.export.tables import TABLES
+from stoop.export.flight_file import ENDINGS, TABLES, WRITERS, save_flight_as
 from stoop.flight import Flight, from_columns, load
 from stoop.logs.table import beside
 from stoop.simulate import parse_maneuver, simulate_flight
@@ -152,7 +151,7 @@ def test_an_aircraft_with_every_command(tmp_path: Path) -> None:
     base = {"density": 1.2, "pressure": 9e4, "temperature": 280.0, "pwm_3": 1500.0, "V": 20.0}
     columns = {n: base.get(n, 0.3) * (1.0 + 0.1 * rng.random(time.size)) for n in names}
     flight = from_columns("all", time, columns)
-    for ending in LOGS:
+    for ending in WRITERS:
         back = there_and_back(flight, tmp_path / f"all{ending}")
         for n in names:
             assert back.column(n) == pytest.approx(flight.column(n), rel=2e-3, abs=1.01e-3), (ending, n)

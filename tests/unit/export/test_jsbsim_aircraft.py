@@ -7,12 +7,8 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from stoop.errors import VehicleError
-from stoop.export import jsbsim_folder
-from stoop.export.excitation import steady as steady_record
-from stoop.export.jsbsim_aircraft import aircraft
-from stoop.export.jsbsim_reading import changed, numbers
-from stoop.export.names import file_name, identifier
-from stoop.export.still import LEFT_OUT, still
+from stoop.export.jsbsim_aircraft import aircraft, folder, read_numbers, relative_errors
+from stoop.export.record import file_name, identifier, steady_record, without_turbulence
 from stoop.simulate import Trim
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
@@ -22,14 +18,14 @@ from stoop_studies.verify.export import VEHICLES, load
 @pytest.mark.parametrize("name", VEHICLES)
 def test_numbers_read_back(name: str) -> None:
     vehicle = load(name)
-    difference = changed(vehicle, aircraft(vehicle))
+    difference = relative_errors(vehicle, aircraft(vehicle))
     written = {n for group in vehicle.terms.values() for n in group}
     assert written | {"mass.mass", "mass.inertia.xx", "reference.area"} <= set(difference)
     assert max(difference.values()) < 4e-16
 
 
 def test_points_and_products_of_inertia_change_their_axes_and_come_back() -> None:
-    read = numbers(aircraft(load("crooked")))
+    read = read_numbers(aircraft(load("crooked")))
     assert read["mass.inertia.xy"] == pytest.approx(0.03, rel=1e-15)
     assert read["mass.inertia.xz"] == pytest.approx(0.2, rel=1e-15)
     assert read["mass.inertia.yz"] == pytest.approx(-0.02, rel=1e-15)
@@ -42,7 +38,7 @@ def test_any_name_is_well_formed(twin_boom: Vehicle, steady: Trim) -> None:
     name = '<b>"A & B\'s" ]]> \x07\u200b\U0001f600'
     odd = twin_boom.file.model_copy(update={"name": name, "notes": (name,)})
     vehicle = Vehicle(odd, twin_boom.text, twin_boom.where)
-    for place, text in jsbsim_folder.folder(vehicle, steady_record(vehicle, steady)).items():
+    for place, text in folder(vehicle, steady_record(vehicle, steady)).items():
         assert place.isascii()
         ET.fromstring(text)  # noqa: S314 - our own
     root = ET.fromstring(aircraft(vehicle))  # noqa: S314
@@ -83,10 +79,10 @@ def test_a_delay_that_looks_ahead_is_refused() -> None:
 
 
 def test_turbulence_is_left_out(twin_boom: Vehicle) -> None:
-    assert still(twin_boom) == (twin_boom, ())
+    assert without_turbulence(twin_boom) == (twin_boom, ())
     table = "\n[turbulence]\nu = { intensity = 1.0, length = 200.0 }\n"
     gusty = parse_vehicle(twin_boom.text + table, "gusty")
-    vehicle, notes = still(gusty)
-    assert notes == (LEFT_OUT,)
+    vehicle, notices = without_turbulence(gusty)
+    assert [n.code for n in notices] == ["turbulence-not-exported"]
     assert vehicle.states == twin_boom.states
     assert aircraft(vehicle) == aircraft(twin_boom)

@@ -11,7 +11,7 @@ import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stoop.export.jsbsim_function import convert, number
+from stoop.export.jsbsim_model import convert, number
 from stoop.vehicle import terms
 
 NAMES = ("alpha", "beta", "q", "elevator")

@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from stoop.export.state_space import Known, StateSpace, json_text, mat_bytes, state_space, variables
+from stoop.export.state_space import (
+    ParameterCovariance,
+    StateSpace,
+    json_text,
+    mat_bytes,
+    state_space,
+    variables,
+)
 from stoop.simulate import Trim
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
@@ -19,7 +26,7 @@ SIGMA = 0.1
 
 @pytest.fixture(scope="module")
 def found(twin_boom: Vehicle, steady: Trim) -> StateSpace:
-    return state_space(twin_boom, steady, Known(("Cmalpha", "Cmq"), np.diag([SIGMA**2, 0.0])))
+    return state_space(twin_boom, steady, ParameterCovariance(("Cmalpha", "Cmq"), np.diag([SIGMA**2, 0.0])))
 
 
 def test_json_reads_back(found: StateSpace) -> None:
@@ -68,15 +75,15 @@ def test_without_a_covariance_there_are_none(twin_boom: Vehicle, steady: Trim) -
 def test_what_the_data_cannot_tell_is_no_small_error(twin_boom: Vehicle, steady: Trim) -> None:
     """Of two parameters one has no variance: what it moves is unknown, what it does not move is as before."""
     names = ("Cmalpha", "CLq")
-    both = state_space(twin_boom, steady, Known(names, np.diag([SIGMA**2, np.inf])))
-    alone = state_space(twin_boom, steady, Known(names[:1], np.array([[SIGMA**2]])))
+    both = state_space(twin_boom, steady, ParameterCovariance(names, np.diag([SIGMA**2, np.inf])))
+    alone = state_space(twin_boom, steady, ParameterCovariance(names[:1], np.array([[SIGMA**2]])))
     states, errors = both.model.states, both.standard_errors["A"]
     assert np.isinf(errors[states.index("alpha"), states.index("q")])
     pitch = states.index("q"), states.index("alpha")
     assert errors[pitch] == alone.standard_errors["A"][pitch] > 0.0
     row, column = states.index("alpha"), states.index("q")
     assert json.loads(json_text(both))["standard_errors"]["A"][row][column] is None
-    lost = state_space(twin_boom, steady, Known(names[1:], np.array([[np.inf]])))
+    lost = state_space(twin_boom, steady, ParameterCovariance(names[1:], np.array([[np.inf]])))
     assert np.array_equal(np.isinf(lost.standard_errors["A"]), np.isinf(errors))
 
 

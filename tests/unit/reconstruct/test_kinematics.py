@@ -9,10 +9,10 @@ import pytest
 
 from stoop.errors import FlightError
 from stoop.flight import from_columns
+from stoop.reconstruct.compatibility import check
 from stoop.reconstruct.corrected import corrected_flight
-from stoop.reconstruct.equations import INPUTS, OUTPUTS, PARAMETERS, SCALED, STATES, kernel
-from stoop.reconstruct.prepare import prepare
-from stoop.reconstruct.result import check
+from stoop.reconstruct.kinematics import INPUTS, OUTPUTS, PARAMETERS, SCALED, STATES, kernel
+from stoop.reconstruct.pieces import cut_pieces
 from stoop_studies.verify.delays import WIND, late_sensors
 
 
@@ -46,7 +46,7 @@ def test_delays_wind_and_vanes_come_back(checked: tuple[object, object]) -> None
     for name, value in truth.items():
         assert abs(found[name].estimate - value) < 4.0 * found[name].std_error, name
     assert found["velocity.delay"].std_error < 0.003
-    assert not any("inconsistent" in warning for warning in result.warnings)  # type: ignore[attr-defined]
+    assert not any("inconsistent" in warning for warning in map(str, result.notices))  # type: ignore[attr-defined]
 
 
 def test_without_attitude_nothing_can_be_compared() -> None:
@@ -71,7 +71,7 @@ def test_without_accelerometers_rates_are_held_against_the_attitude() -> None:
     bias = result.findings["p.bias"]
     assert bias.estimate == pytest.approx(0.02, abs=max(4.0 * bias.std_error, 1e-3))
     wrong = from_columns("wrong", time, {**columns, "p": -columns["p"]})
-    said = check(dataclasses.replace(wrong))[0].warnings
+    said = [str(found) for found in check(dataclasses.replace(wrong))[0].notices]
     assert any("inconsistent" in w for w in said)
     assert any("no calibration" in w for w in said)
 
@@ -98,7 +98,7 @@ def test_a_delay_beyond_what_pieces_have_to_spare_is_no_number() -> None:
     assert abs(delay.estimate) > 0.3
     assert not delay.identifiable
     assert "clocks" in delay.reason
-    assert not any(w.startswith("attitude is late") for w in result.warnings)
+    assert not any(w.startswith("attitude is late") for w in map(str, result.notices))
     early = corrected_flight(found).column("phi")
     np.testing.assert_allclose(np.std(early - flight.column("phi")), 0.0, atol=0.02)  # it was not shifted
 
@@ -110,8 +110,8 @@ def test_what_hovers_is_in_the_air_at_any_speed() -> None:
     columns = dict.fromkeys(("p", "q", "r", "phi", "theta", "psi", "ax", "ay", "vn", "ve", "vd"), still)
     motors = {f"motor_{n}": still + 0.6 for n in range(1, 5)}
     hovering = from_columns("f", time, {**columns, "az": still - 9.8, **motors})
-    spans = [(piece.time[0], piece.time[-1]) for piece in prepare(hovering).pieces]
+    spans = [(piece.time[0], piece.time[-1]) for piece in cut_pieces(hovering).pieces]
     assert spans == [(0.0, time[-1])]
     grounded = from_columns("f", time, {**columns, "az": still - 9.8})
     with pytest.raises(FlightError, match="in the air for no 3 s; choose a window"):
-        prepare(grounded)
+        cut_pieces(grounded)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stoop.assess.covariance import NORMAL_95
-from stoop.assess.figures import Match, channel_figures
-from stoop.assess.runs import join
+from stoop.assess.goodness_of_fit import Match, channel_figures, join
 from stoop.base.notices import as_notice, notice
 from stoop.results.result import (
     AirDataTrace,

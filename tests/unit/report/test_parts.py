@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stoop.assess.runs import join
+from stoop.assess.goodness_of_fit import join
 from stoop.base.notices import as_notice
 from stoop.base.numbers import (
     clock,

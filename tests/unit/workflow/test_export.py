@@ -49,7 +49,7 @@ def test_maneuvers_start_where_the_fit_found_them(job: Job, subject: Subject) ->
 
 def test_our_simulation_of_a_maneuver_is_the_one_of_the_report(job: Job, subject: Subject) -> None:
     """Its root mean square error is the figure in result.json."""
-    from stoop.export.flown import differences, own_readings
+    from stoop.export.record import differences, own_readings
 
     fitted = subject.maneuvers[0]
     vehicle = fitted.record.vehicle
@@ -147,7 +147,7 @@ def test_gusts_that_were_estimated_stay_behind_with_what_is_known_of_them(gusty:
     assert subject.known.names == ("Cmq",)
     assert subject.known.covariance.shape == (1, 1)
     made = export(subject, target)
-    assert any("turbulence is left out" in note for note in made.notes)
+    assert any("is left out: gusts are" in note for note in made.notes)
     assert [m.loaded for m in subject.maneuvers] == [False, True]
     assert subject.maneuvers[1].record.vehicle.value("mass.mass") == 190.0
 

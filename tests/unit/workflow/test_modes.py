@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stoop.assess.response import free_response, measured_mode
+from stoop.assess.error_bars import error_bars
+from stoop.assess.flight_conditions import conditions, modes
+from stoop.assess.free_response import free_response, measured_mode
 from stoop.cli.demo import MANEUVER as DEMO
 from stoop.errors import SimulationError
-from stoop.estimate.fit import Options, fit
+from stoop.estimate.fit import fit
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.simulate import linearize, parse_maneuver, simulate_flight, trim
 from stoop.vehicle import Vehicle
 from stoop.workflow import Job
-from stoop.workflow.judged import judged
-from stoop.workflow.modes import conditions, modes
 
 FREE = ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")
 MANEUVER = """
@@ -56,7 +56,7 @@ def test_without_a_trim_about_the_mean_state(job: Job, monkeypatch: pytest.Monke
             "x.toml: no steady flight found at 35 m/s (elevator would be 2 rad); try another"
         )
 
-    monkeypatch.setattr("stoop.workflow.modes.trim", fails)
+    monkeypatch.setattr("stoop.assess.flight_conditions.trim", fails)
     covariance = job.identification.result.covariance
     (condition,) = modes(job.fit, covariance.names, covariance.matrix)
     assert condition.about == "mean state"
@@ -84,7 +84,7 @@ def test_intervals_hold_the_truth_as_often_as_they_should(aircraft: Vehicle) -> 
         flight = simulate_flight(vehicle, parse_maneuver(MANEUVER, "test"), seed, name="sim")
         found = fit(vehicle, {"sim": flight}, [Window("sim", 0.0, 12.0)])
         names = tuple(p.name for p in found.problem.layout.parameters)
-        bars = judged(found, Options())
+        bars = error_bars(found)
         (condition,) = modes(found, names, bars.covariance[: len(names), : len(names)])
         short = next(m for m in condition.modes if m.name == "short period")
         truth = linearize(vehicle, trim(vehicle, condition.airspeed, condition.altitude)).modes[0]

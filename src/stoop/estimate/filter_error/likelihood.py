@@ -161,6 +161,12 @@ class Likelihood:
         """Return the innovations of every piece, with slopes."""
         return [self._innovations(z, i, entries) for i, entries in enumerate(self._entries)]
 
+    def gains_at(self, z: FloatArray) -> list[Gains]:
+        """Return the gains of every piece with the unknowns z (k,)."""
+        each = range(len(self.points))
+        starts = [self.problem.candidates(z[None, : self.known], i) for i in each]
+        return [self._gains(z[None, :], *starts[i], i) for i in each]
+
     def prior(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return gradient (k,) and information (k, k) of the priors."""
         layout = self.problem.layout
@@ -193,7 +199,7 @@ class Likelihood:
         Z = np.concatenate([z[None, :], z + np.diag(steps)[np.diag(steps).any(axis=1)]])
         rows, start = self.problem.candidates(Z[:, : self.known], index)
         gains = self._gains(Z, rows, start, index)
-        v, _ = self._run(index, rows, start, gains)
+        v, _ = run_filter(self.problem, index, rows, start, gains)
         return _whitened(v, gains, entries, steps[entries])
 
     def _gains(self, Z: FloatArray, rows: FloatArray, start: FloatArray, index: int) -> Gains:
@@ -214,7 +220,7 @@ class Likelihood:
         """Return the states (n_x, r, B) that the anchor's gains find around each point."""
         base, count = self._anchored[index], rows.shape[1]
         gains = Gains(np.repeat(base.gain, count, axis=2), base.covariance, base.which)
-        states = self._run(index, rows, start, gains, states=True)[1]
+        states = run_filter(self.problem, index, rows, start, gains, states=True)[1]
         return averaged(self.problem.layout.vehicle, states, self.plans[index].points)
 
     @cached_property
@@ -227,31 +233,32 @@ class Likelihood:
             out.append(self._gains_of(i, linear, self.anchor[None, self.known :]))
         return out
 
-    def _run(
-        self, index: int, rows: FloatArray, start: FloatArray, gains: Gains, states: bool = False
-    ) -> tuple[FloatArray, FloatArray]:
-        """Run the filter of every candidate; those that differ in a delay have inputs of their own."""
-        vehicle, piece = self.problem.layout.vehicle, self.problem.pieces[index]
-        inputs = late_inputs(vehicle, piece.inputs, rows, piece.dt)
-        kernel = vehicle.kernel()
-        if inputs.ndim == 2:
-            return filtering.innovations(
-                kernel, rows, start, gains.gain, gains.which, inputs, piece.measured, piece.dt, states
-            )
-        _, group = np.unique(inputs.reshape(-1, inputs.shape[2]), axis=1, return_inverse=True)
-        alike = [np.flatnonzero(group.ravel() == g) for g in range(int(group.max()) + 1)]
-        parts = [
-            filtering.innovations(
-                kernel, rows[:, own], start[:, own], gains.gain[:, :, own], gains.which,
-                np.ascontiguousarray(inputs[:, :, own[0]]), piece.measured, piece.dt, states,
-            )
-            for own in alike
-        ]  # fmt: skip
-        order = np.argsort(np.concatenate(alike))
-        first, second = (
-            np.concatenate(part)[order] if part[0].size else part[0] for part in zip(*parts, strict=True)
+
+def run_filter(
+    problem: Misfit, index: int, rows: FloatArray, start: FloatArray, gains: Gains, states: bool = False
+) -> tuple[FloatArray, FloatArray]:
+    """Run the filter of every candidate over one piece; those that differ in a delay have inputs of their own."""
+    vehicle, piece = problem.layout.vehicle, problem.pieces[index]
+    inputs = late_inputs(vehicle, piece.inputs, rows, piece.dt)
+    kernel = vehicle.kernel()
+    if inputs.ndim == 2:
+        return filtering.innovations(
+            kernel, rows, start, gains.gain, gains.which, inputs, piece.measured, piece.dt, states
         )
-        return first, second
+    _, group = np.unique(inputs.reshape(-1, inputs.shape[2]), axis=1, return_inverse=True)
+    alike = [np.flatnonzero(group.ravel() == g) for g in range(int(group.max()) + 1)]
+    parts = [
+        filtering.innovations(
+            kernel, rows[:, own], start[:, own], gains.gain[:, :, own], gains.which,
+            np.ascontiguousarray(inputs[:, :, own[0]]), piece.measured, piece.dt, states,
+        )
+        for own in alike
+    ]  # fmt: skip
+    order = np.argsort(np.concatenate(alike))
+    first, second = (
+        np.concatenate(part)[order] if part[0].size else part[0] for part in zip(*parts, strict=True)
+    )
+    return first, second
 
 
 def _distinct(Z: FloatArray) -> tuple[IntArray, IntArray]:
@@ -275,13 +282,7 @@ def _whitened(v: FloatArray, gains: Gains, entries: IntArray, taken: FloatArray)
     lower = np.linalg.cholesky(S[0])
     root = np.linalg.inv(lower)
     logs = 2.0 * np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
-    if len(root) == len(gains.which):  # a gain for every sample
-        white = np.asarray(np.matmul(root, v[..., None])[..., 0])
-    else:
-        white = np.empty_like(v)
-        for g, matrix in enumerate(root):
-            own = slice(None) if len(root) == 1 else np.flatnonzero(gains.which == g)
-            white[:, own] = v[:, own] @ matrix.T
+    white = whitened_by(root, v, gains.which)
     slopes = np.moveaxis((white[1:] - white[:1]) / taken[:, None, None], 0, 2)
     spreads = root[None] @ (S[1:] - S[:1]) @ np.swapaxes(root, 1, 2)[None] / taken[:, None, None, None]
     return Innovations(
@@ -292,3 +293,14 @@ def _whitened(v: FloatArray, gains: Gains, entries: IntArray, taken: FloatArray)
         np.nan_to_num(np.moveaxis(spreads, 0, 3)),
         gains.which,
     )
+
+
+def whitened_by(root: FloatArray, v: FloatArray, which: IntArray) -> FloatArray:
+    """Return the products of roots (G, n_y, n_y) with innovations (B, n, n_y), each sample by the root that it has."""
+    if len(root) == len(which):  # a gain for every sample
+        return np.asarray(np.matmul(root, v[..., None])[..., 0])
+    white = np.empty_like(v)
+    for g, matrix in enumerate(root):
+        own = slice(None) if len(root) == 1 else np.flatnonzero(which == g)
+        white[:, own] = v[:, own] @ matrix.T
+    return white

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -21,6 +22,7 @@ from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
+from stoop.estimate.filter_error.frozen import FrozenFilter
 from stoop.estimate.filter_error.gains import Gain, Steady, Varying
 from stoop.estimate.filter_error.likelihood import Innovations, Likelihood
 from stoop.estimate.filter_error.linearization import refuse_free_delays
@@ -228,6 +230,7 @@ def _fit(problem: Misfit, prepared: Prepared, best: Ascent, costs: Sequence[floa
         _notices(likelihood, tail, at, costs),
         noise=np.diag(np.where(np.isfinite(variances), variances, np.nan)),
         own_evidence=_evidence(likelihood, best.z, at),
+        local_problem=partial(FrozenFilter.of, likelihood, best.z),
     )
 
 

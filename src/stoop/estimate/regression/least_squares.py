@@ -76,6 +76,8 @@ class Estimates:
         Standard deviation of the residuals of each equation.
     r2 : mapping of str to float
         Coefficient of determination of each equation.
+    rows : tuple of Rows
+        That were solved, in their domain: stretch by stretch, equation by equation.
     """
 
     values: FloatArray
@@ -83,6 +85,7 @@ class Estimates:
     white: FloatArray
     sigma: dict[str, float]
     r2: dict[str, float]
+    rows: tuple[Rows, ...]
 
 
 def solve(rows: Sequence[Rows], bounds: Bounds, priors: Priors, domain: Domain) -> Estimates:
@@ -110,7 +113,7 @@ def solve(rows: Sequence[Rows], bounds: Bounds, priors: Priors, domain: Domain) 
     sigma = {c: max(s, floor[c]) for c, s in sigma.items()}
     white, covariance = _covariances(rows, values, priors, sigma, domain)
     r2 = {c: r_squared(np.concatenate([r.y for r in own]), left[c]) for c, own in of.items()}
-    return Estimates(values, covariance, white, sigma, r2)
+    return Estimates(values, covariance, white, sigma, r2, tuple(rows))
 
 
 def r_squared(y: FloatArray, residual: FloatArray) -> float:

@@ -16,10 +16,12 @@ from stoop.estimate.fit import SHORT, Fit, Options, estimation_problem
 from stoop.estimate.noise import noise_variance, variance_of
 from stoop.estimate.regression.domain import Domain, FrequencyDomain, TimeDomain
 from stoop.estimate.regression.equations import Equations, estimate, kind_of, unbounded
+from stoop.estimate.regression.least_squares import Estimates
 from stoop.estimate.shooting.windows import outputs_by_window
 from stoop.flight import Flight
 from stoop.optimize.ledger import Evaluations, Halt
 from stoop.problem import Layout, Misfit, Weights, on_circle
+from stoop.problem.evidence import Evidence, PieceEvidence, prior_information, unknowns_of
 from stoop.problem.observation import observation_model
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
@@ -97,6 +99,7 @@ def _fitted(
         tuple(notices),
         noise=flown.noise,
         covariance=_covariance(equations, found.covariance, len(flown.z)),
+        own_evidence=_evidence(problem, equations, found, flown.z, domain),
         white=_covariance(equations, found.white, len(flown.z)) if domain.colored else None,
         simulated=flown.readings,
     )
@@ -125,6 +128,25 @@ def _covariance(equations: Equations, covariance: FloatArray, size: int) -> Floa
     out = np.zeros((size, size))
     out[np.ix_(equations.places, equations.places)] = own
     return out
+
+
+def _evidence(
+    problem: Misfit, equations: Equations, found: Estimates, z: FloatArray, domain: Domain
+) -> Evidence:
+    """Return the evidence: equation errors and regressors of each stretch, weighted by the residuals' deviations.
+
+    Columns are equations. A constant that the domain does not keep has no sensitivity.
+    """
+    unknowns, pieces = unknowns_of(problem.layout, z, set(equations.places)), []
+    for first in range(0, len(found.rows), len(found.sigma)):
+        stretch = found.rows[first : first + len(found.sigma)]
+        weights = [1.0 / found.sigma[r.equation] for r in stretch]
+        residual = [w * (r.y - r.X @ found.values) for w, r in zip(weights, stretch, strict=True)]
+        jacobian = np.zeros((len(stretch[0].y), len(stretch), len(unknowns)))
+        for i, (w, r) in enumerate(zip(weights, stretch, strict=True)):
+            jacobian[:, i, list(equations.places)] = w * r.X
+        pieces.append(PieceEvidence(np.column_stack(residual), jacobian))
+    return Evidence(unknowns, tuple(pieces), prior_information(unknowns), white=not domain.colored)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Final
 
 import numpy as np
@@ -30,6 +30,7 @@ from stoop.estimate.fit import (
     starts,
 )
 from stoop.estimate.noise import effective_variance_of, first_variance, variance_of
+from stoop.estimate.shooting.following import FollowingWindows
 from stoop.estimate.shooting.search import (
     Iterate,
     ShootingProblem,
@@ -154,6 +155,7 @@ class MultipleShooting:
             tuple(notices),
             noise=np.diag(np.where(measured, variance_of(found.problem.problem, residuals), np.nan)),
             own_evidence=found.problem.evidence(at),
+            local_problem=partial(FollowingWindows.of, found.problem, at),
             simulated=found.problem.simulated(at),
         )
 

@@ -196,7 +196,7 @@ class ShootingProblem:
         information, pieces = rows.T @ rows, []
         for shots, windows in zip(self.shots, self.linearize(at), strict=True):
             nodes = reduced([self.weigh(shot) for shot in windows], 0.0).nodes
-            follow = _follow(nodes, windows[0].by_state.shape[2], scales)
+            follow = following(nodes, windows[0].by_state.shape[2], scales)
             jacobian = [
                 w.by_unknown / scales + w.by_state @ own for w, own in zip(windows, follow, strict=True)
             ]
@@ -220,7 +220,7 @@ class ShootingProblem:
         return gaps, np.array(slopes).reshape(*gaps.shape, len(scales))
 
 
-def _follow(nodes: Sequence[Node], size: int, scales: FloatArray) -> list[FloatArray]:
+def following(nodes: Sequence[Node], size: int, scales: FloatArray) -> list[FloatArray]:
     """Return how the state of each window changes with the search vector, (e, j) each, per SI unit."""
     out = [np.zeros((size, len(scales)))]
     for node in nodes:

@@ -331,8 +331,7 @@ DAMAGES: Final[Mapping[str, Damage]] = {
     "overwrite": Damage(Damager.overwrite, "random bytes, zeros or ones over a stretch"),
     "blow up": Damage(Damager.blow_up, "extreme numbers of 1 to 8 bytes, also where sizes and counts stand"),
     "resize": Damage(
-        Damager.resize,
-        "the first bytes of a message, record or line change a little: its size, kind or name",
+        Damager.resize, "the first bytes of a message, record or line change a little: its size, kind or name"
     ),
     "erase": Damage(Damager.erase, "a stretch is taken out, or whole messages"),
     "repeat": Damage(Damager.repeat, "messages are written again, up to a thousand times"),

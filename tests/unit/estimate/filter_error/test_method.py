@@ -5,13 +5,13 @@ import json
 import numpy as np
 import pytest
 
+from stoop.assess.error_bars import error_bars
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.fit import Options
 from stoop.problem.windows import Window
 from stoop.simulate import parse_maneuver, simulate_flight
 from stoop.workflow import identify
-from stoop.workflow.judged import judged
 
 from .conftest import MANEUVER
 
@@ -23,7 +23,7 @@ def errors(vehicle, flight, method):
         vehicle, {"sim": flight}, [Window("sim", 0.0, 15.0)], options, None, None
     )
     truth = json.loads(flight.data.attrs["truth"])
-    bars = judged(found, options)
+    bars = error_bars(found)
     off = [found.estimates[p.name] - truth[p.name] for p in found.problem.layout.parameters]
     return found, np.array(off), bars.std[: len(off)]
 

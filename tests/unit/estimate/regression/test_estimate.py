@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stoop.assess.error_bars import error_bars
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.aircraft import AircraftEquations
@@ -18,7 +19,6 @@ from stoop.flight import Flight
 from stoop.problem import Layout
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
-from stoop.workflow.givenbars import error_bars
 
 WINDOW = [Window("noisy", 0.0, 25.0)]
 DOMAINS = [TimeDomain(), FrequencyDomain(0.04, 1.5)]
@@ -106,11 +106,11 @@ def test_a_control_that_stands_still_gets_no_number(full: Vehicle, noisy: Flight
     """Nor does the constant that it is one with."""
     still = replace(noisy, data=noisy.data.assign(elevator=0.0 * noisy.data["elevator"] - 0.05))
     found = method(full, {"noisy": still}, WINDOW, Options(method="frequency-domain"))  # type: ignore[operator]
-    bars = error_bars(found, 1.0)
+    bars = error_bars(found)
     for name in ("Cmelevator", "Cm0"):
-        assert not bars.judged[name].identifiable
-        assert "do not see it" in bars.judged[name].reason
-    assert bars.judged["Clp"].identifiable
+        assert not bars.identifiability[name].identifiable
+        assert "do not see it" in bars.identifiability[name].reason
+    assert bars.identifiability["Clp"].identifiable
 
 
 @pytest.mark.parametrize(
@@ -149,14 +149,26 @@ def test_methods_of_identify(full: Vehicle, noisy: Flight, method: object) -> No
     assert any("least squares" in str(n) for n in found.notices)
 
 
+def test_its_evidence_gives_its_covariance(full: Vehicle, noisy: Flight) -> None:
+    """Information from whitened regressors and priors: the covariance for white residuals."""
+    found = equation_error(full, {"noisy": noisy}, WINDOW, Options())
+    evidence, free = found.evidence, found.evidence.free
+    parts = [piece.of(free).filled()[1].reshape(-1, len(free)) for piece in evidence.pieces]
+    information = evidence.prior[np.ix_(free, free)] + sum(J.T @ J for J in parts)
+    assert found.white is not None
+    np.testing.assert_allclose(np.linalg.inv(information), found.white[np.ix_(free, free)], rtol=1e-6)
+    variances = np.nanvar(np.concatenate([piece.residual for piece in evidence.pieces]), axis=0)
+    np.testing.assert_allclose(variances, 1.0, atol=0.05)
+
+
 def test_what_was_not_looked_at_is_not_called_white(full: Vehicle, noisy: Flight) -> None:
     """A band takes residuals as white: that is an assumption and no finding."""
-    band = error_bars(frequency_domain(full, {"noisy": noisy}, WINDOW, Options()), 1.0)
-    assert np.isnan(band.white).all()
-    time = error_bars(equation_error(full, {"noisy": noisy}, WINDOW, Options()), 1.0)
+    band = error_bars(frequency_domain(full, {"noisy": noisy}, WINDOW, Options()))
+    assert np.isnan(band.cramer_rao_std).all()
+    time = error_bars(equation_error(full, {"noisy": noisy}, WINDOW, Options()))
     told = time.std > 0.0
-    assert np.isfinite(time.white[told]).all()
-    assert (np.abs(time.std[told] / time.white[told] - 1.0) > 0.01).any()
+    assert np.isfinite(time.cramer_rao_std[told]).all()
+    assert (np.abs(time.std[told] / time.cramer_rao_std[told] - 1.0) > 0.01).any()
 
 
 def test_numbers_that_are_no_terms_are_held_and_said(full: Vehicle, noisy: Flight) -> None:

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from stoop.assess.error_bars import error_bars
 from stoop.cli import demo
 from stoop.estimate import methods
 from stoop.estimate.fit import Options, estimation_problem
@@ -15,7 +16,6 @@ from stoop.problem.windows import Window
 from stoop.simulate import initial_states, parameter_rows, parse_maneuver, simulate_flight, trim
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow import identify
-from stoop.workflow.judged import judged
 
 DT = 0.02
 FREE = ("CL0", "CLalpha", "CLelevator", "CD0", "CDalpha", "Cm0", "Cmalpha", "Cmq", "Cmelevator")
@@ -103,7 +103,7 @@ def test_truth_comes_back_within_three_standard_errors(start, flight):
     options = Options(method="multiple-shooting")
     found = methods.find("multiple-shooting").fitter()(start, {"damped": flight}, WINDOW, options, None, None)
     assert found.outcome.status == "converged"
-    truth, bars = json.loads(flight.data.attrs["truth"]), judged(found, options)
+    truth, bars = json.loads(flight.data.attrs["truth"]), error_bars(found)
     z = [
         (found.estimates[p.name] - truth[p.name]) / s
         for p, s in zip(found.problem.layout.parameters, bars.std, strict=False)
@@ -128,7 +128,7 @@ def test_a_stable_aircraft_is_found_as_by_output_error(aircraft_and_flight):
     window = [Window("sim", 0.0, 16.0)]
     one = methods.find("output-error").fitter()(vehicle, {"sim": calm}, window, Options(), None, None)
     many = MultipleShooting()(vehicle, {"sim": calm}, window, Options(method="multiple-shooting"))
-    bars = judged(one, Options())
+    bars = error_bars(one)
     for p, sigma in zip(one.problem.layout.parameters, bars.std, strict=False):
         assert many.estimates[p.name] == pytest.approx(one.estimates[p.name], abs=0.05 * sigma)
 

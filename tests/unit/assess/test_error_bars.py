@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from stoop.assess.error_bars import error_bars
 from stoop.estimate.fit import Options, fit
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 from stoop.workflow import identify
-from stoop.workflow.errorbars import error_bars
 
 
 def test_same_bits_whatever_the_threads(
@@ -33,10 +33,10 @@ def test_a_parameter_at_its_bound_makes_others_lean(
     """CL0 held far from the truth: CLalpha takes its place, with an error bar that is only conditional."""
     boxed = wrong.with_numbers({"CL0": {"value": 0.3, "bounds": (0.2, 0.35)}})
     found = fit(boxed, {"sim": flight}, [Window("sim", 0.0, 30.0)], Options())
-    bars = error_bars(found, 1.0)
+    bars = error_bars(found)
     names = [p.name for p in found.problem.layout.parameters]
-    assert bars.held[names.index("CL0")]
-    assert "CLalpha" in bars.leaning
+    assert bars.at_bound[names.index("CL0")]
+    assert "CLalpha" in bars.conditional
     result = identify(boxed, flight, ["0:30"]).identification.result
     assert result.parameters["CL0"].at_bound
     assert np.isnan(result.parameters["CL0"].std_error)

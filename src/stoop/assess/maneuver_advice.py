@@ -21,6 +21,12 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE
+from stoop.estimate.fit import Fit
+from stoop.problem import Piece
+from stoop.results.result import Result
+from stoop.simulate import parameter_rows
+from stoop.simulate.initial import commanded
+from stoop.vehicle import Vehicle, terms
 
 STILL: Final = 0.1  #: of the coefficient's own variation, that a term must reach to show itself
 TIED: Final = 0.95  #: correlation from which two regressors are tied
@@ -28,6 +34,7 @@ TIED: Final = 0.95  #: correlation from which two regressors are tied
 #: the natural frequency as its step that frequency lies in the upper half of the band
 STEP_ANGLE: Final = 1.6
 ANGLES: Final = ("alpha", "beta")
+AXES: Final = {"pitch": ("Cm", "elevator"), "roll": ("Cl", "aileron"), "yaw": ("Cn", "rudder")}
 GROUND: Final = "Measure it on the ground, and fix it or narrow its prior."
 
 
@@ -54,7 +61,7 @@ class Term:
 
 
 @dataclass(frozen=True, eq=False)
-class Flown:
+class FlownModel:
     """What advice needs to know of vehicle and flight.
 
     Attributes
@@ -75,7 +82,7 @@ class Flown:
     frequencies: Mapping[str, float] = field(default_factory=dict)
 
 
-def advice(name: str, stand_ins: Sequence[str], flown: Flown) -> str:
+def advice(name: str, stand_ins: Sequence[str], flown: FlownModel) -> str:
     """Return what to fly, or to measure, for one parameter.
 
     Parameters
@@ -83,7 +90,7 @@ def advice(name: str, stand_ins: Sequence[str], flown: Flown) -> str:
     name : str
     stand_ins : sequence of str
         Parameters strongly correlated with it, or moving with it along a direction that the data do not see.
-    flown : Flown
+    flown : FlownModel
     """
     term = flown.terms.get(name)
     if term is None:
@@ -93,7 +100,7 @@ def advice(name: str, stand_ins: Sequence[str], flown: Flown) -> str:
     return " ".join(sentence for sentence in said if sentence)
 
 
-def _of_term(term: Term, flown: Flown, told: bool) -> str:
+def _of_term(term: Term, flown: FlownModel, told: bool) -> str:
     """Return what to fly for a term; nothing where only numbers that are `told` apart on the ground stand in for it."""
     if not term.variables:
         return "A constant is told by steady flight at several conditions."
@@ -106,7 +113,7 @@ def _of_term(term: Term, flown: Flown, told: bool) -> str:
     return "" if told else f"Several others together stand in for it: {_excitation(term, flown)}."
 
 
-def _still(term: Term, flown: Flown) -> bool:
+def _still(term: Term, flown: FlownModel) -> bool:
     """Whether a term varies too little beside the other terms of its coefficient."""
     mates = [t for t in flown.terms.values() if t.coefficient == term.coefficient]
     whole = sum((t.value * (t.flown - t.flown.mean()) for t in mates), np.zeros(len(term.flown)))
@@ -114,7 +121,7 @@ def _still(term: Term, flown: Flown) -> bool:
     return float(np.std(term.value * term.flown)) < STILL * largest or float(np.std(term.flown)) == 0.0
 
 
-def _tied(term: Term, flown: Flown) -> list[Term]:
+def _tied(term: Term, flown: FlownModel) -> list[Term]:
     """Return the other terms of the same coefficient that could stand in for this one, the strongest first.
 
     All of them together where no single one is: then the one with the greatest share is named.
@@ -134,7 +141,7 @@ def _tied(term: Term, flown: Flown) -> list[Term]:
     return [moving[i] for i in order[:2]]
 
 
-def _separate(term: Term, tied: Sequence[Term], flown: Flown) -> str:
+def _separate(term: Term, tied: Sequence[Term], flown: FlownModel) -> str:
     mine, other = term.variables, tied[0].variables
     begin = f"In this flight {_what(term)} moves with {_what(tied[0])}"
     controls = {flown.pitch, flown.roll, flown.yaw, flown.power} - {""}
@@ -156,7 +163,7 @@ def _separate(term: Term, tied: Sequence[Term], flown: Flown) -> str:
     return f"{begin}: {_excitation(term, flown)}."
 
 
-def _excitation(term: Term, flown: Flown) -> str:
+def _excitation(term: Term, flown: FlownModel) -> str:
     """Return what excites the variables of a term."""
     variables = term.variables
     if _nonlinear(term):
@@ -170,7 +177,7 @@ def _excitation(term: Term, flown: Flown) -> str:
     return _quick(flown, term)
 
 
-def _quick(flown: Flown, term: Term) -> str:
+def _quick(flown: FlownModel, term: Term) -> str:
     """Return the input that excites rates and flow angles about one axis."""
     lateral = bool(term.variables & {"beta", "p", "r"}) and not term.variables & {"alpha", "q"}
     if not lateral:
@@ -181,12 +188,12 @@ def _quick(flown: Flown, term: Term) -> str:
     return f"fly a 3-2-1-1 or doublet with {flown.yaw or 'yaw control'}{_step(flown, 'Dutch roll')}"
 
 
-def _step(flown: Flown, mode: str) -> str:
+def _step(flown: FlownModel, mode: str) -> str:
     frequency = flown.frequencies.get(mode, np.nan)
     return f", unit step about {STEP_ANGLE / frequency:.2g} s" if frequency > 0.0 else ""
 
 
-def _speed(flown: Flown) -> str:
+def _speed(flown: FlownModel) -> str:
     power = f"{flown.power} steps" if flown.power else "speed changes"
     return (
         f"let the airspeed change: {power}, the same maneuver at two airspeeds, or half a minute of phugoid"
@@ -213,7 +220,7 @@ def _shared(names: Sequence[str]) -> str:
     return f"It also trades off against {' and '.join(names)}: measure that on its own, or narrow its prior."
 
 
-def _of_vehicle(name: str, flown: Flown) -> str:
+def _of_vehicle(name: str, flown: FlownModel) -> str:
     """Return what to do about a number that is no aerodynamic term."""
     head = name.split(".")[0]
     if head in ("rotors", "rotor", "body_drag"):
@@ -266,3 +273,57 @@ def _amount(term: Term) -> str:
     if single and not _nonlinear(term) and single not in ("p", "q", "r", "V"):
         return f"{spread / DEGREE:.2g} deg"
     return f"{100.0 * spread:.2g} %" if single == "V" else f"{spread:.2g}"
+
+
+def flown_model(result: Result, fit: Fit) -> FlownModel:
+    """Return the terms as the model flew them, and the controls and modes of the vehicle."""
+    vehicle, layout = fit.problem.layout.vehicle, fit.problem.layout
+    if vehicle.hovers:
+        return FlownModel({}, frequencies=_frequencies(result))
+    free = {p.name for p in layout.parameters}
+    columns = [_columns(vehicle, fit, i, piece) for i, piece in enumerate(fit.problem.pieces)]
+    known = set(terms.STATE_VARIABLES) | set(vehicle.file.controls)
+    found = {}
+    for coefficient, texts in vehicle.terms.items():
+        for name, text in texts.items():
+            tree = terms.parse(text, known, vehicle.where)
+            series = [np.broadcast_to(terms.convert(tree, c), len(c["V"])) for c in columns]
+            value = fit.estimates[name] if name in free else vehicle.value(name)
+            flown = np.concatenate(series).astype(np.float64)
+            found[name] = Term(name, coefficient, terms.variables(tree), value, flown)
+    axes = {axis: _strongest(found, vehicle, *of) for axis, of in AXES.items()}
+    return FlownModel(found, power=_power(vehicle), frequencies=_frequencies(result), **axes)
+
+
+def _columns(vehicle: Vehicle, fit: Fit, index: int, piece: Piece) -> dict[str, FloatArray]:
+    """Return what terms are made of, (n,) each, along one piece as the model flew it."""
+    read = dict(zip(vehicle.outputs, fit.problem.outputs(fit.z, index).T, strict=True))
+    still = np.zeros(len(piece.time))
+    rows = parameter_rows(vehicle, piece.changes)
+    motion = {c: np.nan_to_num(read.get(c, still)) for c in ("V", "alpha", "beta", "p", "q", "r")}
+    if "V" not in read:
+        motion["V"] = np.full(len(piece.time), float(piece.start.get("V", 1.0)))
+    actual = vehicle.actual_rates
+    rates = (motion["p"], motion["q"], motion["r"])
+    made = terms.values(vehicle.value, actual, motion["V"], motion["alpha"], motion["beta"], rates)
+    every = np.repeat(rows, len(piece.time), axis=1)
+    return made | {c: commanded(vehicle, c, every, piece.inputs.T) for c in vehicle.controls}
+
+
+def _strongest(found: Mapping[str, Term], vehicle: Vehicle, coefficient: str, usual: str) -> str:
+    """Return the control that does most about an axis; the usual one where the model is without that axis."""
+    of_axis = [t for t in found.values() if t.coefficient == coefficient and len(t.variables) == 1]
+    power = {c: abs(t.value) for t in of_axis for c in t.variables if c in vehicle.file.controls}
+    if power:
+        return max(power, key=lambda c: power[c])
+    return usual if usual in vehicle.file.controls else ""
+
+
+def _power(vehicle: Vehicle) -> str:
+    propulsion = vehicle.file.propulsion
+    return "" if propulsion is None or propulsion.kind == "constant" else propulsion.channel
+
+
+def _frequencies(result: Result) -> dict[str, float]:
+    every = [mode for condition in result.modes for mode in condition.modes]
+    return {mode.name: mode.frequency.estimate for mode in reversed(every)}

@@ -1,4 +1,4 @@
-"""Which statement of uncertainty to trust, and why, in plain words."""
+"""Agreement of methods: which estimate of uncertainty to use, and why."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ RHAT: Final = 1.02  #: above it a posterior says nothing yet
 NAMED: Final = 8
 
 
-def trust(parameters: Mapping[str, ParameterEstimate], methods: Mapping[str, MethodIntervals]) -> tuple[str, ...]:  # fmt: skip
+def method_agreement(
+    parameters: Mapping[str, ParameterEstimate], methods: Mapping[str, MethodIntervals]
+) -> tuple[str, ...]:
     """Return which method to trust for which parameters, and where the methods disagree.
 
     Parameters
@@ -34,7 +36,12 @@ def trust(parameters: Mapping[str, ParameterEstimate], methods: Mapping[str, Met
     if CORRECTED not in methods:
         return ()
     sure = {name: p for name, p in parameters.items() if p.identifiable and not p.at_bound}
-    said = [_color(sure, methods), _bootstrap(sure, methods), *_posterior(sure, methods), *_profile(sure, methods)]  # fmt: skip
+    said = [
+        _color(sure, methods),
+        _bootstrap(sure, methods),
+        *_posterior(sure, methods),
+        *_profile(sure, methods),
+    ]
     untold = [name for name in parameters if name not in sure]
     if untold:
         said.append(

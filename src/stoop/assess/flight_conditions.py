@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stoop.assess.free_response import FreeResponse, free_response, measured_mode
 from stoop.assess.modes import Linearized, differentiated, mode_estimates
-from stoop.assess.response import FreeResponse, free_response, measured_mode
 from stoop.base.arrays import FloatArray
 from stoop.errors import SimulationError
 from stoop.estimate.fit import Fit

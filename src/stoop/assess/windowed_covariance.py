@@ -29,18 +29,18 @@ from typing import Final
 import numpy as np
 
 from stoop.assess.covariance import invert, marked
-from stoop.assess.sensitivity import Sensitivity
 from stoop.base.arrays import FloatArray
+from stoop.problem.evidence import PieceEvidence
 
 NEIGHBORS: Final = 3  #: windows whose residuals may still be correlated
-FEWEST: Final = 12  #: windows, below which a mean over them says little
+MIN_WINDOWS: Final = 12  #: windows, below which a mean over them says little
 ALONE: Final = (
     0.5  #: of the information about a direction; of what one window tells so much of, others foresee nothing
 )
 
 
 def windowed_covariance(
-    segments: Sequence[Sensitivity],
+    segments: Sequence[PieceEvidence],
     edges: Sequence[Sequence[int]],
     gaps: Sequence[tuple[FloatArray, FloatArray]],
     prior: FloatArray,
@@ -49,7 +49,7 @@ def windowed_covariance(
 
     Parameters
     ----------
-    segments : sequence of Sensitivity
+    segments : sequence of PieceEvidence
         One per piece.
     edges : sequence of sequence of int
         First sample of each window of a piece, then the number of its samples.
@@ -58,7 +58,7 @@ def windowed_covariance(
     prior : (k, k)
         Information of the priors and of the gaps.
     """
-    if sum(len(e) - 1 for e in edges) < FEWEST:
+    if sum(len(e) - 1 for e in edges) < MIN_WINDOWS:
         return None
     filled = [segment.filled() for segment in segments]
     inverse = invert(prior + sum(_gram(j.reshape(-1, j.shape[2])) for _, j in filled))
@@ -67,7 +67,7 @@ def windowed_covariance(
         met = gap[1].reshape(-1, gap[1].shape[2])
         r, S = _stacked(residual, jacobian, own, gap)
         middle += _scores(
-            np.stack([_foreseen(*one, inverse.factor) for one in zip(r, S, strict=True)]), S
+            np.stack([leave_window_out(*one, inverse.factor) for one in zip(r, S, strict=True)]), S
         ) - _gram(met)
     return marked(inverse.matrix @ middle @ inverse.matrix, inverse.determined)
 
@@ -96,7 +96,7 @@ def _stacked(
     return r, np.concatenate([S, np.pad(gap[1], [(0, 1), (0, 0), (0, 0)])], axis=1)
 
 
-def _foreseen(r: FloatArray, S: FloatArray, factor: FloatArray) -> FloatArray:
+def leave_window_out(r: FloatArray, S: FloatArray, factor: FloatArray) -> FloatArray:
     """Return the residuals (m,) of a window as a fit to all other windows leaves them.
 
     With `factor` (k, d) the unknowns are d such that the whole information is the unit matrix.

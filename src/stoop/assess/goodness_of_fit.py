@@ -1,25 +1,46 @@
-"""Figures of merit of a simulated curve against a measured one.
+"""Goodness of fit: figures of merit of a simulated curve against a measured one, and the whiteness of its residuals.
+
+Whiteness is tested by the portmanteau statistic of Ljung and Box, over segments with holes,
+
+    Q = n (n + 2) sum_k r_k^2 / (n - k),  k = 1 ... m,
+
+chi-square with m degrees of freedom for white residuals. Where the record has holes, n - k is the number of
+pairs that are there; a lag without any, as between the samples of a slow sensor, is no degree of freedom. The mean is
+not taken off: an offset that is left over is not white. A model that leaves colored residuals has not explained
+everything, and its plain Cramer-Rao bound is too small.
 
 References
 ----------
 H. Theil, *Economic Forecasts and Policy*, 2nd ed., North-Holland, 1961 (the coefficient and its parts).
 R. V. Jategaonkar, *Flight Vehicle System Identification: A Time-Domain Methodology*, 2nd ed., AIAA, 2015,
 chapter 11 (the coefficient as the field uses it; 0.25 to 0.3 is commonly taken as good agreement).
+G. M. Ljung and G. E. P. Box, "On a measure of lack of fit in time series models", *Biometrika* 65(2), 1978,
+pp. 297-303, eq. (1.2).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.signal import butter, sosfiltfilt
+from scipy.stats import chi2
 
-from stoop.assess.runs import low_pass
-from stoop.assess.whiteness import whiteness
-from stoop.base.arrays import FloatArray
-from stoop.results.goodness_of_fit import BaselineFit, GoodnessOfFit, TheilShares
+from stoop.base.arrays import FloatArray, runs
+from stoop.estimate.noise import lagged_products
+from stoop.results.goodness_of_fit import BaselineFit, GoodnessOfFit, TheilShares, Whiteness
 
 NAN: Final = float("nan")
+WHITENESS_LAGS: Final = (
+    20  #: autocorrelations that are summed: 0.2 s at 100 Hz, the fastest motion that a model explains
+)
+SAMPLES_PER_LAG: Final = 5  #: samples for each of them at least
+WHITENESS_LEVEL: Final = 0.05  #: chance of calling white residuals colored
+CUTOFF: Final = 10.0  #: Hz; above it there is no rigid-body motion worth matching, only vibration
+FILTER_ORDER: Final = 4  #: of the Butterworth filter, which runs forward and backward
 
 
 @dataclass(frozen=True)
@@ -178,3 +199,76 @@ def _rms(values: FloatArray) -> float:
     # In parts of the greatest value: a diverged simulation may not overflow, its coefficient is 1.
     peak = float(np.max(np.abs(values), initial=0.0))
     return peak * float(np.sqrt(np.mean((values / peak) ** 2))) if peak > 0.0 else 0.0
+
+
+def whiteness(residual: FloatArray) -> Whiteness:
+    """Test the residuals (n,) of one channel; NaN where missing and between segments."""
+    lags = min(WHITENESS_LAGS, int(np.isfinite(residual).sum()) // SAMPLES_PER_LAG)
+    if lags < 1:
+        return Whiteness()
+    r, pairs = _autocorrelation(residual, lags)
+    if not np.isfinite(r).all():
+        return Whiteness()
+    degrees = int(np.count_nonzero(pairs[1:]))
+    if not degrees:
+        return Whiteness()
+    statistic = ljung_box(r, pairs)
+    p_value = float(chi2.sf(statistic, degrees))
+    neighbors = float(r[1]) if pairs[1] > 0.0 else float("nan")
+    return Whiteness(
+        neighbors, statistic, degrees, p_value, "white" if p_value >= WHITENESS_LEVEL else "colored"
+    )
+
+
+def ljung_box(r: FloatArray, pairs: FloatArray) -> float:
+    """Return Q of autocorrelations (m + 1,), the first at lag 0, and the numbers of their pairs (m + 1,)."""
+    n = float(pairs[0])
+    there = pairs[1:] > 0.0
+    return n * (n + 2.0) * float(np.sum(r[1:][there] ** 2 / pairs[1:][there]))
+
+
+def _autocorrelation(residual: FloatArray, lags: int) -> tuple[FloatArray, FloatArray]:
+    """Return r_k and the number of its pairs, (lags + 1,) each; segments that a NaN parts still have their time."""
+    filled: Sequence[FloatArray] = [np.nan_to_num(_scaled(residual))[:, None]]
+    present: Sequence[FloatArray] = [np.isfinite(residual).astype(np.float64)[:, None]]
+    sums, pairs = lagged_products(filled, present, lags)
+    power = float(sums[0, 0])
+    return (sums[0] / power if power > 0.0 else np.full(lags + 1, np.nan)), pairs[0]
+
+
+def _scaled(residual: FloatArray) -> FloatArray:
+    # In parts of the greatest: a simulation that left for infinity may not overflow its square.
+    peak = float(np.nanmax(np.abs(residual)))
+    return residual / peak if 0.0 < peak < np.inf else residual
+
+
+def join(pieces: Sequence[ArrayLike]) -> FloatArray:
+    """Return the pieces (n_i,) as one curve, a NaN between neighbors, so that a plot breaks there."""
+    parts: list[FloatArray] = []
+    for piece in pieces:
+        parts += [np.full(1, np.nan), np.asarray(piece, dtype=np.float64)]
+    return np.concatenate(parts[1:]) if parts else np.empty(0)
+
+
+def low_pass(values: FloatArray, rate: float, cutoff: float = CUTOFF) -> FloatArray:
+    """Return `values` (n,) without what lies above `cutoff`, without phase shift, each stretch for itself.
+
+    Parameters
+    ----------
+    values : (n,)
+        Uniform samples; NaN separates the stretches and stays.
+    rate : float, Hz
+        Sample rate. At or below twice the cutoff there is nothing to remove.
+    cutoff : float, Hz
+        Where the two passes together have lost 6 dB.
+    """
+    filtered = np.array(values, dtype=np.float64)
+    if rate <= 2.0 * cutoff:
+        return filtered
+    sections = butter(FILTER_ORDER, cutoff, fs=rate, output="sos")
+    natural = 3 * (2 * len(sections) + 1)
+    for start, stop in runs(np.isfinite(filtered)).tolist():
+        # The filter starts on a reflection of the data; a stretch shorter than that reflects what it has.
+        padding = min(natural, stop - start - 1)
+        filtered[start:stop] = sosfiltfilt(sections, filtered[start:stop], padlen=padding)
+    return filtered
