@@ -3,9 +3,9 @@
 >>> import stoop
 >>> vehicle = stoop.load_vehicle("vehicle.toml")  # doctest: +SKIP
 >>> flight = stoop.load_flight("log.ulg")  # doctest: +SKIP
->>> job = stoop.fit(vehicle, flight, ["140:145", "160:168"], validate=["187:196"])  # doctest: +SKIP
->>> print(job)  # doctest: +SKIP
->>> job.save("result")  # doctest: +SKIP
+>>> fit = stoop.fit(vehicle, flight, ["140:145", (160, 168)], validate="187:196")  # doctest: +SKIP
+>>> fit.parameters["Clp"].std_error  # doctest: +SKIP
+>>> fit.save("result")  # doctest: +SKIP
 """
 
 from __future__ import annotations
@@ -14,46 +14,70 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from stoop.checks.vehicle import check
+    from stoop import errors
+    from stoop.api import assess, check, design, export, fit, predict, reconstruct
+    from stoop.base.notices import Notice
     from stoop.estimate.fit import Options
+    from stoop.flight import Flight
     from stoop.flight.load import load as load_flight
     from stoop.flight.store import save as save_flight
     from stoop.results.result import read_result
+    from stoop.simulation.arrays import simulate
     from stoop.simulation.fly import simulate_flight
     from stoop.simulation.linearize import linearize
     from stoop.simulation.maneuver import load_maneuver
     from stoop.simulation.trim import trim
-    from stoop.vehicle import load_vehicle
-    from stoop.workflow import identify as fit
+    from stoop.vehicle import Vehicle
+    from stoop.vehicle.builtin import resolve_vehicle as load_vehicle
+    from stoop.workflow import Bootstrap, Posterior, Profile
 
 _PLACES = {
+    **dict.fromkeys(("assess", "check", "design", "export", "fit", "predict", "reconstruct"), "stoop.api"),
+    **dict.fromkeys(
+        ("linearize", "load_maneuver", "simulate", "simulate_flight", "trim"), "stoop.simulation"
+    ),
+    **dict.fromkeys(("Bootstrap", "Posterior", "Profile"), "stoop.workflow"),
+    "Flight": "stoop.flight",
+    "Notice": "stoop.base.notices",
     "Options": "stoop.estimate.fit",
-    "check": "stoop.checks.vehicle",
-    "fit": "stoop.workflow",
-    "linearize": "stoop.simulation",
+    "Vehicle": "stoop.vehicle",
     "load_flight": "stoop.flight",
-    "load_maneuver": "stoop.simulation",
-    "load_vehicle": "stoop.vehicle",
+    "load_vehicle": "stoop.vehicle.builtin",
     "read_result": "stoop.results.result",
     "save_flight": "stoop.flight",
-    "simulate_flight": "stoop.simulation",
-    "trim": "stoop.simulation",
-}  #: public name -> room; imported on first use, so that ``import stoop`` costs nothing
-_OTHER_NAMES = {"fit": "identify", "load_flight": "load", "save_flight": "save"}
+}  #: public name -> module; imported on first use, so that ``import stoop`` costs nothing
+_OTHER_NAMES = {"load_flight": "load", "load_vehicle": "resolve_vehicle", "save_flight": "save"}
 
 __all__ = [
+    "Bootstrap",
+    "Flight",
+    "Notice",
     "Options",
+    "Posterior",
+    "Profile",
+    "Vehicle",
+    "assess",
     "check",
+    "design",
+    "errors",
+    "export",
     "fit",
     "linearize",
     "load_flight",
     "load_maneuver",
     "load_vehicle",
+    "predict",
     "read_result",
+    "reconstruct",
     "save_flight",
+    "simulate",
     "simulate_flight",
     "trim",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__version__"])
 
 
 def __getattr__(name: str) -> Any:
@@ -61,6 +85,10 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version("stoop")
+    if name == "errors":
+        return importlib.import_module("stoop.errors")
     if name not in _PLACES:
         raise AttributeError(f"module 'stoop' has no attribute '{name}'")
-    return getattr(importlib.import_module(_PLACES[name]), _OTHER_NAMES.get(name, name))
+    found = getattr(importlib.import_module(_PLACES[name]), _OTHER_NAMES.get(name, name))
+    globals()[name] = found
+    return found

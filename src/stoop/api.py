@@ -1,0 +1,258 @@
+"""What `import stoop` offers: one function for each verb of the command line, with Python's own objects as arguments."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+from stoop.estimate.fit import Options
+from stoop.flight import Flight
+from stoop.flight import load as load_flight
+from stoop.flight.flight import from_columns
+from stoop.problem.windows import Windows, as_windows
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import resolve_vehicle as load_vehicle
+from stoop.workflow import Job
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from stoop import optimize
+    from stoop.assessment.assessment import Assessment
+    from stoop.base.notices import Notice
+    from stoop.input_design.proposal import Proposal
+    from stoop.reconstruction.compatibility import Compatibility
+    from stoop.workflow.export import Exported
+    from stoop.workflow.validation import Validated
+
+OneFlight = Flight | str | Path
+DEFAULTS = Options()
+
+
+def as_flight(given: OneFlight | xr.Dataset) -> Flight:
+    """Return a flight from a flight, a log, or a dataset over ``time`` (s) with variables of the registry in SI."""
+    if isinstance(given, Flight):
+        return given
+    if isinstance(given, str | Path):
+        return load_flight(given)
+    columns = {str(name): column.to_numpy() for name, column in given.data_vars.items()}
+    name = str(given.attrs.get("name", "flight"))
+    return from_columns(name, given["time"].to_numpy(), columns, source="dataset")
+
+
+def fit(
+    vehicle: Vehicle | str | Path,
+    flights: OneFlight | xr.Dataset | Sequence[OneFlight | xr.Dataset],
+    maneuvers: Windows,
+    validate: Windows = (),
+    options: Options = DEFAULTS,
+    callback: Callable[[optimize.Progress], None] | None = None,
+) -> Job:
+    """Estimate the free numbers of a vehicle from maneuvers of one or more flights, and predict others.
+
+    Parameters
+    ----------
+    vehicle : Vehicle, name of a built-in vehicle, or path of a vehicle file
+    flights : Flight, path of a log, xarray.Dataset, or a sequence of them
+    maneuvers : windows
+        Fitted jointly: ``"[FLIGHT@]START:STOP[#LOADING]"``, ``(start, stop)`` or ``slice(start, stop)`` in seconds of the
+        log's own clock; one or several.
+    validate : windows
+        Likewise; predicted, nothing is fitted there.
+    options : Options
+        Method, optimizer, seed, budget.
+    callback : callable, optional
+        Sees a :class:`stoop.optimize.Progress` after each step of the search.
+
+    Returns
+    -------
+    Job
+        ``fit.parameters["Clp"].std_error``, ``fit.to_dataframe()``, ``fit.plot.maneuvers()``, ``fit.save(folder)``.
+
+    Raises
+    ------
+    StoopError
+        One line that says what is wrong and what to do.
+    """
+    from stoop.workflow import identify
+
+    model = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
+    return identify(model, _flights(flights), maneuvers, validate, options, callback)
+
+
+def predict(
+    fitted: Job | str | Path,
+    flights: OneFlight | xr.Dataset | Sequence[OneFlight | xr.Dataset],
+    maneuvers: Windows = (),
+) -> Validated:
+    """Predict windows that were not fitted.
+
+    Parameters
+    ----------
+    fitted : Job, or path of the folder that it was saved to
+    flights : Flight, path of a log, xarray.Dataset, or a sequence of them
+    maneuvers : windows, optional
+        The maneuvers found in the flights when absent.
+
+    Raises
+    ------
+    StoopError
+        A window was fitted, or cannot be flown.
+    """
+    from stoop.workflow.validation import validate
+
+    known = _flights(flights)
+    windows = as_windows(maneuvers, {flight.name: flight for flight in known})
+    with _saved(fitted) as folder:
+        return validate(folder, known, [_text(w) for w in windows])
+
+
+def assess(fitted: Job, *assessments: Assessment, watch: Callable[[str], None] | None = None) -> Job:
+    """Return a fit with the uncertainty by further methods, such as ``stoop.Bootstrap()`` or ``stoop.Profile()``."""
+    return fitted.assess(*assessments, watch=watch)
+
+
+def check(flight: OneFlight | xr.Dataset, vehicle: Vehicle | str | Path | None = None) -> tuple[Notice, ...]:
+    """Return which lines of the mapping, or of a vehicle file, contradict the data of a flight.
+
+    Parameters
+    ----------
+    flight : Flight, path of a log, or xarray.Dataset
+    vehicle : Vehicle, name of a built-in vehicle, or path of a vehicle file, optional
+
+    Raises
+    ------
+    StoopError
+        The flight lacks a channel that the vehicle needs.
+    """
+    from stoop.checks.vehicle import check as checked
+
+    model = vehicle if vehicle is None or isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
+    return checked(as_flight(flight), model)
+
+
+def reconstruct(flight: OneFlight | xr.Dataset, windows: Windows = ()) -> tuple[Compatibility, Flight]:
+    """Reconstruct the flight path: return the errors of the instruments, and the flight without them.
+
+    Parameters
+    ----------
+    flight : Flight, path of a log, or xarray.Dataset
+    windows : windows, optional
+        The airborne part when absent.
+
+    Raises
+    ------
+    FlightError
+        The flight holds nothing that could be compared.
+    """
+    from stoop.workflow.compatibility import check_compatibility
+
+    one = as_flight(flight)
+    spans = [(w.start, w.stop) for w in as_windows(windows, {one.name: one})]
+    return check_compatibility(one, spans)
+
+
+def design(
+    model: Job | str | Path,
+    duration: float = 20.0,
+    airspeed: float | None = None,
+    altitude: float = 200.0,
+    amplitude: Mapping[str, float] | None = None,
+    envelope: Mapping[str, tuple[float, float]] | None = None,
+    shapes: Sequence[str] = (),
+    seed: int = 0,
+) -> Proposal:
+    """Design the maneuver that makes the standard errors smallest.
+
+    Parameters
+    ----------
+    model : Job, folder of a saved one, built-in vehicle or vehicle file
+    duration : float, s
+    airspeed : float, m/s, optional
+        V* of the vehicle when absent.
+    altitude : float, m
+    amplitude : mapping, optional
+        Largest deflection of each control, rad.
+    envelope : mapping, optional
+        Lowest and highest value of a channel, SI.
+    shapes : sequence of str, optional
+        Of :data:`stoop.input_design.SHAPES`; all when absent.
+    seed : int
+
+    Raises
+    ------
+    SimulationError
+        No maneuver stays within the limits.
+    """
+    from stoop.input_design import SHAPES, Limits
+    from stoop.input_design.optimization import Plan
+    from stoop.input_design.proposal import propose
+    from stoop.simulation import trim
+    from stoop.workflow.design import prior_model
+
+    with _saved(model) as place:
+        known = prior_model(place)
+    steady = trim(known.vehicle, airspeed, altitude)
+    limits = Limits.about(known.vehicle, steady, amplitude, envelope=envelope)
+    return propose(known, steady, limits, Plan(duration=duration, seed=seed), tuple(shapes) or tuple(SHAPES))
+
+
+def export(
+    model: Job | str | Path,
+    to: str,
+    folder: str | Path | None = None,
+    airspeed: float | None = None,
+    altitude: float | None = None,
+    overwrite: bool = False,
+) -> Exported:
+    """Export a model as files of another tool.
+
+    Parameters
+    ----------
+    model : Job, folder of a saved one, built-in vehicle or vehicle file
+    to : str
+        One of the targets of ``stoop export --to``.
+    folder : path, optional
+        Where the files are written; they are only returned when absent.
+    airspeed, altitude : float, m/s and m, optional
+        Of the steady flight.
+    overwrite : bool
+        Whether files in the folder may be replaced.
+
+    Raises
+    ------
+    StoopError
+        The model cannot be exported so, or the folder holds other files.
+    """
+    from stoop.workflow.export import Condition, write
+    from stoop.workflow.export import export as exported
+    from stoop.workflow.export_subject import read_subject
+
+    with _saved(model) as place:
+        found = exported(read_subject(str(place)), to, Condition(airspeed, altitude, 0.0))
+    if folder is not None:
+        write(found, Path(folder), overwrite)
+    return found
+
+
+def _flights(given: Any) -> list[Flight]:
+    several = given if isinstance(given, Sequence) and not isinstance(given, str) else [given]
+    return [as_flight(one) for one in several]
+
+
+def _text(window: Any) -> str:
+    loading = f"#{window.loading}" if window.loading else ""
+    return f"{window.flight}@{window.start!r}:{window.stop!r}{loading}"
+
+
+@contextmanager
+def _saved(model: Job | str | Path) -> Iterator[Path]:
+    """Give the folder of a fit; one that was not saved lies in a temporary folder meanwhile."""
+    if not isinstance(model, Job):
+        yield Path(model)
+        return
+    with TemporaryDirectory(prefix="stoop-") as name:
+        yield model.save(Path(name) / "result")
