@@ -213,7 +213,7 @@ def test_another_vehicles_motors_are_told_before_the_search_of_a_fit(
     words = ["identify", str(place / "hexa.nc"), "--vehicle", "quad-x", "--maneuver", "9:12"]
     assert main([*words, "--validate", "11:14", "-o", str(place / "hexa")]) == 2
     motors, *_, refused = capsys.readouterr().err.splitlines()
-    assert motors.startswith("stoop: hexa: motor_5, motor_6 move too, but no rotor of quad-x has them")
+    assert motors.startswith("stoop: hexa: motor_5 and motor_6 move too, but no rotor of quad-x has them")
     assert "overlaps the fitted" in refused
 
 
