@@ -55,7 +55,8 @@ def fit(
 
     Parameters
     ----------
-    vehicle : Vehicle, name of a built-in vehicle, or path of a vehicle file
+    vehicle : Vehicle, str or Path
+        Or the name of a built-in one, or a vehicle file.
     flights : Flight, path of a log, xarray.Dataset, or a sequence of them
     maneuvers : windows
         Fitted jointly: ``"[FLIGHT@]START:STOP[#LOADING]"``, ``(start, stop)`` or ``slice(start, stop)`` in seconds of the
@@ -121,7 +122,8 @@ def check(flight: OneFlight | xr.Dataset, vehicle: Vehicle | str | Path | None =
     Parameters
     ----------
     flight : Flight, path of a log, or xarray.Dataset
-    vehicle : Vehicle, name of a built-in vehicle, or path of a vehicle file, optional
+    vehicle : Vehicle, str or Path, optional
+        Or the name of a built-in one, or a vehicle file.
 
     Raises
     ------
