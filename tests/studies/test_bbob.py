@@ -17,7 +17,7 @@ from stoop.optimize.problem import ScalarProblem
 from stoop_studies import problems
 from stoop_studies.problems import bbob
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 functions = pytest.mark.parametrize("name", bbob.names())
 
 

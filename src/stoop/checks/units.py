@@ -224,11 +224,11 @@ class UnitModel:
                     MEDIANS[name].high,
                     limits.size,
                 )
-        if self.median.get("az"):
+        if self.median.get("az") and (weight := self.weight(f)) > 0.0:
             known, level = MEDIANS["az"], self.level * f("az")
-            yield ("weight", "az"), self.weight(f), known.low, known.high, limits.size
-            yield ("up", "az"), level / self.weight(f), -np.inf, limits.upright, limits.size
-            yield ("z-axis", "az"), abs(level) / self.weight(f), limits.upright, np.inf, limits.z_axis
+            yield ("weight", "az"), weight, known.low, known.high, limits.size
+            yield ("up", "az"), level / weight, -np.inf, limits.upright, limits.size
+            yield ("z-axis", "az"), abs(level) / weight, limits.upright, np.inf, limits.z_axis
         for (angle, rate), factor in self.growth.items():
             if factor:
                 apart = abs(math.log(abs(factor * f(angle) / f(rate))))

@@ -50,12 +50,11 @@ def check_maneuver(vehicle: Vehicle, maneuver: Maneuver) -> None:
 
 def controls(vehicle: Vehicle, on_wings: bool) -> list[str]:
     """Return what a maneuver may move: of what hovers on its rotors, set-points and axes of the autopilot as well."""
+    ground = () if vehicle.file.ground_effect is None else (vehicle.file.ground_effect.channel,)
     if not vehicle.rotors:
-        return list(vehicle.controls)
+        return [*vehicle.controls, *ground]
     names = () if on_wings else (*EXCITATIONS, *SETPOINTS)
     channels = set(vehicle.recorded) - {"voltage", "density"}
-    if vehicle.file.ground_effect is not None:
-        channels = channels | {vehicle.file.ground_effect.channel}
     return list(dict.fromkeys((*names, *vehicle.controls, *sorted(channels))))
 
 

@@ -65,7 +65,7 @@ _UNITS = {
 _NO_ROWS = ("name", "notes", "loadings", "sigma", "estimate_biases", "voltage_average")  #: of the kernel
 _EQUATION_SOURCES = (  #: beside all of symbolic/
     "vehicle.py", "terms.py", "atmosphere.py", "schema.py", "defaults.py", "quantity.py", "rotors_schema.py",
-    "rotor_numbers.py", "table.py",
+    "rotor_numbers.py", "table.py", "notation.py",
 )  # fmt: skip
 _CHANNEL_UNITS = {
     **dict.fromkeys(("V", "vn", "ve", "vd"), "m/s"), **dict.fromkeys(("p", "q", "r"), "rad/s"),

@@ -125,7 +125,7 @@ def test_csv(what: str, refused: Callable[..., str]) -> None:
 
 def test_missing_mapping(refused: Callable[..., str]) -> None:
     Path("log.csv").write_text(table(math.sin))
-    assert "columns.toml: the mapping cannot be read" in refused(
+    assert "columns.toml: cannot read the mapping file" in refused(
         "info", "log.csv", "--mapping", "columns.toml"
     )
 
