@@ -90,7 +90,7 @@ def _print_rooms(modules: Mapping[str, Path], lines: Mapping[str, int]) -> None:
 
 def _imports(name: str, tree: ast.Module, modules: Mapping[str, Path], lazy: bool = True) -> Iterator[str]:
     """Yield the modules of the package that a module imports; those in functions only where `lazy`."""
-    for node in ast.walk(tree) if lazy else _eager(tree):
+    for node in _running(tree) if lazy else _eager(tree):
         if isinstance(node, ast.Import):
             yield from (a.name for a in node.names if a.name in modules)
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -105,8 +105,16 @@ def _imports(name: str, tree: ast.Module, modules: Mapping[str, Path], lazy: boo
                 yield module
 
 
+def _running(tree: ast.AST) -> Iterator[ast.AST]:
+    """Yield every node but those for type checkers."""
+    for node in ast.iter_child_nodes(tree):
+        if not (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)):
+            yield node
+            yield from _running(node)
+
+
 def _eager(tree: ast.Module) -> Iterator[ast.AST]:
-    """Yield the statements that run when a module is imported, without those for type checkers."""
+    """Yield the statements that run when a module is imported."""
     for node in tree.body:
         if not (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)):
             yield from (n for n in ast.walk(node) if not isinstance(node, ast.FunctionDef | ast.ClassDef))
