@@ -316,7 +316,7 @@ def sample_time(stream: Stream, column: str, factor: float) -> FloatArray:
 
 def _missing(recording: Recording, source: Source) -> str:
     column = next(iter(source.columns[0]))
-    only = [*recording.streams][0] if len(recording.streams) == 1 else ""
+    only = next(iter(recording.streams)) if len(recording.streams) == 1 else ""
     name = source.stream or only
     stream = recording.streams.get(name)
     if stream is not None:
