@@ -180,15 +180,15 @@ def test_an_impatient_guard_leaves_its_child_less_time(
 ) -> None:
     seconds = []
 
-    def launch(reader: str, path: Path, folder: Path, limits: guard.Limits) -> None:
+    def run_child(known: str, path: Path, folder: Path, limits: guard.Limits) -> None:
         seconds.append(json.loads((folder / guard.TASK).read_text())["limits"]["seconds"])
         raise LogError("enough")
 
-    monkeypatch.setattr(guard, "launch", launch)
+    monkeypatch.setattr(guard, "run_child", run_child)
     with trial.impatient(2), pytest.raises(LogError, match="enough"):
-        guard.guarded("stoop.logs.matlab:load", tmp_path)
+        guard.read_in_child("matlab", tmp_path)
     assert seconds == [2]
-    assert guard.launch is launch
+    assert guard.run_child is run_child
 
 
 def test_counts_are_those_of_the_cases() -> None:

@@ -211,38 +211,38 @@ def _lines(messages: Iterable[str]) -> frozenset[str]:
 
 
 @contextmanager
-def _launched_by(launch: Any) -> Iterator[None]:
-    before = guard.launch
-    guard.launch = launch
+def _children_run_by(run_child: Any) -> Iterator[None]:
+    before = guard.run_child
+    guard.run_child = run_child
     try:
         yield
     finally:
-        guard.launch = before
+        guard.run_child = before
 
 
 @contextmanager
 def in_this_process() -> Iterator[None]:
     """Let readers that end in others' code do in this very process what their child would do."""
 
-    def here(reader: str, path: Path, folder: Path, limits: guard.Limits) -> None:
+    def here(known: str, path: Path, folder: Path, limits: guard.Limits) -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a child's are not seen
-            guard.answer(reader, folder)
+            guard.run_task(known, folder)
 
-    with _launched_by(here):
+    with _children_run_by(here):
         yield
 
 
 @contextmanager
 def impatient(seconds: int) -> Iterator[None]:
     """Give the child of a reader so much time of the processor, and not what users' logs are given."""
-    before = guard.launch
+    before = guard.run_child
 
-    def soon(reader: str, path: Path, folder: Path, limits: guard.Limits) -> None:
+    def soon(known: str, path: Path, folder: Path, limits: guard.Limits) -> None:
         task = json.loads((folder / guard.TASK).read_text())
         task["limits"]["seconds"] = seconds
         (folder / guard.TASK).write_text(json.dumps(task))
-        before(reader, path, folder, limits)
+        before(known, path, folder, limits)
 
-    with _launched_by(soon):
+    with _children_run_by(soon):
         yield
