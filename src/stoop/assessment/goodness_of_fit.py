@@ -31,7 +31,7 @@ from scipy.stats import chi2
 
 from stoop.base.arrays import FloatArray, runs
 from stoop.estimate.noise import lagged_products
-from stoop.results.goodness_of_fit import BaselineFit, GoodnessOfFit, TheilShares, Whiteness
+from stoop.results.result import BaselineFit, GoodnessOfFit, TheilShares, Whiteness
 
 NAN: Final = float("nan")
 WHITENESS_LAGS: Final = (

@@ -7,9 +7,9 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stoop.cli.campaign import add_campaign_arguments, run_campaign
-from stoop.cli.numbers import at_least_one, count, positive
+from stoop.cli.arguments import at_least_one, count, positive
 from stoop.cli.page import page
+from stoop.cli.progress import add_campaign_arguments, run_campaign
 from stoop.errors import IdentificationError
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ def _digests(arguments: argparse.Namespace) -> dict[str, str]:
     if not arguments.flight:
         return {}
     from stoop.errors import FlightError
-    from stoop.workflow.provenance import file_hashes
+    from stoop.workflow.outputs import file_hashes
 
     paths = [Path(path) for path in (*arguments.flight, arguments.vehicle)]
     for path in paths[:-1]:
@@ -132,7 +132,8 @@ def _command(arguments: argparse.Namespace) -> str:
 
 
 def _tell(scores: Sequence[Score], folder: Path) -> None:
-    from stoop.cli import tables
+    from stoop.cli.page import points
+    from stoop.cli.page import words as column
     from stoop_studies.compare import words
     from stoop_studies.compare.output import PAGE
 
@@ -141,13 +142,11 @@ def _tell(scores: Sequence[Score], folder: Path) -> None:
         found = [s for s in scores if s.problem == problem]
         out.heading(problem)
         out.table(
-            [
-                tables.words("optimizer", [s.optimizer for s in found]),
-                tables.points("successes", [words.rate_text(s) for s in found]),
-                tables.points("ERT", [words.ert_text(s) for s in found]),
-                tables.points("ratio", [words.ratio_text(s) for s in found]),
-                tables.words("95 %", [words.span_text(s.ratio) for s in found]),
-            ]
+            column("optimizer", [s.optimizer for s in found]),
+            points("successes", [words.rate_text(s) for s in found]),
+            points("ERT", [words.ert_text(s) for s in found]),
+            points("ratio", [words.ratio_text(s) for s in found]),
+            column("95 %", [words.span_text(s.ratio) for s in found]),
         )
         out.line(words.beaten_text(found))
     out.line()

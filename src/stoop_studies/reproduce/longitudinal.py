@@ -10,7 +10,7 @@ import numpy as np
 from stoop.base.csv_text import Cell
 from stoop.parallel import Plan
 from stoop.report.sheet import Prose, Section, Table
-from stoop.workflow.demo_problem import TABLE_1
+from stoop.workflow.demo import TABLE_1
 from stoop_studies.findings import Claim, Findings, Results, Setting, number, reproduces
 from stoop_studies.problems.paper import SAMPLES, paper
 from stoop_studies.reproduce import propulsion, recovery
