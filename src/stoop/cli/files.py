@@ -122,8 +122,8 @@ def simulate(arguments: argparse.Namespace) -> int:
     from stoop.base.text import nearest
     from stoop.base.variables import VARIABLES
     from stoop.exporters.flight_file import OWN, check_ending, save_flight_as
-    from stoop.input_design.maneuver_windows import maneuver_windows
-    from stoop.logs.table import beside
+    from stoop.input_design.candidates import fit_style, maneuver_windows
+    from stoop.logs.csv_tables import mapping_beside
     from stoop.simulation import load_maneuver, numbers_set, simulate_flight
     from stoop.simulation.fly import flown_trim
     from stoop.vehicle.builtin import resolve_vehicle
@@ -132,7 +132,7 @@ def simulate(arguments: argparse.Namespace) -> int:
     check_ending(target)
     check_target(target, arguments.overwrite)
     if target.suffix.lower() != OWN:
-        check_target(beside(target), arguments.overwrite)
+        check_target(mapping_beside(target), arguments.overwrite)
     vehicle = resolve_vehicle(arguments.vehicle)
     lost = next((channel for channel in vehicle.recorded if channel not in VARIABLES), None)
     if lost is not None:  # a flight file has no place for it
@@ -154,7 +154,7 @@ def simulate(arguments: argparse.Namespace) -> int:
     if mapping is not None:
         out.line(f"wrote {mapping}: the mapping of what the autopilot has no place for, or calls otherwise")
     out.bullets(found for found in flight.notices if found.code != "simulated")
-    windows = maneuver_windows(maneuver, vehicle.has_rotors)
+    windows = maneuver_windows(maneuver, fit_style(vehicle))
     if not windows.fit:
         out.line(f"no input moves the vehicle: to identify it, add [[input]] tables to {arguments.maneuver}")
         out.command("next: ", ["stoop", "info", str(target)])

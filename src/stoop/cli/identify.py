@@ -165,7 +165,7 @@ def _identify(
     watch: Watch,
 ) -> tuple[Job, bool]:
     """Return the job, its results written, and whether Ctrl-C came."""
-    from stoop.assessment.repeatability import fit_each, with_repeatability
+    from stoop.assessment.uncertainty import fit_each, with_repeatability
     from stoop.workflow.checkpoint import deferred_interrupt
     from stoop.workflow.identification import finish, search
     from stoop.workflow.outputs import place_outputs

@@ -90,9 +90,14 @@ def structure_arguments(parser: argparse.ArgumentParser) -> None:
 def structure(arguments: argparse.Namespace) -> int:
     """Choose, write, and print what was chosen."""
     from stoop.base.toml import read_source
-    from stoop.estimate.regression.domain import FrequencyDomain
-    from stoop.estimate.regression.selection import Press, orthogonal, stepwise
-    from stoop.estimate.regression.structure import parse_candidates, standard_candidates
+    from stoop.estimate.regression.least_squares import FrequencyDomain
+    from stoop.estimate.regression.structure import (
+        Press,
+        orthogonal,
+        parse_candidates,
+        standard_candidates,
+        stepwise,
+    )
     from stoop.flight import load
     from stoop.vehicle.builtin import resolve_vehicle
     from stoop.workflow.outputs import by_name

@@ -138,8 +138,7 @@ def design(arguments: argparse.Namespace) -> int:
     import numpy as np
 
     from stoop.input_design import Limits
-    from stoop.input_design.optimization import Plan
-    from stoop.input_design.proposal import propose
+    from stoop.input_design.optimization import Plan, propose
     from stoop.simulation import trim
     from stoop.workflow.design import DESIGN_FILES, prior_model, write_proposal
 

@@ -13,7 +13,7 @@ from stoop.base.numbers import NOTHING, factor_and_unit, number
 from stoop.base.variables import RATES, VARIABLES, VELOCITY
 from stoop.flight import Flight
 from stoop.flight.maneuvers import commands
-from stoop.input_design.proposal import Proposal
+from stoop.input_design.optimization import Proposal
 from stoop.input_design.windows import Found, Proposed
 from stoop.problem.windows_file import NAME
 from stoop.report.plots import Series, Shade, ShadeKind, Strip, plot, stacked_plots

@@ -10,7 +10,7 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.numbers import NOTHING, factor_and_unit
 from stoop.base.variables import VARIABLES, WRAPPED
-from stoop.estimate.regression.domain import TimeDomain
+from stoop.estimate.regression.least_squares import TimeDomain
 from stoop.estimate.regression.structure import Structure
 from stoop.exporters.comparison import Comparison
 from stoop.exporters.jsbsim_aircraft import PLANET, relative_errors

@@ -17,7 +17,7 @@ from stoop.base.numbers import finite_or_none
 from stoop.flight import Flight
 from stoop.input_design import Knowledge
 from stoop.input_design.information import sensor_noise
-from stoop.input_design.proposal import PriorModel, Proposal
+from stoop.input_design.optimization import PriorModel, Proposal
 from stoop.input_design.windows import Found
 from stoop.problem.windows_file import NAME, Entry, written
 from stoop.simulation import Maneuver

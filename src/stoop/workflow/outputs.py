@@ -17,7 +17,7 @@ from tomlkit.items import InlineTable, Table
 from stoop.base.files import check_targets
 from stoop.errors import FlightError, OutputError
 from stoop.flight import Flight, save
-from stoop.logs.table import beside
+from stoop.logs.csv_tables import mapping_beside
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.defaults import COEFFICIENTS
 
@@ -197,7 +197,7 @@ def input_hashes(
 def flight_files(flights: Iterable[Flight]) -> list[Path]:
     """Return the files or folders of flights, and the mappings that are found beside them."""
     logs = [flight.path for flight in flights if flight.path is not None]
-    mappings = [beside(path) for path in logs if path.is_file()]
+    mappings = [mapping_beside(path) for path in logs if path.is_file()]
     return [path for path in [*logs, *mappings] if path.exists()]
 
 
@@ -210,7 +210,7 @@ def file_hashes(paths: Iterable[Path], taken: Iterable[str] = ()) -> dict[str, s
     for path in dict.fromkeys(paths):
         digest, files = hashlib.sha256(), [path]
         if path.is_dir():
-            read = (p for p in path.iterdir() if p.name.lower().endswith(TABLES) or p == beside(path))
+            read = (p for p in path.iterdir() if p.name.lower().endswith(TABLES) or p == mapping_beside(path))
             files = sorted(p for p in read if p.is_file())
         for file in files:
             if path.is_dir():

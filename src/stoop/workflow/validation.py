@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from stoop.assessment.record import Validation
 from stoop.base.files import write_text_atomic
 from stoop.base.notices import Notice, as_notice, notice, of_severity
 from stoop.checks.vehicle import require_channels
@@ -16,7 +16,7 @@ from stoop.estimate.predict import predicted
 from stoop.flight import Flight, without, without_faults
 from stoop.flight.maneuvers import find_maneuvers
 from stoop.problem.windows import Window, parse_window
-from stoop.results.result import Identification, ManeuverResult, ManeuverTrace
+from stoop.results.result import Identification, ManeuverResult, ManeuverTrace, plain
 from stoop.vehicle.notation import symbols
 from stoop.workflow.curves import Simulated, channel_units, maneuver_curves
 from stoop.workflow.identified import Identified, read_identified
@@ -24,6 +24,45 @@ from stoop.workflow.outputs import RESULT, by_name, file_hashes, flight_files, v
 from stoop.workflow.summary import basis_notices, data_notices, lag_notices, search_notices
 
 NAMES = ("validation.html", "validation.json")
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """What ``validation.json`` holds (schema ``stoop-validation/1``, see ``docs/validation.md``).
+
+    Attributes
+    ----------
+    vehicle : str
+        Its name.
+    result : str
+        SHA-256 of the ``result.json`` that was validated.
+    maneuvers : tuple of ManeuverResult
+        With the same figures as in ``result.json``.
+    compared, better : int
+        Channels that have a figure of the trivial model, and in how many of them the model beats it.
+    warnings, notes : tuple of str
+        What is doubtful, and what was found while preparing the data.
+    versions, inputs : mapping of str to str
+        As in ``result.json``.
+    command : str
+        How it was made.
+    """
+
+    vehicle: str
+    result: str
+    maneuvers: tuple[ManeuverResult, ...]
+    compared: int
+    better: int
+    warnings: tuple[str, ...]
+    notes: tuple[str, ...]
+    versions: Mapping[str, str]
+    inputs: Mapping[str, str]
+    command: str = ""
+
+    def to_json(self) -> str:
+        """Return the validation as JSON text; NaN and infinities become ``null``."""
+        document = {"schema": "stoop-validation/1", **plain(self)}
+        return json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from stoop.assessment.repeatability import fit_each, scatter, with_repeatability
+from stoop.assessment.uncertainty import fit_each, scatter, with_repeatability
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
 from stoop.report.identification import render

@@ -1,0 +1,337 @@
+"""Stock aircraft of JSBSim, put into a state, trimmed, flown through a maneuver and read at 100 Hz in SI units.
+
+JSBSim is a separate code (J. S. Berndt, "JSBSim: an open source flight dynamics model in C++", AIAA
+2004-4923): rotating ellipsoidal Earth, its own atmosphere, tables, engines and integrators. Nothing of ours
+is in it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from scipy.optimize import root
+
+from stoop.base.arrays import FloatArray
+from stoop.base.units import FOOT, INCH, POUND_FORCE
+from stoop.errors import StoopError
+from stoop.exporters.jsbsim_flight import simulator
+from stoop.simulation import Maneuver
+
+STEP: Final = 2e-4  #: s, of JSBSim: its surfaces and its rate of the angle of attack act one step late
+ADAMS_BASHFORTH_2: Final = 3  #: of `simulation/integrator/rate/rotational`; its default is of first order
+PASSES: Final = 12  #: evaluations at a fixed state after which the rate of the angle of attack has settled
+RATE: Final = 100  #: Hz, of the record
+EARTH_RATE: Final = 7.292115e-5  #: rad/s, of WGS 84, which JSBSim flies over
+DURATION: Final = 30.0  #: s
+CLEAN: Final = {"gear/gear-pos-norm": 0.0, "fcs/mixture-pos-norm": 0.0}
+SURFACES: Final = {
+    "elevator": "fcs/elevator-pos-rad",
+    "aileron": "fcs/left-aileron-pos-rad",
+    "rudder": "fcs/rudder-pos-rad",
+}  #: the property that holds the deflection of each surface, rad
+ACCELERATIONS: Final = tuple(
+    f"accelerations/{a}dot-{unit}" for axes, unit in (("uvw", "ft_sec2"), ("pqr", "rad_sec2")) for a in axes
+)
+READ: Final = {
+    "V": ("velocities/vt-fps", FOOT),
+    "alpha": ("aero/alpha-rad", 1.0),
+    "beta": ("aero/beta-rad", 1.0),
+    **{a: (f"velocities/{a}i-rad_sec", 1.0) for a in "pqr"},
+    **{a: (f"attitude/{a}-rad", 1.0) for a in ("phi", "theta", "psi")},
+    **{f"a{a}": (f"accelerations/a-pilot-{a}-ft_sec2", FOOT) for a in "xyz"},
+    "altitude": ("position/h-sl-ft", FOOT),
+    "thrust": ("forces/fbx-prop-lbs", POUND_FORCE),
+}  #: channel -> property and its unit: gyros sense the rate in space, accelerometers sit at the pilot's eye
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What is identified: its name in keys and tables (a stock aircraft's folder in JSBSim), and words for the page."""
+
+    model: str
+    title: str
+    words: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stock(Subject):
+    """A stock aircraft and its flight condition.
+
+    Attributes
+    ----------
+    airspeed, alpha, altitude : m/s, rad, m
+        Trimmed at that airspeed; the angle is where the terms count from, next to the trim's.
+    amplitude : rad, by control
+    throttle : 0 to 1; None with the engines off
+    band : Hz, the highest frequency of the inputs
+    added : text of the terms beside those of eq. (1), as in a vehicle file
+    dropped : terms of eq. (1) that this aircraft is not given
+    surfaces : property by control where it is not that of `SURFACES`
+    """
+
+    airspeed: float
+    alpha: float
+    altitude: float
+    amplitude: Mapping[str, float]
+    throttle: float | None = None
+    band: float = 2.0
+    added: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    dropped: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    surfaces: Mapping[str, str] = field(default_factory=lambda: SURFACES)
+
+
+ABSOLUTE: Final = {"CDbetaabs": "abs(beta)", "CDelevator": "elevator"}  #: drag of slip and of the elevator
+SLIP: Final = {
+    "CL": {"CLpbeta": "p*beta"},
+    "Cm": {"Cmpbeta": "p*beta"},
+}  #: where the rate of the angle of attack counts: rolling in a slip changes the angle of attack
+
+FLEET: Final = (
+    Stock(
+        model="c172p",
+        title="Cessna 172P, engine off",
+        airspeed=48.4,
+        alpha=0.0262,
+        altitude=1500.0,
+        amplitude={"elevator": 0.04, "aileron": 0.06, "rudder": 0.08},
+        added={
+            **SLIP,
+            "CD": {**ABSOLUTE, "CDbend1": "abs(alpha + 0.0087)", "CDbend2": "abs(alpha - 0.0087)"},
+            "CQ": {"CQpalpha": "p*alpha", "CQralpha": "r*alpha"},
+            "Cl": {"Clralpha": "r*alpha"},
+        },
+        dropped={"CD": ("CDalpha2",)},
+        words="""\
+Propeller at rest, descending. The crew puts the center of gravity beside the plane of symmetry, so all products of \
+inertia count. Drag is a table with a row per degree and its slope has a step at each: two of them, half a degree below \
+and above the angle of attack that terms count from, are flown through and stand for the square. Lift and pitching \
+moment depend on the rate of the angle of attack.""",
+    ),
+    Stock(
+        model="T37",
+        title="Cessna T-37, engines at constant throttle",
+        airspeed=78.0,
+        alpha=0.079,
+        altitude=3000.0,
+        throttle=0.7,
+        amplitude={"elevator": 0.03, "aileron": 0.08, "rudder": 0.08},
+        added={**SLIP, "CD": ABSOLUTE},
+        words="""\
+A jet trainer, thrust above the center of gravity. Lift and pitching moment depend on the rate of the angle of attack.""",
+    ),
+    Stock(
+        model="f16",
+        title="F-16, flight control system off, engine at constant throttle",
+        airspeed=165.0,
+        alpha=0.0437,
+        altitude=3000.0,
+        throttle=0.6,
+        amplitude={"elevator": 0.01, "aileron": 0.03, "rudder": 0.06},
+        added={
+            "CL": {"CLalphaelevator": "alpha*elevator"},
+            "CD": {"CDelevator": "elevator", "CDq": "q", "CDalphaelevator": "alpha*elevator"},
+            "CQ": {"CQaileron": "aileron", "CQpalpha": "p*alpha"},
+            "Cl": {
+                "Clbetaalpha": "beta*alpha",
+                "Clpalpha": "p*alpha",
+                "Clralpha": "r*alpha",
+                "Claileronalpha": "aileron*alpha",
+            },
+            "Cn": {"Cnbetaalpha": "beta*alpha", "Cnpalpha": "p*alpha", "Cnaileronalpha": "aileron*alpha"},
+            "Cm": {"Cmalphaelevator": "alpha*elevator"},
+        },
+        surfaces={**SURFACES, "aileron": "fcs/aileron-pos-rad"},
+        words="""\
+Tables of a wind tunnel; nothing depends on the rate of the angle of attack. Many slopes change with the angle of \
+attack: products are among the terms.""",
+    ),
+)
+
+
+@dataclass(frozen=True)
+class State:
+    """A state of flight over a point of the equator, heading north; m, m/s, rad, rad/s."""
+
+    V: float
+    altitude: float
+    alpha: float = 0.0
+    beta: float = 0.0
+    phi: float = 0.0
+    theta: float = 0.0
+    p: float = 0.0
+    q: float = 0.0
+    r: float = 0.0
+
+
+@dataclass(frozen=True)
+class Trim:
+    """A state without acceleration, and the deflections that hold it, rad by control."""
+
+    state: State
+    deflections: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A flight without noise: time (n,), columns (n,) by channel, SI, and JSBSim's gravity at the start where needed."""
+
+    time: FloatArray
+    columns: Mapping[str, FloatArray]
+    gravity: float = np.nan
+
+
+class Executive:
+    """A JSBSim executive with one aircraft in it; properties are read and written by name, in their own units.
+
+    Parameters
+    ----------
+    folder : Path, optional
+        With the aircraft; JSBSim's own data when absent.
+    model : str
+    step : float
+        s.
+
+    Raises
+    ------
+    StoopError
+        JSBSim is not installed, or has no such aircraft.
+    """
+
+    def __init__(self, folder: Path | None, model: str, step: float) -> None:
+        self.fdm = simulator(folder)
+        if not self.fdm.load_model(model):
+            raise StoopError(f"jsbsim: its data hold no aircraft '{model}'; install jsbsim 1.2 or later")
+        self.fdm.set_dt(step)
+        self.fdm.disable_output()
+        self.fdm["simulation/models/FGFCS/enabled"] = 0.0  # surfaces and motors get what we command
+
+    def __getitem__(self, name: str) -> float:
+        return float(self.fdm[name])
+
+    def set(self, changes: Mapping[str, float]) -> None:
+        """Write properties."""
+        for name, value in changes.items():
+            self.fdm[name] = value
+
+    def read(self, names: Iterable[str]) -> FloatArray:
+        """Return properties."""
+        return np.array([self.fdm[name] for name in names])
+
+    def point(self, name: str) -> tuple[float, float, float]:
+        """Return a point of the structural frame (inches aft, right, up) in ours (m forward, right, down).
+
+        ``name`` has braces where the axis stands.
+        """
+        x, y, z = (self[name.format(axis)] * INCH for axis in "xyz")
+        return -x, y, -z
+
+
+class Aircraft(Executive):
+    """A clean stock aircraft, gear up, its throttle fixed."""
+
+    def __init__(self, stock: Stock) -> None:
+        super().__init__(None, stock.model, STEP)
+        throttle = stock.throttle or 0.0
+        self.stock = stock
+        self.fixed = {**CLEAN, "fcs/throttle-pos-norm": throttle, "fcs/throttle-pos-norm[1]": throttle}
+
+    def put(self, state: State, deflections: Mapping[str, float]) -> None:
+        """Put the aircraft into a state and evaluate its forces there until they rest; no time passes."""
+        plane = state.V * np.cos(state.beta)
+        u, v, w = plane * np.cos(state.alpha), state.V * np.sin(state.beta), plane * np.sin(state.alpha)
+        commands = {**self.fixed, **self.surfaces(deflections)}
+        self.set({"ic/lat-gc-deg": 0.0, "ic/long-gc-deg": 0.0, "ic/h-sl-ft": state.altitude / FOOT})
+        self.set({"ic/phi-rad": state.phi, "ic/theta-rad": state.theta, "ic/psi-true-rad": 0.0})
+        self.set({"ic/u-fps": u / FOOT, "ic/v-fps": v / FOOT, "ic/w-fps": w / FOOT})
+        self.set({"ic/p-rad_sec": state.p, "ic/q-rad_sec": state.q, "ic/r-rad_sec": state.r})
+        self.set(commands)
+        if not self.fdm.run_ic():
+            raise StoopError("jsbsim: the aircraft cannot be put into this state")
+        self.set({"propulsion/fuel_freeze": 1.0, "simulation/integrator/rate/rotational": ADAMS_BASHFORTH_2})
+        self.set(commands)
+        if self.stock.throttle is not None:
+            self.fdm.get_propulsion().init_running(-1)
+        self.fdm.suspend_integration()
+        for _ in range(PASSES):
+            self.fdm.run()
+        self.fdm.resume_integration()
+
+    def surfaces(self, deflections: Mapping[str, float]) -> dict[str, float]:
+        """Return deflections by property."""
+        return {self.stock.surfaces[control]: value for control, value in deflections.items()}
+
+    @property
+    def apparent_gravity(self) -> float:
+        """What acts on level flight north over the equator, m/s2.
+
+        Attraction, less the centrifugal accelerations of the turning Earth and of flight around it.
+        """
+        radius, speed = self["position/radius-to-vehicle-ft"] * FOOT, self["velocities/vt-fps"] * FOOT
+        return self["accelerations/gravity-ft_sec2"] * FOOT - EARTH_RATE**2 * radius - speed**2 / radius
+
+
+def trimmed(aircraft: Aircraft) -> Trim:
+    """Return the straight flight at the stock's airspeed; what the thrust leaves over climbs or sinks.
+
+    Raises
+    ------
+    StoopError
+        There is none.
+    """
+    stock = aircraft.stock
+
+    def point(x: FloatArray) -> Trim:
+        alpha, theta, phi = (float(v) for v in x[:3])
+        state = State(stock.airspeed, stock.altitude, alpha=alpha, theta=theta, phi=phi)
+        return Trim(state, dict(zip(SURFACES, map(float, x[3:]), strict=True)))
+
+    def accelerations(x: FloatArray) -> FloatArray:
+        trim = point(x)
+        aircraft.put(trim.state, trim.deflections)
+        return aircraft.read(ACCELERATIONS)
+
+    found = root(accelerations, np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.0]), tol=1e-10)
+    if np.abs(found.fun).max() > 1e-6:
+        raise StoopError(
+            f"jsbsim: {stock.model} finds no trim at {stock.airspeed:g} m/s; its data may have changed"
+        )
+    return point(found.x)
+
+
+def fly(aircraft: Aircraft, trim: Trim) -> Recording:
+    """Fly orthogonal multisines on all controls from trim, and read the instruments at 100 Hz.
+
+    Between the samples the deflections change linearly, as an identification takes them to do.
+    """
+    common = {
+        "shape": "multisine",
+        "start": 1.0,
+        "duration": DURATION - 2.0,
+        "band": aircraft.stock.band,
+        "stride": 3,
+    }
+    inputs = [
+        {**common, "control": c, "amplitude": a, "first": i + 5}
+        for i, (c, a) in enumerate(aircraft.stock.amplitude.items())
+    ]
+    planned = Maneuver.model_validate({"duration": DURATION, "rate": float(RATE), "input": inputs})
+    time, changes = planned.time, planned.deflections()
+    deflections = np.column_stack([trim.deflections[c] + changes.get(c, 0.0 * time) for c in SURFACES])
+    names = [*(p for p, _ in READ.values()), *(aircraft.stock.surfaces[c] for c in SURFACES)]
+    aircraft.put(trim.state, dict(zip(SURFACES, deflections[0], strict=True)))
+    fine = round(1.0 / (RATE * STEP))
+    rows = [aircraft.read(names)]
+    for before, after in itertools.pairwise(deflections):
+        for k in range(1, fine + 1):
+            now = before + (after - before) * (k / fine)
+            aircraft.set(aircraft.surfaces(dict(zip(SURFACES, now.tolist(), strict=True))))
+            aircraft.fdm.run()
+        rows.append(aircraft.read(names))
+    units = np.array([*(unit for _, unit in READ.values()), *(1.0 for _ in SURFACES)])
+    table = np.array(rows) * units
+    return Recording(time, dict(zip((*READ, *SURFACES), table.T, strict=True)))
