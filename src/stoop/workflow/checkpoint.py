@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -111,10 +112,11 @@ class Checkpoint:
             self._failed = True
 
 
+@dataclass
 class Deferred:
     """Whether Ctrl-C came meanwhile."""
 
-    came = False
+    came: bool = False
 
     def take(self, *_: Any) -> None:
         """Note the first Ctrl-C; the second really stops."""
