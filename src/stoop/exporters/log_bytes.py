@@ -333,7 +333,7 @@ def crazyflie_bytes(events: Mapping[str, Event], version: int = 2) -> bytes:
             head += f"{column}({letters[x.dtype.str[1:]]})\0".encode("ascii")
         kinds = [(column, x.dtype.newbyteorder("<").str) for column, x in event.columns.items()]
         records = np.zeros(event.time.size, crazyflie.record_type(version, kinds))
-        names = records.dtype.names or ()
+        names = list(records.dtype.names or [])
         records[names[0]] = event.key
         records[names[1]] = np.round(event.time * (1e3 if version == 1 else 1e6))
         for column in names[2:]:
