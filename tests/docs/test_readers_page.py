@@ -22,10 +22,9 @@ from stoop.logs import (
 )
 from stoop.logs import dataflash_walk as scan
 from stoop.report.sheet import Sheet, render_sheet
-from stoop_studies.verify.readers.damage import DAMAGES
-from stoop_studies.verify.readers.experiment import LEAD
-from stoop_studies.verify.readers.samples import SAMPLES
-from stoop_studies.verify.readers.trial import BAD, GOOD, GUARDED
+from stoop_studies.verify.damaged_logs import DAMAGES
+from stoop_studies.verify.readers import BAD, GOOD, GUARDED, LEAD
+from stoop_studies.verify.sample_logs import SAMPLES
 
 PAGE = DOCS / "robustness.md"
 
