@@ -22,9 +22,9 @@ from stoop.assessment.error_bars import ErrorBars, Uncertainty, error_bars
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
-from stoop.estimate.filter_error.frozen import FrozenFilter
+from stoop.estimate.filter_likelihood import FrozenFilter
 from stoop.estimate.fit import Fit
-from stoop.estimate.shooting.following import FollowingWindows
+from stoop.estimate.multiple_shooting import FollowingWindows
 from stoop.problem import Layout, Misfit, Nuisance, Piece, Weights
 from stoop.results.result import Result
 from stoop.results.uncertainty import Interval, MethodIntervals

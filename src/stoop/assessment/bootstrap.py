@@ -46,8 +46,8 @@ from stoop.assessment.refit import Optimum, linearize, refit
 from stoop.assessment.windowed_covariance import MIN_WINDOWS, leave_window_out
 from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.notices import Notice, notice
+from stoop.estimate.multiple_shooting import FollowingWindows
 from stoop.estimate.noise import lagged_products
-from stoop.estimate.shooting.following import FollowingWindows
 from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run, Tally, execute
 from stoop.results.uncertainty import MethodIntervals
 

@@ -66,13 +66,13 @@ class Method:
 
 _METHODS: Final[dict[str, Method]] = {
     DEFAULT: Method("stoop.estimate.fit:fit", "flights in calm air"),
-    "filter-error": Method("stoop.estimate.filter_error.method:steady", "flights in turbulence"),
+    "filter-error": Method("stoop.estimate.filter_error:steady", "flights in turbulence"),
     "filter-error-ekf": Method(
-        "stoop.estimate.filter_error.method:varying",
+        "stoop.estimate.filter_error:varying",
         "likewise, with a gain that follows large maneuvers",
     ),
     "multiple-shooting": Method(
-        "stoop.estimate.shooting.method:fit",
+        "stoop.estimate.multiple_shooting:fit",
         "vehicles that are unstable or fly on rotors: short windows",
     ),
     "equation-error": Method(

@@ -101,8 +101,7 @@ class Evidence:
     Attributes
     ----------
     unknowns : tuple of Unknown, (k,)
-        The free parameters and the nuisances of the layout in its order, whether estimated or not; then whatever else
-        the method estimates.
+        Parameters and nuisances of the layout in its order, estimated or not; then whatever else the method estimates.
     pieces : tuple of PieceEvidence
     prior : (k, k)
         Information beside the residuals, per SI unit: priors, the size of innovations, the continuity of windows.
@@ -128,32 +127,24 @@ class Evidence:
 def unknowns_of(
     layout: Layout, z: FloatArray, estimated: Collection[int] | None = None
 ) -> tuple[Unknown, ...]:
-    """Return the parameters and nuisances of a layout at an estimate.
+    """Return the parameters and nuisances of a layout at an estimate z (D + E,).
 
-    Parameters
-    ----------
-    layout : Layout
-    z : (D + E,)
-        Parameters in the unit box, nuisances in prior sigmas.
-    estimated : collection of int, optional
-        Entries of `z` that the method estimates, whether at a bound or not; all of them when absent.
+    `estimated` are the entries of `z` that the method estimates, whether at a bound or not; all of them when absent.
     """
     out: list[Unknown] = []
-    for i, (p, value) in enumerate(
-        zip(layout.parameters, layout.physical(z[None, :])[0].tolist(), strict=True)
-    ):
+    fixed: list[Literal["", "bound", "method"]] = [
+        "" if estimated is None or i in estimated else "method" for i in range(len(z))
+    ]
+    values = layout.physical(z[None, :])[0].tolist()
+    for i, (p, value) in enumerate(zip(layout.parameters, values, strict=True)):
         at_bound = estimated is None and not AT_BOUND <= z[i] <= 1.0 - AT_BOUND
-        fixed = "bound" if at_bound else _left_out(i, estimated)
         size, width = max(abs(p.value), abs(value)), p.upper - p.lower
-        out.append(Unknown(p.name, "parameter", value, size, width, p.prior or np.inf, fixed))
+        why = "bound" if at_bound else fixed[i]
+        out.append(Unknown(p.name, "parameter", value, size, width, p.prior or np.inf, why))
     for i, n in enumerate(layout.nuisances, layout.dimension):
         value = n.center + n.scale * float(z[i])
-        out.append(Unknown(n.name, "nuisance", value, n.scale, prior=n.scale, fixed=_left_out(i, estimated)))
+        out.append(Unknown(n.name, "nuisance", value, n.scale, prior=n.scale, fixed=fixed[i]))
     return tuple(out)
-
-
-def _left_out(entry: int, estimated: Collection[int] | None) -> Literal["", "method"]:
-    return "" if estimated is None or entry in estimated else "method"
 
 
 def prior_information(unknowns: Sequence[Unknown]) -> FloatArray:

@@ -13,11 +13,11 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import SHORT, Fit, Options, estimation_problem
-from stoop.estimate.noise import noise_variance, variance_of
+from stoop.estimate.noise import channel_residuals, noise_variance
 from stoop.estimate.regression.domain import Domain, FrequencyDomain, TimeDomain
 from stoop.estimate.regression.equations import Equations, estimate, kind_of, unbounded
 from stoop.estimate.regression.least_squares import Estimates
-from stoop.estimate.shooting.windows import outputs_by_window
+from stoop.estimate.shooting_windows import outputs_by_window
 from stoop.flight import Flight
 from stoop.optimize.ledger import Evaluations, Halt
 from stoop.problem import Layout, Misfit, Weights, on_circle
@@ -167,7 +167,7 @@ def _from_start(problem: Misfit, z: FloatArray) -> _Simulated:
     rung = len(problem.prices) - 1
     cost = float(np.sum(problem.residuals(z[None, :], rung) ** 2))
     if np.isfinite(cost):
-        problem = problem.weighted(Weights.of(noise_variance(problem, z)))
+        problem = problem.weighted(Weights.of(noise_variance(problem, channel_residuals(problem, z))))
         cost = float(np.sum(problem.residuals(z[None, :], rung) ** 2))
     return _Simulated(problem, z, cost, spent)
 
@@ -207,5 +207,5 @@ def _by_window(problem: Misfit, z: FloatArray) -> _Simulated:
     readings = tuple(outputs_by_window(fixed, i) for i in range(len(pieces)))
     residuals = [on_circle(p.measured - y, outputs) for p, y in zip(problem.pieces, readings, strict=True)]
     seen = np.any([np.isfinite(r).any(axis=0) for r in residuals], axis=0)
-    noise = np.diag(np.where(seen, variance_of(problem, residuals), np.nan))
+    noise = np.diag(np.where(seen, noise_variance(problem, residuals), np.nan))
     return _Simulated(problem, z, 0.0, 0.0, noise, readings)

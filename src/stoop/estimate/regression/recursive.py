@@ -35,7 +35,7 @@ from stoop.estimate.regression.domain import FrequencyDomain
 from stoop.estimate.regression.equations import unbounded
 from stoop.estimate.regression.least_squares import Rows, solve
 from stoop.problem import Layout
-from stoop.problem.observation import AirFrame
+from stoop.problem.observation import AIR_FRAME
 from stoop.simulation import parameter_rows
 from stoop.simulation.delays import delayed, input_delays
 from stoop.simulation.initial import commanded
@@ -177,7 +177,7 @@ class RealTime:
         readings = {c: np.array([now.get(c, np.nan)]) for c in vehicle.outputs}
         start = {
             n: now.get(n, vehicle.value("reference.airspeed") if n == "V" else 0.0)
-            for n in AirFrame.start_scales
+            for n in AIR_FRAME.start_scales
         }
         states = states_of(vehicle, {**start, "h": now.get("altitude", 0.0)}, readings)
         felt = {c: v for c, v in readings.items() if c in SPECIFIC_FORCE}

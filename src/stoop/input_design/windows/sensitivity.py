@@ -22,7 +22,7 @@ from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, IdentificationError
 from stoop.estimate.fit import starts
 from stoop.estimate.noise import correlation_times
-from stoop.estimate.shooting.windows import WINDOW_LENGTH
+from stoop.estimate.shooting_windows import WINDOW_LENGTH
 from stoop.flight import Flight
 from stoop.input_design.information import BOX_INFORMATION, sensor_noise
 from stoop.input_design.windows.candidates import Candidate

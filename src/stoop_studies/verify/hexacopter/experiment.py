@@ -10,7 +10,7 @@ import numpy as np
 
 from stoop.base.csv_text import Cell
 from stoop.base.variables import SPECIFIC_FORCE
-from stoop.estimate.forces import CUTOFF, ForceResiduals
+from stoop.estimate.predict import CUTOFF, ForceResiduals
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section, Table
 from stoop.vehicle.atmosphere import SEA_LEVEL_DENSITY

@@ -25,8 +25,15 @@ from stoop.base.variables import EULER, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import StoopError
 from stoop.estimate import methods
 from stoop.estimate.fit import Fit, Options
-from stoop.estimate.forces import ForceCurves, ForceResiduals, ReferenceModels, force_curves, low_passed
-from stoop.estimate.predict import identified_vehicle, mean_biases
+from stoop.estimate.predict import (
+    ForceCurves,
+    ForceResiduals,
+    ReferenceModels,
+    force_curves,
+    identified_vehicle,
+    low_passed,
+    mean_biases,
+)
 from stoop.flight import Flight, load
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle, parse_vehicle

@@ -1,8 +1,10 @@
-"""Two gains of the filter: the steady one, and one that follows the flight.
+"""Noise and gains of a filter: the steady gain, and one that follows the flight.
 
-A gain is composed of points of linearization and a Riccati equation; `likelihood` takes either.
+Gusts of the vehicle file disturb where there are any; their intensities are numbers of the vehicle, free or not. Without
+a table of turbulence white accelerations disturb velocity and rates, one unknown intensity each. The noise of each
+measured channel is unknown, unless it is given. Unknown intensities are logarithms: the tail of the search vector.
 
-Axes: b = candidate, g = gain, k = sample, r = point.
+Axes: b = candidate, g = gain, k = sample, r = point of linearization.
 
 References
 ----------
@@ -12,20 +14,98 @@ algebraic Riccati equations", *International Journal of Control* 77(8), 2004, pp
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final, Protocol
 
 import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
-from stoop.estimate.filter_error.linearization import LinearModels
+from stoop.estimate.linearization import LinearModels
 from stoop.kernels import filtering
 from stoop.problem import Piece
 from stoop.vehicle import Vehicle
+from stoop.vehicle.vehicle import RIGID_STATES
 
-SPACING: Final = 0.2  #: s between points of linearization along a flight
+FIRST_INTENSITY: Final = {"u": 0.3, "v": 0.3, "w": 0.3, "p": 0.1, "q": 0.1, "r": 0.1}  #: per root second
+RANGE: Final = (1e-3, 1e3)  #: of the first guess: bounds of an intensity
 MAX_DOUBLINGS: Final = 60
 TOLERANCE: Final = 1e-10  #: relative change of the covariance; the next one is about its square
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Intensities of process and measurement noise.
+
+    Attributes
+    ----------
+    vehicle : Vehicle
+    first : (n_y,)
+        First guess of the standard deviation of each channel, its unit; NaN where nothing was measured.
+    given : (n_y,), optional
+        Variances that are not estimated.
+    """
+
+    vehicle: Vehicle
+    first: FloatArray
+    given: FloatArray | None = None
+
+    @cached_property
+    def disturbed(self) -> tuple[str, ...]:
+        """States with a white acceleration of unknown intensity: none where gusts disturb."""
+        return () if self.vehicle.gusts else tuple(s for s in self.vehicle.moves if s in RIGID_STATES)
+
+    @cached_property
+    def channels(self) -> list[int]:
+        """Channels whose noise is estimated."""
+        return [] if self.given is not None else np.flatnonzero(np.isfinite(self.first)).tolist()
+
+    @property
+    def size(self) -> int:
+        """Length of the tail."""
+        return len(self.start)
+
+    @cached_property
+    def start(self) -> FloatArray:
+        """The tail to begin with."""
+        return np.log([*(FIRST_INTENSITY[s] for s in self.disturbed), *self.first[self.channels]])
+
+    def process(self, tail: FloatArray, drive: FloatArray, dt: float) -> FloatArray:
+        """Return the covariance (B, r, n_e, n_e) that a sample of `dt` s adds, for tails (B, t).
+
+        `drive` (B, r, n_e, n_w) is the perturbation by one unit of noise held over the sample; noise of unit intensity has
+        the variance 1/dt there.
+        """
+        out: FloatArray = drive @ np.swapaxes(drive, 2, 3) / dt
+        for i, name in enumerate(self.disturbed):
+            e = self.vehicle.moves.index(name)
+            out[:, :, e, e] += np.exp(2.0 * tail[:, i, None]) * dt
+        return out
+
+    def variances(self, tail: FloatArray) -> FloatArray:
+        """Return the measurement variances (B, n_y), infinite for channels that were never measured."""
+        out = np.full((len(tail), len(self.first)), np.inf)
+        if self.given is not None:
+            out[:] = np.where(np.isfinite(self.first), self.given, np.inf)
+        out[:, self.channels] = np.exp(2.0 * tail[:, len(self.disturbed) :])
+        return out
+
+
+def first_guess(vehicle: Vehicle, pieces: Sequence[Piece]) -> FloatArray:
+    """Return the noise (n_y,) that second differences show, NaN for channels that were never measured.
+
+    White noise of variance s^2 has second differences of variance 6 s^2, in which a smooth signal hardly shows.
+    """
+    out = np.full(len(vehicle.outputs), np.nan)
+    for i, channel in enumerate(vehicle.outputs):
+        found = np.concatenate([np.diff(p.measured[:, i], 2) for p in pieces])
+        found, sigma = found[np.isfinite(found)], getattr(vehicle.file.sensors, channel).sigma
+        if found.size:
+            out[i] = max(float(np.median(np.abs(found))) / 0.6745 / np.sqrt(6.0), 1e-2 * sigma)
+        elif any(np.isfinite(p.measured[:, i]).any() for p in pieces):
+            out[i] = sigma
+    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +124,10 @@ class Gains:
     gain: FloatArray
     covariance: FloatArray
     which: IntArray
+
+    def repeated(self, count: int) -> Gains:
+        """Return the gains of one candidate for so many."""
+        return Gains(np.repeat(self.gain, count, axis=2), self.covariance, self.which)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,10 +152,11 @@ class Plan:
     which: IntArray
 
     @classmethod
-    def of(cls, piece: Piece, points: IntArray) -> Plan:
-        """Return the plan of a piece with these points."""
+    def of(cls, piece: Piece, every: int) -> Plan:
+        """Return the plan of a piece with a point every so many samples."""
         measured = np.isfinite(piece.measured)
         patterns, which = np.unique(measured, axis=0, return_inverse=True)
+        points = np.arange(len(piece.time), dtype=np.int64) // every
         return cls(points, measured, patterns, which.ravel().astype(np.int64))
 
 
@@ -99,7 +184,7 @@ class Steady:
 
     def plan(self, piece: Piece) -> Plan:
         """Return one point."""
-        return Plan.of(piece, np.zeros(len(piece.time), dtype=np.int64))
+        return Plan.of(piece, len(piece.time))
 
     def gains(
         self, _vehicle: Vehicle, plan: Plan, linear: LinearModels, process: FloatArray, variances: FloatArray
@@ -107,57 +192,45 @@ class Steady:
         """Return one gain per pattern of measured channels."""
         F, H = linear.transition[:, 0], linear.readings[:, 0]
         P = steady_covariance(F, H, process[:, 0], plan.measured.mean(axis=0) / variances)
-        HP = H @ P
-        gain, covariance = [], []
+        HP, gain, covariance = H @ P, [], []
         for pattern in plan.patterns:
-            S = innovation_covariance(HP, H, variances, pattern)
+            S = (HP @ np.swapaxes(H, 1, 2)) * np.outer(pattern, pattern)
+            S[:, np.arange(len(pattern)), np.arange(len(pattern))] += np.where(pattern, variances, 1.0)
+            S = _symmetric(S)
             lost: BoolArray = np.logical_not(np.isfinite(S).all(axis=(1, 2)))
-            whole = np.where(lost[:, None, None], np.eye(len(pattern)), S)
-            K = np.asarray(np.linalg.solve(whole, np.where(pattern[:, None], HP, 0.0)), dtype=np.float64)
+            invertible = np.where(lost[:, None, None], np.eye(len(pattern)), S)
+            K = np.asarray(np.linalg.solve(invertible, np.where(pattern[:, None], HP, 0.0)), dtype=np.float64)
             K[lost] = np.nan
             gain.append(np.swapaxes(K, 1, 2).reshape(len(P), -1).T)
             covariance.append(S)
         return Gains(np.array(gain), np.stack(covariance, axis=1), plan.which)
 
 
-def innovation_covariance(
-    HP: FloatArray, H: FloatArray, variances: FloatArray, pattern: BoolArray
-) -> FloatArray:
-    """Return H P H' + R (B, n_y, n_y) for the channels of a pattern (n_y,), the unit matrix for the others."""
-    S = (HP @ np.swapaxes(H, 1, 2)) * np.outer(pattern, pattern)
-    diagonal = np.arange(len(pattern))
-    S[:, diagonal, diagonal] += np.where(pattern, variances, 1.0)
-    return _symmetric(S)
-
-
 @dataclass(frozen=True)
 class Varying:
-    """Points along the flight, and the covariance from sample to sample: an extended Kalman filter.
+    """Points along the flight, `spacing` s apart, and the covariance from sample to sample: an extended Kalman filter.
 
     The initial state is among the unknowns, so the covariance begins at zero. What was not measured is left out
     exactly.
     """
 
-    spacing: float = SPACING
+    spacing: float = 0.2
 
     def plan(self, piece: Piece) -> Plan:
         """Return a point every so many samples."""
-        every = max(1, round(self.spacing / piece.dt))
-        return Plan.of(piece, np.arange(len(piece.time), dtype=np.int64) // every)
+        return Plan.of(piece, max(1, round(self.spacing / piece.dt)))
 
     def gains(
         self, vehicle: Vehicle, plan: Plan, linear: LinearModels, process: FloatArray, variances: FloatArray
     ) -> Gains:
         """Return a gain per sample."""
-        kernel, which = vehicle.kernel(), plan.points
-        measured = plan.measured.astype(np.float64)
-        zero = np.zeros(process.shape[2:])
+        measured, zero = plan.measured.astype(np.float64), np.zeros(process.shape[2:])
         known = np.where(np.isfinite(variances), variances, 1.0)
         found = [
-            filtering.riccati(kernel, F, H, Q, R, measured, which, zero)[:2]
+            filtering.riccati(vehicle.kernel(), F, H, Q, R, measured, plan.points, zero)[:2]
             for F, H, Q, R in zip(linear.transition, linear.readings, process, known, strict=True)
         ]
-        samples = np.arange(len(which), dtype=np.int64)
+        samples = np.arange(len(measured), dtype=np.int64)
         return Gains(np.stack([K for K, _ in found], axis=2), np.array([S for _, S in found]), samples)
 
 
@@ -166,7 +239,8 @@ def steady_covariance(
 ) -> FloatArray:
     """Return P = F P F' - F P H' (H P H' + R)^-1 H P F' + Q, before a measurement is taken.
 
-    By the structure-preserving doubling algorithm: each iteration covers twice as many samples as the one before.
+    By the structure-preserving doubling algorithm: each iteration covers twice as many samples as the one before. P is
+    (B, n, n), NaN where there is no such covariance, or it overflows.
 
     Parameters
     ----------
@@ -176,11 +250,6 @@ def steady_covariance(
         H.
     information : (B, n_y)
         Inverse of the diagonal of R; zero for what is never measured.
-
-    Returns
-    -------
-    (B, n, n)
-        NaN where there is no such covariance, or it overflows.
     """
     A = np.swapaxes(transition, 1, 2).copy()
     G = np.swapaxes(readings, 1, 2) @ (information[:, :, None] * readings)
