@@ -54,20 +54,12 @@ ADVICE: Final[dict[Status, str]] = {
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Differences of -ln L; a seventieth of a standard error is 1e-4.
+    """Differences of -ln L; a seventieth of a standard error is 1e-4."""
 
-    Attributes
-    ----------
-    first : left to gain at the end of the first ascents, before the gains are linearized anew
-    last : left to gain at the end of scoring
-    linearization : change by another linearization that needs no further one
-    agreement : of two ascents that found the same maximum
-    """
-
-    first: float = 1e-2
-    last: float = 1e-4
-    linearization: float = 0.05
-    agreement: float = 0.1
+    first: float = 1e-2  #: left to gain at the end of the first ascents, before the gains are linearized anew
+    last: float = 1e-4  #: left to gain at the end of scoring
+    linearization: float = 0.05  #: change by another linearization that needs no further one
+    agreement: float = 0.1  #: of two ascents that found the same maximum
 
 
 TOLERANCES: Final = Tolerances()
@@ -125,25 +117,13 @@ class ScoringModel(LinearModel):
 
 @dataclass(frozen=True, eq=False)
 class Ascent:
-    """Where scoring ended.
+    """Where scoring ended."""
 
-    Attributes
-    ----------
-    likelihood : Likelihood
-        With the gains of this ascent.
-    z : (k,)
-    cost : float
-        Twice the negative logarithm of the posterior.
-    status : str
-    history : (i, 2)
-        Iterations and cost.
-    """
-
-    likelihood: Likelihood
-    z: FloatArray
-    cost: float
+    likelihood: Likelihood  #: with the gains of this ascent
+    z: FloatArray  #: (k,)
+    cost: float  #: twice the negative logarithm of the posterior
     status: Status
-    history: FloatArray
+    history: FloatArray  #: (i, 2), iterations and cost
 
     @property
     def usable(self) -> bool:

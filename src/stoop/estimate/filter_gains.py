@@ -36,20 +36,12 @@ TOLERANCE: Final = 1e-10  #: relative change of the covariance; the next one is 
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """Intensities of process and measurement noise.
-
-    Attributes
-    ----------
-    vehicle : Vehicle
-    first : (n_y,)
-        First guess of the standard deviation of each channel, its unit; NaN where nothing was measured.
-    given : (n_y,), optional
-        Variances that are not estimated.
-    """
+    """Intensities of process and measurement noise."""
 
     vehicle: Vehicle
+    #: (n_y,), first guess of the standard deviation of each channel, its unit; NaN where not measured
     first: FloatArray
-    given: FloatArray | None = None
+    given: FloatArray | None = None  #: (n_y,), variances that are not estimated
 
     @cached_property
     def disturbed(self) -> tuple[str, ...]:
@@ -110,20 +102,11 @@ def first_guess(vehicle: Vehicle, pieces: Sequence[Piece]) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Gains:
-    """Gains and innovation covariances of a piece.
+    """Gains and innovation covariances of a piece."""
 
-    Attributes
-    ----------
-    gain : (G, n_e n_y, B)
-    covariance : (B, G, n_y, n_y)
-        What is not measured has 1 on the diagonal.
-    which : (n,) of int
-        Which of the G each sample has.
-    """
-
-    gain: FloatArray
-    covariance: FloatArray
-    which: IntArray
+    gain: FloatArray  #: (G, n_e n_y, B)
+    covariance: FloatArray  #: (B, G, n_y, n_y), what is not measured has 1 on the diagonal
+    which: IntArray  #: (n,), which of the G each sample has
 
     def repeated(self, count: int) -> Gains:
         """Return the gains of one candidate for so many."""
@@ -132,24 +115,12 @@ class Gains:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Where a piece is linearized and what was measured: independent of the candidate.
+    """Where a piece is linearized and what was measured: independent of the candidate."""
 
-    Attributes
-    ----------
-    points : (n,) of int
-        Point of linearization of each sample, counted from zero.
-    measured : (n, n_y) bool
-        Where something was measured.
-    patterns : (G, n_y) bool
-        Which channels were measured together.
-    which : (n,) of int
-        Pattern of each sample.
-    """
-
-    points: IntArray
-    measured: BoolArray
-    patterns: BoolArray
-    which: IntArray
+    points: IntArray  #: (n,), point of linearization of each sample, counted from zero
+    measured: BoolArray  #: (n, n_y), where something was measured
+    patterns: BoolArray  #: (G, n_y), which channels were measured together
+    which: IntArray  #: (n,), pattern of each sample
 
     @classmethod
     def of(cls, piece: Piece, every: int) -> Plan:

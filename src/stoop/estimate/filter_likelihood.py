@@ -37,30 +37,14 @@ STEP: Final = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Innovations:
-    """Innovations of one piece, whitened, and their dependence on the unknowns.
+    """Innovations of one piece, whitened, and their dependence on the unknowns."""
 
-    Attributes
-    ----------
-    white : (n, n_y)
-        S^-1/2 v.
-    logdet : float
-        Sum of the logarithms of det S.
-    entries : (j,) of int
-        Unknowns that touch this piece.
-    slopes : (n, n_y, j)
-        S^-1/2 dv/d(unknown).
-    spreads : (G, n_y, n_y, j)
-        S^-1/2 dS/d(unknown) S^-1/2 of each gain.
-    which : (n,)
-        Gain of each sample.
-    """
-
-    white: FloatArray
-    logdet: float
-    entries: IntArray
-    slopes: FloatArray
-    spreads: FloatArray
-    which: IntArray
+    white: FloatArray  #: (n, n_y), S^-1/2 v
+    logdet: float  #: sum of the logarithms of det S
+    entries: IntArray  #: (j,), unknowns that touch this piece
+    slopes: FloatArray  #: (n, n_y, j), S^-1/2 dv/d(unknown)
+    spreads: FloatArray  #: (G, n_y, n_y, j), S^-1/2 dS/d(unknown) S^-1/2 of each gain
+    which: IntArray  #: (n,), gain of each sample
 
     @classmethod
     def of(cls, v: FloatArray, gains: Gains, entries: IntArray, taken: FloatArray) -> Innovations:
@@ -119,27 +103,15 @@ class Score:
 
 @dataclass(frozen=True, eq=False)
 class Likelihood:
-    """The likelihood of a joint fit as a function of [parameters | nuisances | logarithms of noise].
+    """The likelihood of a joint fit as a function of [parameters | nuisances | logarithms of noise]."""
 
-    Attributes
-    ----------
-    problem : Misfit
-        Layout of the first two parts, pieces without late readings, and priors.
-    noise : Noise
-        Layout of the third.
-    gain : Gain
-    points : tuple of Points
-        Where each piece is linearized for the gains of `anchor`.
-    anchor : (k,)
-        Unknowns whose gains find the states at which any candidate is linearized. So a candidate's points of
-        linearization follow its own states: were they fixed, the size of the innovations would seem to depend on
-        what shifts states and readings together (a bias of the vane against the lift at zero incidence).
-    """
-
-    problem: Misfit
-    noise: Noise
+    problem: Misfit  #: layout of the first two parts, pieces without late readings, and priors
+    noise: Noise  #: layout of the third
     gain: Gain
-    points: tuple[Points, ...]
+    points: tuple[Points, ...]  #: where each piece is linearized for the gains of `anchor`
+    #: (k,), unknowns whose gains find the states at which any candidate is linearized, so that its points follow its own
+    #: states: were they fixed, the size of the innovations would seem to depend on what shifts states and readings
+    #: together (a bias of the vane against the lift at zero incidence)
     anchor: FloatArray
 
     @classmethod

@@ -165,18 +165,10 @@ DEFAULTS: Final = Options()
 
 
 class LocalProblem(ABC):
-    """Residuals near an estimate, for refits: a :class:`stoop.optimize.Problem` with one rung and a problem's priors.
+    """Residuals near an estimate, for refits: a :class:`stoop.optimize.Problem` with one rung and a problem's priors."""
 
-    Attributes
-    ----------
-    problem : Misfit
-        Layout, weights, priors and pieces.
-    kind : str
-        By which it is restored from a file.
-    """
-
-    problem: Misfit
-    kind: ClassVar[str]
+    problem: Misfit  #: layout, weights, priors and pieces
+    kind: ClassVar[str]  #: by which it is restored from a file
     prices: ClassVar = (1.0,)
 
     @property

@@ -25,20 +25,11 @@ from stoop.vehicle.vehicle import noise_input
 
 @dataclass(frozen=True, eq=False)
 class LinearModels:
-    """How a small perturbation propagates over one sample.
+    """How a small perturbation propagates over one sample."""
 
-    Attributes
-    ----------
-    transition : (B, r, n_e, n_e)
-    readings : (B, r, n_y, n_e)
-        Effect of a perturbation on the readings, before it has propagated.
-    drive : (B, r, n_e, n_w)
-        The perturbation by one unit of noise, held over the sample.
-    """
-
-    transition: FloatArray
-    readings: FloatArray
-    drive: FloatArray
+    transition: FloatArray  #: (B, r, n_e, n_e)
+    readings: FloatArray  #: (B, r, n_y, n_e), by a perturbation that has not propagated
+    drive: FloatArray  #: (B, r, n_e, n_w), perturbation by one unit of noise, held over the sample
 
 
 @dataclass(frozen=True, eq=False)

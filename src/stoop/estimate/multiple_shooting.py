@@ -300,33 +300,16 @@ class FollowingWindows(LocalProblem):
     They follow parameters and nuisances as the linear model at the estimate has them, so residuals and gaps are functions
     of the search vector alone. Where gaps count strictly, a Gauss-Newton step of these states alone closes what the
     curvature opens.
-
-    Attributes
-    ----------
-    problem : Misfit
-        Layout, weights, priors and pieces, late readings shifted.
-    edges : tuple of tuple of int
-        First sample of each window of each piece, then the number of samples.
-    gap_weights : (e,)
-        What a gap is multiplied with.
-    center : (D + E,)
-        The estimate.
-    nodes : tuple of (n_x, w)
-        States with which the windows of each piece begin at the estimate.
-    follow : tuple of (w, e, D + E)
-        How they change with the search vector.
-    strict : bool
-        Whether windows are to meet, so that states must follow to the second order.
     """
 
     kind: ClassVar = "windows"
-    problem: Misfit
-    edges: tuple[tuple[int, ...], ...]
-    gap_weights: FloatArray
-    center: FloatArray
-    nodes: tuple[FloatArray, ...]
-    follow: tuple[FloatArray, ...]
-    strict: bool = False
+    problem: Misfit  #: layout, weights, priors and pieces, late readings shifted
+    edges: tuple[tuple[int, ...], ...]  #: first sample of each window, then the number of samples
+    gap_weights: FloatArray  #: (e,), what a gap is multiplied with
+    center: FloatArray  #: (D + E,), the estimate
+    nodes: tuple[FloatArray, ...]  #: (n_x, w), states with which the windows of each piece begin there
+    follow: tuple[FloatArray, ...]  #: (w, e, D + E), how they change with the search vector
+    strict: bool = False  #: whether windows are to meet, so that states must follow to the second order
 
     @classmethod
     def of(cls, problem: ShootingProblem, at: Iterate) -> FollowingWindows:

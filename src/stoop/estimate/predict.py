@@ -201,17 +201,10 @@ def low_passed(columns: FloatArray, dt: float) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class ReferenceModels:
-    """The two models that need no aerodynamics, estimated from the fitted windows.
+    """The two models that need no aerodynamics, estimated from the fitted windows."""
 
-    Attributes
-    ----------
-    mean : (3,)
-    static : (2, 3)
-        A constant and the factor of the sum of squared commands; that factor is for az only.
-    """
-
-    mean: FloatArray
-    static: FloatArray
+    mean: FloatArray  #: (3,)
+    static: FloatArray  #: (2, 3), a constant and the factor of the sum of squared commands (of az only)
 
     @classmethod
     def of(cls, fitted: Sequence[ForceCurves]) -> ReferenceModels:

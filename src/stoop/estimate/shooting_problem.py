@@ -42,25 +42,15 @@ ROUNDING: Final = 1e-12  #: of the greatest eigenvalue
 
 @dataclass(frozen=True, eq=False)
 class Weighted:
-    """A window, whitened: residual and gap are in standard deviations.
+    """A window, whitened: residual and gap are in standard deviations."""
 
-    Attributes
-    ----------
-    residual : (n n_y,)
-    by_unknown, by_state : (j, n n_y), (e, n n_y)
-    gap : (e,), empty for the last window
-    gap_by_unknown, gap_by_state : (e, j), (e, e)
-    closing : (e,)
-        What a perturbation of the next window's state takes off the gap.
-    """
-
-    residual: FloatArray
-    by_unknown: FloatArray
-    by_state: FloatArray
-    gap: FloatArray
-    gap_by_unknown: FloatArray
-    gap_by_state: FloatArray
-    closing: FloatArray
+    residual: FloatArray  #: (n n_y,)
+    by_unknown: FloatArray  #: (j, n n_y)
+    by_state: FloatArray  #: (e, n n_y)
+    gap: FloatArray  #: (e,), empty for the last window
+    gap_by_unknown: FloatArray  #: (e, j)
+    gap_by_state: FloatArray  #: (e, e)
+    closing: FloatArray  #: (e,), what a perturbation of the next window's state takes off the gap
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,28 +67,14 @@ class Node:
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
-    """What is left of a piece.
+    """What is left of a piece."""
 
-    Attributes
-    ----------
-    normal, gradient : (j, j), (j,)
-        Of half the cost, the windows' states at their best.
-    nodes : tuple of Node
-        The eliminated states, first to last.
-    states : int
-        Number e of perturbations of a state.
-    gain : float
-        What the steps of the windows' states alone take off the cost.
-    logdet : float
-        Of the information about the states.
-    """
-
-    normal: FloatArray
-    gradient: FloatArray
-    nodes: tuple[Node, ...]
-    states: int
-    gain: float
-    logdet: float
+    normal: FloatArray  #: (j, j), of half the cost, the windows' states at their best
+    gradient: FloatArray  #: (j,), of half the cost, the windows' states at their best
+    nodes: tuple[Node, ...]  #: the eliminated states, first to last
+    states: int  #: number e of perturbations of a state
+    gain: float  #: what the steps of the windows' states alone take off the cost
+    logdet: float  #: of the information about the states
 
     def moves(self, step: FloatArray) -> FloatArray:
         """Return the steps (w, e) of the windows' states for a step (j,); the first window's is zero."""
@@ -150,44 +126,22 @@ def reduced(windows: Sequence[Weighted], damping: float) -> Reduced:
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """A point of the search.
+    """A point of the search."""
 
-    Attributes
-    ----------
-    z : (D + E,)
-    nodes : tuple of (n_x, w) or, with winds, (n_x + 3, w)
-        What the windows of each piece begin with.
-    cost : float
-        Gaps included, as strictly as the problem takes them.
-    gap : float
-        Largest gap, in its scale.
-    """
-
-    z: FloatArray
-    nodes: tuple[FloatArray, ...]
-    cost: float
-    gap: float
+    z: FloatArray  #: (D + E,)
+    nodes: tuple[FloatArray, ...]  #: (n_x, w) or, with winds, (n_x + 3, w): begin of each window
+    cost: float  #: gaps included, as strictly as the problem takes them
+    gap: float  #: largest gap, in its scale
 
 
 @dataclass(frozen=True, eq=False)
 class ShootingProblem:
-    """The least-squares problem of all windows of all pieces.
-
-    Attributes
-    ----------
-    problem : Misfit
-    shots : tuple of Shots
-        One per piece.
-    scales : (e,)
-        Of a gap that counts as one standard deviation at strictness one.
-    strictness : float
-        A gap counts so many times its scale.
-    """
+    """The least-squares problem of all windows of all pieces."""
 
     problem: Misfit
-    shots: tuple[Shots, ...]
-    scales: FloatArray
-    strictness: float
+    shots: tuple[Shots, ...]  #: one per piece
+    scales: FloatArray  #: (e,), of a gap that counts as one standard deviation at strictness one
+    strictness: float  #: a gap counts so many times its scale
 
     @classmethod
     def of(cls, problem: Misfit, length: float) -> ShootingProblem:

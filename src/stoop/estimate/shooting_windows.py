@@ -41,33 +41,18 @@ MAX_LANES: Final = 4096  #: simulated side by side; more would only take memory
 
 @dataclass(frozen=True, eq=False)
 class WindowModel:
-    """How the windows of a kind of vehicle begin and meet.
+    """How the windows of a kind of vehicle begin and meet."""
 
-    Attributes
-    ----------
-    winds : tuple of str
-        Readings to which each window adds a wind of its own.
-    strictness : tuple of float
-        A gap counts so many times its scale, one after the other; one entry where windows need not meet.
-    gap_scales : mapping
-        Of a gap, m/s, rad/s; `angle_scale`, rad, for what is not named.
-    notice : str
-        Code of the notice that explains the method.
-    global_start : bool
-        Whether an optimizer searches where no start is near enough.
-    smoothed : callable
-        Gives a complete column (n,) at a sample, smoothed over so many samples on either side.
-    states : callable
-        Gives the states (w,) that smoothed readings (w,) of a vehicle and piece tell.
-    """
-
-    winds: tuple[str, ...]
+    winds: tuple[str, ...]  #: readings to which each window adds a wind of its own
+    #: a gap counts so many times its scale, one after the other; one entry where windows need not meet
     strictness: tuple[float, ...]
-    gap_scales: Mapping[str, float]
+    gap_scales: Mapping[str, float]  #: of a gap, m/s, rad/s; `angle_scale`, rad, for what is not named
     angle_scale: float
-    notice: str
-    global_start: bool
+    notice: str  #: code of the notice that explains the method
+    global_start: bool  #: whether an optimizer searches where no start is near enough
+    #: gives a complete column (n,) at a sample, smoothed over so many samples on either side
     smoothed: Callable[[FloatArray, int, int], float]
+    #: gives the states (w,) that smoothed readings (w,) of a vehicle and piece tell
     states: Callable[[Vehicle, Piece, Mapping[str, FloatArray]], dict[str, FloatArray]]
 
 
@@ -130,27 +115,14 @@ def window_model(vehicle: Vehicle) -> WindowModel:
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """One window, simulated and linearized.
+    """One window, simulated and linearized."""
 
-    Attributes
-    ----------
-    residual : (n, n_y)
-        Simulated less measured, zero where nothing was measured.
-    by_unknown : (n, n_y, j)
-        Its derivative by the search vector.
-    by_state : (n, n_y, e)
-        By a perturbation of the state that the window begins with.
-    gap : (e,)
-        From the state with which the next window begins to the one where this ends; empty for the last.
-    gap_by_unknown, gap_by_state : (e, j), (e, e)
-    """
-
-    residual: FloatArray
-    by_unknown: FloatArray
-    by_state: FloatArray
-    gap: FloatArray
-    gap_by_unknown: FloatArray
-    gap_by_state: FloatArray
+    residual: FloatArray  #: (n, n_y), simulated less measured, zero where nothing was measured
+    by_unknown: FloatArray  #: (n, n_y, j), its derivative by the search vector
+    by_state: FloatArray  #: (n, n_y, e), by a perturbation of the state that the window begins with
+    gap: FloatArray  #: (e,), end of this window less start of the next; empty for the last
+    gap_by_unknown: FloatArray  #: (e, j)
+    gap_by_state: FloatArray  #: (e, e)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,19 +131,11 @@ class Shots:
 
     Nodes are what the windows begin with: states (n_x, w), and below them, where windows have winds, by how much the wind
     of each differs, m/s north, east, down; winds are perturbed like states.
-
-    Attributes
-    ----------
-    problem : Misfit
-    index : int
-        Of the piece.
-    edges : tuple of int
-        First sample of each window, then the number of samples.
     """
 
     problem: Misfit
-    index: int
-    edges: tuple[int, ...]
+    index: int  #: of the piece
+    edges: tuple[int, ...]  #: first sample of each window, then the number of samples
 
     @classmethod
     def of(cls, problem: Misfit, index: int, length: float = WINDOW_LENGTH) -> Shots:

@@ -19,25 +19,15 @@ from stoop.vehicle.schema import CHANNELS, WIND
 
 @dataclass(frozen=True)
 class Nuisance:
-    """One nuisance: an initial state of a piece, or a sensor bias of a maneuver.
+    """One nuisance: an initial state of a piece, or a sensor bias of a maneuver."""
 
-    Attributes
-    ----------
-    name : str
-        ``V`` ... ``psi`` (``u`` ... ``psi`` of a vehicle with rotors) or ``NAME.lag`` for an initial state,
-        ``sensors.CHANNEL.bias`` for a bias.
-    maneuver : int
-    piece : int or None
-        The piece whose initial state it is; None for a bias.
-    center, scale : float, SI
-        Its start and its prior standard deviation: value = center + scale * entry.
-    """
-
+    #: ``V`` ... ``psi`` (``u`` ... ``psi`` of a vehicle with rotors) or ``NAME.lag`` for an initial
+    #: state, ``sensors.CHANNEL.bias`` for a bias
     name: str
     maneuver: int
-    piece: int | None
-    center: float
-    scale: float
+    piece: int | None  #: the piece whose initial state it is; None for a bias
+    center: float  #: SI, where its entry is zero
+    scale: float  #: SI, its prior standard deviation: value = center + scale * entry
 
     @property
     def is_bias(self) -> bool:

@@ -25,18 +25,10 @@ STEP = 1e-7  #: of a forward difference
 
 @dataclass(frozen=True, eq=False)
 class Weights:
-    """The weighting matrix Q of eq. (3), the inverse of the measurement noise covariance.
+    """The weighting matrix Q of eq. (3), the inverse of the measurement noise covariance."""
 
-    Attributes
-    ----------
-    covariance : (n_y, n_y)
-        Of the measurement noise, the channels' units.
-    root : (n_y, n_y)
-        Upper triangular, Q = root' root: whitens a residual.
-    """
-
-    covariance: FloatArray
-    root: FloatArray
+    covariance: FloatArray  #: (n_y, n_y), of the measurement noise, the channels' units
+    root: FloatArray  #: (n_y, n_y), upper triangular, Q = root' root: whitens a residual
 
     @classmethod
     def of(cls, covariance: FloatArray) -> Weights:
@@ -90,25 +82,14 @@ class Weights:
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A contiguous stretch of one maneuver.
-
-    Attributes
-    ----------
-    maneuver : int
-    time : (n,), s, uniform
-    inputs : (n, n_u)
-    measured : (n, n_y), NaN where missing
-    start : mapping
-        Initial state by name (V ... psi, h), where its nuisances are zero.
-    changes : mapping
-        Numbers of the vehicle that differ in this maneuver (its loading).
-    """
+    """A contiguous stretch of one maneuver."""
 
     maneuver: int
-    time: FloatArray
-    inputs: FloatArray
-    measured: FloatArray
-    start: Mapping[str, float]
+    time: FloatArray  #: (n,), s, uniform
+    inputs: FloatArray  #: (n, n_u)
+    measured: FloatArray  #: (n, n_y), NaN where missing
+    start: Mapping[str, float]  #: initial state by name (V ... psi, h), where its nuisances are zero
+    #: numbers of the vehicle that differ in this maneuver (its loading)
     changes: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -129,20 +110,12 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Misfit:
-    """A least-squares problem on the unit box.
-
-    Attributes
-    ----------
-    layout : Layout
-    pieces : tuple of Piece
-    weights : Weights
-    ladder : tuple of tuple of int
-        Samples of each piece on each rung; the last rung is the whole record.
-    """
+    """A least-squares problem on the unit box."""
 
     layout: Layout
     pieces: tuple[Piece, ...]
     weights: Weights
+    #: samples of each piece on each rung; the last rung is the whole record
     ladder: tuple[tuple[int, ...], ...]
 
     @cached_property

@@ -75,23 +75,17 @@ def true_value(vehicle: Vehicle, channel: str, reading: Number, numbers: FloatAr
 
 @dataclass(frozen=True, eq=False)
 class ObservationModel:
-    """The frame in which a kind of vehicle is observed.
+    """The frame in which a kind of vehicle is observed."""
 
-    Attributes
-    ----------
-    start_scales : mapping
-        Prior standard deviation of each initial state about its guess, deliberately wide; m/s, rad, rad/s.
-    open_loop : bool
-        Whether a simulation from the first sample stays near the record; else predictions begin anew every window.
-    default_start : callable
-        Gives the initial state of a vehicle where nothing was measured.
-    states : callable
-        Gives the states of a vehicle for readings without bias and scale error, numbers or (n,) each.
-    """
-
+    #: prior standard deviation of each initial state about its guess, deliberately wide; m/s, rad,
+    #: rad/s
     start_scales: Mapping[str, float]
+    #: whether a simulation from the first sample stays near the record; else predictions begin anew
+    #: every window
     open_loop: bool
+    #: gives the initial state of a vehicle where nothing was measured
     default_start: Callable[[Vehicle], dict[str, float]]
+    #: gives the states of a vehicle for readings without bias and scale error, numbers or (n,) each
     states: Callable[[Vehicle, Mapping[str, Any]], dict[str, Any]]
 
     def start_names(self, vehicle: Vehicle) -> tuple[str, ...]:
