@@ -14,10 +14,11 @@ algebraic Riccati equations", *International Journal of Control* 77(8), 2004, pp
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 
@@ -122,40 +123,37 @@ class Plan:
     patterns: BoolArray  #: (G, n_y), which channels were measured together
     which: IntArray  #: (n,), pattern of each sample
 
-    @classmethod
-    def of(cls, piece: Piece, every: int) -> Plan:
-        """Return the plan of a piece with a point every so many samples."""
-        measured = np.isfinite(piece.measured)
-        patterns, which = np.unique(measured, axis=0, return_inverse=True)
-        points = np.arange(len(piece.time), dtype=np.int64) // every
-        return cls(points, measured, patterns, which.ravel().astype(np.int64))
 
+@dataclass(frozen=True)
+class Gain(ABC):
+    """How a gain is found; points of linearization are `spacing` s apart."""
 
-class Gain(Protocol):
-    """How a gain is found."""
+    spacing: float
 
     def plan(self, piece: Piece) -> Plan:
         """Return where a piece is linearized and what was measured."""
-        ...
+        measured = np.isfinite(piece.measured)
+        patterns, which = np.unique(measured, axis=0, return_inverse=True)
+        samples, n = min(self.spacing / piece.dt, len(piece.time)), len(piece.time)
+        points = np.arange(n, dtype=np.int64) // max(1, round(samples))
+        return Plan(points, measured, patterns, which.ravel().astype(np.int64))
 
+    @abstractmethod
     def gains(
         self, vehicle: Vehicle, plan: Plan, linear: LinearModels, process: FloatArray, variances: FloatArray
     ) -> Gains:
         """Return the gains of every candidate; process noise (B, r, n_e, n_e), variances (B, n_y)."""
-        ...
 
 
 @dataclass(frozen=True)
-class Steady:
+class Steady(Gain):
     """One point per piece, the covariance at which the filter settles there.
 
     Samples that lack channels have the gain of those that they have, with the same covariance before them. For that
     covariance a channel informs by its share of samples.
     """
 
-    def plan(self, piece: Piece) -> Plan:
-        """Return one point."""
-        return Plan.of(piece, len(piece.time))
+    spacing: float = np.inf
 
     def gains(
         self, _vehicle: Vehicle, plan: Plan, linear: LinearModels, process: FloatArray, variances: FloatArray
@@ -178,18 +176,14 @@ class Steady:
 
 
 @dataclass(frozen=True)
-class Varying:
-    """Points along the flight, `spacing` s apart, and the covariance from sample to sample: an extended Kalman filter.
+class Varying(Gain):
+    """Points along the flight, and the covariance from sample to sample: an extended Kalman filter.
 
     The initial state is among the unknowns, so the covariance begins at zero. What was not measured is left out
     exactly.
     """
 
     spacing: float = 0.2
-
-    def plan(self, piece: Piece) -> Plan:
-        """Return a point every so many samples."""
-        return Plan.of(piece, max(1, round(self.spacing / piece.dt)))
 
     def gains(
         self, vehicle: Vehicle, plan: Plan, linear: LinearModels, process: FloatArray, variances: FloatArray

@@ -91,55 +91,29 @@ class Options:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Estimates of any method, and what they rest on.
+    """Estimates of any method, and what they rest on; optional fields are None where they do not apply."""
 
-    Attributes
-    ----------
-    problem : Misfit
-        With the final weights.
-    prepared : Prepared
-    z : (D + E,)
-        The optimum.
-    outcome : Outcome
-        Of the search with the first weights.
-    cost : float
-        J at the optimum with the final weights.
-    trajectories : float
-        Whole-trajectory equivalents, refinement included.
-    notices : tuple of Notice
-        Of the method: how to read its estimates, and what makes them doubtful; those of the windows are `prepared`'s.
-    noise : (n_y, n_y), optional
-        Covariance of the measurement noise, where the method estimates it; else it is that of the simulation's
-        residuals.
-    covariance : (D + E, D + E), optional
-        Of parameters and nuisances in SI, where the method gives it with the estimates.
-    own_evidence : Evidence, optional
-        Where it is not that of the simulation, see :attr:`evidence`.
-    simulated : tuple of (n, n_y), optional
-        Readings of each piece, where they are not those of one simulation from its first sample.
-    white : (D + E, D + E), optional
-        Like `covariance`, as if residuals were white, where the method looked at their color.
-    local_problem : callable, optional
-        Gives the problem (:class:`stoop.optimize.Problem`) whose least-squares optimum is the estimate, for refits near
-        it, where `problem` is not that.
-    noise_given : bool
-        Whether the covariance of the measurement noise was given and not estimated.
-    """
-
-    problem: Misfit
+    problem: Misfit  #: with the final weights
     prepared: Prepared
-    z: FloatArray
-    outcome: optimize.Outcome
-    cost: float
-    trajectories: float
-    notices: tuple[Notice, ...] = ()
-    noise: FloatArray | None = None
-    covariance: FloatArray | None = None
-    own_evidence: Evidence | None = None
+    z: FloatArray  #: (D + E,), the optimum
+    outcome: optimize.Outcome  #: of the search with the first weights
+    cost: float  #: J at the optimum with the final weights
+    trajectories: float  #: whole-trajectory equivalents, refinement included
+    notices: tuple[
+        Notice, ...
+    ] = ()  #: how to read the estimates, and what makes them doubtful, beside `prepared`'s
+    noise: FloatArray | None = (
+        None  #: (n_y, n_y), of the measurements; else it is that of the simulation's residuals
+    )
+    covariance: FloatArray | None = None  #: (D + E, D + E), SI, where the method gives it with the estimates
+    own_evidence: Evidence | None = None  #: where it is not that of the simulation, see :attr:`evidence`
+    #: gives the :class:`stoop.optimize.Problem` whose least-squares optimum is the estimate, where `problem` is not that
     local_problem: Callable[[], Any] | None = None
-    simulated: tuple[FloatArray, ...] | None = None
-    white: FloatArray | None = None
-    noise_given: bool = False
+    simulated: tuple[FloatArray, ...] | None = (
+        None  #: (n, n_y) of each piece, where not by one simulation from its start
+    )
+    white: FloatArray | None = None  #: like `covariance`, as if residuals were white
+    noise_given: bool = False  #: whether the covariance of the measurement noise was given and not estimated
 
     @cached_property
     def evidence(self) -> Evidence:

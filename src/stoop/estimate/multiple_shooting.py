@@ -22,6 +22,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import pairwise
 from typing import Any, ClassVar, Final
 
 import numpy as np
@@ -35,7 +36,7 @@ from stoop.estimate.fit import ALTERNATION, DEFAULTS, Fit, LocalProblem, Options
 from stoop.estimate.linearization import undelayed
 from stoop.estimate.noise import effective_variance, first_variance, noise_variance
 from stoop.estimate.shooting_problem import Iterate, Reduced, ShootingProblem, Weighted, reduced
-from stoop.estimate.shooting_windows import WINDOW_LENGTH, Shots, WindowModel, window_model
+from stoop.estimate.shooting_windows import WINDOW_LENGTH, Shots, window_model
 from stoop.flight import Flight
 from stoop.optimize.levenberg_marquardt import LinearModel, TenfoldDamping, Trial, levenberg_marquardt
 from stoop.optimize.minimize import Status
@@ -153,56 +154,20 @@ def refined(problem: ShootingProblem, at: Iterate, options: Options) -> Refined:
     return Refined(problem, end, iterations, status, noise_converged)
 
 
-@dataclass(frozen=True, eq=False)
-class GlobalSearch:
-    """The search of a start by an optimizer, in windows that begin as measured."""
+def windowed_problem(shooting: ShootingProblem) -> Misfit:
+    """Return the least-squares problem in which every window is a piece that begins as measured, for a global search.
 
-    shooting: ShootingProblem
-    options: Options
-    callback: Callable[[Any], None] | None
-    state: Any
-
-    @property
-    def model(self) -> WindowModel:
-        """How windows begin and meet."""
-        return window_model(self.shooting.problem.layout.vehicle)
-
-    @cached_property
-    def windowed(self) -> Misfit:
-        """The least-squares problem in which every window is a piece that begins as measured.
-
-        Its unknowns are the free parameters and the biases; initial states are not among them.
-        """
-        problem = self.shooting.problem
-        biases = tuple(n for n in problem.layout.nuisances if n.is_bias)
-        layout = Layout(problem.layout.vehicle, problem.layout.parameters, biases)
-        pieces = []
-        for shots in self.shooting.shots:
-            states = shots.measured_starts()
-            for w, (a, b) in enumerate(zip(shots.edges, shots.edges[1:], strict=False)):
-                start = {name: float(values[w]) for name, values in states.items()}
-                pieces.append(shots.piece.part(a, b, start))
-        return Misfit(layout, tuple(pieces), problem.weights, (tuple(len(p.time) for p in pieces),))
-
-    def wanted(self, guesses: FloatArray) -> bool:
-        """Whether to search before Gauss-Newton: no start (k, D) explains more than constant readings do."""
-        if not self.model.global_start:
-            return False
-        poor = POOR * self.windowed.reference(0)
-        return self.state is not None or not float(np.min(self.windowed.costs(guesses, 0))) < poor
-
-    def outcome(self, guesses: FloatArray) -> optimize.Outcome:
-        """Return how the search ended, its vector that of the whole problem."""
-        options, problem = self.options, self.shooting.problem
-        stop = options.stop(0.0, len(guesses))
-        found = optimize.minimize(
-            optimize.create(options.optimizer, stop.budget), self.windowed, seed=options.seed, starts=guesses,
-            stop=stop, callback=self.callback, state=self.state,
-        )  # fmt: skip
-        if not np.isfinite(found.cost):
-            raise IdentificationError(f"{problem.layout.vehicle.where}: {found.advice}")
-        d, extra = problem.dimension, problem.extra - self.windowed.extra
-        return replace(found, z=np.concatenate([found.z[:d], np.zeros(extra), found.z[d:]]))
+    Its unknowns are the free parameters and the biases; initial states are not among them.
+    """
+    problem, pieces = shooting.problem, []
+    biases = tuple(n for n in problem.layout.nuisances if n.is_bias)
+    layout = Layout(problem.layout.vehicle, problem.layout.parameters, biases)
+    for shots in shooting.shots:
+        states = shots.measured_starts()
+        for w, (a, b) in enumerate(pairwise(shots.edges)):
+            start = {name: float(values[w]) for name, values in states.items()}
+            pieces.append(shots.piece.part(a, b, start))
+    return Misfit(layout, tuple(pieces), problem.weights, (tuple(len(p.time) for p in pieces),))
 
 
 @dataclass(frozen=True)
@@ -225,19 +190,34 @@ class MultipleShooting:
         `callback` and `state` are those of the global search of vehicles with rotors.
         """
         problem, prepared = estimation_problem(vehicle, flights, windows, options)
-        shifted = undelayed(problem)
+        shifted, model = undelayed(problem), window_model(vehicle)
         with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
             if options.covariance is None:
                 shifted = shifted.weighted(Weights.of(first_variance(shifted)))
-            search = GlobalSearch(ShootingProblem.of(shifted, self.length), options, callback, state)
-            guesses = starts(shifted)
-            start = search.outcome(guesses) if search.wanted(guesses) else None
-            padded = list(np.pad(guesses, [(0, 0), (0, problem.extra)]))
-            found = self._from(search.shooting, padded if start is None else [start.z], options, start)
-            if start is None and found.status == "generations" and search.model.global_start:
-                limited = replace(options, budget=min(SECOND_BUDGET, options.budget))
-                start = replace(search, options=limited).outcome(guesses)
-                again = self._from(search.shooting, [start.z], options, start)
+            shooting, guesses = ShootingProblem.of(shifted, self.length), starts(shifted)
+            padded, start = list(np.pad(guesses, [(0, 0), (0, problem.extra)])), None
+
+            def search(budget: float) -> optimize.Outcome:
+                """Return how a global search ended, its vector that of the whole problem."""
+                stop = replace(options, budget=budget).stop(0.0, len(guesses))
+                found = optimize.minimize(
+                    optimize.create(options.optimizer, stop.budget), windowed, seed=options.seed, starts=guesses,
+                    stop=stop, callback=callback, state=state,
+                )  # fmt: skip
+                if not np.isfinite(found.cost):
+                    raise IdentificationError(f"{vehicle.where}: {found.advice}")
+                d, extra = problem.dimension, problem.extra - windowed.extra
+                return replace(found, z=np.concatenate([found.z[:d], np.zeros(extra), found.z[d:]]))
+
+            if model.global_start:  # where no start explains more than constant readings do
+                windowed = windowed_problem(shooting)
+                poor = POOR * windowed.reference(0)
+                if state is not None or not float(np.min(windowed.costs(guesses, 0))) < poor:
+                    start = search(options.budget)
+            found = self._from(shooting, padded if start is None else [start.z], options, start)
+            if start is None and found.status == "generations" and model.global_start:
+                start = search(min(SECOND_BUDGET, options.budget))
+                again = self._from(shooting, [start.z], options, start)
                 found = again if again.status == "converged" else found
             return self._fit(problem, prepared, found, start)
 

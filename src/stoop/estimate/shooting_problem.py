@@ -245,8 +245,8 @@ class ShootingProblem:
                 np.ascontiguousarray(slopes.reshape(-1, slopes.shape[2]).T)
                 for slopes in (shot.by_unknown, shot.by_state)
             )
-            gap, gaps = weights * shot.gap, (shot.gap_by_unknown, shot.gap_by_state)
-            slopes = (weights[:, None] * by for by in gaps)
+            gap, column = weights * shot.gap, weights[:, None]
+            slopes = column * shot.gap_by_unknown, column * shot.gap_by_state
             out.append(Weighted(shot.residual.ravel(), by_unknown, by_state, gap, *slopes, weights))
         return out
 

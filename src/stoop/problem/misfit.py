@@ -89,8 +89,9 @@ class Piece:
     inputs: FloatArray  #: (n, n_u)
     measured: FloatArray  #: (n, n_y), NaN where missing
     start: Mapping[str, float]  #: initial state by name (V ... psi, h), where its nuisances are zero
-    #: numbers of the vehicle that differ in this maneuver (its loading)
-    changes: Mapping[str, float] = field(default_factory=dict)
+    changes: Mapping[str, float] = field(
+        default_factory=dict
+    )  #: numbers that differ in this maneuver (its loading)
 
     @property
     def dt(self) -> float:
@@ -115,8 +116,7 @@ class Misfit:
     layout: Layout
     pieces: tuple[Piece, ...]
     weights: Weights
-    #: samples of each piece on each rung; the last rung is the whole record
-    ladder: tuple[tuple[int, ...], ...]
+    ladder: tuple[tuple[int, ...], ...]  #: samples of each piece on each rung; the last is the whole record
 
     @cached_property
     def dimension(self) -> int:

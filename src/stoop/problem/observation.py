@@ -77,16 +77,14 @@ def true_value(vehicle: Vehicle, channel: str, reading: Number, numbers: FloatAr
 class ObservationModel:
     """The frame in which a kind of vehicle is observed."""
 
-    #: prior standard deviation of each initial state about its guess, deliberately wide; m/s, rad,
-    #: rad/s
-    start_scales: Mapping[str, float]
-    #: whether a simulation from the first sample stays near the record; else predictions begin anew
-    #: every window
-    open_loop: bool
-    #: gives the initial state of a vehicle where nothing was measured
-    default_start: Callable[[Vehicle], dict[str, float]]
-    #: gives the states of a vehicle for readings without bias and scale error, numbers or (n,) each
-    states: Callable[[Vehicle, Mapping[str, Any]], dict[str, Any]]
+    start_scales: Mapping[
+        str, float
+    ]  #: prior standard deviations of initial states, deliberately wide; m/s, rad, rad/s
+    open_loop: bool  #: whether a simulation stays near the record; else predictions begin anew every window
+    default_start: Callable[[Vehicle], dict[str, float]]  #: initial state where nothing was measured
+    states: Callable[
+        [Vehicle, Mapping[str, Any]], dict[str, Any]
+    ]  #: for readings without bias and scale error
 
     def start_names(self, vehicle: Vehicle) -> tuple[str, ...]:
         """Return the initial states that are estimated, those of lagged actuators last."""

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal, TypeAlias, cast
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -37,17 +37,7 @@ HEAD: Final = """\
 
 @dataclass(frozen=True)
 class Window:
-    """One stretch of one flight.
-
-    Attributes
-    ----------
-    flight : str
-        Name of the flight.
-    start, stop : float, s
-        On the log's own clock.
-    loading : str or None
-        Name of the vehicle file's loading (mass, center of gravity, inertia) that was flown.
-    """
+    """One stretch of one flight, s on the log's own clock, with the name of the vehicle file's loading that was flown."""
 
     flight: str
     start: float
@@ -72,16 +62,12 @@ def as_windows(given: Windows, flights: Mapping[str, Flight]) -> tuple[Window, .
     FlightError
         Of none of these forms, see :func:`parse_window`.
     """
-    if isinstance(given, str | slice | Window) or (
-        isinstance(given, tuple) and len(given) == 2 and all(isinstance(edge, int | float) for edge in given)
-    ):
-        given = [cast("OneWindow", given)]
+    pair = isinstance(given, tuple) and len(given) == 2 and all(isinstance(x, int | float) for x in given)
     out = []
-    for one in given:
+    for one in [given] if pair or isinstance(given, str | slice | Window) else given:
         edges = (one.start, one.stop) if isinstance(one, slice) else one
-        if isinstance(edges, Sequence) and not isinstance(edges, str) and len(edges) == 2:
-            edges = f"{edges[0]}:{edges[1]}"
-        out.append(edges if isinstance(edges, Window) else parse_window(str(edges), flights))
+        text = ":".join(map(str, edges)) if isinstance(edges, tuple | list) else str(edges)
+        out.append(one if isinstance(one, Window) else parse_window(text, flights))
     return tuple(out)
 
 
@@ -202,6 +188,11 @@ def read_windows(path: Path) -> tuple[Entry, ...]:
         raise FlightError(f"{path}: {one_line(first_complaint(error, document, WindowsFile))}") from None
 
 
+def files_among(texts: Sequence[str]) -> list[Path]:
+    """Return the files among windows of the command line."""
+    return [Path(text) for text in texts if text.endswith(".toml")]
+
+
 def expanded(maneuvers: Sequence[str], validate: Sequence[str]) -> tuple[list[str], list[str]]:
     """Replace files among windows by the accepted windows that they hold.
 
@@ -213,22 +204,14 @@ def expanded(maneuvers: Sequence[str], validate: Sequence[str]) -> tuple[list[st
         A file cannot be read, or nothing in it is accepted.
     """
     files = [str(path) for path in files_among(maneuvers)]
-    fitted = _accepted(maneuvers, "fit")
-    if not fitted and maneuvers:
+    found: list[list[str]] = []
+    for use, texts in (("fit", maneuvers), ("validate", validate or files)):
+        found.append([])
+        for text in texts:
+            entries = read_windows(Path(text)) if text.endswith(".toml") else [None]
+            found[-1] += [e.text if e else text for e in entries if e is None or (e.accept and e.use == use)]
+    if maneuvers and not found[0]:
         raise FlightError(
             f'{", ".join(files)}: no window is accepted for fitting; set accept = true and use = "fit" in one'
         )
-    return fitted, _accepted(validate or files, "validate")
-
-
-def _accepted(texts: Sequence[str], use: str) -> list[str]:
-    out: list[str] = []
-    for text in texts:
-        entries = read_windows(Path(text)) if text.endswith(".toml") else ()
-        out += [e.text for e in entries if e.accept and e.use == use] if text.endswith(".toml") else [text]
-    return out
-
-
-def files_among(texts: Sequence[str]) -> list[Path]:
-    """Return the files among windows of the command line."""
-    return [Path(text) for text in texts if text.endswith(".toml")]
+    return found[0], found[1]
