@@ -18,8 +18,7 @@ from benchmarks.clock import interleave
 from benchmarks.table import Row
 from stoop import optimize
 from stoop.optimize.ledger import Evaluations
-from stoop.optimize.operators import latin_hypercube
-from stoop.optimize.population import Population
+from stoop.optimize.population import Population, latin_hypercube
 from stoop.problem import Misfit
 from stoop_studies.problems.paper import paper
 

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from stoop.flight.load import load as load_flight
     from stoop.flight.store import save as save_flight
     from stoop.results.result import read_result
-    from stoop.simulation.arrays import simulate
-    from stoop.simulation.fly import simulate_flight
+    from stoop.simulation.fly import simulate, simulate_flight
     from stoop.simulation.linearize import linearize
     from stoop.simulation.maneuver import load_maneuver
     from stoop.simulation.trim import trim

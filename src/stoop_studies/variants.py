@@ -11,12 +11,12 @@ from typing import Any, Final
 
 from stoop import optimize
 from stoop.errors import IdentificationError
-from stoop.optimize.operators import latin_hypercube
+from stoop.optimize.population import latin_hypercube
 from stoop.optimize.state import Optimizer
 from stoop_studies.optimizers.compositions import ps_gde
-from stoop_studies.optimizers.pieces.local_search import LevenbergMarquardt, PreySchedule, SteepestDescent
-from stoop_studies.optimizers.pieces.mutation import Ordered, Unordered
-from stoop_studies.optimizers.pieces.operators import chaos, uniform
+from stoop_studies.optimizers.evolution import chaos, uniform
+from stoop_studies.optimizers.local_search import LevenbergMarquardt, PreySchedule, SteepestDescent
+from stoop_studies.optimizers.mutation import Ordered, Unordered
 
 PIECES: Final[Mapping[str, Mapping[str, Any]]] = {
     "mutation": {"ordered": Ordered(), "unordered": Unordered()},

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +9,10 @@ import pytest
 
 from docs.pages import DOCS, run_python, table
 from stoop import optimize
-from stoop.optimize import adaptation, operators
-from stoop_studies.optimizers import pieces
-from stoop_studies.optimizers.pieces.control import Fixed
-from stoop_studies.optimizers.pieces.evolution import DifferentialEvolution
+from stoop.optimize import population
+from stoop_studies.optimizers import evolution, local_search, mutation, shade
+from stoop_studies.optimizers.evolution import DifferentialEvolution
+from stoop_studies.optimizers.mutation import Fixed
 
 PAGE = DOCS / "optimizers.md"
 EVOLUTIONS = [n for n in optimize.names() if isinstance(optimize.create(n), DifferentialEvolution)]
@@ -48,10 +46,8 @@ def _numbers(cell: str) -> list[float]:
 
 
 def test_every_piece_that_is_named_exists() -> None:
-    known = {*dir(adaptation), *dir(operators)} | {
-        name
-        for module in pkgutil.iter_modules(pieces.__path__)
-        for name in dir(importlib.import_module(f"{pieces.__name__}.{module.name}"))
+    known = {
+        name for module in (population, evolution, local_search, mutation, shade) for name in dir(module)
     }
     for row in table(PAGE, "The differential evolutions", "piece").rows:
         assert not set(row[2].split(", ")) - known, row[0]

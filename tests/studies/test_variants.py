@@ -7,9 +7,9 @@ import pytest
 from stoop.errors import IdentificationError
 from stoop.optimize import create
 from stoop_studies.optimizers.compositions import ps_gde
-from stoop_studies.optimizers.pieces.local_search import LevenbergMarquardt, PreySchedule, SteepestDescent
-from stoop_studies.optimizers.pieces.mutation import Unordered
-from stoop_studies.optimizers.pieces.operators import uniform
+from stoop_studies.optimizers.evolution import uniform
+from stoop_studies.optimizers.local_search import LevenbergMarquardt, PreySchedule, SteepestDescent
+from stoop_studies.optimizers.mutation import Unordered
 from stoop_studies.variants import build
 
 

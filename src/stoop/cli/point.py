@@ -56,7 +56,7 @@ def trim_at(vehicle: Vehicle, arguments: argparse.Namespace) -> Trim:
     A lateral model holds speed and incidence, so its steady flight is that of the full equations.
     """
     from stoop.simulation import trim
-    from stoop.simulation.steady import flies_on_rotors
+    from stoop.simulation.trim import flies_on_rotors
 
     on_rotors = flies_on_rotors(vehicle, arguments.airspeed)
     for name in ("velocity", "wind") if not on_rotors else ():

@@ -15,7 +15,7 @@ from stoop.base.variables import WRAPPED
 from stoop.errors import SimulationError
 from stoop.simulation import Maneuver, Trim, initial_states, parameter_rows
 from stoop.simulation.delays import late_inputs, late_outputs
-from stoop.simulation.fly import flown_inputs
+from stoop.simulation.trim import inputs_about
 from stoop.vehicle import Vehicle
 
 RATE: Final = 100.0  #: Hz
@@ -116,7 +116,12 @@ def every_control(
 def maneuver_record(vehicle: Vehicle, point: Trim, maneuver: Maneuver) -> Record:
     """Return a maneuver from a steady flight, with the vehicle's thrust set to that of the steady flight."""
     flown = steady_vehicle(vehicle, point)
-    return Record(flown, point.start, maneuver.time, flown_inputs(flown, maneuver, point))
+    return Record(
+        flown,
+        point.start,
+        maneuver.time,
+        inputs_about(flown, point, maneuver.deflections(), len(maneuver.time)),
+    )
 
 
 def steady_vehicle(vehicle: Vehicle, point: Trim) -> Vehicle:

@@ -26,7 +26,7 @@ from stoop.problem.prepare import Prepared, nuisances
 from stoop.problem.windows import Window
 from stoop.results.result import Result
 from stoop.simulation import Maneuver, Trim
-from stoop.simulation.fly import flown_inputs
+from stoop.simulation.trim import inputs_about
 from stoop.vehicle import Vehicle
 
 BOX_INFORMATION: Final = 12.0  #: of a number that is only known to lie in the unit box: one over its variance
@@ -210,7 +210,7 @@ class Setup:
 
     def _problem(self, maneuver: Maneuver) -> Misfit:
         vehicle, t = self.vehicle, maneuver.time
-        inputs = flown_inputs(vehicle, maneuver, self.trim)
+        inputs = inputs_about(vehicle, self.trim, maneuver.deflections(), len(maneuver.time))
         blank = np.zeros((len(t), len(vehicle.outputs)))
         piece = Piece(0, t, inputs, blank, self.trim.start, self.trim.changes)
         prepared = Prepared((Window("design", 0.0, float(t[-1])),), (piece,), ())

@@ -13,23 +13,21 @@ confirmed, a target is reached, or generations or budget run out::
 best of them followed up the ladder by Levenberg-Marquardt refinement, then ordered SHADE (`population`). The others
 hand the problem to another library (`libraries`); installed packages add theirs (`registry`).
 
-A run is decided by its seed to the last bit, whatever the number of BLAS threads, and may be saved after any
-step and resumed as if uninterrupted. `refine` is the local search alone; `descend` continues from one start to the
-last digit.
+A run is decided by its seed to the last bit, whatever the number of BLAS threads, and may be saved after any step and
+resumed as if uninterrupted. Only another kind of processor may round otherwise, as BLAS has kernels for each. `refine` is
+the local search alone; `descend` continues from one start to the last digit.
 
 >>> from stoop import optimize
 >>> optimize.names()[:4]
 ('ps-gde-lm', 'scipy-de', 'scipy-least-squares', 'cma')
 """
 
-from stoop.optimize.descent import descend
 from stoop.optimize.ledger import Evaluations, Ledger
-from stoop.optimize.local_refinement import Refinement, Settings, refine
+from stoop.optimize.local_refinement import Refinement, Settings, descend, refine
 from stoop.optimize.minimize import Outcome, Progress, Stop, minimize
 from stoop.optimize.problem import Problem, ScalarProblem, forward_jacobian
 from stoop.optimize.registry import create, names, needs_residuals
-from stoop.optimize.state import Event, Optimizer, State
-from stoop.optimize.store import load_state, load_tagged, save_state
+from stoop.optimize.state import Event, Optimizer, State, load_state, load_tagged, save_state
 
 __all__ = [
     "Evaluations",

@@ -22,13 +22,8 @@ from stoop.optimize.ledger import Ledger
 from stoop.optimize.local_refinement import AGREE, FULL, RUNG, Refinement, refine
 
 GATE: Final = 0.25  #: share of the trivial model's cost that a passing candidate may leave unexplained
-CONSISTENT: Final = 2.0  #: times the score on the last rung that is still the same score on the full record
-NEARLY_EXACT: Final = (
-    1e-4  #: share of the trivial model's cost that stops no candidate: it may confirm an exact optimum
-)
+NEARLY_EXACT: Final = 1e-4  #: likewise; it stops no candidate, as it may confirm an exact optimum
 SIMILAR: Final = 1.2  #: or this many times the least cost that an earlier refinement reached on the rung
-CLEAR: Final = 0.1  #: share of the trivial model's cost up to which little is left unexplained
-NOTHING: Final = 1e-12  #: of the trivial model's cost: two exact fits agree
 
 
 @dataclass(frozen=True)
@@ -81,10 +76,10 @@ def refine_fully(ledger: Ledger, z: FloatArray, optimum: float, score: float = 0
     """Refine on the full record, measured against the best so far and the best optimum known.
 
     A refinement is followed to its end, however slowly it falls, if it explains the data, or is near the best so
-    far, or does on the full record about as well as on the last rung (`score`): then the model is imperfect, not the
+    far, or does on the full record no worse than twice as on the last rung (`score`): then the model is imperfect, not the
     candidate.
     """
-    acceptable = max(GATE, CONSISTENT * score) * ledger.reference(ledger.full)
+    acceptable = max(GATE, 2.0 * score) * ledger.reference(ledger.full)
     if np.isfinite(ledger.cost):
         acceptable = max(acceptable, SIMILAR * ledger.cost)
     return refine(ledger, z, ledger.full, FULL, ledger.cost, acceptable, optimum)
@@ -165,9 +160,9 @@ class Optima:
         """
         if not np.isfinite(best):
             return False
-        scale = NOTHING * reference if np.isfinite(reference) else 0.0
+        scale = 1e-12 * reference if np.isfinite(reference) else 0.0  # two exact fits agree
         level = np.abs(self.costs - best) <= AGREE * abs(best) + scale
         there = level & (self.converged | self.agreed)
-        needed = 2 if best <= CLEAR * reference else 3
+        needed = 2 if best <= 0.1 * reference else 3
         enough = len(np.unique(self.lineages[there])) >= needed
         return bool(there[-1] and enough and (there & self.converged).any())

@@ -1,7 +1,6 @@
 """The ledger: counts every trajectory, keeps the best, and ends a run at its budget or target.
 
-`Evaluations` is the immutable count kept in a state; `Ledger` advances it. Every optimizer reaches the problem
-through a ledger only, so that counting is the same for all of them.
+Every optimizer reaches the problem through a ledger only, so that counting is the same for all of them.
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ from stoop.base.arrays import FloatArray
 from stoop.optimize.problem import Problem, ScalarProblem
 
 HUGE: Final = 1e100  #: a cost beyond this is infinite: its products would overflow
-ROUNDING: Final = 1e-9  #: of summed prices
 
 
 class Halt(Exception):  # noqa: N818 - not an error: the run ends here
@@ -118,7 +116,13 @@ class Ledger:
         before = self.spent
         self.spent = before + len(F) * price
         if rung == self.full:
-            self._offer_batch(X, F, before, price)
+            # each improvement counts at the candidate's own place in the batch
+            least = np.minimum.accumulate(np.concatenate([[self.cost], F]))
+            for i in np.flatnonzero(least[1:] < least[:-1]).tolist():
+                place = before + (i + 1) * price
+                if F[i] <= self.target:
+                    self.spent = place  # the run ends here: the rest of the batch was not needed
+                self._offer(np.concatenate([X[i], np.zeros(self.extra)]), float(F[i]), place)
         if room < len(X):
             raise Halt("budget")
         return F
@@ -149,19 +153,10 @@ class Ledger:
 
     def _room(self, price: float) -> int:
         """Return how many trajectories at this price the budget still pays for."""
-        left = (self.budget - self.spent) / price + ROUNDING
+        left = (self.budget - self.spent) / price + 1e-9  # rounding of summed prices
         if left < 1.0:
             raise Halt("budget")
         return int(min(left, 2.0**62))
-
-    def _offer_batch(self, X: FloatArray, F: FloatArray, before: float, price: float) -> None:
-        """Keep what improves on the best, each counted at the candidate's own place in the batch."""
-        least = np.minimum.accumulate(np.concatenate([[self.cost], F]))
-        for i in np.flatnonzero(least[1:] < least[:-1]).tolist():
-            place = before + (i + 1) * price
-            if F[i] <= self.target:
-                self.spent = place  # the run ends here: the rest of the batch was not needed
-            self._offer(np.concatenate([X[i], np.zeros(self.extra)]), float(F[i]), place)
 
     def _offer(self, z: FloatArray, cost: float, place: float) -> None:
         """Keep z, evaluated at a place of the count, if it is the best so far."""

@@ -1,8 +1,7 @@
 """The Levenberg-Marquardt loop: damped Gauss-Newton steps on any linear model, with any strategy of damping.
 
 A `LinearModel` knows where it is, solves for damped steps and evaluates them; a `Damping` decides how strongly the next step
-is damped. The loop is the same whether the model keeps a Jacobian by secant updates, solves by QR and bends its steps, eliminates
-states of windows, or is Fisher's information of a likelihood.
+is damped.
 
 References
 ----------
@@ -21,7 +20,6 @@ import numpy as np
 
 Ending = Literal["converged", "agreed", "stalled", "hopeless", "limit", "diverged"]
 
-MIN_DAMPING: Final = 1e-12
 MAX_DAMPING: Final = 1e8  #: beyond which no step helps any more
 
 
@@ -40,7 +38,7 @@ class Damping(ABC):
     value: float
     growth: float = 2.0
     acceleration: float = 2.0
-    smallest: float = MIN_DAMPING
+    smallest: float = 1e-12
     largest: float = MAX_DAMPING
 
     def __post_init__(self) -> None:
@@ -164,20 +162,8 @@ def levenberg_marquardt(
 ) -> Search:
     """Minimize from the model's current point, which it leaves at the best one found.
 
-    Parameters
-    ----------
-    model : LinearModel
-    damping : Damping
-    max_trials : int
-        Steps tried, at most.
-    max_steps : int
-        Steps accepted, at most.
-
-    Returns
-    -------
-    Search
-        Ending "diverged" where the cost is not finite at the start, "limit" where trials or steps are used up, "converged"
-        where every direction is held; the others are the model's.
+    At most `max_trials` steps are tried and `max_steps` accepted. The ending is "diverged" where the cost is not finite at the
+    start, "limit" where trials or steps are used up, "converged" where every direction is held; the others are the model's.
     """
     trials = steps = 0
     if not np.isfinite(model.cost):

@@ -1,12 +1,20 @@
-"""Local refinement: Levenberg-Marquardt in the unit box with a secant Jacobian, built to be cheap in trajectories.
+"""Local refinement by Levenberg-Marquardt in the unit box: `refine` is cheap, `descend` converges to the last digit.
 
-A Jacobian by differences costs D + E trajectories, a trial step one. So a Jacobian is kept as long as
+`refine`: a Jacobian by differences costs D + E trajectories, a trial step one. So a Jacobian is kept as long as
 Broyden's update carries it, and a refinement that does not come down is given up early.
+
+`descend` is for one hard regression from a far start: a Jacobian in every iteration, QR instead of normal equations,
+geodesic acceleration along narrow curved valleys, and a scale that remembers, so that parameters do not run off to where
+nothing depends on them any more. At the end undamped Gauss-Newton steps go on as long as they become shorter: a cost shows
+half of a parameter's digits at most.
 
 References
 ----------
 Nielsen (1999), Damping parameter in Marquardt's method, IMM-REP-1999-05 (the update of the damping).
 Broyden (1965), Math. Comp. 19, 577-593 (the secant update).
+Transtrum and Sethna (2012), Improvements to the Levenberg-Marquardt algorithm for nonlinear least-squares
+minimization, arXiv:1201.5885 (geodesic acceleration, eqs. 13 to 15).
+More (1978), The Levenberg-Marquardt algorithm: implementation and theory, LNM 630, 105-116 (the scale).
 """
 
 from __future__ import annotations
@@ -15,10 +23,12 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 import numpy as np
+from scipy.linalg import lstsq
 
 from stoop.base.arrays import BoolArray, FloatArray
 from stoop.optimize.ledger import HUGE, inner, sum_of_squares
 from stoop.optimize.levenberg_marquardt import (
+    MAX_DAMPING,
     Damping,
     Ending,
     LinearModel,
@@ -30,12 +40,6 @@ from stoop.optimize.normal_equations import TallMatrix, solve_damped
 from stoop.optimize.problem import Problem
 
 AGREE: Final = 1e-3  #: relative difference of two costs that count as the same optimum
-PREDICTED_WELL: Final = 0.25  #: a gain within this of the predicted one leaves the Jacobian in use
-FLATTEST: Final = 1e-8  #: curvature, of a scaled problem, that differences still resolve
-MIN_STEP: Final = 1e-12  #: of the unit box
-FAR: Final = 2.0  #: times the cost of the known optimum: what is above is not held up by noise
-SLOW_STEPS: Final = 16  #: steps in which a refinement that is far must come down by ...
-SLOW_FACTOR: Final = 0.8  #: ... this factor, or it is given up
 
 
 @dataclass(frozen=True)
@@ -100,7 +104,7 @@ def refine(
     acceptable: float = np.inf,
     optimum: float = np.inf,
 ) -> Refinement:
-    """Minimize the sum of squares from z on one rung.
+    """Minimize the sum of squares from z on one rung, cheaply.
 
     Parameters
     ----------
@@ -122,6 +126,17 @@ def refine(
     damping = NielsenDamping(settings.damping, shrink=0.2)
     found = levenberg_marquardt(model, damping, max_trials=settings.iterations)
     return Refinement(model.z, model.cost, found.ending, found.trials)
+
+
+def box(problem: Any) -> tuple[FloatArray, FloatArray]:
+    """Return lower and upper bounds, (D + E,) each, of the variables of a problem."""
+    wide = np.full(problem.extra, np.inf)
+    return np.append(np.zeros(problem.dimension), -wide), np.append(np.ones(problem.dimension), wide)
+
+
+def not_held(z: FloatArray, gradient: FloatArray, lower: FloatArray, upper: FloatArray) -> BoolArray:
+    """Return which variables, (n,), are not at a bound that descent would cross."""
+    return np.logical_not(((z <= lower) & (gradient > 0)) | ((z >= upper) & (gradient < 0)))
 
 
 class SecantModel(LinearModel):
@@ -160,7 +175,7 @@ class SecantModel(LinearModel):
 
     def step(self, damping: float) -> FloatArray | None:
         """Return the damped Gauss-Newton step inside the bounds; None where every direction is held."""
-        free = self.free()
+        free = not_held(self.z, self.gradient, self.lower, self.upper)
         if not free.any():
             return None
         step = np.zeros_like(self.z)
@@ -168,22 +183,19 @@ class SecantModel(LinearModel):
         inside: FloatArray = np.clip(self.z + step, self.lower, self.upper) - self.z
         return inside
 
-    def free(self) -> BoolArray:
-        """Return which variables are not held at a bound that descent would cross."""
-        return not_held(self.z, self.gradient, self.lower, self.upper)
-
     def decrement(self) -> float:
         """Return what the linear model says is left to gain, whatever the damping.
 
         A damped step along a flat valley promises little although much is left; only this tells them apart.
         """
-        free = self.free()
+        free = not_held(self.z, self.gradient, self.lower, self.upper)
         g = self.gradient[free]
-        return float(g @ solve_damped(self.normal[np.ix_(free, free)], g, FLATTEST))
+        # 1e-8: curvature, of a scaled problem, that differences still resolve
+        return float(g @ solve_damped(self.normal[np.ix_(free, free)], g, 1e-8))
 
     def finished(self, step: FloatArray) -> Ending | Literal["renew"] | None:
         """Take a vanishing step or gain for convergence only if the Jacobian is exact; see whether the optimum is known."""
-        if np.abs(step).max() < MIN_STEP:
+        if np.abs(step).max() < 1e-12:
             return "converged" if self.exact else "renew"
         left, band = self.decrement(), AGREE * self.optimum
         if left < self.settings.predicted * self.cost:
@@ -199,10 +211,10 @@ class SecantModel(LinearModel):
         return Trial((z, r), sum_of_squares(r), predicted)
 
     def accept(self, trial: Trial, ratio: float) -> None:
-        """Go there; keep the Jacobian by Broyden's update where it predicted well and the gain was not small."""
+        """Go there; keep the Jacobian by Broyden's update where it predicted the gain to a quarter and the gain was not small."""
         z, r = trial.point
         small = self.cost - trial.cost <= self.settings.gain * self.cost
-        poor = ratio < 0.25 or (trial.cost > 0.5 * self.cost and abs(ratio - 1.0) > PREDICTED_WELL)
+        poor = ratio < 0.25 or (trial.cost > 0.5 * self.cost and abs(ratio - 1.0) > 0.25)
         self.flat = small and self.slow
         self.current = not (small or poor)
         if self.current or self.flat:  # else the next step begins with new differences
@@ -233,9 +245,9 @@ class SecantModel(LinearModel):
         past.append(self.cost)
         if self.flat:
             return self.settled()
-        # slow where no noise excuses it: far above an optimum that is known
-        far = np.isfinite(self.optimum) and past[-1] > FAR * self.optimum
-        if far and len(past) > SLOW_STEPS and past[-1] > SLOW_FACTOR * past[-1 - SLOW_STEPS]:
+        # twice above a known optimum no noise excuses a fall by less than a fifth in 16 steps
+        far = np.isfinite(self.optimum) and past[-1] > 2.0 * self.optimum
+        if far and len(past) > 16 and past[-1] > 0.8 * past[-17]:
             return "hopeless"
         if past[-1] <= self.acceptable:
             return None
@@ -245,13 +257,119 @@ class SecantModel(LinearModel):
         return "hopeless" if above and past[-1] > 0.3 * past[-1 - s.patience] else None
 
 
-def box(problem: Any) -> tuple[FloatArray, FloatArray]:
-    """Return lower and upper bounds, (D + E,) each, of the variables of a problem."""
-    wide = np.full(problem.extra, np.inf)
-    lower = np.concatenate([np.zeros(problem.dimension), -wide])
-    return lower, np.concatenate([np.ones(problem.dimension), wide])
+def descend(problem: Problem, z: FloatArray, rung: int, iterations: int = 10_000) -> Refinement:
+    """Minimize the sum of squares from z on one rung, to the last digit.
+
+    Parameters
+    ----------
+    problem : Problem
+        With the best Jacobian that there is: digits of the answer are digits of its gradient.
+    z : (D + E,), the first D are kept in [0, 1], the rest are free
+    rung : int
+    iterations : at most so many
+
+    Returns
+    -------
+    Refinement
+        Ending "converged" (less than 1e-12 of the cost is left to gain), "stalled" (more is left, but no
+        step gains it), "limit" or "diverged".
+    """
+    model = QRModel(problem, z, rung)
+    damping = NielsenDamping(0.01, largest=MAX_DAMPING**2)
+    found = levenberg_marquardt(model, damping, max_steps=iterations)
+    if found.ending in ("diverged", "limit"):
+        cost = model.cost if found.ending == "limit" else np.inf
+        return Refinement(model.z, cost, found.ending, found.steps)
+    # undamped steps while they become shorter, measured by what they change in the residuals
+    steps, last = found.steps + (found.ending == "stalled"), np.inf
+    for _ in range(100):
+        if not model.current:
+            model.linearize(fading=0.0)
+        model.scale = np.maximum(np.sqrt((model.jacobian**2).sum(axis=0)), np.finfo(float).tiny)
+        step = model.solve(model.r, 0.0)
+        length = sum_of_squares(model.jacobian @ step)
+        if not length < 0.9**2 * last:  # a step that is longer is rounding
+            break
+        model.move_to(np.clip(model.z + step, model.lower, model.upper))
+        last = length
+        steps += 1
+    return Refinement(model.z, model.cost, "converged" if last <= 1e-12 * model.cost else "stalled", steps)
 
 
-def not_held(z: FloatArray, gradient: FloatArray, lower: FloatArray, upper: FloatArray) -> BoolArray:
-    """Return which variables, (n,), are not at a bound that descent would cross."""
-    return np.logical_not(((z <= lower) & (gradient > 0)) | ((z >= upper) & (gradient < 0)))
+class QRModel(LinearModel):
+    """Residuals of a `Problem` in its box, with a Jacobian at every point and geodesic steps by QR."""
+
+    def __init__(self, problem: Problem, z: FloatArray, rung: int) -> None:
+        self.problem, self.rung = problem, rung
+        self.lower, self.upper = box(problem)
+        self.scale = np.zeros(problem.dimension + problem.extra)
+        self.flat = False  # the last gain was rounding
+        self.move_to(np.clip(z, self.lower, self.upper))
+
+    def residuals(self, z: FloatArray) -> FloatArray:
+        """Return the residuals at a point."""
+        return np.asarray(self.problem.residuals(z[None, :], self.rung)[0])
+
+    def move_to(self, z: FloatArray) -> None:
+        """Go to a point."""
+        self.z, self.r = z, self.residuals(z)
+        self.cost = sum_of_squares(self.r)
+        self.current = self.exact = False
+
+    def linearize(self, fading: float = 0.8) -> None:
+        """Take the Jacobian; a column that is not finite holds its variable.
+
+        The scale fades from one iteration to the next; Marquardt's has a fading of 0, More's of 1.
+        """
+        J = np.array(self.problem.jacobian(self.z, self.rung, self.r)[0])
+        J[:, ~np.isfinite(J).all(axis=0)] = 0.0
+        gradient = np.einsum("nv,n->v", J, self.r)
+        self.jacobian = J
+        self.free = not_held(self.z, gradient, self.lower, self.upper) & (np.abs(J).max(axis=0) > 0.0)
+        self.scale = np.maximum(fading * self.scale, np.sqrt((J**2).sum(axis=0)))
+        self.current = self.exact = True
+
+    def step(self, damping: float) -> tuple[FloatArray, FloatArray]:
+        """Return the velocity, and the step with its acceleration; NaN where that is more than a correction.
+
+        The second derivative along the velocity is taken a tenth of it away.
+        """
+        velocity, probe = self.solve(self.r, damping), 0.1
+        lost = np.full_like(velocity, np.nan)
+        with np.errstate(over="ignore", invalid="ignore"):
+            probed = (self.residuals(self.z + probe * velocity) - self.r) / probe
+            second = 2.0 / probe * (probed - self.jacobian @ velocity)
+        if not np.isfinite(second).all():
+            return velocity, lost
+        a = self.solve(second, damping)
+        small = 2.0 * np.linalg.norm(self.scale * a) <= 0.75 * np.linalg.norm(self.scale * velocity)
+        return velocity, velocity + 0.5 * a if small else lost
+
+    def solve(self, right: FloatArray, damping: float) -> FloatArray:
+        """Return the damped least-squares solution of J s = -right, in the free variables."""
+        free = self.free
+        s = np.zeros(len(free))
+        damped = np.sqrt(damping) * np.eye(int(free.sum()))
+        rows = np.vstack([self.jacobian[:, free] / self.scale[free], damped])
+        s[free] = lstsq(rows, np.concatenate([-right, np.zeros(len(damped))]), lapack_driver="gelsy")[0]
+        s[free] /= self.scale[free]
+        return s
+
+    def evaluate(self, step: tuple[FloatArray, FloatArray]) -> Trial:
+        """Return the residuals after the step; the prediction is that of the velocity alone."""
+        velocity, bent = step
+        z = np.clip(self.z + bent, self.lower, self.upper)
+        r = self.residuals(z)
+        predicted = self.cost - sum_of_squares(self.r + self.jacobian @ velocity)
+        return Trial((z, r), sum_of_squares(r), predicted if predicted > 0.0 else np.inf)
+
+    def accept(self, trial: Trial, ratio: float) -> None:
+        """Go there."""
+        self.flat = self.cost - trial.cost <= 1e-15 * self.cost
+        self.z, self.r = trial.point
+        self.cost = trial.cost
+        self.current = self.exact = False
+
+    def stopped(self, damping: Damping) -> Ending | None:
+        """End where a gain is rounding."""
+        return "converged" if self.flat else None

@@ -123,95 +123,66 @@ def minimize(
     IdentificationError
         If there is nothing to search, or the state belongs to another run.
     """
-    _check(optimizer, problem, state)
+    starts = _checked(optimizer, problem, state, starts)
     evaluations = Evaluations.none(problem) if state is None else state.evaluations
     ledger = Ledger(problem, evaluations, stop.budget, stop.target_cost)
-    run = _Run(optimizer, ledger, stop, callback, state)
-    status = run.until_end(seed, _as_starts(starts, problem))
-    return run.outcome(status)
+    try:
+        if state is None:
+            state = optimizer.init(ledger, seed, starts)
+        while (status := _status(state, stop)) is None:
+            state, event = optimizer.step(state, ledger)
+            if callback is not None:
+                callback(Progress(state, event))
+    except Halt as halt:
+        status = halt.status
+    except KeyboardInterrupt:
+        status = "interrupted"
+    evaluations = ledger.evaluations
+    return Outcome(
+        z=evaluations.best,
+        cost=evaluations.cost,
+        trajectories=evaluations.trajectories,
+        generation=0 if state is None else state.generation,
+        status=status,
+        advice=ADVICE[status if np.isfinite(evaluations.cost) or status == "interrupted" else "nothing"],
+        history=evaluations.history,
+        state=state,
+        optimizer=optimizer.name,
+    )
 
 
-@dataclass
-class _Run:
-    """A run under way."""
+def _status(state: State, stop: Stop) -> Status | None:
+    """Return why to stop before the next step, if there is a reason."""
+    if state.converged:
+        return "converged"
+    if state.evaluations.cost <= stop.target_cost:
+        return "target"
+    if state.evaluations.trajectories >= stop.budget:
+        return "budget"
+    return "generations" if state.generation >= stop.generations else None
 
-    optimizer: Optimizer[Any]
-    ledger: Ledger
-    stop: Stop
-    callback: Callable[[Progress], None] | None
-    state: State | None
 
-    def until_end(self, seed: int, starts: FloatArray) -> Status:
-        """Step until there is a status."""
-        try:
-            if self.state is None:
-                self.state = self.optimizer.init(self.ledger, seed, starts)
-            return self._loop(self.state)
-        except Halt as halt:
-            return halt.status
-        except KeyboardInterrupt:
-            return "interrupted"
-
-    def _loop(self, state: State) -> Status:
-        while (status := self._status(state)) is None:
-            state, event = self.optimizer.step(state, self.ledger)
-            self.state = state
-            if self.callback is not None:
-                self.callback(Progress(state, event))
-        return status
-
-    def _status(self, state: State) -> Status | None:
-        """Return why to stop before the next step, if there is a reason."""
-        if state.converged:
-            return "converged"
-        if state.evaluations.cost <= self.stop.target_cost:
-            return "target"
-        if state.evaluations.trajectories >= self.stop.budget:
-            return "budget"
-        return "generations" if state.generation >= self.stop.generations else None
-
-    def outcome(self, status: Status) -> Outcome:
-        """Return the result as the ledger stands."""
-        evaluations = self.ledger.evaluations
-        return Outcome(
-            z=evaluations.best,
-            cost=evaluations.cost,
-            trajectories=evaluations.trajectories,
-            generation=0 if self.state is None else self.state.generation,
-            status=status,
-            advice=ADVICE[status if np.isfinite(evaluations.cost) or status == "interrupted" else "nothing"],
-            history=evaluations.history,
-            state=self.state,
-            optimizer=self.optimizer.name,
+def _checked(
+    optimizer: Optimizer[Any], problem: Problem, state: State | None, starts: FloatArray | None
+) -> FloatArray:
+    """Refuse what cannot be searched or resumed; return starts, (k, D) or (k, D + E), their first D in the unit box."""
+    dimension, whole = problem.dimension, problem.dimension + problem.extra
+    if dimension < 1:
+        raise IdentificationError("optimize: no variable is free; free at least one parameter")
+    if state is not None and state.optimizer != optimizer.name:
+        raise IdentificationError(
+            f"optimize: the saved state is of {state.optimizer}, not {optimizer.name}; start anew"
         )
-
-
-def _as_starts(starts: FloatArray | None, problem: Problem) -> FloatArray:
-    """Return starts as (k, D) or (k, D + E), their first D in the unit box."""
-    dimension = problem.dimension
+    if state is not None and len(state.evaluations.best) != whole:
+        raise IdentificationError(
+            f"optimize: the saved state has {len(state.evaluations.best)} variables, the problem {whole}; start anew"
+        )
     if starts is None:
         return np.empty((0, dimension))
     own = np.atleast_2d(np.array(starts, dtype=np.float64))
-    if own.shape[1] not in (dimension, dimension + problem.extra) or not np.isfinite(own).all():
+    if own.shape[1] not in (dimension, whole) or not np.isfinite(own).all():
         raise IdentificationError(
             f"optimize: starts must be finite and {dimension} wide, not {own.shape}; give one row per guess"
         )
     own[:, :dimension] = np.clip(own[:, :dimension], 0.0, 1.0)
     return own
-
-
-def _check(optimizer: Optimizer[Any], problem: Problem, state: State | None) -> None:
-    """Refuse what cannot be searched or resumed."""
-    if problem.dimension < 1:
-        raise IdentificationError("optimize: no variable is free; free at least one parameter")
-    if state is None:
-        return
-    if state.optimizer != optimizer.name:
-        raise IdentificationError(
-            f"optimize: the saved state is of {state.optimizer}, not {optimizer.name}; start anew"
-        )
-    if len(state.evaluations.best) != problem.dimension + problem.extra:
-        raise IdentificationError(
-            f"optimize: the saved state has {len(state.evaluations.best)} variables, "
-            f"the problem {problem.dimension + problem.extra}; start anew"
-        )

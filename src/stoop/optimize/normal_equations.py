@@ -10,18 +10,13 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from stoop.base.arrays import FloatArray, IntArray
 
-SINGLE: Final = (
-    200_000  #: products up to this many multiplications run on one BLAS thread (OpenBLAS: 262,144)
-)
 STRETCH: Final = 2048  #: of the long axis, over which it is seen which variables have a part
 
 
 def gram(rows: FloatArray) -> FloatArray:
     """Return rows @ rows.T, (v, v), of rows (v, n), n much larger than v.
 
-    The long axis is cut into slices so small that BLAS does each on one thread, and the slices are added in
-    order: the sum does not depend on how many threads there are. Variables without a part in a stretch of the
-    long axis (the initial states of another maneuver) are left out there.
+    Variables without a part in a stretch of the long axis (the initial states of another maneuver) are left out there.
     """
     return TallMatrix.of(rows).gram()
 
@@ -57,10 +52,16 @@ class TallMatrix:
         return cls((n, v), stretches, present, parts)
 
     def gram(self) -> FloatArray:
-        """Return its product with its own transpose, (v, v)."""
+        """Return its product with its own transpose, (v, v), by slices of so few products that BLAS takes one thread."""
         total = np.zeros((self.shape[1], self.shape[1]))
         for some, part in zip(self.present, self.parts, strict=True):
-            total[np.ix_(some, some)] += _sliced(part)
+            v, n = part.shape
+            width = max(8, 200_000 // max(1, v * v))  # OpenBLAS takes more threads from 262,144 on
+            product = np.zeros((v, v))
+            for start in range(0, n, width):
+                piece = part[:, start : start + width]
+                product += piece @ piece.T
+            total[np.ix_(some, some)] += product
         return 0.5 * (total + total.T)
 
     def project(self, r: FloatArray) -> FloatArray:
@@ -76,16 +77,6 @@ class TallMatrix:
         for some, s, part in zip(self.present, self.stretches, self.parts, strict=True):
             out[s] = project(part.T, step[some])
         return out
-
-
-def _sliced(rows: FloatArray) -> FloatArray:
-    v, n = rows.shape
-    width = max(8, SINGLE // max(1, v * v))
-    total = np.zeros((v, v))
-    for start in range(0, n, width):
-        part = rows[:, start : start + width]
-        total += part @ part.T
-    return total
 
 
 def project(rows: FloatArray, r: FloatArray) -> FloatArray:

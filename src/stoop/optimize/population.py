@@ -1,11 +1,12 @@
-"""Ordered SHADE: success-history differential evolution with the paper's ordered difference.
-
-Ask for trials, tell their costs; the population also names the member from which the next local refinement starts.
+"""Ordered SHADE: success-history differential evolution with the paper's ordered difference, and its operators.
 
 References
 ----------
-Tanabe and Fukunaga (2013), IEEE CEC (SHADE); Zhang and Sanderson (2009), IEEE TEC 13, 945-958 (JADE: archive
-and current-to-pbest); the paper's eq. (12) for the order in the difference.
+Tanabe and Fukunaga (2013), Success-history based parameter adaptation for differential evolution, IEEE CEC, 71-78 (SHADE).
+Tanabe and Fukunaga (2014), IEEE CEC, 1658-1665 (L-SHADE: the terminal rate, and the Lehmer mean of the rates).
+Zhang and Sanderson (2009), JADE: adaptive differential evolution with optional external archive, IEEE TEC 13, 945-958
+(current-to-pbest, the archive, the midpoint rule at the bounds).
+The paper's eqs. (7) (crossover), (8) (selection) and (12) (the order in the difference).
 """
 
 from __future__ import annotations
@@ -15,17 +16,200 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray
-from stoop.optimize.adaptation import ParameterMemory
-from stoop.optimize.operators import OrderedToPBest, binomial, greedy, midpoint, update_archive
+from stoop.base.arrays import BoolArray, Factor, FloatArray, IntArray
 
-ELITE: Final = 0.11  #: share of the population that counts as best
+MEMBERS: Final = 50  #: of a population, for every method that has one
 PERIOD: Final = 10  #: generations between local refinements
-SEPARATION: Final = 0.02  #: of the unit box: no refinement starts nearer to the end of an earlier one
-COLLAPSED: Final = 1e-9  #: spread in the unit box
-GROWTH: Final = 1.5  #: of the population at each restart
-LARGEST: Final = 500  #: population
-FLAT: Final = 1e-13  #: relative spread of costs
+
+
+@dataclass(frozen=True)
+class Strategy:
+    """Numbers of a population of ordered SHADE.
+
+    Attributes
+    ----------
+    elite : share of the population that counts as best
+    separation : of the unit box: no refinement starts nearer to the end of an earlier one
+    growth : of the population at each restart
+    largest : population
+    """
+
+    elite: float = 0.11
+    separation: float = 0.02
+    growth: float = 1.5
+    largest: int = 500
+
+    def grown(self, size: int) -> int:
+        """Return how many members the next population has."""
+        return min(int(size * self.growth), self.largest)
+
+
+DEFAULT: Final = Strategy()
+
+
+def latin_hypercube(number: int, dimension: int, generator: np.random.Generator) -> FloatArray:
+    """Return points, (number, dimension), of which each variable falls once in each of `number` equal slices."""
+    slices = np.argsort(generator.random((number, dimension)), axis=0)
+    points: FloatArray = (slices + generator.random((number, dimension))) / number
+    return points
+
+
+def midpoint(mutants: FloatArray, parents: FloatArray) -> FloatArray:
+    """Return mutants, (n, D), set halfway between the parent and the bound of the unit box that they crossed (JADE)."""
+    inside: FloatArray = np.where(mutants < 0.0, 0.5 * parents, mutants)
+    return np.where(inside > 1.0, 0.5 * (parents + 1.0), inside)
+
+
+def binomial(
+    parents: FloatArray, mutants: FloatArray, rate: Factor, generator: np.random.Generator
+) -> FloatArray:
+    """Take each variable of parents, (n, D), from the mutant with probability `rate`, one always (the paper's eq. 7)."""
+    number, dimension = parents.shape
+    # a draw below any rate at one place per parent is "one always", and saves a second mask
+    draws = generator.random((number, dimension))
+    always = (generator.random(number) * dimension).astype(np.intp)
+    draws[np.arange(number), always] = -1.0
+    trials: FloatArray = np.where(draws <= rate, mutants, parents)
+    return trials
+
+
+def greedy(
+    parents: FloatArray, costs: FloatArray, trials: FloatArray, trial_costs: FloatArray
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Let a trial replace its parent where it costs less (the paper's eq. 8).
+
+    Returns
+    -------
+    survivors, survivor_costs : (n, D) and (n,)
+    won : (n,), where the trial replaced the parent
+    """
+    won = trial_costs < costs
+    return np.where(won[:, None], trials, parents), np.where(won, trial_costs, costs), won
+
+
+def update_archive(
+    archive: FloatArray, losers: FloatArray, most: int, generator: np.random.Generator
+) -> FloatArray:
+    """Return the archive, (a, D), with the losers, (k, D), added; beyond `most`, members are removed at random.
+
+    The generator advances only where something is removed.
+    """
+    kept = np.concatenate([archive, losers])
+    return kept[generator.permutation(len(kept))[:most]] if len(kept) > most else kept
+
+
+def elite(F: FloatArray, share: float, generator: np.random.Generator) -> IntArray:
+    """Return for each member of costs F, (n,), one of the best `share` of all, two at least."""
+    ranks = (generator.random(len(F)) * max(2, round(share * len(F)))).astype(np.intp)
+    chosen: IntArray = np.argsort(F, kind="stable")[ranks]
+    return chosen
+
+
+def two_others(members: int, pool: int, generator: np.random.Generator) -> tuple[IntArray, IntArray]:
+    """Draw for each member another member, and one of the pool (members first, then archive) that is neither; (n,) each."""
+    own = np.arange(members)
+    a = (generator.random(members) * (members - 1)).astype(np.intp)
+    a += a >= own
+    b = (generator.random(members) * (pool - 2)).astype(np.intp)
+    low, high = np.minimum(own, a), np.maximum(own, a)
+    b += b >= low
+    b += b >= high
+    return a, b
+
+
+@dataclass(frozen=True)
+class OrderedToPBest:
+    """Current-to-pbest/1 with the paper's order (eq. 12) in the difference: x + scale (p - x + better - worse).
+
+    Members of the archive, (m, D), lost once, and so count as worse than any member.
+    """
+
+    archive: FloatArray
+    share: float = DEFAULT.elite
+
+    def __call__(
+        self, X: FloatArray, F: FloatArray, scale: Factor, generator: np.random.Generator
+    ) -> FloatArray:
+        """Return mutants, (n, D)."""
+        towards, better, worse = self.parents(X, F, generator)
+        mutants: FloatArray = X + scale * (towards - X + better - worse)
+        return mutants
+
+    def parents(
+        self, X: FloatArray, F: FloatArray, generator: np.random.Generator
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return one of the elite, and two others, the better first; (n, D) each."""
+        towards = X[elite(F, self.share, generator)]
+        pool = np.concatenate([X, self.archive])
+        cost = np.concatenate([F, np.full(len(self.archive), np.inf)])
+        a, b = two_others(len(X), len(pool), generator)
+        swap = cost[b] < cost[a]
+        return towards, pool[np.where(swap, b, a)], pool[np.where(swap, a, b)]
+
+
+@dataclass(frozen=True)
+class ParameterMemory:
+    """Scales and rates that succeeded lately, near which each parent draws its own.
+
+    Between SHADE and L-SHADE: Lehmer means of scales and rates as in L-SHADE (SHADE averages the rates arithmetically),
+    but no terminal rate; and rates begin at 0.8 (SHADE and L-SHADE: 0.5), as parameters that act together are better
+    crossed over together.
+
+    Attributes
+    ----------
+    scales, rates : (H,); a rate below zero stands for "crossover rate 0 only" (L-SHADE's terminal value)
+    slot : which entry is renewed next
+    """
+
+    scales: FloatArray
+    rates: FloatArray
+    slot: int
+
+    @classmethod
+    def fresh(cls, entries: int = 6, scale: float = 0.5, rate: float = 0.8) -> ParameterMemory:
+        """Return the memory before the first generation."""
+        return cls(np.full(entries, scale), np.full(entries, rate), 0)
+
+    def sample(self, number: int, generator: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+        """Return a scale (Cauchy, in (0, 1]) and a rate (normal, in [0, 1]) for each parent, (n,) each."""
+        entry = (generator.random(number) * len(self.scales)).astype(np.intp)
+        means = self.rates[entry]
+        rates = np.clip(generator.normal(means, 0.1), 0.0, 1.0)
+        rates[means < 0.0] = 0.0
+        scales = self.scales[entry] + 0.1 * generator.standard_cauchy(number)
+        while (low := scales <= 0.0).any():
+            scales[low] = self.scales[entry][low] + 0.1 * generator.standard_cauchy(int(low.sum()))
+        return np.minimum(scales, 1.0), rates
+
+    def learn(
+        self, scales: FloatArray, rates: FloatArray, gains: FloatArray, won: BoolArray
+    ) -> ParameterMemory:
+        """Return the memory after a generation: Lehmer means of what won, weighted by the gain; all (n,)."""
+        return self.renewed(*success_means(scales, rates, gains, won)) if won.any() else self
+
+    def renewed(self, scale: float, rate: float) -> ParameterMemory:
+        """Return the memory with the next entry replaced."""
+        scales, rates = self.scales.copy(), self.rates.copy()
+        scales[self.slot], rates[self.slot] = scale, rate
+        return ParameterMemory(scales, rates, (self.slot + 1) % len(scales))
+
+
+def success_means(
+    scales: FloatArray, rates: FloatArray, gains: FloatArray, won: BoolArray
+) -> tuple[float, float]:
+    """Return the Lehmer means of order 2 of the scales and rates that won, weighted by the gains; all (n,).
+
+    Weights are equal where a parent's cost was infinite.
+    """
+    gained = gains[won]
+    total = float(gained.sum())
+    known = np.isfinite(total) and total > 0.0
+    weights = gained / total if known else np.full(len(gained), 1.0 / len(gained))
+
+    def lehmer(values: FloatArray) -> float:
+        return float((weights * values**2).sum() / max(float((weights * values).sum()), 1e-12))
+
+    return lehmer(scales[won]), lehmer(rates[won])
 
 
 @dataclass(frozen=True)
@@ -39,7 +223,9 @@ class Trials:
 
 @dataclass(frozen=True)
 class Population:
-    """A population and what it has learnt.
+    """A population and what it has learnt: ask for trials, tell their costs.
+
+    It also names the member from which the next local refinement starts.
 
     Attributes
     ----------
@@ -65,11 +251,10 @@ class Population:
 
     @classmethod
     def first(cls, X: FloatArray, F: FloatArray) -> Population:
-        """Return a population of members (n, D) with costs (n,) that has not moved yet."""
-        nothing = np.zeros(len(X), dtype=np.bool_)
-        return cls(X, F, nothing, np.empty((0, X.shape[1])), ParameterMemory.fresh())
+        """Return the population of members (n, D) with costs (n,) before its first generation."""
+        return cls(X, F, np.zeros(len(X), dtype=np.bool_), np.empty((0, X.shape[1])), ParameterMemory.fresh())
 
-    def ask(self, generator: np.random.Generator, elite: float = ELITE) -> Trials:
+    def ask(self, generator: np.random.Generator, elite: float = DEFAULT.elite) -> Trials:
         """Return one trial per member; a share of `elite` of the population counts as best."""
         scales, rates = self.memory.sample(len(self.X), generator)
         mutants = OrderedToPBest(self.archive, elite)(self.X, self.F, scales[:, None], generator)
@@ -94,7 +279,9 @@ class Population:
             idle=0 if improved else self.idle + 1,
         )
 
-    def next_start(self, optima: FloatArray, separation: float = SEPARATION) -> tuple[int | None, Population]:
+    def next_start(
+        self, optima: FloatArray, separation: float = DEFAULT.separation
+    ) -> tuple[int | None, Population]:
         """Return the best member not refined yet, or None if it lies beside an earlier refinement's end, (m, D)."""
         open_costs = np.where(self.refined, np.inf, self.F)
         i = int(open_costs.argmin())
@@ -119,11 +306,6 @@ class Population:
     def exhausted(self) -> bool:
         """Whether it has collapsed or stopped improving, so that a new population should start."""
         best, worst = float(self.F.min()), float(self.F.max())
-        tight = float((self.X.max(axis=0) - self.X.min(axis=0)).max()) < COLLAPSED
-        flat = np.isfinite(worst) and worst - best <= FLAT * abs(best)
+        tight = float((self.X.max(axis=0) - self.X.min(axis=0)).max()) < 1e-9
+        flat = np.isfinite(worst) and worst - best <= 1e-13 * abs(best)
         return bool(tight or flat or self.idle > 100 + 20 * self.X.shape[1])
-
-
-def grown(size: int, growth: float = GROWTH, largest: int = LARGEST) -> int:
-    """Return how many members the next population has."""
-    return min(int(size * growth), largest)

@@ -9,10 +9,24 @@ import numpy as np
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.errors import IdentificationError
 
-STEP = 1e-7  #: forward-difference step; balances truncation against rounding for residuals of order one
+
+class Residuals(Protocol):
+    """The part of a problem that `forward_jacobian` needs."""
+
+    @property
+    def dimension(self) -> int:
+        """Number D of variables in the unit box."""
+
+    @property
+    def prices(self) -> tuple[float, ...]:
+        """Price of one trajectory on each rung, in trajectories of the full record; the last is 1."""
+
+    def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
+        """Return weighted residuals, (B, n_r), of Z, (B, D + E), priors included; cost = sum of squares."""
+        ...
 
 
-class Problem(Protocol):
+class Problem(Residuals, Protocol):
     """A least-squares problem on the unit box, with nuisances and a ladder of shorter records.
 
     The first `dimension` variables are searched by the population, in [0, 1]. The next `extra` are nuisances
@@ -20,47 +34,31 @@ class Problem(Protocol):
     measurements put them. Populations keep them at zero; only local refinement moves them.
 
     A rung is a shortened record: 0 the shortest, the last one the full record. Costs are always quoted and compared
-    on the full record.
-
-    A candidate that diverges is a value, not an error: its cost is inf, its residuals hold inf or nan.
+    on the full record. A candidate that diverges is a value, not an error: its cost is inf, its residuals hold inf or nan.
     """
-
-    @property
-    def dimension(self) -> int:
-        """Number D of variables in the unit box."""
 
     @property
     def extra(self) -> int:
         """Number E of nuisances."""
 
-    @property
-    def prices(self) -> tuple[float, ...]:
-        """Price of one trajectory on each rung, in trajectories of the full record; the last is 1."""
-
     def costs(self, X: FloatArray, rung: int) -> FloatArray:
         """Return the costs, (B,), of X, (B, D), with the nuisances at zero; counts B prices."""
-
-    def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
-        """Return weighted residuals, (B, n_r), of Z, (B, D + E), priors included; cost = sum of squares."""
+        ...
 
     def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
         """Return d r / d z, (n_r, D + E), at z with residuals r, and the trajectories it took.
 
         `forward_jacobian` is the ready-made implementation; override it where structure saves simulations.
         """
+        ...
 
     def reference(self, rung: int) -> float:
         """Return the trivial model's cost (a constant at the first measurement): the scale of the gates."""
+        ...
 
 
 class ScalarProblem:
-    """Base of problems of which only the cost is known; a child has `dimension` and `costs`.
-
-    Attributes
-    ----------
-    extra : no nuisances
-    prices : one rung, the whole
-    """
+    """Base of problems of which only the cost is known, on one record; a child has `dimension` and `costs`."""
 
     extra: int = 0
     prices: tuple[float, ...] = (1.0,)
@@ -78,13 +76,7 @@ class ScalarProblem:
         )
 
     def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> NoReturn:
-        """Refuse: there is none.
-
-        Raises
-        ------
-        IdentificationError
-            Always.
-        """
+        """Refuse, as `residuals`."""
         self.residuals(z[None, :], rung)
 
     def reference(self, rung: int) -> float:
@@ -92,24 +84,8 @@ class ScalarProblem:
         return float(np.inf)
 
 
-class Residuals(Protocol):
-    """The part of a problem that `forward_jacobian` needs."""
-
-    @property
-    def dimension(self) -> int:
-        """Number of variables in the unit box."""
-
-    @property
-    def prices(self) -> tuple[float, ...]:
-        """Price of one trajectory on each rung."""
-
-    def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
-        """Return weighted residuals."""
-        ...
-
-
 def forward_jacobian(
-    problem: Residuals, z: FloatArray, rung: int, r: FloatArray, step: float = STEP
+    problem: Residuals, z: FloatArray, rung: int, r: FloatArray, step: float = 1e-7
 ) -> tuple[FloatArray, float]:
     """Differentiate the residuals by forward differences, backward at an upper bound.
 
@@ -123,31 +99,30 @@ def forward_jacobian(
     rung : int
     r : (n_r,), residuals at z
     step : float
+        Balances truncation against rounding for residuals of order one.
 
     Returns
     -------
     jacobian : (n_r, D + E), column-major
     spent : trajectories of the full record
     """
+
+    def differences(steps: FloatArray, which: IntArray) -> FloatArray:
+        """Return one row of difference quotients per variable in `which`."""
+        Z = np.repeat(z[None, :], len(which), axis=0)
+        Z[np.arange(len(which)), which] += steps
+        # z + h is rounded: divide by the step that was taken
+        taken = Z[np.arange(len(which)), which] - z[which]
+        with np.errstate(invalid="ignore", over="ignore"):
+            quotients: FloatArray = (problem.residuals(Z, rung) - r) / taken[:, None]
+        return quotients
+
     signs = np.ones(len(z))
     signs[: problem.dimension][z[: problem.dimension] + step > 1.0] = -1.0
-    rows = _differences(problem, z, rung, r, signs * step, np.arange(len(z)))
+    rows = differences(signs * step, np.arange(len(z)))
     lost = np.flatnonzero(~np.isfinite(rows).all(axis=1))
     if lost.size:
-        again = _differences(problem, z, rung, r, -signs[lost] * step, lost)
+        again = differences(-signs[lost] * step, lost)
         again[~np.isfinite(again).all(axis=1)] = 0.0
         rows[lost] = again
     return rows.T, (len(z) + lost.size) * problem.prices[rung]
-
-
-def _differences(
-    problem: Residuals, z: FloatArray, rung: int, r: FloatArray, steps: FloatArray, which: IntArray
-) -> FloatArray:
-    """Return one row of difference quotients per variable in `which`."""
-    Z = np.repeat(z[None, :], len(which), axis=0)
-    Z[np.arange(len(which)), which] += steps
-    # the step that was taken, not the one that was wished: z + h is rounded
-    taken = Z[np.arange(len(which)), which] - z[which]
-    with np.errstate(invalid="ignore", over="ignore"):
-        rows: FloatArray = (problem.residuals(Z, rung) - r) / taken[:, None]
-    return rows

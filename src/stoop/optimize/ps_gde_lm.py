@@ -1,8 +1,4 @@
-"""The default, "ps-gde-lm": PS-GDE with Levenberg-Marquardt refinement on a horizon ladder.
-
-The user's own values first, then scouts on the shortest record whose best few are followed up the ladder, and
-ordered SHADE as the safety net. It ends when an optimum is confirmed; see `PsGdeLm`.
-"""
+"""The default, "ps-gde-lm": PS-GDE with Levenberg-Marquardt refinement on a horizon ladder, and ordered SHADE as safety net."""
 
 from __future__ import annotations
 
@@ -15,8 +11,7 @@ from stoop.base.arrays import FloatArray
 from stoop.optimize.ladder import Optima, climb, explains, refine_fully
 from stoop.optimize.ledger import Evaluations, Ledger, sum_of_squares
 from stoop.optimize.local_refinement import AGREE
-from stoop.optimize.operators import MEMBERS, latin_hypercube
-from stoop.optimize.population import Population, grown
+from stoop.optimize.population import DEFAULT, MEMBERS, Population, latin_hypercube
 from stoop.optimize.problem import Problem
 from stoop.optimize.state import Event, RandomStream, State
 
@@ -117,16 +112,28 @@ class PsGdeLm:
 
     def step(self, state: PsGdeLmState, problem: Problem) -> Step:
         """Try starts, queued candidates, the best deferred one, an unfinished refinement, scouts, the population."""
-        ledger = Ledger.at(problem, state.evaluations)
+        ledger, optima = Ledger.at(problem, state.evaluations), state.optima
+        best = optima.best() if len(optima.costs) else None
         if len(state.starts):
             state, event = _try_starts(state, ledger)
         elif len(state.queue):
             state, event = _follow_up_next(state, ledger)
         elif len(state.deferred) and state.round and not state.passed:
-            state, event = _refine_deferred(state, ledger)
-        elif _best_is_unfinished(state, ledger):
-            lineage = int(state.optima.lineages[state.optima.best()])
-            state, event = _refine(replace(state, resumed=True), ledger, ledger.best, lineage)
+            # none of the round has passed
+            z = state.deferred[int(state.scores.argmin())]
+            state = replace(
+                state, deferred=state.deferred[:0], scores=state.scores[:0], lineages=state.lineages + 1
+            )
+            state, event = _refine(state, ledger, z, state.lineages - 1)
+        elif (
+            best is not None
+            and not state.resumed
+            and optima.unfinished[best]
+            and optima.costs[best] <= ledger.cost
+        ):
+            # the best refinement ran out of iterations; once a round
+            state = replace(state, resumed=True)
+            state, event = _refine(state, ledger, ledger.best, int(optima.lineages[best]))
         elif state.round < self.rounds:
             state, event = self._scout(state, ledger)
         else:
@@ -197,21 +204,6 @@ def _follow_up(state: PsGdeLmState, ledger: Ledger, z: FloatArray, lineage: int)
     return replace(state, deferred=deferred, scores=np.append(state.scores, found.score)), event
 
 
-def _refine_deferred(state: PsGdeLmState, ledger: Ledger) -> Step:
-    """Refine on the full record from the best deferred candidate: none of the round has passed."""
-    z = state.deferred[int(state.scores.argmin())]
-    state = replace(state, deferred=state.deferred[:0], scores=state.scores[:0], lineages=state.lineages + 1)
-    return _refine(state, ledger, z, state.lineages - 1)
-
-
-def _best_is_unfinished(state: PsGdeLmState, ledger: Ledger) -> bool:
-    """Whether the best is the end of a refinement that ran out of iterations; once a round."""
-    optima = state.optima
-    if state.resumed or not len(optima.costs):
-        return False
-    return bool(optima.unfinished[optima.best()]) and float(optima.costs[optima.best()]) <= ledger.cost
-
-
 def _refine(state: PsGdeLmState, ledger: Ledger, z: FloatArray, lineage: int, score: float = 0.0) -> Step:
     """Refine on the full record and see whether that confirms the best."""
     end = refine_fully(ledger, z, state.optima.least_converged(), score)
@@ -224,33 +216,24 @@ def _refine(state: PsGdeLmState, ledger: Ledger, z: FloatArray, lineage: int, sc
 
 def _evolve(state: PsGdeLmState, ledger: Ledger) -> Step:
     """Start a new population, refine one of its members, or evolve it by one generation."""
-    if state.population is None or state.population.exhausted:
-        return _new_population(state, ledger)
-    population = state.population
-    if population.age >= population.due:
-        member, population = population.next_start(state.optima.X)
-        if member is not None:
-            return _refine_member(state, population, member, ledger)
-    generator = state.stream.generator()
-    trials = population.ask(generator)
-    population = population.tell(trials, ledger.costs(trials.X, ledger.full), generator)
-    event = Event("evolution", float(population.F.min()), ledger.full)
+    population, generator = state.population, state.stream.generator()
+    if population is None or population.exhausted:
+        # of a new lineage, as it uses nothing of what was found before
+        X = latin_hypercube(state.population_size, ledger.dimension, generator)
+        population = Population.first(X, ledger.costs(X, ledger.full))
+        size, lineages = DEFAULT.grown(state.population_size), state.lineages + 1
+        state = replace(state, population_size=size, lineages=lineages)
+        text = f"new population of {len(X)}"
+    else:
+        if population.age >= population.due:
+            member, population = population.next_start(state.optima.X)
+            if member is not None:
+                return _refine_member(state, population, member, ledger)
+        trials = population.ask(generator)
+        population = population.tell(trials, ledger.costs(trials.X, ledger.full), generator)
+        text = ""
+    event = Event("evolution", float(population.F.min()), ledger.full, text)
     return replace(state, population=population, stream=RandomStream.of(generator)), event
-
-
-def _new_population(state: PsGdeLmState, ledger: Ledger) -> Step:
-    """Draw a new population, of a new lineage, that uses nothing of what was found before."""
-    generator = state.stream.generator()
-    X = latin_hypercube(state.population_size, ledger.dimension, generator)
-    population = Population.first(X, ledger.costs(X, ledger.full))
-    event = Event("evolution", float(population.F.min()), ledger.full, f"new population of {len(X)}")
-    return replace(
-        state,
-        population=population,
-        population_size=grown(state.population_size),
-        lineages=state.lineages + 1,
-        stream=RandomStream.of(generator),
-    ), event
 
 
 def _refine_member(state: PsGdeLmState, population: Population, member: int, ledger: Ledger) -> Step:

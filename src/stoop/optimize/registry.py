@@ -30,18 +30,21 @@ class Entry:
         Whether it asks for residuals, not only for costs.
     plans : bool
         Whether `make` takes the number of planned evaluations, None where it is not known.
+    state : str
+        ``module:class`` of its state, so that saved ones can be loaded; empty for the states of this package.
     """
 
     make: str
     residuals: bool = False
     plans: bool = False
+    state: str = ""
 
 
 _BUILT_IN: Final[dict[str, Entry]] = {
     DEFAULT: Entry("stoop.optimize.ps_gde_lm:PsGdeLm", residuals=True),
-    "scipy-de": Entry("stoop.optimize.scipy_adapters:scipy_de"),
-    "scipy-least-squares": Entry("stoop.optimize.scipy_adapters:scipy_least_squares", residuals=True),
-    "cma": Entry("stoop.optimize.cma_bipop:cma"),
+    "scipy-de": Entry("stoop.optimize.libraries:scipy_de"),
+    "scipy-least-squares": Entry("stoop.optimize.libraries:scipy_least_squares", residuals=True),
+    "cma": Entry("stoop.optimize.libraries:cma"),
 }
 
 
@@ -62,6 +65,12 @@ def names() -> tuple[str, ...]:
     return tuple(_entries())
 
 
+def state_classes() -> dict[str, str]:
+    """Return class and module of the states of other packages' optimizers."""
+    places = (entry.state.partition(":") for entry in _entries().values() if entry.state)
+    return {name: module for module, _, name in places}
+
+
 def create(name: str = DEFAULT, budget: float | None = None) -> Optimizer[Any]:
     """Return the optimizer of a name.
 
@@ -70,7 +79,7 @@ def create(name: str = DEFAULT, budget: float | None = None) -> Optimizer[Any]:
     name : str
     budget : float, optional
         Evaluations planned, in trajectories of the full record; for those that plan ahead (they shrink their
-        population towards its end), ignored by all others. Infinity is as good as not said.
+        population towards its end), ignored by all others. Infinity is the same as None.
 
     Raises
     ------

@@ -1,13 +1,27 @@
-"""The state that every optimizer shares, its random numbers, and what a step reports."""
+"""The state that every optimizer shares, its random numbers, what a step reports, and states on disk.
+
+In a file arrays lie in an .npz, everything else in a JSON header beside them; no pickle. Only classes of states that are
+registered are ever built from a file, and from their fields alone.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal, Protocol, TypeVar
+import importlib
+import json
+import os
+import struct
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
+from typing import Any, Final, Literal, Protocol, TypeVar
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.errors import IdentificationError, OutputError
 from stoop.optimize.ledger import Evaluations
 from stoop.optimize.problem import Problem
 
@@ -70,7 +84,7 @@ class Event:
 
     Attributes
     ----------
-    kind : "evolution", "scouts" or "refinement"
+    kind : str
     cost : best cost of this step, on the rung it worked on
     rung : that rung
     text : for the display; may be empty
@@ -101,3 +115,138 @@ class Optimizer(Protocol[S]):
 
     def step(self, state: S, problem: Problem) -> tuple[S, Event]:
         """Do one generation (evolution, scouting round or local refinement); the same state gives the same result."""
+
+
+SCHEMA: Final = "stoop-state/1"
+HEADER: Final = "header"
+CLASSES: Final = {
+    "PsGdeLmState": "stoop.optimize.ps_gde_lm",
+    "LibraryState": "stoop.optimize.libraries",
+    "Evaluations": "stoop.optimize.ledger",
+    "RandomStream": "stoop.optimize.state",
+    "Optima": "stoop.optimize.ladder",
+    "Population": "stoop.optimize.population",
+    "ParameterMemory": "stoop.optimize.population",
+}  #: class -> module, of the optimizers of this package; `registry.Entry` names those of others
+FORMER_CLASSES: Final = {
+    "PreyState": "PsGdeLmState",
+    "Books": "Evaluations",
+    "Stream": "RandomStream",
+    "Ends": "Optima",
+    "Herd": "Population",
+    "Memory": "ParameterMemory",
+}  #: names up to release 0.1: files that have them still load
+FORMER_FIELDS: Final = {
+    "books": "evaluations",
+    "gone_on": "resumed",
+    "shelved": "deferred",
+    "seen": "least",
+    "ends": "optima",
+    "herd": "population",
+    "herd_size": "population_size",
+    "size": "population_size",
+    "dived": "refined",
+}  #: likewise, of the fields that a class no longer has
+
+
+def save_state(path: Path, state: State, tag: str = "") -> None:
+    """Write a state, atomically: a killed run leaves the previous state or the new one.
+
+    Parameters
+    ----------
+    path : Path
+    state : State
+    tag : str
+        Kept in the same file: what the state belongs to.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    arrays: dict[str, np.ndarray[Any, Any]] = {}
+    header = json.dumps({"schema": SCHEMA, "tag": tag, "state": _encode(state, arrays)})
+    arrays[HEADER] = np.frombuffer(header.encode(), dtype=np.uint8)
+    write: Callable[..., None] = np.savez
+    try:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".tmp")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                write(file, **arrays)
+            Path(name).replace(path)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise OutputError(
+            f"{path}: the state cannot be written ({error}); free the folder or choose another"
+        ) from None
+
+
+def load_state(path: Path) -> State:
+    """Read a state, as `load_tagged` without the tag."""
+    return load_tagged(path)[0]
+
+
+def load_tagged(path: Path) -> tuple[State, str]:
+    """Read a state and its tag.
+
+    Raises
+    ------
+    IdentificationError
+        If the file is missing, damaged or of another version.
+    """
+    try:
+        # opened here: np.load leaves a damaged file open
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        header = json.loads(arrays[HEADER].tobytes())
+        if header["schema"] != SCHEMA:
+            raise ValueError(f"schema {header['schema']}, not {SCHEMA}")
+        state, tag = _decode(header["state"], arrays), str(header.get("tag", ""))
+    except FileNotFoundError:
+        raise IdentificationError(f"{path}: there is no saved state; start anew without resuming") from None
+    except (
+        OSError, ValueError, LookupError, TypeError, EOFError, RuntimeError, AttributeError, OverflowError,
+        struct.error, zlib.error, zipfile.BadZipFile,
+    ) as error:  # what a damaged file may raise  # fmt: skip
+        what = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise IdentificationError(f"{path}: not a usable state ({what}); delete it and start anew") from None
+    if not isinstance(state, State):
+        raise IdentificationError(f"{path}: holds no state; delete it and start anew")
+    return state, tag
+
+
+def _encode(value: Any, arrays: dict[str, np.ndarray[Any, Any]]) -> Any:
+    """Return what JSON can hold; arrays are put aside under a number."""
+    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
+        arrays[f"a{len(arrays)}"] = value
+        return {"array": f"a{len(arrays) - 1}"}
+    if is_dataclass(value):
+        content = {f.name: _encode(getattr(value, f.name), arrays) for f in fields(value)}
+        return {"class": type(value).__name__, "fields": content}
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    raise TypeError(f"a state cannot hold {type(value).__name__}")
+
+
+def _decode(value: Any, arrays: dict[str, np.ndarray[Any, Any]]) -> Any:
+    """Return what `_encode` was given, of this release or an earlier one."""
+    if not isinstance(value, dict):
+        return value
+    if "array" in value:
+        return arrays[value["array"]]
+    name: str = value["class"]
+    name = FORMER_CLASSES.get(name, name)
+    module = CLASSES.get(name)
+    if module is None:
+        from stoop.optimize.registry import state_classes
+
+        module = state_classes()[name]
+    kind = getattr(importlib.import_module(module), name)
+    known = {f.name for f in fields(kind)}
+    content = {
+        field if field in known else FORMER_FIELDS.get(field, field): _decode(item, arrays)
+        for field, item in value["fields"].items()
+    }
+    return kind(**content)

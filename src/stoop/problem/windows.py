@@ -17,10 +17,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from stoop.base.arrays import BoolArray
 from stoop.base.schema_errors import first_complaint
-from stoop.base.toml import parse_source, read_source
+from stoop.base.toml import parse_source, quoted, read_source
 from stoop.errors import FlightError, one_line
 from stoop.flight import Flight
-from stoop.logs.table import quoted
 
 FORMAT: Final = "stoop-windows/1"
 NAME: Final = "windows.toml"

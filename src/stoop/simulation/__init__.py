@@ -1,12 +1,10 @@
 """Vehicle + inputs -> trajectories, trim, linear models and simulated flights."""
 
-from stoop.simulation.arrays import simulate
-from stoop.simulation.fly import numbers_set, simulate_flight
+from stoop.simulation.fly import numbers_set, simulate, simulate_flight
 from stoop.simulation.initial import START_NAMES, initial_states, parameter_rows
 from stoop.simulation.linearize import LinearModel, Mode, linearize
 from stoop.simulation.maneuver import Maneuver, load_maneuver, parse_maneuver
-from stoop.simulation.steady import Trim
-from stoop.simulation.trim import trim
+from stoop.simulation.trim import Trim, trim
 
 __all__ = [
     "START_NAMES",

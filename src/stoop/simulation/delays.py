@@ -1,7 +1,7 @@
 """Delays of controls and sensors: signals read a fraction of a sample late.
 
-A gather inside the kernel would break its vectorization and a linear interpolation would put kinks into the
-gradient, so signals are shifted outside it, by four-point Lagrange interpolation.
+Signals are shifted outside the kernel by four-point Lagrange interpolation: a gather inside it would break its
+vectorization, and linear interpolation would put kinks into the gradient.
 """
 
 from __future__ import annotations
@@ -13,9 +13,21 @@ from stoop.base.variables import WRAPPED
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import slope_input
 
+OFFSETS = (1, 0, -1, -2)  #: samples of the interpolation, relative to the one before the point
+
+
+def lagrange(f: float) -> tuple[float, float, float, float]:
+    """Return the weights of the samples at `OFFSETS` for the point at -f, 0 <= f < 1."""
+    return (
+        -f * (1.0 - f) * (2.0 - f) / 6.0,
+        (1.0 + f) * (1.0 - f) * (2.0 - f) / 2.0,
+        (1.0 + f) * f * (2.0 - f) / 2.0,
+        -(1.0 + f) * f * (1.0 - f) / 6.0,
+    )
+
 
 def delayed(signal: FloatArray, samples: float) -> FloatArray:
-    """Return a signal as it was ``samples`` earlier; before the record it holds its first value.
+    """Return a signal as it was `samples` earlier; before the record it holds its first value.
 
     Parameters
     ----------
@@ -26,45 +38,31 @@ def delayed(signal: FloatArray, samples: float) -> FloatArray:
     if samples == 0.0:
         return signal
     whole = int(np.floor(samples))
-    fraction = samples - whole
-    weights = lagrange(fraction)
     index = np.arange(len(signal)) - whole
-    last = len(signal) - 1
     out = np.zeros_like(signal, dtype=float)
-    for offset, weight in zip((1, 0, -1, -2), weights, strict=True):
-        out += weight * signal[np.clip(index + offset, 0, last)]
+    for offset, weight in zip(OFFSETS, lagrange(samples - whole), strict=True):
+        out += weight * signal[np.clip(index + offset, 0, len(signal) - 1)]
     return out
 
 
+def delayed_lanes(signal: FloatArray, samples: FloatArray) -> FloatArray:
+    """Return one delayed copy per lane: (n, B) for a signal (n,), delays (B,).
+
+    Each distinct delay is computed once; in a Jacobian few lanes differ from the first.
+    """
+    distinct, lane = np.unique(samples, return_inverse=True)
+    copies = np.stack([delayed(signal, float(d)) for d in distinct], axis=-1)
+    return np.ascontiguousarray(copies[:, lane])
+
+
 def first_order_lag(command: FloatArray, lag: float, dt: float) -> FloatArray:
-    """Return a first-order lag's response (n,) to a command that is linear between samples, at rest at first."""
+    """Return a first-order lag's response (n,) to a command that is linear between samples, initially at rest."""
     from scipy.signal import lfilter
 
     decay = float(np.exp(-dt / lag))
     mean = -float(np.expm1(-dt / lag)) * lag / dt  # of the decay over a sample
     begin = [mean * float(command[0])]  # so that the first value is the first command
     return np.asarray(lfilter([1.0 - mean, mean - decay], [1.0, -decay], command, zi=begin)[0])
-
-
-def lagrange(f: float) -> tuple[float, float, float, float]:
-    """Return the weights of the samples at +1, 0, -1, -2 for the point at -f, 0 <= f < 1."""
-    return (
-        -f * (1.0 - f) * (2.0 - f) / 6.0,
-        (1.0 + f) * (1.0 - f) * (2.0 - f) / 2.0,
-        (1.0 + f) * f * (2.0 - f) / 2.0,
-        -(1.0 + f) * f * (1.0 - f) / 6.0,
-    )
-
-
-def delayed_lanes(signal: FloatArray, samples: FloatArray) -> FloatArray:
-    """Return one delayed copy per lane: (n, B) for a signal (n,), delays (B,).
-
-    Few lanes differ from the first (a Jacobian perturbs one delay at a time), so each distinct delay is
-    computed once.
-    """
-    distinct, lane = np.unique(samples, return_inverse=True)
-    copies = np.stack([delayed(signal, float(d)) for d in distinct], axis=-1)
-    return np.ascontiguousarray(copies[:, lane])
 
 
 def input_delays(vehicle: Vehicle) -> list[tuple[int, int]]:
@@ -87,7 +85,7 @@ def output_delays(vehicle: Vehicle) -> list[tuple[int, int]]:
 
 
 def late_inputs(vehicle: Vehicle, inputs: FloatArray, rows: FloatArray, dt: float) -> FloatArray:
-    """Return inputs as surfaces and rotors receive them, slopes of channels among them.
+    """Return inputs as surfaces and rotors receive them, with the slopes of channels.
 
     Parameters
     ----------
@@ -108,17 +106,17 @@ def late_inputs(vehicle: Vehicle, inputs: FloatArray, rows: FloatArray, dt: floa
         out = inputs.astype(float)
         for channel, row in late:
             out[:, channel] = delayed(inputs[:, channel], float(rows[row, 0]) / dt)
-        return with_slopes(vehicle, out, dt)
-    lanes = np.repeat(inputs[:, :, None], rows.shape[1], axis=2)
-    for channel, row in late:
-        lanes[:, channel] = delayed_lanes(inputs[:, channel], rows[row] / dt)
-    return with_slopes(vehicle, lanes, dt)
+    else:
+        out = np.repeat(inputs[:, :, None], rows.shape[1], axis=2)
+        for channel, row in late:
+            out[:, channel] = delayed_lanes(inputs[:, channel], rows[row] / dt)
+    return with_slopes(vehicle, out, dt)
 
 
 def with_slopes(vehicle: Vehicle, inputs: FloatArray, dt: float) -> FloatArray:
-    """Write into inputs (n, n_u, ...) the slopes of channels that go in straight lines; return them.
+    """Write the slopes of channels that are linear between samples into inputs (n, n_u, ...); return them.
 
-    A slope holds from its sample to the next, so that what is integrated of it is what the channel has moved by.
+    A slope holds from its sample to the next, so that its integral is the change of the channel.
     """
     for channel in vehicle.sloped:
         to, of = (vehicle.inputs.index(name) for name in (slope_input(channel), channel))
@@ -128,7 +126,7 @@ def with_slopes(vehicle: Vehicle, inputs: FloatArray, dt: float) -> FloatArray:
 
 
 def at_samples(vehicle: Vehicle, inputs: FloatArray) -> FloatArray:
-    """Return inputs (n, n_u) as they are at their samples alone: slopes are the mean of those before and after."""
+    """Return inputs (n, n_u) at their samples alone: slopes are the mean of those before and after."""
     columns = [vehicle.inputs.index(slope_input(channel)) for channel in vehicle.sloped]
     if not columns:
         return inputs
@@ -140,27 +138,22 @@ def at_samples(vehicle: Vehicle, inputs: FloatArray) -> FloatArray:
 def late_outputs(vehicle: Vehicle, outputs: FloatArray, rows: FloatArray, dt: float) -> FloatArray:
     """Return readings (B, n, n_y) as late as the instruments deliver them; the array is changed in place.
 
-    Before the record a reading goes on as it begins. One that diverged stays as it is: there is nothing to
-    interpolate, and its candidate has lost.
+    A reading is continued as a straight line before and after the record. One that diverged is left as it is.
     """
     for channel, row in output_delays(vehicle):
-        turns = vehicle.outputs[channel] in WRAPPED
-        sound = np.isfinite(outputs[:, :, channel]).all(axis=1) & np.isfinite(rows[row])
-        for delay in np.unique(rows[row][sound]):
-            lanes = sound & (rows[row] == delay)
-            outputs[lanes, :, channel] = _late(outputs[lanes, :, channel].T, float(delay) / dt, turns).T
+        finite = np.isfinite(outputs[:, :, channel]).all(axis=1) & np.isfinite(rows[row])
+        for delay in np.unique(rows[row][finite & (rows[row] != 0.0)]):
+            lanes = finite & (rows[row] == delay)
+            readings, samples = outputs[lanes, :, channel].T, float(delay) / dt
+            with np.errstate(
+                over="ignore", invalid="ignore"
+            ):  # about to diverge: the largest numbers overflow
+                # An angle that jumps from pi to -pi has no value between them.
+                whole = np.unwrap(readings, axis=0) if vehicle.outputs[channel] in WRAPPED else readings
+                pad = int(np.ceil(abs(samples))) + 2
+                steps = np.arange(1.0, pad + 1.0)[:, None]
+                before = whole[0] + steps[::-1] * (whole[0] - whole[1])
+                after = whole[-1] + steps * (whole[-1] - whole[-2])
+                late = delayed(np.concatenate([before, whole, after]), samples)
+            outputs[lanes, :, channel] = late[pad:-pad].T
     return outputs
-
-
-def _late(readings: FloatArray, samples: float, turns: bool) -> FloatArray:
-    """Return readings (n, B) that much later, continued as straight lines at both ends."""
-    if samples == 0.0:
-        return readings
-    with np.errstate(over="ignore", invalid="ignore"):  # about to diverge: the largest numbers overflow
-        # An angle that jumps from pi to -pi has no value between them.
-        whole = np.unwrap(readings, axis=0) if turns else readings
-        pad = int(np.ceil(abs(samples))) + 2
-        steps = np.arange(1.0, pad + 1.0)[:, None]
-        before = whole[0] + steps[::-1] * (whole[0] - whole[1])
-        after = whole[-1] + steps * (whole[-1] - whole[-2])
-        return delayed(np.concatenate([before, whole, after]), samples)[pad:-pad]

@@ -1,43 +1,49 @@
-"""Fly a maneuver: a simulated flight, with sensor noise, as a flight file holds it."""
+"""Simulated flights: a maneuver, or inputs given as arrays, recorded as the instruments of the vehicle would."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from stoop.base.arrays import FloatArray
-from stoop.base.notices import Notice, notice
+from stoop.base.arrays import BoolArray, FloatArray
+from stoop.base.notices import notice
 from stoop.base.rotations import to_ground
+from stoop.base.text import nearest
 from stoop.errors import ManeuverError, SimulationError
 from stoop.flight import VARIABLES, Flight, from_columns
-from stoop.simulation.check import check_maneuver, on_rotors
-from stoop.simulation.delays import late_inputs, late_outputs
-from stoop.simulation.hover import steady_wind
-from stoop.simulation.initial import commanded, initial_states, parameter_rows, rigid_states
-from stoop.simulation.maneuver import Maneuver
-from stoop.simulation.mixing import mixed_inputs
+from stoop.simulation.delays import late_outputs
+from stoop.simulation.initial import commanded, initial_states, mixed_inputs, parameter_rows, rigid_states
+from stoop.simulation.maneuver import Maneuver, check_maneuver, load_maneuver
 from stoop.simulation.on_rotors import fly_on_rotors
-from stoop.simulation.paths import readings_along, states_flown, traveled
 from stoop.simulation.rotors import channel_range
-from stoop.simulation.steady import Trim
-from stoop.simulation.trim import trim
-from stoop.simulation.turbulence import gust_start, outputs_in_turbulence
+from stoop.simulation.trajectories import (
+    gust_start,
+    readings_along,
+    readings_flown,
+    states_flown,
+    traveled,
+)
+from stoop.simulation.trim import Trim, flies_on_rotors, inputs_about, steady_wind, trim
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import CHANNELS, WIND
 from stoop.vehicle.vehicle import WIND_NUMBERS
 
-GROUND_SPEED_NOISE = 0.1  #: of the velocity over ground that an aircraft records in a wind, m/s
+if TYPE_CHECKING:
+    import xarray as xr
+
+GROUND_SPEED_NOISE: Final = 0.1  #: m/s, of a velocity over ground that the vehicle file has no noise of
 HEIGHT_PASSES, HEIGHT_TOLERANCE = 50, 1e-9  #: of the fixed point of height and trajectory; m
-_GUSTS, _VELOCITY = 1, 2  #: which stream of the seed
+_GUSTS, _VELOCITY = 1, 2  #: streams of random numbers
 
 
 @dataclass(frozen=True)
 class Flown:
-    """What a simulated maneuver was, before an instrument saw it.
+    """A simulated flight without sensor noise.
 
     Attributes
     ----------
@@ -49,7 +55,7 @@ class Flown:
     velocity : (n, 3) or None, m/s
         Over ground, north-east-down; of aircraft only where the maneuver has a wind.
     clipped : (n, m) or None
-        On rotors: where a channel was held at an end of its range.
+        On rotors: where a channel reached an end of its range.
     """
 
     trim: Trim
@@ -57,7 +63,95 @@ class Flown:
     inputs: FloatArray
     outputs: FloatArray
     velocity: FloatArray | None = None
-    clipped: NDArray[np.bool_] | None = None
+    clipped: BoolArray | None = None
+
+
+def simulate(
+    vehicle: Vehicle,
+    inputs: Maneuver | str | Path | Mapping[str, Any] | xr.Dataset | Flight,
+    time: FloatArray | None = None,
+    *,
+    airspeed: float | None = None,
+    altitude: float = 200.0,
+    seed: int = 0,
+    noise: bool = False,
+    name: str = "simulated",
+) -> Flight:
+    """Simulate a vehicle from trimmed flight.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    inputs : Maneuver, path of a maneuver file, mapping of str to (n,) array, xarray.Dataset, or Flight
+        Arrays by recorded channel, as a log holds them, or by control: deflection, rad. Absent inputs keep their
+        trimmed values. Open loop; only a maneuver is flown by the autopilot that flight on rotors needs.
+    time : (n,) array, s, optional
+        At one rate; needed where `inputs` has no ``time``.
+    airspeed : float, m/s, optional
+        Of the trimmed flight, V* of the vehicle file when absent.
+    altitude : float, m
+    seed : int
+        Of gusts and sensor noise.
+    noise : bool
+        Of the sensors, with the standard deviations of the vehicle file.
+    name : str
+
+    Returns
+    -------
+    Flight
+
+    Raises
+    ------
+    ManeuverError
+        An input that the vehicle does not have, of another length than the time, or not finite.
+    SimulationError
+        No trim, or the flight diverges.
+    """
+    if isinstance(inputs, str | Path):
+        inputs = load_maneuver(inputs)
+    if isinstance(inputs, Maneuver):
+        return simulate_flight(vehicle, inputs, seed, noise, name)
+    time, columns = _columns(vehicle, inputs, time)
+    point = trim(vehicle, airspeed, altitude)
+    channels = np.repeat(point.inputs[None, :], len(time), axis=0)
+    for control in (c for c in columns if c not in vehicle.recorded):
+        deflections = {**point.deflections, control: point.deflections[control] + 1.0}
+        unit = mixed_inputs(vehicle, deflections, point.inputs) - point.inputs
+        channels += np.outer(columns[control] - point.deflections[control], unit)
+    for channel in (c for c in columns if c in vehicle.recorded):
+        channels[:, vehicle.recorded.index(channel)] = columns[channel]
+    gusts = np.random.default_rng([seed, _GUSTS])
+    flown = _open_loop(vehicle, time, channels, point, gusts, WIND[0] in vehicle.outputs)
+    _check_finite(vehicle, flown, "reduce the inputs")
+    sigma = np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs]) * float(noise)
+    return _record(vehicle, flown, sigma, altitude, seed, name, {} if noise else None)
+
+
+def simulate_flight(
+    vehicle: Vehicle, maneuver: Maneuver, seed: int = 0, noise: bool = True, name: str = "simulated"
+) -> Flight:
+    """Return the flight of a maneuver as the instruments of the vehicle would record it.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    maneuver : Maneuver
+    seed : int
+        Of the measurement noise and of the gusts.
+    noise : bool
+        Of the sensors; there are gusts without it too.
+    name : str
+        As in ``FLIGHT@START:STOP``.
+    """
+    flown = fly(vehicle, maneuver, seed)
+    known = dict.fromkeys((*vehicle.outputs, *(WIND if maneuver.wind is not None else ())))
+    unknown = set(maneuver.noise) - set(known)
+    if unknown:
+        raise ManeuverError(f"noise: '{min(unknown)}' is not observed; channels are {', '.join(known)}")
+    sensors = vehicle.file.sensors
+    sigma = np.array([maneuver.noise.get(c, getattr(sensors, c).sigma) for c in vehicle.outputs])
+    ground_noise = maneuver.noise if noise else None
+    return _record(vehicle, flown, sigma * float(noise), maneuver.altitude, seed, name, ground_noise)
 
 
 def fly(vehicle: Vehicle, maneuver: Maneuver, seed: int = 0) -> Flown:
@@ -79,20 +173,27 @@ def fly(vehicle: Vehicle, maneuver: Maneuver, seed: int = 0) -> Flown:
     """
     check_maneuver(vehicle, maneuver)
     point = flown_trim(vehicle, maneuver)
-    gusts = np.random.default_rng([seed, _GUSTS])
-    flown = (_on_rotors if on_rotors(vehicle, maneuver) else _on_wings)(vehicle, maneuver, point, gusts)
-    if not np.isfinite(flown.outputs).all():
-        last = maneuver.time[int(np.argmin(np.isfinite(flown.outputs).all(axis=1)))]
-        faster = "raise the rate of the maneuver, " if on_rotors(vehicle, maneuver) else ""
-        raise SimulationError(
-            f"{vehicle.where}: the flight diverges at {last:.2f} s; {faster}reduce the amplitude or check the vehicle's stability"
-        )
+    rng = np.random.default_rng([seed, _GUSTS])
+    if not flies_on_rotors(vehicle, maneuver.airspeed):
+        inputs = inputs_about(vehicle, point, maneuver.deflections(), len(maneuver.time))
+        over_ground = maneuver.wind is not None or WIND[0] in vehicle.outputs
+        flown = _open_loop(vehicle, maneuver.time, inputs, point, rng, over_ground)
+        _check_finite(vehicle, flown, "reduce the amplitude or check the vehicle's stability")
+        return flown
+    dt, rows = 1.0 / maneuver.rate, parameter_rows(vehicle, point.changes)
+    flight = fly_on_rotors(vehicle, maneuver, point, gust_start(vehicle, rng), rng)
+    readings = readings_along(vehicle, rows, flight.states, flight.received)
+    outputs = late_outputs(vehicle, readings[None], rows, dt)[0]
+    velocity = _over_ground(vehicle, point, flight.states)
+    flown = Flown(point, maneuver.time, flight.inputs, outputs, velocity, flight.clipped)
+    advice = "raise the rate of the maneuver, reduce the amplitude or check the vehicle's stability"
+    _check_finite(vehicle, flown, advice)
     return flown
 
 
 def flown_trim(vehicle: Vehicle, maneuver: Maneuver) -> Trim:
-    """Return the steady flight that a maneuver begins with."""
-    if on_rotors(vehicle, maneuver):
+    """Return the steady flight at the start of a maneuver."""
+    if flies_on_rotors(vehicle, maneuver.airspeed):
         return trim(
             vehicle,
             altitude=maneuver.altitude,
@@ -103,78 +204,87 @@ def flown_trim(vehicle: Vehicle, maneuver: Maneuver) -> Trim:
     point = trim(vehicle, maneuver.airspeed, maneuver.altitude)
     wind = tuple(steady_wind(vehicle, maneuver.wind).tolist())
     known = dict(zip(WIND_NUMBERS, wind, strict=True)) if set(WIND_NUMBERS) <= vehicle.rows.keys() else {}
-    return replace(
-        point, start={**point.start, "psi": maneuver.heading}, changes={**point.changes, **known}, wind=wind
-    )
+    start = {**point.start, "psi": maneuver.heading}
+    return replace(point, start=start, changes={**point.changes, **known}, wind=wind)
 
 
-def _on_wings(vehicle: Vehicle, maneuver: Maneuver, point: Trim, gusts: np.random.Generator) -> Flown:
-    """Fly without an autopilot."""
-    inputs = flown_inputs(vehicle, maneuver, point)
-    moving = vehicle.has_rotors or maneuver.wind is not None
-    return open_loop(vehicle, maneuver.time, inputs, point, gusts, moving)
+def numbers_set(vehicle: Vehicle, point: Trim) -> dict[str, float]:
+    """Return the numbers that a trim set to a value other than the vehicle file's (by 0.1 %), less the wind."""
+    return {
+        name: value
+        for name, value in point.changes.items()
+        if name not in WIND_NUMBERS and abs(value - vehicle.value(name)) > 1e-3 * abs(vehicle.value(name))
+    }
 
 
-def open_loop(
+def _columns(
+    vehicle: Vehicle, inputs: Mapping[str, Any] | xr.Dataset | Flight, time: FloatArray | None
+) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Return the time from zero on, and the inputs that the vehicle has."""
+    table: Any = inputs.data if isinstance(inputs, Flight) else inputs
+    known = (*vehicle.recorded, *vehicle.controls)
+    if time is None and "time" not in table:
+        raise ManeuverError("inputs: no time is given; add time, seconds at one rate")
+    clock = np.asarray(table["time"] if time is None else time, dtype=np.float64)
+    steps = np.diff(clock)
+    uniform = clock.ndim == 1 and clock.size > 1 and np.allclose(steps, steps[0], rtol=1e-6, atol=0.0)
+    if not uniform or not steps[0] > 0.0:
+        raise ManeuverError(
+            "inputs: the time does not run on at one rate; interpolate the inputs to equal steps"
+        )
+    has_measurements = isinstance(inputs, Flight) or hasattr(table, "data_vars")
+    columns = {}
+    for key in table:
+        if key == "time" or (has_measurements and key not in known):
+            continue
+        if key not in known:
+            raise ManeuverError(f"inputs: {vehicle.where} has no input '{key}'; {nearest(str(key), known)}")
+        columns[str(key)] = np.asarray(table[key], dtype=np.float64)
+        if columns[str(key)].shape != clock.shape or not np.isfinite(columns[str(key)]).all():
+            raise ManeuverError(
+                f"inputs: '{key}' is not finite, or not as long as the time ({clock.size} samples)"
+            )
+    return np.arange(clock.size, dtype=np.float64) * float(steps.mean()), columns
+
+
+def _check_finite(vehicle: Vehicle, flown: Flown, advice: str) -> None:
+    finite = np.isfinite(flown.outputs).all(axis=1)
+    if not finite.all():
+        last = flown.time[int(np.argmin(finite))]
+        raise SimulationError(f"{vehicle.where}: the flight diverges at {last:.2f} s; {advice}")
+
+
+def _open_loop(
     vehicle: Vehicle,
     time: FloatArray,
     inputs: FloatArray,
     point: Trim,
-    gusts: np.random.Generator,
+    rng: np.random.Generator,
     over_ground: bool,
 ) -> Flown:
-    """Fly recorded channels (n, n_u) from a trim, without sensor noise.
-
-    Parameters
-    ----------
-    time : (n,), s
-        At one rate.
-    over_ground : bool
-        Whether the velocity over ground is wanted.
-    """
+    """Fly recorded channels (n, n_u) from a trim; `over_ground` asks for the velocity over ground, too."""
     dt, rows = float(time[1] - time[0]), parameter_rows(vehicle, point.changes)
-    start = initial_states(vehicle, {**point.start, **gust_start(vehicle, gusts)}, rows, inputs[0])
-    state = gusts.bit_generator.state
-    _record_height(vehicle, rows, start, inputs, dt, gusts)
-    truth = _moving_air(vehicle, rows, start, inputs, dt, gusts)
+    start = initial_states(vehicle, {**point.start, **gust_start(vehicle, rng)}, rows, inputs[0])
+    state = rng.bit_generator.state  # set again before each pass: the same gusts
+    if (
+        vehicle.file.ground_effect is not None
+    ):  # height above the ground is an input that follows from the states
+        column, h = vehicle.inputs.index(vehicle.file.ground_effect.channel), vehicle.states.index("h")
+        terrain = inputs[:, column] - start[h, 0]
+        for _ in range(HEIGHT_PASSES):
+            rng.bit_generator.state = state
+            height = states_flown(vehicle, rows, start, inputs, dt, rng)[:, h] + terrain
+            change = float(np.max(np.abs(height - inputs[:, column])))
+            inputs[:, column] = height
+            if not change > HEIGHT_TOLERANCE:
+                break
+        rng.bit_generator.state = state
+    readings = readings_flown(vehicle, rows, start, inputs, dt, rng)
     velocity = None
     if over_ground:
-        gusts.bit_generator.state = state  # the same gusts again
-        velocity = _over_ground(vehicle, point, states_flown(vehicle, rows, start, inputs, dt, gusts))
-    return Flown(point, time, inputs, late_outputs(vehicle, truth, rows, dt)[0], velocity)
-
-
-def _record_height(
-    vehicle: Vehicle,
-    rows: FloatArray,
-    start: FloatArray,
-    inputs: FloatArray,
-    dt: float,
-    gusts: np.random.Generator,
-) -> None:
-    """Fill in the height above the ground that an open-loop flight has: it is an input that follows from the states."""
-    if vehicle.file.ground_effect is None:
-        return
-    column, h = vehicle.inputs.index(vehicle.file.ground_effect.channel), vehicle.states.index("h")
-    terrain, state = inputs[:, column] - start[h, 0], gusts.bit_generator.state
-    for _ in range(HEIGHT_PASSES):
-        gusts.bit_generator.state = state  # the same gusts again
-        flown = states_flown(vehicle, rows, start, inputs, dt, gusts)[:, h] + terrain
-        change = float(np.max(np.abs(flown - inputs[:, column])))
-        inputs[:, column] = flown
-        if not change > HEIGHT_TOLERANCE:
-            break
-    gusts.bit_generator.state = state
-
-
-def _on_rotors(vehicle: Vehicle, maneuver: Maneuver, point: Trim, gusts: np.random.Generator) -> Flown:
-    """Fly with one."""
-    dt, rows = 1.0 / maneuver.rate, parameter_rows(vehicle, point.changes)
-    flight = fly_on_rotors(vehicle, maneuver, point, gust_start(vehicle, gusts), gusts)
-    truth = readings_along(vehicle, rows, flight.states, flight.received)
-    outputs = late_outputs(vehicle, truth[None], rows, dt)[0]
-    velocity = _over_ground(vehicle, point, flight.states)
-    return Flown(point, maneuver.time, flight.inputs, outputs, velocity, flight.clipped)
+        rng.bit_generator.state = state
+        velocity = _over_ground(vehicle, point, states_flown(vehicle, rows, start, inputs, dt, rng))
+    return Flown(point, time, inputs, late_outputs(vehicle, readings, rows, dt)[0], velocity)
 
 
 def _over_ground(vehicle: Vehicle, point: Trim, states: FloatArray) -> FloatArray:
@@ -185,69 +295,7 @@ def _over_ground(vehicle: Vehicle, point: Trim, states: FloatArray) -> FloatArra
     return np.asarray(to_ground(np.column_stack(q), np.column_stack(body)) + np.asarray(point.wind))
 
 
-def _moving_air(
-    vehicle: Vehicle,
-    rows: FloatArray,
-    start: FloatArray,
-    inputs: FloatArray,
-    dt: float,
-    gusts: np.random.Generator,
-) -> FloatArray:
-    """Return the readings (1, n, n_y) before any delay of a sensor."""
-    if vehicle.gusts:
-        return outputs_in_turbulence(vehicle, rows, start, inputs, dt, gusts)
-    return vehicle.kernel().trajectories(rows, start, late_inputs(vehicle, inputs, rows, dt), dt)
-
-
-def flown_inputs(vehicle: Vehicle, maneuver: Maneuver, point: Trim) -> FloatArray:
-    """Return the recorded channels (n, n_u) of a maneuver flown from a trim.
-
-    Mixing is affine, so one column per control is enough.
-    """
-    out = np.repeat(point.inputs[None, :], len(maneuver.time), axis=0)
-    for control, move in maneuver.deflections().items():
-        if control not in vehicle.controls:  # a channel of its own
-            out[:, vehicle.inputs.index(control)] += move
-            continue
-        unit = mixed_inputs(
-            vehicle, {**point.deflections, control: point.deflections[control] + 1.0}, point.inputs
-        )
-        out += np.outer(move, unit - point.inputs)
-    return out
-
-
-def noise_sigma(vehicle: Vehicle, maneuver: Maneuver) -> FloatArray:
-    """Return the noise of each output channel, its own unit."""
-    known = dict.fromkeys((*vehicle.outputs, *(WIND if maneuver.wind is not None else ())))
-    unknown = set(maneuver.noise) - set(known)
-    if unknown:
-        raise ManeuverError(f"noise: '{min(unknown)}' is not observed; channels are {', '.join(known)}")
-    file = vehicle.file.sensors
-    return np.array([maneuver.noise.get(c, getattr(file, c).sigma) for c in vehicle.outputs])
-
-
-def simulate_flight(
-    vehicle: Vehicle, maneuver: Maneuver, seed: int = 0, noise: bool = True, name: str = "simulated"
-) -> Flight:
-    """Return a flight as the instruments of the vehicle would record it.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-    maneuver : Maneuver
-    seed : int
-        Of the measurement noise and of the gusts.
-    noise : bool
-        Of the sensors; gusts blow without it too.
-    name : str
-        As in ``FLIGHT@START:STOP``.
-    """
-    flown = fly(vehicle, maneuver, seed)
-    sigma = noise_sigma(vehicle, maneuver) * float(noise)
-    return record(vehicle, flown, sigma, maneuver.altitude, seed, name, maneuver.noise if noise else None)
-
-
-def record(
+def _record(
     vehicle: Vehicle,
     flown: Flown,
     sigma: FloatArray,
@@ -256,7 +304,7 @@ def record(
     name: str,
     ground_noise: Mapping[str, float] | None,
 ) -> Flight:
-    """Return what the instruments record of a simulated motion.
+    """Return the flight as recorded by instruments.
 
     Parameters
     ----------
@@ -265,21 +313,29 @@ def record(
     altitude : float, m
         At the start.
     ground_noise : mapping, optional
-        Noise of velocities over ground that are no outputs, m/s, where it is not the usual one; None for no noise.
+        Noise, m/s, of velocities over ground that are no outputs, where it is not the usual one; None for no noise.
     """
-    measured = flown.outputs + sigma * np.random.default_rng(seed).standard_normal(flown.outputs.shape)
-    columns = dict(zip(vehicle.outputs, measured.T, strict=True))
+    readings = flown.outputs + sigma * np.random.default_rng(seed).standard_normal(flown.outputs.shape)
+    columns = dict(zip(vehicle.outputs, readings.T, strict=True))
     columns |= {c: flown.inputs[:, i] for i, c in enumerate(vehicle.recorded)}
-    rows = parameter_rows(vehicle, flown.trim.changes)
-    columns |= {
-        c: np.array(commanded(vehicle, c, np.repeat(rows, len(flown.inputs), axis=1), flown.inputs.T))
-        for c in vehicle.controls
-        if c in VARIABLES and c not in vehicle.inputs  # a recorded channel stays as it was commanded
-    }
+    rows = np.repeat(parameter_rows(vehicle, flown.trim.changes), len(flown.inputs), axis=1)
+    for control in vehicle.controls:
+        if (
+            control in VARIABLES and control not in vehicle.inputs
+        ):  # a recorded channel is the command already
+            columns[control] = np.array(commanded(vehicle, control, rows, flown.inputs.T))
+    dt = float(flown.time[1] - flown.time[0])
     if flown.velocity is None:
-        columns["altitude"] = _altitude(vehicle, altitude, flown)
+        # The climb rate that the noise-free readings imply, integrated; gusts count as if the aircraft climbed.
+        y = dict.fromkeys(CHANNELS, np.zeros(len(flown.time)))
+        y |= dict(zip(vehicle.outputs, flown.outputs.T, strict=True))
+        body = rigid_states({c: y[c] for c in ("V", "alpha", "beta")})
+        down = body["v"] * np.sin(y["phi"]) + body["w"] * np.cos(y["phi"])
+        climb = body["u"] * np.sin(y["theta"]) - np.cos(y["theta"]) * down
+        steps = 0.5 * (climb[1:] + climb[:-1]) / (1.0 / dt)
+        columns["altitude"] = altitude + np.concatenate([[0.0], np.cumsum(steps)])
     else:
-        position = traveled(flown.velocity, float(flown.time[1] - flown.time[0]))
+        position = traveled(flown.velocity, dt)
         columns |= dict(zip(("pn", "pe", "pd"), position.T, strict=True))
         columns["altitude"] = altitude - position[:, 2]
         draw = np.random.default_rng([seed, _VELOCITY]).standard_normal(flown.velocity.shape)
@@ -287,56 +343,17 @@ def record(
             if channel not in vehicle.outputs:
                 noise = 0.0 if ground_noise is None else ground_noise.get(channel, GROUND_SPEED_NOISE)
                 columns[channel] = flown.velocity[:, i] + noise * draw[:, i]
-    notices = (notice("simulated", name), *_changed(vehicle, flown), *_saturated(vehicle, flown))
-    flight = from_columns(name, flown.time, columns, notices)
-    flight.data.attrs["truth"] = json.dumps(
-        {p.name: flown.trim.changes.get(p.name, p.value) for p in vehicle.parameters if p.free}
-    )
+    # A fit with the file's own number would put the difference to the trim into the drag.
+    notices = [notice("simulated", name)]
+    for number, value in numbers_set(vehicle, flown.trim).items():
+        unit = vehicle.parameters[vehicle.rows[number]].unit
+        given, airspeed = vehicle.value(number), flown.trim.start["V"]
+        notices.append(notice("set-by-trim", number, value=value, unit=unit, airspeed=airspeed, given=given))
+    if flown.clipped is not None and flown.clipped.any():
+        shares = dict(zip(channel_range(vehicle).names, flown.clipped.mean(axis=0).tolist(), strict=True))
+        saturated = tuple(channel for channel, share in shares.items() if share > 0.0)
+        notices.append(notice("rotors-saturated", rotors=saturated, share=max(shares.values())))
+    flight = from_columns(name, flown.time, columns, tuple(notices))
+    numbers = {p.name: flown.trim.changes.get(p.name, p.value) for p in vehicle.parameters if p.free}
+    flight.data.attrs["truth"] = json.dumps(numbers)
     return flight
-
-
-def _saturated(vehicle: Vehicle, flown: Flown) -> list[Notice]:
-    """Say which rotors could not do what was asked of them."""
-    if flown.clipped is None:
-        return []
-    shares = flown.clipped.mean(axis=0)
-    held = [name for name, share in zip(channel_range(vehicle).names, shares, strict=True) if share > 0.0]
-    if not held:
-        return []
-    return [notice("rotors-saturated", rotors=tuple(held), share=float(shares.max()))]
-
-
-def numbers_set(vehicle: Vehicle, point: Trim) -> dict[str, float]:
-    """Return the numbers of the vehicle that a trim had to set to something else than the file says (by 0.1 %)."""
-    return {
-        name: value
-        for name, value in point.changes.items()
-        if name not in WIND_NUMBERS and abs(value - vehicle.value(name)) > 1e-3 * abs(vehicle.value(name))
-    }
-
-
-def _changed(vehicle: Vehicle, flown: Flown) -> list[Notice]:
-    """Say what the trim set: a fit with the file's own number would put the difference into the drag."""
-    return [
-        notice(
-            "set-by-trim",
-            name,
-            value=value,
-            unit=vehicle.parameters[vehicle.rows[name]].unit,
-            airspeed=flown.trim.start["V"],
-            given=vehicle.value(name),
-        )
-        for name, value in numbers_set(vehicle, flown.trim).items()
-    ]
-
-
-def _altitude(vehicle: Vehicle, altitude: float, flown: Flown) -> FloatArray:
-    """Integrate the climb rate that the noise-free readings imply, m: gusts count as if the aircraft climbed."""
-    y = dict.fromkeys(CHANNELS, np.zeros(len(flown.time))) | dict(
-        zip(vehicle.outputs, flown.outputs.T, strict=True)
-    )
-    rigid = rigid_states({c: y[c] for c in ("V", "alpha", "beta")})
-    u, v, w = rigid["u"], rigid["v"], rigid["w"]
-    climb = u * np.sin(y["theta"]) - np.cos(y["theta"]) * (v * np.sin(y["phi"]) + w * np.cos(y["phi"]))
-    steps = 0.5 * (climb[1:] + climb[:-1]) / (1.0 / float(flown.time[1] - flown.time[0]))
-    return altitude + np.concatenate([[0.0], np.cumsum(steps)])

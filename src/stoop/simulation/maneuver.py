@@ -1,4 +1,4 @@
-"""Maneuver files: what the pilot does, as a small TOML.
+"""Maneuver files: the inputs of a simulated flight, as a small TOML.
 
 ::
 
@@ -18,16 +18,16 @@
     [noise]                    # standard deviations; the vehicle file's where left out
     V = 0.3
 
-A vehicle that hovers is flown by an autopilot: inputs are added to its commands (`EXCITATIONS`, or the channel of one
-rotor) or tell it what to fly (`SETPOINTS`).
+On rotors an autopilot flies the vehicle: inputs are added to its commands (`EXCITATIONS`, or the channel of one rotor)
+or are its set-points (`SETPOINTS`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import (
@@ -44,129 +44,155 @@ from stoop.base.arrays import FloatArray
 from stoop.base.schema_errors import first_complaint
 from stoop.base.toml import parse_source, read_source
 from stoop.errors import ManeuverError
+from stoop.simulation.trim import flies_on_rotors
+from stoop.vehicle import Vehicle
 from stoop.vehicle.quantity import Number
 
 MAX_SAMPLES = 5_000_000
+MAX_ROTOR_SAMPLES = 500_000  #: an autopilot takes them one by one
 MAX_HARMONICS = 2000
 MAX_LEVELS = 2000
+MAX_VALUE = 1e6  #: of any unit
 _EDGE = 1e-9  #: s, so that a step falls on the sample it names
 EXCITATIONS = {"roll": "rad/s2", "pitch": "rad/s2", "yaw": "rad/s2", "heave": "m/s2"}
-"""Accelerations that rotors are asked for beside what the autopilot commands, and their units; heave is up."""
+"""Accelerations added to the commands of the autopilot, and their units; heave is up."""
 SETPOINTS = {
     "north": "m/s", "east": "m/s", "down": "m/s", "forward": "m/s", "right": "m/s", "heading": "rad",
 }  # fmt: skip
-"""What the autopilot is told to fly, and units: a velocity over ground (forward and right of the heading), a heading."""
-_CHANNELS = {"motor_": "", "rotor_": "rad/s", "pwm_": "us"}  #: of rotors, by how their names begin
-_WILD = 1e6  #: of any unit
-
-
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+"""Set-points of the autopilot, and units: a velocity over ground (forward and right of the heading), a heading."""
+PATTERNS = {"3-2-1-1": (3, 2, 1, 1), "doublet": (1, 1), "1-1": (1, 1), "2-1-1": (2, 1, 1)}
 
 
 def unit_of(control: str) -> str:
     """Return the unit in which an input of this name is given."""
-    channel = next((unit for head, unit in _CHANNELS.items() if control.startswith(head)), "rad")
-    return (EXCITATIONS | SETPOINTS).get(control, channel)
+    by_channel = {"motor_": "", "rotor_": "rad/s", "pwm_": "us"}  # of a rotor
+    unit = next((unit for head, unit in by_channel.items() if control.startswith(head)), "rad")
+    return (EXCITATIONS | SETPOINTS).get(control, unit)
 
 
-def _no_angle(control: str) -> str:
-    """Say what else may have been meant by a control that is taken for a surface."""
-    others = f", or, for what hovers without '{control}', name {', '.join([*EXCITATIONS, *SETPOINTS])} or a motor_N"
-    return others if control and control not in SETPOINTS else ""
-
-
-def _sensible(value: float, info: ValidationInfo) -> float:
+def _plausible(value: float, info: ValidationInfo) -> float:
     control = str(info.data.get("control", ""))
-    turns = 2.0 * math.pi if control == "heading" else math.pi / 2.0
-    if unit_of(control) == "rad" and abs(value) > turns:
+    largest = 2.0 * math.pi if control == "heading" else math.pi / 2.0
+    if unit_of(control) == "rad" and abs(value) > largest:
+        names = ", ".join([*EXCITATIONS, *SETPOINTS])
+        others = f", or, on rotors without a surface '{control}', name {names} or a motor_N"
         raise ValueError(
-            f"{value:g} looks like degrees; write radians ({math.radians(value):.4g}){_no_angle(control)}"
+            f"{value:g} looks like degrees; write radians ({math.radians(value):.4g})"
+            f"{others if control and control not in SETPOINTS else ''}"
         )
-    if abs(value) > _WILD:
+    if abs(value) > MAX_VALUE:
         raise ValueError(f"{value:g} is beyond any size; write it in {unit_of(control) or 'its unit'}")
     return value
 
 
 Seconds = Annotated[Number, Field(gt=0.0)]
 Instant = Annotated[Number, Field(ge=0.0)]
-Deflection = Annotated[Number, AfterValidator(_sensible)]
+Deflection = Annotated[Number, AfterValidator(_plausible)]
 Speed = Annotated[Number, Field(ge=-200.0, le=200.0)]
 Vector = tuple[Speed, Speed, Speed]
 Harmonic = Annotated[int, Field(strict=True, ge=1, le=MAX_HARMONICS)]
 
 
-def _check_slew(
-    levels: Sequence[float], lengths: Sequence[float], slew: float | None, unit: str = "rad"
-) -> None:
-    for before, after, length in zip((0.0, *levels[:-1]), levels, lengths, strict=True):
-        if slew is not None and abs(after - before) > slew * length * (1.0 + _EDGE):
-            raise ValueError(
-                f"a slew of {slew:g} {unit}/s does not get from {before:g} to {after:g} {unit} within {length:g} s; "
-                "give it longer, or lower the amplitude"
-            )
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Steps(_Table):
-    """A row of steps of alternating sign, each a whole number of ``step`` long.
-
-    With a ``slew`` (rad/s) the surface takes its time from one level to the next.
-    """
-
+class _Signal(_Table):
     control: str
-    shape: Literal["3-2-1-1", "doublet", "1-1", "2-1-1"]
+    shape: str
     start: Instant
+
+
+class _LevelSignal(_Signal):
+    """Levels between edges; with a `slew` (rad/s) the signal ramps from one level to the next."""
+
+    slew: Seconds | None = None
+
+    def _check_slew(self, levels: Sequence[float], lengths: Sequence[float]) -> None:
+        unit = unit_of(self.control)
+        for before, after, length in zip((0.0, *levels[:-1]), levels, lengths, strict=True):
+            if self.slew is not None and abs(after - before) > self.slew * length * (1.0 + _EDGE):
+                raise ValueError(
+                    f"a slew of {self.slew:g} {unit}/s does not get from {before:g} to {after:g} {unit} within {length:g} s; "
+                    "give it longer, or lower the amplitude"
+                )
+
+    def _levels(self, t: FloatArray, edges: FloatArray, levels: Sequence[float]) -> FloatArray:
+        """Return one level between each two edges, zero before and after."""
+        all_levels = np.array([0.0, *levels, 0.0])
+        if self.slew is None:
+            return np.asarray(all_levels[np.searchsorted(edges - _EDGE, t, side="right")])
+        corners = np.column_stack([edges, edges + np.abs(np.diff(all_levels)) / self.slew])
+        values = np.column_stack([all_levels[:-1], all_levels[1:]])
+        return np.asarray(np.interp(t, corners.ravel(), values.ravel()))
+
+
+class Steps(_LevelSignal):
+    """Steps of alternating sign, each a whole number of ``step`` long."""
+
+    shape: Literal["3-2-1-1", "doublet", "1-1", "2-1-1"]
     step: Seconds
     amplitude: Deflection
-    slew: Annotated[Number, Field(gt=0.0)] | None = None
 
     @model_validator(mode="after")
-    def _reaches_its_levels(self) -> Steps:
-        _check_slew(
-            (self.amplitude, -self.amplitude), (self.step, self.step), self.slew, unit_of(self.control)
-        )
+    def _reaches_levels(self) -> Steps:
+        self._check_slew((self.amplitude, -self.amplitude), (self.step, self.step))
         return self
 
+    def signal(self, t: FloatArray) -> FloatArray:
+        """Return the change from the trim (n,) at times (n,), s."""
+        pattern = PATTERNS[self.shape]
+        levels = [self.amplitude * (-1.0) ** i for i in range(len(pattern))]
+        return self._levels(t, self.start + self.step * np.concatenate([[0], np.cumsum(pattern)]), levels)
 
-class Levels(_Table):
-    """A row of levels, each held for its own length, then back to the trim; with a ``slew`` as in `Steps`."""
 
-    control: str
+class Levels(_LevelSignal):
+    """Levels of individual lengths, then back to the trim."""
+
     shape: Literal["levels"]
-    start: Instant
     levels: Annotated[tuple[Deflection, ...], Field(min_length=1, max_length=MAX_LEVELS)]  #: rad
     lengths: tuple[Seconds, ...]  #: s, one per level
-    slew: Annotated[Number, Field(gt=0.0)] | None = None
 
     @model_validator(mode="after")
-    def _reaches_its_levels(self) -> Levels:
+    def _reaches_levels(self) -> Levels:
         if len(self.levels) != len(self.lengths):
             raise ValueError("levels and lengths differ in length; give one length per level")
-        _check_slew(self.levels, self.lengths, self.slew, unit_of(self.control))
+        self._check_slew(self.levels, self.lengths)
         return self
 
+    def signal(self, t: FloatArray) -> FloatArray:
+        """Return the change from the trim (n,) at times (n,), s."""
+        return self._levels(t, self.start + np.concatenate([[0.0], np.cumsum(self.lengths)]), self.levels)
 
-class Pulse(_Table):
+
+class _TimedSignal(_Signal):
+    duration: Seconds
+
+    def _inside(self, t: FloatArray, values: float | FloatArray) -> FloatArray:
+        tau = t - self.start
+        return np.where((tau >= -_EDGE) & (tau < self.duration - _EDGE), values, 0.0)
+
+
+class Pulse(_TimedSignal):
     """One pulse."""
 
-    control: str
     shape: Literal["pulse"]
-    start: Instant
-    duration: Seconds
     amplitude: Deflection
 
+    def signal(self, t: FloatArray) -> FloatArray:
+        """Return the change from the trim (n,) at times (n,), s."""
+        inside = (t >= self.start - _EDGE) & (t < self.start + self.duration - _EDGE)
+        return np.where(inside, self.amplitude, 0.0)
 
-class Multisine(_Table):
+
+class Multisine(_TimedSignal):
     """Equal-power harmonics with Schroeder phases (IEEE Trans. Inf. Theory 16(1), 1970), low peak factor.
 
     Harmonics ``first``, ``first + stride``, ... of 1/duration up to ``band`` Hz: different ``first`` with one
     ``stride`` make inputs on several controls orthogonal.
     """
 
-    control: str
     shape: Literal["multisine"]
-    start: Instant
-    duration: Seconds
     amplitude: Deflection
     band: Annotated[Number, Field(gt=0.0)]  #: Hz
     first: Harmonic = 1
@@ -182,20 +208,26 @@ class Multisine(_Table):
             raise ValueError(f"more than {MAX_HARMONICS} harmonics; lower band or duration, or raise stride")
         return self
 
+    def signal(self, t: FloatArray) -> FloatArray:
+        """Return the change from the trim (n,) at times (n,), s."""
+        harmonics = range(self.first, int(self.band * self.duration) + 1, self.stride)
+        waves = np.zeros_like(t)
+        for k, harmonic in enumerate(harmonics):
+            phase = -np.pi * k * (k + 1) / len(harmonics)
+            waves += np.sin(2.0 * np.pi * harmonic * (t - self.start) / self.duration + phase)
+        return self._inside(t, self.amplitude * waves / max(float(np.max(np.abs(waves))), 1e-12))
 
-class Harmonics(_Table):
+
+class Harmonics(_TimedSignal):
     """Harmonics of 1/duration, each with its own amplitude and phase: the sum of a sin(2 pi k t/duration + phase)."""
 
-    control: str
     shape: Literal["harmonics"]
-    start: Instant
-    duration: Seconds
     harmonics: Annotated[tuple[Harmonic, ...], Field(min_length=1, max_length=MAX_HARMONICS)]
     amplitudes: tuple[Deflection, ...]  #: rad, one per harmonic
     phases: tuple[Number, ...]  #: rad, one per harmonic
 
     @model_validator(mode="after")
-    def _as_many_of_each(self) -> Harmonics:
+    def _same_lengths(self) -> Harmonics:
         if not len(self.harmonics) == len(self.amplitudes) == len(self.phases):
             raise ValueError(
                 "harmonics, amplitudes and phases differ in length; give one of each per harmonic"
@@ -207,16 +239,23 @@ class Harmonics(_Table):
         """Highest frequency, Hz."""
         return max(self.harmonics) / self.duration
 
+    def signal(self, t: FloatArray) -> FloatArray:
+        """Return the change from the trim (n,) at times (n,), s."""
+        waves = np.zeros_like(t)
+        for k, amplitude, phase in zip(self.harmonics, self.amplitudes, self.phases, strict=True):
+            waves += amplitude * np.sin(2.0 * np.pi * k * (t - self.start) / self.duration + phase)
+        return self._inside(t, waves)
+
 
 Input = Annotated[Steps | Levels | Pulse | Multisine | Harmonics, Field(discriminator="shape")]
 
 
 class Battery(_Table):
-    """How the voltage falls, for vehicles whose rotors feel it: start - fall t - sag (x / x of the trim)^2."""
+    """How the voltage falls, for rotors that depend on it: start - fall t - sag (x / x of the trim)^2."""
 
     start: Annotated[Number, Field(gt=0.0, le=1000.0)] | None = None  #: V, idle; nominal when absent
     fall: Instant = 0.0  #: V/s
-    sag: Instant = 0.0  #: V that the current of the steady flight costs
+    sag: Instant = 0.0  #: V, under the current of the steady flight
 
 
 class Maneuver(_Table):
@@ -227,7 +266,7 @@ class Maneuver(_Table):
     rate: Annotated[Number, Field(gt=0.0, le=10000.0)] = 100.0
     airspeed: Annotated[Number, Field(gt=0.0)] | None = None
     altitude: Annotated[Number, Field(ge=-1000.0, le=11000.0)] = 200.0
-    velocity: Vector | None = None  #: north, east, down over ground at the start, m/s; of what hovers
+    velocity: Vector | None = None  #: north, east, down over ground at the start, m/s; on rotors
     heading: Annotated[Number, Field(ge=-2.0 * math.pi, le=2.0 * math.pi)] = 0.0  #: at the start, rad
     wind: Vector | None = None  #: blowing north, east, down, m/s
     battery: Battery | None = None
@@ -256,67 +295,9 @@ class Maneuver(_Table):
         """Return the change of each control from trim over :attr:`time`, in :func:`unit_of` it."""
         out: dict[str, FloatArray] = {}
         for spec in self.input:
-            signal = _SHAPES[spec.shape](spec, self.time)
+            signal = spec.signal(self.time)
             out[spec.control] = out.get(spec.control, np.zeros_like(signal)) + signal
         return out
-
-
-PATTERNS = {"3-2-1-1": (3, 2, 1, 1), "doublet": (1, 1), "1-1": (1, 1), "2-1-1": (2, 1, 1)}
-
-
-def _steps(spec: Any, t: FloatArray) -> FloatArray:
-    pattern = PATTERNS[spec.shape]
-    levels = [spec.amplitude * (-1.0) ** i for i in range(len(pattern))]
-    return _levels(t, spec.start + spec.step * np.concatenate([[0], np.cumsum(pattern)]), levels, spec.slew)
-
-
-def _rows_of_levels(spec: Any, t: FloatArray) -> FloatArray:
-    return _levels(t, spec.start + np.concatenate([[0.0], np.cumsum(spec.lengths)]), spec.levels, spec.slew)
-
-
-def _levels(t: FloatArray, edges: FloatArray, levels: Sequence[float], slew: float | None) -> FloatArray:
-    """Return one level between each two edges, the trim before and after; with a slew from level to level in ramps."""
-    held = np.array([0.0, *levels, 0.0])
-    if slew is None:
-        return np.asarray(held[np.searchsorted(edges - _EDGE, t, side="right")])
-    corners = np.column_stack([edges, edges + np.abs(np.diff(held)) / slew])
-    return np.asarray(np.interp(t, corners.ravel(), np.column_stack([held[:-1], held[1:]]).ravel()))
-
-
-def _pulse(spec: Any, t: FloatArray) -> FloatArray:
-    inside = (t >= spec.start - _EDGE) & (t < spec.start + spec.duration - _EDGE)
-    return np.where(inside, spec.amplitude, 0.0)
-
-
-def _multisine(spec: Any, t: FloatArray) -> FloatArray:
-    harmonics = range(spec.first, int(spec.band * spec.duration) + 1, spec.stride)
-    tau = t - spec.start
-    waves = np.zeros_like(t)
-    for k, harmonic in enumerate(harmonics):
-        phase = -np.pi * k * (k + 1) / len(harmonics)
-        waves += np.sin(2.0 * np.pi * harmonic * tau / spec.duration + phase)
-    inside = (tau >= -_EDGE) & (tau < spec.duration - _EDGE)
-    return np.asarray(
-        np.where(inside, spec.amplitude * waves / max(float(np.max(np.abs(waves))), 1e-12), 0.0)
-    )
-
-
-def _harmonics(spec: Any, t: FloatArray) -> FloatArray:
-    tau = t - spec.start
-    waves = np.zeros_like(t)
-    for k, amplitude, phase in zip(spec.harmonics, spec.amplitudes, spec.phases, strict=True):
-        waves += amplitude * np.sin(2.0 * np.pi * k * tau / spec.duration + phase)
-    inside = (tau >= -_EDGE) & (tau < spec.duration - _EDGE)
-    return np.asarray(np.where(inside, waves, 0.0))
-
-
-_SHAPES: dict[str, Callable[[Any, FloatArray], FloatArray]] = {
-    **dict.fromkeys(PATTERNS, _steps),
-    "levels": _rows_of_levels,
-    "pulse": _pulse,
-    "multisine": _multisine,
-    "harmonics": _harmonics,
-}
 
 
 def load_maneuver(path: Path | str) -> Maneuver:
@@ -337,3 +318,63 @@ def parse_maneuver(text: str, where: str) -> Maneuver:
         return Maneuver.model_validate(raw)
     except ValidationError as error:
         raise ManeuverError(f"{where}: {first_complaint(error, raw, Maneuver)}") from None
+
+
+def check_maneuver(vehicle: Vehicle, maneuver: Maneuver) -> None:
+    """Check that a vehicle can fly a maneuver.
+
+    Raises
+    ------
+    ManeuverError
+        An input that the vehicle does not have, an airspeed without wings, a velocity without rotors, or a battery
+        that no rotor depends on.
+    """
+    on_rotors = flies_on_rotors(vehicle, maneuver.airspeed)
+    known = movable(vehicle, on_rotors)
+    if vehicle.file.reference is None and maneuver.airspeed is not None:
+        raise ManeuverError(
+            f"airspeed: {vehicle.where} has no wings to fly {maneuver.airspeed:g} m/s on, so no trim there; leave it out, write "
+            f"velocity, and move {', '.join(movable(vehicle, True))}"
+        )
+    for spec in maneuver.input:
+        if spec.control not in known:
+            hint = f", or leave the airspeed out: '{spec.control}' is moved where rotors carry the vehicle"
+            raise ManeuverError(
+                f"{vehicle.where}: the maneuver moves '{spec.control}', but the controls are {', '.join(known) or 'none'}; "
+                f"correct the maneuver file{hint if spec.control in movable(vehicle, True) else ''}"
+            )
+    if on_rotors and len(maneuver.time) > MAX_ROTOR_SAMPLES:
+        raise ManeuverError(
+            f"duration times rate: more than {MAX_ROTOR_SAMPLES} samples under the autopilot; lower one of them"
+        )
+    if maneuver.heading and vehicle.reduce == "longitudinal":
+        raise ManeuverError(
+            "heading: a longitudinal model flies north; remove the heading, or fly the full model"
+        )
+    rotors = vehicle.file.rotors
+    if maneuver.velocity is not None and rotors is None:
+        raise ManeuverError(
+            f"velocity: {vehicle.where} has no rotors to hover on; write airspeed, and wind for the speed over ground"
+        )
+    if maneuver.battery is None:
+        return
+    if rotors is None or rotors.nominal_voltage is None or not on_rotors:
+        raise ManeuverError(
+            f"battery: no rotor of {vehicle.where} depends on the voltage in this flight; write nominal_voltage into [rotors] "
+            "of the vehicle file, or remove it"
+        )
+    if maneuver.battery.sag and rotors.voltage_average:
+        raise ManeuverError(
+            f"battery.sag: the rotors of {vehicle.where} take the voltage over {rotors.voltage_average:g} s (voltage_average), "
+            "so sag is part of their thrust; remove one of the two"
+        )
+
+
+def movable(vehicle: Vehicle, on_rotors: bool) -> list[str]:
+    """Return the names that a maneuver may move: on rotors also excitations and set-points of the autopilot."""
+    ground = () if vehicle.file.ground_effect is None else (vehicle.file.ground_effect.channel,)
+    if not vehicle.rotors:
+        return [*vehicle.controls, *ground]
+    names = (*EXCITATIONS, *SETPOINTS) if on_rotors else ()
+    channels = set(vehicle.recorded) - {"voltage", "density"}
+    return list(dict.fromkeys((*names, *vehicle.controls, *sorted(channels))))

@@ -1,7 +1,7 @@
 """Flight on rotors under the autopilot: the loop is closed over true states, at the rate of the maneuver.
 
 A command that is computed from the state of one sample is recorded for a later one, so that a simulation of the
-recorded channels alone is the flight that was flown.
+recorded channels alone reproduces the flight.
 """
 
 from __future__ import annotations
@@ -11,52 +11,53 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.rotations import to_ground
-from stoop.simulation.asked import Asked, asked
-from stoop.simulation.autopilot import Gains, design, linear_errors, rotor_lags
-from stoop.simulation.commands import Commands, Late
-from stoop.simulation.delays import with_slopes
+from stoop.simulation.autopilot import (
+    LinearErrors,
+    Reference,
+    design,
+    linear_errors,
+    reference_motion,
+    rotor_lags,
+)
+from stoop.simulation.delays import OFFSETS, input_delays, lagrange, with_slopes
 from stoop.simulation.initial import initial_states, parameter_rows
-from stoop.simulation.maneuver import SETPOINTS, Maneuver
-from stoop.simulation.paths import Stepper
-from stoop.simulation.steady import Trim
+from stoop.simulation.maneuver import EXCITATIONS, SETPOINTS, Battery, Maneuver
+from stoop.simulation.rotors import AXES, channel_range
+from stoop.simulation.trajectories import Stepper, gust_noise
+from stoop.simulation.trim import Trim, inputs_about
 from stoop.vehicle import Vehicle
 
-_LOST: Final = 1e6  #: of any state; from there on a flight is not computed
-_FAR: Final = np.repeat(
-    [1.5, 2.0], 3
-)  #: errors of position, m, and velocity, m/s: the autopilot sees no larger ones
+DIVERGED: Final = 1e6  #: of any state; a flight ends there
+ERROR_LIMITS: Final = np.repeat([1.5, 2.0], 3)  #: of position, m, and velocity, m/s, in the autopilot
+EMPTY_BATTERY: Final = 0.05  #: of the nominal voltage, the least there is
 
 
 @dataclass(frozen=True, eq=False)
-class OnRotors:
-    """A flight, before an instrument saw it.
+class RotorFlight:
+    """A flight on rotors, without instruments.
 
     Attributes
     ----------
     inputs, received : (n, n_u)
         Channels as recorded, and as they arrive after the delay.
     states : (n, n_x)
+        NaN after a divergence.
     clipped : (n, m)
-        Where a rotor channel was held at an end of its range.
+        Where a rotor channel reached an end of its range.
     """
 
     inputs: FloatArray
     received: FloatArray
     states: FloatArray
-    clipped: NDArray[np.bool_]
+    clipped: BoolArray
 
 
 def fly_on_rotors(
-    vehicle: Vehicle,
-    maneuver: Maneuver,
-    point: Trim,
-    gusts: dict[str, float],
-    rng: np.random.Generator,
-) -> OnRotors:
+    vehicle: Vehicle, maneuver: Maneuver, point: Trim, gusts: dict[str, float], rng: np.random.Generator
+) -> RotorFlight:
     """Fly a maneuver from a trim on rotors.
 
     Parameters
@@ -73,107 +74,155 @@ def fly_on_rotors(
     """
     dt, count = 1.0 / maneuver.rate, len(maneuver.time)
     rows = parameter_rows(vehicle, point.changes)
-    late, model = Late.of(vehicle, rows, dt), linear_errors(vehicle, point)
-    gains = design(vehicle, point, model, dt, late.ahead + late.delay)
-    commands = Commands.of(vehicle, maneuver, point, model)
+    delay, model = _Delay.of(vehicle, rows, dt), linear_errors(vehicle, point)
+    gains = design(vehicle, point, model, dt, delay.ahead + delay.arrival)
+    commands = _Commands(vehicle, maneuver, point, model)
     signals = maneuver.deflections()
-    goal = asked({n: signals[n] for n in SETPOINTS if n in signals}, point, count, dt)
-    for k in range(min(late.ahead, count)):
-        commands.give(k, np.array([0.0, 0.0, 0.0, goal.up[k]]))
-    state = initial_states(vehicle, {**point.start, **gusts}, rows, commands.inputs[0])[:, 0]
-    stepper = Stepper.of(vehicle, rows, count, dt, rng)
-    return _closed(_Loop.of(vehicle, point, goal, gains, state), commands, late, stepper, state, dt)
+    reference = reference_motion({n: signals[n] for n in SETPOINTS if n in signals}, point, count, dt)
+    for k in range(min(delay.ahead, count)):
+        commands.give(k, np.array([0.0, 0.0, 0.0, reference.up[k]]))
+    inputs = commands.inputs
+    state = initial_states(vehicle, {**point.start, **gusts}, rows, inputs[0])[:, 0]
+    stepper = Stepper(vehicle, rows, dt, gust_noise(vehicle, count, dt, rng))
+    loop = _Loop(vehicle, point, reference, state)
+    # Height above the ground, an input where the vehicle has a ground effect; the maneuver may move the ground.
+    h, table = vehicle.states.index("h"), vehicle.file.ground_effect
+    column = None if table is None else vehicle.inputs.index(table.channel)
+    terrain = inputs[:, column or 0] - state[h]
 
-
-def _closed(
-    loop: _Loop, commands: Commands, late: Late, stepper: Stepper, state: FloatArray, dt: float
-) -> OnRotors:
-    """Fly sample by sample; a flight that diverges is left where it does."""
-    count, height = len(commands.inputs), _Height.of(stepper.vehicle, commands.inputs, state)
-    states, received = np.full((count, len(state)), np.nan), np.full(commands.inputs.shape, np.nan)
-    states[0], received[0] = state, late.received(commands.inputs, 0)
-    position, before = np.zeros(3), loop.velocity(state)
+    states, received = np.full((count, len(state)), np.nan), np.full(inputs.shape, np.nan)
+    states[0], received[0] = state, delay.received(inputs, 0)
+    position, velocity = np.zeros(3), loop.velocity(state)
     for k in range(count - 1):
-        errors, velocity = loop.errors(k, states[k], position)
-        if k + late.ahead < count:
-            wanted = loop.gains.command(errors, _underway(commands.given, k, late))
-            wanted[3] += loop.goal.up[k + late.ahead]
-            commands.give(k + late.ahead, wanted)
-        height.record(k + 1, states[k], velocity, dt)
-        received[k + 1] = late.received(commands.inputs, k + 1)
-        with_slopes(stepper.vehicle, received[k : k + 2], dt)
+        if k + delay.ahead < count:
+            command = gains.command(
+                loop.errors(k, states[k], position, velocity), delay.underway(commands, k)
+            )
+            command[3] += reference.up[k + delay.ahead]
+            commands.give(k + delay.ahead, command)
+        if column is not None:  # inputs of a step are known before it
+            inputs[k + 1, column] = states[k, h] - dt * velocity[2] + terrain[k + 1]
+        received[k + 1] = delay.received(inputs, k + 1)
+        with_slopes(vehicle, received[k : k + 2], dt)
         states[k + 1] = stepper.step(k, states[k], received[k], received[k + 1])
-        if not float(np.abs(states[k + 1]).max()) < _LOST:
+        if not float(np.abs(states[k + 1]).max()) < DIVERGED:
             states[k + 1] = np.nan
             break
         before, velocity = velocity, loop.velocity(states[k + 1])
         position = position + 0.5 * dt * (before + velocity)
-    return OnRotors(commands.inputs, received, states, commands.clipped)
+    return RotorFlight(inputs, received, states, commands.clipped)
 
 
 @dataclass(frozen=True, eq=False)
-class _Height:
-    """Records the height above the ground, where the vehicle feels it."""
+class _Delay:
+    """Delay of each channel, as weights (4, n_u) of the neighboring samples at offsets (4, n_u)."""
 
-    inputs: FloatArray
-    terrain: FloatArray  #: (n,), m, by which the maneuver lowers the ground
-    column: int
-    state: int
+    offsets: IntArray
+    weights: FloatArray
+    ahead: int  #: samples from a state to the first command that can depend on it
+    arrival: int  #: samples from there to its arrival, rounded
 
     @classmethod
-    def of(cls, vehicle: Vehicle, inputs: FloatArray, state: FloatArray) -> _Height:
-        h, table = vehicle.states.index("h"), vehicle.file.ground_effect
-        column = -1 if table is None else vehicle.inputs.index(table.channel)
-        return cls(inputs, inputs[:, column] - state[h], column, h)
+    def of(cls, vehicle: Vehicle, rows: FloatArray, dt: float) -> _Delay:
+        """Return the delays in kernel parameters (n_p, 1)."""
+        samples = np.zeros(len(vehicle.inputs))
+        for column, row in input_delays(vehicle):
+            samples[column] = rows[row, 0] / dt
+        whole = np.floor(samples)
+        offsets = np.array(OFFSETS)[:, None] - whole.astype(np.intp)
+        weights = np.array([lagrange(float(f)) for f in samples - whole]).T
+        rotors = channel_range(vehicle).columns
+        needed = 1 - whole[rotors] + (samples[rotors] > whole[rotors])
+        return cls(offsets, weights, max(1, int(needed.max())), max(0, round(float(samples[rotors].mean()))))
 
-    def record(self, k: int, before: FloatArray, velocity: FloatArray, dt: float) -> None:
-        """Record what the state one sample before leads to; inputs of a step are known before it."""
-        if self.column >= 0:
-            self.inputs[k, self.column] = before[self.state] - dt * velocity[2] + self.terrain[k]
+    def received(self, commands: FloatArray, k: int) -> FloatArray:
+        """Return the channels (n_u,) that arrive at a sample of (n, n_u), as `late_inputs` does for all samples."""
+        at = np.minimum(np.maximum(k + self.offsets, 0), len(commands) - 1)
+        return np.asarray((self.weights * commands[at, np.arange(commands.shape[1])]).sum(axis=0))
+
+    def underway(self, commands: _Commands, k: int) -> FloatArray:
+        """Return the commands (N, 4) that arrive before the next one; there were none before the flight."""
+        first = k - self.arrival
+        known = commands.given[max(first, 0) : k + self.ahead]
+        return known if first >= 0 else np.vstack([np.zeros((min(-first, self.arrival), 4)), known])
 
 
-def _underway(given: FloatArray, k: int, late: Late) -> FloatArray:
-    """Return the commands (N, 4) that arrive before the next one does; before the flight there were none."""
-    first = k - late.delay
-    known = given[max(first, 0) : k + late.ahead]
-    return known if first >= 0 else np.vstack([np.zeros((min(-first, late.delay), 4)), known])
+class _Commands:
+    """The recorded channels of a maneuver, those of the rotors filled sample by sample.
+
+    Attributes
+    ----------
+    inputs : (n, n_u)
+    given : (n, 4)
+        Accelerations that the channels give, in excess of the trim's.
+    clipped : (n, m)
+        Where the range ended.
+    """
+
+    def __init__(self, vehicle: Vehicle, maneuver: Maneuver, point: Trim, model: LinearErrors) -> None:
+        signals, count, area = maneuver.deflections(), len(maneuver.time), channel_range(vehicle)
+        zero = np.zeros(count)
+        own = {*EXCITATIONS, *SETPOINTS, *area.names}
+        others = {name: signal for name, signal in signals.items() if name not in own}
+        self.inputs = inputs_about(vehicle, point, others, count)
+        self.range, self.model, self.trim = area, model, point.inputs[area.columns]
+        self.excitations = np.column_stack([signals.get(axis, zero) for axis in AXES])
+        self.single = np.column_stack([signals.get(name, zero) for name in area.names])
+        self.given = np.zeros((count, 4))
+        self.clipped = np.zeros((count, len(area.names)), dtype=bool)
+        self.nominal: float | None = None
+        battery = maneuver.battery or Battery()
+        if "rotors.nominal_voltage" in vehicle.rows:  # the rotors feel the battery
+            self.nominal = vehicle.value("rotors.nominal_voltage")
+            start = self.nominal if battery.start is None else battery.start
+            self.voltage, self.sag = start - battery.fall * maneuver.time, battery.sag
+            self.column = vehicle.inputs.index("voltage")
+
+    def give(self, k: int, accelerations: FloatArray) -> None:
+        """Record the channels that give accelerations (4,) in addition to the excitations, within their range.
+
+        The autopilot measures the voltage, which sags under the current of these channels, and compensates for it.
+        """
+        area = self.range
+        wanted = self.trim + self.model.mixing @ (accelerations + self.excitations[k]) + self.single[k]
+        share = 1.0
+        if self.nominal is not None:
+            load = float(np.mean(np.square((wanted - area.idle) / (self.trim - area.idle))))
+            volts = max(float(self.voltage[k]) - self.sag * load, EMPTY_BATTERY * self.nominal)
+            self.inputs[k, self.column] = volts
+            share = volts / self.nominal
+        sent = area.idle + (wanted - area.idle) / share
+        limited = area.clip(sent)
+        self.clipped[k] = limited != sent
+        self.inputs[k, area.columns] = limited
+        self.given[k] = self.model.effect @ (area.idle + (limited - area.idle) * share - self.trim)
 
 
-@dataclass(frozen=True, eq=False)
 class _Loop:
-    """What the autopilot compares."""
+    """Errors of a state with respect to the reference motion."""
 
-    goal: Asked
-    gains: Gains
-    wind: FloatArray
-    first: tuple[int, int, int]  #: states u, p and e0
-    lags: NDArray[np.intp]
-    calm: FloatArray  #: lags of the trim
-
-    @classmethod
-    def of(cls, vehicle: Vehicle, point: Trim, goal: Asked, gains: Gains, state: FloatArray) -> _Loop:
-        u, p, e0 = (vehicle.states.index(name) for name in ("u", "p", "e0"))
-        lags = np.array(rotor_lags(vehicle), dtype=np.intp)
-        return cls(goal, gains, np.array(point.wind), (u, p, e0), lags, state[lags])
+    def __init__(self, vehicle: Vehicle, point: Trim, reference: Reference, state: FloatArray) -> None:
+        self.reference, self.wind = reference, np.array(point.wind)
+        self.u, self.p, self.e0 = (vehicle.states.index(name) for name in ("u", "p", "e0"))
+        self.lags = np.array(rotor_lags(vehicle), dtype=np.intp)
+        self.trim_lags = state[self.lags]
 
     def velocity(self, x: FloatArray) -> FloatArray:
         """Return the velocity over ground of a state (n_x,), m/s north-east-down."""
-        u, _, e0 = self.first
-        return to_ground(x[e0 : e0 + 4], x[u : u + 3]) + self.wind
+        return np.asarray(to_ground(x[self.e0 : self.e0 + 4], x[self.u : self.u + 3]) + self.wind)
 
-    def errors(self, k: int, x: FloatArray, position: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return errors (n_e,) at a sample, and the velocity over ground."""
-        goal, (_, p, e0) = self.goal, self.first
-        back, velocity = goal.rotation[k].T, self.velocity(x)
+    def errors(self, k: int, x: FloatArray, position: FloatArray, velocity: FloatArray) -> FloatArray:
+        """Return errors (n_e,) at a sample."""
+        goal, back = self.reference, self.reference.rotation[k].T
         near = np.concatenate([back @ (position - goal.position[k]), back @ (velocity - goal.velocity[k])])
-        near = np.minimum(np.maximum(near, -_FAR), _FAR)
-        angle = _between(goal.quaternion[k].tolist(), x[e0 : e0 + 4].tolist())
-        turning = x[p : p + 3] - back[:, 2] * goal.turning[k]
-        return np.concatenate([near, angle, turning, x[self.lags] - self.calm]), velocity
+        near = np.minimum(np.maximum(near, -ERROR_LIMITS), ERROR_LIMITS)
+        angle = small_rotation(goal.quaternion[k].tolist(), x[self.e0 : self.e0 + 4].tolist())
+        rates = x[self.p : self.p + 3] - back[:, 2] * goal.turn_rate[k]
+        return np.concatenate([near, angle, rates, x[self.lags] - self.trim_lags])
 
 
-def _between(a: Sequence[float], b: Sequence[float]) -> list[float]:
-    """Return `rotations.vectors_of` of conj(a) b, for small angles: one sample at a time, fifty times as fast."""
+def small_rotation(a: Sequence[float], b: Sequence[float]) -> list[float]:
+    """Return `rotations.vectors_of` of conj(a) b for small angles; on single quaternions fifty times as fast."""
     a0, a1, a2, a3 = a
     b0, b1, b2, b3 = b
     twice = 2.0 if a0 * b0 + a1 * b1 + a2 * b2 + a3 * b3 >= 0.0 else -2.0

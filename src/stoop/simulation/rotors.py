@@ -1,4 +1,4 @@
-"""Rotors as one control: which accelerations their channels give, and which channels give wanted accelerations."""
+"""Rotors as one control: the accelerations that their channels give, and the channels for wanted accelerations."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import FloatArray, IntArray
 from stoop.errors import SimulationError
 from stoop.simulation.initial import initial_states, parameter_rows
 from stoop.vehicle import Vehicle
@@ -17,12 +17,12 @@ from stoop.vehicle.rotor_numbers import full_command
 
 AXES: Final = ("roll", "pitch", "yaw", "heave")
 """Angular accelerations, rad/s2, and specific force up the body, m/s2; the order of every allocation."""
-_WEAK = 1e-7  #: of the strongest: an acceleration that rotors do not give
+MIN_AUTHORITY: Final = 1e-7  #: of the strongest axis; a weaker acceleration is none
 
 
 @dataclass(frozen=True, eq=False)
 class Range:
-    """Where the channels of the rotors may lie.
+    """Range of the rotor channels.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Range:
     """
 
     names: tuple[str, ...]
-    columns: NDArray[np.intp]
+    columns: IntArray
     idle: FloatArray
     full: FloatArray
 
@@ -51,44 +51,43 @@ def channel_range(vehicle: Vehicle) -> Range:
     names = tuple(dict.fromkeys(rotor.channel for rotor in vehicle.file.rotor.values()))
     gain, idle = vehicle.value("rotors.gain"), vehicle.value("rotors.idle")
     by_drive = idle + 1.0 / gain if rotors.drive == "command" and gain > 0.0 else np.inf
-    by_name = [full_command(n) or np.inf for n in names]
-    full = np.minimum(by_drive, by_name)
+    full = np.minimum(by_drive, [full_command(n) or np.inf for n in names])
     columns = np.array([vehicle.inputs.index(n) for n in names])
     return Range(names, columns, np.full(len(names), idle), full)
-
-
-def effects(
-    vehicle: Vehicle, start: Mapping[str, ArrayLike], inputs: FloatArray, changes: Mapping[str, ArrayLike]
-) -> FloatArray:
-    """Return what one unit of each rotor channel gives (4, m), in the order of `AXES`, once lags have passed.
-
-    Parameters
-    ----------
-    start : mapping
-        :func:`~stoop.simulation.initial.initial_states`'s.
-    inputs : (n_u,) array
-        Channels about which.
-    changes : mapping
-        Numbers of the vehicle in place of its own.
-    """
-    area = channel_range(vehicle)
-    step = 1e-4 * np.maximum(np.abs(inputs[area.columns] - area.idle), 1e-3)
-    moved = np.zeros((len(inputs), 2 * len(step)))
-    for i, column in enumerate(area.columns):
-        moved[column, [2 * i, 2 * i + 1]] = step[i], -step[i]
-    rates = accelerations(vehicle, start, inputs[:, None] + moved, changes)
-    up = np.vstack([rates[3:], -rates[2:3]])
-    return np.asarray((up[:, 0::2] - up[:, 1::2]) / (2.0 * step))
 
 
 def accelerations(
     vehicle: Vehicle, start: Mapping[str, ArrayLike], inputs: FloatArray, changes: Mapping[str, ArrayLike]
 ) -> FloatArray:
-    """Return u', v', w', p', q', r' (6, B) for channels (n_u, B) that have been held as long as any lag."""
+    """Return u', v', w', p', q', r' (6, B) for channels (n_u, B) after all lags have settled."""
     rows = parameter_rows(vehicle, changes, inputs.shape[1])
     states = initial_states(vehicle, start, rows, inputs)
     rates, _ = vehicle.kernel().evaluate(rows, states, np.ascontiguousarray(inputs))
     return rates[[vehicle.states.index(s) for s in ("u", "v", "w", "p", "q", "r")]]
+
+
+def effects(
+    vehicle: Vehicle, start: Mapping[str, ArrayLike], inputs: FloatArray, changes: Mapping[str, ArrayLike]
+) -> FloatArray:
+    """Return the accelerations `AXES` per unit of each rotor channel, (4, m), after lags have settled.
+
+    Parameters
+    ----------
+    start : mapping
+        As in :func:`~stoop.simulation.initial.initial_states`.
+    inputs : (n_u,) array
+        Channels about which the derivative is taken.
+    changes : mapping
+        Numbers of the vehicle in place of its own.
+    """
+    area = channel_range(vehicle)
+    step = 1e-4 * np.maximum(np.abs(inputs[area.columns] - area.idle), 1e-3)
+    change = np.zeros((len(inputs), 2 * len(step)))
+    for i, column in enumerate(area.columns):
+        change[column, [2 * i, 2 * i + 1]] = step[i], -step[i]
+    rates = accelerations(vehicle, start, inputs[:, None] + change, changes)
+    up = np.vstack([rates[3:], -rates[2:3]])
+    return np.asarray((up[:, 0::2] - up[:, 1::2]) / (2.0 * step))
 
 
 def allocation(vehicle: Vehicle, effect: FloatArray) -> FloatArray:
@@ -97,16 +96,16 @@ def allocation(vehicle: Vehicle, effect: FloatArray) -> FloatArray:
     Raises
     ------
     SimulationError
-        An acceleration that the rotors do not give, or not apart from the others.
+        An acceleration that the rotors do not give, or not independently of the others.
     """
     size = np.linalg.norm(effect, axis=1)
-    fair = effect / np.where(size > 0.0, size, 1.0)[:, None]
-    missing = [axis for axis, s in zip(AXES, size, strict=True) if not s > _WEAK * size.max()]
-    if not missing and np.linalg.svd(fair, compute_uv=False)[-1] < 1e-6:
+    scaled = effect / np.where(size > 0.0, size, 1.0)[:, None]
+    missing = [axis for axis, s in zip(AXES, size, strict=True) if not s > MIN_AUTHORITY * size.max()]
+    if not missing and np.linalg.svd(scaled, compute_uv=False)[-1] < 1e-6:
         missing = ["roll, pitch, yaw and heave apart from each other"]
     if missing:
         raise SimulationError(
             f"{vehicle.where}: the rotors cannot command {missing[0]}, so no autopilot holds it; "
             "check positions, axes, spin, thrust and torque (torque_ratio, or Q2) of the rotors"
         )
-    return np.asarray(np.linalg.pinv(fair) / size)
+    return np.asarray(np.linalg.pinv(scaled) / size)

@@ -8,28 +8,31 @@ from __future__ import annotations
 
 from typing import Final
 
-from stoop.optimize.operators import MEMBERS
-from stoop_studies.optimizers.pieces.control import ByCost, Fixed, Signed
-from stoop_studies.optimizers.pieces.diversity import (
+from stoop.optimize.population import MEMBERS
+from stoop_studies.optimizers.evolution import (
     Acceleration,
+    DifferentialEvolution,
+    Initialization,
     Islands,
     Migration,
     RingMigration,
     SecondMutation,
+    chaos,
 )
-from stoop_studies.optimizers.pieces.evolution import DifferentialEvolution, Initialization
-from stoop_studies.optimizers.pieces.local_search import PreySchedule, SteepestDescent
-from stoop_studies.optimizers.pieces.mutation import (
+from stoop_studies.optimizers.local_search import PreySchedule, SteepestDescent
+from stoop_studies.optimizers.mutation import (
     Best2,
+    ByCost,
+    Fixed,
     Localized,
     Mutation,
     Ordered,
     Rand1,
     ScaledByCost,
+    Signed,
     Trigonometric,
     WeightedCentroid,
 )
-from stoop_studies.optimizers.pieces.operators import chaos
 
 ORDERED: Final = Ordered()
 PREY: Final = PreySchedule(SteepestDescent())

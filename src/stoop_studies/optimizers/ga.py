@@ -16,7 +16,7 @@ Deb, Sindhya and Okabe (2007), Self-adaptive simulated binary crossover for real
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -24,15 +24,12 @@ from numpy.random import Generator
 
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.optimize.ledger import Ledger
-from stoop.optimize.operators import MEMBERS
+from stoop.optimize.population import MEMBERS
 from stoop.optimize.problem import Problem
-from stoop.optimize.state import Event, RandomStream
-from stoop_studies.optimizers.pieces.evolution import PopulationState, first_population
+from stoop.optimize.state import Event
+from stoop_studies.optimizers.evolution import PopulationState, advanced, begun, first_population
 
-MATINGS: Final = 100  #: tries to fill a generation with children that are new
 CROSSED_OVER: Final = 0.9  #: share of couples that cross over, and of children that may mutate
-EQUAL_VARIABLES: Final = 1e-14  #: parents nearer than this in a variable hand it on as it is
-EQUAL_MEMBERS: Final = 1e-16  #: distance at which two members are one
 
 
 @dataclass(frozen=True)
@@ -59,7 +56,7 @@ class SimulatedBinary:
             return parents
         generator.random(len(mate))  # pymoo draws here whether a couple's children may change places: all may
         cross = generator.random(parents.shape[1:]) < self.crossed
-        cross &= np.abs(parents[0] - parents[1]) > EQUAL_VARIABLES
+        cross &= np.abs(parents[0] - parents[1]) > 1e-14  # nearer ones hand it on as it is
         u = generator.random(int(cross.sum()))
         low, high = parents[:, cross].min(axis=0), parents[:, cross].max(axis=0)
         gap, both = high - low, low + high
@@ -134,10 +131,7 @@ class GeneticAlgorithm:
     def init(self, problem: Problem, seed: int, starts: FloatArray) -> PopulationState:
         """Evaluate the first population; the user's own values take the first places."""
         ledger, generator, X, F = first_population(problem, seed, starts, self.members)
-        stream, evaluations = RandomStream.of(generator), ledger.evaluations
-        return PopulationState(
-            optimizer=self.name, generation=0, stream=stream, evaluations=evaluations, X=X, F=F
-        )
+        return begun(PopulationState, self.name, ledger, generator, X=X, F=F)
 
     def step(self, state: PopulationState, problem: Problem) -> tuple[PopulationState, Event]:
         """Do one generation: as many children as members, and the best of both live on."""
@@ -147,20 +141,13 @@ class GeneticAlgorithm:
         costs = ledger.costs(children, ledger.full) if len(children) else np.empty(0)
         X, F = np.concatenate([state.X, children]), np.append(state.F, costs)
         best = np.argsort(F, kind="stable")[: len(state.X)]
-        after = replace(
-            state,
-            X=X[best],
-            F=F[best],
-            generation=state.generation + 1,
-            stream=RandomStream.of(generator),
-            evaluations=ledger.evaluations,
-        )
+        after = advanced(state, ledger, generator, X=X[best], F=F[best])
         return after, Event("evolution", float(F[best[0]]), ledger.full)
 
     def children(self, X: FloatArray, F: FloatArray, generator: Generator) -> FloatArray:
         """Return as many children as members, none of them the same as another or as a member."""
         children = np.empty((0, X.shape[1]))
-        for _ in range(MATINGS):
+        for _ in range(100):  # tries to fill the generation with children that are new
             missing = len(X) - len(children)
             if not missing:
                 break
@@ -188,10 +175,11 @@ def repeated(new: FloatArray, *others: FloatArray) -> BoolArray:
     """Return which of the new, (n,), are the same as an earlier one of them, or as one of the others."""
     from scipy.spatial.distance import cdist
 
-    known = np.asarray(np.tril(cdist(new, new, "sqeuclidean") <= EQUAL_MEMBERS**2, -1).any(axis=1))
+    least = 1e-16**2  # squared distance at which two members are one
+    known = np.asarray(np.tril(cdist(new, new, "sqeuclidean") <= least, -1).any(axis=1))
     for other in others:
         if len(other):
-            known |= (cdist(new, other, "sqeuclidean") <= EQUAL_MEMBERS**2).any(axis=1)
+            known |= (cdist(new, other, "sqeuclidean") <= least).any(axis=1)
     return known
 
 

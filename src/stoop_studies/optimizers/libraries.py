@@ -18,8 +18,8 @@ from numpy.random import Generator
 from stoop.base.arrays import FloatArray
 from stoop.optimize.ledger import Ledger
 from stoop.optimize.libraries import Escape, Library, draw_seed, finite_costs, require
-from stoop.optimize.operators import MEMBERS
-from stoop_studies.optimizers.pieces.operators import uniform
+from stoop.optimize.population import MEMBERS
+from stoop_studies.optimizers.evolution import uniform
 
 CHUNK: Final = 20  #: generations of pygmo between two checks of convergence
 SPREAD: Final = 1e-8  #: of the costs, relative, at which a population of pygmo has converged

@@ -9,7 +9,7 @@ complex space, IEEE TEC 6, 58-73: chi = 0.7298 from phi = 2.05 + 2.05.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import sqrt
 from typing import Final
 
@@ -17,16 +17,14 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.optimize.ledger import Ledger
-from stoop.optimize.operators import MEMBERS
+from stoop.optimize.population import MEMBERS
 from stoop.optimize.problem import Problem
-from stoop.optimize.state import Event, RandomStream, State
-from stoop_studies.optimizers.pieces.evolution import first_population
+from stoop.optimize.state import Event, State
+from stoop_studies.optimizers.evolution import advanced, begun, first_population
 
 PHI: Final = 2.05  #: weight of a particle's own best, and of the swarm's
 CHI: Final = 2.0 / abs(2.0 - 2 * PHI - sqrt((2 * PHI) ** 2 - 8 * PHI))  #: constriction, 0.7298
-FIRST: Final = 0.2  #: largest first velocity, in boxes per generation
 FASTEST: Final = 0.5  #: largest velocity, in boxes per generation
-BOUNCE: Final = -0.5  #: times the velocity of a particle that ran into a bound
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,12 +48,7 @@ class ParticleSwarm:
     """The constricted swarm with global best; it never claims convergence.
 
     The publication leaves bounds open. Here a particle that would leave the box stops on the bound and its
-    velocity there is reversed and halved; velocities stay below half the box.
-
-    Attributes
-    ----------
-    name : registered name
-    members : of the swarm
+    velocity there is reversed and halved; velocities begin below a fifth and stay below half of the box.
     """
 
     name: str = "pso"
@@ -64,11 +57,8 @@ class ParticleSwarm:
     def init(self, problem: Problem, seed: int, starts: FloatArray) -> SwarmState:
         """Evaluate the first places; the user's own values take the first of them."""
         ledger, generator, X, F = first_population(problem, seed, starts, self.members)
-        V = FIRST * (2.0 * generator.random(X.shape) - 1.0)
-        stream, evaluations = RandomStream.of(generator), ledger.evaluations
-        return SwarmState(
-            optimizer=self.name, generation=0, stream=stream, evaluations=evaluations, X=X, V=V, B=X, F=F
-        )
+        V = 0.2 * (2.0 * generator.random(X.shape) - 1.0)
+        return begun(SwarmState, self.name, ledger, generator, X=X, V=V, B=X, F=F)
 
     def step(self, state: SwarmState, problem: Problem) -> tuple[SwarmState, Event]:
         """Move every particle once."""
@@ -82,14 +72,7 @@ class ParticleSwarm:
         X = np.minimum(np.maximum(ahead, 0.0), 1.0)
         costs = ledger.costs(X, ledger.full)
         better = costs < state.F
-        after = replace(
-            state,
-            X=X,
-            V=np.where(ahead == X, V, BOUNCE * V),
-            B=np.where(better[:, None], X, state.B),
-            F=np.where(better, costs, state.F),
-            generation=state.generation + 1,
-            stream=RandomStream.of(generator),
-            evaluations=ledger.evaluations,
-        )
+        V = np.where(ahead == X, V, -0.5 * V)
+        B, F = np.where(better[:, None], X, state.B), np.where(better, costs, state.F)
+        after = advanced(state, ledger, generator, X=X, V=V, B=B, F=F)
         return after, Event("evolution", float(costs.min()), ledger.full)

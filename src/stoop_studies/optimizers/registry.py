@@ -6,23 +6,22 @@ from typing import Final
 
 from stoop.optimize.registry import Entry
 
+PLACE: Final = "stoop_studies.optimizers"
+POPULATION: Final = f"{PLACE}.evolution:PopulationState"
+EVOLUTIONS: Final = (
+    "ps-gde", "de-rand-1-bin", "de-best-2-bin", "weighted-centroid", "multi-population", "hybrid", "trigonometric", "sacpmde",
+    "asmde", "derl",
+)  # fmt: skip
 ENTRIES: Final[dict[str, Entry]] = {
-    "ps-gde": Entry("stoop_studies.optimizers.compositions:ps_gde"),
-    "de-rand-1-bin": Entry("stoop_studies.optimizers.compositions:de_rand_1_bin"),
-    "de-best-2-bin": Entry("stoop_studies.optimizers.compositions:de_best_2_bin"),
-    "weighted-centroid": Entry("stoop_studies.optimizers.compositions:weighted_centroid"),
-    "multi-population": Entry("stoop_studies.optimizers.compositions:multi_population"),
-    "hybrid": Entry("stoop_studies.optimizers.compositions:hybrid"),
-    "trigonometric": Entry("stoop_studies.optimizers.compositions:trigonometric"),
-    "sacpmde": Entry("stoop_studies.optimizers.compositions:sacpmde"),
-    "asmde": Entry("stoop_studies.optimizers.compositions:asmde"),
-    "derl": Entry("stoop_studies.optimizers.compositions:derl"),
-    "ga": Entry("stoop_studies.optimizers.ga:GeneticAlgorithm"),
-    "pso": Entry("stoop_studies.optimizers.pso:ParticleSwarm"),
-    "ordered-shade": Entry("stoop_studies.optimizers.ordered_shade:OrderedShade"),
-    "l-shade": Entry("stoop_studies.optimizers.l_shade:l_shade", plans=True),
-    "jso": Entry("stoop_studies.optimizers.l_shade:jso", plans=True),
-    "pymoo-ga": Entry("stoop_studies.optimizers.libraries:pymoo_ga"),
-    "pymoo-pso": Entry("stoop_studies.optimizers.libraries:pymoo_pso"),
-    "pygmo-sade": Entry("stoop_studies.optimizers.libraries:pygmo_sade"),
+    **{
+        name: Entry(f"{PLACE}.compositions:{name.replace('-', '_')}", state=POPULATION) for name in EVOLUTIONS
+    },
+    "ga": Entry(f"{PLACE}.ga:GeneticAlgorithm", state=POPULATION),
+    "pso": Entry(f"{PLACE}.pso:ParticleSwarm", state=f"{PLACE}.pso:SwarmState"),
+    "ordered-shade": Entry(f"{PLACE}.shade:OrderedShade", state=f"{PLACE}.shade:HerdState"),
+    "l-shade": Entry(f"{PLACE}.shade:LShade", plans=True, state=f"{PLACE}.shade:ShadeState"),
+    "jso": Entry(f"{PLACE}.shade:JSO", plans=True, state=f"{PLACE}.shade:ShadeState"),
+    "pymoo-ga": Entry(f"{PLACE}.libraries:pymoo_ga"),
+    "pymoo-pso": Entry(f"{PLACE}.libraries:pymoo_pso"),
+    "pygmo-sade": Entry(f"{PLACE}.libraries:pygmo_sade"),
 }

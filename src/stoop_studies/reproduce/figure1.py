@@ -8,12 +8,11 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.optimize.operators import latin_hypercube
+from stoop.optimize.population import latin_hypercube
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section
 from stoop_studies.findings import Claim, Findings, Results, Setting, number, reproduces
-from stoop_studies.optimizers.pieces.evolution import Initialization
-from stoop_studies.optimizers.pieces.operators import chaos, uniform
+from stoop_studies.optimizers.evolution import Initialization, chaos, uniform
 from stoop_studies.reproduce.suite import PaperExperiment, tabulated
 
 MEMBERS: Final = 50

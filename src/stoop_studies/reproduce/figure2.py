@@ -14,7 +14,7 @@ from stoop.optimize.ledger import Evaluations
 from stoop.report.plots import Mark, Series, contour_plot, plot
 from stoop.report.sheet import Code, Figure, Prose, Section, Table
 from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number
-from stoop_studies.optimizers.pieces.local_search import (
+from stoop_studies.optimizers.local_search import (
     BETA,
     SteepestDescent,
     golden_section,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stoop_studies.optimizers.pieces.control import ByCost, Fixed, Signed
+from stoop_studies.optimizers.mutation import ByCost, Fixed, Signed
 
 
 def test_fixed_is_fixed_and_draws_nothing() -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from stoop import optimize
 from stoop.optimize.ledger import Evaluations, Ledger
 from stoop_studies.optimizers.compositions import ps_gde
-from stoop_studies.optimizers.pieces.diversity import (
+from stoop_studies.optimizers.evolution import (
     Acceleration,
     Islands,
     Migration,
@@ -23,7 +23,7 @@ from stoop_studies.optimizers.pieces.diversity import (
     relative_variance,
     scattered,
 )
-from stoop_studies.optimizers.pieces.local_search import LevenbergMarquardt, PreySchedule
+from stoop_studies.optimizers.local_search import LevenbergMarquardt, PreySchedule
 
 
 class Bowl:

@@ -8,7 +8,7 @@ from scipy.optimize import minimize_scalar
 
 from stoop.optimize import Ledger
 from stoop.optimize.ledger import Evaluations
-from stoop_studies.optimizers.pieces.local_search import SteepestDescent, forward_gradient, golden_section
+from stoop_studies.optimizers.local_search import SteepestDescent, forward_gradient, golden_section
 
 FUNCTIONS = {
     "parabola": lambda t: (t - 0.37) ** 2,

@@ -10,7 +10,7 @@ import pytest
 from stoop import optimize
 from stoop.errors import IdentificationError
 from stoop.optimize import Stop
-from stoop.optimize.operators import MEMBERS
+from stoop.optimize.population import MEMBERS
 from stoop.optimize.problem import ScalarProblem
 
 METHODS = (

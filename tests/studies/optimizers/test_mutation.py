@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stoop.optimize.operators import binomial, midpoint
-from stoop_studies.optimizers.pieces.diversity import Islands
-from stoop_studies.optimizers.pieces.mutation import (
+from stoop.optimize.population import binomial, midpoint
+from stoop_studies.optimizers.evolution import Islands, clip
+from stoop_studies.optimizers.mutation import (
     Best2,
     Localized,
     Ordered,
@@ -24,7 +24,6 @@ from stoop_studies.optimizers.pieces.mutation import (
     distinct,
     ranked,
 )
-from stoop_studies.optimizers.pieces.operators import clip
 
 SEEDS = st.integers(0, 2**32 - 1)
 OPERATORS = [

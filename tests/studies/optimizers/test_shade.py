@@ -13,17 +13,24 @@ from naive.shade import evaluations_to
 
 from stoop import optimize
 from stoop.errors import IdentificationError
-from stoop.optimize.adaptation import ParameterMemory, success_means
-from stoop.optimize.operators import OrderedToPBest, elite, two_others, update_archive
-from stoop_studies.optimizers.l_shade import jso, jso_limit, keep_best, l_shade, linear_size
-from stoop_studies.optimizers.ordered_shade import OrderedShade
-from stoop_studies.optimizers.pieces.local_search import QuasiNewton
-from stoop_studies.optimizers.pieces.operators import (
+from stoop.optimize.population import (
+    OrderedToPBest,
+    ParameterMemory,
+    elite,
+    success_means,
+    two_others,
+    update_archive,
+)
+from stoop_studies.optimizers.local_search import QuasiNewton
+from stoop_studies.optimizers.shade import (
+    JSO,
     TERMINAL,
     CurrentToPBest,
+    LShade,
+    OrderedShade,
     elite_but_self,
-    learn_halfway,
-    learn_terminal,
+    keep_best,
+    linear_size,
 )
 
 SCALES, RATES = np.array([0.2, 0.4, 0.9]), np.array([0.5, 0.0, 1.0])
@@ -40,25 +47,25 @@ def test_successful_is_the_weighted_lehmer_mean() -> None:
 def test_l_shade_keeps_a_rate_of_zero_for_good() -> None:
     memory = ParameterMemory.fresh(2, 0.5, 0.5)
     nothing = np.zeros(3)
-    memory = learn_terminal(memory, SCALES, nothing, GAINS, WON)
+    memory = LShade().learn(memory, SCALES, nothing, GAINS, WON)
     assert memory.rates.tolist() == [TERMINAL, 0.5]
     memory = ParameterMemory(memory.scales, memory.rates, 0)
-    assert learn_terminal(memory, SCALES, RATES, GAINS, WON).rates[0] == TERMINAL
+    assert LShade().learn(memory, SCALES, RATES, GAINS, WON).rates[0] == TERMINAL
     _, rates = memory.sample(400, np.random.default_rng(0))
     assert 120 < (rates == 0.0).sum() < 280  # every second entry, and few normal draws below zero
 
 
 def test_jso_goes_halfway_and_never_learns_its_last_entry() -> None:
-    memory = jso().memory
+    memory = JSO().memory()
     scale, rate = success_means(SCALES, RATES, GAINS, WON)
     for k in range(5):
-        memory = learn_halfway(memory, SCALES, RATES, GAINS, WON)
+        memory = JSO().learn(memory, SCALES, RATES, GAINS, WON)
         assert memory.slot == (k + 1) % 5
     assert memory.scales.tolist() == pytest.approx([(0.3 + scale) / 2] * 4 + [0.9])
     assert memory.rates.tolist() == pytest.approx([(0.8 + rate) / 2] * 4 + [0.9])
 
 
-@pytest.mark.parametrize("learn", [ParameterMemory.learn, learn_terminal, learn_halfway])
+@pytest.mark.parametrize("learn", [ParameterMemory.learn, LShade().learn, JSO().learn])
 def test_nothing_is_learnt_where_nothing_won(learn: Callable[..., ParameterMemory]) -> None:
     memory = ParameterMemory.fresh()
     assert learn(memory, SCALES, RATES, GAINS, np.zeros(3, dtype=bool)) is memory
@@ -68,7 +75,7 @@ def test_nothing_is_learnt_where_nothing_won(learn: Callable[..., ParameterMemor
     ("progress", "low", "high"), [(0.0, 0.7, 0.7), (0.3, 0.6, 0.7), (0.55, 0.0, 0.7), (0.8, 0.0, 1.0)]
 )
 def test_jso_limits_early_scales_and_rates(progress: float, low: float, high: float) -> None:
-    scales, rates = jso_limit(np.array([0.1, 1.0]), np.array([0.0, 1.0]), progress)
+    scales, rates = JSO().limit(np.array([0.1, 1.0]), np.array([0.0, 1.0]), progress)
     assert scales.tolist() == [0.1, high]
     assert rates.tolist() == [low, 1.0]
 
@@ -132,7 +139,7 @@ def test_size_falls_on_a_straight_line_and_the_best_stay() -> None:
 
 
 # --------------------------------------------------------------------------------------------- the whole
-@pytest.mark.parametrize(("make", "is_jso"), [(l_shade, False), (jso, True)])
+@pytest.mark.parametrize(("make", "is_jso"), [(LShade, False), (JSO, True)])
 @pytest.mark.parametrize(
     ("cost", "target"), [(ellipsoid, 1e-9), pytest.param(rastrigin, 1e-6, marks=pytest.mark.slow)]
 )
@@ -152,7 +159,7 @@ def test_as_quick_as_the_naive_twin(
     assert np.median(ours) == pytest.approx(np.median(twin), rel=0.1)
 
 
-@pytest.mark.parametrize("make", [l_shade, jso])
+@pytest.mark.parametrize("make", [LShade, JSO])
 def test_the_population_shrinks_to_four_over_the_planned_budget(make: Callable[..., Any]) -> None:
     budget, sizes = 3000.0, []
     problem = Only(rastrigin, 5)
@@ -172,8 +179,8 @@ def test_a_budget_without_end_is_no_plan() -> None:
 
 def test_first_populations_are_the_published_sizes() -> None:
     for dimension, linear, jso_members in ((10, 180, 182), (30, 540, 466)):
-        assert l_shade().members(dimension) == linear
-        assert jso().members(dimension) == jso_members
+        assert LShade().members(dimension) == linear
+        assert JSO().members(dimension) == jso_members
 
 
 def test_ordered_shade_dives_at_once_where_that_is_enough() -> None:

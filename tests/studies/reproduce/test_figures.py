@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from stoop_studies.findings import Findings, Setting
-from stoop_studies.optimizers.pieces.local_search import golden_section
-from stoop_studies.optimizers.pieces.operators import chaos
+from stoop_studies.optimizers.evolution import chaos
+from stoop_studies.optimizers.local_search import golden_section
 from stoop_studies.outputs import write_index
 from stoop_studies.problems.paper import paper
 from stoop_studies.reproduce.figure1 import Figure1, histogram, measured

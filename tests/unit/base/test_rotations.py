@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from stoop.base import rotations as r
 from stoop.base.arrays import FloatArray
-from stoop.simulation.on_rotors import _between
+from stoop.simulation.on_rotors import small_rotation
 
 angle = st.floats(-3.1, 3.1)
 pitch = st.floats(-1.5, 1.5)
@@ -124,7 +124,7 @@ def test_the_autopilot_sees_small_errors_as_vectors(seed: int, size: float) -> N
     _, q, vectors = drawn(seed, 1)
     small = size * vectors[0] / np.linalg.norm(vectors[0])
     after = r.product(q[0], r.quaternions_about(small))
-    seen = _between(q[0].tolist(), after.tolist())
+    seen = small_rotation(q[0].tolist(), after.tolist())
     np.testing.assert_allclose(seen, r.vectors_of(r.product(r.conjugate(q[0]), after)), atol=1e-6)
     np.testing.assert_allclose(seen, small, atol=1e-6)
 

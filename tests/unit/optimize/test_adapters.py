@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_info
 
 from stoop import optimize
 from stoop.errors import IdentificationError
-from stoop.optimize import cma_bipop
+from stoop.optimize import libraries
 from stoop.optimize.libraries import LARGE, Escape, Library, draw_seed, finite_costs, one_blas_thread, require
 
 SCALAR = ("scipy-de", "pymoo-ga", "pymoo-pso", "cma", "pygmo-sade")
@@ -79,7 +79,7 @@ def test_a_run_can_be_repeated_from_its_state(
     name: str, oscillation: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The second run of a library begins from the first one's stream, through a file and by a fresh optimizer."""
-    monkeypatch.setattr(cma_bipop, "RESTARTS", 0)
+    monkeypatch.setattr(libraries, "RESTARTS", 0)
     whole = search(name, oscillation(noise=0.3), 40_000.0, generations=2)
     first = search(name, oscillation(noise=0.3), 40_000.0, generations=1)
     assert first.state is not None

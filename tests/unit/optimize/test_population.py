@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stoop.optimize.operators import OrderedToPBest
-from stoop.optimize.population import ELITE, PERIOD, Population, Trials
+from stoop.optimize.population import DEFAULT, PERIOD, OrderedToPBest, Population, Trials
 
 
 def sphere(X: np.ndarray) -> np.ndarray:
@@ -36,7 +35,7 @@ def test_trials_lie_in_the_box_and_the_herd_never_worsens(seed: int) -> None:
 
 
 def parents(herd: Population, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    mutation = OrderedToPBest(herd.archive, ELITE)
+    mutation = OrderedToPBest(herd.archive, DEFAULT.elite)
     return mutation.parents(herd.X, herd.F, np.random.default_rng(seed))
 
 
@@ -46,7 +45,7 @@ def test_differences_point_from_worse_to_better() -> None:
     for seed in range(20):
         towards, better, worse = parents(herd, seed)
         assert (sphere(better) <= sphere(worse)).all()
-        elite = np.sort(herd.F)[round(ELITE * 40) - 1]
+        elite = np.sort(herd.F)[round(DEFAULT.elite * 40) - 1]
         assert (sphere(towards) <= elite).all()
 
 

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from stoop.errors import SimulationError
 from stoop.simulation import linearize, trim
-from stoop.simulation.autopilot import _held, design, linear_errors
+from stoop.simulation.autopilot import design, first_order_hold, linear_errors
 from stoop.vehicle import Vehicle
 
 WIND = (3.0, -2.0, 0.4)
@@ -35,7 +35,7 @@ def test_commands_in_straight_lines_are_held_exactly() -> None:
     A, B, x = rng.standard_normal((5, 5)), rng.standard_normal((5, 2)), rng.standard_normal(5)
     E = rng.standard_normal((5, 2))
     r0, r1, dt = rng.standard_normal(2), rng.standard_normal(2), 0.3
-    F, G0, G1 = _held(A, B, E, dt)
+    F, G0, G1 = first_order_hold(A, B, E, dt)
     flown = solve_ivp(
         lambda t, y: A @ y + B @ (r0 + (r1 - r0) * t / dt) + E @ (r1 - r0) / dt,
         (0.0, dt),
@@ -55,7 +55,7 @@ def test_the_delayed_system_has_the_poles_of_the_one_without_delay(
     point = trim(quad, wind=WIND)
     model = linear_errors(quad, point)
     gains = design(quad, point, model, dt, delay)
-    F, G0, G1 = _held(model.A, model.B, model.E, dt)
+    F, G0, G1 = first_order_hold(model.A, model.B, model.E, dt)
     n, m = model.B.shape
     size = (
         n + (delay + 1) * m

@@ -8,11 +8,9 @@ from naive.aircraft import rotation
 
 from stoop.errors import SimulationError
 from stoop.simulation import linearize, parameter_rows, trim
-from stoop.simulation.hover import hover_about
 from stoop.simulation.initial import initial_states
 from stoop.simulation.rotors import accelerations, channel_range, effects
-from stoop.simulation.steady import Trim
-from stoop.simulation.trim import neighbors
+from stoop.simulation.trim import Trim, neighbors, trim_equations
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 
@@ -123,7 +121,7 @@ def test_one_newton_step_finds_the_trim_of_a_neighbor(quad: Vehicle) -> None:
     near = neighbors(quad, point)({"mass.mass": 1.5 * (1.0 + 1e-5)})
     exact = trim(quad.with_numbers({"mass.mass": {"value": 1.5 * (1.0 + 1e-5)}}), velocity=(2.0, 1.0, 0.0))
     assert near.inputs - point.inputs == pytest.approx(exact.inputs - point.inputs, rel=1e-3, abs=1e-12)
-    known, x = hover_about(quad, point)
+    known, x = trim_equations(quad, point)
     assert np.abs(known.residuals(x)).max() < 1e-7
 
 

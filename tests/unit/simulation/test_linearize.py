@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from stoop.simulation import LinearModel, Trim, initial_states, linearize, parameter_rows, trim
+from stoop.simulation.initial import mixed_inputs
 from stoop.simulation.linearize import modes_of
-from stoop.simulation.mixing import mixed_inputs
 from stoop.vehicle import Vehicle
 
 ANGLES = ("phi", "theta", "psi")

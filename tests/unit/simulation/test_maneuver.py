@@ -135,7 +135,7 @@ SINE = {"shape": "multisine", "start": 0.0, "duration": 5.0, "amplitude": 0.1, "
         (shape(shape="sine"), "input.0: 'shape' is 'sine'; choose one of '3-2-1-1', 'doublet'"),
         (
             shape(**PULSE | {"amplitude": 11.46}),
-            "input.0.amplitude: 11.46 looks like degrees; write radians (0.2), or, for what hovers without 'elevator', name roll",
+            "input.0.amplitude: 11.46 looks like degrees; write radians (0.2), or, on rotors without a surface 'elevator', name",
         ),
         (shape(shape="pulse", start=1.0, amplitude=0.1), "input.0.duration: missing"),
         (shape(**PULSE | {"start": -1.0}), "input.0.start: it must be greater than or equal to 0"),

@@ -272,7 +272,7 @@ def test_what_a_quadplane_moves_on_its_rotors_alone() -> None:
 def test_what_only_rotors_can_do(twin_boom: Vehicle, quad: Vehicle) -> None:
     with pytest.raises(ManeuverError, match=r"velocity: .*twin.* has no rotors to hover on; write airspeed"):
         fly(twin_boom, maneuver(2.0, velocity=(1.0, 0.0, 0.0)))
-    with pytest.raises(ManeuverError, match=r"battery: no rotor of .* feels the voltage"):
+    with pytest.raises(ManeuverError, match=r"battery: no rotor of .* depends on the voltage"):
         fly(twin_boom, maneuver(2.0, battery={"fall": 0.1}))
     slow = parse_vehicle(quad.text.replace("[rotors]", "[rotors]\nvoltage_average = 30.0"), "slow.toml")
     with pytest.raises(

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import welch
 
 from stoop.simulation import parse_maneuver, simulate_flight
-from stoop.simulation.turbulence import finer
+from stoop.simulation.trajectories import finer
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.load import parse_vehicle
 
@@ -60,7 +60,7 @@ def test_spectrum(gusts, axis):
 def test_gusts_blow_as_hard_at_the_beginning(gusts):
     """No run-in: over seeds the first sample has the variance of any other."""
     vehicle = gusty(resolve_vehicle("twin-boom").text)
-    from stoop.simulation.turbulence import gust_start
+    from stoop.simulation.trajectories import gust_start
 
     starts = [gust_start(vehicle, np.random.default_rng(i)) for i in range(4000)]
     root = np.sqrt(3.0)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from math import sqrt
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 
@@ -19,15 +19,10 @@ from stoop.optimize.libraries import one_blas_thread
 from stoop.optimize.local_refinement import FULL, Settings, refine
 
 BETA: Final = (sqrt(5.0) - 1.0) / 2.0  #: of the golden section
-STEP: Final = 1e-6  #: of the forward difference; a cost is rounded more coarsely than a residual
 
 
-class LocalSearch(Protocol):
-    """From a member and its cost to where a local search ends, and the cost there."""
-
-    def __call__(self, ledger: Ledger, x: FloatArray, cost: float) -> tuple[FloatArray, float]:
-        """Return the end, (D,), and its cost; never worse than the start."""
-        ...
+#: From a member, (D,), and its cost to the end of a local search and the cost there, never worse than the start.
+LocalSearch = Callable[[Ledger, FloatArray, float], tuple[FloatArray, float]]
 
 
 @dataclass(frozen=True)
@@ -86,7 +81,7 @@ def golden_section(function: Callable[[float], float], low: float, high: float, 
 
 def forward_gradient(ledger: Ledger, x: FloatArray, cost: float) -> FloatArray:
     """Return the gradient of the cost by forward differences, backward at an upper bound; D evaluations."""
-    steps = np.where(x + STEP <= 1.0, STEP, -STEP)
+    steps = np.where(x + 1e-6 <= 1.0, 1e-6, -1e-6)  # a cost is rounded more coarsely than a residual
     with np.errstate(invalid="ignore"):
         gradient: FloatArray = (ledger.costs(x + np.diag(steps), ledger.full) - cost) / steps
     return gradient

@@ -1,0 +1,152 @@
+"""Trajectories of states and readings, in calm air and through turbulence.
+
+Gusts are driven by white noise, and inputs of the kernel are linear between instants. The noise is therefore given on a
+grid `FINER` times finer than the samples: increments of the gusts over neighboring samples then correlate by
+1/(4 FINER) only, and the variance of a gust of scale length L is right within a share V dt / (3 FINER L).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray
+from stoop.kernels.filtering import innovations, step
+from stoop.simulation.delays import late_inputs, with_slopes
+from stoop.vehicle import Vehicle
+from stoop.vehicle.vehicle import GUST_STATES, noise_input
+
+FINER: Final = 20  #: steps of the simulation in a sample
+BLOCK: Final = 10_000  #: samples evaluated together: each has a copy of all parameters
+
+
+def gust_start(vehicle: Vehicle, rng: np.random.Generator) -> dict[str, float]:
+    """Draw gust states, m/s, from their stationary distribution."""
+    # Stationary covariance of the fast and the slow state, over the squared intensity.
+    root = np.linalg.cholesky(np.array([[0.5, 0.25], [0.25, 0.25]]))
+    out: dict[str, float] = {}
+    for axis in vehicle.gusts:
+        drawn = rng.standard_normal(len(GUST_STATES[axis]))
+        spread = drawn if len(drawn) == 1 else root @ drawn
+        intensity = vehicle.value(f"turbulence.{axis}.intensity")
+        out |= dict(zip(GUST_STATES[axis], (intensity * spread).tolist(), strict=True))
+    return out
+
+
+def gust_noise(vehicle: Vehicle, count: int, dt: float, rng: np.random.Generator) -> FloatArray:
+    """Return noise (FINER (count - 1) + 1, gusts) of unit intensity for a record of samples `dt`, s, apart."""
+    steps = FINER * (count - 1) + 1
+    drawn = [rng.standard_normal(steps) for _ in vehicle.gusts]
+    return np.asarray(np.column_stack([*drawn, np.empty((steps, 0))]) / np.sqrt(dt / FINER))
+
+
+def finer(inputs: FloatArray, times: int) -> FloatArray:
+    """Return inputs (n, n_u) with `times` steps in each sample, linear in between."""
+    shares = np.arange(times)[:, None] / times
+    steps = inputs[:-1, None, :] + shares * np.diff(inputs, axis=0)[:, None, :]
+    return np.concatenate([steps.reshape(-1, inputs.shape[1]), inputs[-1:]])
+
+
+def driven(vehicle: Vehicle, received: FloatArray, noise: FloatArray, dt: float) -> FloatArray:
+    """Return inputs, as they arrive (n, n_u), at `FINER` steps a sample, with the noise that drives the gusts."""
+    fine = with_slopes(vehicle, finer(received, FINER), dt / FINER)
+    fine[:, [vehicle.inputs.index(noise_input(axis)) for axis in vehicle.gusts]] = noise
+    return fine
+
+
+def states_along(
+    vehicle: Vehicle, rows: FloatArray, start: FloatArray, inputs: FloatArray, dt: float
+) -> FloatArray:
+    """Return states (n, n_x) of a record whose inputs (n, n_u), as they arrive, are known."""
+    kernel = vehicle.kernel()
+    gains = np.zeros((1, kernel.moves * len(vehicle.outputs), 1))
+    measured = np.full((len(inputs), len(vehicle.outputs)), np.nan)
+    which = np.zeros(len(inputs), dtype=np.int64)
+    _, path = innovations(kernel, rows, start, gains, which, inputs, measured, dt, states=True)
+    return np.asarray(path[0])
+
+
+def states_flown(
+    vehicle: Vehicle,
+    rows: FloatArray,
+    start: FloatArray,
+    inputs: FloatArray,
+    dt: float,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """Return states (n, n_x) of a flight with recorded inputs (n, n_u); `rng` draws the noise of the gusts.
+
+    Parameters
+    ----------
+    rows, start : (n_p, 1), (n_x, 1)
+        Kernel parameters and states.
+    dt : float, s
+    """
+    received = late_inputs(vehicle, inputs, rows, dt)
+    if not vehicle.gusts:
+        return states_along(vehicle, rows, start, received, dt)
+    fine = driven(vehicle, received, gust_noise(vehicle, len(received), dt, rng), dt)
+    return np.asarray(states_along(vehicle, rows, start, fine, dt / FINER)[::FINER])
+
+
+def readings_flown(
+    vehicle: Vehicle,
+    rows: FloatArray,
+    start: FloatArray,
+    inputs: FloatArray,
+    dt: float,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """Return the readings (1, n, n_y), before any delay of a sensor; parameters as in :func:`states_flown`."""
+    received = late_inputs(vehicle, inputs, rows, dt)
+    if not vehicle.gusts:
+        return vehicle.kernel().trajectories(rows, start, received, dt)
+    fine = driven(vehicle, received, gust_noise(vehicle, len(received), dt, rng), dt)
+    return np.ascontiguousarray(vehicle.kernel().trajectories(rows, start, fine, dt / FINER)[:, ::FINER])
+
+
+def readings_along(
+    vehicle: Vehicle, rows: FloatArray, states: FloatArray, received: FloatArray
+) -> FloatArray:
+    """Return the readings (n, n_y) at states (n, n_x) and inputs (n, n_u) as they arrive."""
+    kernel, every = vehicle.kernel(), np.repeat(rows, min(len(states), BLOCK), axis=1)
+    out = np.empty((len(states), len(vehicle.outputs)))
+    for a in range(0, len(states), BLOCK):
+        x, u = states[a : a + BLOCK].T.copy(), received[a : a + BLOCK].T.copy()
+        out[a : a + BLOCK] = kernel.evaluate(every[:, : x.shape[1]].copy(), x, u)[1].T
+    return out
+
+
+def traveled(velocity: FloatArray, dt: float) -> FloatArray:
+    """Return positions (n, 3), m, from velocities (n, 3) by the trapezoidal rule, starting at zero."""
+    steps = 0.5 * dt * (velocity[1:] + velocity[:-1])
+    return np.vstack([np.zeros((1, velocity.shape[1])), np.cumsum(steps, axis=0)])
+
+
+@dataclass(frozen=True, eq=False)
+class Stepper:
+    """Takes states from sample to sample, as the kernel's own time loop does.
+
+    Attributes
+    ----------
+    rows : (n_p, 1)
+    dt : float, s
+    noise : (FINER (n - 1) + 1, gusts)
+        What drives each of them.
+    """
+
+    vehicle: Vehicle
+    rows: FloatArray
+    dt: float
+    noise: FloatArray
+
+    def step(self, k: int, state: FloatArray, now: FloatArray, following: FloatArray) -> FloatArray:
+        """Return the state (n_x,) at sample k + 1; inputs (n_u,) are linear in between."""
+        if not self.vehicle.gusts:
+            points = (state[:, None], now[:, None], following[:, None])
+            return np.asarray(step(self.vehicle.kernel(), self.rows, *points, self.dt)[0][:, 0])
+        noise = self.noise[FINER * k : FINER * (k + 1) + 1]
+        fine = driven(self.vehicle, np.stack([now, following]), noise, self.dt)
+        return np.asarray(states_along(self.vehicle, self.rows, state[:, None], fine, self.dt / FINER)[-1])

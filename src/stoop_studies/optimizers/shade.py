@@ -1,0 +1,369 @@
+"""Success-history differential evolution: L-SHADE and jSO, whose population shrinks over the planned budget; ordered SHADE.
+
+References
+----------
+Tanabe and Fukunaga (2013), IEEE CEC, 71-78 (SHADE).
+Tanabe and Fukunaga (2014), Improving the search performance of SHADE using linear population size reduction,
+IEEE CEC, 1658-1665; the constants are those of the paper's section IV.
+Zhang and Sanderson (2009), IEEE TEC 13, 945-958 (JADE: current-to-pbest).
+Brest, Maucec and Boskovic (2017), Single objective real-parameter optimization: algorithm jSO, IEEE CEC,
+1311-1318.
+Brest, Maucec and Boskovic (2016), iL-SHADE: improved L-SHADE algorithm for single objective real-parameter
+optimization, IEEE CEC, 1188-1195 (the entry fixed at 0.9, and an elite other than the parent at first).
+Auger and Hansen (2005), IEEE CEC, 1769-1776, for restarts with a growing population; the PS-GDE paper's eq. (12) for the
+order in the difference, its section IV.C for prey.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from math import log, sqrt
+from typing import ClassVar, Final
+
+import numpy as np
+from numpy.random import Generator
+
+from stoop.base.arrays import BoolArray, Factor, FloatArray, IntArray
+from stoop.optimize.ledger import Ledger
+from stoop.optimize.local_refinement import refine
+from stoop.optimize.population import (
+    MEMBERS,
+    ParameterMemory,
+    Population,
+    Strategy,
+    binomial,
+    elite,
+    latin_hypercube,
+    midpoint,
+    success_means,
+    two_others,
+    update_archive,
+)
+from stoop.optimize.problem import Problem
+from stoop.optimize.state import Event, State
+from stoop_studies.optimizers.evolution import advanced, begun, first_population
+from stoop_studies.optimizers.local_search import QuasiNewton
+
+FEWEST: Final = 4  #: members at the end; the mutation needs as many
+TERMINAL: Final = -1.0  #: a rate of the memory below zero: only crossover rate 0 works, and stays
+FIXED: Final = 0.9  #: scale and rate of the entry that jSO never learns
+STRATEGY: Final = Strategy(
+    elite=0.2, separation=0.1
+)  #: larger than the default's, chosen on BBOB instances 6 to 15
+Choice = Callable[[FloatArray, float, Generator], IntArray]
+
+
+@dataclass(frozen=True)
+class CurrentToPBest:
+    """Current-to-pbest/1: x + scale (pull (p - x) + a - b), b of the members and the archive together.
+
+    Attributes
+    ----------
+    archive : (m, D), may be empty
+    share : of the members that count as elite
+    pull : weight of the step towards the elite (jSO's Fw over F)
+    choose : who of the elite is p
+    """
+
+    archive: FloatArray
+    share: float = 0.11
+    pull: float = 1.0
+    choose: Choice = elite
+
+    def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
+        """Return mutants, (n, D)."""
+        towards = X[self.choose(F, self.share, generator)]
+        pool = np.concatenate([X, self.archive])
+        a, b = two_others(len(X), len(pool), generator)
+        mutants: FloatArray = X + scale * (self.pull * (towards - X) + X[a] - pool[b])
+        return mutants
+
+
+def elite_but_self(F: FloatArray, share: float, generator: Generator) -> IntArray:
+    """Return for each member, (n,), one of the best `share` of all that is not the member itself."""
+    size, order = max(2, round(share * len(F))), np.argsort(F, kind="stable")
+    rank = np.empty(len(F), dtype=np.intp)
+    rank[order] = np.arange(len(F))
+    draw = (generator.random(len(F)) * np.where(rank < size, size - 1, size)).astype(np.intp)
+    chosen: IntArray = order[draw + (draw >= rank)]
+    return chosen
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShadeState(State):
+    """State of a shrinking population.
+
+    Attributes
+    ----------
+    X, F : (n, D) and (n,), members and their costs
+    archive : (a, D), parents that lost
+    memory : scales and rates that worked
+    first : members of the first population
+    """
+
+    X: FloatArray
+    F: FloatArray
+    archive: FloatArray
+    memory: ParameterMemory
+    first: int
+
+
+@dataclass(frozen=True)
+class LinearShade(ABC):
+    """Success-history adaptation, current-to-pbest with archive, and linear population size reduction.
+
+    It plans over its budget, in trajectories (None: 10,000 per variable, as in the competitions): where the run is given
+    another one, it is not at its best. After the planned budget its last four members go on. It never claims convergence.
+
+    Attributes
+    ----------
+    name : registered name
+    archived : size of the archive, in members
+    """
+
+    budget: float | None = None
+    name: ClassVar[str]
+    archived: ClassVar[float]
+
+    @abstractmethod
+    def members(self, dimension: int) -> int:
+        """Return the size of the first population."""
+
+    @abstractmethod
+    def memory(self) -> ParameterMemory:
+        """Return the memory at the start."""
+
+    @abstractmethod
+    def learn(
+        self,
+        memory: ParameterMemory,
+        scales: FloatArray,
+        rates: FloatArray,
+        gains: FloatArray,
+        won: BoolArray,
+    ) -> ParameterMemory:
+        """Return the memory after a generation; scales, rates, gains and `won` are (n,)."""
+
+    def limit(self, scales: FloatArray, rates: FloatArray, progress: float) -> tuple[FloatArray, FloatArray]:
+        """Return scales and rates, (n,) each, bounded at a progress in [0, 1]."""
+        return scales, rates
+
+    def mutation(self, archive: FloatArray, progress: float) -> CurrentToPBest:
+        """Return the mutation at a progress."""
+        return CurrentToPBest(archive)
+
+    def init(self, problem: Problem, seed: int, starts: FloatArray) -> ShadeState:
+        """Evaluate the first population; the user's own values take the first places."""
+        ledger, generator, X, F = first_population(problem, seed, starts, self.members(problem.dimension))
+        archive, memory = np.empty((0, problem.dimension)), self.memory()
+        return begun(
+            ShadeState, self.name, ledger, generator, X=X, F=F, archive=archive, memory=memory, first=len(X)
+        )
+
+    def step(self, state: ShadeState, problem: Problem) -> tuple[ShadeState, Event]:
+        """Do one generation; a trial as good as its parent replaces it but teaches nothing."""
+        ledger = Ledger.at(problem, state.evaluations)
+        plan = self.budget if self.budget is not None else 10_000.0 * problem.dimension
+        progress = min(state.evaluations.trajectories / plan, 1.0)
+        generator = state.stream.generator()
+        scales, rates = self.limit(*state.memory.sample(len(state.X), generator), progress)
+        mutants = self.mutation(state.archive, progress)(state.X, state.F, scales[:, None], generator)
+        trials = binomial(state.X, midpoint(mutants, state.X), rates[:, None], generator)
+        costs = ledger.costs(trials, ledger.full)
+        won, replaced = costs < state.F, costs <= state.F
+        with np.errstate(invalid="ignore"):
+            gains = state.F - costs
+        archive = update_archive(state.archive, state.X[won], round(self.archived * len(state.X)), generator)
+        X, F = np.where(replaced[:, None], trials, state.X), np.where(replaced, costs, state.F)
+        size = max(FEWEST, linear_size(state.first, FEWEST, ledger.spent / plan))
+        if size < len(X):
+            X, F = keep_best(X, F, size)
+            archive = update_archive(archive, X[:0], round(self.archived * size), generator)
+        memory = self.learn(state.memory, scales, rates, gains, won)
+        event = Event("evolution", float(F.min()), ledger.full)
+        return advanced(state, ledger, generator, X=X, F=F, archive=archive, memory=memory), event
+
+
+def linear_size(first: int, last: int, progress: float) -> int:
+    """Return the size on the straight line from `first` to `last` as progress goes from 0 to 1."""
+    return round(first + (last - first) * min(max(progress, 0.0), 1.0))
+
+
+def keep_best(X: FloatArray, F: FloatArray, number: int) -> tuple[FloatArray, FloatArray]:
+    """Return the `number` cheapest members, (number, D), and their costs; the order stays as it was."""
+    kept = np.sort(np.argsort(F, kind="stable")[:number])
+    return X[kept], F[kept]
+
+
+class LShade(LinearShade):
+    """L-SHADE (Tanabe and Fukunaga 2014)."""
+
+    name, archived = "l-shade", 2.6
+
+    def members(self, dimension: int) -> int:
+        """Return 18 for each variable."""
+        return 18 * dimension
+
+    def memory(self) -> ParameterMemory:
+        """Return six entries of 0.5."""
+        return ParameterMemory.fresh(6, scale=0.5, rate=0.5)
+
+    def learn(
+        self,
+        memory: ParameterMemory,
+        scales: FloatArray,
+        rates: FloatArray,
+        gains: FloatArray,
+        won: BoolArray,
+    ) -> ParameterMemory:
+        """Return the memory after a generation; a rate that has come down to zero stays there."""
+        if not won.any():
+            return memory
+        scale, rate = success_means(scales, rates, gains, won)
+        ended = memory.rates[memory.slot] < 0.0 or rates[won].max() <= 0.0
+        return memory.renewed(scale, TERMINAL if ended else rate)
+
+
+class JSO(LinearShade):
+    """jSO (Brest, Maucec and Boskovic 2017).
+
+    Beside its numbers three rules differ from L-SHADE: a weighted step towards the elite, bounds on early scales and rates,
+    and an elite other than the parent at first.
+    """
+
+    name, archived = "jso", 1.0
+
+    def members(self, dimension: int) -> int:
+        """Return 25 ln(D) sqrt(D)."""
+        return max(FEWEST, round(25.0 * log(dimension) * sqrt(dimension)))
+
+    def memory(self) -> ParameterMemory:
+        """Return four entries of scale 0.3 and rate 0.8, and the fixed one."""
+        return ParameterMemory(np.array([0.3] * 4 + [FIXED]), np.array([0.8] * 4 + [FIXED]), 0)
+
+    def learn(
+        self,
+        memory: ParameterMemory,
+        scales: FloatArray,
+        rates: FloatArray,
+        gains: FloatArray,
+        won: BoolArray,
+    ) -> ParameterMemory:
+        """Return the memory after a generation: halfway from the old entry to what won.
+
+        The turn of the last entry comes round as any other's, but it stays at 0.9.
+        """
+        if not won.any():
+            return memory
+        scale, rate = success_means(scales, rates, gains, won)
+        rate = rate if rates[won].max() > 0.0 else TERMINAL
+        if memory.slot == len(memory.scales) - 1:
+            return memory.renewed(FIXED, FIXED)
+        old_scale, old_rate = float(memory.scales[memory.slot]), float(memory.rates[memory.slot])
+        return memory.renewed(0.5 * (scale + old_scale), 0.5 * (rate + old_rate))
+
+    def limit(self, scales: FloatArray, rates: FloatArray, progress: float) -> tuple[FloatArray, FloatArray]:
+        """Return scales and rates, (n,) each, that are kept from extremes early in the search."""
+        if progress < 0.6:
+            scales = np.minimum(scales, 0.7)
+        least = 0.7 if progress < 0.25 else 0.6 if progress < 0.5 else 0.0
+        return scales, np.maximum(rates, least)
+
+    def mutation(self, archive: FloatArray, progress: float) -> CurrentToPBest:
+        """Return the mutation: the elite shrinks from a quarter of the members to half of that."""
+        pull = 0.7 if progress < 0.2 else 0.8 if progress < 0.4 else 1.2
+        choose = elite_but_self if progress < 0.5 else elite
+        return CurrentToPBest(archive, 0.25 * (1.0 - 0.5 * progress), pull, choose)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HerdState(State):
+    """State of ordered SHADE: its population, the ends of the local searches, (m, D), and the size of the next population."""
+
+    population: Population
+    optima: FloatArray
+    population_size: int
+
+
+@dataclass(frozen=True)
+class OrderedShade:
+    """Ordered SHADE: the population of the default on its own, without scouts and shortened records, with prey and restarts.
+
+    A step is a generation, a local search, or a new population in place of one that has collapsed or stagnates. Local
+    searches start from its prey: Levenberg-Marquardt where the problem has residuals, else L-BFGS-B on differences of the
+    cost. It plans over no budget and never claims convergence.
+
+    Attributes
+    ----------
+    name : registered name
+    members : of the first population
+    strategy : numbers of the population
+    quasi_newton : local search where only the cost is known
+    """
+
+    name: str = "ordered-shade"
+    members: int = MEMBERS
+    strategy: Strategy = STRATEGY
+    quasi_newton: QuasiNewton = field(default_factory=QuasiNewton)
+
+    def init(self, problem: Problem, seed: int, starts: FloatArray) -> HerdState:
+        """Evaluate the first population; the user's own values take the first places."""
+        ledger, generator, X, F = first_population(problem, seed, starts, self.members, latin_hypercube)
+        population, optima = Population.first(X, F), np.empty((0, problem.dimension))
+        size = self.strategy.grown(self.members)
+        return begun(
+            HerdState,
+            self.name,
+            ledger,
+            generator,
+            population=population,
+            optima=optima,
+            population_size=size,
+        )
+
+    def step(self, state: HerdState, problem: Problem) -> tuple[HerdState, Event]:
+        """Do what is next: a new population, a generation or a local search."""
+        ledger, population = Ledger.at(problem, state.evaluations), state.population
+        generator, text = state.stream.generator(), ""
+        if population.exhausted:
+            # a larger population, independent of all earlier results
+            X = latin_hypercube(state.population_size, ledger.dimension, generator)
+            population, text = (
+                Population.first(X, ledger.costs(X, ledger.full)),
+                f"new population of {len(X)}",
+            )
+            size = self.strategy.grown(state.population_size)
+            state = replace(state, optima=state.optima[:0], population_size=size)
+        else:
+            if population.age >= population.due:
+                member, population = population.next_start(state.optima, self.strategy.separation)
+                if member is not None:
+                    return self._refine(state, population, member, ledger)
+            trials = population.ask(generator, self.strategy.elite)
+            population = population.tell(trials, ledger.costs(trials.X, ledger.full), generator)
+        event = Event("evolution", float(population.F.min()), ledger.full, text)
+        return advanced(state, ledger, generator, population=population), event
+
+    def _refine(
+        self, state: HerdState, population: Population, member: int, ledger: Ledger
+    ) -> tuple[HerdState, Event]:
+        """Search locally from a member, as suits the problem; the end takes its place."""
+        best = float(population.F.min())
+        x, cost = population.X[member].copy(), float(population.F[member])
+        incumbent = best if cost > best else np.inf
+        if not ledger.has_residuals:
+            x, cost = self.quasi_newton(ledger, x, cost, incumbent)
+        else:
+            z = np.concatenate([x, np.zeros(ledger.extra)])
+            end = refine(ledger, z, ledger.full, incumbent=incumbent)
+            y = end.z[: len(x)]
+            # members of the population have their nuisances at zero: only there may they be compared
+            lower = float(ledger.costs(y[None, :], ledger.full)[0]) if ledger.extra else end.cost
+            x, cost = (y, lower) if lower < cost else (x, cost)
+        population = population.with_refined(member, x, cost, cost < best * (1.0 - 1e-12))
+        optima = np.concatenate([state.optima, x[None, :]])
+        return advanced(state, ledger, population=population, optima=optima), Event(
+            "refinement", cost, ledger.full
+        )
