@@ -13,7 +13,7 @@ from stoop.cli.tables import numbers, words
 from stoop.errors import IdentificationError
 
 if TYPE_CHECKING:
-    from stoop.estimate.regression.domain import Domain
+    from stoop.estimate.regression.least_squares import Domain
     from stoop.vehicle import Vehicle
     from stoop.workflow.structure import Determined
 
@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
     inputs = [Path(arguments.vehicle), *arguments.flight]
     check_targets(arguments.output, FILES, arguments.overwrite, inputs)
     domain = _band(arguments.band)
-    from stoop.estimate.regression.selection import Press, orthogonal, stepwise
+    from stoop.estimate.regression.structure import Press, orthogonal, stepwise
     from stoop.flight import load
     from stoop.vehicle.builtin import resolve_vehicle
     from stoop.workflow.provenance import by_name
@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _band(text: str) -> Domain:
-    from stoop.estimate.regression.domain import FrequencyDomain
+    from stoop.estimate.regression.least_squares import FrequencyDomain
 
     try:
         low, high = (float(part) for part in text.split(":"))

@@ -24,7 +24,7 @@ from stoop.checks.rotor_windows import require_rotor_data, require_rotors
 from stoop.errors import IdentificationError
 from stoop.estimate.excitation import with_mass_held
 from stoop.estimate.noise import channel_residuals, effective_variance, first_variance, noise_variance
-from stoop.estimate.regression.equations import start_value
+from stoop.estimate.regression import start_value
 from stoop.flight import Flight
 from stoop.optimize.ledger import Evaluations, Halt
 from stoop.optimize.local_refinement import FULL

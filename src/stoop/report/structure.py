@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from stoop.base.numbers import NOTHING
-from stoop.estimate.regression.domain import TimeDomain
+from stoop.estimate.regression.least_squares import TimeDomain
 from stoop.estimate.regression.structure import ChosenTerms, Structure
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table

@@ -37,7 +37,7 @@ __all__ = [
     "AirDataTrace", "BaselineFit", "ChannelTrace", "ConditionModes", "Covariance", "Estimate", "GoodnessOfFit",
     "Identification", "InitialState", "ManeuverResult", "ManeuverTrace", "MeasuredMode", "ModeEstimate",
     "NoiseCovariance", "ParameterEstimate", "ParameterRepeatability", "Quantity", "Repeatability", "Result", "Role",
-    "SensorBiases", "SingleEstimate", "TheilShares", "Whiteness", "WindEstimate",
+    "SensorBiases", "SingleEstimate", "TheilShares", "Validation", "Whiteness", "WindEstimate",
     "from_json", "plain", "read_result", "to_json",
 ]  # fmt: skip
 
@@ -447,3 +447,45 @@ def _missing(item: Field[Any] | None) -> float:
 def _matrix(rows: list[list[Any]]) -> FloatArray:
     numbers = [[NAN if entry is None else float(entry) for entry in row] for row in rows]
     return np.array(numbers, dtype=np.float64).reshape(len(rows), len(rows))
+
+
+VALIDATION_SCHEMA: Final = "stoop-validation/1"  #: see ``docs/validation.md``
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """A fitted model against flights that it was not fitted to.
+
+    Attributes
+    ----------
+    vehicle : str
+        Its name.
+    result : str
+        SHA-256 of the ``result.json`` that was validated.
+    maneuvers : tuple of ManeuverResult
+        With the same figures as in ``result.json``.
+    compared, better : int
+        Channels that have a figure of the trivial model, and in how many of them the model beats it.
+    warnings, notes : tuple of str
+        Plain words: what is doubtful, and what was found while preparing the data.
+    versions, inputs : mapping of str to str
+        As in ``result.json``.
+    command : str
+        How it was made.
+    """
+
+    vehicle: str
+    result: str
+    maneuvers: tuple[ManeuverResult, ...]
+    compared: int
+    better: int
+    warnings: tuple[str, ...]
+    notes: tuple[str, ...]
+    versions: Mapping[str, str]
+    inputs: Mapping[str, str]
+    command: str = ""
+
+    def to_json(self) -> str:
+        """Return the validation as JSON text; NaN and infinities become ``null``."""
+        document = {"schema": VALIDATION_SCHEMA, **plain(self)}
+        return json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n"

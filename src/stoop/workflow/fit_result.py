@@ -11,8 +11,8 @@ import numpy as np
 
 from stoop.assessment.covariance import intervals_95
 from stoop.assessment.error_bars import ErrorBars, error_bars
-from stoop.assessment.flight_conditions import modes
-from stoop.assessment.press import left_out_residuals
+from stoop.assessment.goodness_of_fit import left_out_residuals
+from stoop.assessment.modes import modes
 from stoop.assessment.uncertainty import with_uncertainty
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, as_notice, of_severity

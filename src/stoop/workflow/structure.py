@@ -15,8 +15,7 @@ from stoop.base.csv_text import csv_text
 from stoop.base.files import make_folder, write_text_atomic
 from stoop.errors import IdentificationError
 from stoop.estimate.regression.aircraft import AircraftEquations
-from stoop.estimate.regression.domain import Domain
-from stoop.estimate.regression.equations import estimate, unbounded
+from stoop.estimate.regression.least_squares import Domain, estimate, unbounded
 from stoop.estimate.regression.structure import Choose, Structure, determine, parameter_name
 from stoop.flight import Flight
 from stoop.problem import Layout

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from stoop.assessment.baseline import BaselineManeuver
-from stoop.assessment.record import Validation
 from stoop.base.files import write_text_atomic
 from stoop.base.notices import Notice, as_notice, notice, of_severity
 from stoop.checks.vehicle import require_channels
@@ -17,7 +16,7 @@ from stoop.estimate.predict import predicted
 from stoop.flight import Flight, without, without_faults
 from stoop.flight.maneuvers import find_maneuvers
 from stoop.problem.windows import Window, parse_window
-from stoop.results.result import Identification, ManeuverResult, ManeuverTrace
+from stoop.results.result import Identification, ManeuverResult, ManeuverTrace, Validation
 from stoop.vehicle.notation import symbols
 from stoop.workflow.curves import Simulated, channel_units, maneuver_curves
 from stoop.workflow.identified import Identified, read_identified

@@ -31,9 +31,10 @@ from stoop.estimate.predict import (
     ForceResiduals,
     ReferenceModels,
     force_curves,
+    identified_vehicle,
     low_passed,
+    mean_biases,
 )
-from stoop.estimate.predict import identified_vehicle, mean_biases
 from stoop.flight import Flight, load
 from stoop.problem.windows import Window
 from stoop.report.plots import Series, plot

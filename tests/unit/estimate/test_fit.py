@@ -12,7 +12,7 @@ from stoop.errors import FlightError, IdentificationError, VehicleError
 from stoop.estimate.fit import Options, estimation_problem, fit, refine, settle, starts
 from stoop.estimate.noise import channel_residuals, noise_variance
 from stoop.estimate.predict import mean_biases, predict
-from stoop.estimate.regression.equations import start_value
+from stoop.estimate.regression import start_value
 from stoop.flight import Flight
 from stoop.problem import Misfit
 from stoop.problem.observation import first_complete, guess_start

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from stoop.assessment.error_bars import error_bars
-from stoop.assessment.flight_conditions import conditions, modes
 from stoop.assessment.free_response import free_response, measured_mode
+from stoop.assessment.modes import conditions, modes
 from stoop.cli.demo import MANEUVER as DEMO
 from stoop.errors import SimulationError
 from stoop.estimate.fit import fit
@@ -56,7 +56,7 @@ def test_without_a_trim_about_the_mean_state(job: Job, monkeypatch: pytest.Monke
             "x.toml: no steady flight found at 35 m/s (elevator would be 2 rad); try another"
         )
 
-    monkeypatch.setattr("stoop.assessment.flight_conditions.trim", fails)
+    monkeypatch.setattr("stoop.assessment.modes.trim", fails)
     covariance = job.identification.result.covariance
     (condition,) = modes(job.fit, covariance.names, covariance.matrix)
     assert condition.about == "mean state"

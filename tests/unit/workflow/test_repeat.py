@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from stoop.assessment.repeatability import scatter
+from stoop.assessment.uncertainty import scatter
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
 from stoop.report.identification import render

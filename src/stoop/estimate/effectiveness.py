@@ -1,7 +1,8 @@
 """Weak rotors: a flight near hover compared with those of the healthy vehicle, by the loads that its commands imply.
 
-At rest, lift equals the weight and the moments balance whatever the state of the rotors. The excess of the commanded
-loads over those of the healthy flights is therefore what the rotors lose, or what the vehicle weighs more:
+At rest the equations of `stoop.vehicle.symbolic.rotors` leave thrust T(x) along the axis and torque Q(x) about it, lift equals
+the weight, and the moments balance, whatever the state of the rotors. The excess of the commanded loads over those of the
+healthy flights is therefore what the rotors lose, or what the vehicle weighs more:
 
     d = w - w_healthy = loss_k c_k           rotor k gives (1 - loss_k) of the commanded load c_k
     d = m g (1, moments at rotor k, 0)       mass m near rotor k: the same but for the yaw
@@ -22,7 +23,7 @@ Crassidis and Junkins, Optimal Estimation of Dynamic Systems, 2nd ed., section 2
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
@@ -30,11 +31,17 @@ from typing import Final
 import numpy as np
 from scipy import stats
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import FloatArray, run_slices
 from stoop.base.notices import Notice, notice
 from stoop.errors import FlightError, VehicleError
-from stoop.estimate.effectiveness.hover import Balance, Hover
+from stoop.flight import Flight
+from stoop.vehicle import Vehicle
 
+AIRBORNE: Final = 0.6  #: of the median thrust while any is commanded
+SETTLE: Final = 2.0  #: s after take-off and before landing that are left out
+MIN_DURATION: Final = 4.0  #: s near hover
+BLOCK: Final = 1.0  #: s; commands correlate for a few tenths of a second
+MAX_SPEED: Final = 3.0  #: m/s; above, drag and inflow are not small
 USUAL: Final = (0.02, 0.01, 0.01, 0.01)  #: standard deviations between flights, in units of d
 PRIOR_FLIGHTS: Final = 6.0  #: number of flights that they count as
 SLOPE_STD: Final = 0.3  #: prior of the voltage slope; without a correction thrust goes with voltage squared
@@ -42,12 +49,183 @@ LIFT_STD: Final = 0.01  #: relative scatter of the lift between flights, counted
 LIFT_FLIGHTS: Final = 3.0
 CHANCE: Final = 0.05  #: of attributing a loss to any rotor of a healthy flight
 DISTINCT: Final = (
-    6.63  #: difference of squares that separates two explanations (1 % point of chi-square, one degree)
+    6.63  #: difference of squares that separates two explanations (1 % of chi-square, one degree)
 )
 ODD_CHANCE: Final = 0.01  #: below which the unexplained part counts
 POWER: Final = 0.8  #: how often a loss of the stated least size is detected
 MANY: Final = 8  #: healthy flights after which more bring little
 HELPS: Final = 0.9  #: of the least detectable loss, below which an advice is worth following
+
+
+@dataclass(frozen=True)
+class Balance:
+    """The rotors of a vehicle as they act on it at hover; `rotors` are the columns of its arrays."""
+
+    vehicle: Vehicle
+
+    def __post_init__(self) -> None:
+        """Refuse a vehicle without rotors or without their torque."""
+        if not self.vehicle.rotors:
+            raise VehicleError(
+                f"{self.vehicle.where}: has no rotors; add [rotors] and a table for each rotor"
+            )
+        if "rotors.torque_ratio" not in self.vehicle.rows and "rotors.Q2" not in self.vehicle.rows:
+            raise VehicleError(
+                f"{self.vehicle.where}: rotors.torque_ratio is missing: without a torque the balance of yaw is unknown; "
+                "write torque_ratio = 0.01 (m), or what was measured"
+            )
+
+    @property
+    def rotors(self) -> tuple[str, ...]:
+        """Names, in the order of the columns."""
+        return self.vehicle.rotors
+
+    @property
+    def needs_voltage(self) -> bool:
+        """Whether commands are corrected with the measured voltage."""
+        return "rotors.nominal_voltage" in self.vehicle.rows
+
+    @cached_property
+    def channels(self) -> tuple[str, ...]:
+        """Recorded channel of each rotor."""
+        return tuple(self.vehicle.file.rotor[name].channel for name in self.rotors)
+
+    @cached_property
+    def directions(self) -> FloatArray:
+        """Shape (3, n): unit vector of each rotor's thrust, body axes."""
+        axes = [self._point(f"rotor.{name}.axis", (0.0, 0.0, -1.0)) for name in self.rotors]
+        return np.array([a / np.linalg.norm(a) for a in axes]).T
+
+    @cached_property
+    def of_thrust(self) -> FloatArray:
+        """Shape (4, n): lift and moments (roll, pitch, yaw; m) of a thrust of 1 N of each rotor."""
+        center = self._point("mass.center_of_gravity")
+        arms = np.array([self._point(f"rotor.{name}.position") - center for name in self.rotors])
+        return np.vstack([-self.directions[2], np.cross(arms, self.directions.T).T])
+
+    @cached_property
+    def of_torque(self) -> FloatArray:
+        """Shape (4, n): what a torque of 1 N m of each rotor does."""
+        turns = np.array([1.0 if self.vehicle.file.rotor[n].spin == "ccw" else -1.0 for n in self.rotors])
+        return np.vstack([np.zeros(len(self.rotors)), -turns * self.directions])
+
+    @cached_property
+    def arm(self) -> float:
+        """Mean horizontal distance of the rotors from the center of gravity, m."""
+        return float(np.mean(np.hypot(self.of_thrust[1], self.of_thrust[2])))
+
+    def drive(self, commands: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
+        """Return what each rotor is commanded to give: thrust along its axis, N, and torque about it, N m, (n, k) each.
+
+        Commands are those recorded, channel -> (k,), with ``voltage``, V, where the vehicle needs it.
+        """
+        recorded = np.array([commands[channel] for channel in self.channels])
+        x = self._number("rotors.gain", 1.0) * np.maximum(recorded - self._number("rotors.idle"), 0.0)
+        if self.needs_voltage:
+            x = x * commands["voltage"] / self._number("rotors.nominal_voltage")
+        factor, torque_factor = (
+            np.array([self._number(f"rotor.{name}.{last}", 1.0) for name in self.rotors])[:, None]
+            for last in ("factor", "torque_factor")
+        )
+        thrust = self._polynomial("T", x)
+        by_ratio = "rotors.torque_ratio" in self.vehicle.rows
+        torque = self._number("rotors.torque_ratio") * thrust if by_ratio else self._polynomial("Q", x)
+        return factor * thrust, factor * torque_factor * torque
+
+    def loads(self, thrust: FloatArray, torque: FloatArray) -> FloatArray:
+        """Return (4, n) what thrust (n,) and torque (n,) of each rotor do: lift, N, and moments, N m."""
+        return np.asarray(self.of_thrust * thrust + self.of_torque * torque)
+
+    def _polynomial(self, letter: str, x: FloatArray) -> FloatArray:
+        zeroth, first, second = (self._number(f"rotors.{letter}{i}") for i in range(3))
+        return np.asarray(zeroth + x * (first + x * second))
+
+    def _number(self, name: str, default: float = 0.0) -> float:
+        return self.vehicle.value(name) if name in self.vehicle.rows else default
+
+    def _point(self, name: str, default: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> FloatArray:
+        return np.array([self._number(f"{name}.{a}", d) for a, d in zip("xyz", default, strict=True)])
+
+
+@dataclass(frozen=True)
+class Hover:
+    """Commanded thrust and torque of each of n rotors while the vehicle hovered."""
+
+    name: str  #: of the flight
+    thrust: FloatArray  #: mean (n,), N
+    torque: FloatArray  #: mean (n,), N m
+    #: (4, 4), of lift, N, and the moments, N m, of all rotors together: scatter of blocks within the flight
+    covariance: FloatArray
+    voltage: float  #: mean, V; NaN where it was not recorded
+    duration: float  #: s
+
+
+def hover(flight: Flight, balance: Balance) -> Hover:
+    """Return the mean commands of a flight near hover.
+
+    Between start and end of a stretch near hover the velocity hardly changes, so mean forces and moments are those of rest,
+    whatever the motion in between.
+
+    Raises
+    ------
+    FlightError
+        A command is missing, the flight is too short or too fast.
+    """
+    recorded = {str(name) for name in flight.data.data_vars}
+    needed = [*balance.channels, *(["voltage"] if balance.needs_voltage else [])]
+    if missing := [name for name in needed if name not in recorded]:
+        raise FlightError(
+            f"{flight.name}: {', '.join(missing)} not recorded; log the commands of all rotors, or name them in a mapping"
+        )
+    commands = {name: flight.column(name) for name in {*needed, *({"voltage"} & recorded)}}
+    if empty := [name for name in needed if not np.isfinite(commands[name]).any()]:
+        raise FlightError(
+            f"{flight.name}: {', '.join(empty)} holds no number throughout; look at the column that the mapping names for it"
+        )
+    thrust, torque = balance.drive(commands)
+    total = thrust.sum(axis=0)
+    turning = total[np.isfinite(total) & (total > 0.0)]
+    if not turning.size:
+        raise FlightError(
+            f"{flight.name}: the motors are off throughout; choose a log of a flight, and check the commands' unit"
+        )
+    cut, inside = round(SETTLE * flight.rate), np.zeros(total.size, dtype=bool)
+    for stretch in run_slices(np.isfinite(total) & (total > AIRBORNE * np.median(turning))):
+        inside[stretch.start + cut : max(stretch.stop - cut, 0)] = True
+    seconds = float(inside.sum()) / flight.rate
+    if seconds < MIN_DURATION:
+        raise FlightError(
+            f"{flight.name}: {seconds:.1f} s near hover, take-offs and landings aside; {MIN_DURATION:g} s are needed at least"
+        )
+    if {"vn", "ve"} <= recorded:
+        speed = np.hypot(flight.column("vn")[inside], flight.column("ve")[inside])
+        if np.isfinite(speed).any() and np.nanmedian(speed) > MAX_SPEED:
+            raise FlightError(
+                f"{flight.name}: half of it is faster than {np.nanmedian(speed):.1f} m/s; choose a flight near hover, "
+                f"below {MAX_SPEED:g} m/s"
+            )
+    thrust, torque = thrust[:, inside], torque[:, inside]
+    sums = balance.of_thrust @ thrust + balance.of_torque @ torque
+    # the mean of correlated samples scatters as the means of blocks do
+    size = max(round(BLOCK * flight.rate), 1)
+    count = sums.shape[1] // size
+    blocks = sums[:, : count * size].reshape(4, count, size).mean(axis=2)
+    voltage = float(np.mean(commands["voltage"][inside])) if "voltage" in commands else np.nan
+    means, covariance = (thrust.mean(axis=1), torque.mean(axis=1)), np.asarray(np.cov(blocks) / count)
+    return Hover(flight.name, *means, covariance, voltage, sums.shape[1] / flight.rate)
+
+
+def pooled(hovers: Sequence[Hover]) -> Hover:
+    """Return the mean of flights of one configuration as one flight."""
+    count = len(hovers)
+    return Hover(
+        f"{count} flights",
+        np.mean([h.thrust for h in hovers], axis=0),
+        np.mean([h.torque for h in hovers], axis=0),
+        np.sum([h.covariance for h in hovers], axis=0) / count**2,
+        float(np.mean([h.voltage for h in hovers])),
+        sum(h.duration for h in hovers),
+    )
 
 
 @dataclass(frozen=True)
@@ -61,10 +239,7 @@ class Battery:
 def battery(lifts: Sequence[FloatArray], voltages: Sequence[FloatArray]) -> Battery:
     """Return the slope of groups of flights, shrunk towards zero by its prior.
 
-    Parameters
-    ----------
-    lifts : arrays (k,), any unit
-    voltages : arrays (k,), V; a group with an unknown one is ignored
+    Lifts (k,) of each group are in any unit, voltages (k,) in V; a group with an unknown one is ignored.
     """
     known = [i for i, v in enumerate(voltages) if v.size > 1 and np.isfinite(v).all()]
     if not known:
@@ -80,22 +255,13 @@ def battery(lifts: Sequence[FloatArray], voltages: Sequence[FloatArray]) -> Batt
 
 @dataclass(frozen=True)
 class Reference:
-    """Flights of the healthy vehicle.
-
-    Attributes
-    ----------
-    balance : Balance
-    hovers : tuple of Hover
-        At least one.
-    others : tuple of tuples of Hover
-        Healthy flights of further vehicles of the type: for the scatter, not the level.
-    repeats : tuple of tuples of Hover
-        Flights of one configuration each, whatever it is: for the effect of the voltage on the lift.
-    """
+    """Flights of the healthy vehicle, at least one."""
 
     balance: Balance
     hovers: tuple[Hover, ...]
+    #: healthy flights of further vehicles of the type: for the scatter, not the level
     others: tuple[tuple[Hover, ...], ...] = ()
+    #: flights of one configuration each, whatever it is: for the effect of the voltage on the lift
     repeats: tuple[tuple[Hover, ...], ...] = ()
 
     def __post_init__(self) -> None:
@@ -179,21 +345,12 @@ class Reference:
 
 @dataclass(frozen=True)
 class Explanation:
-    """A weak rotor, or a mass near it: one size, fitted to lift and moments.
-
-    Attributes
-    ----------
-    rotor : str
-    size, std : float
-        Share of thrust and torque that the rotor loses; or mass near it, as a share of the vehicle's.
-    unexplained : float
-        Sum of squares of three independent standard deviations.
-    """
+    """A weak rotor, or a mass near it: one size, fitted to lift and moments."""
 
     rotor: str
-    size: float
+    size: float  #: share of thrust and torque that the rotor loses; or mass near it, as a share of the vehicle's
     std: float
-    unexplained: float
+    unexplained: float  #: sum of squares of three independent standard deviations
 
     @property
     def sigmas(self) -> float:
@@ -203,27 +360,14 @@ class Explanation:
 
 @dataclass(frozen=True)
 class Assessment:
-    """The rotors of a flight, compared with the healthy flights.
-
-    Attributes
-    ----------
-    name : str
-    weak, mass : tuple of Explanation
-        For each rotor in turn.
-    distance : float
-        From the healthy flights: squares of four independent standard deviations.
-    degrees : float
-        Of freedom, of the variances.
-    voltage : float
-        V
-    """
+    """The rotors of a flight, compared with the healthy flights."""
 
     name: str
-    weak: tuple[Explanation, ...]
-    mass: tuple[Explanation, ...]
-    distance: float
-    degrees: float
-    voltage: float
+    weak: tuple[Explanation, ...]  #: for each rotor in turn
+    mass: tuple[Explanation, ...]  #: for each rotor in turn
+    distance: float  #: from the healthy flights: squares of four independent standard deviations
+    degrees: float  #: of freedom, of the variances
+    voltage: float  #: V
 
     @property
     def suspected(self) -> Explanation:
@@ -233,8 +377,7 @@ class Assessment:
     @property
     def chance(self) -> float:
         """False-alarm probability: one-sided Student's t, times the number of rotors."""
-        one = float(stats.t.sf(self.suspected.sigmas, self.degrees))
-        return min(1.0, len(self.weak) * one)
+        return min(1.0, len(self.weak) * float(stats.t.sf(self.suspected.sigmas, self.degrees)))
 
     def mass_near(self, rotor: str) -> Explanation:
         """Return the explanation by a mass."""
@@ -243,20 +386,16 @@ class Assessment:
 
 def assess(hover: Hover, reference: Reference) -> Assessment:
     """Compare a flight with the healthy ones."""
-    scale = reference.units
-    d = reference.sums(hover) - reference.level
+    units, rotors = reference.units, reference.balance.rotors
     whiten = np.linalg.inv(np.linalg.cholesky(reference.covariance(hover)))
+    d = whiten @ (reference.sums(hover) - reference.level)
     load = reference.balance.of_thrust * np.array([1.0, 1.0, 1.0, 0.0])[:, None]
-    columns, masses = reference.columns(hover), load * scale[0] / scale[:, None]
-    rotors = reference.balance.rotors
-    return Assessment(
-        hover.name,
-        tuple(_explain(name, whiten @ c, whiten @ d) for name, c in zip(rotors, columns.T, strict=True)),
-        tuple(_explain(name, whiten @ c, whiten @ d) for name, c in zip(rotors, masses.T, strict=True)),
-        float(np.sum((whiten @ d) ** 2)),
-        reference.degrees,
-        hover.voltage,
+    losses, masses = (
+        tuple(_explain(name, whiten @ c, d) for name, c in zip(rotors, columns.T, strict=True))
+        for columns in (reference.columns(hover), load * units[0] / units[:, None])
     )
+    distance = float(np.sum(d**2))
+    return Assessment(hover.name, losses, masses, distance, reference.degrees, hover.voltage)
 
 
 def leave_one_out(reference: Reference) -> tuple[Assessment, ...]:
@@ -278,23 +417,12 @@ def _explain(rotor: str, column: FloatArray, d: FloatArray) -> Explanation:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The decision on one flight.
+    """The decision on one flight."""
 
-    Attributes
-    ----------
-    kind : str
-        "healthy", "weak or mass", "mass", "several" (rotors that cannot be distinguished), "odd" (no single rotor explains
-        it).
-    rotors : tuple of str
-        Those that the flight attributes a loss or a mass to.
-    chance : float
-        How often a healthy flight looks like this or worse.
-    notice : Notice
-    """
-
+    #: "healthy", "weak or mass", "mass", "several" (rotors that cannot be distinguished), "odd" (no single rotor explains it)
     kind: str
-    rotors: tuple[str, ...]
-    chance: float
+    rotors: tuple[str, ...]  #: those that the flight attributes a loss or a mass to
+    chance: float  #: how often a healthy flight looks like this or worse
     notice: Notice
 
 
@@ -302,7 +430,7 @@ def judge(assessment: Assessment, chance: float = CHANCE) -> Verdict:
     """Decide on a flight with a false-alarm probability of at most `chance`."""
     probability = assessment.chance
     if probability > chance:
-        if _is_odd(assessment, assessment.distance, 4):
+        if stats.f.sf(assessment.distance / 4, 4, assessment.degrees) < ODD_CHANCE:  # Fisher's F
             return Verdict("odd", (), probability, notice("rotors-odd"))
         smallest = least_detectable(assessment, chance)
         return Verdict("healthy", (), probability, notice("rotors-healthy", loss=smallest))
@@ -331,18 +459,13 @@ def indistinct(assessment: Assessment) -> tuple[str, ...]:
 def least_detectable(assessment: Assessment, chance: float = CHANCE) -> float:
     """Return the loss of thrust of the best-observed rotor that is detected four times in five."""
     best = min(s.std for s in assessment.weak)
-    return detectable_sigmas(assessment.degrees, len(assessment.weak), chance) * best
+    return _detectable_sigmas(assessment.degrees, len(assessment.weak), chance) * best
 
 
-def detectable_sigmas(degrees: float, rotors: int, chance: float) -> float:
+def _detectable_sigmas(degrees: float, rotors: int, chance: float) -> float:
     """Return the loss, in standard errors, that is detected four times in five."""
     t = stats.t(degrees)
     return float(t.isf(chance / rotors) + t.isf(1.0 - POWER))
-
-
-def _is_odd(assessment: Assessment, unexplained: float, freedom: int) -> bool:
-    """Whether more is unexplained than in healthy flights (Fisher's F)."""
-    return bool(stats.f.sf(unexplained / freedom, freedom, assessment.degrees) < ODD_CHANCE)
 
 
 def advice(
@@ -358,7 +481,7 @@ def advice(
         columns = reference.columns(hover)
         squares = np.einsum("ik,ij,jk->k", columns, np.linalg.inv(covariance), columns)
         smallest = float(squares.max() ** -0.5)
-        return detectable_sigmas(reference.degrees + more, columns.shape[1], chance) * smallest
+        return _detectable_sigmas(reference.degrees + more, columns.shape[1], chance) * smallest
 
     every = ((detectable(h, reference.covariance(h)), h) for h in hovers)
     now, worst = max(every, key=lambda pair: pair[0])
