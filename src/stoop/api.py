@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from stoop import optimize
     from stoop.assessment.assessment import Assessment
     from stoop.base.notices import Notice
-    from stoop.input_design.proposal import Proposal
+    from stoop.input_design.optimization import Proposal
     from stoop.reconstruction.compatibility import Compatibility
     from stoop.workflow.export import Exported
     from stoop.workflow.validation import Validated
@@ -190,8 +190,7 @@ def design(
         No maneuver stays within the limits.
     """
     from stoop.input_design import SHAPES, Limits
-    from stoop.input_design.optimization import Plan
-    from stoop.input_design.proposal import propose
+    from stoop.input_design.optimization import Plan, propose
     from stoop.simulation import trim
     from stoop.workflow.design import prior_model
 

@@ -18,7 +18,7 @@ from stoop.cli.tables import numbers, words
 from stoop.errors import SimulationError
 
 if TYPE_CHECKING:
-    from stoop.input_design.proposal import Proposal
+    from stoop.input_design.optimization import Proposal
     from stoop.vehicle import Vehicle
 
 FAMILIES = ("square", "3-2-1-1", "doublet", "multisine")
@@ -57,8 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from stoop.input_design import Limits
-    from stoop.input_design.optimization import Plan
-    from stoop.input_design.proposal import propose
+    from stoop.input_design.optimization import Plan, propose
     from stoop.simulation import trim
     from stoop.workflow.design import FILES, prior_model, write_proposal
 

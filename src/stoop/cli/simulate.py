@@ -101,9 +101,9 @@ def _print_next(
     flown: Mapping[str, float],
 ) -> None:
     """Print the fit of this flight, and what must go before it."""
-    from stoop.input_design.maneuver_windows import maneuver_windows
+    from stoop.input_design.candidates import fit_style, maneuver_windows
 
-    windows, out = maneuver_windows(maneuver, vehicle.has_rotors), page()
+    windows, out = maneuver_windows(maneuver, fit_style(vehicle)), page()
     if not windows.fit:
         out.line(f"no input moves the vehicle: to identify it, add [[input]] tables to {arguments.maneuver}")
         out.command("next: ", ["stoop", "info", str(target)])

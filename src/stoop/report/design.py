@@ -9,7 +9,7 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.numbers import factor_and_unit, number
 from stoop.base.variables import VARIABLES
-from stoop.input_design.proposal import Proposal
+from stoop.input_design.optimization import Proposal
 from stoop.report.plots import Series, Strip, plot, stacked_plots
 from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table
 from stoop.simulation import Maneuver

@@ -15,7 +15,7 @@ from stoop.base.files import check_targets, make_folder, write_text_atomic
 from stoop.base.numbers import finite_or_none
 from stoop.input_design import Knowledge
 from stoop.input_design.information import sensor_noise
-from stoop.input_design.proposal import PriorModel, Proposal
+from stoop.input_design.optimization import PriorModel, Proposal
 from stoop.results.result import Result
 from stoop.simulation import Maneuver
 from stoop.vehicle import Vehicle

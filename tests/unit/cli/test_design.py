@@ -156,7 +156,7 @@ def test_ctrl_c_ends_all_families_and_writes_nothing(
         print(family)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("stoop.input_design.proposal.design", stop)
+    monkeypatch.setattr("stoop.input_design.optimization.design", stop)
     assert main(["design", "twin-boom", *QUICK, "--evaluations", "500", "-o", str(tmp_path / "out")]) == 130
     assert capsys.readouterr().out.split() == ["square"]
     assert not (tmp_path / "out").exists()

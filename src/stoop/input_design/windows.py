@@ -1,4 +1,4 @@
-"""Find windows of flights for fitting and for validation, with reasons."""
+"""Find windows of flights for fitting and for validation, with reasons: by excitation and by information."""
 
 from __future__ import annotations
 
@@ -16,10 +16,8 @@ from stoop.errors import FlightError, listed
 from stoop.flight import Flight
 from stoop.flight.airborne import flying, lift_command, motors_ran
 from stoop.flight.maneuvers import Axis, commands, output_families
-from stoop.input_design.windows.candidates import Candidate, candidates, with_motors
-from stoop.input_design.windows.excitation import Excitation, excitation_information
-from stoop.input_design.windows.selection import CandidateInformation, Selection, select
-from stoop.input_design.windows.sensitivity import (
+from stoop.input_design.candidates import Candidate, Excitation, candidates, with_motors
+from stoop.input_design.sensitivity import (
     CandidateProblem,
     VehicleInformation,
     candidate_problem,
@@ -28,6 +26,13 @@ from stoop.input_design.windows.sensitivity import (
 from stoop.problem.windows import whole
 from stoop.vehicle import Vehicle
 
+PRIOR_SPAN: Final = 8.0  #: s of usual flight that count as prior information
+MIN_GAIN: Final = 0.05  #: per parameter, below which a window is not worth fitting: error bars 5 % smaller
+MAX_WINDOWS: Final = 8  #: to fit; each has an initial state and biases of its own
+WINDOW_COST: Final = 2.0  #: s that a window costs besides its length
+MANEUVER_WEIGHT: Final = 1.5  #: of a whole maneuver, over a window that may cut one
+REDUNDANT: Final = 0.25  #: loss per parameter at which a fitted window may be held out instead
+VALIDATION_WORTH: Final = 0.5  #: of the fitted windows' gain, at which a window that is left is held out
 Use = Literal["fit", "validate"]
 MAX_CANDIDATES: Final = 100  #: of a flight, the most excited ones
 MIN_EXCITATION: Final = 2.0  #: times the usual; a window with less is of no axis
@@ -40,19 +45,117 @@ MAX_UNKNOWN: Final = (
 )
 
 
+@dataclass(frozen=True, eq=False)
+class CandidateInformation:
+    """Fisher information (D, D) before any flight, and of each candidate alone."""
+
+    prior: FloatArray
+    matrices: tuple[FloatArray, ...]
+
+    def gain(self, base: FloatArray, index: int) -> float:
+        """Return by how much the mean logarithm of the error bars falls when a candidate is added."""
+        after, before = (float(np.linalg.slogdet(m)[1]) for m in (base + self.matrices[index], base))
+        return (after - before) / (2.0 * len(base))
+
+    def total(self, chosen: Sequence[int]) -> FloatArray:
+        """Return the information (D, D) with some candidates."""
+        return np.asarray(self.prior + sum((self.matrices[i] for i in chosen), np.zeros_like(self.prior)))
+
+    def gain_alone(self, index: int) -> float:
+        """Return the gain of a candidate alone."""
+        return self.gain(self.prior, index)
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Candidates to fit in the order of selection, with the gain of each, and the one to validate with, if any."""
+
+    fitted: tuple[int, ...]
+    gains: tuple[float, ...]
+    held_out: int | None
+
+
+def select(found: Sequence[Candidate], information: CandidateInformation) -> Selection:
+    """Select windows until one more adds little; hold one out.
+
+    D-optimality: each step takes the window that shrinks the uncertainty ellipsoid most for its length. For a sum of
+    information matrices log det is submodular, so the greedy selection is within 1 - 1/e of the best of its size.
+
+    References
+    ----------
+    V. V. Fedorov, *Theory of Optimal Experiments*, Academic Press, 1972. G. L. Nemhauser, L. A. Wolsey and M. L. Fisher,
+    "An analysis of approximations for maximizing submodular set functions", *Mathematical Programming* 14, 1978.
+    """
+
+    def weight(one: Candidate) -> float:
+        return (1.0 if one.maneuver is None else MANEUVER_WEIGHT) / (one.seconds + WINDOW_COST)
+
+    fitted: list[int] = []
+    gains: list[float] = []
+    base = information.prior
+    while len(fitted) < MAX_WINDOWS:
+        free = [i for i in range(len(found)) if not any(found[i].meets(found[j]) for j in fitted)]
+        rated = {i: information.gain(base, i) for i in free}
+        rated = {i: g for i, g in rated.items() if g >= MIN_GAIN}
+        if not rated:
+            break
+        best = max(rated, key=lambda i: rated[i] * weight(found[i]))
+        fitted.append(best)
+        gains.append(rated[best])
+        base = base + information.matrices[best]
+    held = _held_out(found, information, fitted)
+    left = [(i, g) for i, g in zip(fitted, gains, strict=True) if i != held]
+    return Selection(tuple(i for i, _ in left), tuple(g for _, g in left), held)
+
+
+def _held_out(
+    found: Sequence[Candidate], information: CandidateInformation, fitted: Sequence[int]
+) -> int | None:
+    """Return the window to validate with: a maneuver that is left, else one whose axis is fitted twice, else the cheapest."""
+    free = [i for i in range(len(found)) if not any(found[i].meets(found[j]) for j in fitted)]
+    usual = float(np.median([information.gain_alone(i) for i in fitted])) if fitted else np.inf
+    eligible = [i for i in free if information.gain_alone(i) >= VALIDATION_WORTH * usual]
+    losses = {i: information.gain(information.total([j for j in fitted if j != i]), i) for i in fitted}
+    spare = [i for i in fitted if losses[i] < REDUNDANT] if len(fitted) > 1 else []
+    flown = [i for i in eligible if found[i].maneuver is not None]
+    axes = [m.axis for i in fitted if (m := found[i].maneuver) is not None]
+    twice = [i for i in spare if (m := found[i].maneuver) is not None and axes.count(m.axis) > 1]
+    for group in (flown, eligible if not twice else []):
+        if group:
+            return max(group, key=information.gain_alone)
+    for group in (twice, spare):
+        if group:
+            return min(group, key=lambda i: losses[i])
+    best = max(free, key=information.gain_alone, default=None)
+    return best if best is not None and information.gain_alone(best) > MIN_GAIN else None
+
+
+def excitation_information(
+    flights: Mapping[str, Flight], excitations: Mapping[str, Excitation], found: Sequence[Candidate]
+) -> CandidateInformation:
+    """Return the information of windows about any vehicle that responds linearly to commands and rates.
+
+    All flights have the same commands.
+    """
+    out = []
+    for one in found:
+        flight = flights[one.flight]
+        rows = excitations[one.flight].inside(flight, one)
+        out.append(rows.T @ rows / (PRIOR_SPAN * flight.rate))
+    size = len(next(iter(excitations.values())).names)
+    return CandidateInformation(np.eye(size), tuple(out))
+
+
 @dataclass(frozen=True)
 class Proposed:
-    """One window.
+    """A window of a flight, s on the log's own clock, proposed or declined.
 
     Attributes
     ----------
-    flight, start, stop : name, and s on the log's own clock
     axis : which was excited, or "motion"
-    why : in plain words
     information : mean logarithm by which it alone shrinks the error bars
     gain : likewise, beside the windows that were selected before it; 0 for those that are predicted or declined
     accept : whether it is proposed
-    use : "fit" or "validate"
     """
 
     flight: str
@@ -68,13 +171,9 @@ class Proposed:
 
 @dataclass(frozen=True)
 class Expected:
-    """The predicted standard error of a free number.
+    """A free number at its first guess, and its standard error predicted for the proposed windows together, SI.
 
-    Attributes
-    ----------
-    name : of the parameter
-    value : first guess, where the sensitivities were taken, SI; the fit replaces it
-    std_error : predicted for the proposed windows together, SI; infinite where it is not identifiable
+    The error is infinite where the number is not identifiable.
     """
 
     name: str
@@ -89,14 +188,7 @@ class Expected:
 
 @dataclass(frozen=True)
 class Found:
-    """Windows of flights.
-
-    Attributes
-    ----------
-    windows : in order of flight and time
-    expected : of the vehicle's free numbers; none without a vehicle
-    notices : what to mind
-    """
+    """Windows in order of flight and time, and the expected errors of the vehicle's free numbers (none without one)."""
 
     windows: tuple[Proposed, ...]
     expected: tuple[Expected, ...] = ()
@@ -116,7 +208,7 @@ def doubts(flights: Mapping[str, Flight], vehicle: Vehicle) -> list[Notice]:
         A flight lacks an input of the vehicle.
     """
     for flight in flights.values():
-        _check_vehicle_inputs(flight, vehicle)
+        _check_inputs(flight, vehicle)
     return check_vehicle(vehicle, {n: with_motors(f, vehicle) for n, f in flights.items()}, whole(flights))
 
 
@@ -139,10 +231,7 @@ def find_windows(
         No window can be used, with the reason.
     """
     for flight in flights.values():
-        if vehicle is None:
-            _check_commands(flight)
-        else:
-            _check_vehicle_inputs(flight, vehicle)
+        _check_inputs(flight, vehicle)
     flights = {name: with_motors(flight, vehicle) for name, flight in flights.items()}
     excitations = {name: e for name, flight in flights.items() if (e := Excitation.of(flight)) is not None}
     found = [c for f in flights.values() for c in _candidates(f, vehicle, excitations.get(f.name))]
@@ -163,7 +252,14 @@ def find_windows(
     expected = report.expected(selection)
     unknown = [e.name for e in expected if not e.relative < 1.0]
     if report.calm() and len(unknown) >= MAX_UNKNOWN * len(expected):
-        raise _no_maneuver(flights, unknown, len(expected))
+        share = (
+            f", and {len(unknown)} of {len(expected)} free numbers would not be known to their own size "
+            f"({listed(unknown, MAX_NAMED)})"
+        )
+        raise FlightError(
+            f"{', '.join(flights)}: no maneuver here: no command moves out of the usual{share if unknown else ''}; fly doublets "
+            "about each axis (stoop design proposes them), or name windows yourself: --maneuver START:STOP"
+        )
     notices = (notice("no-validation-window"),) if selection.held_out is None else ()
     return Found(tuple(report.windows(selection)), tuple(expected), notices)
 
@@ -259,22 +355,18 @@ class _Report:
         axis = next(iter(self._axes(index)), NO_AXIS)
         return Proposed(one.flight, one.start, one.stop, axis, why, alone, gain, accept, use)
 
-    def _axes(self, index: int) -> list[Axis]:
-        """Return the axes that were excited, that of a maneuver first, then the strongest."""
-        one, sizes = self.found[index], self._strengths(index)
-        strongest = [a for a in sorted(sizes, key=lambda a: -sizes[a])[:1] if sizes[a] > MIN_EXCITATION]
-        own: list[Axis] = [one.maneuver.axis] if one.maneuver is not None else []
-        return list(dict.fromkeys([*own, *strongest]))
-
-    def _strengths(self, index: int) -> Mapping[Axis, float]:
+    def _axes(self, index: int) -> dict[Axis, float]:
+        """Return how many times the usual the excited axes move, that of a maneuver first, then the strongest."""
         one = self.found[index]
         excitation = self.excitations.get(one.flight)
-        return excitation.strengths(self.flights[one.flight], one) if excitation is not None else {}
+        sizes = {} if excitation is None else excitation.strengths(self.flights[one.flight], one)
+        strongest = [a for a in sorted(sizes, key=lambda a: -sizes[a])[:1] if sizes[a] > MIN_EXCITATION]
+        own: list[Axis] = [one.maneuver.axis] if one.maneuver is not None else []
+        return {a: sizes.get(a, 0.0) for a in (*own, *strongest)}
 
     def _excited(self, index: int) -> str:
-        sizes = self._strengths(index)
-        times = {a: sizes.get(a, 0.0) for a in self._axes(index)}
-        parts = [f"{a} command {f'{x:.1f}' if x < 100.0 else 'over 100'}" for a, x in times.items()]
+        axes = self._axes(index).items()
+        parts = [f"{a} command {f'{x:.1f}' if x < 100.0 else 'over 100'}" for a, x in axes]
         return f"{', '.join(parts)} times the usual" if parts else "no command stands out"
 
     def _why(self, index: int, base: FloatArray) -> str:
@@ -291,37 +383,27 @@ class _Report:
         return f"{words}; tells {names}" if names else words
 
 
-def _check_commands(flight: Flight) -> None:
-    """Refuse a flight without rates, or without anything that commands them."""
+def _check_inputs(flight: Flight, vehicle: Vehicle | None) -> None:
+    """Refuse a flight that lacks an input of the vehicle's equations; without a vehicle, rates or commands of any kind."""
     missing = [r for r in RATES if r not in flight.data or not np.isfinite(flight.column(r)).any()]
-    if missing:
+    if vehicle is not None:
+        require_channels(vehicle, flight)
+    elif missing:
         raise FlightError(
             f"{flight.name}: {', '.join(missing)} {'was' if len(missing) == 1 else 'were'} not recorded, and without "
             "body rates no maneuver shows; log the gyros, or name their columns in a mapping ([variables] p, q, r)"
         )
-    _check_motors(flight)
-    if not commands(flight):
-        raise FlightError(
-            f"{flight.name}: no command was recorded that moves (surfaces, control_roll/pitch/yaw, motor_n, servo_n, "
-            "pwm_n); log them, or name their columns in a mapping (stoop map drafts one)"
-        )
-
-
-def _check_vehicle_inputs(flight: Flight, vehicle: Vehicle) -> None:
-    """Refuse a flight that lacks an input of the vehicle's equations."""
-    require_channels(vehicle, flight)
-    if vehicle.rotors:
-        _check_motors(flight)
-
-
-def _check_motors(flight: Flight) -> None:
-    """Refuse a flight in which no rotor was ever commanded to turn."""
-    if not motors_ran(flight):
+    if (vehicle is None or vehicle.rotors) and not motors_ran(flight):
         command = lift_command(flight)
         most = 0.0 if command is None else float(np.nanmax(np.append(command, 0.0)))
         raise FlightError(
             f"{flight.name}: the motors never ran (their commands reach {100.0 * most:.0f} % at most): nothing flew in this "
             "log; give a log of a flight, or check the scale of the motor channels in the mapping"
+        )
+    if vehicle is None and not commands(flight):
+        raise FlightError(
+            f"{flight.name}: no command was recorded that moves (surfaces, control_roll/pitch/yaw, motor_n, servo_n, "
+            "pwm_n); log them, or name their columns in a mapping (stoop map drafts one)"
         )
 
 
@@ -341,13 +423,4 @@ def _nothing_found(flights: Mapping[str, Flight], vehicle: Vehicle | None) -> Fl
         reason = f"no window in which the inputs ({', '.join(vehicle.recorded)}) and the state were measured is informative"
     return FlightError(
         f"{name}: {reason}; fly doublets about each axis (stoop design proposes them), {other}"
-    )
-
-
-def _no_maneuver(flights: Mapping[str, Flight], unknown: Sequence[str], free: int) -> FlightError:
-    """Return the error for flights in which nobody moved anything."""
-    share = f", and {len(unknown)} of {free} free numbers would not be known to their own size ({listed(unknown, MAX_NAMED)})"
-    return FlightError(
-        f"{', '.join(flights)}: no maneuver here: no command moves out of the usual{share if unknown else ''}; fly doublets "
-        "about each axis (stoop design proposes them), or name windows yourself: --maneuver START:STOP"
     )

@@ -7,8 +7,8 @@ import pytest
 
 from stoop.flight import Flight
 from stoop.flight.airborne import carried_by_rotors, flying
+from stoop.input_design.candidates import with_motors
 from stoop.input_design.windows import doubts, find_windows
-from stoop.input_design.windows.candidates import with_motors
 from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from stoop.flight import Maneuver
-from stoop.input_design.windows.candidates import Candidate, saturated
-from stoop.input_design.windows.selection import CandidateInformation, Selection, select
+from stoop.input_design.candidates import Candidate, saturated
+from stoop.input_design.windows import CandidateInformation, Selection, select
 
 SPAN = 8.0
 

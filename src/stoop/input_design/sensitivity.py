@@ -22,12 +22,10 @@ from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, IdentificationError
 from stoop.estimate.fit import starts
 from stoop.estimate.noise import correlation_times
-from stoop.estimate.shooting_windows import WINDOW_LENGTH
 from stoop.flight import Flight
+from stoop.input_design.candidates import Candidate, fit_style
 from stoop.input_design.information import BOX_INFORMATION, sensor_noise
-from stoop.input_design.windows.candidates import Candidate
-from stoop.problem import Layout, Misfit, Piece, Weights
-from stoop.problem.observation import guess_start, observation_model, state_channels
+from stoop.problem import Layout, Misfit, Weights
 from stoop.problem.prepare import Prepared, nuisances, prepare, without_stuck_channels
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
@@ -42,15 +40,7 @@ NOISE_FLOOR: Final = 0.1  #: of the noise that the vehicle file gives a sensor
 
 @dataclass(frozen=True, eq=False)
 class CandidateProblem:
-    """A candidate as a least-squares problem of its own.
-
-    Attributes
-    ----------
-    prepared : Prepared
-        With short pieces of a vehicle with rotors.
-    counts : tuple of int
-        How many pieces, one after the other, make each stretch without a hole.
-    """
+    """A candidate as a least-squares problem, and how many of its pieces make each stretch without a hole."""
 
     prepared: Prepared
     counts: tuple[int, ...]
@@ -69,41 +59,19 @@ def candidate_problem(vehicle: Vehicle, flight: Flight, one: Candidate) -> Candi
         prepared = prepare(vehicle, {flight.name: flight}, [window])
     except FlightError:
         return None
-    prepared = without_stuck_channels(vehicle, prepared)
-    if observation_model(vehicle).open_loop:
-        return CandidateProblem(prepared, (1,) * len(prepared.pieces))
-    cut = [parts for piece in prepared.pieces if (parts := _short_pieces(vehicle, piece))]
+    prepared, style = without_stuck_channels(vehicle, prepared), fit_style(vehicle)
+    cut = [parts for piece in prepared.pieces if (parts := style.cut(vehicle, piece))]
     if not cut:
         return None
     pieces = tuple(p for parts in cut for p in parts)
     return CandidateProblem(replace(prepared, pieces=pieces), tuple(len(parts) for parts in cut))
 
 
-def _short_pieces(vehicle: Vehicle, piece: Piece) -> list[Piece]:
-    """Cut a piece into windows of about a second, of those that begin where the state was measured."""
-    out, count = [], max(1, round((piece.time[-1] - piece.time[0]) / WINDOW_LENGTH))
-    for a, b in pairwise(np.linspace(0, len(piece.time), count + 1).astype(int)):
-        columns = dict(zip(vehicle.outputs, piece.measured[a:b].T, strict=True))
-        readings = {c: columns[c] for c in state_channels(vehicle) if c in columns}
-        start, missing = guess_start(vehicle, piece.time[a:b], readings, "")
-        if not missing:
-            out.append(piece.part(a, b, {**start, "h": piece.start.get("h", 0.0)}))
-    return out
-
-
 @dataclass(frozen=True, eq=False)
 class VehicleInformation:
-    """A vehicle, and the point and noise at which windows are linearized.
+    """A vehicle, and where its windows are linearized: free numbers (D,) in the unit box, noise of the flight.
 
-    Attributes
-    ----------
-    vehicle : Vehicle
-    unit : (D,)
-        Its free numbers in the unit box.
-    weights : Weights
-        Of the noise of this flight.
-    usual : float
-        Root mean square of the whitened residuals of a piece, before any step.
+    ``usual`` is the root mean square of the whitened residuals of a piece, before any step.
     """
 
     vehicle: Vehicle
