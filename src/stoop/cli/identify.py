@@ -78,8 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
     from stoop.checks.vehicle import check_vehicle
     from stoop.estimate.methods import choose_method
     from stoop.flight.flight import flight_name
-    from stoop.problem.windows import parse_window
-    from stoop.problem.windows_file import expanded, files_among
+    from stoop.problem.windows import expanded, files_among, parse_window
     from stoop.workflow.checkpoint import Checkpoint, identity
     from stoop.workflow.outputs import check_folder, file_hashes, flight_files
 

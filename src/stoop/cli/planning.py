@@ -50,7 +50,7 @@ def maneuvers(arguments: argparse.Namespace) -> int:
     """Find windows, write them, and print what was found."""
     from stoop.flight import load, without_faults
     from stoop.input_design.windows import doubts, find_windows
-    from stoop.problem.windows_file import NAME
+    from stoop.problem.windows import NAME
     from stoop.report.design import FIRST_GUESS, percent, span_of, use_of
     from stoop.vehicle.builtin import resolve_vehicle
     from stoop.workflow.design import WINDOW_FILES, write_windows

@@ -16,11 +16,10 @@ from stoop.assessment.modes import modes
 from stoop.assessment.uncertainty import with_uncertainty
 from stoop.base.notices import as_notice, of_severity
 from stoop.base.variables import VARIABLES
-from stoop.estimate.excitation import too_few
+from stoop.estimate.excitation import ratios, too_few
 from stoop.estimate.fit import Fit, Options
-from stoop.estimate.noise import noise_variance
+from stoop.estimate.noise import channel_residuals, noise_variance
 from stoop.estimate.predict import predict
-from stoop.estimate.ratios import ratios
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.results.result import (
@@ -125,7 +124,8 @@ def _result(
         noise = problem.weights.covariance
     elif noise is None:  # NaN for a channel that was never measured
         measured = np.any([np.isfinite(p.measured).any(axis=0) for p in problem.pieces], axis=0)
-        noise = np.diag(np.where(measured, noise_variance(problem, fit.z), np.nan))
+        variance = noise_variance(problem, channel_residuals(problem, fit.z))
+        noise = np.diag(np.where(measured, variance, np.nan))
     names = tuple(parameters)
     states, biases = _nuisances(fit, bars)
     return Result(

@@ -14,7 +14,7 @@ from stoop.base.notices import Notice, as_notice, notice, of_severity
 from stoop.checks.vehicle import check_lift, check_rotors, inertia_notices
 from stoop.estimate.excitation import excitation_notices
 from stoop.estimate.fit import Fit
-from stoop.estimate.forces import ForceFigures
+from stoop.estimate.predict import ForceFigures
 from stoop.flight import Flight
 from stoop.results.result import ManeuverResult, ParameterEstimate, Result
 from stoop.results.uncertainty import ParameterIdentifiability, Repeatability
