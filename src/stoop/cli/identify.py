@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Identify, write, and print what was found."""
     _check_output(arguments)
     from stoop.cli.progress import Watch
-    from stoop.problem.windows_file import expanded
+    from stoop.problem.windows import expanded
 
     arguments.maneuver, arguments.validate = expanded(arguments.maneuver, arguments.validate)
     vehicle, flights, options = _read(arguments)
@@ -99,7 +99,7 @@ def _doubts(arguments: argparse.Namespace, vehicle: Vehicle, flights: Sequence[F
 
 def _check_output(arguments: argparse.Namespace) -> None:
     from stoop.flight.flight import flight_name
-    from stoop.problem.windows_file import files_among
+    from stoop.problem.windows import files_among
     from stoop.workflow.outputs import check_folder
 
     names = [flight_name(path) for path in arguments.flight]

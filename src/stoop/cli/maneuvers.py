@@ -80,7 +80,7 @@ def _vehicle(arguments: argparse.Namespace) -> Vehicle | None:
 
 def _next(arguments: argparse.Namespace) -> list[str]:
     """Return the command that fits the proposed windows."""
-    from stoop.problem.windows_file import NAME
+    from stoop.problem.windows import NAME
 
     options: list[tuple[str, str]] = [("--mapping", str(path)) for path in given_paths(arguments.mapping)]
     options.append(("--vehicle", arguments.vehicle or "V.toml"))
@@ -91,7 +91,7 @@ def _next(arguments: argparse.Namespace) -> list[str]:
 
 
 def _print(out: Page, found: Found, folder: Path, following: Sequence[str]) -> None:
-    from stoop.problem.windows_file import NAME
+    from stoop.problem.windows import NAME
     from stoop.report.windows import FIRST_GUESS, numbered, percent, span_of, use_of
 
     rows = numbered(found)

@@ -14,7 +14,7 @@ from stoop.base.variables import RATES, VARIABLES
 from stoop.flight import Flight
 from stoop.flight.maneuvers import commands
 from stoop.input_design.windows import Found, Proposed
-from stoop.problem.windows_file import NAME
+from stoop.problem.windows import NAME
 from stoop.report.plots import Series, Shade, Strip, stacked_plots
 from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table
 

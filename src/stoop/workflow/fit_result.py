@@ -17,11 +17,10 @@ from stoop.assessment.uncertainty import with_uncertainty
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, as_notice, of_severity
 from stoop.base.variables import VARIABLES
-from stoop.estimate.excitation import too_few
+from stoop.estimate.excitation import ratios, too_few
 from stoop.estimate.fit import Fit, Options
-from stoop.estimate.noise import noise_variance
+from stoop.estimate.noise import channel_residuals, noise_variance
 from stoop.estimate.predict import predict
-from stoop.estimate.ratios import ratios
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.results.result import (
@@ -154,7 +153,9 @@ def _noise(fit: Fit, options: Options) -> FloatArray:
     if options.covariance is not None:
         return fit.problem.weights.covariance
     measured = np.any([np.isfinite(p.measured).any(axis=0) for p in fit.problem.pieces], axis=0)
-    return np.diag(np.where(measured, noise_variance(fit.problem, fit.z), np.nan))
+    return np.diag(
+        np.where(measured, noise_variance(fit.problem, channel_residuals(fit.problem, fit.z)), np.nan)
+    )
 
 
 def _parameters(fit: Fit, bars: ErrorBars) -> dict[str, ParameterEstimate]:

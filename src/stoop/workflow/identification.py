@@ -15,8 +15,7 @@ from stoop.checks.vehicle import require_channels
 from stoop.errors import FlightError
 from stoop.estimate import methods
 from stoop.estimate.fit import Fit, Options
-from stoop.estimate.forces import ForceFigures, force_figures
-from stoop.estimate.predict import identified_vehicle
+from stoop.estimate.predict import ForceFigures, force_figures, identified_vehicle
 from stoop.flight import Flight, load, without, without_faults
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window, Windows, as_windows

@@ -10,7 +10,7 @@ from typing import Final
 from stoop.base.files import make_folder, write_text_atomic
 from stoop.flight import Flight
 from stoop.input_design.windows import Found
-from stoop.problem.windows_file import NAME, Entry, written
+from stoop.problem.windows import NAME, Entry, written
 
 FILES: Final = (NAME, "windows.html")
 

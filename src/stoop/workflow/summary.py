@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from stoop.estimate.forces import ForceFigures
+from stoop.estimate.predict import ForceFigures
 from stoop.report.modes import repeatability_summary
 from stoop.results.result import ManeuverResult, Repeatability, Result
 from stoop.results.uncertainty import ParameterIdentifiability

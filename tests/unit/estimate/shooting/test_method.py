@@ -9,7 +9,7 @@ from stoop.assessment.error_bars import error_bars
 from stoop.cli import demo
 from stoop.estimate import methods
 from stoop.estimate.fit import Options, estimation_problem
-from stoop.estimate.shooting.method import MultipleShooting
+from stoop.estimate.multiple_shooting import MultipleShooting
 from stoop.flight import from_columns
 from stoop.kernels import filtering
 from stoop.problem.windows import Window

@@ -2,14 +2,12 @@
 
 A piece is linearized at what was measured, or at the states that a filter found.
 
-Axes: b = candidate, r = point, k = sample, e = number of a perturbation (:attr:`stoop.kernels.SymbolicModel.moves`),
-i = reading.
+Axes: b = candidate, r = point, e = number of a perturbation (:attr:`stoop.kernels.SymbolicModel.moves`), i = reading.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
@@ -24,30 +22,14 @@ from stoop.simulation.delays import delayed, output_delays
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import noise_input
 
-STEP: Final = 1e-4  #: rad, rad/s
-SPEED_STEP: Final = 1e-2  #: m/s
-
 
 @dataclass(frozen=True, eq=False)
 class LinearModels:
-    """How a small perturbation propagates over one sample.
+    """How a small perturbation propagates over one sample."""
 
-    Attributes
-    ----------
-    transition : (B, r, n_e, n_e)
-    readings : (B, r, n_y, n_e)
-        Effect of a perturbation on the readings, before it has propagated.
-    drive : (B, r, n_e, n_w)
-        The perturbation by one unit of noise, held over the sample.
-    """
-
-    transition: FloatArray
-    readings: FloatArray
-    drive: FloatArray
-
-    def of(self, models: IntArray) -> LinearModels:
-        """Return the linear models of candidates that share them."""
-        return LinearModels(self.transition[models], self.readings[models], self.drive[models])
+    transition: FloatArray  #: (B, r, n_e, n_e)
+    readings: FloatArray  #: (B, r, n_y, n_e), by a perturbation that has not propagated
+    drive: FloatArray  #: (B, r, n_e, n_w), perturbation by one unit of noise, held over the sample
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,16 +45,9 @@ def linearized(
 ) -> LinearModels:
     """Return the linear models of every candidate at every point.
 
-    Parameters
-    ----------
-    rows : (n_p, B)
-        Kernel parameters.
-    states : (n_x, r, B)
-    inputs : (n_u, r)
-    dt : float, s
+    Kernel parameters `rows` are (n_p, B), states (n_x, r, B), inputs (n_u, r); `dt` is in s.
     """
-    kernel = vehicle.kernel()
-    steps = perturbation_steps(vehicle)
+    kernel, steps = vehicle.kernel(), perturbation_steps(vehicle)
     noise = [vehicle.inputs.index(noise_input(a)) for a in vehicle.gusts]
     nx, r, count = states.shape
     ne, nw = len(steps), len(noise)
@@ -100,9 +75,9 @@ def linearized(
 
 
 def perturbation_steps(vehicle: Vehicle) -> FloatArray:
-    """Return the size (n_e,) of the differences."""
+    """Return the size (n_e,) of the differences: 0.01 m/s, 1e-4 rad or rad/s."""
     speeds = [name in ("u", "v", "w") or name.startswith("gust.") for name in vehicle.moves]
-    return np.where(speeds, SPEED_STEP, STEP)
+    return np.where(speeds, 1e-2, 1e-4)
 
 
 def perturbations_of(vehicle: Vehicle, states: FloatArray) -> FloatArray:
@@ -121,33 +96,30 @@ def perturbations_of(vehicle: Vehicle, states: FloatArray) -> FloatArray:
     return out.reshape(len(steps), nx, *shape)
 
 
-def refuse_free_delays(problem: Misfit) -> None:
-    """Refuse a free delay of a sensor: readings are shifted by it before the fit.
+def undelayed(problem: Misfit) -> Misfit:
+    """Shift the readings of late sensors to when they were true: a filter corrects the state of its own time.
 
     Raises
     ------
     IdentificationError
-        With the option to write.
+        The delay of a sensor is free.
     """
-    vehicle = problem.layout.vehicle
-    late = {vehicle.parameters[row].name for _, row in output_delays(vehicle)}
-    for p in problem.layout.parameters:
-        if p.name in late:
-            raise IdentificationError(
-                f"{vehicle.where}: {p.name}: this method shifts readings by a delay that is known; use --fix {p.name}"
-            )
-
-
-def undelayed(problem: Misfit, piece: Piece) -> Piece:
-    """Shift readings of late sensors to when they were true: a filter corrects the state of its own time."""
-    vehicle, measured = problem.layout.vehicle, piece.measured.copy()
-    rows = parameter_rows(vehicle, piece.changes)
-    for channel, row in output_delays(vehicle):
-        column = measured[:, channel]
-        if np.isfinite(column).any() and rows[row, 0] != 0.0:
-            whole = unwrapped(column) if vehicle.outputs[channel] in WRAPPED else column
-            measured[:, channel] = delayed(whole, -float(rows[row, 0]) / piece.dt)
-    return replace(piece, measured=measured)
+    vehicle, pieces = problem.layout.vehicle, []
+    late = [(column, vehicle.parameters[row].name, row) for column, row in output_delays(vehicle)]
+    free = {p.name for p in problem.layout.parameters}
+    for name in (name for _, name, _ in late if name in free):
+        raise IdentificationError(
+            f"{vehicle.where}: {name}: this method shifts readings by a delay that is known; use --fix {name}"
+        )
+    for piece in problem.pieces:
+        measured, rows = piece.measured.copy(), parameter_rows(vehicle, piece.changes)
+        for column, _, row in late:
+            values = measured[:, column]
+            if np.isfinite(values).any() and rows[row, 0] != 0.0:
+                whole = unwrapped(values) if vehicle.outputs[column] in WRAPPED else values
+                measured[:, column] = delayed(whole, -float(rows[row, 0]) / piece.dt)
+        pieces.append(replace(piece, measured=measured))
+    return replace(problem, pieces=tuple(pieces))
 
 
 def unwrapped(column: FloatArray) -> FloatArray:
@@ -192,21 +164,17 @@ def averaged(vehicle: Vehicle, states: FloatArray, points: IntArray) -> FloatArr
     """
     first = np.flatnonzero(np.diff(points, prepend=-1))
     counts = np.diff(np.append(first, len(points)))[:, None]
-
-    def mean(columns: FloatArray) -> FloatArray:
-        return np.asarray(np.add.reduceat(columns, first, axis=1) / counts)
-
+    at = {name: i for i, name in enumerate(vehicle.states)}
     with np.errstate(over="ignore", invalid="ignore"):  # a candidate that diverges is a value
-        out = np.moveaxis(mean(states), 2, 0)
         zero = np.zeros(states.shape[:2])
-        at = {name: i for i, name in enumerate(vehicle.states)}
         e0, e1, e2, e3 = (states[:, :, at[n]] if n in at else zero for n in ("e0", "e1", "e2", "e3"))
         downs = [2 * (e1 * e3 - e0 * e2), 2 * (e2 * e3 + e0 * e1), e0**2 - e1**2 - e2**2 + e3**2]
-        down = mean(np.stack(downs, axis=2))
-        phi = np.arctan2(down[:, :, 1], down[:, :, 2])
-        theta = np.arctan2(-down[:, :, 0], np.hypot(down[:, :, 1], down[:, :, 2]))
+        out, (x, y, z) = (
+            np.moveaxis(np.add.reduceat(columns, first, axis=1) / counts, 2, 0)
+            for columns in (states, np.stack(downs, axis=2))
+        )
+        phi, theta = np.arctan2(y, z), np.arctan2(-x, np.hypot(y, z))
         level = quaternions_of(np.stack([phi, theta, np.zeros_like(phi)], axis=-1))
-        for i in range(4):
-            if f"e{i}" in at:
-                out[at[f"e{i}"]] = level[..., i]
+        for i in (i for i in range(4) if f"e{i}" in at):
+            out[at[f"e{i}"]] = level[..., i]
         return np.ascontiguousarray(np.swapaxes(out, 1, 2))
