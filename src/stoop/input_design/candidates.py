@@ -12,7 +12,7 @@ import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray, run_slices
 from stoop.base.variables import RATES
-from stoop.estimate.shooting.windows import WINDOW_LENGTH
+from stoop.estimate.shooting_windows import WINDOW_LENGTH
 from stoop.flight import Flight, Maneuver, find_maneuvers
 from stoop.flight.airborne import flying
 from stoop.flight.maneuvers import MOTION, Axis, by_axis, commands, moving_average, usual_deviation

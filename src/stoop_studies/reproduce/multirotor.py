@@ -13,7 +13,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.base.numbers import finite_or_none
 from stoop.estimate.fit import Options
-from stoop.estimate.shooting.method import MultipleShooting
+from stoop.estimate.multiple_shooting import MultipleShooting
 from stoop.parallel import Run
 from stoop.problem.windows import Window
 from stoop.report.plots import HUES, Series, plot
