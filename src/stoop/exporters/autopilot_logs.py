@@ -15,7 +15,7 @@ import numpy.typing as npt
 from stoop.base.units import DEGREE, MICROSECOND
 from stoop.exporters.log_layout import Columns, LogLayout, MappingFile, travel
 from stoop.flight import VARIABLES, Flight
-from stoop.flight.calibration import SURFACES
+from stoop.flight.conversion import SURFACES
 from stoop.flight.mapping import ready
 from stoop.logs.crazyflie_write import Event, crazyflie_bytes
 from stoop.logs.dataflash_write import Table, dataflash_bytes

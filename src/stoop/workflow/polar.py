@@ -15,7 +15,7 @@ from stoop.base.notices import Notice, notice
 from stoop.base.numbers import finite_or_none
 from stoop.errors import FlightError
 from stoop.flight import Flight
-from stoop.flight.air_data_reconstruction import RECONSTRUCTED
+from stoop.flight.air_data import RECONSTRUCTED
 from stoop.reconstruction.performance import Blocks, blocks
 from stoop.reconstruction.polar import DISC, DISC_SPREAD, Polar, Propulsion, fit_polar
 from stoop.workflow.notices import data_notices

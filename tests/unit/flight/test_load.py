@@ -12,7 +12,7 @@ from stoop.base.units import FACTORS
 from stoop.base.variables import variable
 from stoop.errors import FlightError, LogError, StoopError
 from stoop.flight import OUTPUTS, VARIABLES, Flight, from_columns, load
-from stoop.flight.air_data_reconstruction import with_air, without
+from stoop.flight.air_data import with_air, without
 from stoop.flight.flight import flight_name
 from stoop.logs.ulog_write import Topic, ulog
 
