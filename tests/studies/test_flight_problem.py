@@ -10,7 +10,7 @@ import pytest
 
 from stoop import optimize
 from stoop.errors import FlightError, IdentificationError, VehicleError
-from stoop.flight.store import save
+from stoop.flight.load import save
 from stoop.optimize.problem import forward_jacobian
 from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle
