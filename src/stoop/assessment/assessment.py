@@ -210,26 +210,13 @@ def unpack(text: str) -> tuple[Refittable, dict[str, Any]]:
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """The end of a search, linearized.
+    """The end of a search, linearized."""
 
-    Attributes
-    ----------
-    problem : Problem
-        Weights as in the last fit, priors included; nuisances behind the parameters.
-    z : (D + E,)
-        The optimum in the problem's own units.
-    free : (f,) int
-        Entries that no bound holds; the others stay where they are.
-    residual : (n_r,)
-        Weighted residuals there, those of the priors last.
-    jacobian : (n_r, f)
-    """
-
-    problem: Problem
-    z: FloatArray
-    free: IntArray
-    residual: FloatArray
-    jacobian: FloatArray
+    problem: Problem  #: weights as in the last fit, priors included; nuisances behind the parameters
+    z: FloatArray  #: (D + E,); the optimum in the problem's own units
+    free: IntArray  #: (f,) int; entries that no bound holds; the others stay where they are
+    residual: FloatArray  #: (n_r,); weighted residuals there, those of the priors last
+    jacobian: FloatArray  #: (n_r, f)
 
     @property
     def rung(self) -> int:

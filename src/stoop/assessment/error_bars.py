@@ -51,48 +51,22 @@ MIN_COMPONENT: Final = (
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Covariances of the k unknowns that were estimated.
+    """Covariances of the k unknowns that were estimated."""
 
-    Attributes
-    ----------
-    information : (k, k)
-        Fisher's, for white residuals, priors included.
-    cramer_rao : (k, k)
-        Its inverse: right if the residuals are white, else too small.
-    corrected : (k, k)
-        After Morelli and Klein: right for colored residuals.
-    noise : ColoredNoise
-        The color found, of the weighted residuals.
-    autocorrelation : (ny, lags + 1)
-        Of the residuals.
-    """
-
-    information: FloatArray
-    cramer_rao: FloatArray
-    corrected: FloatArray
-    noise: ColoredNoise
-    autocorrelation: FloatArray
+    information: FloatArray  #: (k, k); Fisher's, for white residuals, priors included
+    cramer_rao: FloatArray  #: (k, k); its inverse: right if the residuals are white, else too small
+    corrected: FloatArray  #: (k, k); after Morelli and Klein: right for colored residuals
+    noise: ColoredNoise  #: the color found, of the weighted residuals
+    autocorrelation: FloatArray  #: (ny, lags + 1); of the residuals
 
 
 def estimate_uncertainty(
     pieces: Sequence[PieceEvidence], prior: FloatArray, white: bool = False
 ) -> Uncertainty:
-    """Return the uncertainty of a fit from its residuals and sensitivities.
+    """Return the uncertainty of a fit from its residuals and sensitivities, and the information (k, k) of the priors.
 
-    Parameters
-    ----------
-    pieces : sequence of PieceEvidence
-        All pieces of all fit maneuvers, with initial states and biases among the unknowns. Unknowns at a bound should
-        be left out: they are not estimated.
-    prior : (k, k)
-        Information of the priors, see `stoop.problem.evidence.prior_information`; zeros without any.
-    white : bool
-        Whether the residuals are uncorrelated by construction: then nothing is corrected.
-
-    Notes
-    -----
-    The covariance of the parameters alone is the block of the parameters: initial states and biases are then
-    unknown, not fixed. Without a prior an unknown that the data do not determine gets infinite variance.
+    Initial states and biases are among the unknowns, those at a bound are not. Without a prior an unknown that the data
+    do not determine gets infinite variance. Residuals that are `white` by construction are not corrected.
     """
     information = data_information(pieces) + prior
     inverse = invert(information)
@@ -111,33 +85,18 @@ def estimate_uncertainty(
 
 @dataclass(frozen=True, eq=False)
 class ErrorBars:
-    """Uncertainty of the parameters and nuisances of a fit, in SI; k = parameters, then nuisances.
+    """Uncertainty of the parameters and nuisances of a fit, in SI; k = parameters, then nuisances."""
 
-    Attributes
-    ----------
-    covariance : (k, k)
-        Corrected for the color of the residuals; zero rows for what is at a bound or not estimated.
-    cramer_rao_std : (k,)
-        Standard errors as if residuals were white; NaN where a method does not use their color.
-    at_bound : (k,) bool
-        Whether the estimate lies at a bound.
-    identifiability : dict
-        By parameter; those at a bound have none.
-    conditional : tuple of str
-        Parameters whose error bar would be more than twice as wide if those at a bound were free.
-    uncertainty : Uncertainty, optional
-        Of the `free` unknowns; absent for a regression that gives a covariance alone.
-    free : (f,)
-        The unknowns that are estimated and not at a bound; noise intensities come last.
-    """
-
-    covariance: FloatArray
-    cramer_rao_std: FloatArray
-    at_bound: BoolArray
-    identifiability: dict[str, Identifiability]
-    conditional: tuple[str, ...]
+    covariance: FloatArray  #: (k, k), corrected for color; zero for what is at a bound or not estimated
+    cramer_rao_std: (
+        FloatArray  #: (k,), as if residuals were white; NaN where a method does not use their color
+    )
+    at_bound: BoolArray  #: (k,) bool; whether the estimate lies at a bound
+    identifiability: dict[str, Identifiability]  #: by parameter; those at a bound have none
+    conditional: tuple[str, ...]  #: more than twice as uncertain if the parameters at a bound were free
+    #: of the `free` unknowns; absent for a regression that gives a covariance alone
     uncertainty: Uncertainty | None
-    free: IntArray
+    free: IntArray  #: (f,); the unknowns that are estimated and not at a bound; noise intensities come last
 
     @property
     def std(self) -> FloatArray:
@@ -233,29 +192,14 @@ def _of_covariance(fit: Fit, covariance: FloatArray) -> ErrorBars:
 
 @dataclass(frozen=True)
 class Identifiability:
-    """What the data say about one parameter.
-
-    Attributes
-    ----------
-    name : str
-    identifiable : bool
-        False when the number is not the data's.
-    reason : str
-        Why; empty without a doubt.
-    conditional_std : float
-        Standard error if everything else were known.
-    marginal_std : float
-        Standard error as it is; infinite when the data leave it free.
-    multiple_correlation : float
-        With all other unknowns together; 1 means that they can take its place.
-    """
+    """What the data say about one parameter."""
 
     name: str
-    identifiable: bool
-    reason: str
-    conditional_std: float
-    marginal_std: float
-    multiple_correlation: float
+    identifiable: bool  #: false when the number is not the data's
+    reason: str  #: why; empty without a doubt
+    conditional_std: float  #: standard error if everything else were known
+    marginal_std: float  #: standard error as it is; infinite when the data leave it free
+    multiple_correlation: float  #: with all other unknowns together; 1 means that they can take its place
 
     @classmethod
     def none(cls, name: str, reason: str) -> Identifiability:
@@ -265,38 +209,17 @@ class Identifiability:
 
 @dataclass(frozen=True, eq=False)
 class ComparisonScale:
-    """Scales (k,) with which standard errors are compared; infinite where there is none.
+    """Scales (k,) with which standard errors are compared; infinite where there is none."""
 
-    Attributes
-    ----------
-    prior_std : (k,)
-        Standard deviation of the prior.
-    box : (k,)
-        Width between the bounds.
-    size : (k,)
-        Magnitude of the parameter: the greater of estimate and starting value.
-    """
-
-    prior_std: FloatArray
-    box: FloatArray
-    size: FloatArray
+    prior_std: FloatArray  #: (k,); standard deviation of the prior
+    box: FloatArray  #: (k,); width between the bounds
+    size: FloatArray  #: (k,); magnitude of the parameter: the greater of estimate and starting value
 
 
 def identifiability(
     names: Sequence[str], information: FloatArray, covariance: FloatArray, scale: ComparisonScale
 ) -> tuple[Identifiability, ...]:
-    """Return the identifiability of the k unknowns.
-
-    Parameters
-    ----------
-    names : sequence of str
-    information : (k, k)
-        Priors included.
-    covariance : (k, k)
-        The covariance that will be published; infinite variance where nothing is known.
-    scale : ComparisonScale
-        Of the same unknowns.
-    """
+    """Return the identifiability of k unknowns from their information, priors included, and published covariance."""
     inverse = invert(information)
     sigma = standard_errors(covariance)
     alone = 1.0 / np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
@@ -363,14 +286,8 @@ def near_null_directions(
 ) -> tuple[NearNullDirection, ...]:
     """Return the directions in which the data hardly change, the least singular value first.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Of the k parameters.
-    information : (k, k)
-        Of the data alone, initial states and biases unknown.
-    sizes : (k,)
-        Magnitude of each parameter: a step for which the cost rises by 1 is cut to one that doubles none.
+    `information` (k, k) is that of the data alone, initial states and biases unknown; a step for which the cost rises by 1
+    is cut to one that doubles no parameter of `sizes` (k,).
     """
     diagonal = np.sqrt(np.maximum(np.diag(information), 0.0))
     seen = np.flatnonzero(diagonal > 0.0)

@@ -125,14 +125,7 @@ def _directions(
 def method_agreement(
     parameters: Mapping[str, ParameterEstimate], methods: Mapping[str, MethodIntervals]
 ) -> tuple[str, ...]:
-    """Return which method to trust for which parameters, and where the methods disagree.
-
-    Parameters
-    ----------
-    parameters : mapping of str to ParameterEstimate
-    methods : mapping of str to MethodIntervals
-        ``corrected`` at least, without it nothing is said; nothing of color without ``cramer_rao``.
-    """
+    """Return which method to trust for which parameters, and where they disagree; nothing without ``corrected``."""
     if "corrected" not in methods:
         return ()
     sure = {name: p for name, p in parameters.items() if p.identifiable and not p.at_bound}
@@ -243,16 +236,9 @@ def _listed(names: list[str]) -> str:
 def without_prior(
     estimate: float, std_error: float, share: float, mean: float, prior: float
 ) -> SingleEstimate:
-    """Return an estimate with its own prior taken out.
+    """Return an estimate without its prior of `mean` and standard deviation `prior`.
 
-    Parameters
-    ----------
-    estimate, std_error : float
-        With the prior.
-    share : float
-        The prior's share in the estimate: its variance in the fit over that of the prior; 0 without one.
-    mean, prior : float
-        The prior and its standard deviation; not used where the share is 0.
+    `share` is the prior's in the estimate: the variance in the fit over that of the prior; 0 without one.
     """
     if not share > 0.0:
         return SingleEstimate(estimate, std_error, math.isfinite(std_error) and std_error > 0.0)
