@@ -15,14 +15,17 @@ matrix", *Econometrica* 55(3), 1987, pp. 703-708.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Protocol, Self
+from typing import ClassVar, Final, Self
 
 import numpy as np
 
 from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
-from stoop.problem import Layout
+from stoop.base.notices import Notice
+from stoop.problem import Layout, Nuisance
+from stoop.vehicle import Parameter, Vehicle
 
 Bounds = tuple[FloatArray, FloatArray]  #: lower and upper, (k,), SI
 MAX_LAG: Final = 2.0  #: s; residuals further apart count as independent
@@ -37,40 +40,14 @@ NULL_EIGENVALUE: Final = 1e-13  #: of the largest scaled eigenvalue; smaller one
 NULL_COMPONENT: Final = 1e-3  #: a parameter with a larger component in the null space is not identifiable
 
 
-class Domain(Protocol):
-    """A linear transform from samples to rows of a regression."""
-
-    @property
-    def name(self) -> str:
-        """``"time"`` or ``"frequency"``."""
-
-    @property
-    def settings(self) -> dict[str, float]:
-        """The numbers that a reader of the estimates wants to know."""
-
-    @property
-    def keeps_constants(self) -> bool:
-        """Whether a constant survives the transform."""
-
-    @property
-    def colored(self) -> bool:
-        """Whether error bars are corrected for the color of the residuals; else residuals count as white."""
-
-    def rows(self, signals: FloatArray, dt: float) -> FloatArray:
-        """Return the rows (m, k) of signals (n, k) sampled every `dt` s; none where the record is too short."""
-
-    def scatter(self, X: FloatArray, v: FloatArray, dt: float) -> FloatArray:
-        """Return the covariance (k, k) of X' v, rows X (m, k) of one stretch, for noise with the color of v (m,)."""
-
-
 @dataclass(frozen=True)
 class TimeDomain:
     """Samples smoothed by a Hann window of `span` s, four rows a window; residuals are colored, by that and the model."""
 
     span: float = 0.2
-    name: str = "time"
-    keeps_constants: bool = True
-    colored: bool = True
+    name: ClassVar[str] = "time"
+    keeps_constants: ClassVar[bool] = True  #: whether a constant survives the transform
+    colored: ClassVar[bool] = True  #: whether error bars are corrected for the color of the residuals
 
     @property
     def settings(self) -> dict[str, float]:
@@ -78,7 +55,7 @@ class TimeDomain:
         return {"span": self.span}
 
     def rows(self, signals: FloatArray, dt: float) -> FloatArray:
-        """Return smoothed samples (m, k)."""
+        """Return smoothed samples (m, k) of signals (n, k) every `dt` s; none where the record is too short."""
         from scipy.signal import oaconvolve
         from scipy.signal.windows import hann
 
@@ -94,7 +71,7 @@ class TimeDomain:
         return max(1, round(self.span / dt / ROWS_PER_WINDOW))
 
     def scatter(self, X: FloatArray, v: FloatArray, dt: float) -> FloatArray:
-        """Return the double sum of the rows with the residuals' autocovariance.
+        """Return the covariance (k, k) of X' v, rows X (m, k) of one stretch, for noise with the color of v (m,).
 
         The autocovariance is estimated up to a lag of 2 s and tapered to zero there, which keeps the result positive
         semidefinite (Newey and West).
@@ -121,9 +98,9 @@ class FrequencyDomain:
 
     low: float = 0.1
     high: float = 2.0
-    name: str = "frequency"
-    keeps_constants: bool = False
-    colored: bool = False
+    name: ClassVar[str] = "frequency"
+    keeps_constants: ClassVar[bool] = False
+    colored: ClassVar[bool] = False
 
     @property
     def settings(self) -> dict[str, float]:
@@ -153,6 +130,9 @@ class FrequencyDomain:
     def scatter(self, X: FloatArray, v: FloatArray, dt: float) -> FloatArray:
         """Return the covariance for residuals that are white within the band."""
         return np.asarray(X.T @ X * float(np.mean(v**2)))
+
+
+Domain = TimeDomain | FrequencyDomain
 
 
 def fourier_transform(signals: FloatArray, frequencies: FloatArray, dt: float) -> ComplexArray:
@@ -212,45 +192,69 @@ class Estimates:
     rows: tuple[Rows, ...]  #: that were solved, in their domain: stretch by stretch, equation by equation
 
 
-class Equations(Protocol):
+@dataclass(frozen=True, eq=False)
+class Equations(ABC):
     """The equations of a kind of vehicle at measured motion, as regression rows for k unknowns."""
 
-    @property
-    def layout(self) -> Layout:
-        """Free parameters and nuisances."""
+    layout: Layout
+    linear: ClassVar[bool]  #: whether the rows do not depend on where they are linearized
+    explanations: ClassVar[Mapping[str, str]]  #: domain -> code of the notice that explains the method
+    needed: ClassVar[str]  #: what to do where no regression is possible
 
     @property
-    def linear(self) -> bool:
-        """Whether the rows do not depend on where they are linearized."""
-
-    @property
+    @abstractmethod
     def places(self) -> tuple[int, ...]:
         """Where the unknowns stand among free parameters, then nuisances."""
 
-    @property
-    def priors(self) -> Priors:
-        """Prior means and standard deviations (k,), SI; the iteration starts from the means."""
-
-    @property
-    def bounds(self) -> Bounds:
-        """Lower and upper bounds of the vehicle file (k,), SI."""
-
-    @property
-    def scales(self) -> FloatArray:
-        """Typical sizes of the unknowns (k,), SI."""
+    @abstractmethod
+    def rows(self, values: FloatArray) -> list[Rows]:
+        """Return the rows of all samples, linearized about values (k,), SI."""
 
     @property
     def constants(self) -> dict[str, int]:
         """Equation -> its constant term, as a place among the unknowns."""
+        return {}
 
-    def rows(self, values: FloatArray) -> list[Rows]:
-        """Return the rows of all samples, linearized about values (k,)."""
+    @property
+    def _unknowns(self) -> list[Parameter | Nuisance]:
+        every: list[Parameter | Nuisance] = [*self.layout.parameters, *self.layout.nuisances]
+        return [every[i] for i in self.places]
 
-    def r2(self, estimates: Estimates, domain: Domain) -> dict[str, float]:
-        """Return the coefficient of determination of each equation."""
+    @property
+    def priors(self) -> Priors:
+        """Prior means and standard deviations (k,), SI; the iteration starts from the means."""
+        own = [(u.center, u.scale) if isinstance(u, Nuisance) else (u.value, u.prior) for u in self._unknowns]
+        return Priors(np.array([m for m, _ in own]), np.array([np.inf if s is None else s for _, s in own]))
 
-    def reduced(self, estimates: Estimates) -> Self:
+    @property
+    def bounds(self) -> Bounds:
+        """Lower and upper bounds of the vehicle file (k,), SI; none of the biases."""
+        own = [(-np.inf, np.inf) if isinstance(u, Nuisance) else (u.lower, u.upper) for u in self._unknowns]
+        lower, upper = np.array(own).reshape(-1, 2).T
+        return lower, upper
+
+    @property
+    def scales(self) -> FloatArray:
+        """Widths of the bounds, and scales of the biases (k,), SI."""
+        return np.array([u.scale if isinstance(u, Nuisance) else u.upper - u.lower for u in self._unknowns])
+
+    @classmethod
+    def not_estimable(cls, _: Vehicle) -> tuple[str, ...]:
+        """Return the free numbers that no equation has."""
+        return ()
+
+    def r2(self, estimates: Estimates, _: Domain) -> dict[str, float]:
+        """Return the coefficient of determination of each equation, of the free terms only."""
+        return estimates.r2
+
+    def reduced(self, _: Estimates) -> Self:
         """Return the equations that determine the estimates, without those that the data do not explain."""
+        return self
+
+    @staticmethod
+    def notices(_: Estimates) -> list[Notice]:
+        """Return what the estimates do not rest on."""
+        return []
 
 
 def unbounded(equations: Equations) -> Bounds:
