@@ -27,9 +27,9 @@ from stoop.assessment.uncertainty import method_agreement
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
-from stoop.estimate.filter_error.frozen import FrozenFilter
+from stoop.estimate.filter_likelihood import FrozenFilter
 from stoop.estimate.fit import Fit
-from stoop.estimate.shooting.following import FollowingWindows
+from stoop.estimate.multiple_shooting import FollowingWindows
 from stoop.optimize import Problem, refine
 from stoop.problem import Layout, Misfit, Nuisance, Piece, Weights
 from stoop.results.result import Result

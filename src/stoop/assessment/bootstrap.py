@@ -50,8 +50,8 @@ from stoop.assessment.assessment import (
 from stoop.assessment.covariance import MIN_WINDOWS, NORMAL_95, ColoredNoise, leave_window_out
 from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.notices import Notice, notice
+from stoop.estimate.multiple_shooting import FollowingWindows
 from stoop.estimate.noise import lagged_products
-from stoop.estimate.shooting.following import FollowingWindows
 from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run, Tally, execute
 from stoop.results.uncertainty import Interval, MethodIntervals
 

@@ -100,8 +100,8 @@ def test_a_study_counts_what_it_imports_of_stoop(work: str, own: set[str]) -> No
 
 def test_what_a_package_imports_of_stoop_counts(herd: Path) -> None:
     before = work_sources([WORK])
-    (herd / "grass.py").write_text("from stoop.input_design.limits import Limits\n")
-    assert "stoop.input_design.limits.py" in sources.reached("herd.far.graze")
+    (herd / "grass.py").write_text("from stoop.input_design.inputs import Frame\n")
+    assert "stoop.input_design.inputs.py" in sources.reached("herd.far.graze")
     assert work_sources([WORK]) != before
 
 

@@ -13,7 +13,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import SHORT, Fit, Options, estimation_problem
-from stoop.estimate.noise import noise_variance, variance_of
+from stoop.estimate.noise import channel_residuals, noise_variance
 from stoop.estimate.regression import kind_of
 from stoop.estimate.regression.least_squares import (
     Domain,
@@ -24,7 +24,7 @@ from stoop.estimate.regression.least_squares import (
     estimate,
     unbounded,
 )
-from stoop.estimate.shooting.windows import outputs_by_window
+from stoop.estimate.shooting_windows import outputs_by_window
 from stoop.flight import Flight
 from stoop.optimize.ledger import Evaluations, Halt
 from stoop.problem import Layout, Misfit, Weights, on_circle
@@ -174,7 +174,7 @@ def _from_start(problem: Misfit, z: FloatArray) -> _Simulated:
         spent = ledger.spent
     cost = float(np.sum(problem.residuals(z[None, :], rung) ** 2))
     if np.isfinite(cost):
-        problem = problem.weighted(Weights.of(noise_variance(problem, z)))
+        problem = problem.weighted(Weights.of(noise_variance(problem, channel_residuals(problem, z))))
         cost = float(np.sum(problem.residuals(z[None, :], rung) ** 2))
     return _Simulated(problem, z, cost, spent)
 
@@ -200,5 +200,5 @@ def _by_window(problem: Misfit, z: FloatArray) -> _Simulated:
     readings = tuple(outputs_by_window(fixed, i) for i in range(len(pieces)))
     residuals = [on_circle(p.measured - y, outputs) for p, y in zip(problem.pieces, readings, strict=True)]
     seen = np.any([np.isfinite(r).any(axis=0) for r in residuals], axis=0)
-    noise = np.diag(np.where(seen, variance_of(problem, residuals), np.nan))
+    noise = np.diag(np.where(seen, noise_variance(problem, residuals), np.nan))
     return _Simulated(problem, z, 0.0, 0.0, noise, readings)

@@ -33,7 +33,7 @@ from stoop.estimate.regression.aircraft import (
 )
 from stoop.estimate.regression.least_squares import FrequencyDomain, Rows, solve, unbounded
 from stoop.problem import Layout
-from stoop.problem.observation import AirFrame
+from stoop.problem.observation import AIR_FRAME
 from stoop.simulation import parameter_rows
 from stoop.simulation.delays import delayed, input_delays
 from stoop.simulation.initial import commanded
@@ -181,7 +181,7 @@ class RealTime:
             return None
         readings = {c: np.array([now.get(c, np.nan)]) for c in vehicle.outputs}
         default = {"V": vehicle.value("reference.airspeed")}
-        start = {n: now.get(n, default.get(n, 0.0)) for n in AirFrame.start_scales}
+        start = {n: now.get(n, default.get(n, 0.0)) for n in AIR_FRAME.start_scales}
         states = states_of(vehicle, {**start, "h": now.get("altitude", 0.0)}, readings)
         felt = {c: v for c, v in readings.items() if c in SPECIFIC_FORCE}
         first: IntArray = np.zeros(1, dtype=np.intp)
