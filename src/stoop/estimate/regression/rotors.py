@@ -10,7 +10,7 @@ Axes: k = sample, i = acceleration (p', q', r', ax, ay, az), j = unknown.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
