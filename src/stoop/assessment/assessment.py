@@ -22,7 +22,7 @@ from typing import Any, Final, Literal, Protocol
 import numpy as np
 
 from stoop.assessment.covariance import Inverse, invert
-from stoop.assessment.error_bars import ErrorBars, Uncertainty, error_bars
+from stoop.assessment.error_bars import ErrorBars, error_bars
 from stoop.assessment.uncertainty import method_agreement
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.errors import IdentificationError
@@ -58,19 +58,6 @@ class AssessedFit:
     def bars(self) -> ErrorBars:
         """Error bars, for the noise behind the residuals and for identifiability."""
         return error_bars(self.fit)
-
-    @property
-    def uncertainty(self) -> Uncertainty:
-        """Covariances of the estimated unknowns that are at no bound.
-
-        Raises
-        ------
-        IdentificationError
-            The fit is a regression.
-        """
-        if self.bars.uncertainty is None:
-            raise IdentificationError("the fit has no sensitivities to assess; it is a regression")
-        return self.bars.uncertainty
 
     @cached_property
     def problem(self) -> Refittable:

@@ -274,7 +274,7 @@ class Bootstrap:
 
 def bootstrap_plan(fit: AssessedFit, count: int) -> Plan:
     """Return the campaign: `count` replicates, rounded up to whole chunks."""
-    noise = fit.uncertainty.noise
+    noise = fit.bars.uncertainty.noise
     whole = sum(len(p.edges) - 1 for p in fit.fit.evidence.pieces if p.edges) >= MIN_WINDOWS
     problem = fit.packed(
         {"color": noise.coefficients, "innovation": noise.innovation, "whole_windows": np.array(whole)}

@@ -33,7 +33,6 @@ from stoop.results.uncertainty import CorrelatedPair, NearNullDirection
 CORRELATION_LAGS: Final = 200  #: samples over which the residual autocorrelation is shown
 CONDITIONAL_RATIO: Final = 2.0  #: of error bars, from which one is conditional on parameters at a bound
 NOT_ESTIMATED: Final = "the method does not estimate it"
-NOT_DETERMINED: Final = "the data do not see it, alone or apart from others"
 COMBINED: Final = "known only in combination with others: they can almost take its place"
 PRIOR_SHARE: Final = (
     0.95  #: of the prior's standard deviation left by the fit: the data added next to nothing
@@ -94,8 +93,7 @@ class ErrorBars:
     at_bound: BoolArray  #: (k,) bool; whether the estimate lies at a bound
     identifiability: dict[str, Identifiability]  #: by parameter; those at a bound have none
     conditional: tuple[str, ...]  #: more than twice as uncertain if the parameters at a bound were free
-    #: of the `free` unknowns; absent for a regression that gives a covariance alone
-    uncertainty: Uncertainty | None
+    uncertainty: Uncertainty  #: of the `free` unknowns
     free: IntArray  #: (f,); the unknowns that are estimated and not at a bound; noise intensities come last
 
     @property
@@ -113,15 +111,15 @@ class ErrorBars:
 
 
 def error_bars(fit: Fit) -> ErrorBars:
-    """Return the error bars of a fit, whatever its method; on one BLAS thread, as more would round differently."""
+    """Return the error bars of a fit, whatever its method; on one BLAS thread, as more would round differently.
+
+    Noise intensities take part and are not returned.
+    """
     with threadpool_limits(limits=1, user_api="blas"):
-        if fit.covariance is not None:  # a regression: corrected in its own domain
-            return _of_covariance(fit, fit.covariance)
-        return evidence_error_bars(fit.evidence)
+        return _error_bars(fit.evidence)
 
 
-def evidence_error_bars(evidence: Evidence) -> ErrorBars:
-    """Return the error bars that evidence gives; noise intensities take part and are not returned."""
+def _error_bars(evidence: Evidence) -> ErrorBars:
     unknowns, free = evidence.unknowns, evidence.free
     pieces, prior = [piece.of(free) for piece in evidence.pieces], evidence.prior[np.ix_(free, free)]
     found = estimate_uncertainty(pieces, prior, evidence.white)
@@ -147,8 +145,9 @@ def evidence_error_bars(evidence: Evidence) -> ErrorBars:
     told = identifiability([u.name for u in known], found.information, corrected, scale)
     own = {u.name: j for u, j in zip(known, told, strict=True) if u.kind == "parameter"}
     idle = [u.name for u in unknowns if u.kind == "parameter" and u.fixed == "method"]
-    covariance, white = np.zeros((len(unknowns),) * 2), np.zeros(len(unknowns))
+    covariance = np.zeros((len(unknowns),) * 2)
     covariance[np.ix_(free, free)] = corrected
+    white = np.full(len(unknowns), np.nan if evidence.white else 0.0)  # what is assumed is no finding
     white[free] = np.nan if evidence.white else standard_errors(cramer_rao)
     return ErrorBars(
         covariance=covariance[:k, :k],
@@ -158,35 +157,6 @@ def evidence_error_bars(evidence: Evidence) -> ErrorBars:
         conditional=conditional,
         uncertainty=found,
         free=free,
-    )
-
-
-def _of_covariance(fit: Fit, covariance: FloatArray) -> ErrorBars:
-    """Return the error bars of a regression that gives the covariance of its estimates.
-
-    It has no bounds. What it did not estimate has zero variance; what the data do not determine has an infinite one.
-    """
-    layout = fit.problem.layout
-    d, names = layout.dimension, [p.name for p in layout.parameters]
-    own = covariance[:d, :d]
-    finite = np.isfinite(np.diag(own))
-    known = np.flatnonzero(finite & (np.diag(own) > 0.0))
-    size = np.maximum(np.abs([p.value for p in layout.parameters]), np.abs([fit.estimates[n] for n in names]))
-    scale = ComparisonScale(np.full(len(known), np.inf), layout.width[known], size[known])
-    block = own[np.ix_(known, known)]
-    found = identifiability([names[i] for i in known], invert(block).matrix, block, scale)
-    none = {
-        name: Identifiability.none(name, NOT_ESTIMATED if f else NOT_DETERMINED)
-        for name, f in zip(names, finite, strict=True)
-    }
-    return ErrorBars(
-        covariance=covariance,
-        cramer_rao_std=np.full(len(fit.z), np.nan) if fit.white is None else standard_errors(fit.white),
-        at_bound=np.zeros(len(fit.z), dtype=np.bool_),
-        identifiability=none | {j.name: j for j in found},
-        conditional=(),
-        uncertainty=None,
-        free=np.arange(len(fit.z)),
     )
 
 

@@ -229,7 +229,7 @@ def left_out_residuals(fit: Fit) -> list[FloatArray] | None:
     They are the residuals that the method minimizes: of the simulation, of windows, or of a filter's predictions; NaN where
     nothing was measured. None for a regression, or where the fit cannot be differentiated.
     """
-    if fit.local_problem is None and (fit.own_evidence is not None or fit.covariance is not None):
+    if fit.local_problem is None and fit.own_evidence is not None:
         return None
     evidence, d = fit.evidence, fit.problem.dimension
     if not all(np.isfinite(values).all() for p in evidence.pieces for values in p.filled()):

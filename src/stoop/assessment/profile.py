@@ -235,7 +235,7 @@ def profile_plan(fit: AssessedFit, names: Sequence[str]) -> Plan:
     """Return the campaign: one run a parameter."""
     problem = fit.packed({})
     digest = hashlib.sha256(problem.encode()).hexdigest()
-    free, plain = fit.free, np.sqrt(np.diag(fit.uncertainty.cramer_rao))
+    free, plain = fit.free, np.sqrt(np.diag(fit.bars.uncertainty.cramer_rao))
     with np.errstate(invalid="ignore"):
         factors = dict(zip(free.tolist(), (fit.bars.std[free] / plain[: len(free)]).tolist(), strict=True))
     runs = []

@@ -110,8 +110,6 @@ def _directions(
     fit: Fit, bars: ErrorBars, names: list[str]
 ) -> tuple[tuple[float, ...], tuple[NearNullDirection, ...]]:
     """Return singular values of all free unknowns, and near-null directions of the parameters, priors left out."""
-    if bars.uncertainty is None:
-        return (), ()
     whole = bars.uncertainty.information
     own = bars.free[bars.free < len(names)]
     prior = np.array([fit.problem.layout.parameters[i].prior or np.inf for i in own])
@@ -262,11 +260,10 @@ def fit_each(
 
 def _estimates(fit: Fit, bars: ErrorBars) -> dict[str, SingleEstimate]:
     """Return the estimates by name, each without its own prior."""
-    parameters, shares = fit.problem.layout.parameters, np.zeros(len(fit.z))
-    if bars.uncertainty is not None:
-        entry = dict(zip(bars.free.tolist(), np.diag(bars.uncertainty.cramer_rao).tolist(), strict=True))
-        prior = [np.inf if p.prior is None else p.prior for p in parameters]
-        shares = np.nan_to_num([entry.get(i, np.nan) / s**2 for i, s in enumerate(prior)])
+    parameters = fit.problem.layout.parameters
+    entry = dict(zip(bars.free.tolist(), np.diag(bars.uncertainty.cramer_rao).tolist(), strict=True))
+    prior = [np.inf if p.prior is None else p.prior for p in parameters]
+    shares = np.nan_to_num([entry.get(i, np.nan) / s**2 for i, s in enumerate(prior)])
     out = {}
     for i, p in enumerate(parameters):
         value, std = fit.estimates[p.name], float(bars.std[i])

@@ -25,6 +25,7 @@ import numpy as np
 from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
 from stoop.base.notices import Notice
 from stoop.problem import Layout, Nuisance
+from stoop.problem.evidence import PieceEvidence
 from stoop.vehicle import Parameter, Vehicle
 
 Bounds = tuple[FloatArray, FloatArray]  #: lower and upper, (k,), SI
@@ -183,13 +184,21 @@ class Estimates:
     """Least-squares estimates of k parameters, SI."""
 
     values: FloatArray  #: (k,)
-    covariance: (
-        FloatArray  #: (k, k), corrected for the color of the residuals; NaN for what is not identifiable
-    )
-    white: FloatArray  #: (k, k), as if the residuals were white
+    covariance: FloatArray  #: (k, k), as if the residuals were white; NaN for what is not identifiable
     sigma: dict[str, float]  #: standard deviation of the residuals by equation
     r2: dict[str, float]  #: coefficient of determination by equation
     rows: tuple[Rows, ...]  #: that were solved, in their domain: stretch by stretch, equation by equation
+
+    @property
+    def evidence(self) -> tuple[PieceEvidence, ...]:
+        """Equation errors and regressors of each stretch, weighted by the residuals' deviations; columns are equations."""
+        out, count = [], len(self.sigma)
+        for first in range(0, len(self.rows), count):
+            stretch = self.rows[first : first + count]
+            residual = [(r.y - r.X @ self.values) / self.sigma[r.equation] for r in stretch]
+            jacobian = [r.X / self.sigma[r.equation] for r in stretch]
+            out.append(PieceEvidence(np.stack(residual, axis=1), np.stack(jacobian, axis=1)))
+        return tuple(out)
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,41 +291,40 @@ def _gauss_newton(equations: Equations, domain: Domain, bounds: Bounds) -> Estim
         rows = [t for r in samples if (t := r.transformed(domain)).y.size]
         if not rows:
             return None
-        found = solve(rows, bounds, equations.priors, domain)
+        found = solve(rows, bounds, equations.priors)
         before, values = values, found.values
         if not np.isfinite(values).all():
             return None
         if equations.linear or np.max(np.abs(values - before) / equations.scales) < STEP_TOLERANCE:
             break
     found = replace(found, r2=equations.r2(found, domain))
-    return found if domain.keeps_constants else _with_constants(found, samples, equations.constants, bounds)
+    return found if domain.keeps_constants else _with_constants(found, samples, equations, bounds)
 
 
 def _with_constants(
-    found: Estimates, samples: Sequence[Rows], constants: dict[str, int], bounds: Bounds
+    found: Estimates, samples: Sequence[Rows], equations: Equations, bounds: Bounds
 ) -> Estimates:
-    """Find constants from the means that the other terms leave; their errors follow from those of the others."""
-    values, covariance = found.values.copy(), np.nan_to_num(found.covariance)
-    unknown = np.isnan(np.diag(found.covariance))
-    unknown[list(constants.values())] = False
-    lost = unknown.copy()
-    for equation, place in constants.items():
-        own = [r for r in samples if r.equation == equation]
+    """Find constants from the means that the other terms leave; each mean is one more row of its equation."""
+    values, means, priors = found.values.copy(), [], equations.priors.sigma.copy()
+    for equation, sigma in found.sigma.items():
+        place, own = equations.constants.get(equation), [r for r in samples if r.equation == equation]
         y, X = np.concatenate([r.y for r in own]), np.concatenate([r.X for r in own])
-        X[:, place] = 0.0
-        values[place] = np.clip(np.mean(y - X @ values), bounds[0][place], bounds[1][place])
+        if place is None:  # no constant that a mean could tell
+            means.append(Rows(equation, np.zeros(1), np.zeros((1, len(values))), own[0].dt))
+            continue
+        others, priors[place] = X.copy(), np.inf
+        others[:, place] = 0.0
+        left = y - others @ values
+        values[place] = np.clip(np.mean(left), bounds[0][place], bounds[1][place])
         # noise of the mean itself is white noise's: the slow part of it is in the residual of the band
-        mean, noise = X.mean(axis=0), float(np.var(y - X @ values) / len(y))
-        cross = -(covariance @ mean)
-        covariance[place, :], covariance[:, place] = cross, cross
-        covariance[place, place] = mean @ covariance @ mean + noise
-        lost[place] = bool(np.any(mean[unknown] != 0.0))  # a term constant off zero is one with the constant
-    covariance[lost, :] = covariance[:, lost] = np.nan
-    return replace(found, values=values, covariance=covariance)
+        weight = sigma / float(np.std(left) / np.sqrt(len(y)))
+        means.append(Rows(equation, weight * np.mean(y)[None], weight * X.mean(axis=0)[None], own[0].dt))
+    rows = (*found.rows, *means)
+    return replace(found, values=values, rows=rows, covariance=_covariance(rows, priors, found.sigma))
 
 
-def solve(rows: Sequence[Rows], bounds: Bounds, priors: Priors, domain: Domain) -> Estimates:
-    """Estimate parameters from rows in their domain; the equations are weighted by the variances of their residuals."""
+def solve(rows: Sequence[Rows], bounds: Bounds, priors: Priors) -> Estimates:
+    """Estimate parameters from rows in one domain; the equations are weighted by the variances of their residuals."""
     reduced = []
     for r in rows:  # few rows with the same normal equations: the triangle of a QR decomposition
         own = np.flatnonzero(r.used)
@@ -334,9 +342,8 @@ def solve(rows: Sequence[Rows], bounds: Bounds, priors: Priors, domain: Domain) 
         left = {c: np.concatenate([r.y - r.X @ values for r in own]) for c, own in of.items()}
         sigma = {c: float(np.sqrt(np.sum(v**2) / max(len(v) - used[c], 1))) for c, v in left.items()}
     sigma = {c: max(s, floor[c]) for c, s in sigma.items()}
-    white, covariance = _covariances(rows, values, priors, sigma, domain)
     r2 = {c: r_squared(np.concatenate([r.y for r in own]), left[c]) for c, own in of.items()}
-    return Estimates(values, covariance, white, sigma, r2, tuple(rows))
+    return Estimates(values, _covariance(rows, priors.sigma, sigma), sigma, r2, tuple(rows))
 
 
 def r_squared(y: FloatArray, residual: FloatArray) -> float:
@@ -367,28 +374,19 @@ def _weighted(rows: Sequence[Rows], bounds: Bounds, priors: Priors, sigma: dict[
     return out
 
 
-def _covariances(
-    rows: Sequence[Rows], values: FloatArray, priors: Priors, sigma: dict[str, float], domain: Domain
-) -> tuple[FloatArray, FloatArray]:
-    """Return the covariance for white and for colored residuals: M^-1 and M^-1 [sum X' V X] M^-1.
+def _covariance(rows: Sequence[Rows], priors: FloatArray, sigma: dict[str, float]) -> FloatArray:
+    """Return the inverse of the information (k, k) of rows and priors of standard deviations (k,).
 
     NaN for parameters with a component in the null space, where a pseudo-inverse would give zero variance.
     """
-    M = np.diag(1.0 / priors.sigma**2)
-    middle = M.copy()
+    M = np.diag(1.0 / priors**2)
     for r in rows:
-        weight = 1.0 / sigma[r.equation] ** 2
-        own, v = np.flatnonzero(r.used), r.y - r.X @ values
-        X, square = r.X[:, own], np.ix_(own, own)
-        freedom = len(v) / max(len(v) - len(own), 1)
-        M[square] += weight * (X.T @ X)
-        middle[square] += weight**2 * freedom * domain.scatter(X, v, r.dt)
+        own = np.flatnonzero(r.used)
+        M[np.ix_(own, own)] += (r.X[:, own].T @ r.X[:, own]) / sigma[r.equation] ** 2
     diagonal = np.diag(M)
     scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     powers, vectors = np.linalg.eigh(M / np.outer(scale, scale))
     kept = powers > NULL_EIGENVALUE * max(float(powers[-1]), 0.0)
     factor = vectors[:, kept] / np.sqrt(powers[kept]) / scale[:, None]
-    inverse = factor @ factor.T
     known = (diagonal > 0.0) & (np.linalg.norm(vectors[:, ~kept], axis=1) <= NULL_COMPONENT)
-    both = np.outer(known, known)
-    return np.where(both, inverse, np.nan), np.where(both, inverse @ middle @ inverse, np.nan)
+    return np.where(np.outer(known, known), factor @ factor.T, np.nan)
