@@ -20,7 +20,7 @@ import numpy as np
 from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
-from stoop.checks.rotor_windows import require_rotor_data, require_rotors
+from stoop.checks.vehicle import require_rotor_data, require_rotors
 from stoop.errors import IdentificationError
 from stoop.estimate.excitation import with_mass_held
 from stoop.estimate.noise import channel_residuals, effective_variance, first_variance, noise_variance

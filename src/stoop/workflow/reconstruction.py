@@ -15,7 +15,7 @@ from stoop.base.notices import Notice, notice
 from stoop.base.numbers import finite_or_none
 from stoop.errors import FlightError
 from stoop.flight import Flight, save
-from stoop.flight.air_data_reconstruction import RECONSTRUCTED
+from stoop.flight.air_data import RECONSTRUCTED
 from stoop.reconstruction.compatibility import Compatibility, check
 from stoop.reconstruction.corrected import corrected_flight
 from stoop.reconstruction.performance import blocks

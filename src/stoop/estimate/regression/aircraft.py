@@ -26,7 +26,7 @@ from scipy.interpolate import CubicSpline
 from stoop.base.arrays import BoolArray, FloatArray, IntArray, runs
 from stoop.base.variables import RATES, SPECIFIC_FORCE
 from stoop.estimate.regression.least_squares import Equations, Rows
-from stoop.flight.segmentation import MIN_SEGMENT
+from stoop.flight.flight import MIN_SEGMENT
 from stoop.problem import Layout, Piece
 from stoop.problem.observation import at_center_of_gravity, true_value
 from stoop.simulation import START_NAMES, parameter_rows

@@ -22,7 +22,7 @@ from stoop.base.arrays import FloatArray, runs
 from stoop.base.notices import Notice, notice
 from stoop.base.variables import RATES, SPECIFIC_FORCE
 from stoop.estimate.regression.least_squares import Domain, Equations, Estimates, Rows, r_squared
-from stoop.flight.segmentation import MIN_SEGMENT
+from stoop.flight.flight import MIN_SEGMENT
 from stoop.problem import Layout, Nuisance, Piece
 from stoop.problem.observation import through_air, true_value
 from stoop.simulation import parameter_rows
