@@ -130,7 +130,6 @@ class OrderedToPBest:
     def __call__(
         self, X: FloatArray, F: FloatArray, scale: Factor, generator: np.random.Generator
     ) -> FloatArray:
-        """Return mutants, (n, D)."""
         towards, better, worse = self.parents(X, F, generator)
         mutants: FloatArray = X + scale * (towards - X + better - worse)
         return mutants
