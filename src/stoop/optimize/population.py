@@ -130,6 +130,7 @@ class OrderedToPBest:
     def __call__(
         self, X: FloatArray, F: FloatArray, scale: Factor, generator: np.random.Generator
     ) -> FloatArray:
+        """Return mutants, (n, D)."""
         towards, better, worse = self.parents(X, F, generator)
         mutants: FloatArray = X + scale * (towards - X + better - worse)
         return mutants

@@ -31,6 +31,7 @@ class Rand1:
     """DE/rand/1: c + scale (a - b), the paper's eq. (6), first line."""
 
     def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
+        """Return mutants, (n, D)."""
         a, b, c = drawn(X, 3, generator)
         return c + scale * (a - b)
 
@@ -40,6 +41,7 @@ class Best2:
     """DE/best/2: best + scale (a - b + c - d), the paper's eq. (6), second line."""
 
     def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
+        """Return mutants, (n, D)."""
         a, b, c, d = drawn(X, 4, generator)
         mutants: FloatArray = X[F.argmin()] + scale * (a - b + c - d)
         return mutants
@@ -50,6 +52,7 @@ class Ordered:
     """The paper's eq. (12): x + scale (a - x + b - c), with a, b, c the best, middle and worst of three."""
 
     def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
+        """Return mutants, (n, D)."""
         a, b, c = list(X[ranked(distinct(len(X), 3, generator), F)])
         mutants: FloatArray = X + scale * (a - X + b - c)
         return mutants
@@ -60,6 +63,7 @@ class Unordered:
     """Eq. (12) with its three picks as drawn: what the sorting is worth."""
 
     def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
+        """Return mutants, (n, D)."""
         a, b, c = drawn(X, 3, generator)
         return X + scale * (a - X + b - c)
 
@@ -75,6 +79,7 @@ class Localized:
     """
 
     def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
+        """Return mutants, (n, D)."""
         picks = distinct(len(X), 3, generator)
         members, best = np.arange(len(X)), F[picks].argmin(axis=0)
         base, a, b = (picks[(best + k) % 3, members] for k in range(3))
@@ -102,6 +107,7 @@ class Trigonometric:
     probability: float = 0.05
 
     def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
+        """Return mutants, (n, D)."""
         replaced = np.flatnonzero(generator.random(len(X)) < self.probability)
         picks = distinct(len(X), 3, generator)
         a, b, c = picks
@@ -134,6 +140,7 @@ class ScaledByCost:
     lowest: float = 0.1
 
     def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
+        """Return mutants, (n, D)."""
         picks = ranked(distinct(len(X), 3, generator), F)
         (best, middle, worst), f = picks, F[picks]
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -154,6 +161,7 @@ class WeightedCentroid:
     """
 
     def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
+        """Return mutants, (n, D)."""
         picks = distinct(len(X), 5, generator)
         finite = np.isfinite(F)
         below = np.where(finite, F[finite].max(initial=-np.inf) - np.where(finite, F, 0.0), 0.0)

@@ -73,6 +73,7 @@ class CurrentToPBest:
     choose: Choice = elite
 
     def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
+        """Return mutants, (n, D)."""
         towards = X[self.choose(F, self.share, generator)]
         pool = np.concatenate([X, self.archive])
         a, b = two_others(len(X), len(pool), generator)
