@@ -26,7 +26,8 @@ from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.prepare import Prepared, nuisances
 from stoop.problem.windows import Window
 from stoop.results.result import Result
-from stoop.simulation import Maneuver, Trim
+from stoop.simulation import Trim
+from stoop.simulation.maneuver import Maneuver
 from stoop.simulation.trim import inputs_about
 from stoop.vehicle import Vehicle
 

@@ -16,7 +16,8 @@ from stoop.errors import SimulationError
 from stoop.input_design.information import Forecast, Knowledge, Limits, Setup
 from stoop.input_design.inputs import LEAD, SHAPES, Frame, Shape
 from stoop.optimize.problem import ScalarProblem
-from stoop.simulation import Maneuver, Trim
+from stoop.simulation import Trim
+from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
 
 OUTSIDE: Final = 1e3  #: cost of leaving the envelope at all: every maneuver within it is better

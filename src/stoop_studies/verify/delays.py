@@ -22,8 +22,9 @@ from stoop.estimate.fit import Options, fit
 from stoop.flight import Flight, from_columns
 from stoop.reconstruction.compatibility import check
 from stoop.report.sheet import Prose, Section, Table
-from stoop.simulation import Maneuver, simulate_flight
+from stoop.simulation.fly import simulate_flight
 from stoop.simulation.initial import rigid_states
+from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.load import parse_vehicle

@@ -20,7 +20,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.units import FOOT, INCH, POUND_FORCE
 from stoop.errors import StoopError
 from stoop.exporters.jsbsim_flight import simulator
-from stoop.simulation import Maneuver
+from stoop.simulation.maneuver import Maneuver
 
 STEP: Final = 2e-4  #: s, of JSBSim: its surfaces and its rate of the angle of attack act one step late
 ADAMS_BASHFORTH_2: Final = 3  #: of `simulation/integrator/rate/rotational`; its default is of first order

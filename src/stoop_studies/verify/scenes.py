@@ -15,7 +15,9 @@ from stoop.base.units import FOOT, KNOT
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.report.sheet import Table
-from stoop.simulation import Maneuver, simulate_flight, trim
+from stoop.simulation import trim
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.schema import Turbulence

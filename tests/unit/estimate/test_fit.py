@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from stoop import optimize
-from stoop.cli.demo import MANEUVER, TABLE_1
 from stoop.errors import FlightError, IdentificationError, VehicleError
 from stoop.estimate.fit import Options, estimation_problem, fit, refine, settle, starts
 from stoop.estimate.noise import channel_residuals, noise_variance
@@ -17,9 +16,12 @@ from stoop.flight import Flight
 from stoop.problem import Misfit
 from stoop.problem.observation import first_complete, guess_start
 from stoop.problem.windows import Window
-from stoop.simulation import START_NAMES, parse_maneuver, simulate_flight
+from stoop.simulation import START_NAMES
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop.workflow.demo import MANEUVER, TABLE_1
 
 WINDOW = [Window("sim", 0.0, 30.0)]
 
