@@ -12,7 +12,8 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.flight import Flight
 from stoop.flight.conversion import MAX_DEFLECTION, rotate_axes
-from stoop.flight.mapping import FlightMapping, Source, with_other_form
+from stoop.flight.flight import with_other_form
+from stoop.flight.mapping import FlightMapping, Source
 
 Columns: TypeAlias = dict[str, FloatArray]
 USUAL_TRAVEL: Final = 0.5  #: rad, of a surface to either side

@@ -48,7 +48,7 @@ from stoop.flight.airspeed import (
 from stoop.flight.flight import NAN, AirData, Flight, dataset
 from stoop.flight.gridding import complete
 from stoop.flight.instrument_errors import prior_std
-from stoop.flight.velocity_smoother import Record, Smoothed, smooth_velocity
+from stoop.flight.velocity_smoother import Smoothed, smooth_velocity
 
 RECONSTRUCTED: Final = "reconstructed"  #: source of what no sensor measured
 SMOOTHED: Final = ("vn_smooth", "ve_smooth", "vd_smooth")
@@ -198,7 +198,7 @@ def reconstruct(
         if lacking:
             return {}, AirData("none", notices=(notice(code),))
     rotation, step = matrices_of(attitude), float(np.median(np.diff(time)))
-    motion = smooth_velocity(Record(time, rotation, read.stack(SPECIFIC_FORCE), velocity), velocity_rate)
+    motion = smooth_velocity(time, rotation, read.stack(SPECIFIC_FORCE), velocity, velocity_rate)
     if motion is None:  # without accelerometers the velocity is taken as logged
         none = np.full(3, np.nan)
         motion = Smoothed(velocity, np.full(time.size, np.nan), none, none, *[NAN] * 6)

@@ -91,32 +91,18 @@ class Alignment(Table):
 
 @dataclass(frozen=True)
 class Lag:
-    """What must be added to one clock to read another.
+    """What must be added to one clock to read another."""
 
-    Attributes
-    ----------
-    shift : s, to be added at `origin`
-    sigma : s, standard error of the shift
-    correlation : of both records when shifted, 0 to 1
-    rival : the highest correlation at any quite different shift
-    overlap : s in which both records were compared
-    samples : independent ones among them
-    using : quantities that were compared
-    drift : s per s, to be added beyond `origin`
-    drift_sigma : its standard error
-    origin : s on the moved clock
-    """
-
-    shift: float
-    sigma: float
-    correlation: float
-    rival: float
-    overlap: float
-    samples: float
-    using: tuple[str, ...]
-    drift: float = 0.0
-    drift_sigma: float = 0.0
-    origin: float = 0.0
+    shift: float  #: s, to be added at `origin`
+    sigma: float  #: s, standard error of the shift
+    correlation: float  #: of both records when shifted, 0 to 1
+    rival: float  #: the highest correlation at any quite different shift
+    overlap: float  #: s in which both records were compared
+    samples: float  #: independent ones among them
+    using: tuple[str, ...]  #: quantities that were compared
+    drift: float = 0.0  #: s per s, to be added beyond `origin`
+    drift_sigma: float = 0.0  #: its standard error
+    origin: float = 0.0  #: s on the moved clock
 
     @property
     def trusted(self) -> bool:

@@ -17,8 +17,9 @@ from stoop.base.variables import EULER
 from stoop.errors import FlightError, LogError, listed
 from stoop.flight.alignment import align, suggest_alignments
 from stoop.flight.conversion import rotate_axes
+from stoop.flight.flight import with_other_form
 from stoop.flight.gridding import MAX_VALUE, Channels
-from stoop.flight.mapping import READY, FlightMapping, Source, read_flight_mapping, ready, with_other_form
+from stoop.flight.mapping import READY, FlightMapping, Source, read_flight_mapping, ready
 from stoop.logs import Recording, Stream
 from stoop.logs.csv_tables import mapping_beside, read_raw_csv
 from stoop.logs.read import kind
@@ -29,20 +30,15 @@ MAX_TRANSPORT: Final = 0.2  #: s; a sample stamp further from its publication is
 
 @dataclass(frozen=True)
 class Mapped:
-    """A recording under a mapping.
+    """A recording under a mapping."""
 
-    Attributes
-    ----------
-    channels : variables of the registry, each group on its own clock
-    notices : what was found
-    unmapped : stream -> columns that the mapping does not name; none where nothing of the stream was read
-    places : variable -> file and key of the mapping, for advice
-    """
-
-    channels: list[Channels]
-    notices: list[Notice]
+    channels: list[Channels]  #: variables of the registry, each group on its own clock
+    notices: list[Notice]  #: what was found
+    #: stream -> columns that the mapping does not name; none where nothing of the stream was read
     unmapped: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    places: Mapping[str, str] = field(default_factory=dict)
+    places: Mapping[str, str] = field(
+        default_factory=dict
+    )  #: variable -> file and key of the mapping, for advice
 
 
 def read_mapped(path: Path, given: Path | None = None) -> tuple[Recording, Mapped | None]:
@@ -265,7 +261,8 @@ def _supply(recording: Recording, source: Source, name: str) -> Channels | None:
         raise LogError(f"{column} is in no stream of the log; {holds}")
     values = _values(stream, source, only_used=source.partial or source.unused is not None)
     time = sample_time(stream, source.stamp, source.stamp_factor) if source.stamp else stream.time
-    return Channels(name, time, rotate_axes(values, source.frame)) if values else None
+    values = rotate_axes(values, source.frame) if source.frame else values
+    return Channels(name, time, values) if values else None
 
 
 def _has_columns(source: Source, stream: Stream) -> bool:

@@ -178,16 +178,11 @@ class MixerTable(Table):
 
 @dataclass(frozen=True)
 class Calibration:
-    """Deflection over one output.
+    """Deflection over one output."""
 
-    Attributes
-    ----------
-    inputs, outputs : (n,) the table, inputs rising; rad, or 1 for a throttle
-    curve : coefficients of a fitted polynomial of (input - middle) / half, lowest power first; empty for lines
-    """
-
-    inputs: tuple[float, ...]
+    inputs: tuple[float, ...]  #: (n,) the table, inputs rising; rad, or 1 for a throttle
     outputs: tuple[float, ...]
+    #: coefficients of a fitted polynomial of (input - middle) / half, lowest power first; empty for lines
     curve: tuple[float, ...] = ()
 
     @classmethod
@@ -245,18 +240,11 @@ class Calibration:
 
 @dataclass(frozen=True)
 class Surfaces:
-    """Calibrations and what they are mixed to.
+    """Calibrations and what they are mixed to."""
 
-    Attributes
-    ----------
-    place : of the mapping, for messages
-    calibrations : output -> its calibration
-    mixes : surface -> output -> weight
-    """
-
-    place: str = ""
-    calibrations: Mapping[str, Calibration] = field(default_factory=dict)
-    mixes: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    place: str = ""  #: of the mapping, for messages
+    calibrations: Mapping[str, Calibration] = field(default_factory=dict)  #: output -> its calibration
+    mixes: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  #: surface -> output -> weight
 
     @classmethod
     def of(

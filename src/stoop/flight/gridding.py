@@ -62,18 +62,11 @@ LIMITS: Final = GridLimits()
 
 @dataclass(frozen=True)
 class Channels:
-    """Variables that share one clock.
+    """Variables that share one clock."""
 
-    Attributes
-    ----------
-    source : topic or file they come from
-    time : (n,) s, strictly increasing
-    values : variable -> (n,) SI, NaN where there is none
-    """
-
-    source: str
-    time: FloatArray
-    values: Mapping[str, FloatArray]
+    source: str  #: topic or file they come from
+    time: FloatArray  #: (n,) s, strictly increasing
+    values: Mapping[str, FloatArray]  #: variable -> (n,) SI, NaN where there is none
 
     @property
     def rate(self) -> float:
@@ -83,22 +76,13 @@ class Channels:
 
 @dataclass(frozen=True)
 class SourceRate:
-    """How a variable was recorded.
+    """How a variable was recorded."""
 
-    Attributes
-    ----------
-    source : topic or file
-    rate : Hz, from the median period
-    longest_gap : s, the longest hole between two samples
-    gaps : how many holes end a contiguous stretch
-    start, stop : s, first and last sample on the log's own clock
-    """
-
-    source: str
-    rate: float
-    longest_gap: float
-    gaps: int
-    start: float
+    source: str  #: topic or file
+    rate: float  #: Hz, from the median period
+    longest_gap: float  #: s, the longest hole between two samples
+    gaps: int  #: how many holes end a contiguous stretch
+    start: float  #: s, first and last sample on the log's own clock
     stop: float
 
 
