@@ -340,14 +340,7 @@ def _multiplied(names: Sequence[str], factor: float) -> Callable[[Factors], Fact
 def growth(angle: Signal, rate: Signal) -> tuple[float, float]:
     """Return how many times faster an angle changes than a rate says, with its sign, and their correlation.
 
-    Parameters
-    ----------
-    angle : time (n,) s and values (n,)
-    rate : time (m,) s and values (m,)
-
-    Returns
-    -------
-    factor, correlation : zeros where they have nothing in common
+    Both are zero where angle and rate, each with times (n,) s and values (n,), have nothing in common.
     """
     limits = STATISTICS
     t, x = (part[np.isfinite(angle[1])] for part in angle)

@@ -56,10 +56,8 @@ def read_mapped(path: Path, given: Path | None = None) -> tuple[Recording, Mappe
 
     Raises
     ------
-    FlightError
-        When the mapping names a variable that is not in the registry, or there is no mapping for this format.
-    LogError
-        When log or mapping cannot be read, or the mapping names what is not in the log.
+    FlightError, LogError
+        When log or mapping cannot be read, there is none for this format, or it names what is not in log or registry.
     """
     place = given
     if place is None:
@@ -85,19 +83,16 @@ def read_mapped(path: Path, given: Path | None = None) -> tuple[Recording, Mappe
     whole = _with_files(recording, mapping) if mapping.files else recording
     found = apply_mapping(mapping, whole)
     if not mapping.alignments and (mapping.files or recording.format not in READY):
-        found = replace(found, notices=[*found.notices, *_suggestions(whole, found, place)])
+        by_stream: dict[str, list[Channels]] = {}
+        for group in found.channels:
+            by_stream.setdefault(group.source, []).append(group)
+        disagreeing = suggest_alignments(
+            whole, lambda _, name: by_stream.get(name, []), str(place or "the mapping")
+        )
+        found = replace(found, notices=[*found.notices, *disagreeing])
     unnamed = {f"{stream} {column}" for stream, columns in found.unmapped.items() for column in columns}
     defects = tuple(d for d in recording.defects if d.kind != "text" or d.place not in unnamed)
     return replace(recording, defects=defects), found
-
-
-def _suggestions(recording: Recording, found: Mapped, place: Path | None) -> list[Notice]:
-    """Compare the clocks of several files."""
-    by_stream: dict[str, list[Channels]] = {}
-    for group in found.channels:
-        by_stream.setdefault(group.source, []).append(group)
-    where = str(place or "the mapping")
-    return suggest_alignments(recording, lambda _, name: by_stream.get(name, []), where)
 
 
 def _with_files(recording: Recording, mapping: FlightMapping) -> Recording:
@@ -120,13 +115,7 @@ def _with_files(recording: Recording, mapping: FlightMapping) -> Recording:
 
 
 def apply_mapping(mapping: FlightMapping, recording: Recording) -> Mapped:
-    """Pick the variables of the registry out of a recording.
-
-    Raises
-    ------
-    LogError
-        When a column that the mapping names for a variable is not in the log.
-    """
+    """Pick the variables of the registry out of a recording; LogError when a column that the mapping names is not there."""
     timed = recording
     notices: list[Notice] = []
     if mapping.clock or mapping.clocks:

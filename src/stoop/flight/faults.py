@@ -155,13 +155,7 @@ def contradiction(found: Notice, start: float, stop: float) -> Fault:
 
 
 def at_rest(data: Mapping[str, FloatArray], rate: float) -> BoolArray:
-    """Tell at which grid points (n,) the vehicle surely stands: slow over ground and not turning, for a while.
-
-    Parameters
-    ----------
-    data : variable -> (n,), gridded
-    rate : Hz
-    """
+    """Tell at which grid points (n,) of `rate` [Hz] the vehicle surely stands: slow over ground, not turning, for a while."""
     if not {*VELOCITY, *RATES} <= data.keys():
         return np.zeros(next(iter(data.values())).size, dtype=bool)
     speed = np.sqrt(data["vn"] ** 2 + data["ve"] ** 2 + data["vd"] ** 2)

@@ -198,13 +198,7 @@ class FlightMapping:
 
 @functools.cache
 def ready(name: str) -> FlightMapping:
-    """Return a mapping that comes with the package.
-
-    Raises
-    ------
-    LogError
-        When there is none of that name.
-    """
+    """Return a mapping that comes with the package; LogError when there is none of that name."""
     if name not in READY.values():
         raise LogError(f"there is no ready mapping '{name}'; {nearest(name, sorted(set(READY.values())))}")
     text = (files("stoop.data") / "mappings" / f"{name}.toml").read_text("utf-8")
