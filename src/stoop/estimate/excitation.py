@@ -44,11 +44,8 @@ MASS: Final = "mass.mass"
 def excitation_notices(problem: Misfit, z: FloatArray, recorded_rate: float = np.inf) -> list[Notice]:
     """Return what the fitted windows cannot tell, whatever is fitted.
 
-    Parameters
-    ----------
-    problem : Misfit
-    z : (D + E,), the estimate, whose motion stands for the measured one: it has no noise and no holes
-    recorded_rate : Hz, at which the slowest of the compared channels was logged
+    The motion of the estimate z (D + E,) stands for the measured one: it has no noise and no holes. `recorded_rate` is that
+    of the slowest of the compared channels in the log, Hz.
     """
     vehicle = problem.layout.vehicle
     measured, unknowns = _counts(problem, recorded_rate)
@@ -63,9 +60,10 @@ def excitation_notices(problem: Misfit, z: FloatArray, recorded_rate: float = np
     for i, piece in enumerate(problem.pieces):
         rows = np.repeat(parameter_rows(vehicle, piece.changes), len(piece.time), axis=1)
         for name, parts in controls.items():
-            parts.append(_less_mean(commanded(vehicle, name, rows, piece.inputs.T)))
+            x = commanded(vehicle, name, rows, piece.inputs.T)
+            parts.append(np.asarray(x - np.mean(x)))
         for name, column in zip(vehicle.outputs, problem.outputs(z, i).T, strict=True):
-            motions[name].append(_less_mean(column))
+            motions[name].append(np.asarray(column - np.mean(column)))
     deflections = {name: np.concatenate(parts) for name, parts in controls.items()}
     for name, x in list(deflections.items()):
         rms = float(np.sqrt(np.mean(x**2)))
@@ -73,10 +71,6 @@ def excitation_notices(problem: Misfit, z: FloatArray, recorded_rate: float = np
             out.append(notice("control-still", name, rms=rms))
             del deflections[name]
     return [*out, *collinear(deflections, {name: np.concatenate(parts) for name, parts in motions.items()})]
-
-
-def _less_mean(x: FloatArray) -> FloatArray:
-    return np.asarray(x - np.mean(x))
 
 
 def _low_airspeed(problem: Misfit, z: FloatArray) -> Iterator[Notice]:
@@ -113,12 +107,7 @@ def _counts(problem: Misfit, recorded_rate: float) -> tuple[float, int]:
 def collinear(controls: Mapping[str, FloatArray], motions: Mapping[str, FloatArray]) -> Iterator[Notice]:
     """Yield which controls move with each other or with the motion.
 
-    Parameters
-    ----------
-    controls : mapping
-        Control -> deflection (n,), rad, less its mean.
-    motions : mapping
-        Channel of the vehicle's outputs -> (n,), SI, less its mean.
+    Deflections (n,) of controls, rad, and channels (n,) of the vehicle's outputs, SI, have no mean.
     """
     for a, b in combinations(controls, 2):
         r = _correlation(controls[a], controls[b])
