@@ -6,7 +6,6 @@ import numpy as np
 
 from benchmarks.clock import interleave, ratio
 from benchmarks.table import Row
-from stoop.cli import demo
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.linearization import perturbations_of
 from stoop.estimate.shooting_windows import Shots
@@ -14,6 +13,7 @@ from stoop.problem import Misfit
 from stoop.problem.windows import Window
 from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop.workflow import demo
 
 PART = "shooting"
 LENGTH = 0.5  #: s of a window

@@ -47,7 +47,7 @@ from stoop.assessment.covariance import data_information
 from stoop.base.arrays import FloatArray, runs
 from stoop.estimate.fit import Fit
 from stoop.estimate.noise import lagged_products
-from stoop.results.goodness_of_fit import BaselineFit, GoodnessOfFit, TheilShares, Whiteness
+from stoop.results.result import BaselineFit, GoodnessOfFit, TheilShares, Whiteness
 
 WHITENESS_LAGS: Final = 20  #: that are summed: 0.2 s at 100 Hz, the fastest motion that a model explains
 SAMPLES_PER_LAG: Final = 5  #: samples for each of them at least

@@ -20,7 +20,7 @@ from stoop.simulation import parse_maneuver
 from stoop.simulation.fly import fly
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.schema import ConstantThrust, Propeller
-from stoop.workflow.demo_problem import MANEUVER, TABLE_1
+from stoop.workflow.demo import MANEUVER, TABLE_1
 from stoop_studies.findings import Claim, Findings, Results, Setting, number, reproduces
 from stoop_studies.problems.paper import SAMPLES, Paper, box, paper
 from stoop_studies.reproduce.noise import RECOVERY_HEAD, Recovery

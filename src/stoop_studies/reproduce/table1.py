@@ -13,7 +13,7 @@ from stoop.base.numbers import finite_or_none
 from stoop.parallel import Run
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section, Table
-from stoop.workflow.demo_problem import TABLE_1
+from stoop.workflow.demo import TABLE_1
 from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number, reproduces
 from stoop_studies.problems.paper import paper
 from stoop_studies.reproduce.suite import (

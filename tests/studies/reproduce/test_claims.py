@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stoop.workflow.demo_problem import TABLE_1
+from stoop.workflow.demo import TABLE_1
 from stoop_studies.findings import Setting, number
 from stoop_studies.problems import pose
 from stoop_studies.problems.paper import paper

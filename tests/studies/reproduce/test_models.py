@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stoop.workflow.demo_problem import TABLE_1
+from stoop.workflow.demo import TABLE_1
 from stoop_studies.problems import pose
 from stoop_studies.problems.paper import paper
 from stoop_studies.reproduce import lateral, longitudinal

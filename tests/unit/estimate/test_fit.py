@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from stoop import optimize
-from stoop.cli.demo import MANEUVER, TABLE_1
 from stoop.errors import FlightError, IdentificationError, VehicleError
 from stoop.estimate.fit import Options, estimation_problem, fit, refine, settle, starts
 from stoop.estimate.noise import channel_residuals, noise_variance
@@ -20,6 +19,7 @@ from stoop.problem.windows import Window
 from stoop.simulation import START_NAMES, parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop.workflow.demo import MANEUVER, TABLE_1
 
 WINDOW = [Window("sim", 0.0, 30.0)]
 

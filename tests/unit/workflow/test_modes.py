@@ -10,7 +10,6 @@ import pytest
 from stoop.assessment.error_bars import error_bars
 from stoop.assessment.free_response import free_response, measured_mode
 from stoop.assessment.modes import conditions, modes
-from stoop.cli.demo import MANEUVER as DEMO
 from stoop.errors import SimulationError
 from stoop.estimate.fit import fit
 from stoop.flight import Flight
@@ -18,6 +17,7 @@ from stoop.problem.windows import Window
 from stoop.simulation import linearize, parse_maneuver, simulate_flight, trim
 from stoop.vehicle import Vehicle
 from stoop.workflow import Job
+from stoop.workflow.demo import MANEUVER as DEMO
 
 FREE = ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")
 MANEUVER = """

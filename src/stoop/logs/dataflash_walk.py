@@ -1,11 +1,11 @@
-"""One walk over a DataFlash log: from message to message, and past what is damaged.
+"""The walk over a DataFlash log: from message to message, and past damage.
 
-A message is ``A3 95 id body``; how long it is, an earlier FMT message said (``A3 95 80``, 89 bytes, which holds id and length
-in its first two bytes). There is no checksum: whether a message is whole is told by the mark that follows it.
+A message is ``A3 95 id body``; its length stands in an earlier FMT message (``A3 95 80``, 89 bytes, which holds id and length
+in its first two bytes). There is no checksum: a message is whole if the mark of the next one follows it.
 
-The walk advances with every step, and what it searches it has then passed: time is linear in the size of the file.
+The walk advances with every step, and does not search again what it has searched: time is linear in the size of the file.
 
-Plain functions, in the part of Python that Numba compiles too (`stoop.logs.scan.compiled`); small logs do without.
+Plain functions, in the part of Python that Numba compiles too (`stoop.logs.compiled`); small logs do without.
 """
 
 from __future__ import annotations
@@ -23,14 +23,12 @@ Integers = npt.NDArray[np.int64]
 FMT: Final = 128  #: id of the message that defines messages, also of itself
 FMT_LENGTH: Final = 89
 MAX_LAYOUTS: Final = 1024  #: an id has one layout for the whole log, unless it is damaged or was put together
-MAX_GAPS: Final = 64  #: places of damage that are remembered; all are counted
-
 WINDOW: Final = 2**25  #: bytes walked over at once
 SMALL: Final = 2**20  #: bytes; a smaller log is read before the compiled walk is even loaded
 
 
-def mark(data: Bytes, at: int) -> bool:
-    """Tell whether a message can begin here; the end of the file counts as one."""
+def is_mark(data: Bytes, at: int) -> bool:
+    """Return whether a message can begin here; the end of the file counts as one."""
     if at >= data.size:
         return at == data.size
     return data[at] == 0xA3 and (at + 1 == data.size or data[at + 1] == 0x95)
@@ -41,14 +39,14 @@ def find(data: Bytes, at: int, end: int, layout_of: Integers, length: Integers) 
     while at < end:
         if data[at] == 0xA3 and at + 2 < data.size and data[at + 1] == 0x95:
             layout = layout_of[data[at + 2]]
-            if layout >= 0 and mark(data, at + length[layout]):
+            if layout >= 0 and is_mark(data, at + length[layout]):
                 return at
         at += 1
     return end
 
 
 def define(body: Bytes, layout_of: Integers, length: Integers, definitions: Bytes, state: Integers) -> None:
-    """Take a definition in, unless it is known, impossible, or one too many.
+    """Add a definition, unless it is known, impossible, or one too many.
 
     state = number of layouts, number of damaged places, bytes in them, place of the cut last message
     """
@@ -64,8 +62,8 @@ def define(body: Bytes, layout_of: Integers, length: Integers, definitions: Byte
     state[0] = count + 1
 
 
-def gap(start: int, end: int, gaps: Integers, state: Integers) -> None:
-    """Book a damaged place."""
+def add_gap(start: int, end: int, gaps: Integers, state: Integers) -> None:
+    """Add a damaged place."""
     if state[1] < gaps.shape[0]:
         gaps[state[1], 0] = start
         gaps[state[1], 1] = end
@@ -77,11 +75,11 @@ def walk(
     at: int, stop: int, data: Bytes, layout_of: Integers, length: Integers, definitions: Bytes, count: Integers,
     unknown: Integers, gaps: Integers, state: Integers, place: Integers, room: Integers, out: Bytes,
 ) -> int:  # fmt: skip
-    """Count the messages that begin from `at` to `stop`, copy the bodies of those that have a place, say where to go on."""
+    """Count the messages that begin from `at` to `stop`, copy the bodies of those that have room, return where to go on."""
     while at < stop:
         if at + 2 >= data.size or data[at] != 0xA3 or data[at + 1] != 0x95:
             after = find(data, at + 1, data.size, layout_of, length)
-            gap(at, after, gaps, state)
+            add_gap(at, after, gaps, state)
             at = after
             continue
         layout = layout_of[data[at + 2]]
@@ -90,10 +88,10 @@ def walk(
             at = find(data, at + 3, data.size, layout_of, length)
             continue
         after = at + length[layout]
-        if not mark(data, after):  # damaged, cut short, or the last whole one before damage
+        if not is_mark(data, after):  # damaged, cut short, or the last whole one before damage
             inner = find(data, at + 3, min(after, data.size), layout_of, length)
             if inner < min(after, data.size):
-                gap(at, inner, gaps, state)
+                add_gap(at, inner, gaps, state)
                 at = inner
                 continue
             if after > data.size:
@@ -112,15 +110,15 @@ def walk(
 
 @dataclass(frozen=True)
 class Survey:
-    """What one walk found.
+    """Result of one walk.
 
     Attributes
     ----------
-    definitions : (layouts, 86) bodies of the FMT messages in the order met; the first is that of FMT itself
+    definitions : (layouts, 86) bodies of the FMT messages in their order; the first is that of FMT itself
     length : (layouts,) bytes of a message with its head of 3
     count : (layouts,) messages
     unknown : (256,) messages of each id that was not defined before them
-    gaps : (gaps, 2) first byte of a damaged place and first after it; `MAX_GAPS` of them at most
+    gaps : (gaps, 2) first byte of a damaged place and first after it; the first 64 of them
     damaged, lost : number of damaged places, and bytes in all of them
     cut : place of a last message that is cut; -1 if there is none
     """
@@ -136,13 +134,13 @@ class Survey:
 
 
 def ignore(at: int) -> None:
-    """Take no notice of how far a walk has come."""
+    """Do nothing with the progress of a walk."""
 
 
 def survey(data: Bytes, passed: Callable[[int], None] = ignore) -> Survey:
-    """Walk over a log, (size,) bytes, and count; `passed` is told up to where it has been read."""
+    """Walk over a log, (size,) bytes, and count; `passed` is called with the place up to which it has been read."""
     nothing = np.zeros(MAX_LAYOUTS, np.int64)
-    return _walked(data, nothing, nothing, np.empty(0, np.uint8), passed)
+    return _walk(data, nothing, nothing, np.empty(0, np.uint8), passed)
 
 
 def gather(
@@ -159,22 +157,25 @@ def gather(
     ends = np.cumsum([0, *sizes])
     room[kept], place[kept] = found.count[kept], ends[:-1]
     out = np.zeros(int(ends[-1]), np.uint8)
-    _walked(data, room, place, out, passed)
+    _walk(data, room, place, out, passed)
     return {k: out[ends[i] : ends[i + 1]].reshape(-1, found.length[k] - 3) for i, k in enumerate(kept)}
 
 
-def _walked(
-    data: Bytes, room: Integers, place: Integers, out: Bytes, passed: Callable[[int], None]
-) -> Survey:
+def _walk(data: Bytes, room: Integers, place: Integers, out: Bytes, passed: Callable[[int], None]) -> Survey:
     definitions = np.zeros((MAX_LAYOUTS, FMT_LENGTH - 3), np.uint8)
     length, count = np.zeros((2, MAX_LAYOUTS), np.int64)
-    unknown, gaps = np.zeros(256, np.int64), np.zeros((MAX_GAPS, 2), np.int64)
+    unknown, gaps = np.zeros(256, np.int64), np.zeros((64, 2), np.int64)
     layout_of, state = np.full(256, -1), np.array([1, 0, 0, -1])
     layout_of[FMT], length[0] = 0, FMT_LENGTH
-    walker, at = _walker(data.size), 0
+    step: Callable[..., int] = walk
+    if data.size >= SMALL:
+        from stoop.logs.compiled import dataflash
+
+        step = dataflash().walk
+    at = 0
     while at < data.size:
         stop = min(at + WINDOW, data.size)
-        at = walker(
+        at = step(
             at, stop, data, layout_of, length, definitions, count, unknown, gaps, state, place, room, out
         )
         passed(min(at, data.size))
@@ -182,12 +183,3 @@ def _walked(
     return Survey(
         definitions[:layouts], length[:layouts], count[:layouts], unknown, gaps[:damaged], damaged, lost, cut
     )
-
-
-def _walker(size: int) -> Callable[..., int]:
-    if size < SMALL:
-        return walk
-    from stoop.logs.scan.compiled import dataflash
-
-    compiled: Callable[..., int] = dataflash().walk
-    return compiled
