@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from stoop.estimate.fit import Options
     from stoop.flight import Flight
     from stoop.flight.load import load as load_flight
-    from stoop.flight.store import save as save_flight
+    from stoop.flight.load import save as save_flight
     from stoop.results.result import read_result
     from stoop.simulation.fly import simulate, simulate_flight
     from stoop.simulation.linearize import linearize
@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 
 _PLACES = {
     **dict.fromkeys(("assess", "check", "design", "export", "fit", "predict", "reconstruct"), "stoop.api"),
-    **dict.fromkeys(
-        ("linearize", "load_maneuver", "simulate", "simulate_flight", "trim"), "stoop.simulation"
-    ),
+    **dict.fromkeys(("linearize", "trim"), "stoop.simulation"),
+    **dict.fromkeys(("simulate", "simulate_flight"), "stoop.simulation.fly"),
+    "load_maneuver": "stoop.simulation.maneuver",
     **dict.fromkeys(("Bootstrap", "Posterior", "Profile"), "stoop.workflow"),
     "Flight": "stoop.flight",
     "Notice": "stoop.base.notices",

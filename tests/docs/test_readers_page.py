@@ -79,8 +79,8 @@ def test_the_limits_are_those_of_the_code() -> None:
         "Parquet": [f"{arrays.MAX_ARRAYS} columns"],
         "ROS bag": [f"{rosbag.MAX_WIDTH} numbers", f"{rosbag.MAX_PARTS // 1000} 000 parts"],
         "all of the last three rows": [f"{guard.Limits.memory >> 30} GiB", f"{guard.Limits.seconds} s of"],
-        "the grid of a flight": [f"{gridding.MAX_CELLS // 10**6} million", f"{gridding.MAX_EMPTINESS:.0f} points",
-                                 f"{gridding.MAX_EMPTINESS * gridding.MIN_COUNTED / 1000:.0f} 000 are"],
+        "the grid of a flight": [f"{gridding.LIMITS.cells // 10**6} million", f"{gridding.LIMITS.emptiness:.0f} points",
+                                 f"{gridding.LIMITS.emptiness * gridding.LIMITS.counted / 1000:.0f} 000 are"],
     }  # fmt: skip
     assert set(told) == set(limits)
     for reader, words in told.items():

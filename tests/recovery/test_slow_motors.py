@@ -15,11 +15,11 @@ import pytest
 from stoop.estimate.fit import Options
 from stoop.estimate.methods import MIN_MOTOR_RATE, choose_method, find
 from stoop.flight import Flight
-from stoop.flight.channels import Channels
 from stoop.flight.flight import dataset
-from stoop.flight.gridding import grid_channels
+from stoop.flight.gridding import Channels, grid_channels
 from stoop.problem.windows import Window
-from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 

@@ -23,7 +23,7 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.units import DEGREE
-from stoop.checks.rotor_windows import rotor_notices
+from stoop.checks.vehicle import rotor_notices
 from stoop.problem import Misfit
 from stoop.simulation import parameter_rows
 from stoop.simulation.initial import commanded

@@ -16,7 +16,7 @@ from stoop.base.units import DEGREE, MICROSECOND
 from stoop.exporters.log_bytes import Event, Table, Topic, crazyflie_bytes, dataflash_bytes, ulog
 from stoop.exporters.log_layout import Columns, LogLayout, MappingFile, travel
 from stoop.flight import VARIABLES, Flight
-from stoop.flight.calibration import SURFACES
+from stoop.flight.conversion import SURFACES
 from stoop.flight.mapping import ready
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from stoop.base.notices import Notice, notice
 from stoop.errors import FlightError, VehicleError
 from stoop.flight import Flight, Segment, segments
-from stoop.flight.segmentation import MIN_SEGMENT
+from stoop.flight.flight import MIN_SEGMENT
 from stoop.problem import Nuisance, Piece
 from stoop.problem.observation import (
     LAG_SCALE,

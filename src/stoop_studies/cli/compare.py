@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stoop.cli.arguments import at_least_one, count, positive
+from stoop.cli.campaign import add_campaign_arguments, run_campaign
 from stoop.cli.page import page
-from stoop.cli.progress import add_campaign_arguments, run_campaign
 from stoop.errors import IdentificationError
 
 if TYPE_CHECKING:
@@ -47,8 +47,7 @@ def _names(text: str) -> tuple[str, ...]:
 def run(arguments: argparse.Namespace) -> int:
     """Run what is left of the comparison, write it, and say who is ahead."""
     from stoop.cli import page as tables
-    from stoop_studies.compare import words
-    from stoop_studies.compare.output import PAGE, STORE, conclude, prepare
+    from stoop_studies.compare.page import PAGE, STORE, beaten_text, conclude, ends_text, prepare
 
     field = _field(arguments)
     plan = field.plan()
@@ -61,16 +60,15 @@ def run(arguments: argparse.Namespace) -> int:
         out.heading(problem)
         out.table(
             tables.words("optimizer", [s.optimizer for s in found]),
-            tables.points("successes", [words.rate_text(s) for s in found]),
-            tables.points("ERT", [words.ert_text(s) for s in found]),
-            tables.points("ratio", [words.ratio_text(s) for s in found]),
-            tables.words("95 %", [words.span_text(s.ratio) for s in found]),
+            tables.points("successes", [s.rate_text for s in found]),
+            tables.points("ERT", [s.ert_text for s in found]),
+            tables.points("ratio", [s.ratio_text for s in found]),
+            tables.words("95 %", [s.ratio.interval for s in found]),
         )
-        out.line(words.beaten_text(found))
+        out.line(beaten_text(found))
     out.line()
-    out.line(words.wrong_text(scores))
-    if words.short_text(scores):
-        out.line(words.short_text(scores))
+    for line in ends_text(scores):
+        out.line(line)
     out.line(f"Tables and page: {arguments.output / PAGE}")
     return 0
 

@@ -1,4 +1,7 @@
-"""Servo outputs -> deflections: a calibration table per output, and mixers that say which surface each moves.
+"""Recorded numbers in our conventions: axes of other systems turned into ours, servo outputs calibrated to deflections.
+
+Axes: body forward-right-down, ground north-east-down. "flu" is a body with forward, left, up (ROS, Crazyflie); "enu" a
+ground with east, north, up; "nwu" one with north, west, up, or with x where the vehicle pointed when it was switched on.
 
 .. code-block:: toml
 
@@ -16,6 +19,10 @@
     right = "pwm_4"
 
 Each calibrated deflection counts positive with the trailing edge down.
+
+References
+----------
+REP 103 of ROS, Standard units of measure and coordinate conventions, section "Axis orientation".
 """
 
 from __future__ import annotations
@@ -23,22 +30,47 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Final
+from typing import Annotated, Final, Literal, TypeAlias
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
 
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
+from stoop.base.rotations import euler_angles, product, quaternions_of
 from stoop.base.text import nearest
 from stoop.base.units import FACTORS
-from stoop.base.variables import VARIABLES
+from stoop.base.variables import EULER, POSITION, QUATERNION, RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
 from stoop.errors import LogError
-from stoop.flight.channels import MAX_VALUE, Channels
-from stoop.flight.mapping_schema import CalibrationTable, MixerKind, MixerTable, SurfaceTable
+from stoop.flight.gridding import MAX_VALUE, Channels
 
+Frame: TypeAlias = tuple[str, ...]
+_BODY: Final = ("frd", "flu")
+_BODY_VECTORS: Final = (
+    RATES,
+    ("p_dot", "q_dot", "r_dot"),
+    SPECIFIC_FORCE,
+    ("control_roll", "control_pitch", "control_yaw"),
+)
+_GROUND_VECTORS: Final = (
+    VELOCITY,
+    ("vn_smooth", "ve_smooth", "vd_smooth"),
+    POSITION,
+    ("an", "ae", "ad"),
+    ("wind_n", "wind_e"),
+)
+_HALF: Final = float(np.sqrt(0.5))
+_GROUND_TURNS: Final = {
+    "ned": (1.0, 0.0, 0.0, 0.0),
+    "nwu": (0.0, 1.0, 0.0, 0.0),
+    "enu": (0.0, _HALF, _HALF, 0.0),
+}  #: quaternion that takes coordinates of that ground into ned: half a turn about north, or about north-east
+
+Text: TypeAlias = Annotated[str, Field(min_length=1)]
+Number: TypeAlias = Annotated[float, Field(gt=-1e300, lt=1e300)]
+MixerKind: TypeAlias = Literal["v-tail", "inverted v-tail", "elevon", "flaperon"]
 MAX_DEFLECTION: Final = 0.5 * np.pi  #: rad; no surface turns further
 MIN_SPACING: Final = 1e-6  #: between inputs of a table
-SLOPE_SAMPLES: Final = 200  #: places between the ends of a fitted calibration where its slope is looked at
 SURFACES: Final = ("elevator", "aileron", "rudder", "flap", "throttle")  #: what a calibration can lead to
 MIXERS: Final[dict[MixerKind, dict[str, tuple[float, float]]]] = {
     "v-tail": {"elevator": (0.5, 0.5), "rudder": (0.5, -0.5)},
@@ -46,6 +78,102 @@ MIXERS: Final[dict[MixerKind, dict[str, tuple[float, float]]]] = {
     "elevon": {"elevator": (0.5, 0.5), "aileron": (0.5, -0.5)},
     "flaperon": {"flap": (0.5, 0.5), "aileron": (0.5, -0.5)},
 }  #: name -> surface -> weights of the left and the right panel
+
+
+def check_frame(at: str, variables: tuple[str, ...], given: str | Sequence[str]) -> Frame:
+    """Check that a frame means something for these variables.
+
+    Parameters
+    ----------
+    at : file and key, for the error message
+    variables : that are in this frame
+    given : one name, or two for an attitude: those of body and ground
+
+    Raises
+    ------
+    LogError
+        When the variables cannot be turned one by one.
+    """
+    frame = (given,) if isinstance(given, str) else tuple(given)
+    attitude = set(variables) in (set(EULER), set(QUATERNION))
+    for name in variables if frame else ():
+        vector = next((vector for vector in _GROUND_VECTORS if name in vector), ())
+        if attitude:
+            possible = len(frame) == 2 and frame[0] in _BODY and frame[1] in _GROUND_TURNS
+        elif len(frame) == 1 and any(name in body for body in _BODY_VECTORS):
+            possible = frame[0] in _BODY
+        else:  # east and north change places, so that both are needed
+            whole = frame[0] != "enu" or name not in vector[:2] or set(vector[:2]) <= set(variables)
+            possible = len(frame) == 1 and bool(vector) and frame[0] in _GROUND_TURNS and whole
+        if possible:
+            continue
+        names = next((", ".join(attitude) for attitude in (EULER, QUATERNION) if name in attitude), "")
+        advice = "; leave it out there"
+        if vector:
+            advice = f" alone; name {', '.join(vector)} together in one group, with columns x, y, z"
+        elif names:
+            advice = f' alone; name {names} together in one group, with frame = ["flu", "enu"] or the like'
+        raise LogError(f"{at}.frame = {', '.join(frame)} says nothing about {name}{advice}")
+    return frame
+
+
+def rotate_axes(values: Mapping[str, FloatArray], frame: Frame) -> dict[str, FloatArray]:
+    """Bring vectors and attitudes into our axes; all of these rotations are their own inverse.
+
+    Parameters
+    ----------
+    values : variable -> (n,) SI; those of a vector stand in the order x, y, z of its own frame
+    frame : checked by `check_frame`; empty leaves all as it is
+    """
+    out = dict(values)
+    if not frame:
+        return out
+    for names in (QUATERNION, EULER):
+        if set(values) == set(names):
+            columns = np.column_stack([values[name] for name in names])
+            q = product(
+                np.array(_GROUND_TURNS[frame[1]]), columns if names == QUATERNION else quaternions_of(columns)
+            )
+            if frame[0] == "flu":  # half a turn about the forward axis: its own inverse but for the sign
+                q = product(q, np.array([0.0, 1.0, 0.0, 0.0]))
+            return dict(zip(names, (q if names == QUATERNION else euler_angles(q)).T, strict=True))
+    for vector in _BODY_VECTORS if frame[0] in _BODY else _GROUND_VECTORS:
+        there = {name: values[name] for name in vector if name in values}
+        if frame[0] in ("flu", "nwu"):  # left and up become right and down
+            out |= {name: x if name == vector[0] else -x for name, x in there.items()}
+        elif frame[0] == "enu":
+            north, east, *_ = vector
+            out |= {name: -x for name, x in there.items() if name not in (north, east)}
+            out |= {north: there[east], east: there[north]} if north in there else {}
+    return out
+
+
+class Table(BaseModel):
+    """A table of a mapping file."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class CalibrationTable(Table):
+    """[calibration.OUTPUT]: pairs of output and deflection; a polynomial of some degree, or lines between them."""
+
+    points: Annotated[list[Annotated[list[Number], Field(min_length=2, max_length=2)]], Field(min_length=2)]
+    unit: str = "rad"
+    degree: Annotated[int, Field(ge=1)] | None = None
+
+
+class SurfaceTable(Table):
+    """[surface.NAME]: a weighted sum of calibrated outputs."""
+
+    weights: Annotated[dict[str, Number], Field(alias="from", min_length=1)]
+
+
+class MixerTable(Table):
+    """[mixer.NAME]: two calibrated outputs that move two surfaces."""
+
+    kind: MixerKind
+    left: Text
+    right: Text
 
 
 @dataclass(frozen=True)
@@ -65,6 +193,10 @@ class Calibration:
     @classmethod
     def of(cls, at: str, table: CalibrationTable) -> Calibration:
         """Return the calibration of a table of the mapping; inputs rise, deflections rise or fall all the way."""
+
+        def monotonic(slopes: FloatArray) -> bool:
+            return bool((slopes > 0.0).all() or (slopes < 0.0).all())
+
         if table.unit not in FACTORS:
             raise LogError(f"{at}.unit = '{table.unit}' is unknown; {nearest(table.unit, FACTORS, 0.3)}")
         points = np.array(sorted(table.points))
@@ -73,7 +205,7 @@ class Calibration:
         if not (steps[:, 0] > MIN_SPACING).all():
             twice = next(a[0] for a, b in pairwise(points.tolist()) if b[0] - a[0] <= MIN_SPACING)
             raise LogError(f"{at}.points holds the input {twice:g} twice; keep one of them")
-        if not _monotonic(steps[:, 1]):
+        if not monotonic(steps[:, 1]):
             raise LogError(
                 f"{at}.points turn back: the deflection must rise, or fall, all the way; measure again"
             )
@@ -88,7 +220,7 @@ class Calibration:
                     f"{at}.degree is to be a whole number from 1 to {x.size - 1} for {x.size} points"
                 )
             fitted = np.polynomial.Polynomial.fit(x, y, table.degree)
-            if not _monotonic(fitted.deriv()(np.linspace(x[0], x[-1], SLOPE_SAMPLES))):
+            if not monotonic(fitted.deriv()(np.linspace(x[0], x[-1], 200))):
                 raise LogError(f"{at}: the fitted curve turns back between the points; lower its degree")
             curve = tuple(float(c) for c in fitted.coef)
         return cls(tuple(x.tolist()), tuple(y.tolist()), curve)
@@ -96,29 +228,19 @@ class Calibration:
     def __call__(self, values: FloatArray) -> FloatArray:
         """Return deflections; beyond the table they go on along the line at its end."""
         low, high = self.inputs[0], self.inputs[-1]
+
+        def inner(x: FloatArray) -> FloatArray:
+            if not self.curve:
+                return np.interp(x, self.inputs, self.outputs)
+            scaled = (2.0 * x - low - high) / (high - low)
+            return np.asarray(np.polynomial.polynomial.polyval(scaled, self.curve), dtype=np.float64)
+
         inside = np.clip(values, low, high)
         beyond = values - inside
         step = 1e-4 * (high - low)
-        ends = self._inside(np.array([low, low + step, high - step, high]))
+        ends = inner(np.array([low, low + step, high - step, high]))
         first, last = float((ends[1] - ends[0]) / step), float((ends[3] - ends[2]) / step)
-        return self._inside(inside) + np.where(beyond < 0.0, first, last) * beyond
-
-    def _inside(self, x: FloatArray) -> FloatArray:
-        if not self.curve:
-            return np.interp(x, self.inputs, self.outputs)
-        low, high = self.inputs[0], self.inputs[-1]
-        scaled = (2.0 * x - low - high) / (high - low)
-        return np.asarray(np.polynomial.polynomial.polyval(scaled, self.curve), dtype=np.float64)
-
-    def beyond(self, values: FloatArray) -> float:
-        """Return the share of the samples that lie beyond the table, 0 to 1."""
-        known = values[np.isfinite(values)]
-        outside = (known < self.inputs[0]) | (known > self.inputs[-1])
-        return float(outside.mean()) if known.size else 0.0
-
-
-def _monotonic(slopes: FloatArray) -> bool:
-    return bool((slopes > 0.0).all() or (slopes < 0.0).all())
+        return inner(inside) + np.where(beyond < 0.0, first, last) * beyond
 
 
 @dataclass(frozen=True)
@@ -159,14 +281,14 @@ class Surfaces:
             known[name] = Calibration.of(at, table)
         rows = [(f"surface.{name}", name, surface.weights) for name, surface in surfaces.items()]
         for name, mixer in mixers.items():
-            left, right = mixer.left, mixer.right
-            if left == right:
+            if mixer.left == mixer.right:
                 raise LogError(f"{place}: mixer.{name}: left and right are the same output; name two")
-            rows += [
-                (f"mixer.{name}", moved, {left: a, right: b}) for moved, (a, b) in MIXERS[mixer.kind].items()
-            ]
+            for moved, weights in MIXERS[mixer.kind].items():
+                rows.append(
+                    (f"mixer.{name}", moved, dict(zip((mixer.left, mixer.right), weights, strict=True)))
+                )
         mixes: dict[str, Mapping[str, float]] = {}
-        for where, surface, weights in rows:
+        for where, surface, shares in rows:
             if surface in mixes:
                 raise LogError(
                     f"{place}: {where} moves {surface}, which another table moves already; keep one of them"
@@ -175,26 +297,17 @@ class Surfaces:
                 raise LogError(
                     f"{place}: {where} leads to '{surface}'; a mix leads to one of {', '.join(SURFACES)}"
                 )
-            for name in weights.keys() - known.keys():
+            for name in shares.keys() - known.keys():
                 span = "[[1100, -0.4], [1900, 0.4]]" if name.startswith("pwm") else "[[-1, -0.4], [1, 0.4]]"
                 raise LogError(
                     f"{place}: {surface} is mixed from {name}, which has no calibration; "
                     f"add [calibration.{name}] with points = {span}"
                 )
-            mixes[surface] = weights
+            mixes[surface] = shares
         return cls(place, known, mixes)
 
     def deflections(self, channels: Sequence[Channels]) -> tuple[list[Channels], list[Notice]]:
-        """Make surface deflections of recorded outputs, which are kept as well.
-
-        Parameters
-        ----------
-        channels : as recorded
-
-        Returns
-        -------
-        channels : one for each mix, on the clock of its first output
-        notices : which outputs left their table
+        """Make surface deflections of recorded outputs, each mix on the clock of its first output.
 
         Raises
         ------
@@ -215,20 +328,17 @@ class Surfaces:
             total = np.zeros(first.time.size)
             for name, weight in mix.items():
                 group, known = there[name], self.calibrations[name]
-                values = _driven(name, group)
+                values = np.where(np.abs(group.values[name]) < MAX_VALUE, group.values[name], np.nan)
+                if name.startswith("pwm_"):  # a pulse of no length is none
+                    values = np.where(values > 0.0, values, np.nan)
                 x = known(values)
                 if group.time is not first.time:
                     x = np.interp(first.time, group.time, x, left=np.nan, right=np.nan)
                 total += weight * x
-                share = known.beyond(values)
+                low, high = known.inputs[0], known.inputs[-1]
+                reading = values[np.isfinite(values)]
+                share = float(((reading < low) | (reading > high)).mean()) if reading.size else 0.0
                 if share > 0.0:
-                    low, high = known.inputs[0], known.inputs[-1]
                     found[name] = notice("output-beyond-calibration", name, low=low, high=high, share=share)
             made.append(Channels(f"{first.source} (calibrated)", first.time, {surface: total}))
         return made, [*found.values()]
-
-
-def _driven(name: str, group: Channels) -> FloatArray:
-    """Return an output with NaN where it was not driven: a pulse of no length is none."""
-    x = np.where(np.abs(group.values[name]) < MAX_VALUE, group.values[name], np.nan)
-    return np.where(x > 0.0, x, np.nan) if name.startswith("pwm_") else x
