@@ -40,7 +40,7 @@ def add_point_arguments(parser: argparse.ArgumentParser) -> None:
 def vehicle_at(arguments: argparse.Namespace) -> Vehicle:
     """Return the vehicle with the density and the reduction that the command line asks for."""
     from stoop.vehicle.builtin import resolve_vehicle
-    from stoop.vehicle.quantity import Quantity
+    from stoop.vehicle.schema import Quantity
 
     vehicle = resolve_vehicle(arguments.vehicle)
     if arguments.density is not None and vehicle.file.environment.density != "log":

@@ -102,8 +102,9 @@ def _print_next(
 ) -> None:
     """Print the fit of this flight, and what must go before it."""
     from stoop.input_design.maneuver_windows import maneuver_windows
+    from stoop.problem.observation import observation_model
 
-    windows, out = maneuver_windows(maneuver, vehicle.has_rotors), page()
+    windows, out = maneuver_windows(maneuver, not observation_model(vehicle).open_loop), page()
     if not windows.fit:
         out.line(f"no input moves the vehicle: to identify it, add [[input]] tables to {arguments.maneuver}")
         out.command("next: ", ["stoop", "info", str(target)])

@@ -23,8 +23,8 @@ from stoop.checks.rotor_windows import rotor_notices
 from stoop.problem import Misfit
 from stoop.simulation import parameter_rows
 from stoop.simulation.initial import commanded
+from stoop.vehicle.defaults import WIND_NUMBERS
 from stoop.vehicle.schema import WIND
-from stoop.vehicle.vehicle import WIND_NUMBERS
 
 AXES: Final = (("V", "alpha", "q"), ("beta", "p", "r"))  #: motions that the terms of one plane multiply
 MIN_DEFLECTION: Final = 0.2 * DEGREE  #: rad rms, below which a deflection is no input

@@ -10,10 +10,10 @@ from __future__ import annotations
 from typing import Any, Final
 
 from stoop.vehicle import Parameter, Vehicle
-from stoop.vehicle.rotor_numbers import AERODYNAMIC
+from stoop.vehicle.defaults import ROTOR_AERODYNAMICS
 
 MASS: Final = "mass.mass"
-_FORCES: Final = AERODYNAMIC - {"rotors.torque_ratio"} | {"rotors.inertia"}
+_FORCES: Final = ROTOR_AERODYNAMICS - {"rotors.torque_ratio"} | {"rotors.inertia"}
 
 
 def in_ratio(vehicle: Vehicle) -> tuple[Parameter, ...]:

@@ -224,20 +224,19 @@ def instruments(vehicle: Vehicle) -> Any:
     """Return the function that reads (n_y, n) instruments off what JSBSim flew."""
     import sympy as sp
 
-    from stoop.vehicle.symbolic import instruments as read
-    from stoop.vehicle.symbolic.frames import air, attitude
-    from stoop.vehicle.symbolic.symbols import Numbers
+    from stoop.vehicle.symbolic import readings
+    from stoop.vehicle.symbolic.frames import Numbers, air, attitude, vane
 
     n = Numbers.of(vehicle)
     names = ("u", "v", "w", "p", "q", "r", "pdot", "qdot", "rdot", "X", "Y", "Z", "e0", "e1", "e2", "e3")
     s = {name: sp.Symbol(f"jsbsim {name}", real=True) for name in names}
     velocity, omega = (s["u"], s["v"], s["w"]), (s["p"], s["q"], s["r"])
-    felt = read.accelerometer(n, (s["X"], s["Y"], s["Z"]), omega, (s["pdot"], s["qdot"], s["rdot"]))
-    turned = attitude((s["e0"], s["e1"], s["e2"], s["e3"]))
-    truth = read.truth(air(velocity).V, read.vane(n, velocity, omega), omega, turned, felt)
-    readings = read.readings(n, truth)
+    specific, omega_rate = (s["X"], s["Y"], s["Z"]), (s["pdot"], s["qdot"], s["rdot"])
+    turned, flow = attitude((s["e0"], s["e1"], s["e2"], s["e3"])), vane(n, velocity, omega)
+    observed = {"V": air(velocity).V, "alpha": flow.alpha, "beta": flow.beta}
+    read = readings(n, observed, turned, specific, omega, omega_rate)
     numbers = dict(zip(n.symbols, vehicle.values.tolist(), strict=True))
-    expressions = [sp.sympify(readings[c]).xreplace(numbers) for c in vehicle.outputs]
+    expressions = [sp.sympify(read[c]).xreplace(numbers) for c in vehicle.outputs]
     function = sp.lambdify(list(s.values()), expressions, "numpy")
 
     def apply(flown: Mapping[str, FloatArray]) -> FloatArray:

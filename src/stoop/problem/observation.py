@@ -1,7 +1,7 @@
 """How the motion of a vehicle is observed, and the state at the first sample that follows from it.
 
 An aircraft is observed in the air frame (airspeed and flow angles), a vehicle with rotors in the ground frame (velocity
-over ground, the wind in its biases). The kind is chosen once, by :func:`observation_model`.
+over ground, the wind in its biases); :attr:`Vehicle.frame` is the kind.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from stoop.errors import FlightError
 from stoop.simulation import START_NAMES
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND
+from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME, Frame
 
 Number = TypeVar("Number", float, FloatArray)
 START_TIME: Final = 0.2  #: s of measurements that the first state is read from
@@ -89,12 +90,12 @@ class GroundFrame(ObservationModel):
         return through_air(readings)
 
 
-_AIR_FRAME, _GROUND_FRAME = AirFrame(), GroundFrame()
+_MODELS: Final[Mapping[Frame, ObservationModel]] = {AIR_FRAME: AirFrame(), GROUND_FRAME: GroundFrame()}
 
 
 def observation_model(vehicle: Vehicle) -> ObservationModel:
-    """Return the frame of a vehicle: ground frame with rotors, air frame without."""
-    return _GROUND_FRAME if vehicle.has_rotors else _AIR_FRAME
+    """Return the observation model of a vehicle's frame."""
+    return _MODELS[vehicle.frame]
 
 
 def state_channels(vehicle: Vehicle) -> tuple[str, ...]:

@@ -30,8 +30,8 @@ from stoop.simulation.trajectories import (
 )
 from stoop.simulation.trim import Trim, flies_on_rotors, inputs_about, steady_wind, trim
 from stoop.vehicle import Vehicle
+from stoop.vehicle.defaults import WIND_NUMBERS
 from stoop.vehicle.schema import CHANNELS, WIND
-from stoop.vehicle.vehicle import WIND_NUMBERS
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -46,7 +46,7 @@ from stoop.base.toml import parse_source, read_source
 from stoop.errors import ManeuverError
 from stoop.simulation.trim import flies_on_rotors
 from stoop.vehicle import Vehicle
-from stoop.vehicle.quantity import Number
+from stoop.vehicle.schema import Number
 
 MAX_SAMPLES = 5_000_000
 MAX_ROTOR_SAMPLES = 500_000  #: an autopilot takes them one by one

@@ -13,7 +13,7 @@ from stoop.base.arrays import FloatArray, IntArray
 from stoop.errors import SimulationError
 from stoop.simulation.initial import initial_states, parameter_rows
 from stoop.vehicle import Vehicle
-from stoop.vehicle.rotor_numbers import full_command
+from stoop.vehicle.defaults import full_command
 
 AXES: Final = ("roll", "pitch", "yaw", "heave")
 """Angular accelerations, rad/s2, and specific force up the body, m/s2; the order of every allocation."""

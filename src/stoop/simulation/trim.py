@@ -15,7 +15,7 @@ from stoop.errors import SimulationError
 from stoop.simulation.initial import initial_states, mixed_inputs, parameter_rows
 from stoop.simulation.rotors import accelerations, allocation, channel_range, effects
 from stoop.vehicle import Vehicle
-from stoop.vehicle.vehicle import WIND_NUMBERS
+from stoop.vehicle.defaults import WIND_NUMBERS
 
 TOLERANCE: Final = 1e-7  #: of the accelerations that remain, m/s2 and rad/s2
 OUT_OF_GROUND_EFFECT: Final = 1e4  #: m
@@ -58,7 +58,7 @@ class Trim:
 
 def flies_on_rotors(vehicle: Vehicle, airspeed: float | None) -> bool:
     """Return whether rotors carry the vehicle: it has some, and no airspeed is given."""
-    return vehicle.has_rotors and airspeed is None
+    return bool(vehicle.rotors) and airspeed is None
 
 
 def trim(

@@ -12,13 +12,9 @@ from stoop.errors import VehicleError
 from stoop.vehicle.load import load_vehicle, parse_vehicle
 from stoop.vehicle.vehicle import Vehicle
 
-BUILT_IN: Final[dict[str, str]] = {
-    "twin-boom": "twin_boom.toml",
-    "quad-x": "quad_x.toml",
-    "quad-plus": "quad_plus.toml",
-    "hexa-x": "hexa_x.toml",
-    "octo-x": "octo_x.toml",
-    "quadplane": "quadplane.toml",
+BUILT_IN: Final = {
+    name: f"{name.replace('-', '_')}.toml"
+    for name in ("twin-boom", "quad-x", "quad-plus", "hexa-x", "octo-x", "quadplane")
 }  #: name -> file in stoop/data
 
 
@@ -35,23 +31,23 @@ def resolve_vehicle(name_or_path: str | Path) -> Vehicle:
     Raises
     ------
     VehicleError
-        There is no such vehicle, or its file says something impossible.
+        There is no such vehicle, or its file is wrong.
     """
-    if str(name_or_path) in BUILT_IN:
-        return builtin_vehicle(str(name_or_path))
-    path = Path(name_or_path)
-    if not path.exists():
-        raise VehicleError(f"{path}: there is no such vehicle file; {_advice(str(name_or_path))}")
-    return load_vehicle(path)
+    name = str(name_or_path)
+    if name in BUILT_IN:
+        return builtin_vehicle(name)
+    if not Path(name_or_path).exists():
+        raise VehicleError(f"{Path(name_or_path)}: there is no such vehicle file; {_advice(name)}")
+    return load_vehicle(name_or_path)
 
 
 def builtin_vehicle(name: str) -> Vehicle:
-    """Return a vehicle of the package; messages name it, not where the package happens to lie."""
+    """Return a vehicle of the package; messages name it, not its path."""
     return parse_vehicle(builtin_text(name), name)
 
 
 def builtin_text(name: str) -> str:
-    """Return the file of a vehicle of the package as it stands, comments included.
+    """Return the file of a vehicle of the package with its comments.
 
     Raises
     ------
@@ -64,7 +60,7 @@ def builtin_text(name: str) -> str:
 
 
 def builtin_title(name: str) -> str:
-    """Return in one line what a vehicle of the package is."""
+    """Return a description of a vehicle of the package in one line."""
     return str(tomllib.loads(builtin_text(name))["name"])
 
 

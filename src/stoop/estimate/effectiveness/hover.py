@@ -1,6 +1,6 @@
 """A flight near hover as mean thrust and torque of each rotor, and their loads on the vehicle.
 
-At rest the equations of `stoop.vehicle.symbolic.rotors` leave thrust T(x) along the axis and torque Q(x) about it; a test
+At rest the equations of `stoop.vehicle.symbolic.forces` leave thrust T(x) along the axis and torque Q(x) about it; a test
 compares the two.
 """
 

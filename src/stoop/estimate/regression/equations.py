@@ -23,6 +23,7 @@ from stoop.estimate.regression.least_squares import Bounds, Estimates, Priors, R
 from stoop.estimate.regression.rotors import RotorEquations
 from stoop.problem import Layout, Piece
 from stoop.vehicle import Vehicle
+from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
 
 MAX_ITERATIONS: Final = 8  #: of Gauss-Newton
 STEP_TOLERANCE: Final = 1e-3  #: in `Equations.scales`
@@ -71,8 +72,8 @@ class Equations(Protocol):
 
 
 def kind_of(vehicle: Vehicle) -> type[AircraftEquations] | type[RotorEquations]:
-    """Return the equations of a kind of vehicle; it is decided here and nowhere else."""
-    return RotorEquations if vehicle.has_rotors else AircraftEquations
+    """Return the equations of a vehicle's frame."""
+    return {AIR_FRAME: AircraftEquations, GROUND_FRAME: RotorEquations}[vehicle.frame]
 
 
 def unbounded(equations: Equations) -> Bounds:

@@ -14,7 +14,7 @@ from stoop.base.variables import RATES
 from stoop.flight import Flight, Maneuver, find_maneuvers
 from stoop.flight.airborne import flying
 from stoop.vehicle import Vehicle
-from stoop.vehicle.rotors_schema import Rotor
+from stoop.vehicle.schema import Rotor
 
 LENGTHS: Final = (4.0, 8.0)  #: s, of windows that are tried all along the flight
 STRIDE: Final = 2.0  #: s from one such window to the next
