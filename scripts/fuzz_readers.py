@@ -20,9 +20,9 @@ import atheris
 
 with atheris.instrument_imports(include=["stoop.logs", "stoop.flight"]):
     from stoop.errors import StoopError
-    from stoop_studies.verify.readers.damage import damaged
-    from stoop_studies.verify.readers.samples import SAMPLES, samples
-    from stoop_studies.verify.readers.trial import FLIGHT, READ, ask, in_this_process
+    from stoop_studies.verify.damaged_logs import damaged
+    from stoop_studies.verify.readers import FLIGHT, READ, ask, in_this_process
+    from stoop_studies.verify.sample_logs import SAMPLES, samples
 
 OURS = 0.5  #: share of logs that are damaged by what knows how they are built; the rest is libFuzzer's own
 

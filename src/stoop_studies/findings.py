@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -15,6 +15,7 @@ from stoop.report.sheet import Code, Section, Sheet, Table
 
 CLAIMS_HEAD: Final = ("verdict", "statement: what was measured")
 Results = Mapping[str, Any]
+Record = Mapping[str, Cell]  #: name of a column -> its cell
 Numbers = tuple[tuple[str, ...], tuple[tuple[Cell, ...], ...]]  #: names of the columns, rows under them
 
 
@@ -101,6 +102,20 @@ class Findings:
     rows: tuple[tuple[Cell, ...], ...]
     parts: Mapping[str, Numbers] = field(default_factory=dict)
 
+    @classmethod
+    def tabulated(
+        cls,
+        title: str,
+        lead: str,
+        claims: Iterable[Claim],
+        sections: tuple[Section, ...],
+        records: Sequence[Record],
+        parts: Mapping[str, Sequence[Record]] | None = None,
+    ) -> Findings:
+        """Return findings whose tables are records: their keys are the names of the columns."""
+        tables = {n: (tuple(own[0]) if own else (), _values(own)) for n, own in (parts or {}).items()}
+        return cls(title, lead, tuple(claims), sections, tuple(records[0]), _values(records), tables)
+
     @property
     def csv(self) -> str:
         """The numbers as text."""
@@ -116,6 +131,10 @@ class Findings:
         verdicts = Section("What holds and what does not", (table,))
         made = Section("Made by", (Code(command),))
         return Sheet(self.title, self.lead, (verdicts, *self.sections, *notes, made))
+
+
+def _values(records: Sequence[Record]) -> tuple[tuple[Cell, ...], ...]:
+    return tuple(tuple(record.values()) for record in records)
 
 
 class Experiment(Protocol):

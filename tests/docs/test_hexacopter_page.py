@@ -6,8 +6,8 @@ import csv
 from importlib.resources import files
 
 from docs.pages import DOCS, ROOT, table
-from stoop_studies.verify.experiment import vehicle_text
-from stoop_studies.verify.hexacopter.fits import MAPPING
+from stoop_studies.verify.hexacopter import MAPPING
+from stoop_studies.verify.study import vehicle_text
 
 PAGE = DOCS / "hexacopter.md"
 AXES = ("ax", "ay", "az")

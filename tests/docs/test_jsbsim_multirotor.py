@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable
+from typing import Any
 
 import pytest
 
 from docs.pages import DOCS, table
-from stoop_studies.verify.jsbsim.experiment import SHARE, SIGMAS, cells
-from stoop_studies.verify.jsbsim.flight import Subject
-from stoop_studies.verify.multirotor.experiment import EXPERIMENT, HEAD, RECORDS
-from stoop_studies.verify.multirotor.truth import NOISE
+from stoop_studies.verify.jsbsim import SHARE, SIGMAS, parameter_table
+from stoop_studies.verify.jsbsim_flight import Subject
+from stoop_studies.verify.multirotor import EXPERIMENT, NOISE, RECORDS
 
 PAGE = DOCS / "jsbsim.md"
-WORDS, COUNTS = ("recorded", "parameter", "agrees"), ("flights", "flights_that_agree")
 
 
 def records(model: str) -> list[dict[str, str]]:
@@ -21,20 +21,23 @@ def records(model: str) -> list[dict[str, str]]:
         return [row for row in csv.DictReader(file) if row["recorded"] == model]
 
 
-def told(record: dict[str, str]) -> tuple[str, ...]:
-    """Return what the page shows of a record of the table."""
-    values = [
-        record[k] if k in WORDS else int(record[k]) if k in COUNTS else float(record[k] or "nan")
-        for k in HEAD
+def told(model: str) -> list[tuple[Any, ...]]:
+    """Return what the page shows of the records of the table."""
+    read: dict[str, Callable[[str], Any]] = {
+        **dict.fromkeys(("recorded", "parameter"), str),
+        **dict.fromkeys(("flights", "flights_that_agree"), int),
+        "agrees": "yes".__eq__,
+    }
+    parsed = [
+        {k: read.get(k, lambda cell: float(cell) if cell else None)(v) for k, v in r.items()}
+        for r in records(model)
     ]
-    return cells(
-        [None if v != v else v == "yes" if k == "agrees" else v for k, v in zip(HEAD, values, strict=True)]
-    )
+    return list(parameter_table("", "parameter", parsed).rows)
 
 
 @pytest.mark.parametrize("record", RECORDS, ids=lambda r: r.model)
 def test_the_tables_are_those_that_were_written(record: Subject) -> None:
-    assert list(table(PAGE, record.title, "parameter").rows) == [told(r) for r in records(record.model)]
+    assert list(table(PAGE, record.title, "parameter").rows) == told(record.model)
 
 
 @pytest.mark.parametrize("record", RECORDS, ids=lambda r: r.model)

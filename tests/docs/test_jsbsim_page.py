@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable
+from typing import Any
 
 import pytest
 
 from docs.pages import DOCS, table
-from stoop_studies.verify.jsbsim.experiment import EXPERIMENT, HEAD, SHARE, SIGMAS, cells
-from stoop_studies.verify.jsbsim.flight import FLEET, Stock
-from stoop_studies.verify.jsbsim.truth import NOISE
+from stoop_studies.verify.jsbsim import EXPERIMENT, NOISE, SHARE, SIGMAS, parameter_table
+from stoop_studies.verify.jsbsim_flight import FLEET, Stock
 
 PAGE = DOCS / "jsbsim.md"
-WORDS = ("aircraft", "parameter", "agrees")
 
 
 def records(model: str) -> list[dict[str, str]]:
@@ -20,22 +20,24 @@ def records(model: str) -> list[dict[str, str]]:
         return [row for row in csv.DictReader(file) if row["aircraft"] == model]
 
 
-def told(record: dict[str, str]) -> tuple[str, ...]:
-    """Return what the page shows of a record of the table."""
-    counts = ("flights", "flights_that_agree")
-    values = [
-        record[k] if k in WORDS else int(record[k]) if k in counts else float(record[k] or "nan")
-        for k in HEAD
+def told(model: str) -> list[tuple[Any, ...]]:
+    """Return what the page shows of the records of the table."""
+    read: dict[str, Callable[[str], Any]] = {
+        **dict.fromkeys(("aircraft", "parameter"), str),
+        **dict.fromkeys(("flights", "flights_that_agree"), int),
+        "agrees": "yes".__eq__,
+    }
+    parsed = [
+        {k: read.get(k, lambda cell: float(cell) if cell else None)(v) for k, v in r.items()}
+        for r in records(model)
     ]
-    return cells(
-        [None if v != v else v == "yes" if k == "agrees" else v for k, v in zip(HEAD, values, strict=True)]
-    )
+    return list(parameter_table("", "derivative", parsed).rows)
 
 
 @pytest.mark.parametrize("stock", FLEET, ids=lambda s: s.model)
 def test_the_tables_are_those_that_were_written(stock: Stock) -> None:
     title, model = stock.title, stock.model
-    assert list(table(PAGE, title, "derivative").rows) == [told(r) for r in records(model)]
+    assert list(table(PAGE, title, "derivative").rows) == told(model)
 
 
 @pytest.mark.parametrize("stock", FLEET, ids=lambda s: s.model)

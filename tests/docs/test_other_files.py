@@ -18,8 +18,7 @@ from stoop.flight import OUTPUTS, VARIABLES, load, save
 from stoop.flight.alignment import QUANTITIES
 from stoop.flight.calibration import MIXERS
 from stoop.flight.mapping import READY, read_flight_mapping
-from stoop.flight.mapping_schema import GROUP_KEYS, LINE_KEYS
-from stoop.logs.mapping import TIME_UNITS, read_mapping
+from stoop.flight.mapping_schema import GROUP_KEYS, LINE_KEYS, TimeUnit
 from stoop.simulation import maneuver, parse_maneuver, simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle
 
@@ -44,16 +43,17 @@ def test_units_of_mappings() -> None:
     text = FLIGHTS.read_text(encoding="utf-8")
     line = next(line for line in text.splitlines() if line.startswith("Units: "))
     assert line.removeprefix("Units: ").rstrip(".").replace("`", "").split(", ") == list(FACTORS)
-    assert all(f"`{unit}`" in text for unit in TIME_UNITS)
+    assert all(f"`{unit}`" in text for unit in get_args(TimeUnit))
 
 
 def test_mapping_of_the_page(tmp_path: Path) -> None:
     path = tmp_path / "mapping.toml"
     path.write_text(blocks(FLIGHTS, "toml")[0], encoding="utf-8")
-    mapping = read_mapping(path)
-    assert (mapping.time_column, mapping.time_factor) == ("t_ms", 1e-3)
-    az = next(c for c in mapping.columns if c.variable == "az")
-    assert (az.factor, az.offset) == (-9.80665, 0.0)
+    mapping = read_flight_mapping(path)
+    assert mapping.clock is not None
+    assert (mapping.clock.column, mapping.clock.factor) == ("t_ms", 1e-3)
+    az = next(source for source in mapping.sources if source.variables == ("az",))
+    assert (az.factors, az.offsets) == ((-9.80665,), (0.0,))
 
 
 @pytest.mark.parametrize("text", blocks(FLIGHTS, "toml"))

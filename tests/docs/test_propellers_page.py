@@ -6,7 +6,7 @@ import csv
 import re
 
 from docs.pages import DOCS, ROOT, table
-from stoop_studies.verify.experiment import vehicle_text
+from stoop_studies.verify.study import vehicle_text
 
 PAGE = DOCS / "propellers.md"
 

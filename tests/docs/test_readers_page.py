@@ -6,28 +6,26 @@ import csv
 import re
 
 from docs.pages import DOCS, ROOT, table
+from stoop.base import toml
 from stoop.flight import gridding
 from stoop.logs import (
+    arrays,
     crazyflie,
+    csv_tables,
     dataflash_content,
     dataflash_text,
     guard,
-    hdf5,
-    mapping,
     matlab,
     netcdf,
-    ros_layout,
-    tabular,
-    text,
+    rosbag,
     ulog,
     ulog_scan,
 )
 from stoop.logs.scan import dataflash as scan
 from stoop.report.sheet import Sheet, render_sheet
-from stoop_studies.verify.readers.damage import DAMAGES
-from stoop_studies.verify.readers.experiment import LEAD
-from stoop_studies.verify.readers.samples import SAMPLES
-from stoop_studies.verify.readers.trial import BAD, GOOD, GUARDED
+from stoop_studies.verify.damaged_logs import DAMAGES
+from stoop_studies.verify.readers import BAD, GOOD, GUARDED, LEAD
+from stoop_studies.verify.sample_logs import SAMPLES
 
 PAGE = DOCS / "robustness.md"
 
@@ -74,13 +72,13 @@ def test_the_limits_are_those_of_the_code() -> None:
         "DataFlash `.log`": [f"{dataflash_text.MAX_BYTES >> 20} MiB", f"{dataflash_text.MAX_KINDS} kinds",
                              f"{dataflash_text.MAX_LINE >> 10} KiB"],
         "Crazyflie": [f"{crazyflie.MAX_BYTES >> 20} MiB", f"{crazyflie.MAX_VARIABLES} variables"],
-        "CSV, plain or packed": [f"{text.MAX_BYTES >> 20} MiB", f"{text.MAX_ROWS // 10**6} million lines",
-                                 f"{text.MAX_COLUMNS} columns"],
-        "mapping": [f"{mapping.MAX_BYTES >> 20} MiB"],
+        "CSV, plain or packed": [f"{csv_tables.MAX_BYTES >> 20} MiB", f"{csv_tables.MAX_ROWS // 10**6} million lines",
+                                 f"{csv_tables.MAX_COLUMNS} columns"],
+        "mapping": [f"{toml.MAX_BYTES // 10**6} MB"],
         "a flight of stoop's own": [f"{netcdf.MAX_BYTES >> 30} GiB"],
-        "MATLAB, netCDF": [f"{matlab.MAX_BYTES >> 30} GiB", f"{tabular.MAX_ARRAYS} arrays", f"{hdf5.MAX_DEPTH} deep"],
-        "Parquet": [f"{tabular.MAX_ARRAYS} columns"],
-        "ROS bag": [f"{ros_layout.MAX_WIDTH} numbers", f"{ros_layout.MAX_PARTS // 1000} 000 parts"],
+        "MATLAB, netCDF": [f"{matlab.MAX_BYTES >> 30} GiB", f"{arrays.MAX_ARRAYS} arrays", f"{netcdf.MAX_DEPTH} deep"],
+        "Parquet": [f"{arrays.MAX_ARRAYS} columns"],
+        "ROS bag": [f"{rosbag.MAX_WIDTH} numbers", f"{rosbag.MAX_PARTS // 1000} 000 parts"],
         "all of the last three rows": [f"{guard.Limits.memory >> 30} GiB", f"{guard.Limits.seconds} s of"],
         "the grid of a flight": [f"{gridding.MAX_CELLS // 10**6} million", f"{gridding.MAX_EMPTINESS:.0f} points",
                                  f"{gridding.MAX_EMPTINESS * gridding.MIN_COUNTED / 1000:.0f} 000 are"],
@@ -88,7 +86,7 @@ def test_the_limits_are_those_of_the_code() -> None:
     assert set(told) == set(limits)
     for reader, words in told.items():
         assert all(word in limits[reader] for word in words), reader
-    assert f"at most {tabular.MAX_VALUES // 10**6} million" in PAGE.read_text(encoding="utf-8")
+    assert f"at most {arrays.MAX_VALUES // 10**6} million" in PAGE.read_text(encoding="utf-8")
 
 
 def test_the_page_of_the_command_is_as_the_code_writes_it() -> None:

@@ -13,8 +13,7 @@ from stoop.estimate.methods import choose_method
 from stoop.flight import Flight, load
 from stoop.problem.windows import parse_window, whole
 from stoop_studies.findings import Findings, Setting
-from stoop_studies.verify.hexacopter.experiment import EXPERIMENT
-from stoop_studies.verify.hexacopter.fits import FOLDER, METHOD, Blades, read_log, vehicle
+from stoop_studies.verify.hexacopter import EXPERIMENT, FOLDER, METHOD, Blades, read_log, vehicle
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "verify"
 MAPPING = Path(__file__).parents[2] / "examples" / "hexacopter_mapping.toml"

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stoop_studies.verify.jsbsim.experiment import SHARE, SIGMAS, case
+from stoop_studies.verify.jsbsim import SHARE, SIGMAS, flown_case
 
 
 @pytest.mark.slow
 def test_a_trainer_is_found_from_its_outputs() -> None:
     """Every derivative within three standard errors or 2 %; together they scatter as they say."""
-    trainer = case("T37")
+    trainer = flown_case("T37")
     told = trainer.estimates(trainer.flight(seed=0))
     truth, found, sigma = (
         np.array([told[k][n] for n in trainer.truth]) for k in ("truth", "estimate", "sigma")

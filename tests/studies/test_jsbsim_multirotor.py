@@ -7,23 +7,22 @@ import pytest
 
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle
-from stoop_studies.verify.jsbsim.flight import Recording
-from stoop_studies.verify.multirotor import flight
-from stoop_studies.verify.multirotor.experiment import COMMANDS, SPEEDS
-from stoop_studies.verify.multirotor.flight import (
+from stoop_studies.verify import multirotor
+from stoop_studies.verify.jsbsim_flight import Recording
+from stoop_studies.verify.multirotor import (
+    COMMANDS,
     FOOT_POUND,
+    KNOWN,
     LIFTS,
     MOTORS,
     RATE,
+    SPEEDS,
     TURNS,
     TWISTS,
     Quadrotor,
-    fly,
-)
-from stoop_studies.verify.multirotor.truth import (
-    KNOWN,
     climbs,
     fitted_lag,
+    fly,
     lagged,
     motor_curve,
     step_response,
@@ -48,8 +47,8 @@ def craft() -> Quadrotor:
 def flown() -> Recording:
     """A short flight, with more of what JSBSim knows."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(flight, "DURATION", 6.0)
-        patch.setattr(flight, "READ", {**flight.READ, **MORE})
+        patch.setattr(multirotor, "DURATION", 6.0)
+        patch.setattr(multirotor, "READ", {**multirotor.READ, **MORE})
         return fly(Quadrotor())
 
 
@@ -165,7 +164,7 @@ def test_what_is_told_holds_no_answer(craft: Quadrotor, flown: Recording) -> Non
 def test_flights_are_the_same_again_and_quiet(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(flight, "DURATION", 1.0)
+    monkeypatch.setattr(multirotor, "DURATION", 1.0)
     first, second = (fly(Quadrotor()) for _ in range(2))
     assert all(np.array_equal(first.columns[c], second.columns[c]) for c in first.columns)
     assert "".join(capfd.readouterr()) == "", "JSBSim greets on stdout unless it is told not to"

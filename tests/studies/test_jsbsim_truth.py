@@ -7,9 +7,9 @@ import pytest
 
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle
-from stoop_studies.verify.jsbsim import flight
-from stoop_studies.verify.jsbsim.flight import FLEET, Aircraft, Recording, State, fly, trimmed
-from stoop_studies.verify.jsbsim.truth import derivatives, inertia, moment_at_reference, vehicle_of
+from stoop_studies.verify import jsbsim_flight as flight
+from stoop_studies.verify.jsbsim import derivatives, inertia, moment_at_reference, vehicle_of
+from stoop_studies.verify.jsbsim_flight import FLEET, Aircraft, Recording, State, fly, trimmed
 
 CESSNA = FLEET[0]
 TUMBLING = State(V=48.0, altitude=1500.0, alpha=0.05, beta=0.05, phi=0.2, theta=0.1, p=0.5, q=0.2, r=0.3)

@@ -1,4 +1,4 @@
-"""Read a small TOML file whole, or say in one line why not."""
+"""Read a small TOML file whole, or say in one line why not; texts and keys as TOML writes them."""
 
 from __future__ import annotations
 
@@ -37,3 +37,15 @@ def parse_source(text: str, where: str, error: type[StoopError]) -> dict[str, An
         return tomllib.loads(text)
     except (ValueError, RecursionError) as fault:
         raise error(f"{where}: not valid TOML: {fault}; mend that line") from None
+
+
+def quoted(text: str) -> str:
+    """Return a text as TOML writes it."""
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08X}" for c in escaped) + '"'
+
+
+def quoted_key(text: str) -> str:
+    """Return a key as TOML writes it, bare where it can be."""
+    plain = text.replace("_", "").replace("-", "")
+    return text if plain.isascii() and plain.isalnum() else quoted(text)

@@ -64,12 +64,12 @@ def _naming(path: Path) -> Iterator[None]:
 def _check_target(target: Path, overwrite: bool) -> None:
     """Refuse a name by which the file could not be read again, and one that is taken, its mapping's too."""
     from stoop.exporters.flight_file import OWN, check_ending
-    from stoop.logs.table import beside
+    from stoop.logs.csv_tables import mapping_beside
 
     check_ending(target)
     check_target(target, overwrite)
     if target.suffix.lower() != OWN:
-        check_target(beside(target), overwrite)
+        check_target(mapping_beside(target), overwrite)
 
 
 def _check_channels(vehicle: Vehicle) -> None:

@@ -16,7 +16,7 @@ from stoop.errors import OutputError
 from stoop.exporters.autopilot_logs import ardupilot_log, crazyflie_log, px4_log
 from stoop.exporters.log_layout import MappingFile
 from stoop.flight import VARIABLES, Flight, save
-from stoop.logs.table import beside
+from stoop.logs.csv_tables import mapping_beside
 
 OWN: Final = ".nc"
 CLOCK: Final = "t"  #: name of the column of time of a table, s
@@ -59,7 +59,7 @@ def save_flight_as(flight: Flight, target: Path) -> Path | None:
         save(flight, target)
         return None
     content, mapping = WRITERS[target.suffix.lower()](flight)
-    place = beside(target)
+    place = mapping_beside(target)
     write_bytes_atomic(target, content)
     if mapping:
         write_bytes_atomic(place, mapping.encode())

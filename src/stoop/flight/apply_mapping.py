@@ -5,27 +5,32 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from stoop import logs
 from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.notices import Notice, notice
-from stoop.base.text import nearest
-from stoop.base.toml import parse_source, read_source
 from stoop.base.units import FACTORS, KINDS
-from stoop.base.variables import EULER, VARIABLES
+from stoop.base.variables import EULER
 from stoop.errors import FlightError, LogError, listed
 from stoop.flight.alignment import align, suggest_alignments
 from stoop.flight.channels import MAX_VALUE, Channels
 from stoop.flight.frames import rotate_axes
-from stoop.flight.mapping import READY, FlightMapping, Group, Source, flight_mapping, ready, with_other_form
+from stoop.flight.mapping import (
+    READY,
+    FlightMapping,
+    Group,
+    Source,
+    read_flight_mapping,
+    ready,
+    with_other_form,
+)
 from stoop.logs import Recording, Stream
-from stoop.logs.mapping import is_first_edition
+from stoop.logs.csv_tables import mapping_beside, read_raw_csv
 from stoop.logs.read import kind
 from stoop.logs.recording import clean_stream
-from stoop.logs.table import beside, read_raw_csv
 
 MAX_TRANSPORT: Final = 0.2  #: s; a sample stamp further from its publication is not believed
 
@@ -71,24 +76,19 @@ def read_mapped(path: Path, given: Path | None = None) -> tuple[Recording, Mappe
     place = given
     if place is None:
         try:
-            place = beside(path) if beside(path).is_file() else None
+            place = mapping_beside(path) if mapping_beside(path).is_file() else None
         except (OSError, ValueError):  # the reader says it better
             place = None
     form = kind(path) if path.is_file() else ""
     mapping = ready(READY[form]) if place is None and form in READY else None
-    content: dict[str, Any] = {}
     if place is not None and path.exists():
-        content = parse_source(read_source(place, "mapping", LogError), str(place), LogError)
-        mapping = flight_mapping(str(place), content)
-    needed = None if not form or mapping is None or "" in mapping.streams else mapping.streams
+        mapping = read_flight_mapping(place)
+    needed = None if mapping is None or "" in mapping.streams else mapping.streams
     recording = logs.read(path, given, needed)
     if recording.format == "stoop-netcdf":
         return recording, None
-    if recording.format == "table" and place is not None and is_first_edition(content):
-        found = _first_edition(recording, place)
-        return recording, replace(found, notices=_suggestions(recording, found, place))
     if mapping is None and recording.format not in READY:
-        start = beside(recording.path)
+        start = mapping_beside(recording.path)
         raise FlightError(
             f"{recording.path}: this kind of log needs a mapping of its columns; "
             f"draft one by stoop map {recording.path} -o {start}, and correct it"
@@ -98,20 +98,9 @@ def read_mapped(path: Path, given: Path | None = None) -> tuple[Recording, Mappe
     found = apply_mapping(mapping, whole)
     if not mapping.alignments and (mapping.files or recording.format not in READY):
         found = replace(found, notices=[*found.notices, *_suggestions(whole, found, place)])
-    return recording, found
-
-
-def _first_edition(recording: Recording, place: Path) -> Mapped:
-    """Take the variables as the reader of tables named them."""
-    for stream in recording.streams.values():
-        for name in stream.columns:
-            if name not in VARIABLES:
-                raise FlightError(
-                    f"{place}: variables.{name} is no variable of stoop; {nearest(name, VARIABLES)}"
-                )
-    channels = [Channels(name, stream.time, stream.columns) for name, stream in recording.streams.items()]
-    places = {name: f"{place}: variables.{name}" for group in channels for name in group.values}
-    return Mapped(channels, [], recording.unread, places)
+    unnamed = {f"{stream} {column}" for stream, columns in found.unmapped.items() for column in columns}
+    defects = tuple(d for d in recording.defects if d.kind != "text" or d.place not in unnamed)
+    return replace(recording, defects=defects), found
 
 
 def _suggestions(recording: Recording, found: Mapped, place: Path | None) -> list[Notice]:
@@ -170,7 +159,7 @@ def apply_mapping(mapping: FlightMapping, recording: Recording) -> Mapped:
                 first, *others = instances(timed, source) or [""]
                 span = {"first": source.variables[0], "last": source.variables[-1]}
                 notices += [notice("instance-left-out", other, taken=first, **span) for other in others]
-    channels = _join_euler_angles(channels)
+    channels = _join_lines(recording, channels)
     surfaces, beyond = mapping.surfaces.deflections(channels)
     mixed = frozenset(mapping.surfaces.mixes)
     channels = [less for known in channels if (less := _without(known, mixed)).values]
@@ -189,7 +178,7 @@ def supplied(mapping: FlightMapping, recording: Recording, stream: str) -> list[
         if source.stream in ("", stream) or source.instance != "first"
     ]
     found = [_supply(alone, source) for source in sources]
-    return _join_euler_angles([channels for channels in found if channels is not None])
+    return _join_lines(recording, [channels for channels in found if channels is not None])
 
 
 def _with_clocks(mapping: FlightMapping, recording: Recording) -> tuple[Recording, list[Notice]]:
@@ -217,6 +206,10 @@ def _best_source(recording: Recording, group: Group, without: frozenset[str]) ->
     finite = [(channels, _finite(channels)) for channels in rest if channels.values]
     whole = [channels for channels, good in finite if good.all(axis=0).any()]
     found = whole or [channels for channels, good in finite if good.any()]
+    if (
+        not found and recording.format == "table"
+    ):  # a column that the user names stays, though it holds no number
+        found = [channels for channels, _ in finite]
     best = next(iter(found), None)
     for channels in found if group.choose == "fastest" else ():
         if best is not None and channels.rate > 2.0 * best.rate:
@@ -232,8 +225,14 @@ def _without(channels: Channels, names: frozenset[str]) -> Channels:
     return replace(channels, values={name: x for name, x in channels.values.items() if name not in names})
 
 
-def _join_euler_angles(channels: list[Channels]) -> list[Channels]:
-    """Put Euler angles that were named one by one together again, where they share a clock."""
+def _join_lines(recording: Recording, channels: list[Channels]) -> list[Channels]:
+    """Join variables that were named one by one and share a clock: columns of a table, elsewhere Euler angles."""
+    if recording.format == "table":
+        joined: dict[tuple[str, int], Channels] = {}
+        for one in channels:
+            first = joined.setdefault((one.source, id(one.time)), one)
+            joined[one.source, id(one.time)] = replace(first, values={**first.values, **one.values})
+        return [*joined.values()]
     parts = [c for c in channels if set(c.values) & set(EULER)]
     if len(parts) < 2 or any(c.time is not parts[0].time for c in parts):
         return channels
@@ -317,9 +316,13 @@ def sample_time(stream: Stream, column: str, factor: float) -> FloatArray:
 
 def _missing(recording: Recording, source: Source) -> str:
     column = next(iter(source.columns[0]))
-    stream = recording.streams.get(source.stream)
+    only = next(iter(recording.streams)) if len(recording.streams) == 1 else ""
+    name = source.stream or only
+    stream = recording.streams.get(name)
     if stream is not None:
-        return f"{source.place}.column = '{column}' is not in {source.stream}; its columns are {listed(stream.columns)}"
+        return (
+            f"{source.place}.column = '{column}' is not in {name}; its columns are {listed(stream.columns)}"
+        )
     if source.stream:
         return f"{source.place}.stream = '{source.stream}' is not in the log; it holds {listed(recording.streams)}"
     return (

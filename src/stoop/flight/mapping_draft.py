@@ -12,6 +12,7 @@ import numpy as np
 
 from stoop import logs
 from stoop.base.arrays import FloatArray
+from stoop.base.toml import quoted, quoted_key
 from stoop.base.units import FACTORS
 from stoop.base.variables import OUTPUT_PINS, VARIABLES
 from stoop.checks.draft import DraftLine, with_units
@@ -23,8 +24,8 @@ from stoop.flight.mapping import READY, ready, with_other_form
 from stoop.flight.mapping_draft_outputs import Outputs, place
 from stoop.flight.time_delay import Signal
 from stoop.logs import Recording
-from stoop.logs.read import is_bag_folder, kind, read_unmapped
-from stoop.logs.table import guess_clock, key_of, quoted, read_raw_csv
+from stoop.logs.csv_tables import guess_clock, read_px4_folder, read_raw_csv
+from stoop.logs.read import is_bag_folder, kind, read_as
 
 CLOCK_STEPS: Final = (
     ("s", 5e-5, 2.0),
@@ -77,14 +78,12 @@ def draft_of(recording: Recording) -> Draft:
 def _recording(path: Path) -> Recording:
     """Read a log without any mapping."""
     if path.is_dir() and not is_bag_folder(path):
-        from stoop.logs.px4csv import read_px4_folder
-
         try:
             return read_px4_folder(path)
         except LogError:
             return read_raw_csv(path)
-    if path.is_file() and kind(path):
-        return read_unmapped(path)
+    if path.is_file() and (known := kind(path)):
+        return read_as(known, path)
     table = path.is_file() and path.name.lower().endswith((".csv", ".csv.gz", ".txt"))
     return read_raw_csv(path) if table else logs.read(path)
 
@@ -250,7 +249,7 @@ def _clocks(recording: Recording) -> tuple[list[str], Recording]:
         if without_unit(column)[1] != unit:
             unit, mark = _by_steps(stream.columns[column])
         if (column, unit) not in written:
-            where = "time" if i == 0 else f"clock.{key_of(name)}"
+            where = "time" if i == 0 else f"clock.{quoted_key(name)}"
             lines += ["", f"[{where}]", f"column = {quoted(column)}", f'unit = "{unit}"{mark}']
         written |= {(column, unit)} if i == 0 else set()
         streams[name] = replace(stream, time=stream.time * (FACTORS[unit] / factor))

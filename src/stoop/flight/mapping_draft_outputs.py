@@ -12,11 +12,11 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.toml import quoted
 from stoop.base.variables import VARIABLES
 from stoop.flight.airborne import rotor_pulses
 from stoop.flight.flight import from_columns
 from stoop.flight.time_delay import Signal
-from stoop.logs.table import quoted
 
 FUNCTIONS: Final[dict[float, str]] = {
     **{33 + k: f"motor_{1 + k}" for k in range(8)},

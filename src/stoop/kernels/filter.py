@@ -16,20 +16,25 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stoop.kernels.lanes import header, indent, input_tuples, next_inputs, stepping, tuple_of
+from stoop.kernels.lanes import header, input_tuples, next_inputs, stepping
 
 if TYPE_CHECKING:
     from stoop.kernels.emit import Emitted
 
 WIDTH = 8
+_LANES = f"LANES = {WIDTH}\n"
 
 SIGNATURES = {
     "run_filter": (
         "void(f8[:,::1], f8[:,::1], f8[:,:,::1], i8[::1], f8[:,::1], i8, f8[:,::1], f8[:,::1], f8, i8, "
         "f8[:,:,::1], f8[:,:,::1], i8, i8, i8)"
     ),
+}
+STEP_SIGNATURES = {
     "run_step": "void(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8[:,::1])",
     "run_move": "void(f8[:,::1], f8[:,::1], f8[:,::1])",
+}
+RICCATI_SIGNATURES = {
     "run_riccati": (
         "void(f8[:,:,::1], f8[:,:,::1], f8[:,:,::1], f8[::1], f8[:,::1], i8[::1], f8[:,::1], "
         "f8[:,:,::1], f8[:,:,::1])"
@@ -38,18 +43,22 @@ SIGNATURES = {
 
 
 def filter_source(emitted: Emitted) -> str:
-    """Write a whole module: header, the model's functions, the loops."""
+    """Write the module of the time loop: header, the model's functions, the loop."""
     e = replace(emitted, groups=1)
-    recursion = Path(__file__).with_name("recursion.py").read_text().split("# Copied from here.\n")[1]
-    head = f"{header(e)}\nimport numpy as np\n"
-    parts = [
-        head,
-        e.source,
-        e.correction,
-        f"LANES = {WIDTH}\n{stepping(e)}{_helpers(e)}{_loops(e)}",
-        recursion,
-    ]
-    return "\n\n".join(parts)
+    return "\n\n".join([header(e), e.source, e.correction, f"{_LANES}{stepping(e)}{_helpers(e)}{_loop(e)}"])
+
+
+def step_source(emitted: Emitted) -> str:
+    """Write the module of single steps and moves of a state, for which no lanes are needed."""
+    e = replace(emitted, groups=1)
+    return "\n\n".join([header(e), e.source, e.correction, f"{_LANES}{stepping(e)}{_steps(e)}"])
+
+
+def riccati_source() -> str:
+    """Write the module of the covariance recursion, which is the same for every model."""
+    here = Path(__file__).parent
+    recursion = (here / "recursion.py").read_text().split("# Copied from here.\n")[1]
+    return "\n\n".join([(here / "runtime.py").read_text(), "import numpy as np", recursion])
 
 
 def _rows(e: Emitted) -> tuple[int, int, int]:
@@ -82,13 +91,10 @@ def gained(S, j, v):
 """
 
 
-def _loops(e: Emitted) -> str:
+def _loop(e: Emitted) -> str:
     innovations, gains, size = _rows(e)
     many = e.moves * e.outputs
     inputs = input_tuples(e)
-    results = [f"after[{i}]" for i in range(e.states)]
-    results += [f"y[{e.states + i}]" for i in range(e.outputs)]
-    keep = indent([f"S[{(innovations + i) * WIDTH} + j] = v[{i}]" for i in range(e.outputs)], 16)
     return f"""
 @compiled
 def run_filter(P, X0, K, G, U, rows, Z, M, dt, samples, V, X, states, first, last):
@@ -104,8 +110,8 @@ def run_filter(P, X0, K, G, U, rows, Z, M, dt, samples, V, X, states, first, las
                 for i in range({many}):
                     for j in range(LANES):
                         S[({gains} + i) * LANES + j] = K[shown, i, min(b0 + j, P.shape[1] - 1)]
-{inputs}            z = {tuple_of("Z[k, {i}]", e.outputs)}
-            m = {tuple_of("M[k, {i}]", e.outputs)}
+{inputs}            z = load_row(Z, {e.outputs}, k)
+            m = load_row(M, {e.outputs}, k)
             if states:
                 for j in range(min(LANES, last - b0)):
                     for i in range({e.states}):
@@ -114,28 +120,32 @@ def run_filter(P, X0, K, G, U, rows, Z, M, dt, samples, V, X, states, first, las
                 x = load_state(S, j)
                 c = load_constants(S, j)
                 v = innovate(observe(x, ua[0], c), z, m)
-{keep}                x = correct(x, gained(S, j, v))
+                store_rows(S, {innovations * WIDTH}, {WIDTH}, v, j)
+                x = correct(x, gained(S, j, v))
                 after = advance((x,), (derive(x, ua[0], c),), (c,), um, ub, hh, dt, h6)
                 store_state(S, j, after[0])
             for j in range(min(LANES, last - b0)):
                 for i in range({e.outputs}):
                     V[b0 + j, k, i] = S[({innovations} + i) * LANES + j]
+"""
 
 
+def _steps(e: Emitted) -> str:
+    return f"""
 @compiled
 def run_step(P, X, U, N, dt, D):
     for b in range(P.shape[1]):
         c = prepare(load_parameters(P, b))
-        x = {tuple_of("X[{i}, b]", e.states)}
-        a = {tuple_of("U[{i}, b]", e.inputs)}
+        x = load_column(X, {e.states}, b)
+        a = load_column(U, {e.inputs}, b)
         n = ({"".join(f"{one}, " for one in next_inputs(e, "U[{i}, b]", "N[{i}, b]"))})
         y = observe(x, a, c)
         after = advance((x,), (y,), (c,), (middle(a, n),), (n,), 0.5 * dt, dt, dt / 6.0)[0]
-{indent([f"D[{i}, b] = {v}" for i, v in enumerate(results)], 8)}
+        store_column(D, after + y[{e.states}:], b)
+
 
 @compiled
 def run_move(X, E, D):
     for b in range(X.shape[1]):
-        after = correct({tuple_of("X[{i}, b]", e.states)}, {tuple_of("E[{i}, b]", e.moves)})
-{indent([f"D[{i}, b] = after[{i}]" for i in range(e.states)], 8)}
+        store_column(D, correct(load_column(X, {e.states}, b), load_column(E, {e.moves}, b)), b)
 """

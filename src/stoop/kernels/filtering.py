@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from stoop.base.arrays import FloatArray
 from stoop.kernels.filter import WIDTH
-from stoop.kernels.kernel import Kernel, fits, matrix
+from stoop.kernels.kernel import Kernel, fits, matrix, riccati_module
 
 IntArray = NDArray[np.int64]
 
@@ -90,7 +90,7 @@ def step(
     fits("following", following, (nu, count))
     out = np.empty((nx + ny, count))
     arrays = [matrix(a) for a in (parameters, states, inputs, following)]
-    kernel.filter_module().run_step(*arrays, float(dt), out)
+    kernel.step_module().run_step(*arrays, float(dt), out)
     return out[:nx], out[nx:]
 
 
@@ -99,7 +99,7 @@ def move(kernel: Kernel, states: FloatArray, moves: FloatArray) -> FloatArray:
     fits("states", states, (kernel.sizes[0], states.shape[1]))
     fits("moves", moves, (kernel.moves, states.shape[1]))
     out = np.empty(states.shape)
-    kernel.filter_module().run_move(matrix(states), matrix(moves), out)
+    kernel.step_module().run_move(matrix(states), matrix(moves), out)
     return out
 
 
@@ -139,7 +139,7 @@ def riccati(
     g = _choices("which", which, n, points)
     gains, covariances, last = np.empty((n, ne, ny)), np.empty((n, ny, ny)), begin.copy()
     arrays = [matrix(a) for a in (transition, readings, process, noise, seen)]
-    kernel.filter_module().run_riccati(*arrays, g, matrix(last), gains, covariances)
+    riccati_module().run_riccati(*arrays, g, matrix(last), gains, covariances)
     return gains.reshape(n, -1), covariances, last
 
 

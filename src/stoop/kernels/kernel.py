@@ -77,6 +77,7 @@ class Kernel:
     per_lane: Callable[[], ModuleType]
     moves: int = 0  #: numbers of a move of the state; zero where no filter takes the model
     filtering: Callable[[], ModuleType] | None = None
+    steps: Callable[[], ModuleType] | None = None
     shooting: Callable[[], ModuleType] | None = None
     latex: tuple[str, ...] = ()  #: the equations, one a line
 
@@ -169,6 +170,12 @@ class Kernel:
         if self.filtering is None or not self.moves:
             raise ValueError("this model says no moves, so no filter takes it")
         return self.filtering()
+
+    def step_module(self) -> ModuleType:
+        """Return the compiled single steps and moves of a state, see :mod:`stoop.kernels.filtering`."""
+        if self.steps is None or not self.moves:
+            raise ValueError("this model says no moves, so no filter takes it")
+        return self.steps()
 
     def windows_module(self) -> ModuleType:
         """Return the compiled loop of windows, see :mod:`stoop.kernels.windows`."""
@@ -301,13 +308,16 @@ def _signatures(name: str) -> dict[str, str]:
     from stoop.kernels import windows
     from stoop.kernels.lanes import signatures
 
-    others = {"filtering": filters.SIGNATURES, "windows": windows.SIGNATURES}
+    others = {
+        "filtering": filters.SIGNATURES, "steps": filters.STEP_SIGNATURES,
+        "riccati": filters.RICCATI_SIGNATURES, "windows": windows.SIGNATURES,
+    }  # fmt: skip
     return others[name] if name in others else signatures(name == "per_lane")
 
 
 def _write_sources(folder: Path, model: SymbolicModel) -> None:
     from stoop.kernels.emit import emit
-    from stoop.kernels.filter import filter_source
+    from stoop.kernels.filter import filter_source, step_source
     from stoop.kernels.lanes import header, lanes, loop_source
     from stoop.kernels.windows import windows_source
 
@@ -315,7 +325,8 @@ def _write_sources(folder: Path, model: SymbolicModel) -> None:
     for name in ("shared", "per_lane"):
         body = loop_source(emitted, name == "per_lane")
         (folder / f"{name}.py").write_text(header(emitted) + "\n\n" + emitted.source + "\n\n" + body)
-    (folder / "filtering.py").write_text(filter_source(emitted) if emitted.moves else "# no filter\n")
+    for name, source in (("filtering", filter_source), ("steps", step_source)):
+        (folder / f"{name}.py").write_text(source(emitted) if emitted.moves else "# no filter\n")
     (folder / "windows.py").write_text(windows_source(emitted))
     sizes = (
         emitted.states, emitted.inputs, emitted.parameters, emitted.outputs, lanes(emitted), emitted.moves,
@@ -397,6 +408,20 @@ def _check_compiler() -> None:
         )
 
 
+@functools.cache
+def riccati_module() -> ModuleType:
+    """Return the compiled covariance recursion of a filter; one serves every model."""
+    from stoop.kernels.filter import riccati_source
+
+    _check_compiler()
+    key = hashlib.sha256("\n".join(["riccati", *environment().values()]).encode()).hexdigest()[:32]
+
+    def write(folder: Path) -> None:
+        (folder / "riccati.py").write_text(riccati_source())
+
+    return _open(_build(cache.cache_folder() / f"{key}-riccati", key, "riccati", write), key, "riccati")
+
+
 _loaded: dict[str, Kernel] = {}
 
 
@@ -418,10 +443,11 @@ def _load(key: str, model: Callable[[], SymbolicModel]) -> Kernel:
         nx, nu, np_, ny, lanes, moves = numbers
         per_lane = _later(folder, root / f"{key}-lanes", key, "per_lane")
         filtering = _later(folder, root / f"{key}-filter", key, "filtering")
+        steps = _later(folder, root / f"{key}-steps", key, "steps")
         shooting = _later(folder, root / f"{key}-windows", key, "windows")
         shared = _open(folder, key, "shared")
         latex = tuple((folder / "equations.tex").read_text().splitlines())
         _loaded[key] = Kernel(
-            folder, lanes, (nx, nu, np_, ny), shared, per_lane, moves, filtering, shooting, latex
+            folder, lanes, (nx, nu, np_, ny), shared, per_lane, moves, filtering, steps, shooting, latex
         )
     return _loaded[key]

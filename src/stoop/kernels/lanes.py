@@ -49,7 +49,7 @@ def next_inputs(e: Emitted, here: str, there: str) -> list[str]:
 
 
 def _rows(e: Emitted, first: int, count: int) -> str:
-    return "(" + "".join(f"S[{(first + i) * lanes(e)} + j], " for i in range(count)) + ")"
+    return f"load_rows(S, {first * lanes(e)}, {lanes(e)}, {count}, j)"
 
 
 def _axpy(count: int, k: str) -> str:
@@ -109,7 +109,7 @@ def load_constants(S, j):
 
 @inline
 def store_state(S, j, x):
-{chr(10).join(f"    S[{i * apart} + j] = x[{i}]" for i in range(nx))}
+    store_rows(S, 0, {apart}, x, j)
 
 
 @inline
@@ -119,16 +119,15 @@ def middle(a, b):
 
 @inline
 def load_parameters(P, b):
-    return {tuple_of("P[{i}, b]", e.parameters)}
+    return load_column(P, {e.parameters}, b)
 
 
 @inline
 def fill(S, P, X0, b0):
     for j in range(LANES):
         b = min(b0 + j, P.shape[1] - 1)
-        c = prepare(load_parameters(P, b))
-{chr(10).join(f"        S[{i * apart} + j] = X0[{i}, b]" for i in range(nx))}
-{chr(10).join(f"        S[{(nx + i) * apart} + j] = c[{i}]" for i in range(e.constants))}
+        store_rows(S, 0, {apart}, load_column(X0, {nx}, b), j)
+        store_rows(S, {nx * apart}, {apart}, prepare(load_parameters(P, b)), j)
 """
 
 
@@ -151,7 +150,7 @@ def _inputs(e: Emitted, per_lane: bool) -> tuple[str, str]:
     if not per_lane:
         lines = [
             "k1 = min(k + 1, rows - 1)",
-            f"a = {tuple_of('U[k, {i}]', e.inputs)}",
+            f"a = load_row(U, {e.inputs}, k)",
             f"b = ({''.join(f'{one}, ' for one in next_inputs(e, 'U[k, {i}]', 'U[k1, {i}]'))})",
             "m = middle(a, b)",
             *(f"u{name} = {tuple_of(name, e.groups)}" for name in "amb"),
@@ -214,9 +213,8 @@ def _loops(e: Emitted, per_lane: bool) -> str:
     )
     add = [f"S[{results * apart + WIDTH * g} + j] += penalty(y[{g}], z, w)" for g in range(e.groups)]
     keep = [
-        f"S[{(results + i) * apart + WIDTH * g} + j] = y[{g}][{e.states + i}]"
+        f"store_rows(S, {results * apart + WIDTH * g}, {apart}, y[{g}][{e.states}:], j)"
         for g in range(e.groups)
-        for i in range(e.outputs)
     ]
     return f"""
 @compiled
@@ -229,8 +227,8 @@ def run_cost(P, X0, U, rows, Z, W, dt, samples, J, first, last):
         for j in range(LANES):
             {total} = 0.0
         for k in range(samples):
-{before}            z = {tuple_of("Z[k, {i}]", e.outputs)}
-            w = {tuple_of("W[k, {i}]", e.outputs)}
+{before}            z = load_row(Z, {e.outputs}, k)
+            w = load_row(W, {e.outputs}, k)
             for j in range({WIDTH}):
 {step}{indent(add, 16)}        for j in range(min(LANES, last - b0)):
             J[b0 + j] = {total}
@@ -252,14 +250,12 @@ def run_outputs(P, X0, U, rows, dt, samples, Y, first, last):
 
 
 def _evaluate(e: Emitted) -> str:
-    nx, ny = e.states, e.outputs
     return f"""
 @compiled
 def run_evaluate(P, X, U, D):
     for b in range(P.shape[1]):
         c = prepare(load_parameters(P, b))
-        y = observe({tuple_of("X[{i}, b]", nx)}, {tuple_of("U[{i}, b]", e.inputs)}, c)
-{chr(10).join(f"        D[{i}, b] = y[{i}]" for i in range(nx + ny))}
+        store_column(D, observe(load_column(X, {e.states}, b), load_column(U, {e.inputs}, b), c), b)
 """
 
 

@@ -13,11 +13,15 @@ from typing import Any
 
 import numba as nb
 from llvmlite import ir
+from numba.core import cgutils
 from numba.extending import intrinsic
 
 FASTMATH = {"contract", "nsz", "arcp", "afn", "reassoc"}
-inline = nb.njit(fastmath=FASTMATH, forceinline=True, error_model="numpy")
-compiled = nb.njit(fastmath=FASTMATH, error_model="numpy", nogil=True, cache=True)
+# Nothing but the entry points is called from Python: without wrappers Numba takes a third less time.
+inline = nb.njit(
+    fastmath=FASTMATH, forceinline=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
+)
+compiled = nb.njit(fastmath=FASTMATH, error_model="numpy", nogil=True, cache=True, no_cfunc_wrapper=True)
 
 
 @intrinsic(prefer_literal=True)
@@ -36,6 +40,85 @@ def scratch(_: Any, size: Any) -> Any:
         return builder.bitcast(place, ir.DoubleType().as_pointer())
 
     return nb.types.CPointer(nb.float64)(size), generate
+
+
+# Rows of the scratch array and of matrices are loaded and stored as whole tuples: written out as Python, hundreds of
+# single loads would cost Numba's type inference as much time as the equations.
+
+
+def _doubles(count: int) -> Any:
+    return nb.types.Tuple((nb.float64,) * count)
+
+
+def _place(context: Any, builder: Any, array_type: Any, array: Any, indices: list[Any]) -> Any:
+    array = context.make_array(array_type)(context, builder, array)
+    return cgutils.get_item_pointer(context, builder, array_type, array, indices)
+
+
+def _literal(i: int) -> Any:
+    return ir.IntType(64)(i)
+
+
+@intrinsic(prefer_literal=True)
+def load_rows(_: Any, S: Any, first: Any, apart: Any, count: Any, j: Any) -> Any:
+    """Load S[first + i apart + j] for i below count; first, apart and count are literals."""
+    indices = [first.literal_value + i * apart.literal_value for i in range(count.literal_value)]
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        places = (builder.add(arguments[4], _literal(i)) for i in indices)
+        values = [builder.load(_place(context, builder, S, arguments[0], [p])) for p in places]
+        return context.make_tuple(builder, signature.return_type, values)
+
+    return _doubles(len(indices))(S, first, apart, count, nb.int64), generate
+
+
+@intrinsic(prefer_literal=True)
+def store_rows(_: Any, S: Any, first: Any, apart: Any, values: Any, j: Any) -> Any:
+    """Store values[i] in S[first + i apart + j]; first and apart are literals."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        for i, value in enumerate(cgutils.unpack_tuple(builder, arguments[3], len(values))):
+            place = builder.add(arguments[4], _literal(first.literal_value + i * apart.literal_value))
+            builder.store(value, _place(context, builder, S, arguments[0], [place]))
+        return context.get_dummy_value()
+
+    return nb.types.void(S, first, apart, _doubles(len(values)), nb.int64), generate
+
+
+@intrinsic(prefer_literal=True)
+def load_column(_: Any, A: Any, count: Any, b: Any) -> Any:
+    """Load A[i, b] for i below count, a literal."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        indices = ([_literal(i), arguments[2]] for i in range(count.literal_value))
+        values = [builder.load(_place(context, builder, A, arguments[0], i)) for i in indices]
+        return context.make_tuple(builder, signature.return_type, values)
+
+    return _doubles(count.literal_value)(A, count, nb.int64), generate
+
+
+@intrinsic(prefer_literal=True)
+def load_row(_: Any, A: Any, count: Any, k: Any) -> Any:
+    """Load A[k, i] for i below count, a literal."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        indices = ([arguments[2], _literal(i)] for i in range(count.literal_value))
+        values = [builder.load(_place(context, builder, A, arguments[0], i)) for i in indices]
+        return context.make_tuple(builder, signature.return_type, values)
+
+    return _doubles(count.literal_value)(A, count, nb.int64), generate
+
+
+@intrinsic
+def store_column(_: Any, A: Any, values: Any, b: Any) -> Any:
+    """Store values[i] in A[i, b]."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        for i, value in enumerate(cgutils.unpack_tuple(builder, arguments[1], len(values))):
+            builder.store(value, _place(context, builder, A, arguments[0], [_literal(i), arguments[2]]))
+        return context.get_dummy_value()
+
+    return nb.types.void(A, _doubles(len(values)), nb.int64), generate
 
 
 @inline

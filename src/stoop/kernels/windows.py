@@ -91,17 +91,17 @@ def windows_source(emitted: Emitted) -> str:
 
 
 def _loads(e: Emitted, first: int) -> str:
-    return "(" + "".join(f"S[{(first + i) * WIDTH} + j], " for i in range(e.inputs)) + ")"
+    return f"load_rows(S, {first * WIDTH}, {WIDTH}, {e.inputs}, j)"
 
 
 def _loop(e: Emitted) -> str:
     results = e.states + e.constants
     now = results + e.outputs
     after, size = now + e.inputs, now + 2 * e.inputs
-    gather = [f"S[{(now + i) * WIDTH} + j] = U[row, {i}]" for i in range(e.inputs)]
+    gather = [f"store_rows(S, {now * WIDTH}, {WIDTH}, load_row(U, {e.inputs}, row), j)"]
     ahead = next_inputs(e, "U[row, {i}]", "U[next, {i}]")
     gather += [f"S[{(after + i) * WIDTH} + j] = {one}" for i, one in enumerate(ahead)]
-    keep = [f"S[{(results + i) * WIDTH} + j] = y[{e.states + i}]" for i in range(e.outputs)]
+    keep = [f"store_rows(S, {results * WIDTH}, {WIDTH}, y[{e.states}:], j)"]
     return f"""
 @compiled
 def run_windows(P, X0, U, first_row, end_row, steps, dt, samples, Y, X, first, last):

@@ -1,9 +1,9 @@
-"""Readers that end in other people's C code run in a process of their own, with limits on memory and time.
+"""Formats that are read through libraries in C are read in a child process, with limits on memory and time.
 
-A damaged file may make such code crash, go round in circles or ask for all memory; then a child dies, and the caller gets a
+A damaged file may make such code crash, loop forever or allocate all memory; then the child dies, and the caller gets a
 `LogError`. The result comes back as arrays in .npy files and one JSON file in a temporary folder: nothing is unpickled.
 
-The child is a fresh interpreter: ``python -m stoop.logs.guard MODULE:FUNCTION FOLDER``; what it shall do stands in the folder.
+The child is a new interpreter: ``python -m stoop.logs.guard FORMAT FOLDER``; the folder holds its task.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -24,22 +23,30 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.errors import LogError, StoopError
-from stoop.logs.recording import Defect, Recording, Stream, bytes_of, increasing
+from stoop.logs.read import FORMATS, HDF5
+from stoop.logs.recording import (
+    Defect,
+    Recording,
+    Stream,
+    increasing,
+    log_size,
+    reason,
+    unreadable,
+)
 
-ROOM: Final = "stoop.logs."  #: readers are called from here only
-MAX_RESULT: Final = 2**32  #: bytes of all arrays that are taken back
-TASK, _RESULT = "task.json", "result.json"
+MAX_RESULT: Final = 2**32  #: bytes of all arrays of a result
+TASK, RESULT = "task.json", "result.json"
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a child may take.
+    """Limits of a child process.
 
     Attributes
     ----------
     memory : bytes of address space (where the system can limit it)
     seconds : of processor time
-    wall : seconds on the clock on the wall
+    wall : seconds of elapsed time
     """
 
     memory: int = 4 * 2**30
@@ -48,131 +55,121 @@ class Limits:
 
     @classmethod
     def of(cls, path: Path) -> Limits:
-        """Return limits for a log: a short one that takes long goes round in circles."""
-        megabytes = bytes_of(path) >> 20
+        """Return the limits for a log, by its size."""
+        megabytes = log_size(path) >> 20
         return cls(seconds=30 + 2 * megabytes, wall=120 + 8 * megabytes)
 
 
-def need(path: Path, package: str, extra: str, what: str) -> None:
-    """Say what to install where the package that reads a format is missing.
+def is_hdf5(path: Path) -> bool:
+    """Return whether a file is HDF5; MATLAB writes 512 bytes of its own before the mark.
 
     Raises
     ------
     LogError
-        When it is.
+        When it cannot be read, or is empty.
     """
-    if importlib.util.find_spec(package) is None:
+    try:
+        with path.open("rb") as file:
+            head = file.read(512 + len(HDF5))
+    except OSError as error:
+        raise unreadable(path, error) from None
+    if not head:
+        raise LogError(f"{path}: the file is empty; export it again")
+    return head.startswith(HDF5) or head[512:] == HDF5
+
+
+def read_guarded(known: str, path: Path, topics: frozenset[str] | None = None) -> Recording:
+    """Read a log of a format that needs a library, once the library is known to be there; see `read_in_child`."""
+    form = FORMATS[known]
+    if (not form.hdf5_only or is_hdf5(path)) and importlib.util.find_spec(form.package) is None:
         raise LogError(
-            f"{path}: {what} need the package {package}; install it with pip install 'stoop[{extra}]'"
+            f"{path}: this {form.name} needs the package {form.package}; "
+            f"install it with pip install 'stoop[{form.extra}]'"
         )
+    return read_in_child(known, path, topics)
 
 
-def guarded(
-    reader: str, path: Path, topics: frozenset[str] | None = None, limits: Limits | None = None
+def read_in_child(
+    known: str, path: Path, topics: frozenset[str] | None = None, limits: Limits | None = None
 ) -> Recording:
     """Read a log in a child process.
 
     Parameters
     ----------
-    reader : "module:function" of this package; called with path and topics, it returns a Recording
+    known : key of `stoop.logs.read.FORMATS`
     path, topics : see `stoop.logs.read`
     limits : of the child; None means those for the size of the log
 
     Raises
     ------
     LogError
-        What the reader raises, and when the child dies, runs too long or hands back nonsense.
+        What the reader raises, and when the child dies, exceeds its time or returns an invalid result.
     """
     try:
         bounds = limits or Limits.of(path)
         with tempfile.TemporaryDirectory(prefix="stoop-", ignore_cleanup_errors=True) as name:
             folder = Path(name)
-            task = {"path": str(path.absolute()), "shown": str(path), "limits": asdict(bounds),
+            task = {"path": str(path.absolute()), "name": str(path), "limits": asdict(bounds),
                     "topics": None if topics is None else sorted(topics)}  # fmt: skip
             (folder / TASK).write_text(json.dumps(task))
-            launch(reader, path, folder, bounds)
-            return _taken(path, folder)
+            run_child(known, path, folder, bounds)
+            return read_result(path, folder)
     except OSError as error:
-        raise LogError(f"{path}: cannot be read in a process of its own ({error}); free some space") from None
+        raise LogError(f"{path}: cannot be read in a child process ({error}); free some disk space") from None
 
 
-def launch(reader: str, path: Path, folder: Path, limits: Limits) -> None:
-    """Let a child do the task in a folder."""
-    command = [sys.executable, "-P", "-m", "stoop.logs.guard", reader, str(folder)]
+def run_child(known: str, path: Path, folder: Path, limits: Limits) -> None:
+    """Run the task in a folder in a child process: this package, one thread, no plugins of file formats."""
+    paths = os.pathsep.join([str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])])
+    single = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "ARROW_DEFAULT_MEMORY_POOL": "system"}
+    environment = {**os.environ, **single, "PYTHONPATH": paths, "HDF5_PLUGIN_PATH": "::"}
+    command = [sys.executable, "-P", "-m", "stoop.logs.guard", known, str(folder)]
     try:
         done = subprocess.run(  # noqa: S603  our own interpreter, our own module
-            command, env=_environment(), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+            command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL, timeout=limits.wall, check=False,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
         raise LogError(
-            f"{path}: reading took more than {limits.wall} s and was ended; cut the log, or export it as CSV"
+            f"{path}: reading took more than {limits.wall} s and was stopped; cut the log, or export it as CSV"
         ) from None
-    if not (folder / _RESULT).is_file():
+    if not (folder / RESULT).is_file():
         how = f"signal {-done.returncode}" if done.returncode < 0 else f"code {done.returncode}"
         raise LogError(
-            f"{path}: its reader died ({how}): damaged, or too large for {limits.memory >> 30} GiB of memory and "
-            f"{limits.seconds} s; copy it again, or export the flight of interest as CSV"
+            f"{path}: the reading process died ({how}): the file is damaged, or needs more than "
+            f"{limits.memory >> 30} GiB of memory or {limits.seconds} s; copy it again, or export the flight of "
+            "interest as CSV"
         )
 
 
-def _environment() -> dict[str, str]:
-    """Return the child's environment: this very package, one thread, no plugins of file formats."""
-    here = str(Path(__file__).parents[2])
-    paths = os.pathsep.join([here, *filter(None, [os.environ.get("PYTHONPATH")])])
-    alone = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "ARROW_DEFAULT_MEMORY_POOL": "system"}
-    return {**os.environ, **alone, "PYTHONPATH": paths, "HDF5_PLUGIN_PATH": "::"}
-
-
-def _taken(path: Path, folder: Path) -> Recording:
-    """Take back what a child left, and check it: what crashed half may have written anything."""
+def read_result(path: Path, folder: Path) -> Recording:
+    """Read and check what a child wrote: a process that died half way may have written anything."""
     try:
-        result = json.loads((folder / _RESULT).read_text())
+        result = json.loads((folder / RESULT).read_text())
         if result["error"]:
             raise LogError(str(result["error"]))
         if sum(file.stat().st_size for file in folder.iterdir()) > MAX_RESULT:
             raise LogError(f"{path}: more than {MAX_RESULT >> 30} GiB of numbers; cut the log")
-        streams = {
-            str(name): _stream(folder / f"{i}.npy", columns)
-            for i, (name, columns) in enumerate(result["streams"])
-        }
+        streams = {}
+        for i, (name, columns) in enumerate(result["streams"]):
+            block = np.load(folder / f"{i}.npy", allow_pickle=False)
+            if block.dtype != np.float64 or block.ndim != 2 or len(block) != len(columns) + 1:
+                raise ValueError(f"{i}.npy does not have the stated size")
+            if increasing(block[0]).size != block.shape[1]:
+                raise ValueError(f"the time in {i}.npy runs back")
+            streams[str(name)] = Stream(block[0], {str(c): block[k + 1] for k, c in enumerate(columns)})
         defects = tuple(Defect(*map(str, defect)) for defect in result["defects"])
         parts = {key: dict(result[key]) for key in ("attributes", "parameters", "info", "units")}
         unread = {str(name): tuple(map(str, columns)) for name, columns in result["unread"].items()}
         return Recording(path, str(result["format"]), streams, defects, **parts, unread=unread)
     except (ValueError, TypeError, LookupError, AttributeError, OSError, EOFError, MemoryError) as error:
-        what = " ".join(str(error).split())[:120] or type(error).__name__
-        raise LogError(f"{path}: its reader left nonsense ({what}); copy the log again") from None
+        raise LogError(
+            f"{path}: the reading process returned an invalid result ({reason(error)}); copy the log again"
+        ) from None
 
 
-def _stream(file: Path, columns: list[str]) -> Stream:
-    block = np.load(file, allow_pickle=False)
-    if block.dtype != np.float64 or block.ndim != 2 or len(block) != len(columns) + 1:
-        raise ValueError(f"{file.name} is not of the size that was told")
-    if increasing(block[0]).size != block.shape[1]:
-        raise ValueError(f"the time in {file.name} runs back")
-    return Stream(block[0], {str(name): block[i + 1] for i, name in enumerate(columns)})
-
-
-def _limit(limits: Limits) -> None:
-    """Limit this process; a system that cannot is left with the clock on the wall."""
-    try:
-        import resource
-    except ImportError:  # not a POSIX system
-        return
-    bounds = {
-        resource.RLIMIT_AS: limits.memory,
-        resource.RLIMIT_CPU: limits.seconds,
-        resource.RLIMIT_FSIZE: MAX_RESULT,
-        resource.RLIMIT_CORE: 0,
-    }
-    for what, most in bounds.items():
-        with contextlib.suppress(ValueError, OSError):
-            resource.setrlimit(what, (most, most))
-
-
-def _leave(folder: Path, recording: Recording) -> None:
-    """Write a recording; the JSON file comes last, under its name only when it is whole."""
+def write_result(folder: Path, recording: Recording) -> None:
+    """Write a recording; the JSON file comes last."""
     streams = []
     for i, (name, stream) in enumerate(recording.streams.items()):
         columns = list(stream.columns)
@@ -183,7 +180,7 @@ def _leave(folder: Path, recording: Recording) -> None:
             block[k + 1] = stream.columns[column]
         block.flush()
         streams.append((name, columns))
-    _write(folder, {
+    _write_json(folder, {
         "error": "", "format": recording.format, "streams": streams,
         "defects": [(d.kind, d.place, d.message) for d in recording.defects],
         "attributes": dict(recording.attributes), "parameters": dict(recording.parameters),
@@ -192,39 +189,70 @@ def _leave(folder: Path, recording: Recording) -> None:
     })  # fmt: skip
 
 
-def _write(folder: Path, result: dict[str, Any]) -> None:
-    whole = folder / f"{_RESULT}.part"
-    whole.write_text(json.dumps(result))
-    whole.replace(folder / _RESULT)
+def _write_json(folder: Path, result: dict[str, Any]) -> None:
+    part = folder / f"{RESULT}.part"  # the name is there only when the file is whole
+    part.write_text(json.dumps(result))
+    part.replace(folder / RESULT)
 
 
-def main(reader: str, where: str) -> None:
-    """Read, in the child."""
-    folder = Path(where)
-    _limit(Limits(**json.loads((folder / TASK).read_text())["limits"]))
-    answer(reader, folder)
-
-
-def answer(reader: str, folder: Path) -> None:
-    """Do the task in a folder; whatever comes of it is written there."""
+def run_task(known: str, folder: Path) -> None:
+    """Run the task in a folder and write its result, or the error, there."""
     task = json.loads((folder / TASK).read_text())
-    limits, shown = Limits(**task["limits"]), task["shown"]
+    topics = None if task["topics"] is None else frozenset(task["topics"])
     try:
-        module, function = reader.split(":")
-        if not module.startswith(ROOM):
-            raise LogError(f"{shown}: {reader} is no reader")
-        read: Callable[..., Recording] = getattr(importlib.import_module(module), function)
-        topics = None if task["topics"] is None else frozenset(task["topics"])
-        _leave(folder, read(Path(task["path"]), topics))
+        write_result(folder, parse(known, Path(task["path"]), topics))
     except StoopError as error:
-        _write(folder, {"error": str(error).replace(task["path"], shown)})
-    except MemoryError:
-        _write(
-            folder, {"error": f"{shown}: needs more than {limits.memory >> 30} GiB of memory; cut the log"}
-        )
+        _write_json(folder, {"error": str(error).replace(task["path"], task["name"])})
     except Exception as error:
-        what = " ".join(str(error).split())[:120] or type(error).__name__
-        _write(folder, {"error": f"{shown}: damaged ({what}); copy it again, or export it as CSV"})
+        _write_json(folder, {"error": f"{task['name']}: cannot be read ({reason(error)}); copy it again"})
+
+
+def parse(known: str, path: Path, topics: frozenset[str] | None = None) -> Recording:
+    """Read a log by its library in this process; see `read_in_child`.
+
+    Raises
+    ------
+    LogError
+        When it is damaged: libraries report this by exceptions of many types.
+    """
+    if known not in FORMATS:
+        raise LogError(f"{path}: {known} is no format")
+    form = FORMATS[known]
+    module, _, function = form.reader.partition(":")
+    try:
+        recording: Recording = getattr(importlib.import_module(f"stoop.logs.{module}"), function)(
+            path, topics
+        )
+    except LogError:
+        raise
+    except MemoryError:
+        raise LogError(
+            f"{path}: does not fit into memory; if it is small it is damaged: copy it again"
+        ) from None
+    except Exception as error:
+        raise LogError(
+            f"{path}: damaged {form.name} ({reason(error)}); copy it again, or export it as CSV"
+        ) from None
+    return recording
+
+
+def main(known: str, where: str) -> None:
+    """Limit this process, the child, as far as the system can, and run the task."""
+    folder = Path(where)
+    limits = Limits(**json.loads((folder / TASK).read_text())["limits"])
+    with contextlib.suppress(ImportError):  # not a POSIX system: the elapsed time alone is limited
+        import resource
+
+        bounds = {
+            resource.RLIMIT_AS: limits.memory,
+            resource.RLIMIT_CPU: limits.seconds,
+            resource.RLIMIT_FSIZE: MAX_RESULT,
+            resource.RLIMIT_CORE: 0,
+        }
+        for what, most in bounds.items():
+            with contextlib.suppress(ValueError, OSError):
+                resource.setrlimit(what, (most, most))
+    run_task(known, folder)
 
 
 if __name__ == "__main__":

@@ -1,21 +1,21 @@
-"""What every reader returns: streams of channels on the log's own clock, and the defects met on the way."""
+"""What every reader returns: streams of channels on the log's own clock, and the defects of the log."""
 
 from __future__ import annotations
 
+import os
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
+from stoop.base.arrays import FloatArray, IntArray
 from stoop.errors import LogError, one_line
 
-MOST_SORTED: Final = 2_000_000  #: samples, an hour at 400 Hz and more; sorting takes 100 bytes for each
-
-FloatArray: TypeAlias = npt.NDArray[np.float64]
+MAX_SORTED: Final = 2_000_000  #: samples, an hour at 400 Hz and more; sorting takes 100 bytes for each
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Stream:
     Attributes
     ----------
     time : (n,) s, on the log's own clock, finite and strictly increasing
-    columns : name -> (n,) values as recorded, in the log's own units (SI where a mapping was given)
+    columns : name -> (n,) values as recorded, in the log's own units
     """
 
     time: FloatArray
@@ -39,12 +39,12 @@ class Stream:
 
 @dataclass(frozen=True)
 class Defect:
-    """Something wrong in a log that could be survived.
+    """A fault in a log in spite of which the rest was read.
 
     Attributes
     ----------
     kind : "time order", "truncated", "corrupt", "dropout", "text", "skipped" or "no clock"
-    place : file, topic or column in which it was met
+    place : file, topic or column
     message : one plain sentence
     """
 
@@ -53,7 +53,7 @@ class Defect:
     message: str
 
     def __str__(self) -> str:
-        """Return the defect on one line, whatever the names in it hold."""
+        """Return the defect on one line."""
         return one_line(f"{self.place}: {self.message}")
 
 
@@ -67,9 +67,9 @@ class Recording:
     format : "ulog", "px4-csv", "dataflash", "crazyflie", "mat", "parquet", "netcdf", "rosbag", "table" or
         "stoop-netcdf"
     streams : topic or file -> Stream; further instances of a topic are called "topic/1", "topic/2"
-    defects : what was wrong and survived
-    attributes : texts and numbers written beside the channels (only in our own netCDF files)
-    parameters : of the autopilot, as they stood at the start of the log
+    defects : faults in the log
+    attributes : texts and numbers beside the channels (only in netCDF files of stoop)
+    parameters : of the autopilot, at the start of the log
     info : texts of the log, such as firmware and hardware
     units : stream -> column -> unit as the file states it; empty where it states none
     unread : stream -> columns that are in the log but were not asked for; no columns: the whole stream
@@ -87,15 +87,15 @@ class Recording:
 
 
 class Numbers(Mapping[str, FloatArray]):
-    """Columns of any number type, turned into float64 when they are asked for, to keep a large log small.
+    """Columns of any number type, converted to float64 on access: a large log stays small.
 
     Parameters
     ----------
     raw : name -> (n,) numbers
-    keep : indices of the samples that count; None means all
+    keep : indices of the valid samples; None means all
     """
 
-    def __init__(self, raw: Mapping[str, npt.NDArray[Any]], keep: npt.NDArray[np.intp] | None = None) -> None:
+    def __init__(self, raw: Mapping[str, npt.NDArray[Any]], keep: IntArray | None = None) -> None:
         self._raw = raw
         self._keep = keep
 
@@ -112,34 +112,63 @@ class Numbers(Mapping[str, FloatArray]):
 
     @property
     def nbytes(self) -> int:
-        """Bytes of the columns as they are kept."""
+        """Bytes of the columns as they are stored."""
         return sum(values.nbytes for values in self._raw.values())
 
 
-def bytes_of(path: Path) -> int:
-    """Return the size of a log: a file, or the files of a folder."""
-    files = path.iterdir() if path.is_dir() else [path]
-    return sum(file.stat().st_size for file in files)
+def log_size(path: Path) -> int:
+    """Return the bytes of a log: a file, or the files of a folder."""
+    return sum(file.stat().st_size for file in (path.iterdir() if path.is_dir() else [path]))
+
+
+def unreadable(path: Path, error: OSError) -> LogError:
+    """Return the error of a file that cannot be opened."""
+    return LogError(f"{path}: cannot be read ({error.strerror}); check the name and its permissions")
+
+
+def read_bounded(path: Path, most: int, remedy: str) -> bytes:
+    """Return the content of a file of at most `most` bytes.
+
+    Raises
+    ------
+    LogError
+        When it cannot be read, is empty (the message ends in `remedy`), or is larger.
+    """
+    try:
+        with path.open("rb") as file:
+            content = file.read(min(most, os.fstat(file.fileno()).st_size) + 1)
+    except OSError as error:
+        raise unreadable(path, error) from None
+    if not content:
+        raise LogError(f"{path}: the log is empty; {remedy}")
+    if len(content) > most:
+        raise LogError(f"{path}: larger than {most >> 20} MiB; cut the log to the flight of interest")
+    return content
+
+
+def reason(error: BaseException, most: int = 120) -> str:
+    """Return the message of an exception as one short line."""
+    return " ".join(str(error).split())[:most] or type(error).__name__
 
 
 def clean_stream(
     place: str, time: FloatArray, columns: Mapping[str, npt.NDArray[Any]]
 ) -> tuple[Stream, tuple[Defect, ...]]:
-    """Drop the samples whose time is not finite or breaks the order; say how many.
+    """Drop the samples whose time is not finite or breaks the order.
 
     Parameters
     ----------
-    place : what to call the stream in a defect
+    place : name of the stream in a defect
     time : (n,) s
     columns : name -> (n,)
 
     Returns
     -------
     stream : the samples that are left, perhaps none
-    defects : none, or one that counts what was dropped
+    defects : none, or one that counts the dropped samples
     """
     if bool(np.all(time[1:] > time[:-1])) and np.isfinite(time[:1]).all() and np.isfinite(time[-1:]).all():
-        return Stream(time, Numbers(columns)), ()  # as nearly always: no lists of indices are made
+        return Stream(time, Numbers(columns)), ()  # nearly always: no lists of indices are made
     keep = increasing(time)
     lost = time.size - keep.size
     if not lost:
@@ -148,37 +177,24 @@ def clean_stream(
     return Stream(time[keep], Numbers(columns, keep)), (Defect("time order", place, message),)
 
 
-def unreadable(path: Path, error: OSError) -> LogError:
-    """Return what to say of a file that cannot be opened."""
-    return LogError(f"{path}: cannot be read ({error.strerror}); check the name and its permissions")
-
-
-def increasing(time: FloatArray) -> npt.NDArray[np.intp]:
+def increasing(time: FloatArray) -> IntArray:
     """Return the indices of a longest strictly increasing run of finite times.
 
-    A single wild stamp thus costs one sample, whether it points to the past or to the future.
+    A single wild stamp thus costs one sample, whether it points to the past or to the future. Of more than
+    `MAX_SORTED` samples those above all before them are returned: this needs no memory, but trusts a leap ahead.
     """
     finite = np.flatnonzero(np.isfinite(time))
-    kept = time[finite]
-    if kept.size < 2 or bool(np.all(np.diff(kept) > 0.0)):
+    times = time[finite]
+    if times.size < 2 or bool(np.all(np.diff(times) > 0.0)):
         return finite
-    if kept.size > MOST_SORTED:
-        return finite[_records(kept)]
-    return finite[_longest_increasing(kept.tolist())]
-
-
-def _records(values: FloatArray) -> npt.NDArray[np.intp]:
-    """Return the indices of the values above all before them: needs no memory, but trusts a leap ahead."""
-    highest = np.maximum.accumulate(values)
-    return np.flatnonzero(np.concatenate([[True], values[1:] > highest[:-1]]))
-
-
-def _longest_increasing(values: list[float]) -> npt.NDArray[np.intp]:
-    """Patience sorting: tails[k] is the smallest end of an increasing run of length k + 1."""
+    if times.size > MAX_SORTED:
+        highest = np.maximum.accumulate(times)
+        return finite[np.flatnonzero(np.concatenate([[True], times[1:] > highest[:-1]]))]
+    # patience sorting: tails[k] is the smallest end of an increasing run of length k + 1
     tails: list[float] = []
     ends: list[int] = []
-    before = np.full(len(values), -1, dtype=np.intp)
-    for i, value in enumerate(values):
+    before = np.full(times.size, -1, dtype=np.intp)
+    for i, value in enumerate(times.tolist()):
         k = bisect_left(tails, value)
         before[i] = ends[k - 1] if k else -1
         tails[k : k + 1] = [value]
@@ -188,4 +204,4 @@ def _longest_increasing(values: list[float]) -> npt.NDArray[np.intp]:
     for k in range(len(ends) - 1, -1, -1):
         chain[k] = at
         at = int(before[at])
-    return chain
+    return finite[chain]

@@ -1,51 +1,205 @@
-"""ROS bags, 1 (.bag) and 2 (.db3, .mcap, folders), through the library rosbags, in a process of its own.
+"""ROS bags, 1 (.bag) and 2 (.db3, .mcap, folders), through the library rosbags, in a child process (`stoop.logs.guard`).
 
-The library finds the messages; what is in them is read by the definitions that the bag carries (`stoop.logs.ros_layout`). Each
-topic is a stream of its name. The time is header.stamp where there is one, else the time of recording; both are counted
-from the beginning of the bag. By convention (REP 103) bodies are forward-left-up and the world is east-north-up.
+The library finds the messages; they are decoded here, by the definitions that the bag carries: a definition becomes a list of
+parts, and a walk over the bytes of a message reads them. The definitions stay data: no code is generated from them. Nested
+fields get dotted names, elements of arrays an index. Texts, covariances, and arrays of more than `MAX_WIDTH` numbers, such as
+images, are left out. Each topic is a stream of its name. The time is header.stamp where there is one, else the time of
+recording; both are counted from the beginning of the bag.
+
+References
+----------
+.. [1] ROS 1 serialization: fields follow each other, little-endian, texts and lists behind a uint32 length.
+.. [2] ROS 2 serialization: OMG CDR version 1; each number is aligned to its size, counted from behind the head of 4 bytes.
+.. [3] REP 103, Standard Units of Measure and Coordinate Conventions: bodies are forward-left-up, the world east-north-up.
 """
 
 from __future__ import annotations
 
 import math
+import struct
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import LogError
-from stoop.logs.guard import guarded, need
-from stoop.logs.recording import Defect, Recording, Stream, clean_stream
-from stoop.logs.ros_layout import FieldDefinitions, UnreadableError, Walker, plan
-from stoop.logs.tabular import most_values, typed
+from stoop.logs.arrays import max_values
+from stoop.logs.netcdf import MAX_DEPTH
+from stoop.logs.recording import Defect, Recording, Stream, clean_stream, reason
 
-STAMP: Final = ("header.stamp.sec", "header.stamp.nanosec")
+#: type -> (constants, fields), as rosbags parses them
+FieldDefinitions: TypeAlias = Mapping[str, tuple[Any, Any]]
+
+BASE, NAME, ARRAY, LIST = 1, 2, 3, 4  #: rosbags' Nodetype
+CODES: Final = {
+    "bool": "?", "byte": "B", "char": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i",
+    "uint32": "I", "int64": "q", "uint64": "Q", "float32": "f", "float64": "d",
+}  # fmt: skip
+SIZES: Final = {code: struct.calcsize("<" + code) for code in CODES.values()}
+MAX_WIDTH: Final = 64  #: numbers of an array that become columns
+MAX_PARTS: Final = 20_000  #: of a definition
 SAME_CLOCK: Final = 1e6  #: s; stamps farther from the time of recording are of another clock
 NANOSECOND: Final = 1e-9  #: s
-CONVENTION: Final = {"body frame": "flu", "world frame": "enu"}
-_LIBRARY: Final = "ROS 2 Humble"
+STAMP: Final = ("header.stamp.sec", "header.stamp.nanosec")
+
+
+class UnreadableError(Exception):
+    """A message, or its definition, that cannot be read, and why."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """One part of a message.
+
+    Attributes
+    ----------
+    name : of its column; empty where it is skipped
+    code : of its numbers, see `struct`; empty for a text, or for a list of `inner` parts
+    many : whether a uint32 count stands before it
+    inner : parts of each element of a list
+    """
+
+    name: str
+    code: str
+    many: bool = False
+    inner: tuple[Part, ...] = ()
+
+
+def message_parts(kind: str, definitions: FieldDefinitions) -> tuple[Part, ...]:
+    """Return the parts of a message of a type, in their order.
+
+    Raises
+    ------
+    UnreadableError
+        When a definition is missing, contains itself, or is endless.
+    """
+    parts: list[Part] = []
+    _unfold((NAME, kind), "", definitions, parts, 0, True)
+    return tuple(parts)
+
+
+def _unfold(
+    node: Any, name: str, definitions: FieldDefinitions, parts: list[Part], depth: int, kept: bool
+) -> None:
+    if depth > MAX_DEPTH or len(parts) > MAX_PARTS:
+        raise UnreadableError("its definition is endless")
+    kind, detail = int(node[0]), node[1]
+    if kind == BASE:
+        if detail[0] not in (*CODES, "string"):
+            raise UnreadableError(f"it holds a {detail[0]}")
+        code = CODES.get(detail[0], "")
+        parts.append(Part(name if kept and code else "", code, many=not code))
+    elif kind == NAME:
+        if detail not in definitions:
+            raise UnreadableError(f"the bag does not define {detail}")
+        for inner, element in definitions[detail][1]:
+            column = f"{name}.{inner}" if name else inner
+            wanted = kept and not inner.endswith("covariance")
+            _unfold(element, column, definitions, parts, depth + 1, wanted)
+    elif kind == ARRAY:
+        element, count = detail
+        if count > MAX_PARTS:
+            raise UnreadableError(f"it holds an array of {count}")
+        for i in range(count):
+            _unfold(element, f"{name}[{i}]", definitions, parts, depth + 1, kept and count <= MAX_WIDTH)
+    elif int(detail[0][0]) == BASE and detail[0][1][0] in CODES:
+        parts.append(Part(name if kept else "", CODES[detail[0][1][0]], many=True))
+    else:
+        elements: list[Part] = []
+        _unfold(detail[0], "", definitions, elements, depth + 1, False)
+        parts.append(Part("", "", many=True, inner=tuple(elements) or (_NOTHING,)))
+
+
+_NOTHING: Final = Part("", "")  #: an element without content
+
+
+class Decoder:
+    """Decodes messages of one type.
+
+    Parameters
+    ----------
+    parts : of a message
+    aligned : whether numbers are aligned to their size (ROS 2)
+    """
+
+    def __init__(self, parts: tuple[Part, ...], aligned: bool) -> None:
+        self._parts = parts
+        self._aligned = aligned
+
+    def numbers(self, raw: bytes) -> dict[str, float]:
+        """Return the numbers of a message by their names.
+
+        Raises
+        ------
+        UnreadableError
+            When the message is shorter than its definition says.
+        """
+        found: dict[str, float] = {}
+        order, body = "<", raw
+        if self._aligned:
+            if len(raw) < 4 or raw[1] > 1:
+                raise UnreadableError("its encoding is unknown")
+            order, body = ("<" if raw[1] else ">"), raw[4:]
+        try:
+            self._walk(self._parts, body, 0, order, found)
+        except struct.error:
+            raise UnreadableError("it is shorter than its definition says") from None
+        return found
+
+    def _walk(self, parts: tuple[Part, ...], raw: bytes, at: int, order: str, found: dict[str, float]) -> int:
+        for part in parts:
+            if part.many:
+                at = self._walk_many(part, raw, self._align(at, 4), order, found)
+            elif part.code:
+                at = self._align(at, SIZES[part.code])
+                (value,) = struct.unpack_from(order + part.code, raw, at)
+                if part.name:
+                    found[part.name] = float(value)
+                at += SIZES[part.code]
+        return at
+
+    def _walk_many(self, part: Part, raw: bytes, at: int, order: str, found: dict[str, float]) -> int:
+        (count,) = struct.unpack_from(order + "I", raw, at)
+        at += 4
+        if count > len(raw) - at:
+            raise UnreadableError("it is shorter than its definition says")
+        if part.inner:
+            for _ in range(0 if part.inner == (_NOTHING,) else count):  # each element takes a byte at least
+                at = self._walk(part.inner, raw, at, order, {})
+            return at
+        if not part.code:
+            return at + int(count)
+        at = self._align(at, SIZES[part.code]) if count else at
+        if part.name and 0 < count <= MAX_WIDTH:
+            values = struct.unpack_from(f"{order}{count}{part.code}", raw, at)
+            found.update({f"{part.name}[{i}]": float(value) for i, value in enumerate(values)})
+        return at + int(count) * SIZES[part.code]
+
+    def _align(self, at: int, size: int) -> int:
+        return -(-at // size) * size if self._aligned else at
 
 
 @dataclass
 class _Topic:
-    """What is known of a topic while its messages come in."""
+    """Messages of a topic: times of recording [ns], columns of numbers, count of messages that cannot be decoded."""
 
     kind: str
-    walker: Walker
+    decoder: Decoder
     recorded: array[int] = field(default_factory=lambda: array("q"))
     columns: dict[str, array[float]] = field(default_factory=dict)
-    unread: int = 0
+    undecoded: int = 0
 
-    def take(self, stamp: int, raw: bytes) -> int:
-        """Take a message in; the first one says which columns there are. Returns how many numbers were kept."""
+    def append(self, stamp: int, raw: bytes) -> int:
+        """Append a message; the first one sets the columns. Returns how many numbers were added."""
         try:
-            numbers = self.walker.numbers(raw)
+            numbers = self.decoder.numbers(raw)
         except UnreadableError:
-            self.unread += 1
+            self.undecoded += 1
             return 0
         if not self.recorded:
             self.columns = {name: array("d") for name in numbers}
@@ -54,104 +208,112 @@ class _Topic:
             column.append(numbers.get(name, math.nan))
         return len(self.columns) + 1
 
+    def stream(self, name: str, start: int) -> tuple[Stream | None, list[Defect]]:
+        """Return the stream; its time [s] counts from the beginning of the bag, by the messages' stamps if usable."""
+        defects: list[Defect] = []
+        if self.undecoded:
+            message = f"{self.undecoded} messages skipped: they do not match their definition"
+            defects.append(Defect("corrupt", name, message))
+        columns = {key: np.frombuffer(column) for key, column in self.columns.items() if key not in STAMP}
+        if not columns:
+            return None, defects
+        time: FloatArray = (np.frombuffer(self.recorded, np.int64) - start).astype(np.float64) * NANOSECOND
+        if all(key in self.columns for key in STAMP):
+            seconds, nanoseconds = (np.frombuffer(self.columns[key]) for key in STAMP)
+            stamped = (seconds - start // 10**9) + (nanoseconds - start % 10**9) * NANOSECOND
+            if abs(float(np.median(stamped - time))) < SAME_CLOCK:
+                time = stamped
+            else:
+                message = "header.stamp is empty or of another clock; the time of recording is used"
+                defects.append(Defect("time order", name, message))
+        stream, dropped = clean_stream(name, time, columns)
+        return stream, [*defects, *dropped]
 
-def read_rosbag(path: Path, topics: frozenset[str] | None = None) -> Recording:
-    """Read a bag: a file, or the folder of a ROS 2 bag.
+
+def parse_rosbag(path: Path, topics: frozenset[str] | None = None) -> Recording:
+    """Read a bag, a file or the folder of a ROS 2 bag, in this process; its library may crash, loop or raise anything.
 
     Raises
     ------
     LogError
-        When it is damaged, holds no numbers, or the library is missing.
+        When it holds no numbers, or more than its size allows.
     """
-    need(path, "rosbags", "ros", "ROS bags")
-    return guarded("stoop.logs.rosbag:load", path, topics)
-
-
-def load(path: Path, topics: frozenset[str] | None = None) -> Recording:
-    """Read a bag in this very process; see `read_rosbag`."""
-    return typed(path, "ROS bag", lambda file: _load(file, topics))
-
-
-def _load(path: Path, topics: frozenset[str] | None) -> Recording:
-    second = path.suffix.lower() != ".bag" and not _is_first(path)
-    with _reader(path, second) as reader:
-        wanted = [c for c in reader.connections if _is_wanted(c.topic, topics)]
+    with _open(path) as (reader, second):
+        # a caller that strips instances from names may have left nothing of "/imu"
+        wanted = [
+            c
+            for c in reader.connections
+            if topics is None or c.topic in topics or c.topic.partition("/")[0] in topics
+        ]
         unwanted = sorted({c.topic for c in reader.connections if c not in wanted})
-        definitions, info = _definitions(wanted)
+        definitions, source = _definitions(wanted)
         known, defects = _topics(wanted, definitions, second)
         start = int(reader.start_time)
         kept = [c for c in wanted if c.topic in known and known[c.topic].kind == c.msgtype]
-        defects += _fill(path, _messages(reader, kept), known)
+        defects += _append_messages(path, reader, kept, known)
     streams: dict[str, Stream] = {}
     for name, topic in known.items():
-        stream, met = _stream(name, topic, start)
-        defects += met
+        stream, found = topic.stream(name, start)
+        defects += found
         if stream is not None and stream.time.size:
             streams[name] = stream
     if not streams:
-        reason = f" ({defects[0]})" if defects else ""
-        raise LogError(f"{path}: no topic holds numbers{reason}; name a bag with sensor messages")
-    info |= CONVENTION | {"start": f"{start * NANOSECOND:.3f} s after 1970"}
+        because = f" ({defects[0]})" if defects else ""
+        raise LogError(f"{path}: no topic holds numbers{because}; name a bag with sensor messages")
+    info = {"definitions": source, "body frame": "flu", "world frame": "enu"}
+    info["start"] = f"{start * NANOSECOND:.3f} s after 1970"
     unread: dict[str, tuple[str, ...]] = dict.fromkeys(unwanted, ())
     return Recording(path, "rosbag", streams, tuple(defects), info=info, unread=unread)
 
 
-def _is_first(path: Path) -> bool:
-    if path.is_dir():
-        return False
-    with path.open("rb") as file:
-        return file.read(9) == b"#ROSBAG V"
+@contextmanager
+def _open(path: Path) -> Iterator[tuple[Any, bool]]:
+    """Open a bag; return the library's reader and whether it is of ROS 2."""
+    first = path.suffix.lower() == ".bag"
+    if not first and path.is_file():
+        with path.open("rb") as file:
+            first = file.read(9) == b"#ROSBAG V"
+    if first:
+        from rosbags.rosbag1 import Reader as Reader1
 
-
-def _reader(path: Path, second: bool) -> Any:
-    if second:
+        with Reader1(path) as reader:
+            yield reader, False
+    else:
         from rosbags.rosbag2 import Reader as Reader2
 
-        return Reader2(path)
-    from rosbags.rosbag1 import Reader as Reader1
-
-    return Reader1(path)
+        with Reader2(path) as reader:
+            yield reader, True
 
 
-def _is_wanted(topic: str, topics: frozenset[str] | None) -> bool:
-    """Tell whether a topic is wanted; who strips instances from names may have left nothing of "/imu"."""
-    return topics is None or topic in topics or topic.partition("/")[0] in topics
-
-
-def _definitions(connections: list[Any]) -> tuple[FieldDefinitions, dict[str, str]]:
-    """Return the definitions in a bag, and those of a common ROS 2 for what it does not define."""
+def _definitions(connections: list[Any]) -> tuple[FieldDefinitions, str]:
+    """Return the definitions in a bag, and those of a common ROS 2 for what it does not define; and their source."""
     from rosbags.interfaces import MessageDefinitionFormat as Form
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-    first = any(c.msgdef.format == Form.MSG for c in connections)
+    stated = any(c.msgdef.format == Form.MSG for c in connections)
     bare = any(c.msgdef.format == Form.NONE for c in connections)
     found: dict[str, Any] = dict(get_typestore(Stores.ROS2_HUMBLE if bare else Stores.EMPTY).fielddefs)
-    for connection in connections:
-        if connection.msgdef.format == Form.MSG:
-            found |= get_types_from_msg(connection.msgdef.data, connection.msgtype)
-        elif connection.msgdef.format == Form.IDL:
-            for text in _idl_texts(connection.msgdef.data):
-                found |= get_types_from_idl(text)
-    told = f"of {_LIBRARY}: the bag has none" if bare and not first else "of the bag"
-    return found, {"definitions": told}
-
-
-def _idl_texts(text: str) -> Iterator[str]:
     line = "=" * 80 + "\n"
-    for part in text.split(line) if text.startswith(f"{line}IDL: ") else [text]:
-        yield part.split("\n", 1)[1] if part.startswith("IDL: ") else part
+    for connection in connections:
+        text = connection.msgdef.data
+        if connection.msgdef.format == Form.MSG:
+            found |= get_types_from_msg(text, connection.msgtype)
+        elif connection.msgdef.format == Form.IDL:
+            for part in text.split(line) if text.startswith(f"{line}IDL: ") else [text]:
+                found |= get_types_from_idl(part.split("\n", 1)[1] if part.startswith("IDL: ") else part)
+    return found, "of ROS 2 Humble: the bag has none" if bare and not stated else "of the bag"
 
 
 def _topics(
     connections: list[Any], definitions: FieldDefinitions, aligned: bool
 ) -> tuple[dict[str, _Topic], list[Defect]]:
-    """Plan each topic; one of which a part cannot be read is left out."""
+    """Prepare a decoder for each topic; one of which a part cannot be read is left out."""
     topics: dict[str, _Topic] = {}
     defects = []
     for connection in connections:
         try:
-            walker = Walker(plan(connection.msgtype, definitions), aligned)
-            topic = topics.setdefault(connection.topic, _Topic(connection.msgtype, walker))
+            decoder = Decoder(message_parts(connection.msgtype, definitions), aligned)
+            topic = topics.setdefault(connection.topic, _Topic(connection.msgtype, decoder))
             if topic.kind != connection.msgtype:
                 raise UnreadableError(f"the topic is of {topic.kind} too")
         except UnreadableError as error:
@@ -160,51 +322,20 @@ def _topics(
     return topics, defects
 
 
-def _messages(reader: Any, connections: list[Any]) -> Iterator[tuple[str, int, bytes]]:
-    if connections:
-        for connection, stamp, raw in reader.messages(connections=connections):
-            yield connection.topic, stamp, bytes(raw)
-
-
-def _fill(path: Path, messages: Iterator[tuple[str, int, bytes]], topics: dict[str, _Topic]) -> list[Defect]:
-    """Take all messages in; where the bag breaks, what came before is kept."""
-    numbers, most = 0, most_values(path)
+def _append_messages(
+    path: Path, reader: Any, connections: list[Any], topics: dict[str, _Topic]
+) -> list[Defect]:
+    """Decode all messages; where the bag breaks, what stands before is kept."""
+    count, most = 0, max_values(path)
     try:
-        for topic, stamp, raw in messages:
-            numbers += topics[topic].take(stamp, raw)
-            if numbers > most:
+        for connection, stamp, raw in reader.messages(connections=connections) if connections else ():
+            count += topics[connection.topic].append(stamp, bytes(raw))
+            if count > most:
                 raise LogError(
                     f"{path}: more than {most} numbers; name the topics in a mapping, or cut the bag"
                 )
     except (LogError, MemoryError):
         raise
     except Exception as error:
-        why = " ".join(str(error).split())[:120] or type(error).__name__
-        return [Defect("corrupt", path.name, f"reading ended at damage ({why})")]
+        return [Defect("corrupt", path.name, f"reading ended at damage ({reason(error)})")]
     return []
-
-
-def _stream(name: str, topic: _Topic, start: int) -> tuple[Stream | None, tuple[Defect, ...]]:
-    defects: tuple[Defect, ...] = ()
-    if topic.unread:
-        message = f"{topic.unread} messages skipped: they are not as they are defined"
-        defects = (Defect("corrupt", name, message),)
-    columns = {key: np.frombuffer(column) for key, column in topic.columns.items() if key not in STAMP}
-    if not columns:
-        return None, defects
-    time, odd = _time(name, topic, start)
-    stream, met = clean_stream(name, time, columns)
-    return stream, (*defects, *odd, *met)
-
-
-def _time(name: str, topic: _Topic, start: int) -> tuple[FloatArray, tuple[Defect, ...]]:
-    """Return seconds from the beginning of the bag, by the stamp in the message where it can be used."""
-    recorded: FloatArray = (np.frombuffer(topic.recorded, np.int64) - start).astype(np.float64) * NANOSECOND
-    if not all(key in topic.columns for key in STAMP):
-        return recorded, ()
-    seconds, nanoseconds = (np.frombuffer(topic.columns[key]) for key in STAMP)
-    stamped = (seconds - start // 10**9) + (nanoseconds - start % 10**9) * NANOSECOND
-    if abs(float(np.median(stamped - recorded))) < SAME_CLOCK:
-        return stamped, ()
-    why = "header.stamp is empty or of another clock; the time of recording is used"
-    return recorded, (Defect("time order", name, why),)

@@ -9,9 +9,8 @@ from typing import Any, Final, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from stoop.base.schema_errors import first_complaint
-from stoop.base.toml import parse_source, read_source
+from stoop.base.toml import parse_source, quoted, read_source
 from stoop.errors import FlightError, one_line
-from stoop.logs.table import quoted
 
 FORMAT: Final = "stoop-windows/1"
 NAME: Final = "windows.toml"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from stoop.errors import FlightError
 from stoop.flight import Flight
-from stoop.logs.table import beside
+from stoop.logs.csv_tables import mapping_beside
 from stoop.vehicle import Vehicle
 
 PACKAGES = ("stoop", "numpy", "scipy", "numba", "sympy", "xarray")
@@ -49,7 +49,7 @@ def input_hashes(
 def flight_files(flights: Iterable[Flight]) -> list[Path]:
     """Return the files or folders of flights, and the mappings that are found beside them."""
     logs = [flight.path for flight in flights if flight.path is not None]
-    mappings = [beside(path) for path in logs if path.is_file()]
+    mappings = [mapping_beside(path) for path in logs if path.is_file()]
     return [path for path in [*logs, *mappings] if path.exists()]
 
 
@@ -66,7 +66,7 @@ def _hash_path(path: Path) -> str:
     digest = hashlib.sha256()
     files = [path]
     if path.is_dir():
-        read = (p for p in path.iterdir() if p.name.lower().endswith(TABLES) or p == beside(path))
+        read = (p for p in path.iterdir() if p.name.lower().endswith(TABLES) or p == mapping_beside(path))
         files = sorted(p for p in read if p.is_file())
     for file in files:
         if path.is_dir():

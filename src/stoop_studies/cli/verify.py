@@ -16,9 +16,9 @@ FOLDER = Path("stoop-verify")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
-    from stoop_studies.verify.suite import EXPERIMENTS
+    from stoop_studies.verify.study import EXPERIMENTS
 
-    lines = [f"  {name:<12} {entry.words}" for name, entry in EXPERIMENTS.items()]
+    lines = [f"  {name:<12} {line}" for name, (_, line) in EXPERIMENTS.items()]
     what = "\n".join((*lines, f"  {EVERYTHING:<12} each of these, and an index"))
     add_experiment_arguments(parser, tuple(EXPERIMENTS), what, FOLDER)
     data = "folder of published data, for an experiment that reads some (nist: the files of NIST StRD)"
@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run experiments; one that cannot be run, for want of a package or data, does not keep `all` from the others."""
     from stoop_studies.findings import Setting
-    from stoop_studies.verify.suite import EXPERIMENTS, SUITE, load_experiment
+    from stoop_studies.verify.study import EXPERIMENTS, SUITE, load_experiment
 
     def load(name: str) -> tuple[Experiment, Setting]:
         experiment = load_experiment(name)

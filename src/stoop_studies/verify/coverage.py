@@ -11,14 +11,12 @@ import numpy as np
 from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.error_bars import error_bars
 from stoop.base.arrays import FloatArray
-from stoop.base.csv_text import Cell
 from stoop.base.numbers import finite_or_none
 from stoop.estimate import methods
 from stoop.estimate.fit import Options
 from stoop.report.sheet import Prose, Section, Table
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.findings import Claim, Findings, Setting, holds
-from stoop_studies.verify.experiment import Samples, Verification, or_none, work
 from stoop_studies.verify.scenes import (
     AIRCRAFT,
     BIASES,
@@ -33,6 +31,7 @@ from stoop_studies.verify.scenes import (
     inputs_table,
     sensor_noise,
 )
+from stoop_studies.verify.study import Columns, Samples, Verification, or_none, page_table, percent, work
 
 LEAD: Final = f"""\
 The twin-boom aircraft flies {len(STEPS)} maneuvers of {DURATION:.0f} s at {RATE:.0f} Hz on all six degrees of \
@@ -44,17 +43,35 @@ WORDS: Final = """\
 Coverage is the share of flights in which estimate ± 1.96 standard errors holds the truth. Sharpness is the mean \
 standard error over the true scatter (root-mean-square error): 1 is as it should be; an interval that is wide \
 enough to hold everything is worth little. Plain Cramer-Rao, beside, takes residuals as white."""
-HEAD: Final = (
-    "case", "parameter", "flights", "coverage", "sharpness", "coverage_cramer_rao", "sharpness_cramer_rao", "scatter",
-    "mean_sigma", "bias_in_standard_errors",
-)  # fmt: skip
+SHARES: Final = ("coverage", "sharpness", "coverage_cramer_rao", "sharpness_cramer_rao")
+SIZES: Final = ("scatter", "mean_sigma", "bias_in_standard_errors")
 POOLED: Final = "pooled"
+BESIDE: Final[Columns] = {
+    "sharpness": ("sharpness", ".2f"),
+    "coverage_cramer_rao": ("plain Cramer-Rao, %", percent),
+    "sharpness_cramer_rao": ("its sharpness", ".2f"),
+}
+SUMMARY: Final[Columns] = {
+    "case": ("case", str),
+    "flights": ("flights", "d"),
+    "coverage": ("pooled, %", percent),
+    "least": ("least, %", percent),
+    "most": ("most, %", percent),
+    **BESIDE,
+    "unfinished": ("unfinished", "d"),
+}
+PARAMETERS: Final[Columns] = {
+    "parameter": ("parameter", str),
+    "coverage": ("coverage, %", percent),
+    **BESIDE,
+    "bias_in_standard_errors": ("bias, standard errors", "+.1f"),
+}
 Range = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class Case:
-    """One line of the table.
+    """Flights with one kind of residuals.
 
     Attributes
     ----------
@@ -90,7 +107,7 @@ CASES: Final[Mapping[str, Case]] = {
 
 
 @work
-def cover(name: str, seed: int) -> dict[str, Any]:
+def cover(case: str, seed: int) -> dict[str, Any]:
     """Fly a case and identify it as users do.
 
     Returns
@@ -99,9 +116,9 @@ def cover(name: str, seed: int) -> dict[str, Any]:
         ``errors`` (estimate less truth), ``sigma`` and ``cramer_rao`` (standard errors; None where a bound holds the
         parameter) by the order of ``names``, and ``status`` of the search.
     """
-    case = CASES[name]
-    scene, options = case.fly(seed), Options(seed=seed, method=case.method)
-    fit = methods.find(case.method).fitter()(scene.start, scene.flights, scene.windows, options, None, None)
+    method = CASES[case].method
+    scene, options = CASES[case].fly(seed), Options(seed=seed, method=method)
+    fit = methods.find(method).fitter()(scene.start, scene.flights, scene.windows, options, None, None)
     bars, count = error_bars(fit), len(scene.truth)
     at_bound = bars.at_bound[:count]
     return {
@@ -113,116 +130,77 @@ def cover(name: str, seed: int) -> dict[str, Any]:
     }
 
 
-class Covered:
-    """What the flights of one case show; statistics are (k,), by parameter.
-
-    Parameters
-    ----------
-    case : Case
-    results : sequence
-        Of `cover`, one per flight.
-    """
-
-    def __init__(self, case: Case, results: Sequence[Mapping[str, Any]]) -> None:
-        self.case, self.flights = case, len(results)
-        self.names: tuple[str, ...] = tuple(results[0]["names"])
-        errors, sigma, plain = (
-            np.array([r[key] for r in results], dtype=np.float64) for key in ("errors", "sigma", "cramer_rao")
-        )
-        self.unfinished = sum(r["status"] not in ("converged", "target") for r in results)
-        self.scatter = np.asarray(np.sqrt(np.mean(errors**2, axis=0)))
-        self.bias = errors.mean(axis=0) / (errors.std(axis=0) / np.sqrt(len(errors)))
-        self.mean_sigma = _mean_sigma(sigma)
-        self.each, self.each_plain = _coverage(errors, sigma), _coverage(errors, plain)
-        self.sharp, self.sharp_plain = self.mean_sigma / self.scatter, _mean_sigma(plain) / self.scatter
-        self.pooled = float(self.each.mean())
-
-
-def _coverage(errors: FloatArray, sigma: FloatArray) -> FloatArray:
-    """Return the share (k,) of 95 % intervals (n, k) that hold the truth; one that is not given holds nothing."""
-    with np.errstate(invalid="ignore"):
-        return np.asarray((np.abs(errors) <= NORMAL_95 * sigma).mean(axis=0))
-
-
-def _mean_sigma(sigma: FloatArray) -> FloatArray:
-    """Return the mean (k,) of those standard errors (n, k) that are given; NaN where none is."""
-    given = np.isfinite(sigma)
-    counts = given.sum(axis=0)
-    total = np.where(given, sigma, 0.0).sum(axis=0)
-    return np.where(counts > 0, total / np.maximum(counts, 1), np.nan)
+def statistics(results: Sequence[Mapping[str, Any]]) -> dict[str, FloatArray]:
+    """Return `SHARES` and `SIZES` (k,) by parameter; an interval that is not given does not hold the truth."""
+    errors, *sigmas = (
+        np.array([r[key] for r in results], dtype=np.float64) for key in ("errors", "sigma", "cramer_rao")
+    )
+    scatter = np.sqrt(np.mean(errors**2, axis=0))
+    shares, means = [], []
+    for sigma in sigmas:
+        given = np.isfinite(sigma)
+        counts, total = given.sum(axis=0), np.where(given, sigma, 0.0).sum(axis=0)
+        means.append(np.where(counts > 0, total / np.maximum(counts, 1), np.nan))
+        with np.errstate(invalid="ignore"):
+            shares += [(np.abs(errors) <= NORMAL_95 * sigma).mean(axis=0), means[-1] / scatter]
+    bias = errors.mean(axis=0) / (errors.std(axis=0) / np.sqrt(len(errors)))
+    return dict(zip((*SHARES, *SIZES), (*shares, scatter, means[0], bias), strict=True))
 
 
 def show(setting: Setting, samples: Samples) -> Findings:
     """Return the coverage of each case."""
-    found = {name: Covered(case, samples[name]) for name, case in CASES.items()}
-    return Findings(
+    claims: list[Claim] = []
+    records: dict[str, list[dict[str, Any]]] = {}
+    summary = []
+    for key, case in CASES.items():
+        results, found = samples[key], statistics(samples[key])
+        names = results[0]["names"]
+        claims += _claims(case, len(results), names, found)
+        common = {"case": key, "flights": len(results)}
+        pooled = {name: finite_or_none(found[name].mean()) for name in SHARES}
+        records[key] = [
+            {"case": key, "parameter": name, **common, **{n: finite_or_none(v[i]) for n, v in found.items()}}
+            for i, name in enumerate(names)
+        ]
+        records[key].append(
+            {"case": key, "parameter": POOLED, **common, **pooled, **dict.fromkeys(SIZES, None)}
+        )
+        unfinished = sum(r["status"] not in ("converged", "target") for r in results)
+        extremes = {"least": found["coverage"].min(), "most": found["coverage"].max()}
+        summary.append({**common, **pooled, **extremes, "case": case.words, "unfinished": unfinished})
+    each = tuple(page_table(f"With {CASES[k].words}", PARAMETERS, own[:-1]) for k, own in records.items())
+    caption = "Share of intervals that hold the truth"
+    return Findings.tabulated(
         "Coverage of nominal 95 % intervals",
         LEAD,
-        tuple(claim for c in found.values() for claim in _claims(c)),
+        claims,
         (
-            Section("Pooled over the parameters", (_summary(found), Prose(WORDS))),
-            Section("Each parameter", tuple(_each(c) for c in found.values())),
+            Section("Pooled over the parameters", (page_table(caption, SUMMARY, summary), Prose(WORDS))),
+            Section("Each parameter", each),
             Section("What was flown", (inputs_table(STEPS), _noise())),
         ),
-        HEAD,
-        tuple(row for name, c in found.items() for row in _rows(name, c)),
+        [record for own in records.values() for record in own],
     )
 
 
-def _claims(found: Covered) -> Iterator[Claim]:
-    words, (low, high) = found.case.words, found.case.pooled
+def _claims(
+    case: Case, flights: int, names: Sequence[str], found: Mapping[str, FloatArray]
+) -> Iterator[Claim]:
+    each, plain = found["coverage"], found["coverage_cramer_rao"]
+    low, high = case.pooled
     yield holds(
-        f"With {words} the coverage pooled over the parameters is {_percent(found.case.pooled)} %",
-        low <= found.pooled <= high,
-        f"{100 * found.pooled:.1f} % of {found.flights} flights' intervals; "
-        f"plain Cramer-Rao {100 * found.each_plain.mean():.1f} %",
+        f"With {case.words} the coverage pooled over the parameters is {100 * low:.0f} to {100 * high:.0f} %",
+        low <= float(each.mean()) <= high,
+        f"{100 * each.mean():.1f} % of {flights} flights' intervals; plain Cramer-Rao {100 * plain.mean():.1f} %",
     )
-    if found.case.each is not None:
-        low, high = found.case.each
-        least, most = int(np.argmin(found.each)), int(np.argmax(found.each))
+    if case.each is not None:
+        low, high = case.each
+        least, most = int(np.argmin(each)), int(np.argmax(each))
         yield holds(
-            f"With {words} the coverage of each parameter is {_percent(found.case.each)} %",
-            bool(np.all((low <= found.each) & (found.each <= high))),
-            f"{100 * found.each[least]:.1f} % ({found.names[least]}) to {100 * found.each[most]:.1f} % "
-            f"({found.names[most]})",
+            f"With {case.words} the coverage of each parameter is {100 * low:.0f} to {100 * high:.0f} %",
+            bool(np.all((low <= each) & (each <= high))),
+            f"{100 * each[least]:.1f} % ({names[least]}) to {100 * each[most]:.1f} % ({names[most]})",
         )
-
-
-def _percent(span: Range) -> str:
-    return f"{100 * span[0]:.0f} to {100 * span[1]:.0f}"
-
-
-def _summary(found: Mapping[str, Covered]) -> Table:
-    head = (
-        "case", "flights", "pooled, %", "least, %", "most, %", "sharpness", "plain Cramer-Rao, %", "its sharpness", "unfinished",
-    )  # fmt: skip
-    rows = tuple(
-        (
-            c.case.words, str(c.flights), *(f"{100 * v:.1f}" for v in (c.pooled, c.each.min(), c.each.max())),
-            f"{c.sharp.mean():.2f}", f"{100 * c.each_plain.mean():.1f}", f"{c.sharp_plain.mean():.2f}", str(c.unfinished),
-        )
-        for c in found.values()
-    )  # fmt: skip
-    return Table("Share of intervals that hold the truth", head, rows)
-
-
-def _each(c: Covered) -> Table:
-    head = (
-        "parameter", "coverage, %", "sharpness", "plain Cramer-Rao, %", "its sharpness", "bias, standard errors",
-    )  # fmt: skip
-    columns = zip(c.names, c.each, c.sharp, c.each_plain, c.sharp_plain, c.bias, strict=True)
-    rows = tuple(
-        (
-            name,
-            f"{100 * each:.1f}",
-            f"{sharp:.2f}",
-            f"{100 * plain:.1f}",
-            f"{sharp_plain:.2f}",
-            f"{bias:+.1f}",
-        )
-        for name, each, sharp, plain, sharp_plain, bias in columns
-    )
-    return Table(f"With {c.case.words}", head, rows)
 
 
 def _noise() -> Table:
@@ -233,15 +211,4 @@ def _noise() -> Table:
     return Table(caption, ("channel", "noise", "bias"), rows)
 
 
-def _rows(name: str, c: Covered) -> Iterator[tuple[Cell, ...]]:
-    """Give one row per parameter and one for all."""
-    shares = np.column_stack([c.each, c.sharp, c.each_plain, c.sharp_plain])
-    sizes = np.column_stack([c.scatter, c.mean_sigma, c.bias])
-    for i, parameter in enumerate(c.names):
-        yield (name, parameter, c.flights, *map(finite_or_none, (*shares[i], *sizes[i])))
-    yield (name, POOLED, c.flights, *map(finite_or_none, shares.mean(axis=0)), None, None, None)
-
-
-EXPERIMENT: Final = Verification(
-    "coverage", show, runs=400, work="stoop_studies.verify.coverage:cover", cases=tuple(CASES)
-)
+EXPERIMENT: Final = Verification("coverage", show, runs=400, work="cover", cases=tuple(CASES))

@@ -28,7 +28,6 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.load import parse_vehicle
 from stoop_studies.findings import Claim, Findings, Setting, holds
-from stoop_studies.verify.experiment import Samples, Verification, or_none, work
 from stoop_studies.verify.scenes import (
     AIRCRAFT,
     BIASES,
@@ -42,6 +41,7 @@ from stoop_studies.verify.scenes import (
     with_trim_thrust,
     wrong_start,
 )
+from stoop_studies.verify.study import Columns, Samples, Verification, or_none, page_table, work
 
 RATE: Final = 100.0  #: Hz, as recorded
 SUBSTEPS: Final = 20  #: of the simulation between two samples
@@ -84,7 +84,13 @@ WORDS: Final = """\
 An error is estimate less truth, in samples. Coverage is the share of flights in which estimate ± 1.96 standard errors \
 holds the truth. Surfaces move at 1 rad/s: a command that jumps between two samples does not say when, and a zero-order \
 hold adds half of its period to the delay that is found."""
-HEAD: Final = ("case", "delay", "flights", "rms_error", "largest_error", "mean_sigma", "coverage")
+SHOWN: Final[Columns] = {
+    "delay": ("delay", str),
+    "rms_error": ("rms error", ".3f"),
+    "largest_error": ("largest", ".3f"),
+    "mean_sigma": ("mean standard error", ".3f"),
+    "coverage": ("coverage, %", lambda share: f"{100 * share:.0f}"),
+}
 
 
 @functools.cache
@@ -132,12 +138,13 @@ def late_sensors(seed: int) -> tuple[Flight, dict[str, float]]:
     biases = {c: sigma * rng.standard_normal() for c, sigma in BIASES.items()}
     parts = [_over_ground({c: f.column(c) for c in prompt.outputs}) for f in flown]
     gap = np.full(int(SIMULATION_RATE), np.nan)  # a second without a record keeps the maneuvers apart
-    whole = {
-        c: np.concatenate(
-            [x for p in parts for x in (_shifted(p[c] + biases.get(c, 0.0), late.get(c, 0)), gap)]
-        )
-        for c in parts[0]
-    }
+    whole = {}
+    for channel in parts[0]:
+        shift, pieces = late.get(channel, 0), []
+        for part in parts:
+            x = part[channel] + biases.get(channel, 0.0)
+            pieces += [np.full(shift, x[0]), x[: len(x) - shift], gap]
+        whole[channel] = np.concatenate(pieces)
     time = np.arange(len(whole["V"])) / SIMULATION_RATE
     return recorded(f"late {seed}", time, whole, rng), {n: k / SIMULATION_RATE for n, k in steps.items()}
 
@@ -151,10 +158,6 @@ def _over_ground(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     steps = np.cumsum(0.5 * (ground[1:] + ground[:-1]), axis=0) / SIMULATION_RATE
     place = np.concatenate([np.zeros((1, 3)), steps])
     return {**columns, **dict(zip((*VELOCITY, *POSITION), (*ground.T, *place.T), strict=True))}
-
-
-def _shifted(x: FloatArray, steps: int) -> FloatArray:
-    return np.concatenate([np.full(steps, x[0]), x[: len(x) - steps]])
 
 
 def recorded(
@@ -190,82 +193,64 @@ def recover(case: str, seed: int) -> dict[str, Any]:
     }
 
 
-class Recovered:
-    """Delays of one case, in samples: names (k,), errors and standard errors (n, k), and statistics (k,)."""
-
-    def __init__(self, results: Sequence[Mapping[str, Any]]) -> None:
-        self.names: tuple[str, ...] = tuple(results[0]["names"])
-        self.errors = np.array([r["errors"] for r in results])
-        sigma = np.array([r["sigma"] for r in results], dtype=np.float64)
-        self.unfinished = sum(r["status"] != "converged" for r in results)
-        self.rms = np.sqrt(np.mean(self.errors**2, axis=0))
-        self.largest = np.max(np.abs(self.errors), axis=0)
-        self.mean_sigma = np.mean(sigma, axis=0)
-        self.coverage = np.mean(np.abs(self.errors) < NORMAL_95 * sigma, axis=0)
-
-    @property
-    def figures(self) -> Iterator[tuple[str, float, float, float, float]]:
-        """Give name, rms and largest error, mean standard error and coverage of each delay."""
-        columns = (self.rms, self.largest, self.mean_sigma, self.coverage)
-        yield from zip(self.names, *(c.tolist() for c in columns), strict=True)
-
-
 def show(setting: Setting, samples: Samples) -> Findings:
     """Return how far the delays are off."""
-    found = {case: Recovered(samples[case]) for case in CASES}
+    claims: list[Claim] = []
+    records: dict[str, list[dict[str, Any]]] = {}
+    for case in CASES:
+        results = samples[case]
+        errors = np.array([r["errors"] for r in results])
+        sigma = np.array([r["sigma"] for r in results], dtype=np.float64)
+        found = {
+            "rms_error": np.sqrt(np.mean(errors**2, axis=0)),
+            "largest_error": np.max(np.abs(errors), axis=0),
+            "mean_sigma": np.mean(sigma, axis=0),
+            "coverage": np.mean(np.abs(errors) < NORMAL_95 * sigma, axis=0),
+        }
+        names, unfinished = results[0]["names"], sum(r["status"] != "converged" for r in results)
+        claims += _claims(
+            case, names, errors, found, f"over {len(errors)} flights, {unfinished} not finished"
+        )
+        records[case] = [
+            {
+                "case": case,
+                "delay": name,
+                "flights": len(errors),
+                **{n: float(v[i]) for n, v in found.items()},
+            }
+            for i, name in enumerate(names)
+        ]
     noise = tuple((channel, f"{sigma:g}") for channel, sigma in NOISE.items())
-    return Findings(
+    flown = (inputs_table(STEPS), Table("Standard deviation of the noise, SI", ("channel", "noise"), noise))
+    tables = (page_table(CASES[case], SHOWN, own) for case, own in records.items())
+    return Findings.tabulated(
         "Delays of inputs and outputs, fractions of a sample included",
         LEAD,
-        tuple(claim for case, one in found.items() for claim in _claims(case, one)),
-        (
-            Section("Errors in samples", (*(_table(case, one) for case, one in found.items()), Prose(WORDS))),
-            Section(
-                "What was flown",
-                (
-                    inputs_table(STEPS),
-                    Table("Standard deviation of the noise, SI", ("channel", "noise"), noise),
-                ),
-            ),
-        ),
-        HEAD,
-        tuple(
-            (case, name, len(one.errors), *figures)
-            for case, one in found.items()
-            for name, *figures in one.figures
-        ),
+        claims,
+        (Section("Errors in samples", (*tables, Prose(WORDS))), Section("What was flown", flown)),
+        [record for own in records.values() for record in own],
     )
 
 
-def _claims(case: str, found: Recovered) -> Iterator[Claim]:
+def _claims(
+    case: str, names: Sequence[str], errors: FloatArray, found: Mapping[str, FloatArray], flights: str
+) -> Iterator[Claim]:
     """Give what is claimed: the model recovers all delays, a compatibility check as well as it says."""
-    flights = f"over {len(found.errors)} flights, {found.unfinished} not finished"
     if case == "identify":
-        worst = int(np.argmax(found.rms))
-        inside = float(np.mean(np.abs(found.errors) < TOLERANCE))
+        rms = found["rms_error"]
+        worst, inside = int(np.argmax(rms)), float(np.mean(np.abs(errors) < TOLERANCE))
         yield holds(
             f"Delays are recovered within {TOLERANCE:g} sample (root mean square of each), {CASES[case]}",
-            bool(found.rms[worst] < TOLERANCE),
-            f"{100 * inside:.1f} % of {found.errors.size} errors are within; the largest root mean square is "
-            f"{found.rms[worst]:.3f} ({found.names[worst]}), {flights}",
+            bool(rms[worst] < TOLERANCE),
+            f"{100 * inside:.1f} % of {errors.size} errors are within; the largest root mean square is "
+            f"{rms[worst]:.3f} ({names[worst]}), {flights}",
         )
-    pooled = float(found.coverage.mean())
+    pooled, sigma = float(found["coverage"].mean()), found["mean_sigma"]
     yield holds(
         f"95 % intervals of delays hold the truth in {100 * COVERED[0]:.0f} to {100 * COVERED[1]:.0f} %, {CASES[case]}",
         COVERED[0] <= pooled <= COVERED[1],
-        f"{100 * pooled:.1f} % of all; mean standard errors from {found.mean_sigma.min():.3f} to "
-        f"{found.mean_sigma.max():.3f} sample, {flights}",
+        f"{100 * pooled:.1f} % of all; mean standard errors from {sigma.min():.3f} to {sigma.max():.3f} sample, {flights}",
     )
 
 
-def _table(case: str, found: Recovered) -> Table:
-    rows = tuple(
-        (name, f"{rms:.3f}", f"{largest:.3f}", f"{sigma:.3f}", f"{100 * share:.0f}")
-        for name, rms, largest, sigma, share in found.figures
-    )
-    return Table(CASES[case], ("delay", "rms error", "largest", "mean standard error", "coverage, %"), rows)
-
-
-EXPERIMENT: Final = Verification(
-    "delays", show, runs=40, work="stoop_studies.verify.delays:recover", cases=tuple(CASES)
-)
+EXPERIMENT: Final = Verification("delays", show, runs=40, work="recover", cases=tuple(CASES))

@@ -5,25 +5,23 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.base.csv_text import Cell
 from stoop.estimate.fit import Options, fit
 from stoop.input_design import Knowledge, Limits, Setup, design
 from stoop.input_design.information import sensor_noise
 from stoop.input_design.optimization import Plan, mean_ratio, textbook_maneuver
 from stoop.problem.windows import Window
 from stoop.report.plots import Series, Strip, plot, stacked_plots
-from stoop.report.sheet import Figure, Prose, Section, Table
+from stoop.report.sheet import Figure, Prose, Section
 from stoop.simulation import Maneuver, simulate_flight, trim
 from stoop.vehicle import Vehicle
 from stoop_studies.findings import Claim, Findings, Setting, holds, number
-from stoop_studies.verify.experiment import Samples, Verification, work
 from stoop_studies.verify.scenes import aircraft
+from stoop_studies.verify.study import Columns, Samples, Verification, page_table, work
 
 PLAN: Final = Plan(duration=20.0, rate=50.0, evaluations=2000, seed=0)
 FAMILY: Final = "square"
@@ -40,10 +38,16 @@ estimates about the truth."""
 WORDS: Final = """\
 Both columns of ratios are those of the designed input over the textbook's, below 1 is better. A root-mean-square error from \
 {runs} flights is known to {spread:.0f} %."""
-HEAD: Final = (
-    "parameter", "truth", "textbook_predicted", "designed_predicted", "textbook_achieved", "designed_achieved",
-    "ratio_predicted", "ratio_achieved", "flights",
-)  # fmt: skip
+SHOWN: Final[Columns] = {
+    "parameter": ("parameter", str),
+    "truth": ("truth", lambda value: number(value, 4)),
+    "textbook_predicted": ("3-2-1-1: predicted", number),
+    "designed_predicted": ("designed", number),
+    "textbook_achieved": ("3-2-1-1: achieved", number),
+    "designed_achieved": ("designed", number),
+    "ratio_predicted": ("predicted ratio", number),
+    "ratio_achieved": ("achieved ratio", number),
+}
 
 
 @functools.cache
@@ -78,76 +82,72 @@ def start() -> Vehicle:
 
 
 @work
-def identify(name: str, seed: int) -> dict[str, Any]:
+def identify(case: str, seed: int) -> dict[str, Any]:
     """Fly one of :data:`INPUTS` with the noise of a seed, and return the errors of the estimates."""
-    flight = simulate_flight(start(), maneuvers()[name], seed, name="flown")
+    flight = simulate_flight(start(), maneuvers()[case], seed, name="flown")
     done = fit(start(), {"flown": flight}, [Window("flown", 0.0, PLAN.duration)], Options(seed=seed))
     errors = np.array([done.estimates[n] for n in setup().names]) - setup().values
     return {"errors": errors.tolist(), "status": done.outcome.status}
 
 
-@dataclass(frozen=True, eq=False)
-class Both:
-    """Standard errors (D,) of both inputs, by the names of `INPUTS`, from so many flights of each."""
-
-    predicted: Mapping[str, FloatArray]
-    achieved: Mapping[str, FloatArray]
-    flights: int
-
-    @staticmethod
-    def ratio(of: Mapping[str, FloatArray]) -> float:
-        """Return the mean of designed over textbook."""
-        textbook, designed = (of[name] for name in INPUTS)
-        return mean_ratio(designed, textbook)
-
-    @property
-    def ratios(self) -> tuple[float, float]:
-        """Mean ratio as predicted and as achieved."""
-        return self.ratio(self.predicted), self.ratio(self.achieved)
-
-    @property
-    def columns(self) -> tuple[FloatArray, ...]:
-        """What stands under `HEAD` behind the truth."""
-        columns = (*(self.predicted[i] for i in INPUTS), *(self.achieved[i] for i in INPUTS))
-        return (*columns, columns[1] / columns[0], columns[3] / columns[2])
-
-    @property
-    def rows(self) -> Iterator[tuple[str, float, list[float]]]:
-        """Give name, truth and columns of each parameter."""
-        table = np.column_stack(self.columns).tolist()
-        yield from zip(setup().names, map(float, setup().values), table, strict=True)
-
-
 def show(setting: Setting, samples: Samples) -> Findings:
     """Return how the standard errors of both inputs compare."""
-    errors = {i: np.array([r["errors"] for r in samples[i]]) for i in INPUTS}
-    achieved = {i: np.sqrt(np.mean(e**2, axis=0)) for i, e in errors.items()}
-    both, runs = Both({i: predicted(i) for i in INPUTS}, achieved, setting.runs), setting.runs
-    limits = setup().limits
+    runs, limits = setting.runs, setup().limits
+    columns: dict[str, FloatArray] = {f"{i}_predicted": predicted(i) for i in INPUTS}
+    for i in INPUTS:
+        errors = np.array([r["errors"] for r in samples[i]])
+        columns[f"{i}_achieved"] = np.sqrt(np.mean(errors**2, axis=0))
+    ratios = {}
+    for kind in ("predicted", "achieved"):
+        textbook, designed = (columns[f"{i}_{kind}"] for i in INPUTS)
+        columns[f"ratio_{kind}"], ratios[f"ratio_{kind}"] = (
+            designed / textbook,
+            mean_ratio(designed, textbook),
+        )
+    records: list[dict[str, Any]] = [
+        {
+            "parameter": name,
+            "truth": float(setup().values[k]),
+            **{n: float(column[k]) for n, column in columns.items()},
+            "flights": runs,
+        }
+        for k, name in enumerate(setup().names)
+    ]
+    records.append({**dict.fromkeys(records[0]), "parameter": "mean", **ratios, "flights": runs})
     lead = LEAD.format(
         duration=PLAN.duration, family=FAMILY, evaluations=PLAN.evaluations, optimizer=PLAN.optimizer,
         amplitude=math.degrees(max(limits.amplitude.values())), slew=math.degrees(limits.slew),
     )  # fmt: skip
     words = WORDS.format(runs=runs, spread=100.0 / math.sqrt(2.0 * runs))
-    rows: list[tuple[Cell, ...]] = [(name, truth, *columns, runs) for name, truth, columns in both.rows]
-    return Findings(
+    own = maneuvers()
+    moves = {name: own[name].deflections() for name in INPUTS}
+    strips = [
+        Strip(f"{c}, deg", tuple(Series(n, own[n].time, np.degrees(moves[n][c])) for n in INPUTS))
+        for c in moves[INPUTS[0]]
+    ]
+    flown = Figure(
+        "Deflections from the trim", stacked_plots(strips, "time, s", "Deflections of both inputs")
+    )
+    table = page_table("Standard errors", SHOWN, records, missing="")
+    return Findings.tabulated(
         "Designed input against a 3-2-1-1",
         lead,
-        tuple(_claims(both)),
-        (Section("Error bars", (_table(both), Prose(words), _figure(both))), _flown()),
-        HEAD,
-        (*rows, ("mean", None, None, None, None, None, *both.ratios, runs)),
+        _claims(ratios, columns, runs),
+        (Section("Error bars", (table, Prose(words), _figure(columns))), Section("What was flown", (flown,))),
+        records,
     )
 
 
-def _claims(both: Both) -> Iterator[Claim]:
-    for words, ratio in zip(("predicted", "achieved"), both.ratios, strict=True):
+def _claims(ratios: Mapping[str, float], columns: Mapping[str, FloatArray], runs: int) -> Iterator[Claim]:
+    for kind in ("predicted", "achieved"):
+        ratio = ratios[f"ratio_{kind}"]
         yield holds(
-            f"the designed input lowers the mean {words} standard error by at least 30 %",
+            f"the designed input lowers the mean {kind} standard error by at least 30 %",
             ratio <= RATIO_LIMIT,
-            f"by {100.0 * (1.0 - ratio):.0f} %, {both.flights} flights of each",
+            f"by {100.0 * (1.0 - ratio):.0f} %, {runs} flights of each",
         )
-    mean = float(np.concatenate([both.achieved[i] / both.predicted[i] for i in INPUTS]).mean())
+    over = np.concatenate([columns[f"{i}_achieved"] / columns[f"{i}_predicted"] for i in INPUTS])
+    mean = float(over.mean())
     yield holds(
         "what is predicted is what is achieved, within 10 % on the mean over parameters and inputs",
         abs(mean - 1.0) < 0.1,
@@ -155,21 +155,10 @@ def _claims(both: Both) -> Iterator[Claim]:
     )
 
 
-def _table(both: Both) -> Table:
-    head = (
-        "parameter", "truth", "3-2-1-1: predicted", "designed", "3-2-1-1: achieved", "designed", "predicted ratio",
-        "achieved ratio",
-    )  # fmt: skip
-    rows = [(name, number(truth, 4), *map(number, columns)) for name, truth, columns in both.rows]
-    return Table("Standard errors", head, (*rows, ("mean", "", "", "", "", "", *map(number, both.ratios))))
-
-
-def _figure(both: Both) -> Figure:
-    *_, promised, achieved = both.columns
-    place = np.arange(1.0, len(promised) + 1.0)
+def _figure(columns: Mapping[str, FloatArray]) -> Figure:
+    place = np.arange(1.0, len(setup().names) + 1.0)
     curves = [
-        Series("predicted", place, promised, "points"),
-        Series("achieved", place, achieved, "points"),
+        *(Series(kind, place, columns[f"ratio_{kind}"], "points") for kind in ("predicted", "achieved")),
         Series("textbook", place[[0, -1]], np.ones(2)),
     ]
     drawing = plot(
@@ -178,17 +167,4 @@ def _figure(both: Both) -> Figure:
     return Figure("Standard errors of the designed input over those of the 3-2-1-1", drawing)
 
 
-def _flown() -> Section:
-    own = maneuvers()
-    moves = {name: own[name].deflections() for name in INPUTS}
-    strips = [
-        Strip(f"{c}, deg", tuple(Series(n, own[n].time, np.degrees(moves[n][c])) for n in INPUTS))
-        for c in moves[INPUTS[0]]
-    ]
-    drawing = stacked_plots(strips, "time, s", "Deflections of both inputs")
-    return Section("What was flown", (Figure("Deflections from the trim", drawing),))
-
-
-EXPERIMENT: Final = Verification(
-    "design", show, runs=100, work="stoop_studies.verify.design:identify", cases=INPUTS
-)
+EXPERIMENT: Final = Verification("design", show, runs=100, work="identify", cases=INPUTS)

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.csv_text import Cell
 from stoop.exporters import jsbsim_aircraft
 from stoop.exporters.jsbsim_flight import FRAME_RATE, frames_per_sample, jsbsim_readings
 from stoop.exporters.record import (
@@ -23,13 +20,13 @@ from stoop.exporters.record import (
     own_readings,
     relative_differences,
 )
-from stoop.report.sheet import Prose, Section, Table
+from stoop.report.sheet import Prose, Section
 from stoop.simulation import Maneuver, Trim, trim
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop_studies.findings import Findings, Setting, holds, number
-from stoop_studies.verify.experiment import Samples, Verification, vehicle_text
 from stoop_studies.verify.scenes import ALTITUDE
+from stoop_studies.verify.study import Columns, Samples, Verification, page_table, vehicle_text
 
 DURATION: Final = 30.0  #: s
 VEHICLES: Final = ("twin-boom", "v-tail", "flying-wing", "crooked")
@@ -49,9 +46,18 @@ The crooked aircraft has delays that are no whole number of samples: our simulat
 through the samples, JSBSim along the line between them, so it is held against our simulation on the same points.
 
 JSBSim's Earth, at 45 degrees of latitude, turns and is round."""
-HEAD: Final = (
-    "vehicle", "inputs", "channel", "largest", "difference", "difference_4000_hz", "difference_on_frames", "difference_earth",
-)  # fmt: skip
+DIFFERENCES: Final = ("difference", "difference_4000_hz", "difference_on_frames", "difference_earth")
+#: of our simulation from JSBSim, from a faster JSBSim, on JSBSim's frames, and from JSBSim on its Earth
+FLAT, _, FRAMES, _ = DIFFERENCES
+SHOWN: Final[Columns] = {
+    "vehicle": ("vehicle", str),
+    "inputs": ("inputs", str),
+    "channel": ("largest in", str),
+    "difference": ("JSBSim", ".1e"),
+    "difference_4000_hz": ("4000 steps a second", ".1e"),
+    "difference_on_frames": ("on JSBSim's frames", ".1e"),
+    "difference_earth": ("on the Earth", ".1e"),
+}
 
 
 def load(name: str) -> Vehicle:
@@ -91,41 +97,8 @@ INPUTS: Final[dict[str, Callable[[Vehicle, Trim], Maneuver]]] = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """One vehicle through one set of inputs: differences by channel.
-
-    Attributes
-    ----------
-    largest : (n_y,)
-        Largest magnitudes, SI and rad.
-    flat, faster, frames, earth : mapping of channel to fraction of its maximum
-        JSBSim at :data:`FRAME_RATE` and faster; against our simulation on JSBSim's frames; on its Earth.
-    """
-
-    vehicle: str
-    inputs: str
-    largest: FloatArray
-    flat: Mapping[str, float]
-    faster: Mapping[str, float]
-    frames: Mapping[str, float]
-    earth: Mapping[str, float]
-
-    @property
-    def differences(self) -> tuple[Mapping[str, float], ...]:
-        """In the order of `HEAD`."""
-        return self.flat, self.faster, self.frames, self.earth
-
-    @property
-    def rows(self) -> Iterator[tuple[Cell, ...]]:
-        """What stands under `HEAD`."""
-        for channel, most in zip(self.flat, self.largest.tolist(), strict=True):
-            numbers = (float(f"{d[channel]:.2g}") for d in self.differences)
-            yield (self.vehicle, self.inputs, channel, float(f"{most:.6g}"), *numbers)
-
-
-def compare(vehicle_name: str, inputs: str) -> Comparison:
-    """Export, fly by both, and compare."""
+def compare(vehicle_name: str, inputs: str) -> list[dict[str, Any]]:
+    """Export a vehicle, fly it by both simulators, and return the records of its channels."""
     vehicle = load(vehicle_name)
     point = trim(vehicle, None, ALTITUDE)
     record = maneuver_record(vehicle, point, INPUTS[inputs](vehicle, point))
@@ -140,16 +113,34 @@ def compare(vehicle_name: str, inputs: str) -> Comparison:
         faster = jsbsim_readings(root, name, record, planet, FASTER * FRAME_RATE)
         earth = jsbsim_readings(root, name, record, None)
     pairs = ((own, flat), (own, faster), (fine, flat), (own, earth))
-    differences = [relative_differences(record.vehicle, a, b) for a, b in pairs]
-    return Comparison(vehicle_name, inputs, np.abs(own).max(axis=0), *differences)
+    differences = {
+        n: relative_differences(record.vehicle, *pair) for n, pair in zip(DIFFERENCES, pairs, strict=True)
+    }
+    largest = dict(zip(differences[FLAT], np.abs(own).max(axis=0).tolist(), strict=True))
+    return [
+        {
+            "vehicle": vehicle_name,
+            "inputs": inputs,
+            "channel": channel,
+            "largest": most,
+            **{n: d[channel] for n, d in differences.items()},
+        }
+        for channel, most in largest.items()
+    ]
 
 
 def show(setting: Setting, samples: Samples) -> Findings:
     """Fly every vehicle through every set of inputs; nothing is drawn by chance."""
     flights = [compare(vehicle, inputs) for vehicle in VEHICLES for inputs in INPUTS]
-    whole = [f for f in flights if f.vehicle != "crooked"]
-    flat = max(max(f.flat.values()) for f in whole)
-    frames = max(max(f.frames.values()) for f in flights)
+    worst = [
+        {
+            **max(flight, key=lambda record: float(record[FRAMES])),
+            **{n: max(record[n] for record in flight) for n in DIFFERENCES},
+        }
+        for flight in flights
+    ]
+    whole = [w for w in worst if w["vehicle"] != "crooked"]
+    flat, frames = max(w[FLAT] for w in whole), max(w[FRAMES] for w in worst)
     claims = (
         holds(
             "JSBSim within 1e-3 of every channel's maximum over 30 s, where delays are whole samples",
@@ -162,26 +153,18 @@ def show(setting: Setting, samples: Samples) -> Findings:
             f"{number(frames, 2)} at most, over {len(flights)} flights",
         ),
     )
-    head = (
-        "vehicle", "inputs", "largest in", "JSBSim", "4000 steps a second", "on JSBSim's frames", "on the Earth",
-    )  # fmt: skip
-    lines = tuple(
-        (
-            f.vehicle,
-            f.inputs,
-            max(f.frames, key=lambda c: f.frames[c]),
-            *(f"{max(d.values()):.1e}" for d in f.differences),
-        )
-        for f in flights
-    )
-    table = Table("Largest difference of any channel, as a fraction of the channel's maximum", head, lines)
-    return Findings(
+    caption = "Largest difference of any channel, as a fraction of the channel's maximum"
+    rounded = [
+        {**r, "largest": float(f"{r['largest']:.6g}"), **{n: float(f"{r[n]:.2g}") for n in DIFFERENCES}}
+        for flight in flights
+        for r in flight
+    ]
+    return Findings.tabulated(
         "Exported aircraft flown by JSBSim",
         LEAD,
         claims,
-        (Section("Vehicles and inputs", (table, Prose(WORDS))),),
-        HEAD,
-        tuple(row for flight in flights for row in flight.rows),
+        (Section("Vehicles and inputs", (page_table(caption, SHOWN, worst), Prose(WORDS))),),
+        rounded,
     )
 
 

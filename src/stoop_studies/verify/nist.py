@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import sympy as sp
@@ -15,17 +15,15 @@ import sympy as sp
 from stoop import optimize
 from stoop.assessment.covariance import invert, standard_errors
 from stoop.base.arrays import FloatArray
-from stoop.base.csv_text import Cell
 from stoop.errors import StoopError
-from stoop.report.sheet import Prose, Section, Table
-from stoop_studies.findings import Claim, Findings, Setting, holds
-from stoop_studies.verify.experiment import Samples, Verification
+from stoop.report.sheet import Prose, Section
+from stoop_studies.findings import Findings, Setting, holds
+from stoop_studies.verify.study import Columns, Samples, Verification, page_table, published_files
 
 CERTIFIED_DIGITS: Final = 11.0
 PARAMETER_DIGITS: Final = 9.0
 DEVIATION_DIGITS: Final = 6.0
 PATIENT: Final = optimize.Settings(iterations=2000, gain=1e-14, predicted=0.0, stall=2000, stall_damping=0.0)
-FOLDER: Final = "nist-strd"
 PARAMETER_ROW: Final = re.compile(r"^\s*b\d+ =\s+(\S+)\s+(\S+)\s+(\S+)\s+(\S+)\s*$", re.MULTILINE)
 SUM_OF_SQUARES: Final = re.compile(r"^Residual Sum of Squares:\s+(\S+)\s*$", re.MULTILINE)
 LEVEL: Final = re.compile(r"^\s*(Lower|Average|Higher) Level of Difficulty", re.MULTILINE)
@@ -41,10 +39,17 @@ makes the error bars of a flight.
 
 `dive` is the local search of the default optimizer, which keeps a Jacobian as long as Broyden's update carries it; \
 here it is left to itself, without the population that would start it elsewhere."""
-HEAD: Final = (
-    "problem", "level", "parameters", "observations", "start", "ending", "iterations", "digits_parameters",
-    "digits_deviations", "digits_rss", "dive_ending", "dive_iterations", "dive_digits_parameters",
-)  # fmt: skip
+SHOWN: Final[Columns] = {
+    "problem": ("problem", str),
+    "level": ("level", str),
+    "start": ("start", "d"),
+    "iterations": ("iterations", "d"),
+    "digits_parameters": ("parameters", ".1f"),
+    "digits_deviations": ("deviations", ".1f"),
+    "digits_rss": ("RSS", ".1f"),
+    "dive_digits_parameters": ("dive alone", ".1f"),
+    "dive_iterations": ("its iterations", "d"),
+}
 
 b1, b2, b3, b4, b5, b6, b7, b8, b9 = B = sp.symbols("b1:10", real=True)
 x, x1, x2, y = sp.symbols("x x1 x2 y", real=True)
@@ -61,28 +66,12 @@ def _wave(period: sp.Expr, cosine: sp.Expr, sine: sp.Expr) -> sp.Expr:
     return cosine * sp.cos(phase) + sine * sp.sin(phase)
 
 
-@dataclass(frozen=True)
-class Model:
-    """A regression: ``response = mean + e``.
-
-    Attributes
-    ----------
-    mean : Expr
-        Of `b1` to `b9` and the predictors.
-    response : Expr
-        Of what was measured, `y`.
-    predictors : tuple of Symbol
-        In the order of the columns.
-    """
+class Model(NamedTuple):
+    """A regression ``response = mean + e``, of `b1` to `b9`, the measured `y`, and predictors in the order of the columns."""
 
     mean: sp.Expr
     response: sp.Expr = y
     predictors: tuple[sp.Symbol, ...] = (x,)
-
-    @property
-    def parameters(self) -> tuple[sp.Symbol, ...]:
-        """`b1` and so on."""
-        return tuple(b for b in B if b in self.mean.free_symbols)
 
 
 MODELS: Final[Mapping[str, Model]] = {
@@ -112,9 +101,10 @@ MODELS: Final[Mapping[str, Model]] = {
 def compiled(name: str) -> tuple[Callable[..., Any], ...]:
     """Return the residual of a model and its exact derivatives as functions of (parameters, y, predictors)."""
     model = MODELS[name]
+    parameters = tuple(b for b in B if b in model.mean.free_symbols)
     residual = model.mean - model.response
-    expressions = (residual, *(sp.diff(residual, b) for b in model.parameters))
-    arguments = (model.parameters, y, *model.predictors)
+    expressions = (residual, *(sp.diff(residual, b) for b in parameters))
+    arguments = (parameters, y, *model.predictors)
     return tuple(sp.lambdify(arguments, e, "numpy") for e in expressions)
 
 
@@ -164,21 +154,14 @@ def read_certified(path: Path) -> Certified:
         (least,), (level,) = SUM_OF_SQUARES.findall(text)[:1], LEVEL.findall(text)[:1]
         lines = text[text.rindex("\nData:") :].splitlines()[2:]
         table = np.array([line.split() for line in lines if line.strip()], dtype=np.float64)
-        return Certified(
-            path.stem,
-            level.lower(),
-            rows[:, :2].T,
-            rows[:, 2],
-            rows[:, 3],
-            float(least),
-            table[:, 0],
-            table[:, 1:].T,
-        )
+        starts, values, deviations = rows[:, :2].T, rows[:, 2], rows[:, 3]
+        y, x = table[:, 0], table[:, 1:].T
+        return Certified(path.stem, level.lower(), starts, values, deviations, float(least), y, x)
     except (ValueError, TypeError, IndexError):
         raise StoopError(f"{path}: is no file of NIST StRD; fetch it again from NIST") from None
 
 
-def problem_files(folder: Path | None, names: Sequence[str]) -> list[Path]:
+def problem_files(folder: Path | None) -> list[Path]:
     """Return the files of the problems that lie in a folder, or in its folder ``nist-strd``.
 
     Raises
@@ -186,16 +169,15 @@ def problem_files(folder: Path | None, names: Sequence[str]) -> list[Path]:
     StoopError
         There are none.
     """
-    places = [] if folder is None else [folder, folder / FOLDER]
-    found = [[p / f"{n}.dat" for n in names if (p / f"{n}.dat").is_file()] for p in places]
-    best = max(found, key=len, default=[])
-    if not best:
-        where = "no folder is named" if folder is None else f"{folder}: holds none of its files"
-        raise StoopError(
-            f"nist: {where}; give --data DIR with the files of "
-            "https://www.itl.nist.gov/div898/strd/nls/nls_main.shtml (Misra1a.dat and others)"
-        )
-    return best
+    return published_files(
+        "nist",
+        folder,
+        "nist-strd",
+        rf"({'|'.join(MODELS)})\.dat",
+        "holds none of its files",
+        "give --data DIR with the files of "
+        "https://www.itl.nist.gov/div898/strd/nls/nls_main.shtml (Misra1a.dat and others)",
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,44 +229,6 @@ class Regression:
         return float(((self.certified.y - self.certified.y[0]) ** 2).sum())
 
 
-@dataclass(frozen=True)
-class Fitted:
-    """One problem from one start: how many digits are right."""
-
-    certified: Certified
-    start: int
-    descent: optimize.Refinement
-    parameters: float
-    deviations: float
-    least: float
-    dive: optimize.Refinement
-    dive_parameters: float
-
-    @property
-    def row(self) -> tuple[Cell, ...]:
-        """The numbers under `HEAD`."""
-        c = self.certified
-        found = (round(v, 1) for v in (self.parameters, self.deviations, self.least))
-        return (
-            c.name, c.level, len(c.values), len(c.y), self.start, self.descent.ending, self.descent.iterations, *found,
-            self.dive.ending, self.dive.iterations, round(self.dive_parameters, 1),
-        )  # fmt: skip
-
-    @property
-    def cells(self) -> tuple[str, ...]:
-        """What the page shows."""
-        c, shown = self.certified, (self.parameters, self.deviations, self.least, self.dive_parameters)
-        digits = (f"{d:.1f}" for d in shown)
-        return (
-            c.name,
-            c.level,
-            str(self.start),
-            str(self.descent.iterations),
-            *digits,
-            str(self.dive.iterations),
-        )
-
-
 def digits(value: FloatArray | float, certified: FloatArray | float) -> float:
     """Return how many digits of the worst value are right."""
     error = np.max(np.abs(np.subtract(value, certified)) / np.abs(certified))
@@ -293,56 +237,57 @@ def digits(value: FloatArray | float, certified: FloatArray | float) -> float:
     return float(np.clip(-np.log10(max(error, 1e-300)), 0.0, CERTIFIED_DIGITS))
 
 
-def fit_certified(certified: Certified, start: int) -> Fitted:
-    """Return the fit of a problem from its start 1 or 2."""
+def fit_certified(certified: Certified, start: int) -> dict[str, Any]:
+    """Return the record of a problem from its start 1 or 2: how many digits each algorithm gets right."""
     b = certified.starts[start - 1]
     problem = Regression(certified, np.where(b != 0.0, np.abs(b), 1.0))
     z = b / problem.scale
-    found, dived = optimize.descend(problem, z, 0), optimize.refine(problem, z, 0, PATIENT)
+    found, alone = optimize.descend(problem, z, 0), optimize.refine(problem, z, 0, PATIENT)
     J, _ = problem.jacobian(found.z, 0, found.z)
     variance = found.cost / (J.shape[0] - J.shape[1])
     deviations = np.sqrt(variance) * standard_errors(invert(J.T @ J).matrix) * problem.scale
-    return Fitted(
-        certified,
-        start,
-        found,
-        digits(found.z * problem.scale, certified.values),
-        digits(deviations, certified.deviations),
-        digits(found.cost, certified.least),
-        dived,
-        digits(dived.z * problem.scale, certified.values),
-    )
+    return {
+        "problem": certified.name,
+        "level": certified.level,
+        "parameters": len(certified.values),
+        "observations": len(certified.y),
+        "start": start,
+        "ending": found.ending,
+        "iterations": found.iterations,
+        "digits_parameters": digits(found.z * problem.scale, certified.values),
+        "digits_deviations": digits(deviations, certified.deviations),
+        "digits_rss": digits(found.cost, certified.least),
+        "dive_ending": alone.ending,
+        "dive_iterations": alone.iterations,
+        "dive_digits_parameters": digits(alone.z * problem.scale, certified.values),
+    }
 
 
 def show(setting: Setting, samples: Samples) -> Findings:
     """Return how many digits are right."""
-    files = problem_files(setting.data, tuple(MODELS))
+    files = problem_files(setting.data)
     fits = [fit_certified(read_certified(path), start) for path in files for start in (1, 2)]
-    head = (
-        "problem", "level", "start", "iterations", "parameters", "deviations", "RSS", "dive alone", "its iterations",
-    )  # fmt: skip
     caption = "Digits of the worst parameter, of the worst standard deviation and of the sum of squares"
-    table = Table(caption, head, tuple(f.cells for f in fits))
-    return Findings(
+    claims = []
+    for what, key, needed in (
+        ("parameter", "digits_parameters", PARAMETER_DIGITS),
+        ("standard deviation", "digits_deviations", DEVIATION_DIGITS),
+    ):
+        right, worst = [f[key] for f in fits], min(fits, key=lambda f: float(f[key]))
+        claims.append(
+            holds(
+                f"At least {needed:.0f} digits of every {what} are right, from both starts",
+                min(right) >= needed,
+                f"{sum(d >= needed for d in right)} of {len(right)} fits; the least is {min(right):.1f}, "
+                f"{worst['problem']} from start {worst['start']}",
+            )
+        )
+    return Findings.tabulated(
         f"{len(files)} certified regressions of NIST StRD",
         LEAD,
-        (
-            _claim("parameter", [f.parameters for f in fits], PARAMETER_DIGITS, fits),
-            _claim("standard deviation", [f.deviations for f in fits], DEVIATION_DIGITS, fits),
-        ),
-        (Section("Digits that are right", (table, Prose(WORDS))),),
-        HEAD,
-        tuple(f.row for f in fits),
-    )
-
-
-def _claim(what: str, right: Sequence[float], needed: float, fits: Sequence[Fitted]) -> Claim:
-    worst = int(np.argmin(right))
-    place = f"{fits[worst].certified.name} from start {fits[worst].start}"
-    return holds(
-        f"At least {needed:.0f} digits of every {what} are right, from both starts",
-        min(right) >= needed,
-        f"{sum(d >= needed for d in right)} of {len(right)} fits; the least is {min(right):.1f}, {place}",
+        claims,
+        (Section("Digits that are right", (page_table(caption, SHOWN, fits), Prose(WORDS))),),
+        [{k: round(v, 1) if isinstance(v, float) else v for k, v in f.items()} for f in fits],
     )
 
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+import operator
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
-from stoop.base.csv_text import Cell
 from stoop.errors import StoopError
 from stoop.estimate.effectiveness import (
     Assessment,
@@ -29,20 +29,27 @@ from stoop.estimate.effectiveness import (
 from stoop.estimate.effectiveness.comparison import CHANCE
 from stoop.flight import load
 from stoop.report.plots import Series, plot
-from stoop.report.sheet import Figure, Prose, Section, Table
+from stoop.report.sheet import Figure, Prose, Section
 from stoop.vehicle import parse_vehicle
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds, number
-from stoop_studies.verify.experiment import Samples, Verification, vehicle_text
+from stoop_studies.verify.study import (
+    Columns,
+    Samples,
+    Verification,
+    page_table,
+    published_files,
+    vehicle_text,
+)
 
 FOLDER: Final = "crazypad-propeller-damage"
 WHOLE: Final = 47  #: mm, length of an uncut propeller
 MIN_NORMAL_FLIGHTS: Final = 2
 CHANGED: Final = "M3"  #: the rotor that was cut or loaded
 DIGITS: Final = 6  #: decimals of the tables, so many that rounding them again gives what the page shows
-NAME: Final = re.compile(
-    r"(?:(?P<normal>normal_flight)|cut_propeller_M3_\dmm_\dmm_(?P<cut>\d\d)mm|add_weight_(?P<weight>W\d)_near_M3)"
-    r"__(?P<airframe>E\d+)_log(?P<log>\d\d)"
-)
+NAME: Final = (
+    r"(?:normal_flight|cut_propeller_M3_\dmm_\dmm_(?P<cut>\d\d)mm|add_weight_(?P<weight>W\d)_near_M3)"
+    r"__(?P<airframe>E\d+)_log(?P<log>\d\d)\.usd"
+)  #: of a file
 LEAD: Final = """\
 Two airframes of one type fly 2 m forth and back: as they are, with the propeller M3 cut at both tips, and with a weight \
 taped near M3. Each flight is held against the normal flights of its airframe; a normal flight against the others. What a \
@@ -52,30 +59,34 @@ The factor is thrust and torque of M3 per command, 1 in the normal flights, if M
 holds the scatter between flights of one configuration and the scatter within the flight. Chance is how often a healthy \
 flight makes any of the four rotors this suspect. What is left over, in squares of three standard deviations, compares two \
 explanations: a weak rotor, whose torque falls with its thrust, and a mass, which needs lift but no torque."""
-HEAD: Final = (
-    "airframe", "condition", "log", "voltage", "suspected", "chance", "factor_m3", "std_error", "left_if_weak",
-    "mass_share", "mass_std_error", "left_if_mass", "verdict",
-)  # fmt: skip
-CONDITION_HEAD: Final = (
-    "airframe", "condition", "length", "flights", "suspected", "chance", "factor_m3", "std_error", "lowest", "highest",
-    "suspected_m3", "accused_m3", "verdict",
-)  # fmt: skip
+COMMON: Final[Columns] = {
+    "suspected": ("suspected", str),
+    "chance": ("chance", ".4f"),
+    "factor": ("factor of M3", str),
+}
+TREATMENTS: Final[Columns] = {
+    "airframe": ("airframe", str),
+    "condition": ("M3", str),
+    **COMMON,
+    "span": ("single flights", str),
+    "accused": ("M3 accused", str),
+    "verdict": ("verdict", str),
+}
+FLIGHTS: Final[Columns] = {
+    "airframe": ("airframe", str),
+    "condition": ("M3", str),
+    "log": ("log", str),
+    "voltage": ("V", ".2f"),
+    **COMMON,
+    "left_if_weak": ("left if weak", ".1f"),
+    "left_if_mass": ("left if mass", ".1f"),
+    "verdict": ("verdict", str),
+}
 
 
 @dataclass(frozen=True)
 class CrazyFlight:
-    """One flight and the truth about it.
-
-    Attributes
-    ----------
-    airframe : str
-    length : int
-        Of the propeller M3, mm.
-    weight : str
-        Name of the weight taped near M3; empty without any.
-    log : str
-    hover : Hover
-    """
+    """One flight and the truth about it: length of the propeller M3, mm, and name of the weight near it, if any."""
 
     airframe: str
     length: int
@@ -94,9 +105,9 @@ class CrazyFlight:
         return f"weight {self.weight}" if self.weight else "normal" if self.healthy else f"{self.length} mm"
 
     @property
-    def order(self) -> tuple[str, str, int, str]:
-        """Where it stands in the tables: by airframe, by treatment, by log."""
-        return self.airframe, self.weight, -self.length, self.log
+    def shortened(self) -> int:
+        """By how much M3 was cut, mm."""
+        return WHOLE - self.length
 
 
 def balance() -> Balance:
@@ -112,32 +123,23 @@ def read_flights(folder: Path | None) -> tuple[CrazyFlight, ...]:
     StoopError
         There are none, or one cannot be read.
     """
-    places = [] if folder is None else [folder, folder / FOLDER]
-    named = [
-        [(path, parts) for path in sorted(place.glob("*.usd")) if (parts := NAME.fullmatch(path.stem))]
-        for place in places
-    ]
-    best = max(named, key=len, default=[])
-    if not best:
-        where = "no folder is named" if folder is None else f"{folder}: holds none of its flights"
-        raise StoopError(
-            f"propellers: {where}; give --data DIR with flights of https://github.com/AerialRoboticsUUST/CrazyPAD "
-            "(data/motor_data, '/' in a path become '__')"
-        )
-    rotors = balance()
-    flights = tuple(
-        CrazyFlight(
-            p["airframe"], int(p["cut"] or WHOLE), p["weight"] or "", p["log"], hover(load(path), rotors)
-        )
-        for path, p in best
+    advice = (
+        "give --data DIR with flights of https://github.com/AerialRoboticsUUST/CrazyPAD "
+        "(data/motor_data, '/' in a path become '__')"
     )
+    rotors, flights = balance(), []
+    for path in published_files("propellers", folder, FOLDER, NAME, "holds none of its flights", advice):
+        p = re.fullmatch(NAME, path.name)
+        assert p is not None  # noqa: S101 - the pattern of the search
+        length, weight = int(p["cut"] or WHOLE), p["weight"] or ""
+        flights.append(CrazyFlight(p["airframe"], length, weight, p["log"], hover(load(path), rotors)))
     for airframe in sorted({f.airframe for f in flights}):
         if sum(f.airframe == airframe and f.healthy for f in flights) < MIN_NORMAL_FLIGHTS:
             raise StoopError(
                 f"propellers: {folder}: {airframe} has fewer than {MIN_NORMAL_FLIGHTS} normal flights to compare with; "
                 "fetch all"
             )
-    return flights
+    return tuple(flights)
 
 
 @dataclass(frozen=True)
@@ -175,27 +177,21 @@ class Assessed:
         return self.verdict.kind == "weak or mass" and self.accuses_m3
 
 
-def references(flights: Sequence[CrazyFlight]) -> dict[str, Reference]:
-    """Return the normal flights of each airframe.
+def assess_all(flights: Sequence[CrazyFlight]) -> tuple[list[Assessed], list[Assessed], list[Assessed]]:
+    """Return the normal flights, each compared with the others, the changed ones, and these by treatment.
 
-    Those of the others tell the scatter too, and all flights of one treatment what the voltage does.
+    The scatter is that of the normal flights of both airframes; all flights of one treatment give the effect of the voltage.
     """
-    rotors = balance()
     groups: dict[tuple[str, str], tuple[Hover, ...]] = {}
     for f in flights:
         key = f.airframe, f.condition
         groups[key] = (*groups.get(key, ()), f.hover)
-    normal = {airframe: group for (airframe, what), group in groups.items() if what == "normal"}
-    repeats = tuple(group for (_, what), group in groups.items() if what != "normal")
-    return {
-        airframe: Reference(rotors, group, tuple(g for a, g in normal.items() if a != airframe), repeats)
-        for airframe, group in normal.items()
+    healthy = {airframe: group for (airframe, what), group in groups.items() if what == "normal"}
+    repeats, rotors = tuple(group for (_, what), group in groups.items() if what != "normal"), balance()
+    known = {
+        airframe: Reference(rotors, group, tuple(g for a, g in healthy.items() if a != airframe), repeats)
+        for airframe, group in healthy.items()
     }
-
-
-def assess_all(flights: Sequence[CrazyFlight]) -> tuple[list[Assessed], list[Assessed], list[Assessed]]:
-    """Return the normal flights, each compared with the others, the changed ones, and these by treatment."""
-    known = references(flights)
     normal = [
         Assessed(f, found, judge(found))
         for airframe, reference in known.items()
@@ -205,33 +201,80 @@ def assess_all(flights: Sequence[CrazyFlight]) -> tuple[list[Assessed], list[Ass
             strict=True,
         )
     ]
+    order = operator.attrgetter("airframe", "weight", "shortened", "log")
     changed = []
-    for f in sorted((f for f in flights if not f.healthy), key=lambda f: f.order):
+    for f in sorted((f for f in flights if not f.healthy), key=order):
         found = assess(f.hover, known[f.airframe])
         changed.append(Assessed(f, found, judge(found)))
     treatments = []
-    for _, group in groupby(changed, key=lambda a: a.flight.order[:3]):
+    for _, group in groupby(changed, key=lambda a: order(a.flight)[:3]):
         members = tuple(group)
         found = assess(pooled([a.flight.hover for a in members]), known[members[0].flight.airframe])
         treatments.append(Assessed(members[0].flight, found, judge(found), members))
     return normal, changed, treatments
 
 
+def _common(a: Assessed) -> dict[str, Any]:
+    """Return what both tables hold of a flight or a treatment: what is suspected, and how strongly."""
+    return {
+        "suspected": a.found.suspected.rotor, "chance": a.found.chance, "factor_m3": a.factor, "std_error": a.m3.std,
+    }  # fmt: skip
+
+
+def _flight_record(a: Assessed) -> dict[str, Any]:
+    mass, flight = a.found.mass_near(CHANGED), a.flight
+    return {
+        "airframe": flight.airframe, "condition": flight.condition, "log": flight.log, "voltage": a.found.voltage,
+        **_common(a), "left_if_weak": a.m3.unexplained, "mass_share": mass.size, "mass_std_error": mass.std,
+        "left_if_mass": mass.unexplained, "verdict": str(a.verdict.notice),
+    }  # fmt: skip
+
+
+def _treatment_record(a: Assessed) -> dict[str, Any]:
+    factors = [m.factor for m in a.members]
+    return {
+        "airframe": a.flight.airframe, "condition": a.flight.condition, "length": a.flight.length,
+        "flights": len(factors), **_common(a), "lowest": min(factors), "highest": max(factors),
+        "suspected_m3": sum(m.suspects_m3 for m in a.members), "accused_m3": sum(m.accuses_m3 for m in a.members),
+        "verdict": str(a.verdict.notice),
+    }  # fmt: skip
+
+
+def _shown(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a record with the cells that are made of several of its numbers."""
+    out = {**record, "factor": f"{record['factor_m3']:.3f} ± {record['std_error']:.3f}"}
+    if "lowest" in record:
+        out["span"] = f"{record['lowest']:.3f} to {record['highest']:.3f}"
+        out["accused"] = counted(record["accused_m3"], record["flights"])
+    return out
+
+
 def show(setting: Setting, samples: Samples) -> Findings:
-    """Return what is said of every flight, beside the truth."""
+    """Return the verdict on every flight, beside the truth."""
     flights = read_flights(setting.data)
     normal, changed, treatments = assess_all(flights)
-    return Findings(
+    single, grouped = (
+        [_flight_record(a) for a in (*normal, *changed)],
+        [_treatment_record(a) for a in treatments],
+    )
+    caption = "The flights after one treatment, taken together as one flight"
+    first = page_table(caption, TREATMENTS, map(_shown, grouped))
+    caption = "Each flight; normal ones are held against the other normal ones"
+    second = page_table(caption, FLIGHTS, map(_shown, single))
+    rounded, conditions = (
+        [{k: round(v, DIGITS) if isinstance(v, float) else v for k, v in r.items()} for r in records]
+        for records in (single, grouped)
+    )
+    return Findings.tabulated(
         f"Which propeller is cut: {len(flights)} flights of two Crazyflies",
         LEAD,
         _claims(normal, treatments),
         (
-            Section("Treatments", (_treatment_table(treatments), _figure(treatments))),
-            Section("Flights", (_table([*normal, *changed]), Prose(WORDS))),
+            Section("Treatments", (first, _figure(treatments))),
+            Section("Flights", (second, Prose(WORDS))),
         ),
-        HEAD,
-        tuple(_row(a) for a in (*normal, *changed)),
-        {"conditions": (CONDITION_HEAD, tuple(_treatment_row(a) for a in treatments))},
+        rounded,
+        {"conditions": conditions},
     )
 
 
@@ -244,6 +287,18 @@ def _claims(normal: Sequence[Assessed], treatments: Sequence[Assessed]) -> tuple
     undecided = [a.undecided for a in weighted]
     unhealthy = sum(a.verdict.kind != "healthy" for a in normal)
     left = [(a.flight.condition, a.m3.unexplained, a.found.mass_near(CHANGED).unexplained) for a in weighted]
+    falling = []
+    for airframe, group in groupby(cut, key=lambda a: a.flight.airframe):
+        own = list(group)
+        factors, lengths = [1.0, *(a.factor for a in own)], [WHOLE, *(a.flight.length for a in own)]
+        steps = ", ".join(f"{n} mm {f:.3f}" for n, f in zip(lengths, factors, strict=True))
+        falling.append(
+            holds(
+                f"{airframe}: the thrust per command falls with every cut",
+                bool(np.all(np.diff(factors) < 0.0)),
+                f"{steps}; standard error {own[-1].m3.std:.3f}",
+            )
+        )
     return (
         holds(
             "The rotor that was cut is the one that explains most, after every cut",
@@ -257,10 +312,7 @@ def _claims(normal: Sequence[Assessed], treatments: Sequence[Assessed]) -> tuple
             f"{counted(sum(accused), len(cut))} cuts, {counted(sum(a.accuses_m3 for a in cuts), len(cuts))} single flights"
             + (f"; not {missed}" if missed else ""),
         ),
-        *(
-            _falling(airframe, [a for a in cut if a.flight.airframe == airframe])
-            for airframe in _airframes(cut)
-        ),
+        *falling,
         holds(
             "No normal flight is accused, each held against the others",
             unhealthy == 0,
@@ -283,82 +335,11 @@ def _claims(normal: Sequence[Assessed], treatments: Sequence[Assessed]) -> tuple
     )
 
 
-def _airframes(found: Sequence[Assessed]) -> list[str]:
-    return sorted({a.flight.airframe for a in found})
-
-
-def _falling(airframe: str, cut: Sequence[Assessed]) -> Claim:
-    factors = [1.0, *(a.factor for a in cut)]
-    lengths = [WHOLE, *(a.flight.length for a in cut)]
-    steps = ", ".join(f"{n} mm {f:.3f}" for n, f in zip(lengths, factors, strict=True))
-    return holds(
-        f"{airframe}: the thrust per command falls with every cut",
-        bool(np.all(np.diff(factors) < 0.0)),
-        f"{steps}; standard error {cut[-1].m3.std:.3f}",
-    )
-
-
-def _row(a: Assessed) -> tuple[Cell, ...]:
-    mass = a.found.mass_near(CHANGED)
-    return (
-        a.flight.airframe, a.flight.condition, a.flight.log, *_rounded(a.found.voltage), a.found.suspected.rotor,
-        *_rounded(a.found.chance, 1.0 - a.m3.size, a.m3.std, a.m3.unexplained, mass.size, mass.std, mass.unexplained),
-        str(a.verdict.notice),
-    )  # fmt: skip
-
-
-def _treatment_row(a: Assessed) -> tuple[Cell, ...]:
-    factors = [m.factor for m in a.members]
-    return (
-        a.flight.airframe, a.flight.condition, a.flight.length, len(factors), a.found.suspected.rotor,
-        *_rounded(a.found.chance, a.factor, a.m3.std, min(factors), max(factors)),
-        sum(m.suspects_m3 for m in a.members), sum(m.accuses_m3 for m in a.members), str(a.verdict.notice),
-    )  # fmt: skip
-
-
-def _rounded(*values: float) -> tuple[float, ...]:
-    return tuple(round(value, DIGITS) for value in values)
-
-
-def _treatment_table(treatments: Sequence[Assessed]) -> Table:
-    head = (
-        "airframe", "M3", "suspected", "chance", "factor of M3", "single flights", "M3 accused", "verdict",
-    )  # fmt: skip
-    rows = []
-    for a in treatments:
-        factors = [m.factor for m in a.members]
-        accused = counted(sum(m.accuses_m3 for m in a.members), len(factors))
-        span = f"{min(factors):.3f} to {max(factors):.3f}"
-        rows.append((*_common_cells(a, a.flight.condition), span, accused, str(a.verdict.notice)))
-    return Table("The flights after one treatment, taken together as one flight", head, tuple(rows))
-
-
-def _common_cells(a: Assessed, *what: str) -> tuple[str, ...]:
-    factor = f"{a.factor:.3f} ± {a.m3.std:.3f}"
-    return (a.flight.airframe, *what, a.found.suspected.rotor, f"{a.found.chance:.4f}", factor)
-
-
-def _table(flights: Sequence[Assessed]) -> Table:
-    head = (
-        "airframe", "M3", "log", "V", "suspected", "chance", "factor of M3", "left if weak", "left if mass", "verdict",
-    )  # fmt: skip
-    rows = tuple(
-        (
-            *_common_cells(a, a.flight.condition, a.flight.log, f"{a.found.voltage:.2f}"),
-            f"{a.m3.unexplained:.1f}",
-            f"{a.found.mass_near(CHANGED).unexplained:.1f}",
-            str(a.verdict.notice),
-        )
-        for a in flights
-    )
-    return Table("Each flight; normal ones are held against the other normal ones", head, rows)
-
-
 def _figure(treatments: Sequence[Assessed]) -> Figure:
     series: list[Series] = []
     looks: dict[str, int] = {}
     cut = [a for a in treatments if not a.flight.weight]
-    for look, airframe in enumerate(_airframes(treatments)):
+    for look, airframe in enumerate(sorted({a.flight.airframe for a in treatments})):
         own = [a for a in cut if a.flight.airframe == airframe]
         single = [m for a in own for m in a.members]
         alone = f"{airframe}, single flights"

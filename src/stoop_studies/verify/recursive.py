@@ -7,8 +7,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray
-from stoop.base.csv_text import Cell
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.aircraft import AircraftEquations
 from stoop.estimate.regression.domain import FrequencyDomain
@@ -17,13 +15,13 @@ from stoop.estimate.regression.recursive import RealTime
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.report.plots import Series, Strip, stacked_plots
-from stoop.report.sheet import Figure, Prose, Section, Table
+from stoop.report.sheet import Figure, Prose, Section
 from stoop.simulation import simulate_flight
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.findings import Findings, Setting, holds, number
-from stoop_studies.verify.experiment import Samples, Verification, work
 from stoop_studies.verify.scenes import AIRCRAFT, multisine_maneuver, with_trim_thrust
+from stoop_studies.verify.study import Columns, Samples, Verification, page_table, work
 
 DURATION: Final = 60.0  #: s
 RATE: Final = 50.0  #: Hz
@@ -35,10 +33,21 @@ DIFFERENCE_LIMIT: Final = 0.02
 DRAWN_EVERY: Final = 50  #: samples
 DRAWN: Final = ("CLalpha", "Cmalpha", "Cmq", "Clp", "Cnbeta")
 CASE: Final = "flight"
-HEAD: Final = (
-    "parameter", "truth", "flights", "well_identified", "batch_std_error", "median_difference", "largest_difference",
-    "largest_difference_well_identified",
-)  # fmt: skip
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2f} %"
+
+
+SHOWN: Final[Columns] = {
+    "parameter": ("parameter", str),
+    "truth": ("truth", lambda value: number(value, 4)),
+    "share": ("well identified", str),
+    "batch_std_error": ("batch std. error", _percent),
+    "median_difference": ("median difference", _percent),
+    "largest_difference": ("largest", _percent),
+    "largest_difference_well_identified": ("largest where well identified", _percent),
+}
 LEAD: Final = """\
 The twin-boom aircraft flies {duration:.0f} s at {rate:.0f} Hz with multisines on all controls at once and the sensor noise of \
 its file on all channels. Its terms are estimated twice on Fourier coefficients from {low:g} to {high:g} Hz: by the batch \
@@ -92,9 +101,22 @@ def compare(case: str, seed: int) -> dict[str, Any]:
 
 def show(setting: Setting, samples: Samples) -> Findings:
     """Return how far the recursive estimates are from the batch's."""
-    results = samples[CASE]
+    results, vehicle = samples[CASE], resolve_vehicle(AIRCRAFT)
     batch, std, recursive = (np.array([t[k] for t in results]) for k in ("batch", "std", "recursive"))
     difference, well = np.abs(recursive / batch - 1.0), std < WELL_IDENTIFIED * np.abs(batch)
+    records = [
+        {
+            "parameter": name,
+            "truth": vehicle.value(name),
+            "flights": len(results),
+            "well_identified": int(own.sum()),
+            "batch_std_error": float(np.median(std[:, i] / np.abs(batch[:, i]))),
+            "median_difference": float(np.median(difference[:, i])),
+            "largest_difference": float(difference[:, i].max()),
+            "largest_difference_well_identified": float(difference[own, i].max()) if own.any() else None,
+        }
+        for i, (name, own) in enumerate(zip(results[0]["names"], well.T, strict=True))
+    ]
     worst = float(difference[well].max()) if well.any() else np.nan
     claim = holds(
         "at the end of the record every well identified parameter is within 2 % of the batch",
@@ -102,55 +124,21 @@ def show(setting: Setting, samples: Samples) -> Findings:
         f"largest difference {100.0 * worst:.2f} %, {int(well.sum())} estimates of "
         f"{int(well.any(axis=0).sum())} parameters in {len(results)} flights",
     )
-    rows = tuple(_rows(results[0]["names"], std / np.abs(batch), difference, well))
-    return Findings(
+    shown = [{**r, "share": f"{r['well_identified']} of {r['flights']}"} for r in records]
+    table = page_table("Recursive estimates at the end of the record", SHOWN, shown)
+    return Findings.tabulated(
         "Recursive estimates against the batch",
         LEAD.format(duration=DURATION, rate=RATE, low=BAND.low, high=BAND.high),
         (claim,),
         (
-            Section("At the end", (_table(rows), Prose(WORDS.format(well=WELL_IDENTIFIED)))),
-            _on_the_way(setting.seed),
+            Section("At the end", (table, Prose(WORDS.format(well=WELL_IDENTIFIED)))),
+            Section("On the way", (_history(setting.seed),)),
         ),
-        HEAD,
-        rows,
+        records,
     )
 
 
-def _rows(
-    names: list[str], relative_std: FloatArray, difference: FloatArray, well: BoolArray
-) -> Iterator[tuple[Cell, ...]]:
-    truth = resolve_vehicle(AIRCRAFT)
-    for i, name in enumerate(names):
-        own = well[:, i]
-        worst = float(difference[own, i].max()) if own.any() else None
-        yield (
-            name, truth.value(name), len(well), int(own.sum()), float(np.median(relative_std[:, i])),
-            float(np.median(difference[:, i])), float(difference[:, i].max()), worst,
-        )  # fmt: skip
-
-
-def _table(rows: tuple[tuple[Cell, ...], ...]) -> Table:
-    head = (
-        "parameter", "truth", "well identified", "batch std. error", "median difference", "largest",
-        "largest where well identified",
-    )  # fmt: skip
-    shown = tuple(
-        (str(name), number(_float(truth), 4), f"{well} of {flights}", *map(_percent, shares))
-        for name, truth, flights, well, *shares in rows
-    )
-    return Table("Recursive estimates at the end of the record", head, shown)
-
-
-def _float(cell: Cell) -> float:
-    return float(cell) if isinstance(cell, float | int) else np.nan
-
-
-def _percent(cell: Cell) -> str:
-    value = _float(cell)
-    return f"{100.0 * value:.2f} %" if np.isfinite(value) else "–"
-
-
-def _on_the_way(seed: int) -> Section:
+def _history(seed: int) -> Figure:
     """Draw estimates and their 95 % intervals over time."""
     vehicle, flight = scene(seed)
     history = [
@@ -167,9 +155,7 @@ def _on_the_way(seed: int) -> Section:
         curves = [("estimate", value), ("95 %", value - reach), ("95 %", value + reach), ("truth", truth)]
         strips.append(Strip(name, tuple(Series(n, time, y) for n, y in curves)))
     drawing = stacked_plots(strips, "time, s", "Estimates in flight")
-    return Section("On the way", (Figure("Estimates of one flight as it goes on, once a second", drawing),))
+    return Figure("Estimates of one flight as it goes on, once a second", drawing)
 
 
-EXPERIMENT: Final = Verification(
-    "recursive", show, runs=50, work="stoop_studies.verify.recursive:compare", cases=(CASE,)
-)
+EXPERIMENT: Final = Verification("recursive", show, runs=50, work="compare", cases=(CASE,))

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 
-from stoop.base.csv_text import Cell
 from stoop.estimate.regression.domain import FrequencyDomain
 from stoop.estimate.regression.selection import Press, orthogonal, stepwise
 from stoop.estimate.regression.structure import Choose, determine, parameter_name, standard_candidates
@@ -20,8 +18,8 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.load import parse_vehicle
 from stoop_studies.findings import Findings, Setting, counted, holds
-from stoop_studies.verify.experiment import Samples, Verification, work
 from stoop_studies.verify.scenes import AIRCRAFT, ALTITUDE, multisine_maneuver, with_trim_thrust
+from stoop_studies.verify.study import Samples, Verification, work
 
 DURATION: Final = 25.0  #: s of each flight
 RATE: Final = 50.0  #: Hz
@@ -47,18 +45,14 @@ OCCASIONAL: Final[Mapping[str, Mapping[str, float]]] = {
     "Cm": {"alpha^2": -3.0, "alpha*elevator": 1.5},
     "Cn": {"beta^3": 0.5, "alpha*p": -1.0, "alpha*beta": 0.3},
 }  #: of a size that shows in the motion
-CRITERIA: Final[Mapping[str, Choose]] = {
-    "f": stepwise,
-    "press": lambda rows: stepwise(rows, Press()),
-    "pse": orthogonal,
-}  #: as stoop structure calls them
-NAMES: Final = {"f": "stepwise, partial F", "press": "stepwise, PRESS", "pse": "orthogonal functions, PSE"}
+CRITERIA: Final[Mapping[str, tuple[str, Choose]]] = {
+    "f": ("stepwise, partial F", stepwise),
+    "press": ("stepwise, PRESS", lambda rows: stepwise(rows, Press())),
+    "pse": ("orthogonal functions, PSE", orthogonal),
+}  #: as stoop structure calls them, and as the page does
 DEFAULT: Final = "f"
 REQUIRED_SHARE: Final = 0.9
 CASE: Final = "aircraft"
-HEAD: Final = (
-    "criterion", "coefficient", "candidates", "aircraft", "exact", "missing_a_true_term", "with_a_false_term",
-)  # fmt: skip
 LEAD: Final = """\
 Every aircraft is the twin-boom one with other terms: those of a conventional aeroplane are always there, each of {some} \
 others with a chance of {chance:.0%}, every value drawn within {spread:.0%}. It flies {flights} times {duration:.0f} s at \
@@ -123,95 +117,78 @@ def determine_terms(case: str, seed: int) -> dict[str, Any]:
     candidates = standard_candidates(full_aircraft())
     found = {
         name: determine(vehicle, flights, windows, candidates, choose, BAND).chosen
-        for name, choose in CRITERIA.items()
+        for name, (_, choose) in CRITERIA.items()
     }
     chosen = {name: {c: list(own.terms) for c, own in by.items()} for name, by in found.items()}
     return {"truth": truth, "found": chosen}
 
 
-@dataclass(frozen=True)
-class Tally:
-    """Of so many aircraft: how many were found exactly, lack a true term, have a false one."""
-
-    exact: int
-    missing: int
-    false: int
-
-
-def tally(results: Sequence[Mapping[str, Any]], criterion: str, coefficients: Sequence[str]) -> Tally:
-    """Count the aircraft of which some coefficients were found."""
-    exact = missing = false = 0
-    for one in results:
-        true = {(c, t) for c in coefficients for t in one["truth"][c]}
-        found = {(c, t) for c in coefficients for t in one["found"][criterion][c]}
-        exact += true == found
-        missing += bool(true - found)
-        false += bool(found - true)
-    return Tally(exact, missing, false)
-
-
 def show(setting: Setting, samples: Samples) -> Findings:
     """Return how often the true terms are found."""
-    results, count = samples[CASE], len(samples[CASE])
+    results, vehicle = samples[CASE], full_aircraft()
+    candidates = {c: len(group) - 1 for c, group in vehicle.terms.items()}  # less the constant
+    candidates["all"] = sum(candidates.values())
     groups = {**{c: (c,) for c in ALWAYS}, "all": tuple(ALWAYS)}
-    tallies = {k: {name: tally(results, k, group) for name, group in groups.items()} for k in CRITERIA}
-    best = tallies[DEFAULT]["all"]
+    records: dict[tuple[str, str], dict[str, Any]] = {
+        (criterion, name): {
+            "criterion": criterion,
+            "coefficient": name,
+            "candidates": candidates[name],
+            "aircraft": len(results),
+            **tally(results, criterion, group),
+        }
+        for criterion in CRITERIA
+        for name, group in groups.items()
+    }
+    best = records[DEFAULT, "all"]
     claim = holds(
         "the true set of terms of all six coefficients is found, and no other term, in at least 90 % of the aircraft",
-        best.exact >= REQUIRED_SHARE * count,
-        f"{counted(best.exact, count)}; {best.missing} lack a true term, {best.false} have a false one",
+        best["exact"] >= REQUIRED_SHARE * len(results),
+        f"{counted(best['exact'], len(results))}; {best['missing_a_true_term']} lack a true term, "
+        f"{best['with_a_false_term']} have a false one",
     )
+    shares = {key: counted(record["exact"], len(results)) for key, record in records.items()}
     exact = tuple(
-        ("all six" if name == "all" else name, *(counted(tallies[k][name].exact, count) for k in CRITERIA))
+        ("all six" if name == "all" else name, *(shares[criterion, name] for criterion in CRITERIA))
         for name in groups
     )
+    found = Table("Found exactly", ("coefficient", *(title for title, _ in CRITERIA.values())), exact)
     truths = tuple((c, _listed(ALWAYS[c]), _listed(OCCASIONAL.get(c, {}))) for c in ALWAYS)
-    about = "Terms and the values about which theirs are drawn"
-    return Findings(
+    caption = "Terms and the values about which theirs are drawn"
+    listed = Table(caption, ("coefficient", "always", "occasionally"), truths)
+    noise = ", ".join(f"{c} {getattr(vehicle.file.sensors, c).sigma:g}" for c in vehicle.outputs)
+    lead = LEAD.format(
+        some=sum(map(len, OCCASIONAL.values())), chance=CHANCE, spread=SPREAD, flights=FLIGHTS, duration=DURATION,
+        rate=RATE, amplitudes=", ".join(f"{c} {a:g}" for c, a in AMPLITUDES.items()), candidates=candidates["CL"],
+        noise=f"{noise} (m/s, rad, rad/s, m/s²)", low=BAND.low, high=BAND.high,
+    )  # fmt: skip
+    return Findings.tabulated(
         "Structure: are the true terms found?",
-        _lead(full_aircraft()),
+        lead,
         (claim,),
-        (
-            Section(
-                "How often",
-                (Table("Found exactly", ("coefficient", *(NAMES[k] for k in CRITERIA)), exact), Prose(WORDS)),
-            ),
-            Section(
-                "What there is to find", (Table(about, ("coefficient", "always", "occasionally"), truths),)
-            ),
-        ),
-        HEAD,
-        tuple(_rows(tallies, count)),
+        (Section("How often", (found, Prose(WORDS))), Section("What there is to find", (listed,))),
+        list(records.values()),
     )
 
 
-def _candidates(vehicle: Vehicle) -> dict[str, int]:
-    return {c: len(group) - 1 for c, group in vehicle.terms.items()}  # less the constant
-
-
-def _lead(vehicle: Vehicle) -> str:
-    sensors = vehicle.file.sensors
-    noise = ", ".join(f"{c} {getattr(sensors, c).sigma:g}" for c in vehicle.outputs)
-    amplitudes = ", ".join(f"{c} {a:g}" for c, a in AMPLITUDES.items())
-    return LEAD.format(
-        some=sum(map(len, OCCASIONAL.values())), chance=CHANCE, spread=SPREAD, flights=FLIGHTS, duration=DURATION,
-        rate=RATE, amplitudes=amplitudes, noise=f"{noise} (m/s, rad, rad/s, m/s²)", low=BAND.low, high=BAND.high,
-        candidates=_candidates(vehicle)["CL"],
-    )  # fmt: skip
+def tally(
+    results: Sequence[Mapping[str, Any]], criterion: str, coefficients: Sequence[str]
+) -> dict[str, int]:
+    """Count the aircraft of which exactly the true terms were found, and those with a term too few or too many."""
+    true, found = (
+        [{(c, t) for c in coefficients for t in terms[c]} for terms in by]
+        for by in ([r["truth"] for r in results], [r["found"][criterion] for r in results])
+    )
+    pairs = list(zip(true, found, strict=True))
+    return {
+        "exact": sum(t == f for t, f in pairs),
+        "missing_a_true_term": sum(bool(t - f) for t, f in pairs),
+        "with_a_false_term": sum(bool(f - t) for t, f in pairs),
+    }
 
 
 def _listed(terms: Mapping[str, float]) -> str:
     return ", ".join(f"{t} {v:g}".replace("-", "−") for t, v in terms.items()) or "–"
 
 
-def _rows(tallies: Mapping[str, Mapping[str, Tally]], count: int) -> Iterator[tuple[Cell, ...]]:
-    candidates = _candidates(full_aircraft())
-    candidates["all"] = sum(candidates.values())
-    for k, own in tallies.items():
-        for c, t in own.items():
-            yield k, c, candidates[c], count, t.exact, t.missing, t.false
-
-
-EXPERIMENT: Final = Verification(
-    "structure", show, runs=200, work="stoop_studies.verify.structure:determine_terms", cases=(CASE,)
-)
+EXPERIMENT: Final = Verification("structure", show, runs=200, work="determine_terms", cases=(CASE,))

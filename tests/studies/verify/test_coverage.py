@@ -10,7 +10,6 @@ import pytest
 from stoop.parallel.canonical import to_text
 from stoop_studies.findings import Setting
 from stoop_studies.verify.coverage import CASES, EXPERIMENT, cover
-from stoop_studies.verify.experiment import run_key
 from stoop_studies.verify.scenes import (
     AR_COEFFICIENT,
     BIASES,
@@ -23,6 +22,7 @@ from stoop_studies.verify.scenes import (
     white,
     wrong_start,
 )
+from stoop_studies.verify.study import run_key
 
 SETTING = Setting(runs=400)
 

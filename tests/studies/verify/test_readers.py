@@ -19,11 +19,9 @@ from stoop.errors import LogError
 from stoop.logs import guard
 from stoop.logs.recording import Recording, Stream
 from stoop_studies.findings import Setting
-from stoop_studies.verify.readers import child, trial
-from stoop_studies.verify.readers.damage import DAMAGES, FORMS
-from stoop_studies.verify.readers.experiment import count_outcomes, show
-from stoop_studies.verify.readers.samples import SAMPLES, samples
-from stoop_studies.verify.readers.trial import (
+from stoop_studies.verify import readers
+from stoop_studies.verify.damaged_logs import DAMAGES, FORMS
+from stoop_studies.verify.readers import (
     BAD,
     CONTAINED,
     FLIGHT,
@@ -32,16 +30,19 @@ from stoop_studies.verify.readers.trial import (
     Case,
     Series,
     Verdict,
+    count_outcomes,
     make_case,
+    show,
 )
+from stoop_studies.verify.sample_logs import SAMPLES, samples
 
 SMOKE = 107  #: cases of each of fourteen readers: 1498
 
 
 @pytest.mark.parametrize("reader", SAMPLES)
 def test_damage_is_told(reader: str) -> None:
-    child.prepare(reader, "")
-    tried = list(child.try_all(Series(reader, 77), SMOKE))
+    readers.prepare(reader, "")
+    tried = list(readers.try_all(Series(reader, 77), SMOKE))
     assert [t.number for t in tried] == list(range(SMOKE))
     assert [t for t in tried if t.outcome in BAD] == []
     assert {"refused", "listed"} & {t.outcome for t in tried}
@@ -50,14 +51,14 @@ def test_damage_is_told(reader: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("reader", SAMPLES)
 def test_much_damage_is_told(reader: str) -> None:
-    child.prepare(reader, "")
-    assert [t for t in child.try_all(Series(reader, 78), 1500) if t.outcome in BAD] == []
+    readers.prepare(reader, "")
+    assert [t for t in readers.try_all(Series(reader, 78), 1500) if t.outcome in BAD] == []
 
 
-@pytest.mark.parametrize("reader", trial.GUARDED)
+@pytest.mark.parametrize("reader", readers.GUARDED)
 def test_others_code_in_a_process_of_its_own(reader: str) -> None:
-    child.prepare(reader, "")
-    tried = list(child.try_all(Series(reader, 3, guarded=True), 2))
+    readers.prepare(reader, "")
+    tried = list(readers.try_all(Series(reader, 3, guarded=True), 2))
     assert [t.way for t in tried] == [GUARD, GUARD]
     assert not {t.outcome for t in tried} & set(BAD)
 
@@ -67,8 +68,8 @@ def test_sound_logs_are_read(reader: str, tmp_path: Path) -> None:
     for k, sample in enumerate(samples(reader)):
         folder = tmp_path / str(k)
         folder.mkdir()
-        with trial.in_this_process():
-            told = trial.ask(*sample.write(folder), READ)
+        with readers.in_this_process():
+            told = readers.ask(*sample.write(folder), READ)
         assert told.numbers
         assert set(sample.targets) <= set(sample.files)
 
@@ -95,9 +96,9 @@ def test_a_number_makes_a_case_and_another_another() -> None:
     assert {c.way for c in cases} == {READ, FLIGHT}
 
 
-def _outcomes(monkeypatch: pytest.MonkeyPatch, bad: Any, reader: str = "csv") -> list[child.Tried]:
+def _outcomes(monkeypatch: pytest.MonkeyPatch, bad: Any, reader: str = "csv") -> list[readers.Tried]:
     """Try four cases, of which one, the second, ends badly."""
-    real = trial.try_case
+    real = readers.try_case
     worst = make_case(Series(reader, 5), 1).broken
 
     def one(case: Case, folder: Path) -> Verdict:
@@ -105,9 +106,9 @@ def _outcomes(monkeypatch: pytest.MonkeyPatch, bad: Any, reader: str = "csv") ->
             bad()
         return real(case, folder)
 
-    monkeypatch.setattr(child, "try_case", one)
-    child.prepare(reader, "")
-    return list(child.try_all(Series(reader, 5), 4))
+    monkeypatch.setattr(readers, "try_case", one)
+    readers.prepare(reader, "")
+    return list(readers.try_all(Series(reader, 5), 4))
 
 
 def _loop() -> None:
@@ -122,17 +123,17 @@ def test_a_crash_is_seen_and_the_others_are_tried(monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_hang_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(child, "SECONDS", 0)
+    monkeypatch.setattr(readers, "SECONDS", 0)
     assert [t.outcome for t in _outcomes(monkeypatch, _loop)][1] == "hang"
 
 
 def test_silence_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(child, "WALL", 0.5)
+    monkeypatch.setattr(readers, "WALL", 0.5)
     assert [t.outcome for t in _outcomes(monkeypatch, lambda: os.read(os.pipe()[0], 1))][1] == "hang"
 
 
 def test_hunger_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(child, "SWELL", 2**25)
+    monkeypatch.setattr(readers, "SWELL", 2**25)
     eat = _outcomes(monkeypatch, lambda: np.ones(2**23))
     assert [t.outcome for t in eat][1] == "memory"
 
@@ -152,8 +153,8 @@ def test_what_is_no_error_of_ours_is_a_fault(
     def ask(*_: object) -> None:
         raise raised
 
-    monkeypatch.setattr(trial, "ask", ask)
-    assert trial.try_case(make_case(Series("csv", 1), 0), tmp_path).outcome in BAD
+    monkeypatch.setattr(readers, "ask", ask)
+    assert readers.try_case(make_case(Series("csv", 1), 0), tmp_path).outcome in BAD
 
 
 @pytest.mark.parametrize(
@@ -169,10 +170,10 @@ def test_what_is_no_error_of_ours_is_a_fault(
 def test_a_recording_that_breaks_its_promises_is_a_fault(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, streams: dict[str, Stream]
 ) -> None:
-    monkeypatch.setattr(trial.logs, "read", lambda path, _: Recording(path, "table", streams))
+    monkeypatch.setattr(readers.logs, "read", lambda path, _: Recording(path, "table", streams))
     cases = (make_case(Series("csv", 1), n) for n in range(99))
     case = next(c for c in cases if c.way == READ)
-    assert trial.try_case(case, tmp_path).outcome == "fault"
+    assert readers.try_case(case, tmp_path).outcome == "fault"
 
 
 def test_an_impatient_guard_leaves_its_child_less_time(
@@ -180,15 +181,15 @@ def test_an_impatient_guard_leaves_its_child_less_time(
 ) -> None:
     seconds = []
 
-    def launch(reader: str, path: Path, folder: Path, limits: guard.Limits) -> None:
+    def run_child(known: str, path: Path, folder: Path, limits: guard.Limits) -> None:
         seconds.append(json.loads((folder / guard.TASK).read_text())["limits"]["seconds"])
         raise LogError("enough")
 
-    monkeypatch.setattr(guard, "launch", launch)
-    with trial.impatient(2), pytest.raises(LogError, match="enough"):
-        guard.guarded("stoop.logs.matlab:load", tmp_path)
+    monkeypatch.setattr(guard, "run_child", run_child)
+    with readers.impatient(2), pytest.raises(LogError, match="enough"):
+        guard.read_in_child("matlab", tmp_path)
     assert seconds == [2]
-    assert guard.launch is launch
+    assert guard.run_child is run_child
 
 
 def test_counts_are_those_of_the_cases() -> None:

@@ -13,8 +13,8 @@ from stoop.cli.main import main
 from stoop.errors import StoopError
 from stoop.parallel import Plan
 from stoop_studies.findings import Experiment, Findings, Results, Setting, holds
-from stoop_studies.verify import suite
-from stoop_studies.verify.suite import EXPERIMENTS, Entry
+from stoop_studies.verify import study
+from stoop_studies.verify.study import EXPERIMENTS
 
 
 @dataclass(frozen=True)
@@ -39,13 +39,13 @@ def entries(monkeypatch: pytest.MonkeyPatch) -> None:
     module = ModuleType("quick_experiments")
     module.__dict__["EXPERIMENT"] = Quick()
     monkeypatch.setitem(sys.modules, "quick_experiments", module)
-    found = {"quick": Entry("quick_experiments", "x"), "lame": Entry("lame_experiments", "y")}
-    monkeypatch.setattr(suite, "EXPERIMENTS", found)
+    found = {"quick": ("quick_experiments", "x"), "lame": ("lame_experiments", "y")}
+    monkeypatch.setattr(study, "EXPERIMENTS", found)
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_every_experiment_is_found_and_named_alike(name: str) -> None:
-    experiment: Experiment = suite.load_experiment(name)
+    experiment: Experiment = study.load_experiment(name)
     assert experiment.name == name
     assert experiment.runs >= 1
 
@@ -81,9 +81,9 @@ def test_files_of_others_stay(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 
 @pytest.mark.usefixtures("entries")
 def test_a_bug_inside_is_not_a_missing_package(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(suite, "EXPERIMENTS", {"odd": Entry("stoop.no_such", "z")})
+    monkeypatch.setattr(study, "EXPERIMENTS", {"odd": ("stoop.no_such", "z")})
     with pytest.raises(ModuleNotFoundError):
-        suite.load_experiment("odd")
-    monkeypatch.setattr(suite, "EXPERIMENTS", {"lame": Entry("elsewhere_experiments.inner", "z")})
+        study.load_experiment("odd")
+    monkeypatch.setattr(study, "EXPERIMENTS", {"lame": ("elsewhere_experiments.inner", "z")})
     with pytest.raises(StoopError, match="pip install elsewhere_experiments"):
-        suite.load_experiment("lame")
+        study.load_experiment("lame")

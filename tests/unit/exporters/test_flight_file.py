@@ -16,7 +16,7 @@ from stoop.cli.main import main
 from stoop.errors import OutputError
 from stoop.exporters.flight_file import ENDINGS, TABLES, WRITERS, save_flight_as
 from stoop.flight import Flight, from_columns, load
-from stoop.logs.table import beside
+from stoop.logs.csv_tables import mapping_beside
 from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.vehicle.builtin import BUILT_IN, resolve_vehicle
 
@@ -84,10 +84,10 @@ def tolerance(variable: str, ending: str) -> float:
 def test_a_mapping_only_where_one_is_needed(ending: str, needed: bool, tmp_path: Path) -> None:
     """PX4 has a topic for all that a quadrotor records; that of an earlier flight must not stay beside it."""
     target = tmp_path / f"flight{ending}"
-    beside(target).write_text('extends = "px4"\n', encoding="utf-8")
+    mapping_beside(target).write_text('extends = "px4"\n', encoding="utf-8")
     told = save_flight_as(flown("quad-x"), target)
     assert (told is not None) == needed
-    assert beside(target).exists() == needed
+    assert mapping_beside(target).exists() == needed
 
 
 def test_pyulog_reads_it(tmp_path: Path) -> None:

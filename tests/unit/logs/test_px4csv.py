@@ -10,7 +10,7 @@ import pytest
 
 from stoop.errors import LogError
 from stoop.logs import read
-from stoop.logs.px4csv import topic_files
+from stoop.logs.csv_tables import topic_files
 
 BODY = "timestamp,q[0]\n1000000,1.0\n1100000,0.5\n"
 

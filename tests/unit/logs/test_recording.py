@@ -41,7 +41,7 @@ def test_keeps_a_longest_increasing_run(time: list[float]) -> None:
 @given(stamps)
 def test_a_huge_log_is_sorted_out_without_memory(time: list[float]) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(recording, "MOST_SORTED", 0)
+        patch.setattr(recording, "MAX_SORTED", 0)
         values = np.array(time)[increasing(np.array(time))]
     assert np.all(np.diff(values) > 0.0)
     assert values.size == 0 or values.max() == max(t for t in time if np.isfinite(t))

@@ -17,8 +17,9 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 from stoop.errors import LogError
-from stoop.logs import read, rosbag
-from stoop.logs.ros_layout import UnreadableError, Walker, plan
+from stoop.logs import read
+from stoop.logs.guard import parse
+from stoop.logs.rosbag import Decoder, UnreadableError, message_parts
 
 N = 30
 START = 1_700_000_000 * 10**9
@@ -108,9 +109,9 @@ def test_what_was_written_is_read(bags: dict[str, Path], name: str) -> None:
 
 def test_single_files_and_topics(bags: dict[str, Path]) -> None:
     (file,) = bags["mcap"].glob("*.mcap")
-    assert set(rosbag.load(file, frozenset({"/rpm"})).streams) == {"/rpm"}
+    assert set(parse("rosbag", file, frozenset({"/rpm"})).streams) == {"/rpm"}
     (file,) = bags["db3"].glob("*.db3")
-    assert set(rosbag.load(file).streams) == {"/imu", "/camera", "/rpm"}
+    assert set(parse("rosbag", file).streams) == {"/imu", "/camera", "/rpm"}
 
 
 def test_definitions_are_not_believed() -> None:
@@ -121,12 +122,12 @@ def test_definitions_are_not_believed() -> None:
     }
     for definitions in (endless, many, {}):
         with pytest.raises(UnreadableError):
-            plan("a/msg/A", definitions)
+            message_parts("a/msg/A", definitions)
     listed = {"a/msg/A": ([], [("a", (4, ((2, "a/msg/B"), 0)))]), "a/msg/B": ([], [])}
-    walker = Walker(plan("a/msg/A", listed), aligned=False)
-    assert walker.numbers(b"\x05\0\0\0" + bytes(10)) == {}
+    decoder = Decoder(message_parts("a/msg/A", listed), aligned=False)
+    assert decoder.numbers(b"\x05\0\0\0" + bytes(10)) == {}
     with pytest.raises(UnreadableError, match="shorter"):
-        walker.numbers(b"\xff\xff\xff\xff" + bytes(10))
+        decoder.numbers(b"\xff\xff\xff\xff" + bytes(10))
 
 
 @any_file
@@ -145,7 +146,7 @@ def test_any_damage(
     path = tmp_path / file.name
     path.write_bytes(content[: end % (2 * len(content))])
     with contextlib.suppress(LogError):
-        rosbag.load(path)
+        parse("rosbag", path)
 
 
 def test_damage_in_a_data_base_stays_in_the_child(bags: dict[str, Path], tmp_path: Path) -> None:
@@ -156,4 +157,4 @@ def test_damage_in_a_data_base_stays_in_the_child(bags: dict[str, Path], tmp_pat
         path = tmp_path / "d.db3"
         path.write_bytes(content)
         with contextlib.suppress(LogError):
-            rosbag.read_rosbag(path)
+            read(path)

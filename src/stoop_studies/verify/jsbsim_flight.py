@@ -51,17 +51,7 @@ READ: Final = {
 
 @dataclass(frozen=True)
 class Subject:
-    """What is identified.
-
-    Attributes
-    ----------
-    model : str
-        Name in keys and tables; of a stock aircraft its folder in JSBSim's data.
-    title : str
-        On the page.
-    words : str
-        What is to be minded, for the page.
-    """
+    """What is identified: its name in keys and tables (a stock aircraft's folder in JSBSim), and words for the page."""
 
     model: str
     title: str
@@ -165,15 +155,7 @@ attack: products are among the terms.""",
 
 @dataclass(frozen=True)
 class State:
-    """A state of flight over a point of the equator, heading north.
-
-    Attributes
-    ----------
-    V : m/s
-    alpha, beta, phi, theta : rad
-    p, q, r : rad/s
-    altitude : m
-    """
+    """A state of flight over a point of the equator, heading north; m, m/s, rad, rad/s."""
 
     V: float
     altitude: float
@@ -184,12 +166,6 @@ class State:
     p: float = 0.0
     q: float = 0.0
     r: float = 0.0
-
-    @property
-    def velocity(self) -> tuple[float, float, float]:
-        """Body-axes velocity u, v, w, m/s."""
-        plane = self.V * np.cos(self.beta)
-        return plane * np.cos(self.alpha), self.V * np.sin(self.beta), plane * np.sin(self.alpha)
 
 
 @dataclass(frozen=True)
@@ -202,16 +178,7 @@ class Trim:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A flight without noise.
-
-    Attributes
-    ----------
-    time : (n,), s
-    columns : mapping
-        Channel -> (n,), SI.
-    gravity : float, m/s2
-        JSBSim's at the start, where it is needed.
-    """
+    """A flight without noise: time (n,), columns (n,) by channel, SI, and JSBSim's gravity at the start where needed."""
 
     time: FloatArray
     columns: Mapping[str, FloatArray]
@@ -275,11 +242,11 @@ class Aircraft(Executive):
 
     def put(self, state: State, deflections: Mapping[str, float]) -> None:
         """Put the aircraft into a state and evaluate its forces there until they rest; no time passes."""
-        u, v, w = state.velocity
+        plane = state.V * np.cos(state.beta)
+        u, v, w = plane * np.cos(state.alpha), state.V * np.sin(state.beta), plane * np.sin(state.alpha)
         commands = {**self.fixed, **self.surfaces(deflections)}
-        angles = {"phi": state.phi, "theta": state.theta, "psi-true": 0.0}
         self.set({"ic/lat-gc-deg": 0.0, "ic/long-gc-deg": 0.0, "ic/h-sl-ft": state.altitude / FOOT})
-        self.set({f"ic/{name}-rad": value for name, value in angles.items()})
+        self.set({"ic/phi-rad": state.phi, "ic/theta-rad": state.theta, "ic/psi-true-rad": 0.0})
         self.set({"ic/u-fps": u / FOOT, "ic/v-fps": v / FOOT, "ic/w-fps": w / FOOT})
         self.set({"ic/p-rad_sec": state.p, "ic/q-rad_sec": state.q, "ic/r-rad_sec": state.r})
         self.set(commands)
@@ -336,22 +303,23 @@ def trimmed(aircraft: Aircraft) -> Trim:
     return point(found.x)
 
 
-def maneuver(stock: Stock) -> Maneuver:
-    """Return the changes of the sticks: orthogonal multisines on all three."""
-    common = {"shape": "multisine", "start": 1.0, "duration": DURATION - 2.0, "band": stock.band, "stride": 3}
+def fly(aircraft: Aircraft, trim: Trim) -> Recording:
+    """Fly orthogonal multisines on all controls from trim, and read the instruments at 100 Hz.
+
+    Between the samples the deflections change linearly, as an identification takes them to do.
+    """
+    common = {
+        "shape": "multisine",
+        "start": 1.0,
+        "duration": DURATION - 2.0,
+        "band": aircraft.stock.band,
+        "stride": 3,
+    }
     inputs = [
         {**common, "control": c, "amplitude": a, "first": i + 5}
-        for i, (c, a) in enumerate(stock.amplitude.items())
+        for i, (c, a) in enumerate(aircraft.stock.amplitude.items())
     ]
-    return Maneuver.model_validate({"duration": DURATION, "rate": float(RATE), "input": inputs})
-
-
-def fly(aircraft: Aircraft, trim: Trim) -> Recording:
-    """Fly the maneuver from trim, and read the instruments at 100 Hz.
-
-    Between the samples the deflections change on straight lines, as the record is taken to say.
-    """
-    planned = maneuver(aircraft.stock)
+    planned = Maneuver.model_validate({"duration": DURATION, "rate": float(RATE), "input": inputs})
     time, changes = planned.time, planned.deflections()
     deflections = np.column_stack([trim.deflections[c] + changes.get(c, 0.0 * time) for c in SURFACES])
     names = [*(p for p, _ in READ.values()), *(aircraft.stock.surfaces[c] for c in SURFACES)]

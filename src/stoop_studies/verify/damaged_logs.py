@@ -1,7 +1,7 @@
-"""Ways to damage a log where it hurts: in the pieces that it is built of, and in what is packed inside.
+"""Random damage to the pieces of a log (messages, lines, records) and to compressed content.
 
-A form cuts bytes into pieces (messages, lines, records), opens what is packed, and closes it again with sizes and checksums
-that fit: what is wrong inside is then met by the reader, and not by the checksum before it.
+Compressed content is damaged unpacked, and packed again with sizes and checksums that fit, so that the reader meets the
+damage and not the checksum before it.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import struct
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from random import Random
@@ -34,16 +35,10 @@ TWICE_SHARE: Final = 0.25  #: of cases in which a second damage follows
 
 @dataclass(frozen=True)
 class Form:
-    """A way to build a log.
+    """How a log is built.
 
-    Attributes
-    ----------
-    spans : callable
-        Bytes to the pieces in them.
-    head : int
-        Bytes by which the file is known for what it is.
-    open, close : callable
-        Bytes to what is packed in them, and back.
+    ``spans`` gives the pieces in its bytes, ``head`` the number of bytes that identify the format; ``open`` unpacks
+    what is compressed, and ``close`` packs it again.
     """
 
     spans: Callable[[bytes], list[Span]]
@@ -62,13 +57,9 @@ def _between(marks: list[int], end: int) -> list[Span]:
     return list(pairwise(marks if marks and marks[-1] == end else [*marks, end]))
 
 
-def pieces(size: int) -> Callable[[bytes], list[Span]]:
-    """Return a form's pieces of one size."""
-    return lambda data: equal(data, 0, len(data), size)
-
-
-def equal(data: bytes, begin: int, end: int, size: int) -> list[Span]:
+def equal(data: bytes, size: int = 8, begin: int = 0, end: int | None = None) -> list[Span]:
     """Return pieces of one size in a stretch."""
+    end = len(data) if end is None else end
     return [(at, min(at + size, end)) for at in range(begin, end, size)]
 
 
@@ -95,7 +86,7 @@ def crazyflie_events(data: bytes) -> list[Span]:
         end = data.find(b"\0", at) + 1
         texts.append((at, end))
         at = end
-    return [*texts, *equal(data, at, len(data), 8)]
+    return [*texts, *equal(data, begin=at)]
 
 
 def hdf5_blocks(data: bytes) -> list[Span]:
@@ -109,12 +100,7 @@ def parquet_parts(data: bytes) -> list[Span]:
     """Return the footer, which describes all else, in pieces of eight bytes, and the pages before it as a few."""
     size = int.from_bytes(data[-8:-4], "little") if len(data) > 12 else 0
     begin = max(4, len(data) - 8 - size)
-    return [*equal(data, 0, min(begin, len(data)), 64), *equal(data, begin, len(data), 8)]
-
-
-def _gzip(data: bytes) -> bytes:
-    packer = zlib.compressobj(1, wbits=31)
-    return packer.compress(data) + packer.flush()
+    return [*equal(data, 64, end=min(begin, len(data))), *equal(data, begin=begin)]
 
 
 def _open_matlab(data: bytes) -> bytes:
@@ -134,41 +120,39 @@ def _close_matlab(data: bytes) -> bytes:
     return data[:MAT_HEAD] + struct.pack("<II", 15, len(body)) + body
 
 
-def _close_crazyflie(data: bytes) -> bytes:
-    """Give a Crazyflie's log its checksum anew."""
-    return data[:-4] + struct.pack("<I", zlib.crc32(data[:-4])) if len(data) > 4 else data
-
-
 FORMS: Final[Mapping[str, Form]] = {
     "ulog": Form(ulog_messages, 7),
     "dataflash": Form(dataflash_messages, 3),
     "lines": Form(lines, 4),
-    "gzip": Form(lines, 3, lambda data: zlib.decompress(data, wbits=31), _gzip),
-    "crazyflie": Form(crazyflie_events, 3, bytes, _close_crazyflie),
-    "matlab": Form(pieces(8), MAT_HEAD, _open_matlab, _close_matlab),
+    "gzip": Form(lines, 3, partial(zlib.decompress, wbits=31), partial(zlib.compress, level=1, wbits=31)),
+    "crazyflie": Form(
+        crazyflie_events,
+        3,
+        close=lambda data: data[:-4] + struct.pack("<I", zlib.crc32(data[:-4])) if len(data) > 4 else data,
+    ),
+    "matlab": Form(equal, MAT_HEAD, _open_matlab, _close_matlab),
     "hdf5": Form(hdf5_blocks, 8),
     "parquet": Form(parquet_parts, 4),
-    "words": Form(pieces(8), 13),
-    "pages": Form(pieces(PAGE), 16),
+    "words": Form(equal, 13),
+    "pages": Form(partial(equal, size=PAGE), 16),
 }
 
 
 @dataclass(frozen=True)
 class Sample:
-    """A sound log, small.
+    """A small undamaged log.
 
     Attributes
     ----------
-    files : mapping of str to bytes
-        Content by name.
+    files : mapping of name to content
     form : str
         Key of `FORMS`: how the files that are damaged are built.
     entry : str
-        What is read: one of the files, or nothing for their folder.
+        The file that is read; empty for their folder.
     targets : tuple of str
         Files that are damaged.
     mapping : str
-        File that says which column is which variable; empty where a ready mapping serves, or none is needed.
+        The mapping file; empty where a built-in mapping serves, or none is needed.
     """
 
     files: Mapping[str, bytes]
@@ -190,24 +174,13 @@ def single(name: str, content: bytes, form: str, mapping: bytes = b"") -> Sample
     return Sample({name: content, **beside}, form, name, (name,), "mapping.toml" if mapping else "")
 
 
-def folder_of(files: Mapping[str, bytes], form: str) -> Sample:
-    """Return a log that is a folder, all of whose files are damaged."""
-    return Sample(files, form, targets=tuple(sorted(files)))
-
-
+@dataclass(frozen=True)
 class Damager:
-    """Ways to damage a log. All draw from one generator: the same seed, the same damage.
+    """Ways to damage a log of a form, perhaps with pieces of another log; the same seed gives the same damage."""
 
-    Parameters
-    ----------
-    rng : Random
-    other : bytes
-        Another log of the same form.
-    form : Form
-    """
-
-    def __init__(self, rng: Random, other: bytes, form: Form) -> None:
-        self.rng, self.other, self.form = rng, other, form
+    rng: Random
+    other: bytes
+    form: Form
 
     def place(self, data: bytes) -> int:
         """Draw a place."""
@@ -315,53 +288,35 @@ class Damager:
         return data
 
 
-@dataclass(frozen=True)
-class Damage:
-    """A way to damage a log, and what the page says of it."""
-
-    apply: Callable[[Damager, bytes], bytes]
-    words: str
-
-
-DAMAGES: Final[Mapping[str, Damage]] = {
-    "cut": Damage(
-        Damager.cut, "the end is cut off, anywhere or where a message ends; sometimes the beginning"
+DAMAGES: Final[Mapping[str, tuple[Callable[[Damager, bytes], bytes], str]]] = {
+    "cut": (Damager.cut, "the end is cut off, anywhere or where a message ends; sometimes the beginning"),
+    "flip": (Damager.flip, "1 to 40 bits are turned"),
+    "overwrite": (Damager.overwrite, "random bytes, zeros or ones over a stretch"),
+    "blow up": (Damager.blow_up, "extreme numbers of 1 to 8 bytes, also where sizes and counts stand"),
+    "resize": (
+        Damager.resize,
+        "the first bytes of a message, record or line change a little: its size, kind or name",
     ),
-    "flip": Damage(Damager.flip, "1 to 40 bits are turned"),
-    "overwrite": Damage(Damager.overwrite, "random bytes, zeros or ones over a stretch"),
-    "blow up": Damage(Damager.blow_up, "extreme numbers of 1 to 8 bytes, also where sizes and counts stand"),
-    "resize": Damage(
-        Damager.resize, "the first bytes of a message, record or line change a little: its size, kind or name"
-    ),
-    "erase": Damage(Damager.erase, "a stretch is taken out, or whole messages"),
-    "repeat": Damage(Damager.repeat, "messages are written again, up to a thousand times"),
-    "swap": Damage(Damager.swap, "two messages change places"),
-    "splice": Damage(Damager.splice, "one log begins, and another goes on"),
-    "shuffle": Damage(Damager.shuffle, "messages follow each other in another order"),
-    "head": Damage(Damager.head, "the first bytes are damaged"),
-    "garbage": Damage(Damager.garbage, "random bytes follow what the file is known by"),
-    "words": Damage(Damager.words, "odd numbers and words where a text has numbers or names"),
-}
+    "erase": (Damager.erase, "a stretch is taken out, or whole messages"),
+    "repeat": (Damager.repeat, "messages are written again, up to a thousand times"),
+    "swap": (Damager.swap, "two messages change places"),
+    "splice": (Damager.splice, "one log begins, and another goes on"),
+    "shuffle": (Damager.shuffle, "messages follow each other in another order"),
+    "head": (Damager.head, "the first bytes are damaged"),
+    "garbage": (Damager.garbage, "random bytes follow what the file is known by"),
+    "words": (Damager.words, "odd numbers and words where a text has numbers or names"),
+}  #: name -> method, and what the page says of it
 
 
 def damaged(rng: Random, data: bytes, other: bytes, kind: str) -> tuple[str, bytes]:
-    """Return what was done first, and a damaged log.
-
-    Parameters
-    ----------
-    rng : Random
-    data, other : bytes
-        A log, and another one of the same form.
-    kind : str
-        Key of `FORMS`.
-    """
+    """Return the name of the first damage and a damaged log; ``other`` is another log of the same ``kind`` of `FORMS`."""
     form = FORMS[kind]
     inside = rng.random() < INSIDE_SHARE
     pair = (form.open(data), form.open(other)) if inside else (data, other)
     damager = Damager(rng, pair[1], form)
     name = rng.choice(tuple(DAMAGES))
-    out = DAMAGES[name].apply(damager, pair[0])
+    out = DAMAGES[name][0](damager, pair[0])
     if rng.random() < TWICE_SHARE:
-        out = DAMAGES[rng.choice(tuple(DAMAGES))].apply(damager, out)
+        out = DAMAGES[rng.choice(tuple(DAMAGES))][0](damager, out)
     out = out[: max(MAX_BYTES, len(data))]
     return name, form.close(out) if inside else out

@@ -1,0 +1,411 @@
+"""A real hexacopter: its forces in hover and climbs predict its sprints, beside what its owners found.
+
+The authors' coefficients, residuals and formulas are those of https://github.com/altlnt/id_mod_helice (MIT): blade-element
+and momentum theory of axial flight for the thrust, a force in the plane of the disc, drag of the body. Their speeds of
+rotation are taken from the pulses alone, at 16.8 V, at once.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray
+from stoop.base.rotations import quaternions_of, to_body
+from stoop.base.units import FACTORS
+from stoop.base.variables import EULER, SPECIFIC_FORCE, VELOCITY
+from stoop.errors import StoopError
+from stoop.estimate import methods
+from stoop.estimate.fit import Fit, Options
+from stoop.estimate.forces import (
+    CUTOFF,
+    ForceCurves,
+    ForceResiduals,
+    ReferenceModels,
+    force_curves,
+    low_passed,
+)
+from stoop.estimate.predict import identified_vehicle, mean_biases
+from stoop.flight import Flight, load
+from stoop.problem.windows import Window
+from stoop.report.plots import Series, plot
+from stoop.report.sheet import Figure, Prose, Section
+from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.atmosphere import SEA_LEVEL_DENSITY
+from stoop_studies.findings import Claim, Findings, Setting, holds
+from stoop_studies.verify.study import (
+    Columns,
+    Samples,
+    Verification,
+    page_table,
+    published_files,
+    vehicle_text,
+)
+
+FOLDER: Final = "altlnt-hexacopter-px4"
+MAPPING: Final = ("stoop_studies.problems", "hexacopter_mapping.toml")  #: package and file
+Span = tuple[float, float]  #: start and stop, s
+LEARNED: Final = (140.0, 214.0)  #: s: hover, two climbs of 6 m/s, slow descents
+SPRINTS: Final = (214.0, 260.0)  #: s: forth and back at 10 m/s
+WHOLE: Final = (140.0, 281.0)  #: s, all that was in the air
+METHOD: Final = "equation-error"
+MASS: Final = 1.895  #: kg
+RADIUS: Final = 0.11  #: m
+AREA: Final = math.pi * RADIUS**2
+DENSITY: Final = 1.204  #: kg/m3
+FULL: Final = 16.8 * 800.0 * FACTORS["rpm"]  #: rad/s at 1950 us
+IDLE, RANGE = 1075.0, 875.0  #: us
+ROTORS: Final = 6
+
+
+TIP: Final = FULL * RADIUS  #: m/s at full pulse
+AXES: Final = SPECIFIC_FORCE
+SHARE: Final = 0.6  #: of what a constant or static thrust leaves, that the model may leave
+CLIMB: Final = 4.0  #: m/s
+DRAWN_EVERY: Final = 5  #: samples of a curve
+BLADE_NAMES: Final = ("ct1", "ct2", "ch1", "ch2", "di", "dj", "dk")
+RESIDUALS: Final = (
+    "fitted", "window", "axis", "model", "constant", "static_thrust", "authors_here", "authors_published",
+)  # fmt: skip
+COEFFICIENTS: Final[Columns] = {
+    "quantity": ("quantity", str),
+    "unit": ("unit", str),
+    "value": ("hover and climbs", ".4g"),
+    "std_error": ("std error", ".4g"),
+    "of_whole_flight": ("whole flight", ".4g"),
+    "authors": ("authors", ".4g"),
+}
+LEAD: Final = f"""\
+A hexacopter of 1.9 kg hovers, climbs twice at 6 m/s and descends slowly for 74 s; then it sprints forth and back at 10 m/s \
+for 46 s. The model is fitted to the first part and predicts the second. Compared is the specific force below {CUTOFF:g} Hz, \
+measured motion in: above, the rotors shake the accelerometers by more than all maneuvers do."""
+WORDS: Final = """\
+Residuals are rms, m/s2. A constant is the mean of the fitted part; static thrust is a constant and a factor of the sum of \
+the squared commands, with the battery's voltage and the motors' lag as in the model. The authors' model is evaluated here on \
+the same samples, with their coefficients, and constants learned from the same part as ours; their published residuals are \
+those of their fit itself, over this flight and another, of the acceleration that they took from the velocity."""
+COEFFICIENT_WORDS: Final = """\
+Their thrust is rho A U (ct1 U - ct2 (climb + induced)), U the tip speed; ours is the same with T2 = rho A ct1 U1^2 and \
+inflow = rho A ct2 U1, U1 = 154.8 m/s the tip speed at full pulse. Their U takes 16.8 V always, ours the voltage (15.4 V on \
+average), and their induced velocity is that of axial flight, ours also that of forward flight; and they give to the drag dk \
+of the body what we give to the flow through the discs. So single coefficients differ where what the vehicle feels is alike: \
+the last rows but one. ch2 is held by us: 1.5 ct1 from blade elements without twist, with their sign. We have no drag of the \
+body. The lift lost is that of a climb of 4 m/s."""
+
+
+@dataclass(frozen=True)
+class Blades:
+    """The authors' coefficients of one rotor and of the body; what is not theirs is zero."""
+
+    ct1: float
+    ct2: float
+    ch1: float
+    ch2: float
+    di: float = 0.0
+    dj: float = 0.0
+    dk: float = 0.0
+
+    def inflow(self, U: FloatArray, climb: FloatArray) -> FloatArray:
+        """Return climb and induced velocity of axial flight, m/s, for a tip speed U and a climb, m/s."""
+        half = 0.5 * U * self.ct2
+        root = np.sqrt((climb - half) ** 2 + 2.0 * self.ct1 * U**2)
+        return np.asarray(climb + 0.5 * (root - climb - half))
+
+    def thrust(self, U: FloatArray, climb: FloatArray) -> FloatArray:
+        """Return the thrust of a rotor, N."""
+        return np.asarray(DENSITY * AREA * U * (self.ct1 * U - self.ct2 * self.inflow(U, climb)))
+
+    def drag(self, U: FloatArray, climb: FloatArray) -> FloatArray:
+        """Return the force in the plane of the disc, N per m/s.
+
+        Their program adds ch2 in one place and takes it off in another; only the latter gives a drag of the size of
+        what they, and we, find (0.28 per second at hover).
+        """
+        return np.asarray(DENSITY * AREA * (self.ch1 * U - self.ch2 * self.inflow(U, climb)))
+
+    def hover_speed(self) -> float:
+        """Return the tip speed at which six rotors carry the weight, m/s."""
+        from scipy.optimize import brentq
+
+        still = np.zeros(1)
+        share = MASS * 9.81 / ROTORS
+        return float(brentq(lambda U: float(self.thrust(np.array([U]), still)[0]) - share, 1.0, 300.0))
+
+    def specific_force(self, flight: Flight) -> FloatArray:
+        """Return the specific force (n, 3) on the flight's grid, m/s2; NaN in holes."""
+        ground, angles = (np.column_stack([flight.column(c) for c in names]) for names in (VELOCITY, EULER))
+        u, v, w = to_body(quaternions_of(angles), ground).T
+        tips = [(flight.column(f"pwm_{i}") - IDLE) / RANGE * FULL * RADIUS for i in range(1, ROTORS + 1)]
+        lift = np.sum([self.thrust(U, -w) for U in tips], axis=0)
+        drag = np.sum([self.drag(U, -w) for U in tips], axis=0)
+        body = DENSITY * AREA * np.sqrt(u**2 + v**2 + w**2)
+        x, y = -(drag + body * self.di) * u, -(drag + body * self.dj) * v
+        return np.column_stack([x, y, -lift - body * self.dk * w]) / MASS
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """The flight, and the coefficients and residuals that its authors published."""
+
+    flight: Flight
+    blades: Blades
+    published: Mapping[str, float]
+
+
+def vehicle(text: tuple[str, str] = ("", "")) -> Vehicle:
+    """Return the vehicle file, with a text in it replaced by another."""
+    return parse_vehicle(vehicle_text("hexacopter").replace(*text), "hexacopter.toml")
+
+
+def read_log(folder: Path | None, mapped: bool = True) -> Log:
+    """Read the log and the authors' table in a folder, or in its folder ``altlnt-hexacopter-px4``.
+
+    With ``mapped`` the mapping brings the attitude to the clock of the gyros; else the log is read as PX4 logs are.
+
+    Raises
+    ------
+    StoopError
+        A file is not there, or cannot be read.
+    """
+    log, *_ = published_files(
+        "hexacopter",
+        folder,
+        FOLDER,
+        r"log_18_.*_sensor_combined_0\.csv.*",
+        "holds no flight of the hexacopter",
+        f"name the folder of {FOLDER} by --data DIR",
+    )
+    package, file = MAPPING
+    with as_file(files(package).joinpath(file)) as mapping:
+        flight = load(log.parent, mapping if mapped else None)
+    path = log.parent / "authors_identified_acc_FFFFF.csv"
+    try:
+        with path.open(newline="", encoding="utf-8") as table:
+            row = next(csv.DictReader(table))
+        blades = Blades(**{n: float(row[n]) for n in BLADE_NAMES})
+        return Log(flight, blades, {f"a{axis}": float(row[f"score_{axis}"]) for axis in "xyz"})
+    except (OSError, StopIteration, KeyError, ValueError, UnicodeDecodeError):
+        raise StoopError(
+            f"hexacopter: {path}: the authors' table cannot be read; fetch {FOLDER} anew"
+        ) from None
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A fit of the hexacopter by equation error to one window of its log (start and stop, s)."""
+
+    log: Log
+    span: Span
+    file: Vehicle = field(default_factory=vehicle)
+
+    @cached_property
+    def fit(self) -> Fit:
+        """The fit."""
+        flight, options = self.log.flight, Options(method=METHOD)
+        windows = (self._window(self.span),)
+        fit: Fit = methods.find(METHOD).fitter()(
+            self.file, {flight.name: flight}, windows, options, None, None
+        )
+        return fit
+
+    @cached_property
+    def vehicle(self) -> Vehicle:
+        """With its estimates."""
+        return identified_vehicle(self.fit)
+
+    def _window(self, span: Span) -> Window:
+        return Window(self.log.flight.name, *span)
+
+    def error(self, name: str) -> float:
+        """Return the standard error of an estimate; zero of what was fixed."""
+        names = [p.name for p in self.fit.problem.layout.parameters]
+        if name not in names or self.fit.covariance is None:
+            return 0.0
+        i = names.index(name)
+        return float(np.sqrt(self.fit.covariance[i, i]))
+
+    def curves(self, span: Span) -> ForceCurves:
+        """Return measured and modelled specific force below 5 Hz."""
+        flight = self.log.flight
+        biases = mean_biases(self.fit, flight.name)
+        return force_curves(self.vehicle, {flight.name: flight}, self._window(span), biases)
+
+    def residuals(self, span: Span) -> Mapping[str, ForceResiduals]:
+        """Return the residuals in a window by axis: model, constant, static thrust."""
+        return ReferenceModels.of([self.curves(self.span)]).residuals(self.curves(span))
+
+    def authors_residuals(self, span: Span) -> dict[str, float]:
+        """Return those of the authors' model; a constant per axis is learned from what was fitted, as ours is."""
+        flight = self.log.flight
+        force, dt = self.log.blades.specific_force(flight), 1.0 / flight.rate
+        errors = []
+        for curves in (self.curves(self.span), self.curves(span)):
+            rows = np.nan_to_num(force[np.round((curves.time - flight.time[0]) / dt).astype(int)])
+            cuts = np.flatnonzero(np.diff(curves.time) > 1.5 * dt) + 1
+            theirs = np.concatenate([low_passed(part, dt) for part in np.split(rows, cuts)])
+            errors.append(curves.measured - theirs)
+        learned, off = errors
+        rms = np.sqrt(np.mean((off - learned.mean(axis=0)) ** 2, axis=0))
+        return dict(zip(SPECIFIC_FORCE, rms.tolist(), strict=True))
+
+
+def show(setting: Setting, samples: Samples) -> Findings:
+    """Return residuals, coefficients, and what each part of the model is worth."""
+    log = read_log(setting.data)
+    ahead, whole = Fitted(log, LEARNED), Fitted(log, WHOLE)
+    records = []
+    for fit, span in ((ahead, LEARNED), (ahead, SPRINTS), (whole, WHOLE)):
+        theirs = fit.authors_residuals(span)
+        for axis, found in fit.residuals(span).items():
+            numbers = (found.model, found.constant, found.static, theirs[axis], log.published[axis])
+            spans = (f"{start:g}:{stop:g}" for start, stop in (fit.span, span))
+            records.append(dict(zip(RESIDUALS, (*spans, axis, *numbers), strict=True)))
+    coefficients = coefficient_records(ahead, whole, log.blades)
+    lacking = [
+        {"left_out": name, **{a: found[a].model for a in AXES}}
+        for name, found in {"nothing": ahead.residuals(SPRINTS), **without(setting, log)}.items()
+    ]
+    caption = "Residuals of the specific force below 5 Hz, rms, m/s2"
+    residuals = page_table(caption, {n: (n.replace("_", " "), _cell) for n in RESIDUALS}, records)
+    caption = "Our numbers as the authors' coefficients; those without an error are held or follow"
+    beside = page_table(caption, COEFFICIENTS, coefficients)
+    caption = "Residuals of the prediction, each fitted without one part, rms, m/s2"
+    worth = page_table(caption, {"left_out": ("without", str), **{a: (a, ".3f") for a in AXES}}, lacking)
+    return Findings.tabulated(
+        "A real hexacopter: hover and climbs tell its sprints",
+        LEAD,
+        _claims([r for r in records if r["window"] != "140:214"]),
+        (
+            Section("Residuals", (residuals, *_figures(ahead), Prose(WORDS))),
+            Section("Coefficients", (beside, Prose(COEFFICIENT_WORDS))),
+            Section("What each part is worth", (worth,)),
+        ),
+        [_rounded(r) for r in records],
+        {"coefficients": coefficients, "without": [_rounded(r) for r in lacking]},
+    )
+
+
+def _cell(value: str | float) -> str:
+    return f"{value:.3f}" if isinstance(value, float) else value
+
+
+def _rounded(record: Mapping[str, Any]) -> dict[str, Any]:
+    return {k: round(v, 5) if isinstance(v, float) else v for k, v in record.items()}
+
+
+def without(setting: Setting, log: Log) -> dict[str, Mapping[str, ForceResiduals]]:
+    """Return the residuals of the prediction without one part of the model each."""
+    whole = vehicle()
+    wind = {f"sensors.{c}.bias": {"free": True, "prior": 3.0} for c in ("vn", "ve")}
+    still = {f"sensors.accelerometer_position.{c}": {"value": 0.0, "free": False} for c in "xyz"}
+    cases = {
+        "the attitude brought to the clock of the gyros": (read_log(setting.data, mapped=False), whole),
+        "induced velocity (climb alone)": (log, whole.with_numbers({"rotors.radius": {"value": 100.0}})),
+        "average of the voltage": (log, vehicle(("voltage_average = 30.0", "voltage_average = 0.1"))),
+        "calm air (the wind is estimated)": (log, whole.with_numbers(wind)),
+        "lever of the accelerometers": (log, whole.with_numbers(still)),
+        "drag with the flow through the disc": (
+            log,
+            whole.with_numbers({"rotors.drag_inflow": {"value": 0.0}}),
+        ),
+    }
+    return {name: Fitted(own, LEARNED, file).residuals(SPRINTS) for name, (own, file) in cases.items()}
+
+
+def _claims(records: Sequence[Mapping[str, Any]]) -> Iterator[Claim]:
+    """Give the claims on the residuals of the sprints and of the whole flight, three axes each."""
+    sprints = ("model", "authors_here", "authors_published")
+    ours, theirs, published = ({r["axis"]: r[name] for r in records[:3]} for name in sprints)
+    whole = {r["axis"]: r["model"] for r in records[3:]}
+    for axis in AXES:
+        yield holds(
+            f"{axis} is predicted as closely as the authors' fit follows it",
+            ours[axis] <= published[axis],
+            f"{ours[axis]:.3f} against {published[axis]:.3f} m/s2",
+        )
+    for what, name in (("a constant", "constant"), ("static thrust", "static_thrust")):
+        shares = {r["axis"]: r["model"] / r[name] for r in records[:3]}
+        yield holds(
+            f"The prediction leaves at most {SHARE:g} of what {what} leaves",
+            all(s <= SHARE for s in shares.values()),
+            ", ".join(f"{a} {s:.2f}" for a, s in shares.items()),
+        )
+    yield holds(
+        "It is closer than the authors' model with their coefficients on the same samples",
+        all(ours[a] < theirs[a] for a in AXES),
+        _pairs(ours, theirs),
+    )
+    yield holds(
+        "Fitted to the whole flight, as theirs is, the model follows it closer in all axes",
+        all(whole[a] <= published[a] for a in AXES),
+        _pairs(whole, published),
+    )
+
+
+def _pairs(ours: Mapping[str, float], theirs: Mapping[str, float]) -> str:
+    return ", ".join(f"{a} {ours[a]:.3f} against {theirs[a]:.3f}" for a in AXES)
+
+
+def coefficient_records(ahead: Fitted, whole: Fitted, theirs: Blades) -> list[dict[str, Any]]:
+    """Return coefficients, and what they come to at hover, beside the authors'."""
+    size = SEA_LEVEL_DENSITY * AREA
+    scales = {"ct1": ("T2", size * TIP**2), "ct2": ("inflow", size * TIP), "ch1": ("drag", size * TIP)}
+    blades = [
+        Blades(
+            **{n: fit.vehicle.value(f"rotors.{own}") / scale for n, (own, scale) in scales.items()},
+            ch2=-fit.vehicle.value("rotors.drag_inflow") / size,
+        )
+        for fit in (ahead, whole)
+    ]
+    rows: list[tuple[Any, ...]] = []
+    for name in BLADE_NAMES:
+        own, scale = scales.get(name, ("", 1.0))
+        first, later, known = (getattr(b, name) for b in (*blades, theirs))
+        rows.append((name, "1", first, ahead.error(f"rotors.{own}") / scale, later, known))
+    at_hover = [hovering(b) for b in (*blades, theirs)]
+    for name, unit in at_hover[0]:
+        first, later, known = (values[name, unit] for values in at_hover)
+        rows.append((name, unit, first, 0.0, later, known))
+    lags = [fit.vehicle.value("rotors.lag") for fit in (ahead, whole)]
+    rows.append(("lag of the motors", "s", lags[0], ahead.error("rotors.lag"), lags[1], 0.0))
+    return [
+        dict(zip(COEFFICIENTS, (name, unit, *(float(f"{n:.4g}") for n in numbers)), strict=True))
+        for name, unit, *numbers in rows
+    ]
+
+
+def hovering(own: Blades) -> dict[tuple[str, str], float]:
+    """Return what coefficients come to: tip speed and drag per mass at hover, what a climb of 4 m/s costs per mass."""
+    U, still, climbing = np.array([own.hover_speed()]), np.zeros(1), np.array([CLIMB])
+    lost = float(ROTORS * (own.thrust(U, still) - own.thrust(U, climbing))[0])
+    return {
+        ("tip speed at hover", "m/s"): float(U[0]),
+        ("drag at hover", "1/s"): float(ROTORS * own.drag(U, still)[0] / MASS),
+        ("lift lost in a climb", "m/s2"): (lost + DENSITY * AREA * own.dk * CLIMB**2) / MASS,
+    }
+
+
+def _figures(fit: Fitted) -> list[Figure]:
+    curves = fit.curves(SPRINTS)
+    time = curves.time[::DRAWN_EVERY]
+    holes = np.flatnonzero(np.diff(time) > 1.0) + 1
+    t, out = np.insert(time, holes, np.nan), []
+    for i, axis in enumerate(AXES):
+        pairs = (("measured", curves.measured), ("predicted", curves.model))
+        series = [
+            Series(name, t, np.insert(columns[::DRAWN_EVERY, i], holes, np.nan)) for name, columns in pairs
+        ]
+        drawn = plot(series, "time on the log's clock, s", f"{axis}, m/s2", f"{axis} measured and predicted")
+        out.append(Figure(f"Specific force {axis} in the sprints, below {CUTOFF:g} Hz", drawn))
+    return out
+
+
+EXPERIMENT: Final = Verification("hexacopter", show, parts=("coefficients", "without"))

@@ -1,1 +1,0 @@
-"""A real hexacopter: its forces learned from hover and climbs, and predicted in sprints that were never fitted."""

@@ -1,0 +1,402 @@
+"""Stock aircraft of an independent simulator identified from their outputs, against that simulator's own tables.
+
+Stoop is given mass properties, geometry and surfaces at trim, but no aerodynamic number. True are the derivatives that
+JSBSim's own aerodynamics has at a flight condition, by finite differences through it: JSBSim is put into states about
+the trim, one variable off at a time (two where a term is a product), and its aerodynamic force and moment are read. The
+terms of the model are fitted to them: where a table is straight that is the central difference; where it bends, the mean
+over steps as they occur in flight (quantiles of a normal distribution with the flight's standard deviation), which is
+all that a flight can tell.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from scipy.stats import norm
+
+from stoop.base.arrays import FloatArray
+from stoop.base.units import FOOT, SLUG
+from stoop.flight import Flight, from_columns
+from stoop.report.sheet import Prose, Section, Table
+from stoop.vehicle import Vehicle, terms
+from stoop.vehicle.load import parse_vehicle
+from stoop.workflow import identify
+from stoop_studies.findings import Claim, Findings, Setting, counted, holds, number
+from stoop_studies.verify.jsbsim_flight import (
+    DURATION,
+    FLEET,
+    RATE,
+    Aircraft,
+    Recording,
+    Subject,
+    Trim,
+    fly,
+    trimmed,
+)
+from stoop_studies.verify.study import Columns, Samples, Verification, noise_table, page_table, work
+
+SIGMAS: Final = 3.0  #: an estimate agrees within so many standard errors,
+SHARE: Final = 0.02  #: or within this of the true value, whichever is larger
+AGREEING_SHARE: Final = 0.99  #: of single estimates; of normal ones 0.9973 lie within three standard errors
+MEAN_SQUARES: Final = (0.75, 1.5)  #: of the differences in standard errors; 1 without any error of the model
+LEAD: Final = f"""\
+Aircraft of JSBSim's own package fly {DURATION:.0f} s of multisines on elevator, aileron and rudder together. Their \
+instruments are read at {RATE} Hz, noise is added, and stoop identifies all derivatives from the readings, with known mass \
+properties and from starting values of zero. What it finds is held against JSBSim's own aerodynamic tables at that \
+flight condition, by finite differences through JSBSim."""
+WORDS: Final = f"""\
+Estimate, standard error and difference are those of the first flight. An estimate agrees within {SIGMAS:.0f} of its \
+standard errors or {100 * SHARE:.0f} % of the true value, whichever is larger; among many, a few in a thousand do not by \
+chance. The last column is the difference of the mean over all flights, in standard errors of one: what is left when noise \
+averages out."""
+NOISE: Final = {
+    "V": 0.2, "alpha": 0.005, "beta": 0.005, "p": 0.005, "q": 0.005, "r": 0.005,
+    "phi": 0.005, "theta": 0.005, "psi": 0.005, "ax": 0.05, "ay": 0.05, "az": 0.05,
+}  #: one standard deviation of the white noise on each channel: m/s, rad, rad/s, m/s2  # fmt: skip
+FILE: Final = """
+format = "stoop-vehicle/1"
+name = "{title}"
+
+[mass]
+mass = {mass!r}
+center_of_gravity = {center}
+inertia = {{ xx = {xx!r}, yy = {yy!r}, zz = {zz!r}, xz = {xz!r}, xy = {xy!r}, yz = {yz!r} }}
+
+[reference]
+area = {area!r}
+chord = {chord!r}
+span = {span!r}
+airspeed = {airspeed!r}
+alpha = {alpha!r}
+moment_point = {moment_point}
+rate_normalization = "actual"
+
+[environment]
+gravity = {gravity!r}
+
+[sensors]
+accelerometer_position = {eye}
+"""
+VARIABLES: Final = ("V", "alpha", "beta", "p", "q", "r", "elevator", "aileron", "rudder")  #: of the terms
+LEVELS: Final = tuple(map(float, norm.ppf((np.arange(16) + 0.5) / 16)))  #: standard deviations off the trim
+CORNERS: Final = (-1.0, 1.0)  #: likewise, of both factors of a product
+CENTER, REFERENCE = "inertia/cg-{}-in", "metrics/aero-rp-{}-in"
+
+
+def vehicle_of(aircraft: Aircraft, trim: Trim) -> Vehicle:
+    """Return the vehicle with every aerodynamic parameter at zero.
+
+    Deflections count from trim, so that the constant terms are the coefficients there.
+    """
+    stock = aircraft.stock
+    text = FILE.format(
+        title=stock.title, mass=aircraft["inertia/mass-slugs"] * SLUG, center=list(aircraft.point(CENTER)),
+        **inertia(aircraft), area=aircraft["metrics/Sw-sqft"] * FOOT**2, chord=aircraft["metrics/cbarw-ft"] * FOOT,
+        span=aircraft["metrics/bw-ft"] * FOOT, airspeed=stock.airspeed, alpha=stock.alpha,
+        moment_point=list(aircraft.point(REFERENCE)), gravity=aircraft.apparent_gravity,
+        eye=list(aircraft.point("metrics/eyepoint-{}-in")),
+    )  # fmt: skip
+    sensors = [f"[sensors.{channel}]\nsigma = {sigma!r}" for channel, sigma in NOISE.items()]
+    controls = [f"[controls.{c}]\noffset = {-value!r}" for c, value in trim.deflections.items()]
+    parts = [text, *sensors, *controls]
+    if (
+        stock.throttle is not None
+    ):  # thrust is a recorded channel, on the line that force and moment of the engines give
+        arm = aircraft["moments/m-prop-lbsft"] / aircraft["forces/fbx-prop-lbs"] * FOOT
+        x, y, z = aircraft.point(CENTER)
+        parts.append(f'[propulsion]\nkind = "channel"\nposition = {[x, y, z + arm]}')
+    for coefficient in ("CD", "CL", "CQ", "Cl", "Cm", "Cn"):
+        gone, added = stock.dropped.get(coefficient, ()), stock.added.get(coefficient, {})
+        wide = {"CDalpha2": "alpha^2"} if coefficient == "CD" and "CDalpha2" not in gone else {}
+        parts += [f"[aerodynamics.{coefficient}]", *(f"{name} = false" for name in gone)]
+        # boxes are wide, for tables may bend more than eq. (1) allows
+        parts += [
+            f'{n} = {{ term = "{term}", bounds = [-20.0, 20.0] }}' for n, term in {**wide, **added}.items()
+        ]
+    return parse_vehicle("\n".join(parts), f"jsbsim {stock.model}")
+
+
+def inertia(aircraft: Aircraft) -> dict[str, float]:
+    """Return moments and products of inertia, kg m2.
+
+    The property of xz is the element of the inertia matrix, which is minus the product; those of xy and yz
+    are the products.
+    """
+    axes = ("xx", "yy", "zz", "xy", "xz", "yz")
+    raw = {a: aircraft[f"inertia/i{a}-slugs_ft2"] * SLUG * FOOT**2 for a in axes}
+    return {**raw, "xz": -raw["xz"]}
+
+
+def derivatives(aircraft: Aircraft, trim: Trim, vehicle: Vehicle, flown: Recording) -> dict[str, float]:
+    """Return the true value of every aerodynamic term of a vehicle, at the mean altitude of a flight."""
+    altitude = float(flown.columns["altitude"].mean())
+    middle = replace(trim, state=replace(trim.state, altitude=altitude, phi=0.0))
+    places = [_place(aircraft, middle, offset) for offset in _offsets(aircraft, vehicle, flown)]
+    known = set(places[0][0])
+    out: dict[str, float] = {}
+    for coefficient, group in vehicle.terms.items():
+        parsed = [terms.parse(text, known, text) for text in group.values()]
+        columns = [[float(terms.convert(term, variables)) for variables, _ in places] for term in parsed]
+        required = [values[coefficient] for _, values in places]
+        found = np.linalg.lstsq(np.array(columns).T, np.array(required), rcond=None)[0]
+        out |= dict(zip(group, map(float, found), strict=True))
+    return out
+
+
+def _lengths(aircraft: Aircraft) -> dict[str, float]:
+    """Return the length that makes each rate dimensionless, m."""
+    names = {"p": "metrics/bw-ft", "q": "metrics/cbarw-ft", "r": "metrics/bw-ft"}
+    return {a: aircraft[name] * FOOT for a, name in names.items()}
+
+
+def _offsets(aircraft: Aircraft, vehicle: Vehicle, flown: Recording) -> Iterator[dict[str, float]]:
+    """Give changes of term variables from the trim: none, each one to either side, and corners of products.
+
+    Steps are standard deviations of the flight.
+    """
+    steps = {name: float(np.std(flown.columns[name])) for name in VARIABLES}
+    speed = float(np.mean(flown.columns["V"]))
+    steps |= {a: steps[a] * length / (2.0 * speed) for a, length in _lengths(aircraft).items()}
+    steps["V"] = steps["V"] / vehicle.value("reference.airspeed")
+    yield {}
+    for name, step in steps.items():
+        yield from ({name: level * step} for level in LEVELS)
+    known = set(VARIABLES)
+    texts = {text for group in vehicle.terms.values() for text in group.values()}
+    for used in sorted({tuple(sorted(terms.variables(terms.parse(t, known, t)))) for t in texts}):
+        if len(used) > 1:
+            for levels in itertools.product(CORNERS, repeat=len(used)):
+                yield {name: level * steps[name] for name, level in zip(used, levels, strict=True)}
+
+
+def _place(
+    aircraft: Aircraft, trim: Trim, offset: Mapping[str, float]
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Put JSBSim off the trim; return its term variables, and its coefficients: force in wind axes, moment in body axes."""
+    state, stock, lengths = trim.state, aircraft.stock, _lengths(aircraft)
+    speed = state.V * (1.0 + offset.get("V", 0.0))
+    rates = {a: offset.get(a, 0.0) * 2.0 * speed / length for a, length in lengths.items()}
+    angles = {a: getattr(state, a) + offset.get(a, 0.0) for a in ("alpha", "beta")}
+    deflections = {c: value + offset.get(c, 0.0) for c, value in trim.deflections.items()}
+    aircraft.put(replace(state, V=speed, **rates, **angles), deflections)
+    airspeed = aircraft["velocities/vt-fps"] * FOOT
+    variables = {
+        "V": airspeed / stock.airspeed - 1.0,
+        "alpha": aircraft["aero/alpha-rad"] - stock.alpha,
+        "beta": aircraft["aero/beta-rad"],
+        **{a: aircraft[f"velocities/{a}-aero-rad_sec"] * n / (2.0 * airspeed) for a, n in lengths.items()},
+        **{c: aircraft[stock.surfaces[c]] - value for c, value in trim.deflections.items()},
+    }
+    pressure_area = aircraft["aero/qbar-psf"] * aircraft["metrics/Sw-sqft"]
+    wind = aircraft.read([f"forces/fw{a}-aero-lbs" for a in "xyz"]) / pressure_area
+    arms = aircraft.read(["metrics/bw-ft", "metrics/cbarw-ft", "metrics/bw-ft"])
+    moment = moment_at_reference(aircraft) / (pressure_area * arms)
+    return variables, dict(
+        zip(("CD", "CQ", "CL", "Cl", "Cm", "Cn"), map(float, (*wind, *moment)), strict=True)
+    )
+
+
+def moment_at_reference(aircraft: Aircraft) -> FloatArray:
+    """Return the aerodynamic moment (3,) about the aerodynamic reference point, lbf ft."""
+    arm = np.subtract(aircraft.point(REFERENCE), aircraft.point(CENTER)) / FOOT
+    force = aircraft.read([f"forces/fb{a}-aero-lbs" for a in "xyz"])
+    about_center = aircraft.read([f"moments/{a}-aero-lbsft" for a in "lmn"])
+    return np.asarray(about_center - np.cross(arm, force))
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A vehicle of JSBSim, flown once without noise.
+
+    Attributes
+    ----------
+    name : str
+        Of its flights.
+    vehicle : Vehicle
+        What stoop is given.
+    flown : Recording
+    truth : mapping of parameter to the value that JSBSim's own vehicle has
+    noise : mapping of channel to standard deviation, SI
+    channels : tuple of str
+        What is recorded.
+    stream : int
+        Begins the seed of the noise: no two cases share it.
+    """
+
+    name: str
+    vehicle: Vehicle
+    flown: Recording
+    truth: Mapping[str, float]
+    noise: Mapping[str, float]
+    channels: tuple[str, ...]
+    stream: int
+
+    def flight(self, seed: int) -> Flight:
+        """Return the flight as noisy instruments record it."""
+        generator = np.random.default_rng([self.stream, seed])
+        columns = {
+            channel: (values := self.flown.columns[channel])
+            + self.noise.get(channel, 0.0) * generator.standard_normal(len(values))
+            for channel in self.channels
+        }
+        return from_columns(self.name, self.flown.time, columns, source="JSBSim")
+
+    def estimates(self, flight: Flight) -> dict[str, dict[str, float]]:
+        """Identify as a user would; return truth, estimate and standard error of every parameter."""
+        window = f"0:{self.flown.time[-1]:g}"
+        found = identify(self.vehicle, flight, [window]).identification.result.parameters
+        return {
+            "truth": dict(self.truth),
+            "estimate": {name: found[name].estimate for name in self.truth},
+            "sigma": {name: found[name].std_error for name in self.truth},
+        }
+
+
+@functools.cache
+def flown_case(model: str) -> Case:
+    """Fly an aircraft of the fleet, and read its derivatives off.
+
+    Raises
+    ------
+    StoopError
+        JSBSim is not installed, or its data have changed.
+    """
+    stream, stock = next((i, s) for i, s in enumerate(FLEET) if s.model == model)
+    aircraft = Aircraft(stock)
+    trim = trimmed(aircraft)
+    aircraft.put(trim.state, trim.deflections)
+    vehicle = vehicle_of(aircraft, trim)
+    flown = fly(aircraft, trim)
+    truth = derivatives(aircraft, trim, vehicle, flown)
+    return Case(model, vehicle, flown, truth, NOISE, tuple(flown.columns), stream)
+
+
+@work
+def identify_once(case: str, seed: int) -> dict[str, Any]:
+    """Identify one aircraft from one noisy flight."""
+    known = flown_case(case)
+    return known.estimates(known.flight(seed))
+
+
+def _rounded(value: float) -> float:
+    """Return six digits; what is zero but for rounding in JSBSim is zero."""
+    return 0.0 if abs(value) < 1e-9 else float(f"{value:.6g}")
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.1f}".replace("-", "−")
+
+
+def comparison(
+    subject: Subject, results: Sequence[Mapping[str, Any]], kind: str, what: str
+) -> tuple[Table, list[dict[str, Any]], list[Claim]]:
+    """Compare the estimates of one subject over its flights with the truth.
+
+    Results are those of `Case.estimates`, one per flight; ``kind`` is the column that names the subject, ``what`` what a
+    parameter is called. Returns the table of the page, the records and the claims.
+    """
+    names = tuple(results[0]["truth"])
+    truth = np.array([results[0]["truth"][n] for n in names])
+    estimates, sigmas = (
+        np.array([[r[key][n] for n in names] for r in results], dtype=float) for key in ("estimate", "sigma")
+    )
+    errors = estimates - truth
+    scores = errors / sigmas  # in standard errors
+    reach = np.maximum(SIGMAS * sigmas, SHARE * np.abs(truth))
+    agree = np.abs(errors) <= reach
+    mean_errors = errors.mean(axis=0)
+    mean_scores = mean_errors / sigmas.mean(axis=0)
+    rms = np.sqrt(np.mean(scores**2, axis=0))
+    records: list[dict[str, Any]] = []
+    for i, name in enumerate(names):
+        true, estimate = float(truth[i]), float(estimates[0, i])
+        records.append(
+            {
+                kind: subject.model,
+                "parameter": name,
+                "flights": len(estimates),
+                "jsbsim": _rounded(true),
+                "estimate": _rounded(estimate),
+                "sigma": _rounded(float(sigmas[0, i])),
+                "difference_in_sigma": round(float(scores[0, i]), 2),
+                "difference_percent": None
+                if _rounded(true) == 0.0
+                else float(f"{100.0 * (estimate / true - 1.0):.3g}"),
+                "agrees": bool(agree[0, i]),
+                "flights_that_agree": int(agree[:, i].sum()),
+                "mean_estimate": _rounded(float(estimates[:, i].mean())),
+                "mean_difference_in_sigma": round(float(mean_scores[i]), 2),
+                "rms_difference_in_sigma": round(float(rms[i]), 2),
+            }
+        )
+    above = np.where(np.abs(mean_errors) > SHARE * np.abs(truth), np.abs(mean_scores), 0.0)
+    worst, square = int(np.argmax(above)), float(np.mean(scores**2))
+    claims = [
+        holds(
+            f"{subject.title}: the mean over the flights is within 3 standard errors or 2 % of JSBSim's own value, "
+            f"for every {what}",
+            bool((np.abs(mean_errors) <= reach.mean(axis=0)).all()),
+            f"largest difference that is above 2 %: {above[worst]:.1f} standard errors, {names[worst]}",
+        ),
+        holds(
+            f"{subject.title}: so are at least {100 * AGREEING_SHARE:.0f} % of the single estimates",
+            float(agree.mean()) >= AGREEING_SHARE,
+            counted(int(agree.sum()), agree.size),
+        ),
+        holds(
+            f"{subject.title}: the differences are as large as the standard errors say",
+            MEAN_SQUARES[0] <= square <= MEAN_SQUARES[1],
+            f"mean square {number(square)}, which is 1 if noise is all that there is",
+        ),
+    ]
+    return parameter_table(subject.title, what, records), records, claims
+
+
+def parameter_table(title: str, what: str, records: Sequence[Mapping[str, Any]]) -> Table:
+    """Return the table of a page for records of a subject."""
+    columns: Columns = {
+        "parameter": (what, str),
+        "jsbsim": ("JSBSim", lambda v: number(v, 4)),
+        "estimate": ("estimate", lambda v: number(v, 4)),
+        "sigma": ("standard error", lambda v: number(v, 2)),
+        "difference_in_sigma": ("difference in standard errors", _signed),
+        "difference_percent": ("in %", _signed),
+        "agrees": ("agrees", lambda agrees: "yes" if agrees else "no"),
+        "agreeing": ("flights that agree", str),
+        "mean_difference_in_sigma": ("mean, in standard errors", _signed),
+    }
+    shown = [{**r, "agreeing": counted(r["flights_that_agree"], r["flights"])} for r in records]
+    return page_table(title, columns, shown)
+
+
+def findings(
+    title: str, lead: str, words: str, kind: str, what: str, subjects: Sequence[Subject], samples: Samples,
+    noise: Mapping[str, float],
+) -> Findings:  # fmt: skip
+    """Return how far the estimates of some subjects are off; ``kind`` and ``what`` as in `comparison`."""
+    parts: list[Table | Prose] = [Prose(words)]
+    records: list[dict[str, Any]] = []
+    claims: list[Claim] = []
+    for subject in subjects:
+        table, own, found = comparison(subject, samples[subject.model], kind, what)
+        parts += [table, Prose(subject.words)]
+        records += own
+        claims += found
+    sections = (Section(f"{what.capitalize()}s", tuple(parts)), Section("Noise", (noise_table(noise),)))
+    return Findings.tabulated(title, lead, claims, sections, records)
+
+
+def show(setting: Setting, samples: Samples) -> Findings:
+    """Return how far the derivatives are off."""
+    title = "Stock aircraft of JSBSim, identified from their outputs"
+    return findings(title, LEAD, WORDS, "aircraft", "derivative", FLEET, samples, NOISE)
+
+
+EXPERIMENT: Final = Verification(
+    "jsbsim", show, runs=10, work="identify_once", cases=tuple(stock.model for stock in FLEET)
+)

@@ -1,1 +1,0 @@
-"""Aircraft of JSBSim as truth: identified from their outputs, compared with its own tables."""

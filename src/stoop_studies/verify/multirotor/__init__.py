@@ -1,1 +1,0 @@
-"""JSBSim's F450 on a thrust stand and in flight: a multirotor of an independent simulator, identified from its outputs."""

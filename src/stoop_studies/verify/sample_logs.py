@@ -1,0 +1,484 @@
+"""Small logs of every kind: made by our own writers, by the libraries of their formats, and beginnings of published ones."""
+
+from __future__ import annotations
+
+import gzip
+import io
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache
+from itertools import islice
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray
+from stoop.base.variables import RATES, SPECIFIC_FORCE
+from stoop.errors import StoopError
+from stoop.flight import load, save
+from stoop.logs.crazyflie_write import Event, crazyflie_bytes
+from stoop.logs.dataflash_write import Table, dataflash_bytes
+from stoop.logs.ulog_write import Topic, definitions, dropout, message, rows, text, ulog
+from stoop_studies.verify.damaged_logs import ULOG_HEAD, Sample, single, ulog_messages
+
+N: Final = 40  #: samples of the fastest stream
+ALIGNABLE: Final = 400  #: the same where clocks are to be aligned
+REAL_LINES: Final = 12  #: of a published table
+RATE: Final = 50.0  #: Hz
+CSV_MAPPING: Final = b"""\
+[time]
+column = "t_ms"
+unit = "ms"
+
+[variables]
+p = { column = "p", unit = "deg/s" }
+az = { column = "az", unit = "g", scale = -1.0 }
+phi = { column = "phi", unit = "deg" }
+"""
+RICH_MAPPING: Final = b"""\
+extends = "px4"
+
+[time]
+column = "timestamp"
+unit = "us"
+offset = 0.5
+
+[variables]
+airspeed_pitot = { stream = "airspeed", column = "true_airspeed_m_s", unit = "kt", scale = 1.0, optional = true }
+
+[group.specific_force]
+variables = ["ax", "ay", "az"]
+unit = "m/s2"
+frame = "flu"
+sources = [
+  { stream = "sensor_combined", columns = ["accelerometer_m_s2[0]", "accelerometer_m_s2[1]", "accelerometer_m_s2[2]"] },
+]
+
+[group.height]
+variables = ["altitude"]
+choose = "first"
+sources = [{ stream = "vehicle_local_position", columns = [{ ref_alt = 1, z = -1 }] }]
+
+[calibration.motor_1]
+points = [[0.0, -21.0], [0.5, 0.5], [1.0, 20.0]]
+unit = "deg"
+
+[calibration.motor_2]
+points = [[0.0, -0.4], [0.3, -0.2], [0.5, 0.0], [0.7, 0.2], [1.0, 0.38]]
+degree = 3
+
+[surface.aileron]
+from = { motor_1 = 1.0 }
+
+[mixer.tail]
+kind = "v-tail"
+left = "motor_1"
+right = "motor_2"
+"""
+ALIGNED: Final = b"""\
+[align.sensor_combined]
+with = "vehicle_attitude"
+using = ["p"]
+drift = false
+longest = 0.2
+"""
+MESSAGES: Final = 12  #: of a topic
+START: Final = 1_700_000_000 * 10**9  #: ns, of a bag
+ARRAY_MAPPING: Final = b"""\
+[variables]
+p = { column = "gyro.x", unit = "rad/s" }
+q = { column = "q", unit = "rad/s", optional = true }
+"""
+FLAT_MAPPING: Final = b'[variables]\nq = { column = "q[0]", unit = "rad/s" }\n'
+NETCDF_MAPPING: Final = b'[variables]\nq = { column = "q", unit = "rad/s" }\n'
+BAG_MAPPING: Final = b"""\
+[group.rates]
+variables = ["p", "q", "r"]
+unit = "rad/s"
+frame = "flu"
+sources = [{ stream = "/imu", columns = ["angular_velocity.x", "angular_velocity.y", "angular_velocity.z"] }]
+"""
+TIME: Final = 5.0 + 0.02 * np.arange(N)  #: s, of an array
+GYRO: Final = np.random.default_rng(1).normal(size=(N, 3))
+
+
+def clock(n: int = N) -> FloatArray:
+    """Return times (n,) from 2 s on."""
+    return np.asarray(2.0 + np.arange(n) / RATE)
+
+
+def motion(n: int = N) -> dict[str, FloatArray]:
+    """Return angles, rates and specific force (n,) that fit each other."""
+    t, rng = clock(n), np.random.default_rng(1)
+    phi = 0.3 * np.sin(3.0 * t)
+    noise = {name: 0.01 * rng.normal(size=n) for name in ("q", "r", "ax", "ay", "az")}
+    return {"phi": phi, "p": 0.9 * np.cos(3.0 * t), **noise, "az": noise["az"] - 9.8}
+
+
+def px4_topics(n: int = N) -> list[Topic]:
+    """Return what PX4 logs, in little."""
+    t, m = clock(n), {k: v.astype("f4") for k, v in motion(n).items()}
+    one, none = np.ones(n, "f4"), np.zeros(n, "f4")
+    half = {"q[0]": np.cos(m["phi"] / 2), "q[1]": np.sin(m["phi"] / 2), "q[2]": none, "q[3]": none}
+    place = {"x": 12 * one, "y": none, "z": -50 * one, "vx": 12 * one, "vy": none, "vz": none, "ref_alt": one}
+    valid = {key: np.ones(n, bool) for key in ("xy_valid", "z_valid", "v_xy_valid", "v_z_valid")}
+    return [
+        Topic("vehicle_attitude", t, half),
+        Topic("sensor_combined", t, {"gyro_rad[0]": m["p"], "gyro_rad[1]": m["q"], "gyro_rad[2]": m["r"],
+              **{f"accelerometer_m_s2[{i}]": m[name] for i, name in enumerate(("ax", "ay", "az"))}}),
+        Topic("vehicle_local_position", t[::2], {k: v[::2] for k, v in (place | valid).items()}),
+        Topic("actuator_motors", t[::2], {f"control[{i}]": (0.4 + 0.1 * np.sin(t[::2] + i)).astype("f4") for i in range(4)}),
+        Topic("battery_status", t[::9], {"voltage_v": 15.8 * one[::9], "current_a": 9 * one[::9]}),
+        Topic("battery_status", t[::9], {"voltage_v": 15.7 * one[::9], "current_a": 8 * one[::9]}, 1),
+    ]  # fmt: skip
+
+
+def _ulogs() -> list[Sample]:
+    said = [(2.0, "INFO", "armed"), (2.1, "WARNING", "wind")]
+    whole = ulog(px4_topics(), {"SYS_AUTOSTART": 4001, "MC_ROLL_P": 6.5}, {"ver_sw": "abc", "n": 3}, said)
+    inner = message("F", b"vec:float x;float y;uint8_t[2] _padding0;")
+    outer = message("F", b"twin:uint64_t timestamp;vec[3] esc;char[4] tag;bool ok;uint8_t[7] _padding0;")
+    body = b"".join(
+        message("D", b"\0\0" + (2_000_000 + 20_000 * k).to_bytes(8, "little") + bytes([k % 251]) * 35)
+        for k in range(N)
+    )
+    topics = [Topic("rpm", clock(), {"indicated": np.arange(N, dtype="f8")})]
+    nested = (
+        definitions(topics) + inner + outer + message("A", b"\0\0\0twin") + message("A", b"\0\1\0rpm")
+        + message("M", b"\0\x0bchar[3] logabc") + message("Q", b"\1\x07float P" + bytes(4))
+        + body[:960] + dropout(40) + text(2.2, "ERROR", "motor") + body[960:]
+        + message("R", b"\1\0") + message("S", bytes.fromhex("2f731320250cbb12"))
+    )  # fmt: skip
+    mixed = definitions(topics) + bytes(rows(topics)[0])
+    return [single("a.ulg", content, "ulog") for content in (whole, nested, mixed)]
+
+
+def _tables() -> list[Table]:
+    t, m = 1e6 * clock(), motion()
+    stamp = t.astype(np.int64)
+    names = ("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
+    gyro = dict(zip(names, (m[k] for k in RATES + SPECIFIC_FORCE), strict=True))
+    labels = [f"pack {k % 2}" for k in range(8)]
+    pack: dict[str, Any] = {"Volt": np.full(8, 15.8), "Curr": np.full(8, 9.0), "Name": labels}
+    return [
+        Table("IMU", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ", "QBffffff", "s#EEEooo", "F-000000",
+              {"TimeUS": stamp, "I": np.arange(N) % 2, **gyro}),
+        Table("ATT", "TimeUS,Roll,Pitch,Yaw", "Qccc", "sdhh", "FBBB",
+              {"TimeUS": stamp + 5, "Roll": np.degrees(m["phi"]), "Pitch": np.zeros(N), "Yaw": np.full(N, 90.0)}),
+        Table("RCOU", "TimeUS,C1,C2,C3", "QHHH", "sYYY", "F000",
+              {"TimeUS": stamp[::2], **{f"C{i}": 1500 + np.arange(N // 2) for i in (1, 2, 3)}}),
+        Table("BAT", "TimeUS,Volt,Curr,Name", "QffN", "svA-", "F00-", {"TimeUS": stamp[::5], **pack}),
+        Table("TST", "TimeUS,L,e,D,g,q,M", "QLedgqM", "sDm----", "FGB----",
+              {"TimeUS": stamp[::4], **{key: np.arange(10) for key in "LeDgqM"}}),
+    ]  # fmt: skip
+
+
+def _dataflashes() -> list[Sample]:
+    told = {"ARSPD_RATIO": 2.0, "INS_POS1_X": -0.05}
+    whole = dataflash_bytes(_tables(), told, ["ArduPlane V4.5.7 (1a2b)", "Hi"])
+    short = dataflash_bytes(_tables()[:2], {"A": 1.0})
+    return [single("a.bin", content, "dataflash") for content in (whole, short)]
+
+
+def _dataflash_texts() -> list[Sample]:
+    lines = ["FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns"]
+    lines += [f"FMT, {k + 1}, 50, {t.name}, {t.letters}, {t.columns}" for k, t in enumerate(_tables())]
+    for table in _tables():
+        columns = [table.values[name] for name in table.columns.split(",")]
+        lines += [
+            ", ".join([table.name, *(c if isinstance(c, str) else repr(np.asarray(c).item()) for c in row)])
+            for row in zip(*columns, strict=True)
+        ]
+    return [single("a.log", ("\n".join(lines) + "\n").encode(), "lines")]
+
+
+def _crazyflies() -> list[Sample]:
+    t, m = clock(), motion()
+    events = {
+        "fixedFrequency": Event(1, t, {"gyro.x": np.degrees(m["p"]).astype("f4"), "gyro.y": np.zeros(N, "f4"),
+                                       "motor.m1": np.full(N, 30_000, "u2"), "pm.vbat": np.full(N, 3.9, "f4")}),
+        "estAcceleration": Event(2, t[::3], {"acc.x": m["ax"][::3], "acc.z": m["az"][::3], "n": np.arange(14, dtype="i1")}),
+        "mark": Event(700, t[::8], {}),
+    }  # fmt: skip
+    return [single("a.usd", crazyflie_bytes(events, version), "crazyflie") for version in (1, 2)]
+
+
+def _csv() -> bytes:
+    t, m = clock(), motion()
+    rows_ = zip(1e3 * t, np.degrees(m["p"]), m["az"] / -9.80665, np.degrees(m["phi"]), strict=True)
+    return b"t_ms,p,az,phi\n" + b"".join(b"%.0f,%.4f,%.4f,%.4f\n" % row for row in rows_)
+
+
+def _csvs() -> list[Sample]:
+    plain = single("a.csv", _csv(), "lines", CSV_MAPPING)
+    packed = single("a.csv.gz", gzip.compress(_csv(), mtime=0), "gzip", CSV_MAPPING)
+    both = CSV_MAPPING
+    for column, file in ((b"p", b"a"), (b"az", b"a"), (b"phi", b"b")):
+        both = both.replace(b'column = "%s"' % column, b'column = "%s", file = "%s.csv"' % (column, file))
+    folder = {"a.csv": _csv(), "b.csv": _csv(), "mapping.toml": both}
+    return [plain, packed, Sample(folder, "lines", targets=("a.csv", "b.csv"), mapping="mapping.toml")]
+
+
+def _px4_folders() -> list[Sample]:
+    files = {}
+    for topic in px4_topics():
+        names = ",".join(["timestamp", *topic.columns])
+        stamps = np.round(1e6 * topic.time)
+        table = np.column_stack([stamps, *(np.asarray(x, np.float64) for x in topic.columns.values())])
+        lines = "\n".join(",".join(f"{x:.9g}" for x in row) for row in table)
+        files[f"log_1_{topic.name}_{topic.instance}.csv"] = f"{names}\n{lines}\n".encode()
+    packed = {f"{name}.gz": gzip.compress(content, mtime=0) for name, content in files.items()}
+    return [
+        Sample(files, "lines", targets=tuple(sorted(files))),
+        Sample(packed, "gzip", targets=tuple(sorted(packed))),
+    ]
+
+
+def _mappings() -> list[Sample]:
+    log, long = ulog(px4_topics()[:4]), ulog(px4_topics(ALIGNABLE)[:4])
+    cases = (
+        ("a.csv", _csv(), CSV_MAPPING), ("a.ulg", log, RICH_MAPPING), ("a.ulg", long, RICH_MAPPING + ALIGNED),
+    )  # fmt: skip
+    return [
+        Sample({name: content, "mapping.toml": mapping}, "lines", name, ("mapping.toml",), "mapping.toml")
+        for name, content, mapping in cases
+    ]
+
+
+def _own_netcdfs() -> list[Sample]:
+    with TemporaryDirectory(prefix="stoop-") as name:
+        folder = Path(name)
+        path, mapping = _csvs()[0].write(folder)
+        save(load(path, mapping), folder / "a.nc")
+        (folder / "b.ulg").write_bytes(ulog(px4_topics()))
+        save(load(folder / "b.ulg"), folder / "b.nc")
+        return [single("a.nc", (folder / f"{x}.nc").read_bytes(), "words") for x in "ab"]
+
+
+def real_sample(reader: str, data: Path) -> list[Sample]:
+    """Return a published log of a reader, cut small; none for kinds of which there is no published one.
+
+    Raises
+    ------
+    StoopError
+        The folder does not hold them.
+    """
+    try:
+        if reader == "ulog":  # without parameters and hardware, which are half of the beginning
+            whole = _begin(data / "px4-ulog-reader-samples" / "sample_log_small.ulg", 70_000)
+            kept = (whole[a:b] for a, b in ulog_messages(whole) if whole[a + 2 : a + 3] not in (b"P", b"M"))
+            return [single("a.ulg", whole[:ULOG_HEAD] + b"".join(kept), "ulog")]
+        if reader == "dataflash":
+            path = data / "ardupilot-dataflash-sample" / "test.BIN"
+            return [single("a.bin", _begin(path, 20_000), "dataflash")]
+        if reader == "crazyflie":
+            path = data / "crazypad-propeller-damage" / "normal_flight__E8_log00.usd"
+            return [single("a.usd", _begin(path, 8_000), "crazyflie")]
+        if reader == "px4-csv":
+            tables = {}
+            for path in sorted((data / "mit-solar-surfer-px4csv").glob("*.csv.gz"))[:5]:
+                with gzip.open(path) as file:
+                    tables[path.name.removesuffix(".gz")] = b"".join(islice(file, REAL_LINES))
+            return [Sample(tables, "lines", targets=tuple(sorted(tables)))]
+        if reader == "csv":
+            path = data / "a430-micro-fixedwing-mocap" / "short_straight_4_20230215_133852.csv"
+            content = b"".join(path.read_bytes().splitlines(keepends=True)[:REAL_LINES])
+            mapping = (
+                b"[time]\ncolumn = 'Systime'\nunit = 's'\n[variables]\np = { column = 'p', unit = 'deg/s' }\n"
+            )
+            return [single("a.csv", content, "lines", mapping)]
+    except OSError as error:
+        raise StoopError(
+            f"verify readers: {data}: {error.strerror}: {error.filename}; name the folder of the published data"
+        ) from None
+    return []
+
+
+def _begin(path: Path, size: int) -> bytes:
+    with path.open("rb") as file:
+        return file.read(size)
+
+
+def old_matlab() -> list[Sample]:
+    """Return files of version 5, packed and not, and of version 4."""
+    from scipy.io import savemat
+
+    ins = {
+        "t": TIME[:, None], "gyro": {"x": GYRO[:, :1], "all": GYRO}, "name": "imu",
+        "cell": np.array([1, "a"], object),
+    }  # fmt: skip
+    air = {"time_ms": np.arange(0.0, 100.0, 5.0)[:, None], "p": np.arange(20, dtype=np.int16)}
+    deep = {"ins": ins, "air": air, "mass": 2.5, "turned": GYRO.T}
+    flat = {"t": TIME[:, None], "q": GYRO}
+    found = []
+    for content, mapping, form, how in (
+        (deep, ARRAY_MAPPING, "words", {"do_compression": False}),
+        ({"ins": ins}, ARRAY_MAPPING, "matlab", {"do_compression": True}),
+        (flat, FLAT_MAPPING, "words", {"format": "4"}),
+    ):
+        file: Any = io.BytesIO()  # SciPy's stubs know names only
+        options: dict[str, Any] = dict(how)
+        savemat(file, content, **options)
+        raw = file.getvalue()
+        undated = raw if "format" in how else b"MATLAB 5.0 MAT-file".ljust(116) + raw[116:]
+        found.append(single("a.mat", undated, form, mapping))
+    return found
+
+
+def hdf5_matlab() -> list[Sample]:
+    """Return a file of version 7.3."""
+    arrays = {
+        "ins/t": TIME[None], "ins/gyro/x": GYRO[None, :, 0], "ins/gyro/all": GYRO.T, "air/p": np.arange(20.0)[None],
+        "mass": np.array([[2.5]]),
+    }  # fmt: skip
+    raw = _hdf5(arrays, {"MATLAB_class": np.bytes_("double")}, 512)
+    return [single("a.mat", b"MATLAB 7.3 MAT-file".ljust(124) + b"\0\2IM" + raw[128:], "hdf5", ARRAY_MAPPING)]
+
+
+def hdf5_netcdf() -> list[Sample]:
+    """Return files of version 4: plain, and in packed pieces with a checksum."""
+    arrays = {"time": TIME, "q": GYRO[:, 1], "h": np.arange(N, dtype="i2")}
+    attributes = {"units": "s", "scale_factor": 1.0}
+    chunked = {"chunks": (20,), "compression": "gzip", "fletcher32": True}
+    kinds: tuple[dict[str, Any], ...] = ({}, chunked, {"libver": "latest"})
+    return [single("a.nc", _hdf5(arrays, attributes, 0, **more), "hdf5", NETCDF_MAPPING) for more in kinds]
+
+
+def _hdf5(
+    arrays: dict[str, Any], attributes: dict[str, Any], block: int, libver: Any = None, **how: Any
+) -> bytes:
+    import h5py
+
+    file = io.BytesIO()
+    with h5py.File(file, "w", userblock_size=block, libver=libver) as hdf:
+        for place, values in arrays.items():
+            hdf.create_dataset(place, data=values, **how).attrs.update(attributes)
+    return file.getvalue()
+
+
+def netcdf3() -> list[Sample]:
+    """Return a classic file with a fill value and a scale, and one with records."""
+    from scipy.io import netcdf_file
+
+    found = []
+    columns = (("time", TIME, b"seconds since 2026-01-01"), ("q", GYRO[:, 1], b"rad/s"))
+    for length in (N, None):
+        raw = io.BytesIO()
+        file = netcdf_file(raw, "w")
+        file.createDimension("time", length)
+        for name, values, unit in columns:
+            variable: Any = file.createVariable(name, "d", ("time",))
+            variable[:], variable.units = values, unit
+        packed: Any = file.createVariable("h", "h", ("time",))
+        packed[:], packed.scale_factor, packed._FillValue = np.arange(N), 0.5, 3
+        file.flush()
+        found.append(single("a.nc", raw.getvalue(), "words", NETCDF_MAPPING))
+    return found
+
+
+def parquet() -> list[Sample]:
+    """Return tables plain and packed, with nested columns, gaps and a dictionary."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    gyro = pa.FixedSizeListArray.from_arrays(pa.array(GYRO.ravel()), 3)
+    nested = pa.StructArray.from_arrays([pa.array(GYRO[:, 0])], ["x"])
+    stamp = pa.array((1e6 * TIME).astype(np.int64), pa.timestamp("us"))
+    gaps = pa.array([None, *range(N - 1)], pa.int32())
+    rich = pa.table({"time": stamp, "all": gyro, "gyro": nested, "n": gaps, "name": ["a"] * N})
+    flat = pa.table({"time": TIME, "gyro.x": GYRO[:, 0], "k": np.arange(N) % 3})
+    found = []
+    for table, how in (
+        (rich, {"compression": "none"}),
+        (flat, {"compression": "snappy", "row_group_size": 16}),
+        (flat, {"compression": "zstd", "data_page_version": "2.0", "use_dictionary": False}),
+        (flat, {"compression": "gzip", "write_page_checksum": True}),
+    ):
+        sink = io.BytesIO()
+        pq.write_table(table, sink, **how)
+        found.append(single("a.parquet", sink.getvalue(), "parquet", ARRAY_MAPPING))
+    return found
+
+
+def bags() -> list[Sample]:
+    """Return bags of ROS 1, plain and packed, and of ROS 2 in both kinds of storage."""
+    from rosbags import rosbag1, rosbag2
+    from rosbags.typesys import Stores, get_typestore
+
+    first, second = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_HUMBLE)
+    plugins = rosbag2.StoragePlugin
+    found = []
+    with TemporaryDirectory(prefix="stoop-") as name:
+        folder = Path(name)
+        for how in (None, rosbag1.Writer.CompressionFormat.BZ2, rosbag1.Writer.CompressionFormat.LZ4):
+            path = folder / f"{how and how.name}.bag"
+            writer = rosbag1.Writer(path)
+            if how is not None:
+                writer.set_compression(how)
+            _fill(writer, first, first.serialize_ros1)
+            found.append(single("a.bag", path.read_bytes(), "words", BAG_MAPPING))
+        for packed, plugin in ((False, plugins.SQLITE3), (False, plugins.MCAP), (True, plugins.MCAP)):
+            place = folder / f"{plugin.name}{packed}"
+            writer = rosbag2.Writer(place, version=9, storage_plugin=plugin)
+            if packed:
+                writer.set_compression(rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD)
+            _fill(writer, second, second.serialize_cdr)
+            files = {file.name: file.read_bytes() for file in sorted(place.iterdir())}
+            (bag,) = (file for file in files if not file.endswith(".yaml"))
+            found.append(single(bag, files[bag], "pages" if bag.endswith(".db3") else "words", BAG_MAPPING))
+            whole = {**files, "mapping.toml": BAG_MAPPING}
+            found.append(Sample(whole, "words", targets=tuple(files), mapping="mapping.toml"))
+    return found
+
+
+def _fill(writer: Any, store: Any, serialize: Any) -> None:
+    connections: dict[str, Any] = {}
+    with writer:
+        for topic, kind, stamp, message in _messages(store.types):
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=store)
+            writer.write(connections[topic], stamp, bytes(serialize(message, kind)))
+
+
+def _messages(types: Any) -> Iterator[tuple[str, str, int, Any]]:
+    """Yield topic, type, time of recording and message, of an inertial sensor, motors and a text."""
+    vector, quaternion = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Quaternion"]
+    dimension, layout = types["std_msgs/msg/MultiArrayDimension"], types["std_msgs/msg/MultiArrayLayout"]
+    imu, array, text = "sensor_msgs/msg/Imu", "std_msgs/msg/Float32MultiArray", "std_msgs/msg/String"
+    numbered = "seq" in types["std_msgs/msg/Header"].__dataclass_fields__
+    for i in range(MESSAGES):
+        stamp = START + 20_000_000 * i
+        time = types["builtin_interfaces/msg/Time"](sec=stamp // 10**9, nanosec=stamp % 10**9)
+        extra = {"seq": i} if numbered else {}
+        header = types["std_msgs/msg/Header"](stamp=time, frame_id="imu"[: i % 4], **extra)
+        turn, none = quaternion(x=0.0, y=0.0, z=0.0, w=1.0), np.zeros(9)
+        rates, force = vector(0.1 * i, 0.0, 0.2), vector(0.1, 0.2, -9.8)
+        yield "/imu", imu, stamp, types[imu](header, turn, none, rates, none, force, none)
+        speeds = layout(dim=[dimension("motor", 2, 1)], data_offset=0)
+        yield "/rpm", array, stamp, types[array](speeds, np.array([i, 2.0], np.float32))
+        yield "/said", text, stamp, types[text](data="hello")
+
+
+SAMPLES: Final[Mapping[str, Callable[[], list[Sample]]]] = {
+    "ulog": _ulogs,
+    "px4-csv": _px4_folders,
+    "dataflash": _dataflashes,
+    "dataflash-text": _dataflash_texts,
+    "crazyflie": _crazyflies,
+    "csv": _csvs,
+    "mapping": _mappings,
+    "stoop-netcdf": _own_netcdfs,
+    "matlab": old_matlab,
+    "matlab-7.3": hdf5_matlab,
+    "netcdf-3": netcdf3,
+    "netcdf-4": hdf5_netcdf,
+    "parquet": parquet,
+    "rosbag": bags,
+}  #: reader -> its sound logs
+
+
+@cache
+def samples(reader: str, data: str = "") -> tuple[Sample, ...]:
+    """Return the sound logs of a reader, the same in every call; with a folder of data, beginnings of real ones, too."""
+    return (*SAMPLES[reader](), *(real_sample(reader, Path(data)) if data else ()))

@@ -1,0 +1,188 @@
+"""The studies of ``stoop verify``: their names, their runner (case and seed to a result), and the tables of their pages."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import re
+import shlex
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Final
+
+from stoop.base.arrays import FloatArray
+from stoop.base.variables import VARIABLES
+from stoop.errors import StoopError
+from stoop.parallel import Json, Plan, Run
+from stoop.report.sheet import Table
+from stoop_studies.findings import Experiment, Findings, Results, Setting
+from stoop_studies.outputs import Suite
+
+EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
+    name: (f"stoop_studies.verify.{name}", line)
+    for name, line in (
+        ("coverage", "how often 95 % intervals hold the truth (400 flights each)"),
+        ("delays", "delays of inputs and outputs, fractions of a sample (40 flights, twice)"),
+        ("nist", "certified regressions of NIST, from both starts; reads --data DIR"),
+        ("export", "exported aircraft flown by JSBSim beside our own simulation"),
+        ("design", "a designed input against a 3-2-1-1, predicted and achieved (100 flights each)"),
+        ("structure", "whether the true terms are found among candidates (200 aircraft)"),
+        ("recursive", "estimates in flight against those of the whole record (50 flights)"),
+        ("jsbsim", "stock aircraft of JSBSim identified from their outputs (10 flights each)"),
+        ("multirotor", "JSBSim's F450 identified from its outputs (10 flights, by speeds and by commands)"),
+        (
+            "hexacopter",
+            "forces of a real hexacopter predicted in sprints, beside its owners' model; reads --data DIR",
+        ),
+        ("propellers", "cut propellers and added weights on real quadrotors; reads --data DIR"),
+        ("readers", "damaged logs over all readers: no crash, hang or hunger (29 runs of 250 each)"),
+    )
+}  #: name -> module with an ``EXPERIMENT``, one line of help; in the order in which ``all`` runs them
+SUITE: Final = Suite(
+    "verify",
+    "What stoop claims, measured",
+    "What the documentation says of stoop's own accuracy, with the runs that bear it out.",
+    lambda setting: "" if setting.data is None else f" --data {shlex.quote(str(setting.data))}",
+)
+Samples = Mapping[str, Sequence[Mapping[str, Any]]]  #: case -> the results of its seeds
+Work = Callable[[Mapping[str, Any], Sequence[int | None]], list[Any]]  #: see `stoop.parallel.Run`
+Columns = Mapping[
+    str, tuple[str, str | Callable[[Any], str]]
+]  #: key of a record -> heading and format on a page
+
+
+def load_experiment(name: str) -> Experiment:
+    """Return an experiment.
+
+    Raises
+    ------
+    StoopError
+        A package that it needs is not installed.
+    """
+    try:
+        experiment: Experiment = importlib.import_module(EXPERIMENTS[name][0]).EXPERIMENT
+    except ModuleNotFoundError as error:
+        missing = (error.name or "").partition(".")[0]
+        if missing in ("", "stoop", "stoop_studies"):
+            raise
+        raise StoopError(
+            f"{name}: needs the package {missing}, which is not installed; pip install {missing}"
+        ) from None
+    return experiment
+
+
+@dataclass(frozen=True)
+class Verification:
+    """A study of ``stoop verify``, a `stoop_studies.findings.Experiment`.
+
+    Attributes
+    ----------
+    name : str
+        As on the command line, and of its module.
+    show : callable
+        From the setting and the results of each case to the findings.
+    runs : int
+        Seeds per case when none are asked for.
+    work : str
+        Function of the module that computes the result of one case and seed; empty where nothing takes long.
+    cases : tuple of str
+    parts : tuple of str
+        Names of the further tables that it writes.
+    reads_data : bool
+        Whether its work is given the folder of published data.
+    """
+
+    name: str
+    show: Callable[[Setting, Samples], Findings]
+    runs: int = 1
+    work: str = ""
+    cases: tuple[str, ...] = ()
+    parts: tuple[str, ...] = ()
+    reads_data: bool = False
+
+    def plan(self, setting: Setting) -> Plan | None:
+        """Return one run per case and seed; None where there is nothing that takes long."""
+        data = {"data": str(setting.data or "")} if self.reads_data else {}
+        work = f"{EXPERIMENTS[self.name][0]}:{self.work}"
+        runs = [
+            Run(run_key(case, seed), work, {"case": case, "seed": seed, **data})
+            for seed in setting.seeds
+            for case in self.cases
+        ]
+        return Plan(self.name, {"experiment": self.name}, tuple(runs)) if runs else None
+
+    def findings(self, setting: Setting, results: Results) -> Findings:
+        """Return what the runs, by key, show."""
+        samples = {c: [results[run_key(c, seed)] for seed in setting.seeds] for c in self.cases}
+        return self.show(setting, samples)
+
+
+def run_key(case: str, seed: int) -> str:
+    """Return the name of a run."""
+    return f"{case}/{seed:06d}"
+
+
+def work(function: Callable[..., dict[str, Json]]) -> Work:
+    """Turn a function of ``case`` and ``seed`` (and ``data``) into a work of `stoop.parallel.Run`."""
+
+    @functools.wraps(function)
+    def run(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Any]:
+        return [function(**arguments)] * len(stops)
+
+    return run
+
+
+def page_table(
+    caption: str, columns: Columns, records: Iterable[Mapping[str, Any]], missing: str = "–"
+) -> Table:
+    """Return a table of records for a page: some of their keys, in order, and ``missing`` for None."""
+
+    def cell(value: Any, form: str | Callable[[Any], str]) -> str:
+        if value is None:
+            return missing
+        return format(value, form) if isinstance(form, str) else form(value)
+
+    rows = tuple(tuple(cell(r[key], form) for key, (_, form) in columns.items()) for r in records)
+    return Table(caption, tuple(heading for heading, _ in columns.values()), rows)
+
+
+def percent(value: float) -> str:
+    """Return a share in percent, to a tenth."""
+    return f"{100 * value:.1f}"
+
+
+def noise_table(noise: Mapping[str, float]) -> Table:
+    """Return the standard deviations of white noise by channel, each with its unit."""
+    rows = tuple((c, f"{sigma:g} {VARIABLES[c].unit}") for c, sigma in noise.items())
+    return Table("White, one standard deviation", ("channel", "noise"), rows)
+
+
+def or_none(values: FloatArray) -> list[float | None]:
+    """Return numbers for JSON: nothing for what is not finite."""
+    return [float(v) if v - v == 0.0 else None for v in values]
+
+
+def vehicle_text(name: str) -> str:
+    """Return a vehicle file of the studies."""
+    return files(__package__).joinpath("vehicles", f"{name}.toml").read_text(encoding="utf-8")
+
+
+def published_files(
+    study: str, folder: Path | None, name: str, pattern: str, lacks: str, advice: str
+) -> list[Path]:
+    """Return the files of a published data set: those in a folder or in its folder ``name``, whichever has more.
+
+    Raises
+    ------
+    StoopError
+        No file has a name that matches the pattern.
+    """
+    places = [] if folder is None else [folder, folder / name]
+    found = [[path for path in sorted(p.glob("*")) if re.fullmatch(pattern, path.name)] for p in places]
+    best = max(found, key=len, default=[])
+    if not best:
+        where = "no folder is named" if folder is None else f"{folder}: {lacks}"
+        raise StoopError(f"{study}: {where}; {advice}")
+    return best
