@@ -15,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
     add = parser.add_argument
     subject = f"folder (or result.json) of stoop identify, or a vehicle file (TOML), or {BUILT_IN_HELP}"
-    speed = "of the steady flight, m/s (default: the vehicle's reference; a vehicle with rotors hovers)"
+    speed = "of the steady flight, m/s (default: the vehicle's reference; hover for a vehicle with rotors)"
     add("subject", metavar="MODEL", help=subject)
     add("--to", dest="target", choices=TARGETS, required=True, help="which tool")
     add_folder(parser, "the files", "files in DIR")

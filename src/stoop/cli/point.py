@@ -22,7 +22,7 @@ SEA_LEVEL_DENSITY: Final = 1.225  #: kg/m3, what `stoop.simulation.trim` assumes
 def add_point_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the vehicle and the flight condition."""
     add = parser.add_argument
-    speed = "m/s (default: the vehicle's reference; a vehicle with rotors hovers)"
+    speed = "m/s (default: the vehicle's reference; hover for a vehicle with rotors)"
     velocity = "on rotors: m/s over ground, north, east, down (default: 0 0 0)"
     heading = within(-360.0, 360.0, "degrees", math.radians(1.0))
     density = within(1e-6, 10_000.0, "kg/m3")

@@ -19,10 +19,10 @@ from stoop.flight.flight import Flight
 EDGE_TIME: Final = 3.0  #: s around take-off and landing that are left alone
 MIN_FLYING_SPEED: Final = 2.0  #: m/s; slower is on the ground
 FLYING_SHARE: Final = 0.4  #: of the 90 % quantile of the speed; slower is on the ground
-MIN_ROTORS: Final = 3  #: motors, at least, of what hovers
+MIN_ROTORS: Final = 3  #: motors, at least, of a multirotor
 HOVER_SPEED: Final = 3.0  #: m/s over ground, horizontal; no wing carries at that, but in a strong wind
 HOVER_HEIGHT: Final = 2.0  #: m above the lowest point of the log
-HOVER_TIME: Final = 8.0  #: s in all, for a log to be of a vehicle that hovers
+HOVER_TIME: Final = 8.0  #: s in all, for a log to be of a multirotor
 LIFT_SHARE: Final = 0.6  #: of the usual lift command in flight; the vehicle falls at less
 IDLE_SHARE: Final = 0.25  #: of the largest lift command; motors off, or idling
 COMMAND_RANGES: Final = {"pwm": (1000.0, 1000.0), "rotor": (0.0, 1000.0)}  #: idle and range: us, rad/s

@@ -19,14 +19,9 @@ BUILT_IN: Final = {
 
 
 def resolve_vehicle(name_or_path: str | Path) -> Vehicle:
-    """Return a vehicle of the package by its name, or read a vehicle file.
+    """Return a vehicle of the package by its name in :data:`BUILT_IN`, or read a vehicle file.
 
     A name of the package wins over a file of the same name; write ``./twin-boom`` for the file.
-
-    Parameters
-    ----------
-    name_or_path : str or Path
-        One of :data:`BUILT_IN`, or the path of a TOML file.
 
     Raises
     ------

@@ -32,7 +32,6 @@ GUST_STATES = {
 _ROTATION = ("p", "q", "r", "phi", "theta", "psi", "h")
 AIR_START = ("V", "alpha", "beta", *_ROTATION)  #: m/s, rad, rad/s, m
 GROUND_START = ("u", "v", "w", *_ROTATION)  #: likewise, of a vehicle with rotors
-_LATER = ("turbulence", "vn", "ve", "vd", "airspeed", "rotors", "rotor", "body_drag", "ground_effect")
 _NO_ROWS = ("name", "notes", "loadings", "sigma", "estimate_biases", "voltage_average")  #: of the kernel
 _EQUATION_SOURCES = (  #: beside all of symbolic/
     "vehicle.py", "terms.py", "atmosphere.py", "schema.py", "defaults.py", "notation.py",
@@ -153,9 +152,7 @@ def _structure(node: Any) -> Any:
     if isinstance(node, Quantity):
         return f"={node.tie}" if node.tie else "number"
     if isinstance(node, BaseModel):
-        kept = [n for n in type(node).model_fields if n not in _NO_ROWS]
-        absent = {n for n in kept if n in _LATER and not getattr(node, n)}
-        return {n: _structure(getattr(node, n)) for n in kept if n not in absent}
+        return {n: _structure(getattr(node, n)) for n in type(node).model_fields if n not in _NO_ROWS}
     if isinstance(node, Mapping):
         return {n: _structure(v) for n, v in node.items()}
     return [_structure(v) for v in node] if isinstance(node, tuple) else node
@@ -191,13 +188,9 @@ class Vehicle:
         return f"<Vehicle {self.name}: {free} of {len(self.parameters)} numbers free>"
 
     def _repr_html_(self) -> str:
+        units = {"1": ""}
         rows = [
-            (
-                p.name,
-                number(p.value),
-                "" if p.unit == "1" else p.unit,
-                f"{number(p.lower)} … {number(p.upper)}",
-            )
+            (p.name, number(p.value), units.get(p.unit, p.unit), f"{number(p.lower)} … {number(p.upper)}")
             for p in self.parameters
             if p.free
         ]

@@ -5,89 +5,46 @@ Reduced models follow by substitution in the same equations.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Protocol
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import sympy as sp
 
 from stoop.kernels import SymbolicModel
 from stoop.vehicle.atmosphere import polynomial_density
+from stoop.vehicle.symbolic import frames
 from stoop.vehicle.symbolic.forces import Surroundings, spins, total
-from stoop.vehicle.symbolic.frames import (
-    Air,
-    Attitude,
-    Numbers,
-    Quaternion,
-    Vector,
-    add,
-    air,
-    attitude,
-    body_acceleration,
-    cross,
-    gust,
-    gust_rates,
-    over_ground,
-    quaternion_rate,
-    scale,
-    slow_air,
-    subtract,
-    to_body,
-    vane,
-)
+from stoop.vehicle.symbolic.frames import Air, Attitude, Numbers, Quaternion, Vector, add, cross, scale
 from stoop.vehicle.symbolic.latex import equations
-from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME, RIGID_STATES, Vehicle, slope_input
+from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME, RIGID_STATES, Frame, Vehicle, slope_input
 
 _ZERO_STATES = {"full": (), "longitudinal": ("v", "p", "r", "e1", "e3"), "lateral": ("q",)}
 _CONSTANT_STATES = {"full": (), "longitudinal": (), "lateral": ("u", "w", "q", "h")}
 
 
-class _FrameEquations(Protocol):
+def _flow_angles(n: Numbers, s: Surroundings, e: Quaternion, velocity: Vector) -> dict[str, Any]:
+    vanes = frames.vane(n, s.velocity, s.omega)
+    return {"V": s.air.V, "alpha": vanes.alpha, "beta": vanes.beta}
+
+
+def _ground_velocity(n: Numbers, s: Surroundings, e: Quaternion, velocity: Vector) -> dict[str, Any]:
+    return dict(zip(("vn", "ve", "vd"), frames.over_ground(e, velocity), strict=True))
+
+
+@dataclass(frozen=True)
+class _FrameEquations:
     """Equations that depend on the frame of the observations."""
 
-    def air(self, velocity: Vector) -> Air:
-        """Return the flow about a body with this velocity through the air, body axes."""
-
-    def gust(self, e: Quaternion, gust: Vector) -> Vector:
-        """Return a gust in body axes."""
-
-    def observed(
-        self, n: Numbers, V: Any, flight: Vector, velocity: Vector, omega: Vector, e: Quaternion
-    ) -> Any:
-        """Return the observed velocity; `flight` is that through the air, `velocity` that less the steady wind."""
+    air: Callable[[Vector], Air]
+    gust: Callable[[Quaternion, Vector], Vector]  #: from its own axes to those of the body
+    observed: Callable[[Numbers, Surroundings, Quaternion, Vector], dict[str, Any]]  #: velocity, by channel
 
 
-class _AirEquations:
-    """Airspeed, and flow angles at the vanes; gusts along the body axes."""
-
-    def air(self, velocity: Vector) -> Air:
-        return air(velocity)
-
-    def gust(self, e: Quaternion, gust: Vector) -> Vector:
-        return gust
-
-    def observed(
-        self, n: Numbers, V: Any, flight: Vector, velocity: Vector, omega: Vector, e: Quaternion
-    ) -> Any:
-        vanes = vane(n, flight, omega)
-        return {"V": V, "alpha": vanes.alpha, "beta": vanes.beta}
-
-
-class _GroundEquations:
-    """Velocity over ground less the steady wind; gusts along the Earth axes."""
-
-    def air(self, velocity: Vector) -> Air:
-        return slow_air(velocity)
-
-    def gust(self, e: Quaternion, gust: Vector) -> Vector:
-        return to_body(e, gust)
-
-    def observed(
-        self, n: Numbers, V: Any, flight: Vector, velocity: Vector, omega: Vector, e: Quaternion
-    ) -> Any:
-        return dict(zip(("vn", "ve", "vd"), over_ground(e, velocity), strict=True))
-
-
-_FRAMES: dict[Any, _FrameEquations] = {AIR_FRAME: _AirEquations(), GROUND_FRAME: _GroundEquations()}
+_FRAMES: dict[Frame, _FrameEquations] = {
+    AIR_FRAME: _FrameEquations(frames.air, lambda _, gust: gust, _flow_angles),
+    GROUND_FRAME: _FrameEquations(frames.slow_air, frames.to_body, _ground_velocity),
+}
 
 
 def build_model(vehicle: Vehicle) -> SymbolicModel:
@@ -124,8 +81,10 @@ def _motion(n: Numbers, x: Mapping[str, Any], u: Mapping[str, Any]) -> tuple[dic
     velocity: Vector = (x["u"], x["v"], x["w"])
     omega: Vector = (x["p"], x["q"], x["r"])
     e = (x["e0"], x["e1"], x["e2"], x["e3"])
-    flight = subtract(velocity, frame.gust(e, gust(n, x))) if vehicle.gusts else velocity
-    turned, flow = attitude(e), frame.air(flight)
+    flight = velocity
+    if vehicle.gusts:
+        flight = frames.subtract(velocity, frame.gust(e, frames.gust(n, x)))
+    turned = frames.attitude(e)
     choice = vehicle.file.environment.density
     if choice == "log":
         density = u["density"]
@@ -133,17 +92,19 @@ def _motion(n: Numbers, x: Mapping[str, Any], u: Mapping[str, Any]) -> tuple[dic
         density = polynomial_density(x["h"]) if choice == "standard" else n["environment.density"]
     deflections, lag_rates = _deflections(n, x, u)
     spin, spin_rates, rotor_lag_rates = spins(n, x, u)
-    load = total(Surroundings(n, flow, density, omega, deflections, u, flight, spin, spin_rates))
+    s = Surroundings(n, frame.air(flight), density, omega, deflections, u, flight, spin, spin_rates)
+    load = total(s)
 
     # Newton and Euler for a rigid body of constant mass, flat Earth
     specific = scale(1 / n["mass.mass"], load.force)
-    acceleration = body_acceleration(specific, n["environment.gravity"], turned.down, velocity, omega)
+    acceleration = frames.body_acceleration(specific, n["environment.gravity"], turned.down, velocity, omega)
     omega_rate = _angular_acceleration(n, load.moment, omega)
     climb = -sum(d * v for d, v in zip(turned.down, velocity, strict=True))
-    rigid = [*acceleration, *omega_rate, *quaternion_rate(e, omega), climb]
-    rates = dict(zip(RIGID_STATES, rigid, strict=True)) | lag_rates | rotor_lag_rates | gust_rates(n, x, u)
-    observed = frame.observed(n, flow.V, flight, velocity, omega, e)
-    return rates, readings(n, observed, turned, specific, omega, omega_rate)
+    rigid = [*acceleration, *omega_rate, *frames.quaternion_rate(e, omega), climb]
+    rates = (
+        dict(zip(RIGID_STATES, rigid, strict=True)) | lag_rates | rotor_lag_rates | frames.gust_rates(n, x, u)
+    )
+    return rates, readings(n, frame.observed(n, s, e, velocity), turned, specific, omega, omega_rate)
 
 
 def readings(
@@ -179,7 +140,7 @@ def _deflections(
     deflections, rates = {}, {}
     for control in n.vehicle.controls:
         base, mix = f"controls.{control}", n.vehicle.file.controls[control].mix
-        mixed = u[control]
+        mixed = u.get(control)
         if mix is not None:
             mixed = sum(n[f"{base}.mix.{c}"] * (u[c] - n.get(f"{base}.center.{c}")) for c in mix)
         deflections[control] = mixed + n.get(f"{base}.offset")
@@ -220,7 +181,7 @@ def _retraction(vehicle: Vehicle, states: Mapping[str, Any], moves: Mapping[str,
     zero = sp.Integer(0)
     e = (states.get("e0", zero), states.get("e1", zero), states.get("e2", zero), states.get("e3", zero))
     phi, theta, psi = (moves.get(f"turn {axis}", zero) for axis in ("phi", "theta", "psi"))
-    turned = [a + b for a, b in zip(e, quaternion_rate(e, (phi, theta, psi)), strict=True)]
+    turned = [a + b for a, b in zip(e, frames.quaternion_rate(e, (phi, theta, psi)), strict=True)]
     length2 = sum((a * a for a in turned), zero)
     after = {f"e{i}": a * (sp.Rational(3, 2) - length2 / 2) for i, a in enumerate(turned)}
     after |= {name: states[name] + moves[name] for name in moves if name in states}

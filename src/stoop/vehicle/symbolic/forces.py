@@ -90,21 +90,16 @@ def term_variables(s: Surroundings) -> dict[str, Any]:
     return {**flow, **s.deflections}
 
 
-def coefficients(s: Surroundings) -> dict[str, Any]:
-    """Return the six coefficients as sums of terms, eq. (1) and those of the file."""
-    known = term_variables(s)
-    out = {c: sp.Integer(0) for c in COEFFICIENTS}
-    for coefficient, group in s.numbers.vehicle.terms.items():
-        for name, text in group.items():
-            out[coefficient] += s.numbers[name] * terms.convert(terms.parse(text, known, name), known)
-    return out | {"CL": out["CL"] * lift_gain(s.numbers, s.channels)}
-
-
 def aerodynamics(s: Surroundings) -> Load:
     """Return aerodynamic force (the rotation of eq. 2) and moment about the center of gravity."""
     if s.numbers.vehicle.file.reference is None:
         return Load(ZERO, ZERO)
-    n, a, c = s.numbers, s.air, coefficients(s)
+    n, a, known = s.numbers, s.air, term_variables(s)
+    c = {c: sp.Integer(0) for c in COEFFICIENTS}  # sums of terms, eq. (1) and those of the file
+    for coefficient, group in n.vehicle.terms.items():
+        for name, text in group.items():
+            c[coefficient] += n[name] * terms.convert(terms.parse(text, known, name), known)
+    c["CL"] *= lift_gain(n, s.channels)
     pressure_area = s.density / 2 * n["reference.area"] * a.V2 * a.attached
     drag_and_side = c["CD"] * a.cos_beta + c["CQ"] * a.sin_beta
     force = scale(

@@ -155,32 +155,21 @@ def vane(n: Numbers, velocity: Vector, omega: Vector) -> Air:
 
 @dataclass(frozen=True)
 class Attitude:
-    """Parts of the rotation from Earth to body, and Euler angles."""
+    """Earth's down axis in body axes, and Euler angles."""
 
-    down: Vector  #: Earth's down axis in body axes
-    north: tuple[Any, Any]  #: R11, R21: where the nose points, north and east
-
-    @property
-    def phi(self) -> Any:
-        """Bank angle."""
-        return sp.atan2(self.down[1], self.down[2])
-
-    @property
-    def theta(self) -> Any:
-        """Pitch angle."""
-        return sp.atan2(-self.down[0], sp.sqrt(self.down[1] ** 2 + self.down[2] ** 2))
-
-    @property
-    def psi(self) -> Any:
-        """Heading."""
-        return sp.atan2(self.north[1], self.north[0])
+    down: Vector
+    phi: Any
+    theta: Any
+    psi: Any
 
 
 def attitude(e: Quaternion) -> Attitude:
     """Return the attitude of a quaternion; the angles need no normalization."""
     e0, e1, e2, e3 = e
     down = (2 * (e1 * e3 - e0 * e2), 2 * (e2 * e3 + e0 * e1), e0**2 - e1**2 - e2**2 + e3**2)
-    return Attitude(down, (e0**2 + e1**2 - e2**2 - e3**2, 2 * (e1 * e2 + e0 * e3)))
+    theta = sp.atan2(-down[0], sp.sqrt(down[1] ** 2 + down[2] ** 2))
+    psi = sp.atan2(2 * (e1 * e2 + e0 * e3), e0**2 + e1**2 - e2**2 - e3**2)
+    return Attitude(down, sp.atan2(down[1], down[2]), theta, psi)
 
 
 def quaternion_rate(e: Quaternion, omega: Vector) -> Quaternion:
