@@ -18,7 +18,7 @@ from stoop.problem.layout import Layout, Nuisance
 from stoop.problem.weights import Weights
 from stoop.simulation import parameter_rows
 from stoop.simulation.delays import input_delays, late_inputs, late_outputs, output_delays
-from stoop.simulation.initial import kernel_states, rigid_states
+from stoop.simulation.initial import initial_states, rigid_states
 
 STEP = 1e-7
 
@@ -252,7 +252,7 @@ class Misfit:
                 start = {**start, n.name: value}
         if moved:
             rigid = rigid_states(start)
-        return rows, kernel_states(vehicle, rigid, start, rows, self.pieces[index].inputs[0])
+        return rows, initial_states(vehicle, start, rows, self.pieces[index].inputs[0], rigid)
 
     def _inputs(self, piece: Piece, rows: FloatArray) -> FloatArray:
         """Return the inputs of a piece as the surfaces receive them."""

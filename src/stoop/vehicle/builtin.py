@@ -21,12 +21,8 @@ BUILT_IN: Final = {
 def resolve_vehicle(name_or_path: str | Path) -> Vehicle:
     """Return a vehicle of the package by its name in :data:`BUILT_IN`, or read a vehicle file.
 
-    A name of the package wins over a file of the same name; write ``./twin-boom`` for the file.
-
-    Raises
-    ------
-    VehicleError
-        There is no such vehicle, or its file is wrong.
+    A name of the package wins over a file of the same name; write ``./twin-boom`` for the file. A
+    :class:`~stoop.errors.VehicleError` says that there is no such vehicle, or what is wrong in its file.
     """
     name = str(name_or_path)
     if name in BUILT_IN:
@@ -42,13 +38,7 @@ def builtin_vehicle(name: str) -> Vehicle:
 
 
 def builtin_text(name: str) -> str:
-    """Return the file of a vehicle of the package with its comments.
-
-    Raises
-    ------
-    VehicleError
-        There is no such vehicle.
-    """
+    """Return the file of a vehicle of the package with its comments; a VehicleError lists the names."""
     if name not in BUILT_IN:
         raise VehicleError(f"{name}: there is no such built-in vehicle; {_advice(name)}")
     return (files("stoop.data") / BUILT_IN[name]).read_text(encoding="utf-8")

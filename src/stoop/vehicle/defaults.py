@@ -42,13 +42,6 @@ EQUATION_1: Final[dict[str, dict[str, tuple[str, float, float]]]] = {
     },
 }  # fmt: skip
 """Coefficient -> parameter -> (term, lower bound, upper bound)."""
-ROTOR_AERODYNAMICS: Final = frozenset(
-    f"rotors.{name}"
-    for name in (
-        "T0", "T1", "T2", "inflow", "translational", "drag", "drag_inflow", "Q0", "Q1", "Q2", "torque_ratio",
-    )
-)  # fmt: skip
-"""Aerodynamic coefficients of rotors."""
 WIND_NUMBERS: Final = tuple(f"sensors.{c}.bias" for c in WIND)  #: the steady wind, m/s north, east, down
 _GROUND_EFFECTS: Final = ("ground_effect.rotor", "ground_effect.lift")
 _RATE_AND_FORCE_BIASES: Final = tuple(f"sensors.{c}.bias" for c in ("p", "q", "r", "ax", "ay", "az"))
@@ -67,6 +60,10 @@ _DRIVE_UNITS: Final = {
     "gain": ("1", "rad/s per unit"),
 }  # fmt: skip
 """Where x of a rotor is a command, and where it is a speed."""
+_PLAIN_COEFFICIENTS: Final = ("T0", "Q0", "translational", "drag_inflow", "torque_ratio")
+ROTOR_AERODYNAMICS: Final = frozenset(
+    f"rotors.{c}" for c in (*_PLAIN_COEFFICIENTS, *_DRIVE_UNITS) if c != "gain"
+)
 _CHANNEL_UNITS: Final = {
     **dict.fromkeys(("V", "vn", "ve", "vd"), "m/s"), **dict.fromkeys(("p", "q", "r"), "rad/s"),
     **dict.fromkeys(("ax", "ay", "az"), "m/s2"),
@@ -93,16 +90,9 @@ def unit(name: str, quantity: Quantity, controls: Collection[str], drive: str) -
 
 
 def free_by_default(name: str, estimated: Collection[str], biases: bool) -> bool:
-    """Return whether a number is estimated unless the file says otherwise.
+    """Return whether a number is estimated unless the file says otherwise: loads are, mass and geometry are not.
 
-    Aerodynamic loads are, mass properties and geometry are not.
-
-    Parameters
-    ----------
-    estimated : collection of str
-        Terms of the coefficients that the kept equations identify.
-    biases : bool
-        Whether those of rates and specific force are.
+    `estimated` are the terms that the kept equations identify; `biases` is whether those of rates and specific force are.
     """
     if name in (*WIND_NUMBERS, *_GROUND_EFFECTS) or name.startswith("body_drag."):
         return True

@@ -27,13 +27,7 @@ _SENSOR_DEFAULTS = {
 
 
 def load_vehicle(path: Path | str) -> Vehicle:
-    """Read a vehicle file.
-
-    Raises
-    ------
-    VehicleError
-        One line that names the file, the key and what to write instead.
-    """
+    """Read a vehicle file; a :class:`VehicleError` names the file, the key and what to write instead."""
     return parse_vehicle(read_source(path, "vehicle", VehicleError), str(path))
 
 

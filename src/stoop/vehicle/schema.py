@@ -10,7 +10,6 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-MAX_ROTORS = 16
 CHANNELS = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "ax", "ay", "az")
 WIND = ("vn", "ve", "vd")  #: velocity over ground, north, east, down
 
@@ -25,28 +24,16 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Quantity(Table):
-    """One number: ``0.3``, a tie ``"=other.number"``, or a table with bounds, freedom and prior.
+class Quantity(BaseModel):
+    """One number: ``0.3``, a tie ``"=other.number"``, or a table with bounds, freedom and prior."""
 
-    Attributes
-    ----------
-    value : float
-        In SI units and radians.
-    bounds : pair of float, optional
-        Of the estimate.
-    free : bool, optional
-        True to estimate, False to fix; None takes the default of the kind of number (aerodynamic terms are free).
-    prior : float, optional
-        Standard deviation of the prior around ``value``.
-    tie : str, optional
-        Name of the number that this one equals.
-    """
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
-    value: Number = 0.0
-    bounds: tuple[Number, Number] | None = None
-    free: Switch | None = None
-    prior: Annotated[Number, Field(gt=0.0)] | None = None
-    tie: str | None = None
+    value: Number = 0.0  #: SI units and radians
+    bounds: tuple[Number, Number] | None = None  #: of the estimate
+    free: Switch | None = None  #: true to estimate, false to fix; by the kind of number when absent
+    prior: Annotated[Number, Field(gt=0.0)] | None = None  #: standard deviation around the value
+    tie: str | None = None  #: name of the number that this one equals
 
     @model_validator(mode="before")
     @classmethod
@@ -366,7 +353,7 @@ class VehicleFile(Table):
     turbulence: Turbulence | None = None
     loadings: dict[Name, dict[str, Number]] = Field(default_factory=dict)  #: numbers that differ per maneuver
     rotors: Rotors | None = None
-    rotor: Annotated[dict[Name, Rotor], Field(max_length=MAX_ROTORS)] = Field(default_factory=dict)
+    rotor: Annotated[dict[Name, Rotor], Field(max_length=16)] = Field(default_factory=dict)
     body_drag: BodyDrag | None = None
     ground_effect: GroundEffect | None = None
 

@@ -34,19 +34,9 @@ _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
 
 
 def parse(text: str, names: Iterable[str], where: str) -> ast.expr:
-    """Parse a term and check it against the white list.
+    """Parse a term and check it against the white list; a :class:`TermError` names `where`, file and key.
 
-    Parameters
-    ----------
-    names : iterable of str
-        Variables of the vehicle (:data:`STATE_VARIABLES` and its controls).
-    where : str
-        File and key, for the message.
-
-    Raises
-    ------
-    TermError
-        Unknown variable, forbidden syntax, power out of range.
+    `names` are the variables of the vehicle: :data:`STATE_VARIABLES` and its controls.
     """
     if len(text) > MAX_LENGTH:
         raise TermError(f"{where}: the term is longer than {MAX_LENGTH} characters; split it into several")
@@ -147,11 +137,10 @@ def values(
     Parameters
     ----------
     number : callable
-        From the name of a number of the vehicle file to its value or symbol.
+        Name of a number of the vehicle file -> value or symbol.
     actual : bool
         Rates are made dimensionless with the actual airspeed, not with the reference one.
-    V, alpha, beta : m/s, rad
-    omega : p, q, r, rad/s
+    V, alpha, beta, omega : m/s, rad, rad/s
     """
     reference = number("reference.airspeed")
     speed = V if actual else reference

@@ -29,9 +29,8 @@ GUST_STATES = {
     "v": ("gust.v.fast", "gust.v.slow"),
     "w": ("gust.w.fast", "gust.w.slow"),
 }  #: of the Dryden filters, m/s
-_ROTATION = ("p", "q", "r", "phi", "theta", "psi", "h")
-AIR_START = ("V", "alpha", "beta", *_ROTATION)  #: m/s, rad, rad/s, m
-GROUND_START = ("u", "v", "w", *_ROTATION)  #: likewise, of a vehicle with rotors
+#: absent from the structure where the file lacks them, as in kernels made before they were keys
+_LATER = ("turbulence", "vn", "ve", "vd", "airspeed", "rotors", "rotor", "body_drag", "ground_effect")
 _NO_ROWS = ("name", "notes", "loadings", "sigma", "estimate_biases", "voltage_average")  #: of the kernel
 _EQUATION_SOURCES = (  #: beside all of symbolic/
     "vehicle.py", "terms.py", "atmosphere.py", "schema.py", "defaults.py", "notation.py",
@@ -43,11 +42,13 @@ class Frame:
     """Frame in which the velocity of a kind of vehicle is observed: of the air, or of the ground."""
 
     outputs: tuple[str, ...]
-    start: tuple[str, ...]  #: names of an initial state
+    start: tuple[str, ...]  #: names of an initial state: m/s and rad, rad/s, rad, m
 
 
-AIR_FRAME = Frame(CHANNELS, AIR_START)  #: airspeed and flow angles
-GROUND_FRAME = Frame((*WIND, *CHANNELS[3:]), GROUND_START)  #: of a vehicle with rotors, which may stand still
+AIR_FRAME = Frame(CHANNELS, (*CHANNELS[:9], "h"))  #: airspeed and flow angles
+GROUND_FRAME = Frame(
+    (*WIND, *CHANNELS[3:]), ("u", "v", "w", *CHANNELS[3:9], "h")
+)  #: of a vehicle with rotors
 
 
 @dataclass(frozen=True)
@@ -81,25 +82,14 @@ _REDUCTIONS = {
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of the vehicle as the estimation sees it.
+    """One number of the vehicle as the estimation sees it, SI."""
 
-    Attributes
-    ----------
-    name : str
-        Aerodynamic terms by their own name (``CLalpha``), all others by their place (``mass.inertia.xx``).
-    value, lower, upper : float, SI
-    free : bool
-    prior : float or None
-        Standard deviation of the prior.
-    unit : str
-    """
-
-    name: str
+    name: str  #: an aerodynamic term's own (``CLalpha``), else the place in the file (``mass.inertia.xx``)
     value: float
     lower: float
     upper: float
     free: bool
-    prior: float | None
+    prior: float | None  #: standard deviation
     unit: str
 
 
@@ -152,7 +142,8 @@ def _structure(node: Any) -> Any:
     if isinstance(node, Quantity):
         return f"={node.tie}" if node.tie else "number"
     if isinstance(node, BaseModel):
-        return {n: _structure(getattr(node, n)) for n in type(node).model_fields if n not in _NO_ROWS}
+        kept = [n for n in type(node).model_fields if n not in _NO_ROWS]
+        return {n: _structure(v) for n in kept if (v := getattr(node, n)) or n not in _LATER}
     if isinstance(node, Mapping):
         return {n: _structure(v) for n, v in node.items()}
     return [_structure(v) for v in node] if isinstance(node, tuple) else node
@@ -167,20 +158,13 @@ def _equations_version() -> str:
 
 @dataclass(frozen=True, repr=False)
 class Vehicle:
-    """A vehicle file with its numbers in one list.
-
-    Attributes
-    ----------
-    file : VehicleFile
-    text : str
-        The TOML as written, so that an identified vehicle keeps the user's comments.
-    where : str
-        Name of the file in messages.
-    """
+    """A vehicle file with its numbers in one list."""
 
     file: VehicleFile
-    text: str = field(repr=False)
-    where: str
+    text: str = field(
+        repr=False
+    )  #: the TOML as written, so that an identified vehicle keeps the user's comments
+    where: str  #: name of the file in messages
 
     def __repr__(self) -> str:
         """Return name and size on one line."""
@@ -208,7 +192,7 @@ class Vehicle:
         A reduced model estimates its own coefficients; numbers that its equations do not contain are never free.
         """
         file, numbers = self.file, dict(leaves(self.file))
-        estimated = {n for c in self._reduction.identified for n in getattr(file.aerodynamics, c)}
+        estimated = {n for c in _REDUCTIONS[self.reduce].identified for n in getattr(file.aerodynamics, c)}
         absent = {n for c in COEFFICIENTS for n in getattr(file.aerodynamics, c) if c not in self.terms}
         # Numbers of gusts that the kept equations lack, unless a number of another gust is tied to them.
         gusts = {a: dict(leaves(getattr(file.turbulence, a, None), f"turbulence.{a}")) for a in GUST_STATES}
@@ -255,10 +239,6 @@ class Vehicle:
         return self.file.model.reduce
 
     @property
-    def _reduction(self) -> _Reduction:
-        return _REDUCTIONS[self.reduce]
-
-    @property
     def rotors(self) -> tuple[str, ...]:
         """Names of the rotors."""
         return tuple(self.file.rotor)
@@ -282,8 +262,8 @@ class Vehicle:
     @functools.cached_property
     def terms(self) -> dict[str, dict[str, str]]:
         """Term texts per kept coefficient and parameter."""
-        groups = {c: getattr(self.file.aerodynamics, c) for c in self._reduction.coefficients}
-        return {c: {name: term.term for name, term in group.items()} for c, group in groups.items()}
+        kept = _REDUCTIONS[self.reduce].coefficients
+        return {c: {n: t.term for n, t in getattr(self.file.aerodynamics, c).items()} for c in kept}
 
     @functools.cached_property
     def controls(self) -> tuple[str, ...]:
@@ -301,7 +281,9 @@ class Vehicle:
     @functools.cached_property
     def gusts(self) -> tuple[str, ...]:
         """Axes of the gusts in the kept equations."""
-        return tuple(a for a in self._reduction.gusts if getattr(self.file.turbulence, a, None) is not None)
+        return tuple(
+            a for a in _REDUCTIONS[self.reduce].gusts if getattr(self.file.turbulence, a, None) is not None
+        )
 
     @functools.cached_property
     def inputs(self) -> tuple[str, ...]:
@@ -347,18 +329,23 @@ class Vehicle:
         lags = [f"{c}.lag" for c in self.controls if self.file.controls[c].lag is not None]
         if self.file.rotors is not None and self.file.rotors.lag is not None:
             lags += [f"{r}.lag" for r in self.rotors]
-        return (*self._reduction.states, *lags, *(s for axis in self.gusts for s in GUST_STATES[axis]))
+        return (
+            *_REDUCTIONS[self.reduce].states,
+            *lags,
+            *(s for axis in self.gusts for s in GUST_STATES[axis]),
+        )
 
     @functools.cached_property
     def moves(self) -> tuple[str, ...]:
         """Components of the error state of a filter: states, body-axes rotations, lags and gusts."""
-        rotations = (f"turn {angle}" for angle in self._reduction.rotated)
-        return (*self._reduction.added, *rotations, *(s for s in self.states if s not in RIGID_STATES))
+        kept = _REDUCTIONS[self.reduce]
+        rotations = (f"turn {angle}" for angle in kept.rotated)
+        return (*kept.added, *rotations, *(s for s in self.states if s not in RIGID_STATES))
 
     @property
     def outputs(self) -> tuple[str, ...]:
         """Observed channels, eq. (2), or those of a reduced model or of a vehicle with rotors."""
-        return self._reduction.outputs or self.frame.outputs
+        return _REDUCTIONS[self.reduce].outputs or self.frame.outputs
 
     @functools.cached_property
     def structure(self) -> str:
@@ -376,13 +363,7 @@ class Vehicle:
         return load_kernel(self.structure, build)
 
     def with_numbers(self, changes: Mapping[str, Mapping[str, Any]]) -> Vehicle:
-        """Return the vehicle with fields of some numbers replaced, e.g. ``{"CLalpha": {"value": 5.0}}``.
-
-        Raises
-        ------
-        VehicleError
-            A name that the vehicle does not have, or of a number that is tied to another.
-        """
+        """Return the vehicle with fields of some numbers, none of them tied, replaced: ``{"CLalpha": {"value": 5.0}}``."""
         known = dict(leaves(self.file))
         for name in changes:
             if name not in known:

@@ -10,7 +10,7 @@ from stoop.base.arrays import FloatArray
 from stoop.report.plots import Series, Strip, stacked_plots
 from stoop.report.sheet import Figure, Section, Table
 from stoop.simulation import Mode, linearize
-from stoop.simulation.fly import Flown
+from stoop.simulation.trajectories import Flown
 from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, reproduces
 from stoop_studies.problems.paper import SAMPLES, paper
 from stoop_studies.reproduce.suite import PaperExperiment, minus, tabulated

@@ -20,9 +20,10 @@ from stoop.simulation import (
 )
 from stoop.simulation.autopilot import linear_errors
 from stoop.simulation.delays import late_inputs, late_outputs
-from stoop.simulation.fly import Flown, fly
+from stoop.simulation.fly import fly
 from stoop.simulation.maneuver import Maneuver
 from stoop.simulation.rotors import accelerations, channel_range
+from stoop.simulation.trajectories import Flown
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle, resolve_vehicle
 

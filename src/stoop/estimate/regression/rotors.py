@@ -28,7 +28,7 @@ from stoop.problem import Layout, Nuisance, Piece
 from stoop.problem.observation import through_air, true_value
 from stoop.simulation import parameter_rows
 from stoop.simulation.delays import at_samples, first_order_lag, late_inputs
-from stoop.simulation.initial import commanded, kernel_states, rigid_states
+from stoop.simulation.initial import commanded, initial_states, rigid_states
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND
 
@@ -72,7 +72,7 @@ class Stretch:
         late = at_samples(vehicle, late_inputs(vehicle, piece.inputs, rows, piece.dt))
         inputs = np.ascontiguousarray(late.T[:, self.samples])
         every = np.repeat(rows, inputs.shape[1], axis=1)
-        states = kernel_states(vehicle, rigid_states(self._motion(vehicle, rows[:, 0])), {}, every, inputs)
+        states = initial_states(vehicle, {}, every, inputs, rigid_states(self._motion(vehicle, rows[:, 0])))
         for i, name in enumerate(vehicle.states):
             if name.endswith(".lag"):
                 follower = name.removesuffix(".lag")

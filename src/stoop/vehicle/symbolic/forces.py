@@ -212,12 +212,7 @@ def blade_loads(
 ) -> tuple[Any, Any, Any]:
     """Return thrust, N, in-plane force over the in-plane speed, N s/m, and torque, N m, of one rotor.
 
-    Parameters
-    ----------
-    x : command, or speed of rotation in rad/s
-    through : speed of the air through the disc along the axis, m/s
-    inplane2 : square of the speed in the plane of the disc, m2/s2
-    density_ratio : density over that at sea level
+    `through` is the speed of the air through the disc along the axis, m/s, `inplane2` the square of that in its plane.
     """
     load = (
         _static_thrust(n, x) - n.get("rotors.inflow") * x * through + n.get("rotors.translational") * inplane2
