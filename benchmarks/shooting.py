@@ -6,13 +6,14 @@ import numpy as np
 
 from benchmarks.clock import interleave, ratio
 from benchmarks.table import Row
-from stoop.cli import demo
 from stoop.estimate.fit import Options, estimation_problem
-from stoop.estimate.shooting.windows import Shots
+from stoop.estimate.linearization import perturbations_of
+from stoop.estimate.shooting_windows import Shots
 from stoop.problem import Misfit
 from stoop.problem.windows import Window
 from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop.workflow import demo
 
 PART = "shooting"
 LENGTH = 0.5  #: s of a window
@@ -60,7 +61,7 @@ def _flown_one_by_one(windows: Shots, z: np.ndarray, nodes: np.ndarray) -> None:
 
 
 def _one_by_one(windows: Shots, z: np.ndarray, nodes: np.ndarray) -> None:
-    inverse, entries = windows.inverse(nodes), np.arange(len(z))
+    inverse, entries = perturbations_of(windows.vehicle, nodes[:, 1:].copy()), np.arange(len(z))
     for w in range(windows.count):
         windows.linearize_some(z, nodes, inverse, range(w, w + 1), entries)
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.table import Row
-from stoop.cli.demo import TABLE_1
+from stoop.workflow.demo import TABLE_1
 
 PART = "startup"
 REPEATS = 5

@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from benchmarks.table import Row
-from stoop.logs.ulog_write import Topic, definitions, rows, text
+from stoop.exporters.log_bytes import Topic, ulog_definitions, ulog_rows, ulog_text
 
 PART = "ulog"
 SIZE = 10**9  #: bytes
@@ -109,15 +109,17 @@ def _rows(path: Path, size: int) -> Iterator[Row]:
 def make(path: Path, size: int) -> int:
     """Write a log of about so many bytes: one stretch of flight again and again, with new times."""
     topics = _topics(np.random.default_rng(5))
-    content, begins = rows(topics)
+    content, begins = ulog_rows(topics)
     stretch = np.frombuffer(content, dtype=np.uint8)
     places = begins[:, None] + np.arange(5, 13)
     stamps = stretch[places].view("<u8")
     with path.open("wb") as file:
-        file.write(definitions(topics, {"SYS_AUTOSTART": 2100, "FW_AIRSPD_TRIM": 15.0}, {"sys_name": "PX4"}))
+        file.write(
+            ulog_definitions(topics, {"SYS_AUTOSTART": 2100, "FW_AIRSPD_TRIM": 15.0}, {"sys_name": "PX4"})
+        )
         for n in range(size // len(content)):
             _stretch(file, stretch, places, stamps + np.uint64(n * PERIOD * 1e6))
-        file.write(text(1.0, "INFO", "end"))
+        file.write(ulog_text(1.0, "INFO", "end"))
     return path.stat().st_size
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from stoop.estimate.fit import Options
     from stoop.flight import Flight
     from stoop.flight.load import load as load_flight
-    from stoop.flight.store import save as save_flight
+    from stoop.flight.load import save as save_flight
     from stoop.results.result import read_result
     from stoop.simulation.fly import simulate, simulate_flight
     from stoop.simulation.linearize import linearize

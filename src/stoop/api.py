@@ -8,80 +8,25 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from stoop.estimate.fit import Options
 from stoop.flight import Flight
-from stoop.flight import load as load_flight
-from stoop.flight.flight import from_columns
 from stoop.problem.windows import Windows, as_windows
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle as load_vehicle
-from stoop.workflow import Job
+from stoop.workflow import Job, identify
+from stoop.workflow.identification import as_flight, as_flights
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from stoop import optimize
     from stoop.assessment.assessment import Assessment
     from stoop.base.notices import Notice
-    from stoop.input_design.proposal import Proposal
+    from stoop.input_design.optimization import Proposal
     from stoop.reconstruction.compatibility import Compatibility
     from stoop.workflow.export import Exported
     from stoop.workflow.validation import Validated
 
 OneFlight = Flight | str | Path
-DEFAULTS = Options()
-
-
-def as_flight(given: OneFlight | xr.Dataset) -> Flight:
-    """Return a flight from a flight, a log, or a dataset over ``time`` (s) with variables of the registry in SI."""
-    if isinstance(given, Flight):
-        return given
-    if isinstance(given, str | Path):
-        return load_flight(given)
-    columns = {str(name): column.to_numpy() for name, column in given.data_vars.items()}
-    name = str(given.attrs.get("name", "flight"))
-    return from_columns(name, given["time"].to_numpy(), columns, source="dataset")
-
-
-def fit(
-    vehicle: Vehicle | str | Path,
-    flights: OneFlight | xr.Dataset | Sequence[OneFlight | xr.Dataset],
-    maneuvers: Windows,
-    validate: Windows = (),
-    options: Options = DEFAULTS,
-    callback: Callable[[optimize.Progress], None] | None = None,
-) -> Job:
-    """Estimate the free numbers of a vehicle from maneuvers of one or more flights, and predict others.
-
-    Parameters
-    ----------
-    vehicle : Vehicle, str or Path
-        Or the name of a built-in one, or a vehicle file.
-    flights : Flight, path of a log, xarray.Dataset, or a sequence of them
-    maneuvers : windows
-        Fitted jointly: ``"[FLIGHT@]START:STOP[#LOADING]"``, ``(start, stop)`` or ``slice(start, stop)`` in seconds of the
-        log's own clock; one or several.
-    validate : windows
-        Likewise; predicted, nothing is fitted there.
-    options : Options
-        Method, optimizer, seed, budget.
-    callback : callable, optional
-        Sees a :class:`stoop.optimize.Progress` after each step of the search.
-
-    Returns
-    -------
-    Job
-        ``fit.parameters["Clp"].std_error``, ``fit.to_dataframe()``, ``fit.plot.maneuvers()``, ``fit.save(folder)``.
-
-    Raises
-    ------
-    StoopError
-        One line that says what is wrong and what to do.
-    """
-    from stoop.workflow import identify
-
-    model = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
-    return identify(model, _flights(flights), maneuvers, validate, options, callback)
+fit = identify
 
 
 def predict(
@@ -105,7 +50,7 @@ def predict(
     """
     from stoop.workflow.validation import validate
 
-    known = _flights(flights)
+    known = as_flights(flights)
     windows = as_windows(maneuvers, {flight.name: flight for flight in known})
     with _saved(fitted) as folder:
         return validate(folder, known, [_text(w) for w in windows])
@@ -150,7 +95,7 @@ def reconstruct(flight: OneFlight | xr.Dataset, windows: Windows = ()) -> tuple[
     FlightError
         The flight holds nothing that could be compared.
     """
-    from stoop.workflow.compatibility import check_compatibility
+    from stoop.workflow.reconstruction import check_compatibility
 
     one = as_flight(flight)
     spans = [(w.start, w.stop) for w in as_windows(windows, {one.name: one})]
@@ -190,8 +135,7 @@ def design(
         No maneuver stays within the limits.
     """
     from stoop.input_design import SHAPES, Limits
-    from stoop.input_design.optimization import Plan
-    from stoop.input_design.proposal import propose
+    from stoop.input_design.optimization import Plan, propose
     from stoop.simulation import trim
     from stoop.workflow.design import prior_model
 
@@ -229,20 +173,14 @@ def export(
     StoopError
         The model cannot be exported so, or the folder holds other files.
     """
-    from stoop.workflow.export import Condition, write
+    from stoop.workflow.export import Condition, read_subject, write
     from stoop.workflow.export import export as exported
-    from stoop.workflow.export_subject import read_subject
 
     with _saved(model) as place:
         found = exported(read_subject(str(place)), to, Condition(airspeed, altitude, 0.0))
     if folder is not None:
         write(found, Path(folder), overwrite)
     return found
-
-
-def _flights(given: Any) -> list[Flight]:
-    several = given if isinstance(given, Sequence) and not isinstance(given, str) else [given]
-    return [as_flight(one) for one in several]
 
 
 def _text(window: Any) -> str:

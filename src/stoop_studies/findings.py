@@ -21,18 +21,9 @@ Numbers = tuple[tuple[str, ...], tuple[tuple[Cell, ...], ...]]  #: names of the 
 
 @dataclass(frozen=True)
 class Setting:
-    """What the user may choose.
+    """What the user may choose: seeds per case, the first seed, and for some experiments more.
 
-    Attributes
-    ----------
-    runs : int
-        Seeds per case.
-    seed : int
-        The first of them.
-    box : str
-        N, S or W: which bounds of the paper's problem; says nothing to experiments on other problems.
-    data : Path, optional
-        Folder of published data, for experiments that read some.
+    ``box`` (N, S or W) selects the bounds of the paper's problem; ``data`` is a folder of published data.
     """
 
     runs: int
@@ -48,16 +39,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Claim:
-    """A statement, whether the numbers bear it out, and the numbers.
-
-    Attributes
-    ----------
-    statement : str
-    verdict : str
-        "reproduces", "does not reproduce", "holds", "does not hold".
-    figures : str
-        What was measured.
-    """
+    """A statement, its verdict ("holds", "does not hold", "reproduces", "does not reproduce"), and what was measured."""
 
     statement: str
     verdict: str
@@ -81,17 +63,9 @@ def holds(statement: str, so: bool, figures: str) -> Claim:
 
 @dataclass(frozen=True)
 class Findings:
-    """What one experiment found.
+    """What one experiment found: its page, the table (head, rows) that is written as CSV, and further tables by name.
 
-    Attributes
-    ----------
-    title, lead : str
-    claims : tuple of Claim
-    sections : tuple of Section
-        Beside the claims, which every page has.
-    head, rows : the table that is written as CSV
-    parts : mapping
-        Further tables, by what is added to the name of the first.
+    Sections stand beside the claims, which every page has.
     """
 
     title: str

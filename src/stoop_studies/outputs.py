@@ -9,7 +9,7 @@ from typing import Final
 
 from markupsafe import Markup
 
-from stoop.base.files import write_text_atomic
+from stoop.base.files import make_folder, write_text_atomic
 from stoop.errors import OutputError
 from stoop.parallel import Plan
 from stoop.parallel.store import forget
@@ -22,18 +22,9 @@ Execute = Callable[[Plan, Path], Results]
 
 @dataclass(frozen=True)
 class Suite:
-    """What the experiments of one verb share.
+    """What the experiments of one verb share: title and lead of their index, and the notes on every page.
 
-    Attributes
-    ----------
-    verb : str
-        As on the command line.
-    title, lead : str
-        Of the page that leads to all others.
-    options : callable
-        From a setting to the words of a command after its ``--seed``.
-    notes : tuple of Section
-        Stand on every page.
+    ``options`` gives the words of a command after its ``--seed``.
     """
 
     verb: str
@@ -49,6 +40,11 @@ class Suite:
     def call(self, name: str) -> str:
         """Return verb and experiment."""
         return f"stoop {self.verb} {name}"
+
+
+def page_path(folder: Path, name: str) -> Path:
+    """Return the path of a page."""
+    return folder / f"{name}.html"
 
 
 def carry_out(
@@ -78,64 +74,34 @@ def carry_out(
     StoopError
         The folder cannot be used, or a run failed; nothing is lost.
     """
-    name = experiment.name
-    store = folder / f"{name}.sqlite"
+    name, call = experiment.name, suite.call(experiment.name)
+    store, page = folder / f"{name}.sqlite", page_path(folder, name)
     tables = {"": f"{name}.csv", **{part: f"{name}-{part}.csv" for part in experiment.parts}}
-    _prepare(suite, folder, name, store, [folder / table for table in tables.values()], overwrite)
+    make_folder(folder)
+    if overwrite:
+        forget(store)
+    elif page.exists() or (any((folder / t).exists() for t in tables.values()) and not store.exists()):
+        _check_own(page, call, f" than {call}")
     plan = experiment.plan(setting)
     results = {} if plan is None else execute(plan, store)
     findings = experiment.findings(setting, results)
     # the page first: a table without a page would not be known as ours when the command is given again
-    write_sheet(findings.sheet(suite.command(name, setting), suite.notes), page_path(folder, name))
+    write_sheet(findings.sheet(suite.command(name, setting), suite.notes), page)
     for part, table in tables.items():
         write_text_atomic(folder / table, findings.part(part) if part else findings.csv)
     return findings
 
 
-def page_path(folder: Path, name: str) -> Path:
-    """Return where the page lies."""
-    return folder / f"{name}.html"
-
-
-def _prepare(
-    suite: Suite, folder: Path, name: str, store: Path, tables: Sequence[Path], overwrite: bool
-) -> None:
-    """Make the folder; refuse what is not of an earlier run of the experiment, or with ``overwrite`` begin anew."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except FileExistsError:
-        raise OutputError(f"{folder}: is a file; name a folder") from None
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be made ({error.strerror}); choose another") from None
-    page = page_path(folder, name)
-    if overwrite:
-        forget(store)
-    elif page.exists():
-        _check_ours(page, suite.call(name), f" than {suite.call(name)}")
-    elif any(table.exists() for table in tables) and not store.exists():
-        raise OutputError(_foreign(page, f" than {suite.call(name)}"))
-
-
-def _check_ours(path: Path, words: str, other: str) -> None:
-    """Refuse a file that does not contain our words."""
+def _check_own(path: Path, words: str, other: str) -> None:
+    """Refuse a page that does not contain our words, or is missing beside its tables."""
     if not (path.is_file() and words in path.read_text(encoding="utf-8", errors="replace")):
-        raise OutputError(_foreign(path, other))
-
-
-def _foreign(path: Path, other: str) -> str:
-    return f"{path}: is of something else{other}; add --overwrite, or choose another folder"
+        raise OutputError(f"{path}: is of something else{other}; add --overwrite, or choose another folder")
 
 
 def check_index(suite: Suite, folder: Path, overwrite: bool) -> None:
-    """Refuse an index that is not ours.
-
-    Raises
-    ------
-    OutputError
-        With what to do instead.
-    """
+    """Refuse to replace an index of something else, an OutputError."""
     if (path := folder / INDEX).exists() and not overwrite:
-        _check_ours(path, suite.title, "")
+        _check_own(path, suite.title, "")
 
 
 def write_index(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.parallel import Json
 from stoop_studies.problems import Posed, pose
-from stoop_studies.variants import Variant, build
+from stoop_studies.variants import build
 
 HISTORY_ROWS: Final = 200
 FOREVER: Final = 10**9  #: generations
@@ -19,7 +19,7 @@ _OWN: Final = ("optimizer", "problem", "seed", "budget", "to_target", "history")
 
 
 def search(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> list[Json]:
-    """Run an optimizer on a problem, once, and tell how it stood at each stop.
+    """Run an optimizer on a problem, once, and return its state at each stop.
 
     Parameters
     ----------
@@ -42,65 +42,50 @@ def search(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> list[J
     IdentificationError
         There is no such optimizer or problem.
     """
-    return [dict(told) for told in searched(posed_by(arguments), arguments, stops)]
+    return [dict(result) for result in searched(posed_by(arguments), arguments, stops)]
 
 
 def posed_by(arguments: Mapping[str, Json]) -> Posed:
     """Return the problem that arguments name, as of `search`."""
     own = {k: v for k, v in arguments.items() if k not in _OWN}
-    return pose(str(arguments["problem"]), _seed(arguments), **own)
+    return pose(str(arguments["problem"]), int(_number(arguments["seed"])), **own)
 
 
 def searched(
     posed: Posed, arguments: Mapping[str, Json], stops: Sequence[int | None]
 ) -> list[dict[str, Json]]:
     """Do what `search` does, on a problem that is posed already."""
-    budget = arguments.get("budget")
-    optimizer = build(_variant(arguments["optimizer"]), None if budget is None else _number(budget))
-    limits = optimize.Stop(
-        budget=np.inf if budget is None else _number(budget),
-        target_cost=posed.target if arguments.get("to_target") else -np.inf,
-    )
-    rows = int(_number(arguments.get("history", HISTORY_ROWS)))
+    budget = None if arguments.get("budget") is None else _number(arguments["budget"])
+    variant = arguments["optimizer"]
+    optimizer = build(variant if isinstance(variant, dict) else str(variant), budget)
+    target = posed.target if arguments.get("to_target") else -np.inf
+    rows, seed = int(_number(arguments.get("history", HISTORY_ROWS))), int(_number(arguments["seed"]))
     generations = [FOREVER if s is None else s for s in stops]
-    found = _run(optimizer, posed.problem, _seed(arguments), limits, sorted(set(generations)))
-    return [_told(found[g], posed, rows) for g in generations]
-
-
-def _run(
-    optimizer: Any, problem: optimize.Problem, seed: int, limits: optimize.Stop, stops: Sequence[int]
-) -> dict[int, optimize.Outcome]:
-    """Go from stop to stop; one that ended for good stands for all later ones."""
-    found: dict[int, optimize.Outcome] = {}
+    found: dict[int, dict[str, Json]] = {}
     state, ended = None, False
-    for stop in stops:
+    for generation in sorted(set(generations)):  # a run that ended by itself stands for all later stops
         if not ended:
-            until = optimize.Stop(stop, limits.budget, limits.target_cost)
-            outcome = optimize.minimize(optimizer, problem, seed=seed, stop=until, state=state)
+            stop = optimize.Stop(generation, np.inf if budget is None else budget, target)
+            outcome = optimize.minimize(optimizer, posed.problem, seed=seed, stop=stop, state=state)
             state, ended = outcome.state, outcome.status != "generations"
-        found[stop] = outcome
-    return found
+        found[generation] = _record(outcome, posed, rows)
+    return [found[generation] for generation in generations]
 
 
-def _told(outcome: optimize.Outcome, posed: Posed, rows: int) -> dict[str, Json]:
+def _record(outcome: optimize.Outcome, posed: Posed, rows: int) -> dict[str, Json]:
     """Return an outcome as plain numbers."""
     finite = bool(np.isfinite(outcome.cost))
     values = posed.values(outcome.z[: posed.problem.dimension]).tolist() if finite else None
+    reached = np.flatnonzero(outcome.history[:, 1] <= posed.target)
     return {
         "cost": outcome.cost if finite else None,
         "evaluations": outcome.trajectories,
         "generation": outcome.generation,
         "status": outcome.status,
         "values": values,
-        "hit": _hit(outcome.history, posed.target),
+        "hit": float(outcome.history[reached[0], 0]) if reached.size else None,
         "history": thinned(outcome.history, rows).tolist(),
     }
-
-
-def _hit(history: FloatArray, target: float) -> float | None:
-    """Return the evaluations up to the first cost at the target or below."""
-    reached = np.flatnonzero(history[:, 1] <= target)
-    return float(history[reached[0], 0]) if reached.size else None
 
 
 def thinned(history: FloatArray, rows: int) -> FloatArray:
@@ -110,37 +95,20 @@ def thinned(history: FloatArray, rows: int) -> FloatArray:
     """
     if rows < 1 or not len(history):
         return history[:0]
-    rows, share = max(rows, 2), 0.99
-    while len(kept := _improving(history[:, 1], share)) > rows:
+    rows, share, last = max(rows, 2), 0.99, len(history) - 1
+    while True:
+        kept = [0]
+        for i, cost in enumerate(history[:, 1].tolist()):
+            if cost <= share * history[kept[-1], 1]:
+                kept.append(i)
+        kept = kept if kept[-1] == last else [*kept, last]
+        if len(kept) <= rows:
+            return history[kept]
         share **= 1.5
-    return history[kept]
-
-
-def _improving(costs: FloatArray, share: float) -> list[int]:
-    """Return where falling costs (k,) are below a share of the last that was kept; first and last always."""
-    kept = [0]
-    for i, cost in enumerate(costs.tolist()):
-        if cost <= share * costs[kept[-1]]:
-            kept.append(i)
-    return kept if kept[-1] == len(costs) - 1 else [*kept, len(costs) - 1]
-
-
-def _seed(arguments: Mapping[str, Json]) -> int:
-    return int(_number(arguments["seed"]))
 
 
 def _number(value: Json) -> float:
-    """Return a number of a plan.
-
-    Raises
-    ------
-    TypeError
-        Anything else: a mistake of the plan.
-    """
+    """Return a number of a plan; anything else, a mistake of the plan, is a TypeError."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise TypeError(f"{value!r} is no number")
     return value
-
-
-def _variant(value: Json) -> Variant:
-    return value if isinstance(value, dict) else str(value)

@@ -2,59 +2,27 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Callable
-from typing import Any
-
 import pytest
 
+from docs.jsbsim_tables import check_summary, shown
 from docs.pages import DOCS, table
-from stoop_studies.verify.jsbsim import EXPERIMENT, NOISE, SHARE, SIGMAS, parameter_table
+from stoop_studies.verify.jsbsim import EXPERIMENT, NOISE
 from stoop_studies.verify.jsbsim_flight import FLEET, Stock
 
 PAGE = DOCS / "jsbsim.md"
 
 
-def records(model: str) -> list[dict[str, str]]:
-    with (DOCS / "verify" / "jsbsim.csv").open(newline="") as file:
-        return [row for row in csv.DictReader(file) if row["aircraft"] == model]
-
-
-def told(model: str) -> list[tuple[Any, ...]]:
-    """Return what the page shows of the records of the table."""
-    read: dict[str, Callable[[str], Any]] = {
-        **dict.fromkeys(("aircraft", "parameter"), str),
-        **dict.fromkeys(("flights", "flights_that_agree"), int),
-        "agrees": "yes".__eq__,
-    }
-    parsed = [
-        {k: read.get(k, lambda cell: float(cell) if cell else None)(v) for k, v in r.items()}
-        for r in records(model)
-    ]
-    return list(parameter_table("", "derivative", parsed).rows)
-
-
 @pytest.mark.parametrize("stock", FLEET, ids=lambda s: s.model)
 def test_the_tables_are_those_that_were_written(stock: Stock) -> None:
-    title, model = stock.title, stock.model
-    assert list(table(PAGE, title, "derivative").rows) == told(model)
+    assert list(table(PAGE, stock.title, "derivative").rows) == shown("jsbsim", stock.model)
 
 
 @pytest.mark.parametrize("stock", FLEET, ids=lambda s: s.model)
 def test_what_is_said_of_them(stock: Stock) -> None:
-    rows = records(stock.model)
-    flights = int(rows[0]["flights"])
-    assert flights == EXPERIMENT.runs
-    agree = sum(int(r["flights_that_agree"]) for r in rows)
-    square = sum(float(r["rms_difference_in_sigma"]) ** 2 for r in rows) / len(rows)
     summary = next(r for r in table(PAGE, "What holds", "aircraft").rows if r[0] == stock.title)
-    assert summary[1:] == (str(len(rows)), f"{agree} of {flights * len(rows)}", f"{square:.2f}")
-    assert agree >= 0.99 * flights * len(rows)
-    for r in rows:
-        off = abs(float(r["mean_estimate"]) - float(r["jsbsim"]))
-        assert off <= max(SIGMAS * float(r["sigma"]), SHARE * abs(float(r["jsbsim"]))), r["parameter"]
+    check_summary("jsbsim", stock.model, summary[1:], EXPERIMENT.runs)
 
 
 def test_noise() -> None:
-    shown = dict(table(PAGE, "How", "channel").rows)
-    assert {c: float(cell.split()[0]) for c, cell in shown.items()} == NOISE
+    listed = dict(table(PAGE, "How", "channel").rows)
+    assert {c: float(cell.split()[0]) for c, cell in listed.items()} == NOISE

@@ -16,9 +16,8 @@ from stoop.base.units import FACTORS
 from stoop.base.variables import NUMBERED
 from stoop.flight import OUTPUTS, VARIABLES, load, save
 from stoop.flight.alignment import QUANTITIES
-from stoop.flight.calibration import MIXERS
-from stoop.flight.mapping import READY, read_flight_mapping
-from stoop.flight.mapping_schema import GROUP_KEYS, LINE_KEYS, TimeUnit
+from stoop.flight.conversion import MIXERS
+from stoop.flight.mapping import READY, GroupTable, SourceTable, TimeUnit, VariableTable, read_flight_mapping
 from stoop.simulation import maneuver, parse_maneuver, simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle
 
@@ -67,8 +66,8 @@ def test_keys_of_mappings() -> None:
         cells = table(FLIGHTS, heading, first).column(column)
         return {word for cell in cells for word in cell.replace("`", "").replace(" or ", ", ").split(", ")}
 
-    assert keys("Mapping files", "table", "key") == LINE_KEYS
-    assert keys("Groups of sources", "key", "key") == GROUP_KEYS
+    assert keys("Mapping files", "table", "key") == set(VariableTable.model_fields)
+    assert keys("Groups of sources", "key", "key") == {*SourceTable.model_fields, *GroupTable.model_fields}
     assert keys("Groups of sources", "ready mapping", "ready mapping") == set(READY.values())
     told = table(FLIGHTS, "Streams with clocks of their own", "quantity").rows
     assert {row[0].strip("`"): row[1] for row in told} == QUANTITIES

@@ -12,16 +12,15 @@ from stoop.logs import (
     arrays,
     crazyflie,
     csv_tables,
-    dataflash_content,
+    dataflash,
     dataflash_text,
     guard,
     matlab,
     netcdf,
     rosbag,
     ulog,
-    ulog_scan,
 )
-from stoop.logs.scan import dataflash as scan
+from stoop.logs import dataflash_walk as scan
 from stoop.report.sheet import Sheet, render_sheet
 from stoop_studies.verify.damaged_logs import DAMAGES
 from stoop_studies.verify.readers import BAD, GOOD, GUARDED, LEAD
@@ -65,10 +64,10 @@ def test_what_others_code_did_was_contained() -> None:
 def test_the_limits_are_those_of_the_code() -> None:
     limits = {cells[0]: " ".join(cells[1:]) for cells in table(PAGE, "Limits", "reader").rows}
     told = {
-        "ULog": [f"{ulog.MAX_BYTES >> 30} GiB", f"{ulog_scan.MAX_KEPT >> 30} GiB of",
-                 f"{ulog_scan.MOST_STREAMS // 1000} 000 topics", f"{ulog.MAX_FIELDS // 1000} 000 columns"],
-        "DataFlash `.bin`": [f"{scan.MAX_LAYOUTS} kinds", f"{dataflash_content.MAX_INSTANCES} instances",
-                             f"{dataflash_content.MAX_PARAMETERS // 1000} 000 parameters"],
+        "ULog": [f"{ulog.LIMITS.size >> 30} GiB", f"{ulog.LIMITS.memory >> 30} GiB of",
+                 f"{ulog.LIMITS.streams // 1000} 000 topics", f"{ulog.LIMITS.columns // 1000} 000 columns"],
+        "DataFlash `.bin`": [f"{scan.MAX_LAYOUTS} kinds", f"{dataflash.LIMITS.instances} instances",
+                             f"{dataflash.LIMITS.parameters // 1000} 000 parameters"],
         "DataFlash `.log`": [f"{dataflash_text.MAX_BYTES >> 20} MiB", f"{dataflash_text.MAX_KINDS} kinds",
                              f"{dataflash_text.MAX_LINE >> 10} KiB"],
         "Crazyflie": [f"{crazyflie.MAX_BYTES >> 20} MiB", f"{crazyflie.MAX_VARIABLES} variables"],
@@ -80,8 +79,8 @@ def test_the_limits_are_those_of_the_code() -> None:
         "Parquet": [f"{arrays.MAX_ARRAYS} columns"],
         "ROS bag": [f"{rosbag.MAX_WIDTH} numbers", f"{rosbag.MAX_PARTS // 1000} 000 parts"],
         "all of the last three rows": [f"{guard.Limits.memory >> 30} GiB", f"{guard.Limits.seconds} s of"],
-        "the grid of a flight": [f"{gridding.MAX_CELLS // 10**6} million", f"{gridding.MAX_EMPTINESS:.0f} points",
-                                 f"{gridding.MAX_EMPTINESS * gridding.MIN_COUNTED / 1000:.0f} 000 are"],
+        "the grid of a flight": [f"{gridding.LIMITS.cells // 10**6} million", f"{gridding.LIMITS.emptiness:.0f} points",
+                                 f"{gridding.LIMITS.emptiness * gridding.LIMITS.counted / 1000:.0f} 000 are"],
     }  # fmt: skip
     assert set(told) == set(limits)
     for reader, words in told.items():

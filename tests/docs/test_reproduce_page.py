@@ -10,7 +10,7 @@ import pytest
 
 from docs.pages import DOCS, table
 from stoop_studies.cli.reproduce import NAMES
-from stoop_studies.reproduce import asymmetry, propulsion
+from stoop_studies.reproduce import lateral, longitudinal
 from stoop_studies.reproduce.registry import EXPERIMENTS
 from stoop_studies.reproduce.table1 import METHODS
 
@@ -133,7 +133,7 @@ def test_what_v_terms_catch() -> None:
     fits = {r["model"]: r for r in records("longitudinal-full-propulsion") if r["noise"] != "yes"}
     zero, free = fits["V terms zero"], fits["V terms free"]
     share = 1.0 - float(free["cost"]) / float(zero["cost"])
-    assert f"falls by {propulsion.thrust(34.5) - propulsion.thrust(35.5):.1f} N for each m/s" in text()
+    assert f"falls by {longitudinal.thrust(34.5) - longitudinal.thrust(35.5):.1f} N for each m/s" in text()
     assert (
         f"free V terms take up {100.0 * share:.0f} % of the misfit, CDV comes out at {float(free['CDV']):.3f} "
         f"where the thrust slope looks like {float(fits['first order']['CDV']):.3f} to first order"
@@ -158,7 +158,7 @@ def test_what_asymmetry_terms_absorb() -> None:
     ) in text()
     assert max(share["p"], share["r"]) < 0.5
     free, zero, biases = (
-        float(fits["all", m]["error_rms"]) for m in asymmetry.MODELS[1::-1] + asymmetry.MODELS[2:]
+        float(fits["all", m]["error_rms"]) for m in lateral.MODELS[1::-1] + lateral.MODELS[2:]
     )
     assert f"stay {free:.1f} standard deviations wrong, against {zero:.1f} without the terms" in text()
     assert biases < 1e-3, "altogether"

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.flight.air_data import AirData
-from stoop.flight.flight import Flight
+from stoop.flight.flight import AirData, Flight
 from stoop.flight.load import load
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from stoop.flight import Flight, load
 from stoop.reconstruction.compatibility import Compatibility
-from stoop.workflow.compatibility import check_compatibility, write_compatibility
+from stoop.workflow.reconstruction import check_compatibility, write_compatibility
 
 Checked = tuple[Compatibility, Flight, Flight]
 

@@ -8,8 +8,8 @@ import pytest
 
 from stoop.assessment.baseline import BaselineManeuver, BaselineSegment, baseline_matches
 from stoop.assessment.goodness_of_fit import filtered_theil, join
+from stoop.flight.flight import segments
 from stoop.flight.load import load
-from stoop.flight.segmentation import segments
 
 COMMANDS = ("control_roll", "control_pitch", "control_yaw")
 RATES = ("p", "q", "r")

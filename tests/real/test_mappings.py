@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from stoop.flight import load
-from stoop.flight.alignment import quantities
-from stoop.flight.channels import Channels
+from stoop.flight.alignment import Signal, find_lag, quantities
+from stoop.flight.gridding import Channels
 from stoop.flight.mapping_draft import draft, draft_of
-from stoop.flight.time_delay import Signal, find_lag
 from stoop.logs import read
 
 

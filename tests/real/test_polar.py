@@ -10,7 +10,7 @@ import pytest
 from stoop.errors import FlightError
 from stoop.flight import load
 from stoop.reconstruction.polar import Polar, Propulsion
-from stoop.workflow.polar import drag_polar
+from stoop.workflow.reconstruction import drag_polar
 
 PUBLISHED = {0.5: (0.052, 0.046, 0.063), 1.0: (0.065, 0.056, 0.072)}
 """CL -> CD and its 75 % interval, read off the published figure (SOURCE.md, figures of the repository)."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stoop.estimate.fit import Options
-from stoop.estimate.regression.domain import FrequencyDomain
+from stoop.estimate.regression.least_squares import FrequencyDomain
 from stoop.estimate.regression.method import frequency_domain
 from stoop.estimate.regression.recursive import RealTime
 from stoop.flight import load

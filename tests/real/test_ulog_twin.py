@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.logs import read, ulog_scan
+from stoop.logs import read, ulog
 
 SAMPLES = ("sample_log_small.ulg", "sample_appended_multiple.ulg")
 
@@ -15,7 +15,7 @@ SAMPLES = ("sample_log_small.ulg", "sample_appended_multiple.ulg")
 @pytest.fixture(params=["plain", "compiled"])
 def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     if request.param == "compiled":
-        monkeypatch.setattr(ulog_scan, "SMALL", 0)
+        monkeypatch.setattr(ulog, "LIMITS", ulog.Limits(small=0))
     return str(request.param)
 
 

@@ -18,7 +18,7 @@ from docs.pages import DOCS, table
 from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.error_bars import error_bars
 from stoop.estimate.fit import Fit, Options
-from stoop.estimate.shooting.method import fit
+from stoop.estimate.multiple_shooting import fit
 from stoop.problem.windows import Window
 from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle, parse_vehicle

@@ -15,9 +15,8 @@ import pytest
 from stoop.estimate.fit import Options
 from stoop.estimate.methods import MIN_MOTOR_RATE, choose_method, find
 from stoop.flight import Flight
-from stoop.flight.channels import Channels
 from stoop.flight.flight import dataset
-from stoop.flight.gridding import grid_channels
+from stoop.flight.gridding import Channels, grid_channels
 from stoop.problem.windows import Window
 from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle

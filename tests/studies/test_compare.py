@@ -17,8 +17,7 @@ from stoop.errors import IdentificationError, OutputError, StoopError
 from stoop.parallel import Given, execute
 from stoop.report.sheet import render_sheet
 from stoop_studies.compare.field import Field, check_optimizers, check_problems, installed
-from stoop_studies.compare.output import STORE, conclude, prepare, races_text, scored
-from stoop_studies.compare.page import page
+from stoop_studies.compare.page import STORE, conclude, page, prepare, races_text, scored
 from stoop_studies.compare.race import Race, race
 from stoop_studies.problems import pose
 

@@ -10,11 +10,11 @@ import pytest
 
 from stoop import optimize
 from stoop.errors import FlightError, IdentificationError, VehicleError
-from stoop.flight.store import save
+from stoop.flight.load import save
 from stoop.optimize.problem import forward_jacobian
 from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle
-from stoop.workflow.demo_problem import MANEUVER
+from stoop.workflow.demo import MANEUVER
 from stoop_studies.problems import Posed, pose
 from stoop_studies.problems.flight import REACH, Joined
 

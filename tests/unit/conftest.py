@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from stoop.cli.demo import MANEUVER, misled
 from stoop.flight import Flight
 from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop.workflow.demo import MANEUVER, misled
 
 
 @pytest.fixture(scope="session")

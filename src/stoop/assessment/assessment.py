@@ -1,8 +1,12 @@
-"""Assessments of a finished fit: further estimates of its uncertainty, by refits of the same problem.
+"""Assessments of a finished fit: further estimates of its uncertainty, by refits of the same problem from its optimum.
 
 An assessment is called with an `AssessedFit` and returns a `Finding`. The fit may be of any method whose residuals are those
 of a simulation: of output error, of a filter (its innovations), or of windows. `pack` writes its problem as one text, which
 is what a worker needs to refit it, wherever it runs.
+
+All refits share model, weights and start, so the derivatives at the optimum serve them all: a step costs one trajectory per
+refit, evaluated in lanes. Then each refit takes derivatives of its own for the last few Gauss-Newton steps; the length of the
+last one decides that it has converged. One that does not converge so is left to the local refinement of the optimizer.
 """
 
 from __future__ import annotations
@@ -13,39 +17,39 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from typing import Any, Final, Protocol
+from typing import Any, Final, Literal, Protocol
 
 import numpy as np
 
-from stoop.assessment.agreement import method_agreement
+from stoop.assessment.covariance import Inverse, invert
 from stoop.assessment.error_bars import ErrorBars, Uncertainty, error_bars
+from stoop.assessment.uncertainty import method_agreement
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
-from stoop.estimate.filter_error.frozen import FrozenFilter
+from stoop.estimate.filter_likelihood import FrozenFilter
 from stoop.estimate.fit import Fit
-from stoop.estimate.shooting.following import FollowingWindows
+from stoop.estimate.multiple_shooting import FollowingWindows
+from stoop.optimize import Problem, refine
 from stoop.problem import Layout, Misfit, Nuisance, Piece, Weights
 from stoop.results.result import Result
-from stoop.results.uncertainty import Interval, MethodIntervals
+from stoop.results.uncertainty import MethodIntervals
 from stoop.vehicle import Parameter, Vehicle
 from stoop.vehicle.schema import VehicleFile
 
 Watch = Callable[[str], None]  #: receives the progress of an assessment
 Refittable = Misfit | FrozenFilter | FollowingWindows
-PIECE_ARRAYS: Final = ("time", "inputs", "measured")
+Ending = Literal["arrived", "dived", "lost"]
+SHARED_STEPS: Final = 6  #: at most, with the derivatives at the optimum
+SHARED_TOLERANCE: Final = 0.5  #: standard errors left to go when the shared derivatives have done their work
+OWN_STEPS: Final = 8  #: at most, with the refit's own derivatives
+STEP_TOLERANCE: Final = 0.05  #: standard errors of the last step; what is left after it is smaller still
+MIN_REDUCTION: Final = 0.2  #: of a step by the next; a longer one asks for a curvature of its own
 
 
 @dataclass(frozen=True, eq=False)
 class AssessedFit:
-    """A finished fit, ready to be assessed.
-
-    Attributes
-    ----------
-    fit : Fit
-    seed : int
-        Of everything random.
-    """
+    """A finished fit, ready to be assessed; `seed` is that of everything random."""
 
     fit: Fit
     seed: int
@@ -84,16 +88,6 @@ class AssessedFit:
         """Of the free parameters, in the order of the vector."""
         return [p.name for p in self.fit.problem.layout.parameters]
 
-    def intervals(self, std: FloatArray, lower: FloatArray, upper: FloatArray) -> dict[str, Interval]:
-        """Return the intervals by name from (D,) each, SI; none for a parameter at a bound or not identifiable."""
-        judged, at_bound = self.bars.identifiability, self.bars.at_bound
-        return {
-            name: Interval(float(s), float(a), float(b))
-            if not held and judged[name].identifiable
-            else Interval()
-            for name, held, s, a, b in zip(self.names, at_bound, std, lower, upper, strict=False)
-        }
-
     def packed(self, more: Mapping[str, Any]) -> str:
         """Return the problem, its optimum and further arrays as text."""
         return pack(self.problem, {"z": self.fit.z, "free": self.free, **more})
@@ -116,14 +110,7 @@ def check_method(method: str) -> None:
 
 @dataclass(frozen=True)
 class Finding:
-    """What an assessment found.
-
-    Attributes
-    ----------
-    intervals : MethodIntervals
-    files : mapping of str to bytes
-        By name, to lie beside the result.
-    """
+    """What an assessment found: intervals, and files by name, to lie beside the result."""
 
     intervals: MethodIntervals
     files: Mapping[str, bytes] = field(default_factory=dict)
@@ -168,15 +155,28 @@ def simulated(problem: Refittable) -> Misfit:
 
 def pack(problem: Refittable, more: Mapping[str, Any]) -> str:
     """Return a problem, and arrays that belong to it, as text; the same problem gives the same text."""
-    base = simulated(problem)
-    arrays: dict[str, Any] = {
-        f"{name}.{i}": getattr(piece, name) for i, piece in enumerate(base.pieces) for name in PIECE_ARRAYS
+    base, layout = simulated(problem), simulated(problem).layout
+    # without bounds: the layout has them, and a set value may lie outside
+    unbounded = layout.vehicle.with_numbers({p.name: {"bounds": None} for p in layout.vehicle.parameters})
+    own, kind = ({}, "") if isinstance(problem, Misfit) else (problem.arrays, problem.kind)
+    head = {
+        "vehicle": unbounded.file.model_dump(mode="json", exclude_unset=True),
+        "where": layout.vehicle.where,
+        "parameters": [asdict(p) for p in layout.parameters],
+        "nuisances": [asdict(n) for n in layout.nuisances],
+        "pieces": [
+            {"maneuver": p.maneuver, "start": dict(p.start), "changes": dict(p.changes)} for p in base.pieces
+        ],
+        "ladder": base.ladder,
+        "kind": kind,
     }
-    arrays |= {"covariance": base.weights.covariance, "root": base.weights.root, **more}
-    kind = ""
-    if not isinstance(problem, Misfit):
-        arrays, kind = arrays | problem.arrays, problem.kind
-    arrays["head"] = np.frombuffer(json.dumps(_head(base, kind)).encode(), dtype=np.uint8)
+    arrays: dict[str, Any] = {
+        f"{name}.{i}": getattr(piece, name)
+        for i, piece in enumerate(base.pieces)
+        for name in ("time", "inputs", "measured")
+    }
+    arrays |= {"covariance": base.weights.covariance, "root": base.weights.root, **more, **own}
+    arrays["head"] = np.frombuffer(json.dumps(head).encode(), dtype=np.uint8)
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)
     return base64.b64encode(buffer.getvalue()).decode()
@@ -190,7 +190,6 @@ def unpack(text: str) -> tuple[Refittable, dict[str, Any]]:
     vehicle = Vehicle(VehicleFile.model_validate(head["vehicle"]), "", head["where"])
     parameters = tuple(Parameter(**p) for p in head["parameters"])
     layout = Layout(vehicle, parameters, tuple(Nuisance(**n) for n in head["nuisances"]))
-    weights = Weights(arrays["covariance"], arrays["root"])
     pieces = tuple(
         Piece(
             p["maneuver"],
@@ -202,25 +201,199 @@ def unpack(text: str) -> tuple[Refittable, dict[str, Any]]:
         )
         for i, p in enumerate(head["pieces"])
     )
+    weights = Weights(arrays["covariance"], arrays["root"])
     misfit = Misfit(layout, pieces, weights, tuple(tuple(rung) for rung in head["ladder"]))
     if head["kind"] == "filter":
         return FrozenFilter.restored(misfit, arrays), arrays
     return (FollowingWindows.restored(misfit, arrays) if head["kind"] == "windows" else misfit), arrays
 
 
-def _head(problem: Misfit, kind: str) -> dict[str, Any]:
-    """Return what is no array; the vehicle without bounds: the layout has them, and a set value may lie outside."""
-    layout = problem.layout
-    unbounded = layout.vehicle.with_numbers({p.name: {"bounds": None} for p in layout.vehicle.parameters})
-    return {
-        "vehicle": unbounded.file.model_dump(mode="json", exclude_unset=True),
-        "where": layout.vehicle.where,
-        "parameters": [asdict(p) for p in layout.parameters],
-        "nuisances": [asdict(n) for n in layout.nuisances],
-        "pieces": [
-            {"maneuver": p.maneuver, "start": dict(p.start), "changes": dict(p.changes)}
-            for p in problem.pieces
-        ],
-        "ladder": problem.ladder,
-        "kind": kind,
-    }
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """The end of a search, linearized.
+
+    Attributes
+    ----------
+    problem : Problem
+        Weights as in the last fit, priors included; nuisances behind the parameters.
+    z : (D + E,)
+        The optimum in the problem's own units.
+    free : (f,) int
+        Entries that no bound holds; the others stay where they are.
+    residual : (n_r,)
+        Weighted residuals there, those of the priors last.
+    jacobian : (n_r, f)
+    """
+
+    problem: Problem
+    z: FloatArray
+    free: IntArray
+    residual: FloatArray
+    jacobian: FloatArray
+
+    @property
+    def rung(self) -> int:
+        """The full record."""
+        return len(self.problem.prices) - 1
+
+    @property
+    def shared(self) -> int:
+        """How many of the free entries are parameters; they come first."""
+        return int(np.sum(self.free < self.problem.dimension))
+
+    @cached_property
+    def information(self) -> FloatArray:
+        """Of the weighted residuals, priors included, (f, f)."""
+        product: FloatArray = self.jacobian.T @ self.jacobian
+        return 0.5 * (product + product.T)
+
+    @cached_property
+    def inverse(self) -> Inverse:
+        """Of the information."""
+        return invert(self.information)
+
+    def at(self, steps: FloatArray) -> FloatArray:
+        """Return vectors (B, D + E) for steps (B, f) from the optimum; parameters stay in their box."""
+        Z = np.repeat(self.z[None, :], len(steps), axis=0)
+        Z[:, self.free] += steps
+        d = self.problem.dimension
+        Z[:, :d] = np.clip(Z[:, :d], 0.0, 1.0)
+        return Z
+
+
+def linearize(problem: Problem, z: FloatArray, free: IntArray) -> Optimum:
+    """Return the optimum with its residuals and their derivatives."""
+    rung = len(problem.prices) - 1
+    residual = problem.residuals(z[None, :], rung)[0]
+    jacobian, _ = problem.jacobian(z, rung, residual)
+    return Optimum(problem, z, free, residual, np.ascontiguousarray(jacobian[:, free]))
+
+
+def unpacked_optimum(text: str) -> tuple[Refittable, Optimum, dict[str, Any]]:
+    """Return a packed problem, its optimum, and all arrays."""
+    problem, arrays = unpack(text)
+    return problem, linearize(problem, arrays["z"], arrays["free"].astype(np.intp)), arrays
+
+
+@dataclass(frozen=True, eq=False)
+class Derived:
+    """A problem made from another; a child changes what differs."""
+
+    problem: Problem
+
+    @property
+    def dimension(self) -> int:
+        """Number of variables in the unit box."""
+        return self.problem.dimension
+
+    @property
+    def extra(self) -> int:
+        """Number of nuisances."""
+        return self.problem.extra
+
+    @property
+    def prices(self) -> tuple[float, ...]:
+        """Price of one trajectory on each rung."""
+        return self.problem.prices
+
+    def reference(self, rung: int) -> float:
+        """Return the trivial model's cost."""
+        return self.problem.reference(rung)
+
+
+@dataclass(frozen=True, eq=False)
+class Shifted(Derived):
+    """A problem with other measurements: the residuals are shifted by (n_r,), nothing else changes."""
+
+    shift: FloatArray
+
+    def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
+        """Return shifted residuals (B, n_r) on the full record."""
+        return self.problem.residuals(Z, rung) + self.shift
+
+    def costs(self, X: FloatArray, rung: int) -> FloatArray:
+        """Return costs (B,) with the nuisances at their start."""
+        Z = np.concatenate([X, np.zeros((len(X), self.extra))], axis=1)
+        return np.asarray(np.sum(self.residuals(Z, rung) ** 2, axis=1))
+
+    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
+        """Return the derivative, which the shift does not change, and the trajectories it took."""
+        return self.problem.jacobian(z, rung, r - self.shift)
+
+
+def stationary(optimum: Optimum) -> Optimum:
+    """Return the optimum of the same problem without the part of its residuals that the unknowns still explain.
+
+    A likelihood with further terms (the size of innovations) has its maximum beside that of the sum of squares; taken
+    off, the estimate is the least-squares optimum.
+    """
+    factor, J = optimum.inverse.factor, optimum.jacobian
+    explained = J @ (factor @ (factor.T @ (J.T @ optimum.residual)))
+    shifted = Shifted(optimum.problem, -explained)
+    return replace(optimum, problem=shifted, residual=optimum.residual - explained)
+
+
+@dataclass(frozen=True, eq=False)
+class Refits:
+    """Where refits ended, (B, D + E), NaN for those that were lost, and how each ended."""
+
+    z: FloatArray
+    endings: tuple[Ending, ...]
+
+
+def refit(optimum: Optimum, shifts: FloatArray) -> Refits:
+    """Refit problems whose residuals are those of `optimum.problem` plus `shifts` (B, n_r)."""
+    factor, free = optimum.inverse.factor, optimum.free
+    Z = optimum.at(np.zeros((len(shifts), len(free))))
+    residuals = np.repeat(optimum.residual[None, :], len(shifts), axis=0)
+    for _ in range(SHARED_STEPS):
+        with np.errstate(invalid="ignore", over="ignore"):
+            steps = -((residuals + shifts) @ optimum.jacobian) @ factor  # (B, r), standard errors
+        length = np.sqrt(np.sum(steps**2, axis=1))
+        moving = np.isfinite(length) & (length > SHARED_TOLERANCE)
+        if not moving.any():
+            break
+        Z[moving] = optimum.at(Z[moving][:, free] - optimum.z[free] + steps[moving] @ factor.T)
+        residuals[moving] = optimum.problem.residuals(Z[moving], optimum.rung)
+    endings = list[Ending]()
+    for i, (start, shift) in enumerate(zip(Z, shifts, strict=True)):
+        found = _gauss_newton(optimum, start, shift)
+        endings.append("arrived")
+        if found is None:
+            end = refine(Shifted(optimum.problem, shift), optimum.z, optimum.rung)
+            found, endings[i] = (end.z, "dived") if end.converged else (np.full(len(start), np.nan), "lost")
+        Z[i] = found
+    return Refits(Z, tuple(endings))
+
+
+def _gauss_newton(optimum: Optimum, z: FloatArray, shift: FloatArray) -> FloatArray | None:
+    """Take Gauss-Newton steps with the refit's own derivatives; None where they do not arrive."""
+    problem, rung, free = optimum.problem, optimum.rung, optimum.free
+    boxed, information, before = free < problem.dimension, optimum.information, 0.0
+    for _ in range(OWN_STEPS):
+        r = problem.residuals(z[None, :], rung)[0]
+        if not np.isfinite(r).all():
+            return None
+        jacobian = np.ascontiguousarray(problem.jacobian(z, rung, r)[0][:, free])
+        gradient, at = (r + shift) @ jacobian, z[free]
+        # bounds that the step would cross hold
+        held = boxed & (((at <= 0.0) & (gradient > 0.0)) | ((at >= 1.0) & (gradient < 0.0)))
+        unheld = np.flatnonzero(~held)
+        step, length = _step(gradient, information, unheld)
+        if length > MIN_REDUCTION * before:
+            information = jacobian.T @ jacobian
+            step, length = _step(gradient, information, unheld)
+        before = length
+        z = optimum.at((at - optimum.z[free] + step)[None, :])[0]
+        if length < STEP_TOLERANCE:
+            return z
+    return None
+
+
+def _step(gradient: FloatArray, information: FloatArray, unheld: IntArray) -> tuple[FloatArray, float]:
+    """Return the Gauss-Newton step (f,) of the entries that no bound holds, and its length in standard errors."""
+    factor = invert(information[np.ix_(unheld, unheld)]).factor
+    inner = -gradient[unheld] @ factor
+    step = np.zeros(len(gradient))
+    step[unheld] = factor @ inner
+    return step, float(np.sqrt(inner @ inner))

@@ -1,14 +1,14 @@
 """The trivial model beside every figure: a first-order lag with dead time and bias for each channel of each maneuver.
 
-``tau dy/dt + y = K u(t - delay) + b``. Given tau and the delay, the gains K, the bias b of every maneuver and
-the initial value of every segment enter linearly and are solved for (variable projection: G. Golub and
-V. Pereyra, SIAM J. Numer. Anal. 10, 1973), which leaves a search in two dimensions. A flight-dynamics model
-that does not beat it has learned nothing but how late and how strongly the aircraft answers.
+``tau dy/dt + y = K u(t - delay) + b``. Given tau and the delay, the gains K, the bias b of every maneuver and the initial
+value of every segment enter linearly and are solved for (variable projection: G. Golub and V. Pereyra, SIAM J. Numer.
+Anal. 10, 1973), which leaves a search in two dimensions. A flight-dynamics model that does not beat it has learned nothing
+but how late and how strongly the aircraft answers.
 
-In a fit maneuver the lag is given its own axis's command and fitted to that very maneuver: more commands would
-make it a regression that can match anything once. In a validation maneuver it is given all commands, its gains
-and times come from the fit maneuvers, and only its bias is its own: that favors the lag, for the model under
-test gets nothing from the window but its initial state.
+In a fit maneuver the lag is given its own axis's command and fitted to that very maneuver: more commands would make it a
+regression that can match anything once. In a validation maneuver it is given all commands, its gains and times come from
+the fit maneuvers, and only its bias is its own: that favors the lag, for the model under test gets nothing from the window
+but its initial state.
 """
 
 from __future__ import annotations
@@ -21,34 +21,26 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
-from stoop.assessment.goodness_of_fit import Match, join
-from stoop.assessment.press import BLOCK, left_out
+from stoop.assessment.goodness_of_fit import BLOCK, Match, join, left_out
 from stoop.base.arrays import FloatArray
 from stoop.results.result import Role
 
-ROLL: Final = ("control_roll", "aileron")
-PITCH: Final = ("control_pitch", "elevator")
-YAW: Final = ("control_yaw", "rudder")
-_MIXED: Final = {
-    **dict.fromkeys(("p", "phi", "ve", "ay"), "rotors_roll"),
-    **dict.fromkeys(("q", "theta", "vn", "ax"), "rotors_pitch"),
-    **dict.fromkeys(("r", "psi"), "rotors_yaw"),
-    **dict.fromkeys(("vd", "az"), "rotors_heave"),
-}
-_SURFACES: Final[Mapping[str, tuple[str, ...]]] = {
-    **dict.fromkeys(("p", "phi"), ROLL),
-    **dict.fromkeys(("q", "V", "alpha", "theta", "ax", "az"), PITCH),
-    **dict.fromkeys(("r", "beta", "psi", "ay"), YAW),
-}
 OWN_COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
-    c: (*_SURFACES.get(c, ()), *((_MIXED[c],) if c in _MIXED else ())) for c in (*_SURFACES, *_MIXED)
+    **dict.fromkeys(("p", "phi"), ("control_roll", "aileron", "rotors_roll")),
+    "ay": ("control_yaw", "rudder", "rotors_roll"),
+    "ve": ("rotors_roll",),
+    **dict.fromkeys(("q", "theta", "ax"), ("control_pitch", "elevator", "rotors_pitch")),
+    "vn": ("rotors_pitch",),
+    **dict.fromkeys(("V", "alpha"), ("control_pitch", "elevator")),
+    "az": ("control_pitch", "elevator", "rotors_heave"),
+    "vd": ("rotors_heave",),
+    **dict.fromkeys(("r", "psi"), ("control_yaw", "rudder", "rotors_yaw")),
+    "beta": ("control_yaw", "rudder"),
 }  #: channel -> its axis's command, the first that there is
-SHORTEST: Final = 0.005  #: s; a shorter lag is a plain gain at any usual sample rate
-LONGEST: Final = 10.0  #: s; a longer lag is an integrator within any maneuver
-TIME_CONSTANTS: Final = np.geomspace(SHORTEST, LONGEST, 20)  #: s, where the search looks first
+#: s, where the search looks first: a shorter lag is a plain gain at any usual sample rate, a longer one an integrator
+TIME_CONSTANTS: Final = np.geomspace(0.005, 10.0, 20)
 DEAD_TIMES: Final = np.arange(0.0, 0.29, 0.04)  #: s, where the search looks first
 START: Final = 0.2  #: s; a prediction starts from the mean of these first measurements
-SAME_RATE: Final = 1e-6  #: in parts; two clocks read back from a file
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +67,18 @@ class BaselineManeuver:
     segments: tuple[BaselineSegment, ...]
     rate: float
 
+    def records(self, channel: str, number: int = 0, own: bool = False) -> list[LagRecord]:
+        """Return the segments with all commands, or with the channel's `own` where there is one; none without any."""
+        names = list(self.segments[0].commands) if self.segments else []
+        if own:
+            names = [name for name in OWN_COMMANDS.get(channel, ()) if name in names][:1] or names
+        out = []
+        for segment in self.segments if names else ():
+            driving = np.column_stack([segment.commands[name] for name in names])
+            measured = segment.measured.get(channel, np.full(len(driving), np.nan))
+            out.append(LagRecord(driving, measured, number))
+        return out
+
 
 def baseline_matches(
     maneuvers: Sequence[BaselineManeuver], channels: Sequence[str]
@@ -96,56 +100,25 @@ def baseline_matches(
         any fit maneuver the validation maneuvers have none.
     """
     found: tuple[dict[str, Match], ...] = tuple({} for _ in maneuvers)
-    for channel in channels:
-        joint = _joint(maneuvers, channel)
-        for maneuver, matches in zip(maneuvers, found, strict=True):
-            match = _match(maneuver, channel, joint)
-            if match is not None:
-                matches[channel] = match
-    return found
-
-
-def _joint(maneuvers: Sequence[BaselineManeuver], channel: str) -> Lag | None:
-    """Return the lag given all commands, fitted to all fit maneuvers, if something is to be predicted."""
-    if all(maneuver.role == "fit" for maneuver in maneuvers):
-        return None
     fitted = [m for m in maneuvers if m.role == "fit"]
-    alike = [m for m in fitted if abs(m.rate - fitted[0].rate) < SAME_RATE * m.rate]
-    records = [r for number, m in enumerate(alike) for r in _records(m, channel, _all(m), number)]
-    return fit_lag(records, alike[0].rate) if records else None
-
-
-def _match(maneuver: BaselineManeuver, channel: str, joint: Lag | None) -> Match | None:
-    if maneuver.role == "validation":
-        if joint is None:
-            return None
-        return Match(join(joint.at(maneuver.rate).predicted(_records(maneuver, channel, _all(maneuver)))))
-    records = _records(maneuver, channel, _own(maneuver, channel))
-    lag = fit_lag(records, maneuver.rate) if records else None
-    return Match(join(lag.matched(records)), join(lag.left_out(records))) if lag else None
-
-
-def _records(
-    maneuver: BaselineManeuver, channel: str, commands: Sequence[str], number: int = 0
-) -> list[LagRecord]:
-    return [
-        LagRecord(*_arrays(segment, channel, commands), number) for segment in maneuver.segments if commands
-    ]
-
-
-def _arrays(segment: BaselineSegment, channel: str, commands: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-    driving = np.column_stack([segment.commands[name] for name in commands])
-    return driving, segment.measured.get(channel, np.full(len(driving), np.nan))
-
-
-def _all(maneuver: BaselineManeuver) -> list[str]:
-    return list(maneuver.segments[0].commands) if maneuver.segments else []
-
-
-def _own(maneuver: BaselineManeuver, channel: str) -> list[str]:
-    """Return the channel's own command where there is one, else all of them."""
-    there = _all(maneuver)
-    return [name for name in OWN_COMMANDS.get(channel, ()) if name in there][:1] or there
+    alike = [m for m in fitted if abs(m.rate - fitted[0].rate) < 1e-6 * m.rate]  # two clocks read from a file
+    for channel in channels:
+        joint = (
+            None  # the lag given all commands, fitted to all fit maneuvers, if something is to be predicted
+        )
+        if len(fitted) < len(maneuvers):
+            learned = [r for number, m in enumerate(alike) for r in m.records(channel, number)]
+            joint = fit_lag(learned, alike[0].rate) if learned else None
+        for maneuver, matches in zip(maneuvers, found, strict=True):
+            if maneuver.role == "fit":
+                records = maneuver.records(channel, own=True)
+                lag = fit_lag(records, maneuver.rate) if records else None
+                if lag is not None:
+                    matches[channel] = Match(join(lag.matched(records)), join(lag.left_out(records)))
+            elif joint is not None:
+                predicted = replace(joint, rate=maneuver.rate).predicted(maneuver.records(channel))
+                matches[channel] = Match(join(predicted))
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +147,7 @@ class Lag:
     Attributes
     ----------
     time_constant, dead_time : float, s
-        tau and the delay of the commands.
+        tau and the delay of the commands; to the nearest sample.
     gains : (m,), channel unit per command
         K.
     biases : mapping of int to float, the channel's unit
@@ -194,10 +167,9 @@ class Lag:
 
     def respond(self, commands: FloatArray, bias: float, initial: float) -> FloatArray:
         """Return the answer (n,) to `commands` (n, m), starting at `initial`."""
-        forced = _forced(commands, self.time_constant, self._delay, self.rate)
+        forced = _forced(commands, self.time_constant, round(self.dead_time * self.rate), self.rate)
         step, decay = _free(len(commands), self.time_constant, self.rate)
-        answer: FloatArray = forced @ self.gains + bias * step + initial * decay
-        return answer
+        return np.asarray(forced @ self.gains + bias * step + initial * decay)
 
     def matched(self, records: Sequence[LagRecord]) -> tuple[FloatArray, ...]:
         """Return the fitted curves (n_i,) of the very records that the lag was fitted to."""
@@ -212,21 +184,47 @@ class Lag:
         The initial value is the mean of the first 0.2 s. The bias is granted because a lag knows no trim:
         without it the lag would be no opponent.
         """
-        return self._from_start(records, self._own_bias(records))
+        starts = []
+        for measured in (r.measured for r in records):
+            seen, first = np.isfinite(measured), max(1, round(START * self.rate))
+            early = measured[:first][seen[:first]] if seen[:first].any() else measured[seen][:1]
+            starts.append(float(np.mean(early)) if early.size else 0.0)
+        pairs = list(zip(records, starts, strict=True))
+        missed = np.concatenate([r.measured for r in records]) - np.concatenate(
+            [self.respond(r.commands, 0.0, start) for r, start in pairs]
+        )
+        step = np.concatenate([_free(len(r.measured), self.time_constant, self.rate)[0] for r in records])
+        there = np.isfinite(missed)
+        power = float(np.sum(step[there] ** 2))
+        bias = float(np.sum(step[there] * missed[there])) / power if power > 0.0 else 0.0
+        return tuple(self.respond(r.commands, bias, start) for r, start in pairs)
 
-    def predicted_blind(self, records: Sequence[LagRecord]) -> tuple[FloatArray, ...]:
-        """Return the curves (n_i,) of records not fitted, with the mean of the fitted biases."""
-        return self._from_start(records, float(np.mean(list(self.biases.values()))))
+    def sensitivities(self, records: Sequence[LagRecord]) -> FloatArray:
+        """Return the derivative (N, u) of the fitted curves by gains, biases, log tau and the delay in samples.
+
+        Those by tau and the delay are differences.
+        """
+        delay, tau, search = (
+            round(self.dead_time * self.rate),
+            self.time_constant,
+            _Search(records, self.rate),
+        )
+        solution = np.array([*self.gains, *self.biases.values(), *self.initial])
+        later, sooner = search.design(tau, delay + 1), search.design(tau, max(delay - 1, 0))
+        by_delay = (later - sooner) @ solution / (delay + 1 - max(delay - 1, 0))
+        slower, faster = search.design(tau * 1.001, delay), search.design(tau / 1.001, delay)
+        by_tau = (slower - faster) @ solution / np.log(1.001**2)
+        return np.column_stack([search.design(tau, delay)[:, : -len(records)], by_tau, by_delay])
 
     def left_out(self, records: Sequence[LagRecord]) -> tuple[FloatArray, ...]:
         """Return the residuals (n_i,) of the very records that the lag was fitted to, each second left out in turn.
 
-        About the optimum; gains, biases, time constant and dead time count as unknowns, see `stoop.assessment.press`.
+        About the optimum; gains, biases, time constant and dead time count as unknowns, see
+        :func:`stoop.assessment.goodness_of_fit.left_out`.
         """
-        search = _Search(tuple(records), self.rate)
         sizes = np.cumsum([len(record.measured) for record in records])[:-1]
         residuals = [r.measured - y for r, y in zip(records, self.matched(records), strict=True)]
-        sensitivities = np.split(search.sensitivities(self), sizes)
+        sensitivities = np.split(self.sensitivities(records), sizes)
         seen = [s[np.isfinite(e)] for s, e in zip(sensitivities, residuals, strict=True)]
         information = np.sum([s.T @ s for s in seen], axis=0)
         block = round(BLOCK * self.rate)
@@ -234,26 +232,6 @@ class Lag:
             left_out(e[:, None], s[:, None, :], information, block)[:, 0]
             for e, s in zip(residuals, sensitivities, strict=True)
         )
-
-    def at(self, rate: float) -> Lag:
-        """Return the same lag for records sampled at another rate, Hz; the dead time to the nearest sample there."""
-        return replace(self, rate=rate)
-
-    @property
-    def _delay(self) -> int:
-        return round(self.dead_time * self.rate)
-
-    def _from_start(self, records: Sequence[LagRecord], bias: float) -> tuple[FloatArray, ...]:
-        return tuple(self.respond(r.commands, bias, _start(r.measured, self.rate)) for r in records)
-
-    def _own_bias(self, records: Sequence[LagRecord]) -> float:
-        missed = np.concatenate([r.measured for r in records]) - np.concatenate(
-            self._from_start(records, 0.0)
-        )
-        step = np.concatenate([_free(len(r.measured), self.time_constant, self.rate)[0] for r in records])
-        there = np.isfinite(missed)
-        power = float(np.sum(step[there] ** 2))
-        return float(np.sum(step[there] * missed[there])) / power if power > 0.0 else 0.0
 
 
 def fit_lag(records: Sequence[LagRecord], rate: float) -> Lag | None:
@@ -271,62 +249,44 @@ def fit_lag(records: Sequence[LagRecord], rate: float) -> Lag | None:
     Lag or None
         None when there are fewer measured samples than unknowns.
     """
-    search = _Search(tuple(records), rate)
-    if not search.enough():
+    search = _Search(records, rate)
+    commands, maneuvers = records[0].commands.shape[1], search.maneuvers
+    measured = sum(int(np.isfinite(record.measured).sum()) for record in records)
+    if measured <= commands + len(maneuvers) + len(records) + 2:
         return None
-    delay = min(_coarse_delays(rate), key=lambda d: search.best_time_constant(d)[0])
-    step = _coarse_delays(rate)[1]
-    near = range(max(0, delay - step + 1), delay + step)
+    delays = sorted({round(delay * rate) for delay in DEAD_TIMES})
+    delay = min(delays, key=lambda d: search.best_time_constant(d)[0])
+    near = range(max(0, delay - delays[1] + 1), delay + delays[1])
     _, tau, delay = min((*search.refine(d), d) for d in near)
-    return search.lag(tau, delay)
+    gains, biases, initial = np.split(search.solve(tau, delay)[1], [commands, commands + len(maneuvers)])
+    shared = dict(zip(maneuvers, biases.tolist(), strict=True))
+    return Lag(tau, delay / rate, gains, shared, tuple(initial.tolist()), rate)
 
 
 @dataclass(frozen=True, eq=False)
 class _Search:
     """The least-squares problem that is left when tau and the delay are given."""
 
-    records: tuple[LagRecord, ...]
+    records: Sequence[LagRecord]
     rate: float
 
     @property
     def maneuvers(self) -> list[int]:
         return sorted({record.maneuver for record in self.records})
 
-    def enough(self) -> bool:
-        measured = sum(int(np.isfinite(record.measured).sum()) for record in self.records)
-        return measured > self.width
-
-    @property
-    def width(self) -> int:
-        """How many unknowns there are: gains, biases, initial values, tau and the delay."""
-        return int(self.records[0].commands.shape[1]) + len(self.maneuvers) + len(self.records) + 2
-
-    def sensitivities(self, lag: Lag) -> FloatArray:
-        """Return the derivative (N, width - records) of the curves by all unknowns but initial values.
-
-        Those by tau and the delay are differences.
-        """
-        tau, delay = lag.time_constant, round(lag.dead_time * self.rate)
-        solution = np.array([*lag.gains, *lag.biases.values(), *lag.initial])
-        later, sooner = self.design(tau, delay + 1), self.design(tau, max(delay - 1, 0))
-        by_delay = (later - sooner) @ solution / (delay + 1 - max(delay - 1, 0))
-        by_tau = (
-            (self.design(tau * 1.001, delay) - self.design(tau / 1.001, delay)) @ solution / np.log(1.001**2)
-        )
-        return np.column_stack([self.design(tau, delay)[:, : -len(self.records)], by_tau, by_delay])
-
     def design(self, tau: float, delay: int) -> FloatArray:
         """Return (N, m + maneuvers + records): gains, biases, initial values."""
-        maneuvers = self.maneuvers
-        blocks = []
+        maneuvers, blocks = self.maneuvers, []
         for number, record in enumerate(self.records):
             forced = _forced(record.commands, tau, delay, self.rate)
-            step, decay = _free(len(forced), tau, self.rate)
-            block = np.zeros((len(forced), forced.shape[1] + len(maneuvers) + len(self.records)))
-            block[:, : forced.shape[1]] = forced
-            block[:, forced.shape[1] + maneuvers.index(record.maneuver)] = step
-            block[:, forced.shape[1] + len(maneuvers) + number] = decay
-            blocks.append(block)
+            biases, initial = (
+                np.zeros((len(forced), len(maneuvers))),
+                np.zeros((len(forced), len(self.records))),
+            )
+            biases[:, maneuvers.index(record.maneuver)], initial[:, number] = _free(
+                len(forced), tau, self.rate
+            )
+            blocks.append(np.column_stack([forced, biases, initial]))
         return np.concatenate(blocks)
 
     def solve(self, tau: float, delay: int) -> tuple[float, FloatArray]:
@@ -353,24 +313,6 @@ class _Search:
         )
         return float(found.fun), float(np.exp(found.x))
 
-    def lag(self, tau: float, delay: int) -> Lag:
-        solution = self.solve(tau, delay)[1]
-        split = self.records[0].commands.shape[1]
-        biases = dict(zip(self.maneuvers, map(float, solution[split:]), strict=False))
-        initial = tuple(map(float, solution[split + len(biases) :]))
-        return Lag(tau, delay / self.rate, solution[:split], biases, initial, self.rate)
-
-
-def _coarse_delays(rate: float) -> list[int]:
-    return sorted({round(delay * rate) for delay in DEAD_TIMES})
-
-
-def _start(measured: FloatArray, rate: float) -> float:
-    """Return the mean of the first 0.2 s, or of the first sample there is."""
-    first = measured[: max(1, round(START * rate))]
-    there = first[np.isfinite(first)] if np.isfinite(first).any() else measured[np.isfinite(measured)][:1]
-    return float(np.mean(there)) if there.size else 0.0
-
 
 def _free(size: int, tau: float, rate: float) -> tuple[FloatArray, FloatArray]:
     """Return the answers (size,) to a unit bias from zero, and to a unit initial value."""
@@ -387,7 +329,7 @@ def _forced(commands: FloatArray, tau: float, delay: int, rate: float) -> FloatA
     change = commands - commands[0]
     ratio = np.exp(-1.0 / (rate * tau))
     late = 1.0 - rate * tau * (1.0 - ratio)
-    moved = lfilter([late, 1.0 - ratio - late], [1.0, -ratio], change, axis=0)
+    response = lfilter([late, 1.0 - ratio - late], [1.0, -ratio], change, axis=0)
     answer = _free(len(commands), tau, rate)[0][:, None] * commands[0]
-    answer[delay:] += moved[: max(0, len(moved) - delay)]
+    answer[delay:] += response[: max(0, len(response) - delay)]
     return np.asarray(answer, dtype=np.float64)

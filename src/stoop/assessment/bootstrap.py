@@ -1,13 +1,11 @@
 """The bootstrap of a fit: refits to the model's own curves with noise like that of the residuals.
 
-The residuals of a fit are colored, often over hundreds of samples. Blocks cut from them directly would break
-that color at every joint, and the fit has absorbed part of it. So their color is taken off first, by the
-autoregression that also corrects the covariance (what the fit absorbed added back); blocks of what is left
-are drawn, all channels together, and colored again. Blocks keep what the autoregression does not explain: the
-remaining correlation, heavy tails, and channels that are disturbed at the same time. Residuals of windows that each
-begin in a state of their own are no stationary noise: whole windows are drawn, with the gaps behind them.
-
-Replicates are refitted in chunks, on any pool, into a store that survives kills.
+The residuals of a fit are colored, often over hundreds of samples. Blocks cut from them directly would break that color at
+every joint, and the fit has absorbed part of it. So their color is taken off first, by the autoregression that also corrects
+the covariance (what the fit absorbed added back); blocks of what is left are drawn, all channels together, and colored again.
+Blocks keep what the autoregression does not explain: the remaining correlation, heavy tails, and channels that are disturbed
+at the same time. Residuals of windows that each begin in a state of their own are no stationary noise: whole windows are
+drawn, with the gaps behind them. Replicates are refitted in chunks, on any pool, into a store that survives kills.
 
 References
 ----------
@@ -39,24 +37,30 @@ from scipy.signal import lfilter
 from scipy.special import ndtr, ndtri
 from threadpoolctl import threadpool_limits
 
-from stoop.assessment.assessment import AssessedFit, Finding, Refittable, Watch, simulated, unpack
-from stoop.assessment.colored_residuals import ColoredNoise
-from stoop.assessment.covariance import NORMAL_95
-from stoop.assessment.refit import Optimum, linearize, refit
-from stoop.assessment.windowed_covariance import MIN_WINDOWS, leave_window_out
+from stoop.assessment.assessment import (
+    AssessedFit,
+    Finding,
+    Optimum,
+    Refittable,
+    Watch,
+    refit,
+    simulated,
+    unpacked_optimum,
+)
+from stoop.assessment.covariance import MIN_WINDOWS, NORMAL_95, ColoredNoise, leave_window_out
 from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.notices import Notice, notice
+from stoop.estimate.multiple_shooting import FollowingWindows
 from stoop.estimate.noise import lagged_products
-from stoop.estimate.shooting.following import FollowingWindows
 from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run, Tally, execute
-from stoop.results.uncertainty import MethodIntervals
+from stoop.results.uncertainty import Interval, MethodIntervals
 
 LONGEST_BLOCK: Final = 0.25  #: of a segment: fewer than four blocks would repeat the record
 MIN_INNOVATIONS: Final = 20  #: of its own that a segment must have; else it takes those of all
 MIN_REPLICATES: Final = 40  #: with fewer there is no 2.5 % to either side
 CHUNK: Final = 25  #: replicates of one run: what a kill may cost
 WORK: Final = "stoop.assessment.bootstrap:refit_chunk"
-MOST_LOST: Final = 0.02  #: share of replicates without an optimum from which it is reported
+MAX_LOST: Final = 0.02  #: share of replicates without an optimum from which it is reported
 
 
 def block_length(series: FloatArray) -> float:
@@ -70,8 +74,7 @@ def block_length(series: FloatArray) -> float:
     centered = series - series.mean()
     digits = np.log10(max(n, 10))
     most = min(n - 1, int(np.ceil(np.sqrt(n))) + max(5, int(digits**1.5)))
-    sums, _ = lagged_products([centered[:, None]], [np.ones((n, 1))], most)
-    covariance = sums[0] / n
+    covariance = lagged_products([centered[:, None]], [np.ones((n, 1))], most)[0][0] / n
     if not covariance[0] > 0.0:
         return 1.0
     run = max(5, int(np.sqrt(digits)))
@@ -81,9 +84,7 @@ def block_length(series: FloatArray) -> float:
     taper = np.clip(2.0 * (1.0 - np.abs(lags) / (2.0 * last)), 0.0, 1.0)
     smoothed = taper * covariance[np.abs(lags)]
     level, slope = float(smoothed.sum()), float(np.sum(np.abs(lags) * smoothed))
-    if level <= 0.0:
-        return 1.0
-    return max(1.0, float(np.cbrt(2.0 * slope**2 / (4.0 / 3.0 * level**2) * n)))
+    return max(1.0, float(np.cbrt(2.0 * slope**2 / (4.0 / 3.0 * level**2) * n))) if level > 0.0 else 1.0
 
 
 class NoiseSource(Protocol):
@@ -121,15 +122,20 @@ class ColoredBlocks:
     @classmethod
     def of(cls, noise: ColoredNoise, residuals: Sequence[FloatArray], rest: int = 0) -> ColoredBlocks:
         """Return the source of noise like `residuals`, a sequence of weighted (n_i, ny), NaN where missing."""
-        order = noise.coefficients.shape[1]
-        channels = [whitened([r[:, i] for r in residuals], order) for i in range(len(noise.coefficients))]
-        scaled = [_scaled(c, float(np.sqrt(noise.innovation[i, i]))) for i, c in enumerate(channels)]
-        own = [np.column_stack(segment) for segment in zip(*scaled, strict=True)]
+        order, channels = noise.coefficients.shape[1], []
+        for i in range(len(noise.coefficients)):  # mean zero and the strength of the noise over all segments
+            innovations = whitened([r[:, i] for r in residuals], order)
+            seen = np.concatenate(innovations)
+            seen = seen[np.isfinite(seen)]
+            spread, mean = (float(np.std(seen)), seen.mean()) if seen.size else (0.0, 0.0)
+            factor = float(np.sqrt(noise.innovation[i, i])) / spread if spread > 0.0 else 0.0
+            channels.append([(segment - mean) * factor for segment in innovations])
+        own = [np.column_stack(segment) for segment in zip(*channels, strict=True)]
         whole = np.concatenate(own)
         whole = whole if len(whole) else np.full((1, len(noise.coefficients)), np.nan)
         pools = tuple(pool if len(pool) >= MIN_INNOVATIONS else whole for pool in own)
-        seen = [column[np.isfinite(column)] for column in whole.T]
-        longest = max((block_length(c) for c in seen if len(c) >= MIN_INNOVATIONS), default=1.0)
+        columns = [column[np.isfinite(column)] for column in whole.T]
+        longest = max((block_length(c) for c in columns if len(c) >= MIN_INNOVATIONS), default=1.0)
         return cls(noise, pools, tuple(np.isfinite(r) for r in residuals), int(np.ceil(longest)), rest)
 
     def draw(self, random: np.random.Generator) -> FloatArray:
@@ -143,8 +149,7 @@ class ColoredBlocks:
         pool, length = self.pools[index], len(self.present[index])
         block, total = max(1, min(self.block, int(LONGEST_BLOCK * len(pool)))), 2 * length
         starts = random.integers(0, len(pool) - block + 1, -(-total // block))
-        rows = (starts[:, None] + np.arange(block)).ravel()[:total]
-        innovations = pool[rows]
+        innovations = pool[(starts[:, None] + np.arange(block)).ravel()[:total]]
         gaps = ~np.isfinite(innovations)
         if gaps.any():
             strength = np.sqrt(np.diag(self.noise.innovation))
@@ -161,24 +166,13 @@ def whitened(segments: Sequence[FloatArray], order: int) -> list[FloatArray]:
     the spectrum is steep, and what little color it leaves would be amplified when the noise is colored again.
     """
     window = np.lib.stride_tricks.sliding_window_view
-    rows = [
-        window(segment, order + 1)[:, ::-1] for segment in segments
-    ]  # beside its own past, the latest first
+    rows = [window(s, order + 1)[:, ::-1] for s in segments]  # beside its own past, the latest first
     table = np.concatenate(rows)
     whole = table[np.isfinite(table).all(axis=1)]
     if len(whole) < MIN_INNOVATIONS + 2 * order:
         return [np.full(len(part), np.nan) for part in rows]
     coefficients = np.linalg.lstsq(whole[:, 1:], whole[:, 0], rcond=None)[0]
     return [part[:, 0] - part[:, 1:] @ coefficients for part in rows]
-
-
-def _scaled(segments: Sequence[FloatArray], strength: float) -> list[FloatArray]:
-    """Return segments with mean zero and a given standard deviation over all of them."""
-    seen = np.concatenate(segments)
-    seen = seen[np.isfinite(seen)]
-    spread = float(np.std(seen)) if seen.size else 0.0
-    factor = strength / spread if spread > 0.0 else 0.0
-    return [(segment - (seen.mean() if seen.size else 0.0)) * factor for segment in segments]
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,12 +200,10 @@ class WholeWindows:
     def of(cls, problem: FollowingWindows, optimum: Optimum) -> WholeWindows:
         """Return the source of noise like the residuals of windows at an optimum."""
         present = tuple(np.isfinite(piece.measured) for piece in problem.problem.pieces)
-        first, gap = 0, sum(mask.size for mask in present)
-        many = len(problem.gap_weights)
+        first, gap, many = 0, sum(mask.size for mask in present), len(problem.gap_weights)
         windows, gaps = [], []
         for mask, edges in zip(present, problem.edges, strict=True):
-            ny, count = mask.shape[1], len(edges) - 1
-            longest = int(np.max(np.diff(edges)))
+            ny, count, longest = mask.shape[1], len(edges) - 1, int(np.max(np.diff(edges)))
             left, behind = np.zeros((count, longest, ny)), np.zeros((count, many))
             for w in range(count):
                 length = edges[w + 1] - edges[w]
@@ -244,15 +236,7 @@ def shifts(optimum: Optimum, noise: NoiseSource, numbers: Sequence[int], seed: i
     """Return what replicates add to the residuals, (B, n_r).
 
     A replicate's measurements are the fitted curves plus new noise; its priors are drawn anew, too: a prior is a
-    measurement with an error of its own.
-
-    Parameters
-    ----------
-    optimum : Optimum
-    noise : NoiseSource
-    numbers : sequence of int
-        Of the replicates: the noise of each depends on its number and `seed` alone.
-    seed : int
+    measurement with an error of its own. The noise of each depends on its number and `seed` alone.
     """
     out = np.empty((len(numbers), len(optimum.residual)))
     for row, number in zip(out, numbers, strict=True):
@@ -265,40 +249,25 @@ def shifts(optimum: Optimum, noise: NoiseSource, numbers: Sequence[int], seed: i
 
 @dataclass(frozen=True, eq=False)
 class Percentiles:
-    """Statistics of the scatter of replicates; (k,) each.
-
-    Attributes
-    ----------
-    std : standard deviation of the replicates
-    bias : their mean less the estimate
-    lower, upper : ends of the 95 % interval
-    """
+    """Statistics of the scatter of replicates, (k,) each: standard deviation, and ends of the 95 % interval."""
 
     std: FloatArray
-    bias: FloatArray
     lower: FloatArray
     upper: FloatArray
 
 
 def percentiles(estimate: FloatArray, values: FloatArray) -> Percentiles:
-    """Return bias-corrected percentile intervals.
-
-    Parameters
-    ----------
-    estimate : (k,)
-    values : (B, k)
-        Of the replicates that converged.
-    """
-    nothing = np.full(len(estimate), np.nan)
+    """Return bias-corrected percentile intervals of an estimate (k,) from converged replicates (B, k)."""
     if len(values) < MIN_REPLICATES:
-        return Percentiles(nothing, nothing, nothing, nothing)
+        return Percentiles(*np.full((3, len(estimate)), np.nan))
     below = np.mean(values < estimate, axis=0) + 0.5 * np.mean(values == estimate, axis=0)
     reach = 1.0 / len(values)
     shift = 2.0 * ndtri(np.clip(below, reach, 1.0 - reach))
-    columns = range(len(estimate))
-    lower = np.array([np.quantile(values[:, i], ndtr(shift[i] - NORMAL_95)) for i in columns])
-    upper = np.array([np.quantile(values[:, i], ndtr(shift[i] + NORMAL_95)) for i in columns])
-    return Percentiles(values.std(axis=0, ddof=1), values.mean(axis=0) - estimate, lower, upper)
+    lower, upper = (
+        np.array([np.quantile(values[:, i], ndtr(s + end)) for i, s in enumerate(shift)])
+        for end in (-NORMAL_95, NORMAL_95)
+    )
+    return Percentiles(values.std(axis=0, ddof=1), lower, upper)
 
 
 @dataclass(frozen=True)
@@ -374,8 +343,7 @@ def refit_chunk(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> l
 @lru_cache(maxsize=1)
 def _unpacked(text: str) -> tuple[Refittable, Optimum, NoiseSource]:
     """Return the problem, its optimum, and what draws its noise."""
-    problem, arrays = unpack(text)
-    optimum = linearize(problem, arrays["z"], arrays["free"].astype(np.intp))
+    problem, optimum, arrays = unpacked_optimum(text)
     if isinstance(problem, FollowingWindows) and arrays["whole_windows"]:
         return problem, optimum, WholeWindows.of(problem, optimum)
     base = simulated(problem)
@@ -396,13 +364,16 @@ def _intervals(fit: AssessedFit, results: Mapping[str, Json]) -> MethodIntervals
     endings = Counter(ending for part in parts for ending in part["endings"])
     converged = np.isfinite(values).all(axis=1)
     found = percentiles(np.array(list(fit.fit.estimates.values())), values[converged])
+    parameters = {}  # no interval for a parameter at a bound or not identifiable
+    for i, name in enumerate(fit.names):
+        sure = not fit.bars.at_bound[i] and fit.bars.identifiability[name].identifiable
+        ends = (float(found.std[i]), float(found.lower[i]), float(found.upper[i]))
+        parameters[name] = Interval(*ends) if sure else Interval()
     total, count, lost = endings.total(), int(converged.sum()), endings["lost"]
     notices: list[Notice] = []
     if count < MIN_REPLICATES:
         notices.append(notice("bootstrap-too-few-replicates", count=count, needed=MIN_REPLICATES))
-    if lost > MOST_LOST * total:
+    if lost > MAX_LOST * total:
         notices.append(notice("bootstrap-replicates-lost", lost=lost, replicates=total))
     figures = {"replicates": float(total), "dived": float(endings["dived"]), "lost": float(lost)}
-    return MethodIntervals(
-        fit.intervals(found.std, found.lower, found.upper), figures, tuple(map(str, notices))
-    )
+    return MethodIntervals(parameters, figures, tuple(map(str, notices)))

@@ -1,7 +1,7 @@
-"""Error bars of a fit by any method: the Cramer-Rao bound, and the covariance corrected for colored residuals.
+"""Error bars and identifiability of a fit by any method, from its evidence.
 
-The path is the same for every estimator: its evidence (whitened residuals, sensitivities and prior information,
-`stoop.problem.evidence`) gives the information matrix, the color of the residuals, the covariance, and what the data
+The path is the same for every estimator: whitened residuals, sensitivities and prior information
+(`stoop.problem.evidence`) give the information matrix, the color of the residuals, the covariance, and what the data
 determine of each parameter.
 """
 
@@ -14,20 +14,39 @@ from typing import Final
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from stoop.assessment.colored_residuals import ColoredNoise, Coloring, autocorrelation
-from stoop.assessment.covariance import data_information, invert, marked, standard_errors
-from stoop.assessment.identifiability import ComparisonScale, Identifiability, identifiability
-from stoop.assessment.windowed_covariance import widened, windowed_covariance
+from stoop.assessment.covariance import (
+    ColoredNoise,
+    Coloring,
+    autocorrelation,
+    data_information,
+    invert,
+    marked,
+    standard_errors,
+    widened,
+    windowed_covariance,
+)
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.estimate.fit import Fit
 from stoop.problem.evidence import Evidence, PieceEvidence
+from stoop.results.uncertainty import CorrelatedPair, NearNullDirection
 
 CORRELATION_LAGS: Final = 200  #: samples over which the residual autocorrelation is shown
-CONDITIONAL_RATIO: Final = (
-    2.0  #: of error bars, from which one counts as conditional on parameters at a bound
-)
+CONDITIONAL_RATIO: Final = 2.0  #: of error bars, from which one is conditional on parameters at a bound
 NOT_ESTIMATED: Final = "the method does not estimate it"
 NOT_DETERMINED: Final = "the data do not see it, alone or apart from others"
+COMBINED: Final = "known only in combination with others: they can almost take its place"
+PRIOR_SHARE: Final = (
+    0.95  #: of the prior's standard deviation left by the fit: the data added next to nothing
+)
+BOX_SHARE: Final = 0.25  #: of the box's width; a value thrown into the box blindly would have 0.29
+SIZE_SHARE: Final = 3.0  #: of the size of the parameter, where there is neither prior nor box to compare with
+COLLINEAR: Final = 30.0  #: marginal over conditional standard error; correlated above 0.999 with the others
+STRONG_CORRELATION: Final = 0.9  #: from which a pair is named
+PARTNER_CORRELATION: Final = 0.7  #: from which another parameter counts as able to stand in
+MAX_DIRECTIONS: Final = 6
+MIN_COMPONENT: Final = (
+    0.3  #: of its standard error, by which a parameter must move along a direction to be named
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,12 +72,6 @@ class Uncertainty:
     corrected: FloatArray
     noise: ColoredNoise
     autocorrelation: FloatArray
-
-    @property
-    def coloring_factor(self) -> FloatArray:
-        """By how much the correction widens each standard error, (k,); 1 for white, unit residuals."""
-        with np.errstate(invalid="ignore"):
-            return standard_errors(self.corrected) / standard_errors(self.cramer_rao)
 
 
 def estimate_uncertainty(
@@ -133,11 +146,11 @@ class ErrorBars:
 
     def rejected(self, reason: str) -> ErrorBars:
         """Return error bars of which none is a confident statement, for one reason; earlier doubts stay."""
-        judged = {
+        doubted = {
             name: replace(one, identifiable=False, reason=reason) if one.identifiable else one
             for name, one in self.identifiability.items()
         }
-        return replace(self, identifiability=judged)
+        return replace(self, identifiability=doubted)
 
 
 def error_bars(fit: Fit) -> ErrorBars:
@@ -149,10 +162,7 @@ def error_bars(fit: Fit) -> ErrorBars:
 
 
 def evidence_error_bars(evidence: Evidence) -> ErrorBars:
-    """Return the error bars that evidence gives.
-
-    Noise intensities take part and are not returned.
-    """
+    """Return the error bars that evidence gives; noise intensities take part and are not returned."""
     unknowns, free = evidence.unknowns, evidence.free
     pieces, prior = [piece.of(free) for piece in evidence.pieces], evidence.prior[np.ix_(free, free)]
     found = estimate_uncertainty(pieces, prior, evidence.white)
@@ -164,10 +174,19 @@ def evidence_error_bars(evidence: Evidence) -> ErrorBars:
     if evidence.inflation != 1.0:
         plain = invert((found.information - prior) * evidence.inflation + prior)
         cramer_rao = marked(plain.matrix, plain.determined)
+    at_bound, conditional = np.array([u.fixed == "bound" for u in unknowns]), tuple[str, ...]()
+    if at_bound.any():  # what is known only as long as the parameters at a bound are right there
+        every = np.flatnonzero([u.fixed != "method" for u in unknowns])
+        whole = invert(
+            data_information([p.of(every) for p in evidence.pieces]) + evidence.prior[np.ix_(every, every)]
+        )
+        wide = standard_errors(marked(whole.matrix, whole.determined))[np.isin(every, free)]
+        leaning = free[wide > CONDITIONAL_RATIO * standard_errors(found.cramer_rao)]
+        conditional = tuple(unknowns[i].name for i in leaning if unknowns[i].kind == "parameter")
     known, k = [unknowns[i] for i in free], sum(u.kind != "noise" for u in unknowns)
     scale = ComparisonScale(*(np.array([getattr(u, n) for u in known]) for n in ("prior", "width", "size")))
-    judged = identifiability([u.name for u in known], found.information, corrected, scale)
-    own = {u.name: j for u, j in zip(known, judged, strict=True) if u.kind == "parameter"}
+    told = identifiability([u.name for u in known], found.information, corrected, scale)
+    own = {u.name: j for u, j in zip(known, told, strict=True) if u.kind == "parameter"}
     idle = [u.name for u in unknowns if u.kind == "parameter" and u.fixed == "method"]
     covariance, white = np.zeros((len(unknowns),) * 2), np.zeros(len(unknowns))
     covariance[np.ix_(free, free)] = corrected
@@ -175,29 +194,11 @@ def evidence_error_bars(evidence: Evidence) -> ErrorBars:
     return ErrorBars(
         covariance=covariance[:k, :k],
         cramer_rao_std=white[:k],
-        at_bound=np.array([u.fixed == "bound" for u in unknowns[:k]], dtype=np.bool_),
+        at_bound=at_bound[:k],
         identifiability=own | {n: Identifiability.none(n, NOT_ESTIMATED) for n in idle},
-        conditional=_conditional(evidence, found),
+        conditional=conditional,
         uncertainty=found,
         free=free,
-    )
-
-
-def _conditional(evidence: Evidence, found: Uncertainty) -> tuple[str, ...]:
-    """Name the parameters that are known only as long as those at a bound are right there."""
-    if not any(u.fixed == "bound" for u in evidence.unknowns):
-        return ()
-    every = np.flatnonzero([u.fixed != "method" for u in evidence.unknowns])
-    information = (
-        data_information([p.of(every) for p in evidence.pieces]) + evidence.prior[np.ix_(every, every)]
-    )
-    whole = invert(information)
-    wide = standard_errors(marked(whole.matrix, whole.determined))[np.isin(every, evidence.free)]
-    narrow = standard_errors(found.cramer_rao)
-    return tuple(
-        evidence.unknowns[i].name
-        for i, w, n in zip(evidence.free, wide, narrow, strict=True)
-        if evidence.unknowns[i].kind == "parameter" and w > CONDITIONAL_RATIO * n
     )
 
 
@@ -209,22 +210,192 @@ def _of_covariance(fit: Fit, covariance: FloatArray) -> ErrorBars:
     layout = fit.problem.layout
     d, names = layout.dimension, [p.name for p in layout.parameters]
     own = covariance[:d, :d]
-    seen = np.isfinite(np.diag(own))
-    known = np.flatnonzero(seen & (np.diag(own) > 0.0))
-    start = np.array([p.value for p in layout.parameters])
-    estimate = np.array([fit.estimates[n] for n in names])
-    size = np.maximum(abs(start), abs(estimate))
+    finite = np.isfinite(np.diag(own))
+    known = np.flatnonzero(finite & (np.diag(own) > 0.0))
+    size = np.maximum(np.abs([p.value for p in layout.parameters]), np.abs([fit.estimates[n] for n in names]))
     scale = ComparisonScale(np.full(len(known), np.inf), layout.width[known], size[known])
     block = own[np.ix_(known, known)]
     found = identifiability([names[i] for i in known], invert(block).matrix, block, scale)
-    reasons = {name: NOT_ESTIMATED if s else NOT_DETERMINED for name, s in zip(names, seen, strict=True)}
-    judged = {name: Identifiability.none(name, why) for name, why in reasons.items()}
+    none = {
+        name: Identifiability.none(name, NOT_ESTIMATED if f else NOT_DETERMINED)
+        for name, f in zip(names, finite, strict=True)
+    }
     return ErrorBars(
         covariance=covariance,
         cramer_rao_std=np.full(len(fit.z), np.nan) if fit.white is None else standard_errors(fit.white),
         at_bound=np.zeros(len(fit.z), dtype=np.bool_),
-        identifiability=judged | {j.name: j for j in found},
+        identifiability=none | {j.name: j for j in found},
         conditional=(),
         uncertainty=None,
         free=np.arange(len(fit.z)),
     )
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """What the data say about one parameter.
+
+    Attributes
+    ----------
+    name : str
+    identifiable : bool
+        False when the number is not the data's.
+    reason : str
+        Why; empty without a doubt.
+    conditional_std : float
+        Standard error if everything else were known.
+    marginal_std : float
+        Standard error as it is; infinite when the data leave it free.
+    multiple_correlation : float
+        With all other unknowns together; 1 means that they can take its place.
+    """
+
+    name: str
+    identifiable: bool
+    reason: str
+    conditional_std: float
+    marginal_std: float
+    multiple_correlation: float
+
+    @classmethod
+    def none(cls, name: str, reason: str) -> Identifiability:
+        """Return that of a parameter that nothing was learned about."""
+        return cls(name, False, reason, np.inf, np.inf, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class ComparisonScale:
+    """Scales (k,) with which standard errors are compared; infinite where there is none.
+
+    Attributes
+    ----------
+    prior_std : (k,)
+        Standard deviation of the prior.
+    box : (k,)
+        Width between the bounds.
+    size : (k,)
+        Magnitude of the parameter: the greater of estimate and starting value.
+    """
+
+    prior_std: FloatArray
+    box: FloatArray
+    size: FloatArray
+
+
+def identifiability(
+    names: Sequence[str], information: FloatArray, covariance: FloatArray, scale: ComparisonScale
+) -> tuple[Identifiability, ...]:
+    """Return the identifiability of the k unknowns.
+
+    Parameters
+    ----------
+    names : sequence of str
+    information : (k, k)
+        Priors included.
+    covariance : (k, k)
+        The covariance that will be published; infinite variance where nothing is known.
+    scale : ComparisonScale
+        Of the same unknowns.
+    """
+    inverse = invert(information)
+    sigma = standard_errors(covariance)
+    alone = 1.0 / np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
+    marginal = standard_errors(inverse.matrix)
+    # 1 - R^2 = (conditional / marginal)^2
+    multiple = np.sqrt(np.clip(1.0 - (alone / np.maximum(marginal, alone)) ** 2, 0.0, 1.0))
+    out = []
+    for i, name in enumerate(names):
+        std, prior, box, size = (float(v[i]) for v in (sigma, scale.prior_std, scale.box, scale.size))
+        reason, identifiable = "", False
+        if not inverse.determined[i]:
+            reason, std = "the data do not see it", np.inf
+        elif std > PRIOR_SHARE * prior:
+            reason = "the data add next to nothing to the prior"
+        elif std > BOX_SHARE * box:
+            reason = "its error is as wide as its box: the box decides, not the data"
+        elif not np.isfinite(min(prior, box)) and std > SIZE_SHARE * size:
+            reason = f"its error is more than {SIZE_SHARE:g} times its size"
+        else:
+            identifiable = True
+            reason = COMBINED if multiple[i] > np.sqrt(1.0 - COLLINEAR**-2) else ""
+        out.append(Identifiability(name, identifiable, reason, float(alone[i]), std, float(multiple[i])))
+    return tuple(out)
+
+
+def scaled_singular_values(information: FloatArray) -> FloatArray:
+    """Return the singular values (k,), descending, of the sensitivities with columns scaled to length 1.
+
+    First over last is the condition of the problem; a value near 0 is a direction that the data cannot see.
+    """
+    return np.sqrt(np.maximum(invert(information).eigenvalues[::-1], 0.0))
+
+
+def worst_pairs(names: Sequence[str], correlation: FloatArray) -> tuple[CorrelatedPair, ...]:
+    """Return the twenty most correlated pairs of a matrix (k, k) at most, the worst first."""
+    found = [
+        CorrelatedPair(names[j], names[i], float(correlation[i, j]))
+        for i in range(len(names))
+        for j in range(i)
+        if np.isfinite(correlation[i, j]) and abs(correlation[i, j]) >= STRONG_CORRELATION
+    ]
+    return tuple(sorted(found, key=lambda pair: -abs(pair.correlation))[:20])
+
+
+def partners(names: Sequence[str], correlation: FloatArray, index: int) -> tuple[str, ...]:
+    """Return up to four parameters that are strongly correlated with one of them, the strongest first."""
+    strength = np.abs(np.nan_to_num(correlation[index]))
+    strength[index] = 0.0
+    order = np.argsort(-strength, kind="stable")[:4]
+    return tuple(names[i] for i in order if strength[i] >= PARTNER_CORRELATION)
+
+
+def marginal_information(information: FloatArray, count: int) -> FloatArray:
+    """Return the information of the first `count` unknowns when the others are unknown, too."""
+    inner, cross = information[:count, :count], information[:count, count:]
+    if not cross.shape[1]:
+        return inner
+    across = cross @ invert(information[count:, count:]).factor
+    return np.asarray(inner - across @ across.T)
+
+
+def near_null_directions(
+    names: Sequence[str], information: FloatArray, sizes: FloatArray
+) -> tuple[NearNullDirection, ...]:
+    """Return the directions in which the data hardly change, the least singular value first.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the k parameters.
+    information : (k, k)
+        Of the data alone, initial states and biases unknown.
+    sizes : (k,)
+        Magnitude of each parameter: a step for which the cost rises by 1 is cut to one that doubles none.
+    """
+    diagonal = np.sqrt(np.maximum(np.diag(information), 0.0))
+    seen = np.flatnonzero(diagonal > 0.0)
+    out = [
+        NearNullDirection(0.0, {name: 1.0}, f"The data do not change with {name} at all.")
+        for name, d in zip(names, diagonal, strict=True)
+        if not d > 0.0
+    ]
+    if seen.size > 1:
+        scale, size = diagonal[seen], np.where(sizes[seen] > 0.0, sizes[seen], np.inf)
+        values, vectors = np.linalg.eigh(information[np.ix_(seen, seen)] / np.outer(scale, scale))
+        singular = np.sqrt(np.maximum(values, np.finfo(np.float64).eps * values[-1]))
+        sigma = np.sqrt(np.sum((vectors / singular) ** 2, axis=1))
+        for i in np.flatnonzero(singular < 1.0 / COLLINEAR)[:MAX_DIRECTIONS]:
+            step = vectors[:, i] / singular[i]
+            share, step = step / sigma, step / scale
+            step = step / max(1.0, float(np.max(np.abs(step) / size)))
+            # the parameters that matter, the most moved first and upward
+            order = [j for j in np.argsort(-np.abs(share), kind="stable") if abs(share[j]) >= MIN_COMPONENT]
+            sign = np.sign(step[order[0]]) if order else 1.0
+            parts = {names[int(seen[j])]: float(sign * step[j]) for j in order[:6]}
+            moves = ", ".join(f"{name} by {value:+.3g}" for name, value in parts.items())
+            sentence = {
+                0: "Many parameters share it, none with much weight.",
+                1: f"The data hardly change with {moves}.",
+            }.get(len(parts), f"The data hardly change when these move together: {moves}.")
+            out.append(NearNullDirection(float(singular[i]), parts, sentence))
+    return tuple(out[:MAX_DIRECTIONS])

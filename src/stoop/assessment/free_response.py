@@ -4,25 +4,26 @@ No flight-dynamics model takes part. Once the controls rest, every channel is
 
     y(t) = exp(-zeta w t) (a cos(w_d t) + b sin(w_d t)) + c + d t,   w_d = w sqrt(1 - zeta^2),
 
-with one frequency w and one damping zeta for all channels that the mode moves, and a, b, c, d of each channel's own;
-the straight line stands for what is slower (the phugoid, the slowest, has none: d = 0). Two periods are looked at; what
-comes later is mostly the slower modes. a, b, c and d enter linearly and are solved for (variable projection: G. Golub
-and V. Pereyra, SIAM J. Numer. Anal. 10, 1973), which leaves a search in two dimensions, from a grid of starts.
+with one frequency w and one damping zeta for all channels that the mode moves, and a, b, c, d of each channel's own; the
+straight line stands for what is slower (the phugoid, the slowest, has none: d = 0). Two periods are used; what comes later
+is mostly the slower modes. a, b, c and d enter linearly and are solved for (variable projection: G. Golub and V. Pereyra,
+SIAM J. Numer. Anal. 10, 1973), which leaves a search in two dimensions, from a grid of starts.
 
-The error bars know noise, what is no single damped oscillation (see `_Oscillation.drift`) and that the response is
-flown about another airspeed than the condition's (`elsewhere`).
+The error bars contain noise, what is no single damped oscillation (see `_Oscillation.drift`) and that the response is flown
+about another airspeed than the condition's (`elsewhere`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from scipy.optimize import least_squares
 
+from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import FloatArray
 from stoop.estimate.noise import correlation_times
 from stoop.results.modes import Estimate, MeasuredMode
@@ -33,36 +34,20 @@ CHANNELS: Final[Mapping[str, tuple[str, ...]]] = {
     "Dutch roll": ("r", "beta"),
 }  #: mode -> the channels in which it is best seen
 REST: Final = 0.15  #: of the largest excursion in the maneuver: a control that stays within it rests
-SLOWEST: Final = "phugoid"  #: nothing slower lies below it
-TURNS: Final = 0.75  #: periods that must be seen
-MOST_TURNS: Final = 2.0  #: periods that are looked at
-FEWEST: Final = 25  #: samples
+MIN_PERIODS: Final = 0.75  #: that must be recorded
+MAX_PERIODS: Final = 2.0  #: that are used
+MIN_SAMPLES: Final = 25
 DAMPINGS: Final = (0.05, 0.2, 0.4, 0.6, 0.8)  #: where the search begins
-MOST_DAMPED: Final = 0.98
-EXPLAINED: Final = 0.7  #: of what the slower motion leaves, by the oscillation
-FREQUENCY_KNOWN: Final = 0.2  #: standard error in parts of the frequency
-DAMPING_KNOWN: Final = 0.15  #: standard error of the damping
-PARTS: Final = (
-    (0.1, 1.0),
-    (0.2, 1.0),
-    (0.3, 1.0),
-    (0.0, 0.9),
-    (0.0, 0.8),
-    (0.0, 0.7),
-)  #: of the response, fitted alone
-NORMAL_95: Final = 1.959963984540054
+MAX_DAMPING: Final = 0.98
+MIN_EXPLAINED: Final = 0.7  #: of what the slower motion leaves, by the oscillation
+MAX_ERRORS: Final = (0.2, 0.15)  #: standard errors of frequency, in parts of it, and damping
+#: of the response, by shares of its length, fitted alone
+PARTS: Final = ((0.1, 1.0), (0.2, 1.0), (0.3, 1.0), (0.0, 0.9), (0.0, 0.8), (0.0, 0.7))
 
 
 @dataclass(frozen=True, eq=False)
 class FreeResponse:
-    """What the channels did once the controls rested.
-
-    Attributes
-    ----------
-    time : (n,), s
-    channels : mapping of str to (n,)
-        NaN where missing.
-    """
+    """What the channels did once the controls rested: time (n,), s, and channels (n,), NaN where missing."""
 
     time: FloatArray
     channels: Mapping[str, FloatArray]
@@ -75,13 +60,11 @@ class FreeResponse:
     def first(self, seconds: float) -> FreeResponse:
         """Return its beginning."""
         inside = self.time - self.time[0] <= seconds
-        return FreeResponse(
-            self.time[inside], {name: values[inside] for name, values in self.channels.items()}
-        )
+        return FreeResponse(self.time[inside], {name: y[inside] for name, y in self.channels.items()})
 
 
 def free_response(time: FloatArray, controls: FloatArray, channels: Mapping[str, FloatArray]) -> FreeResponse:
-    """Return what follows the last move of the controls.
+    """Return what follows the last motion of the controls.
 
     Parameters
     ----------
@@ -108,28 +91,44 @@ def measured_mode(
     maneuver : int
     free : FreeResponse
     expected : float, rad/s
-        Of the model, which decides only how long a response is looked at, and whether there is enough of it.
+        Of the model, which decides only how long a response is used, and whether there is enough of it.
     airspeed : float, m/s
         Of the condition that the mode shall be one of, see :func:`elsewhere`; NaN where that does not matter.
     """
     if not len(free.time):
         return MeasuredMode(maneuver, remark="not identified: the controls never rest")
-    whole, period = free.duration, 2.0 * math.pi / max(expected, 1e-6)
-    free = free.first(MOST_TURNS * period)
     if name not in CHANNELS:
         return MeasuredMode(maneuver, remark="not identified: does not oscillate")
+    whole, period = free.duration, 2.0 * math.pi / max(expected, 1e-6)
+    free = free.first(MAX_PERIODS * period)
     columns = {c: free.channels[c] for c in CHANNELS[name] if c in free.channels}
     place = MeasuredMode(maneuver, float(free.time[0]), float(free.time[-1]), tuple(columns))
-    if whole < TURNS * period:
-        turns = f"{whole:.1f} s without input are {whole / period:.1f} of its periods"
-        return _said(place, f"not identified: {turns}")
-    columns = {c: values for c, values in columns.items() if np.isfinite(values).sum() >= FEWEST}
+    if whole < MIN_PERIODS * period:
+        periods = f"{whole:.1f} s without input are {whole / period:.1f} of its periods"
+        return replace(place, remark=f"not identified: {periods}")
+    columns = {c: values for c, values in columns.items() if np.isfinite(values).sum() >= MIN_SAMPLES}
     if not columns:
-        return _said(place, "not identified: its channels were not recorded")
-    t = free.time - free.time[0]
-    slower = np.column_stack([np.ones_like(t), *([] if name == SLOWEST else [t])])
-    place = MeasuredMode(maneuver, place.start, place.stop, tuple(columns))
-    return _fitted(place, t, np.column_stack(list(columns.values())), slower, elsewhere(free, airspeed))
+        return replace(place, remark="not identified: its channels were not recorded")
+    place, t = replace(place, channels=tuple(columns)), free.time - free.time[0]
+    y = np.column_stack(list(columns.values()))
+    slower = np.column_stack([np.ones_like(t), *([] if name == "phugoid" else [t])])
+    spread = np.array([float(np.std(e[np.isfinite(e)])) or 1.0 for e in _rest(slower, y).T])
+    search = _Oscillation(t, y / spread, slower)
+    x = search.best()
+    frequency, damping = math.exp(x[0]), float(x[1])
+    away = elsewhere(free, airspeed) * np.array([1.0, abs(damping)])
+    error = np.hypot(np.hypot(search.errors(x), search.drift(x)), away)
+    if 1.0 - float(np.mean(search.residuals(x) ** 2)) < MIN_EXPLAINED:
+        return replace(
+            place, remark="not identified: no one oscillation explains the response after the input"
+        )
+    if not (np.all(error < MAX_ERRORS) and damping < MAX_DAMPING - 1e-6):
+        return replace(
+            place, remark="not identified: the response after the input tells frequency or damping too badly"
+        )
+    pairs = ((frequency, frequency * float(error[0])), (damping, float(error[1])))
+    found = [Estimate(v, s, v - NORMAL_95 * s, v + NORMAL_95 * s) for v, s in pairs]
+    return replace(place, frequency=found[0], damping=found[1])
 
 
 def elsewhere(free: FreeResponse, airspeed: float) -> float:
@@ -139,55 +138,20 @@ def elsewhere(free: FreeResponse, airspeed: float) -> float:
     airspeeds may differ from the small motion about one: the mean's departure, and the square of the swing, for
     what swings to both sides cancels in first order.
     """
-    seen = free.channels.get("V", np.empty(0))
-    seen = seen[np.isfinite(seen)]
-    if not seen.size or not math.isfinite(airspeed):
+    V = free.channels.get("V", np.empty(0))
+    V = V[np.isfinite(V)]
+    if not V.size or not math.isfinite(airspeed):
         return 0.0
-    return abs(float(np.mean(seen)) / airspeed - 1.0) + float(np.var(seen)) / airspeed**2
+    return abs(float(np.mean(V)) / airspeed - 1.0) + float(np.var(V)) / airspeed**2
 
 
-def _said(place: MeasuredMode, remark: str) -> MeasuredMode:
-    return MeasuredMode(place.maneuver, place.start, place.stop, place.channels, remark=remark)
-
-
-def _fitted(
-    place: MeasuredMode, t: FloatArray, y: FloatArray, slower: FloatArray, away: float
-) -> MeasuredMode:
-    search = _Oscillation(t, y / _spread(slower, y), slower)
-    x = search.best()
-    frequency, damping = math.exp(x[0]), float(x[1])
-    error = np.hypot(np.hypot(search.errors(x), search.drift(x)), away * np.array([1.0, abs(damping)]))
-    if search.explained(x) < EXPLAINED:
-        return _said(place, "not identified: no one oscillation explains the response after the input")
-    if not (error[0] < FREQUENCY_KNOWN and error[1] < DAMPING_KNOWN and damping < MOST_DAMPED - 1e-6):
-        return _said(
-            place, "not identified: the response after the input tells frequency or damping too badly"
-        )
-    return MeasuredMode(
-        place.maneuver,
-        place.start,
-        place.stop,
-        place.channels,
-        _estimate(frequency, frequency * float(error[0])),
-        _estimate(damping, float(error[1])),
-    )
-
-
-def _estimate(value: float, error: float) -> Estimate:
-    return Estimate(value, error, value - NORMAL_95 * error, value + NORMAL_95 * error)
-
-
-def _spread(slower: FloatArray, y: FloatArray) -> FloatArray:
-    """Return the root mean squares (m,) of what the slower motion leaves of the channels (n, m)."""
-    left = [_left(slower, column) for column in y.T]
-    return np.array([float(np.std(e[np.isfinite(e)])) or 1.0 for e in left])
-
-
-def _left(basis: FloatArray, column: FloatArray) -> FloatArray:
-    """Return what a basis (n, b) leaves of a column (n,); NaN where nothing was measured."""
-    seen = np.isfinite(column)
-    out = np.full_like(column, np.nan)
-    out[seen] = column[seen] - basis[seen] @ np.linalg.lstsq(basis[seen], column[seen], rcond=1e-12)[0]
+def _rest(basis: FloatArray, y: FloatArray) -> FloatArray:
+    """Return what a basis (n, b) leaves of columns (n, m); NaN where nothing was measured."""
+    out = np.full_like(y, np.nan)
+    for left, column in zip(out.T, y.T, strict=True):
+        seen = np.isfinite(column)
+        solution = np.linalg.lstsq(basis[seen], column[seen], rcond=1e-12)[0]
+        left[seen] = column[seen] - basis[seen] @ solution
     return out
 
 
@@ -199,34 +163,30 @@ class _Oscillation:
     y: FloatArray
     slower: FloatArray
 
-    def left(self, x: FloatArray) -> FloatArray:
+    def rest(self, x: FloatArray) -> FloatArray:
         """Return what the best oscillation and slower motion of each channel leave, (n, m)."""
         w, zeta = math.exp(x[0]), x[1]
         decay, angle = np.exp(-zeta * w * self.t), w * math.sqrt(1.0 - zeta**2) * self.t
-        basis = np.column_stack([decay * np.cos(angle), decay * np.sin(angle), self.slower])
-        return np.column_stack([_left(basis, column) for column in self.y.T])
+        return _rest(np.column_stack([decay * np.cos(angle), decay * np.sin(angle), self.slower]), self.y)
 
     def residuals(self, x: FloatArray) -> FloatArray:
         """Return all that is left, flat, where something was measured."""
-        return self.left(x)[np.isfinite(self.y)]
+        return self.rest(x)[np.isfinite(self.y)]
 
     def best(self) -> FloatArray:
         """Return the optimum from the best points of a grid."""
         grid = [np.array([math.log(w), z]) for w in np.geomspace(*self._range, 24) for z in DAMPINGS]
         starts = sorted(grid, key=lambda x: float(np.sum(self.residuals(x) ** 2)))[:3]
-        ends = [least_squares(self.residuals, x, bounds=self._box, x_scale=(0.1, 0.1)) for x in starts]
-        return np.asarray(min(ends, key=lambda end: float(end.cost)).x, dtype=np.float64)
+        ends = [self._solved(x) for x in starts]
+        return min(ends, key=lambda end: end[1])[0]
 
-    def polished(self, x: FloatArray) -> FloatArray:
+    def near(self, x: FloatArray) -> FloatArray:
         """Return the optimum near `x`, which may lie beyond what this record can tell."""
-        inside = np.clip(x, *self._box)
-        end = least_squares(self.residuals, inside, bounds=self._box, x_scale=(0.1, 0.1))
-        return np.asarray(end.x, dtype=np.float64)
+        return self._solved(np.clip(x, *self._box))[0]
 
-    def part(self, first: float, last: float) -> _Oscillation:
-        """Return the problem of a part of the response, by shares of its length."""
-        inside = (self.t >= first * self.t[-1]) & (self.t <= last * self.t[-1])
-        return _Oscillation(self.t[inside] - self.t[inside][0], self.y[inside], self.slower[inside])
+    def _solved(self, x: FloatArray) -> tuple[FloatArray, float]:
+        end = least_squares(self.residuals, x, bounds=self._box, x_scale=(0.1, 0.1))
+        return np.asarray(end.x, dtype=np.float64), float(end.cost)
 
     def drift(self, x: FloatArray) -> FloatArray:
         """Return by how much (2,) parts of the response give other log w and zeta than the whole, noise apart.
@@ -234,33 +194,33 @@ class _Oscillation:
         Were the response one damped oscillation in noise, a part's estimate would differ from the whole's with the
         difference of their variances (J. A. Hausman, Econometrica 46(6), 1978); what is beyond that is not noise.
         """
-        whole = self.errors(x) ** 2
-        parts = [self.part(*ends) for ends in PARTS]
-        beyond = []
-        for part in parts:
-            here = part.polished(x)
+        whole, beyond = self.errors(x) ** 2, []
+        for first, last in PARTS:
+            part = self.part(first, last)
+            here = part.near(x)
             beyond.append((here - x) ** 2 - np.maximum(part.errors(here) ** 2 - whole, 0.0))
         return np.asarray(np.sqrt(np.maximum(np.mean(beyond, axis=0), 0.0)), dtype=np.float64)
+
+    def part(self, first: float, last: float) -> _Oscillation:
+        """Return the problem of a part of the response, by shares of its length."""
+        inside = (self.t >= first * self.t[-1]) & (self.t <= last * self.t[-1])
+        return _Oscillation(self.t[inside] - self.t[inside][0], self.y[inside], self.slower[inside])
 
     @property
     def _box(self) -> tuple[list[float], list[float]]:
         slowest, fastest = self._range
-        return [math.log(0.5 * slowest), -0.5], [math.log(fastest), MOST_DAMPED]
+        return [math.log(0.5 * slowest), -0.5], [math.log(fastest), MAX_DAMPING]
 
     @property
     def _range(self) -> tuple[float, float]:
         """Return the lowest and the highest frequency, rad/s, that the record can tell."""
         return math.pi / self.t[-1], 0.5 * math.pi * (len(self.t) - 1) / self.t[-1]
 
-    def explained(self, x: FloatArray) -> float:
-        """Return the share of what the slower motion leaves that the oscillation explains."""
-        return 1.0 - float(np.mean(self.residuals(x) ** 2))
-
     def errors(self, x: FloatArray) -> FloatArray:
         """Return the standard errors of log w and zeta, for residuals as correlated as these are."""
         step = 1e-5 * np.eye(2)
         J = np.column_stack([(self.residuals(x + d) - self.residuals(x - d)) / 2e-5 for d in step])
-        left = self.left(x)
+        left = self.rest(x)
         longer = correlation_times([left], float(self.t[1] - self.t[0]))
         taken = 2.0 / left.shape[1] + 2.0 + self.slower.shape[1]
         free = np.maximum(np.isfinite(left).sum(axis=0) - taken, 1.0)

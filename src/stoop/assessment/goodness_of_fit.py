@@ -1,13 +1,22 @@
-"""Goodness of fit: figures of merit of a simulated curve against a measured one, and the whiteness of its residuals.
+r"""Goodness of fit: Theil's coefficient, R2, PRESS, and the whiteness of residuals.
 
 Whiteness is tested by the portmanteau statistic of Ljung and Box, over segments with holes,
 
     Q = n (n + 2) sum_k r_k^2 / (n - k),  k = 1 ... m,
 
-chi-square with m degrees of freedom for white residuals. Where the record has holes, n - k is the number of
-pairs that are there; a lag without any, as between the samples of a slow sensor, is no degree of freedom. The mean is
-not taken off: an offset that is left over is not white. A model that leaves colored residuals has not explained
-everything, and its plain Cramer-Rao bound is too small.
+chi-square with m degrees of freedom for white residuals. Where the record has holes, n - k is the number of pairs that are
+there; a lag without any, as between the samples of a slow sensor, is no degree of freedom. The mean is not taken off: an
+offset that is left over is not white.
+
+PRESS, the prediction error sum of squares, leaves each part of the data out in turn and predicts it from the rest. For a fit
+that is linear about its optimum nothing is fitted again: with the whitened residuals e, sensitivities J and information
+M = J'J + priors, leaving the samples B out changes their residuals to
+
+.. math:: e_{(B)} = e_B + J_B (M - J_B' J_B)^{-1} J_B' e_B = (I - H_{BB})^{-1} e_B, \qquad H = J M^{-1} J'.
+
+For single samples this is Allen's e / (1 - h). Residuals of real flights are correlated, and the neighbors of a left-out
+sample have its noise too, so blocks of one second, all channels together, are left out (Burman, Chow and Nolan). Initial
+states are not among the unknowns: like the inputs they are given, for only the beginning of a segment knows them.
 
 References
 ----------
@@ -16,6 +25,10 @@ R. V. Jategaonkar, *Flight Vehicle System Identification: A Time-Domain Methodol
 chapter 11 (the coefficient as the field uses it; 0.25 to 0.3 is commonly taken as good agreement).
 G. M. Ljung and G. E. P. Box, "On a measure of lack of fit in time series models", *Biometrika* 65(2), 1978,
 pp. 297-303, eq. (1.2).
+D. M. Allen, "The relationship between variable selection and data augmentation and a method for prediction",
+*Technometrics* 16(1), 1974, pp. 125-127.
+P. Burman, E. Chow and D. Nolan, "A cross-validatory method for dependent data", *Biometrika* 81(2), 1994, pp. 351-358.
+V. Klein and E. A. Morelli, *Aircraft System Identification: Theory and Practice*, 2nd ed., 2016, chapter 5 (PRESS).
 """
 
 from __future__ import annotations
@@ -26,84 +39,72 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import lstsq
 from scipy.signal import butter, sosfiltfilt
 from scipy.stats import chi2
 
+from stoop.assessment.covariance import data_information
 from stoop.base.arrays import FloatArray, runs
+from stoop.estimate.fit import Fit
 from stoop.estimate.noise import lagged_products
-from stoop.results.goodness_of_fit import BaselineFit, GoodnessOfFit, TheilShares, Whiteness
+from stoop.results.result import BaselineFit, GoodnessOfFit, TheilShares, Whiteness
 
-NAN: Final = float("nan")
-WHITENESS_LAGS: Final = (
-    20  #: autocorrelations that are summed: 0.2 s at 100 Hz, the fastest motion that a model explains
-)
+WHITENESS_LAGS: Final = 20  #: that are summed: 0.2 s at 100 Hz, the fastest motion that a model explains
 SAMPLES_PER_LAG: Final = 5  #: samples for each of them at least
 WHITENESS_LEVEL: Final = 0.05  #: chance of calling white residuals colored
 CUTOFF: Final = 10.0  #: Hz; above it there is no rigid-body motion worth matching, only vibration
-FILTER_ORDER: Final = 4  #: of the Butterworth filter, which runs forward and backward
-
-
-@dataclass(frozen=True)
-class TheilParts:
-    """Where the inequality comes from; the three shares add up to 1 (NaN for a perfect match).
-
-    Attributes
-    ----------
-    coefficient : float
-        rms(z - y) / (rms(z) + rms(y)); 0 perfect, 1 worst.
-    bias : float
-        Share of the difference of the means: an offset.
-    variance : float
-        Share of the difference of the standard deviations: a wrong amplitude.
-    covariance : float
-        Share of what does not correlate: noise, phase, missing physics; ideally all of it.
-    """
-
-    coefficient: float
-    bias: float
-    variance: float
-    covariance: float
+BLOCK: Final = 1.0  #: s that are left out together
 
 
 def theil(measured: FloatArray, simulated: FloatArray) -> float:
     """Return Theil's inequality coefficient over the samples (n,) where both are finite; NaN without any.
 
-    Unlike the coefficient of determination it is bounded, and an output that hardly moves does not blow it
-    up; but it depends on the origin: an angle far from zero looks better than it is.
+    It is rms(z - y) / (rms(z) + rms(y)): 0 perfect, 1 worst. Unlike the coefficient of determination it is bounded, and an
+    output that hardly moves does not blow it up; but it depends on the origin.
     """
     z, y = _common(measured, simulated)
     scale = _rms(z) + _rms(y)
-    if z.size == 0:
-        return NAN
-    return _rms(z - y) / scale if scale > 0.0 else 0.0
+    return np.nan if z.size == 0 else _rms(z - y) / scale if scale > 0.0 else 0.0
 
 
-def theil_parts(measured: FloatArray, simulated: FloatArray) -> TheilParts:
-    """Return Theil's coefficient with the shares of bias, variance and covariance in the squared error."""
+def theil_shares(measured: FloatArray, simulated: FloatArray) -> TheilShares:
+    """Return the shares of bias, variance and covariance in the squared error; NaN for a perfect match.
+
+    They add up to 1: difference of the means (an offset), of the standard deviations (a wrong amplitude), and what does not
+    correlate (noise, phase, missing physics), ideally all of it.
+    """
     z, y = _common(measured, simulated)
     error = _rms(z - y)
     if error == 0.0:
-        return TheilParts(theil(measured, simulated), NAN, NAN, NAN)
+        return TheilShares()
     bias = (float(np.mean(z / error)) - float(np.mean(y / error))) ** 2
     variance = (float(np.std(z / error)) - float(np.std(y / error))) ** 2
-    return TheilParts(theil(measured, simulated), bias, variance, max(0.0, 1.0 - bias - variance))
+    return TheilShares(bias, variance, max(0.0, 1.0 - bias - variance))
 
 
 def rmse(measured: FloatArray, simulated: FloatArray) -> float:
     """Return the root mean square of the difference where both are finite; NaN without any sample."""
     z, y = _common(measured, simulated)
-    return _rms(z - y) if z.size else NAN
+    return _rms(z - y) if z.size else np.nan
 
 
 def r2(measured: FloatArray, simulated: FloatArray) -> float:
-    """Return the coefficient of determination; negative when the mean of the data does better.
-
-    NaN without samples, or when the measured curve does not vary.
-    """
+    """Return the coefficient of determination; NaN without samples, or when the measured curve does not vary."""
     z, y = _common(measured, simulated)
     spread = _rms(z - np.mean(z)) if z.size else 0.0
-    left = _rms(z - y) / spread if spread > 0.0 else NAN
+    left = _rms(z - y) / spread if spread > 0.0 else np.nan
     return 1.0 - left * left
+
+
+def _common(measured: FloatArray, simulated: FloatArray) -> tuple[FloatArray, FloatArray]:
+    both = np.isfinite(measured) & np.isfinite(simulated)
+    return measured[both], simulated[both]
+
+
+def _rms(values: FloatArray) -> float:
+    # In parts of the greatest value: a diverged simulation may not overflow, its coefficient is 1.
+    peak = float(np.max(np.abs(values), initial=0.0))
+    return peak * float(np.sqrt(np.mean((values / peak) ** 2))) if peak > 0.0 else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,8 +116,7 @@ class Match:
     simulated : (n,), the channel's unit
         Uniform samples; NaN between segments.
     left_out : (n,), the channel's unit, optional
-        Residuals had their part of the record been left out, see `stoop.assessment.press`; None where nothing was
-        fitted.
+        Residuals had their part of the record been left out, see :func:`left_out`; None where nothing was fitted.
     """
 
     simulated: FloatArray
@@ -145,101 +145,58 @@ def channel_figures(
         Theil's coefficients of the curves low-passed at 10 Hz with zero phase, stretch by stretch; all else of the
         curves as they are.
     """
+    own = _baseline_fit(measured, model)
     return GoodnessOfFit(
-        rmse=rmse(measured, model.simulated),
+        rmse=own.rmse,
         theil=filtered_theil(measured, model.simulated, rate),
-        r2=r2(measured, model.simulated),
-        baseline_theil=NAN if baseline is None else filtered_theil(measured, baseline.simulated, rate),
-        press=_press(model),
-        theil_shares=_shares(measured, model),
-        whiteness=whiteness(measured - model.simulated),
-        baseline=BaselineFit() if baseline is None else _baseline_figures(measured, baseline),
+        r2=own.r2,
+        baseline_theil=np.nan if baseline is None else filtered_theil(measured, baseline.simulated, rate),
+        press=own.press,
+        theil_shares=own.theil_shares,
+        whiteness=own.whiteness,
+        baseline=BaselineFit() if baseline is None else _baseline_fit(measured, baseline),
     )
 
 
-def _baseline_figures(measured: FloatArray, baseline: Match) -> BaselineFit:
+def _baseline_fit(measured: FloatArray, match: Match) -> BaselineFit:
+    """Return the figures that a model and the baseline have alike."""
+    missed = np.empty(0) if match.left_out is None else match.left_out[np.isfinite(match.left_out)]
     return BaselineFit(
-        rmse=rmse(measured, baseline.simulated),
-        r2=r2(measured, baseline.simulated),
-        press=_press(baseline),
-        theil_shares=_shares(measured, baseline),
-        whiteness=whiteness(measured - baseline.simulated),
+        rmse=rmse(measured, match.simulated),
+        r2=r2(measured, match.simulated),
+        press=_rms(missed) if missed.size else np.nan,
+        theil_shares=theil_shares(measured, match.simulated),
+        whiteness=whiteness(measured - match.simulated),
     )
-
-
-def _shares(measured: FloatArray, match: Match) -> TheilShares:
-    parts = theil_parts(measured, match.simulated)
-    return TheilShares(parts.bias, parts.variance, parts.covariance)
-
-
-def _press(match: Match) -> float:
-    """Return the root mean square of the left-out residuals; NaN where nothing was fitted."""
-    there = np.isfinite(match.left_out) if match.left_out is not None else np.zeros(0, dtype=bool)
-    return _rms(match.left_out[there]) if match.left_out is not None and there.any() else NAN
 
 
 def filtered_theil(measured: FloatArray, simulated: FloatArray, rate: float) -> float:
     """Return Theil's coefficient of both curves low-passed over the stretches that they share."""
-    z, y = shared_stretches(measured, simulated)
-    return theil(low_pass(z, rate), low_pass(y, rate))
-
-
-def shared_stretches(measured: FloatArray, simulated: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return both curves (n,) with NaN wherever either has one, so that a filter treats them alike."""
     missing = ~(np.isfinite(measured) & np.isfinite(simulated))
-    return np.where(missing, np.nan, measured), np.where(missing, np.nan, simulated)
-
-
-def _common(measured: FloatArray, simulated: FloatArray) -> tuple[FloatArray, FloatArray]:
-    both = np.isfinite(measured) & np.isfinite(simulated)
-    return measured[both], simulated[both]
-
-
-def _rms(values: FloatArray) -> float:
-    # In parts of the greatest value: a diverged simulation may not overflow, its coefficient is 1.
-    peak = float(np.max(np.abs(values), initial=0.0))
-    return peak * float(np.sqrt(np.mean((values / peak) ** 2))) if peak > 0.0 else 0.0
+    z, y = (low_pass(np.where(missing, np.nan, curve), rate) for curve in (measured, simulated))
+    return theil(z, y)
 
 
 def whiteness(residual: FloatArray) -> Whiteness:
-    """Test the residuals (n,) of one channel; NaN where missing and between segments."""
-    lags = min(WHITENESS_LAGS, int(np.isfinite(residual).sum()) // SAMPLES_PER_LAG)
+    """Test the residuals (n,) of one channel; NaN where missing and between segments, which still have their time."""
+    present = np.isfinite(residual)
+    lags = min(WHITENESS_LAGS, int(present.sum()) // SAMPLES_PER_LAG)
     if lags < 1:
         return Whiteness()
-    r, pairs = _autocorrelation(residual, lags)
-    if not np.isfinite(r).all():
-        return Whiteness()
-    degrees = int(np.count_nonzero(pairs[1:]))
-    if not degrees:
-        return Whiteness()
-    statistic = ljung_box(r, pairs)
-    p_value = float(chi2.sf(statistic, degrees))
-    neighbors = float(r[1]) if pairs[1] > 0.0 else float("nan")
-    return Whiteness(
-        neighbors, statistic, degrees, p_value, "white" if p_value >= WHITENESS_LEVEL else "colored"
-    )
-
-
-def ljung_box(r: FloatArray, pairs: FloatArray) -> float:
-    """Return Q of autocorrelations (m + 1,), the first at lag 0, and the numbers of their pairs (m + 1,)."""
-    n = float(pairs[0])
-    there = pairs[1:] > 0.0
-    return n * (n + 2.0) * float(np.sum(r[1:][there] ** 2 / pairs[1:][there]))
-
-
-def _autocorrelation(residual: FloatArray, lags: int) -> tuple[FloatArray, FloatArray]:
-    """Return r_k and the number of its pairs, (lags + 1,) each; segments that a NaN parts still have their time."""
-    filled: Sequence[FloatArray] = [np.nan_to_num(_scaled(residual))[:, None]]
-    present: Sequence[FloatArray] = [np.isfinite(residual).astype(np.float64)[:, None]]
-    sums, pairs = lagged_products(filled, present, lags)
-    power = float(sums[0, 0])
-    return (sums[0] / power if power > 0.0 else np.full(lags + 1, np.nan)), pairs[0]
-
-
-def _scaled(residual: FloatArray) -> FloatArray:
     # In parts of the greatest: a simulation that left for infinity may not overflow its square.
     peak = float(np.nanmax(np.abs(residual)))
-    return residual / peak if 0.0 < peak < np.inf else residual
+    scaled = np.nan_to_num(residual / peak if 0.0 < peak < np.inf else residual)
+    sums, pairs = lagged_products([scaled[:, None]], [present.astype(np.float64)[:, None]], lags)
+    power, n, counts = float(sums[0, 0]), float(pairs[0, 0]), pairs[0, 1:]
+    seen = counts > 0.0
+    degrees = int(np.count_nonzero(seen))
+    if not power > 0.0 or not np.isfinite(sums).all() or not degrees:
+        return Whiteness()
+    r = sums[0, 1:] / power
+    statistic = n * (n + 2.0) * float(np.sum(r[seen] ** 2 / counts[seen]))
+    p_value = float(chi2.sf(statistic, degrees))
+    verdict = "white" if p_value >= WHITENESS_LEVEL else "colored"
+    return Whiteness(float(r[0]) if seen[0] else np.nan, statistic, degrees, p_value, verdict)
 
 
 def join(pieces: Sequence[ArrayLike]) -> FloatArray:
@@ -265,10 +222,67 @@ def low_pass(values: FloatArray, rate: float, cutoff: float = CUTOFF) -> FloatAr
     filtered = np.array(values, dtype=np.float64)
     if rate <= 2.0 * cutoff:
         return filtered
-    sections = butter(FILTER_ORDER, cutoff, fs=rate, output="sos")
+    sections = butter(4, cutoff, fs=rate, output="sos")
     natural = 3 * (2 * len(sections) + 1)
     for start, stop in runs(np.isfinite(filtered)).tolist():
         # The filter starts on a reflection of the data; a stretch shorter than that reflects what it has.
         padding = min(natural, stop - start - 1)
         filtered[start:stop] = sosfiltfilt(sections, filtered[start:stop], padlen=padding)
     return filtered
+
+
+def left_out(residual: FloatArray, jacobian: FloatArray, information: FloatArray, block: int) -> FloatArray:
+    """Return the residuals (n, ny) as they would be without their block of samples.
+
+    Parameters
+    ----------
+    residual : (n, ny)
+        Whitened measured minus simulated; NaN where nothing was measured.
+    jacobian : (n, ny, k)
+        Whitened sensitivities of the simulated readings.
+    information : (k, k)
+        Of the whole fit: all segments and the priors.
+    block : int
+        Samples that are left out together.
+    """
+    out = residual.copy()
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
+    for first in range(0, len(residual), block):
+        part = slice(first, first + block)
+        seen = np.isfinite(residual[part])
+        e, J = residual[part][seen], jacobian[part][seen]
+        if J.any():
+            rest = (information - J.T @ J) * np.outer(scale, scale)
+            # What only these samples know is not determined by the rest: it stays where it is (minimum norm).
+            d = scale * lstsq(rest, scale * (J.T @ e), cond=1e-12, check_finite=False)[0]
+            out[part][seen] = e + J @ d
+    return np.where(np.isfinite(residual), out, np.nan)
+
+
+def left_out_residuals(fit: Fit) -> list[FloatArray] | None:
+    """Return measured minus simulated (n, n_y) of every piece, each second left out of the fit in turn.
+
+    They are in the channels' units, NaN where nothing was measured, and are the residuals that the method minimizes: of
+    the simulation, of windows, or of a filter's predictions. None for a regression, or where the fit cannot be
+    differentiated.
+    """
+    if fit.local_problem is None and (fit.own_evidence is not None or fit.covariance is not None):
+        return None
+    evidence, d = fit.evidence, fit.problem.dimension
+    if not all(np.isfinite(values).all() for p in evidence.pieces for values in p.filled()):
+        return None
+    biases = (d + i for i, n in enumerate(fit.problem.layout.nuisances) if n.is_bias)
+    lasting = np.array([*range(d), *biases], dtype=np.intp)
+    own = [piece.of(lasting) for piece in evidence.pieces]
+    information = data_information(own) + evidence.prior[np.ix_(lasting, lasting)]
+    present = [np.isfinite(p.measured) for p in fit.problem.pieces]
+    missed = [
+        left_out(e.residual, e.jacobian, information, round(BLOCK / piece.dt))
+        for e, piece in zip(own, fit.problem.pieces, strict=True)
+    ]
+    white = [np.where(np.isfinite(w), w, 0.0) for w in missed]
+    if fit.local_problem is not None:
+        units = fit.local_problem().in_units(white)
+    else:
+        units = [fit.problem.weights.colored(w, seen) for w, seen in zip(white, present, strict=True)]
+    return [np.where(seen, u, np.nan) for seen, u in zip(present, units, strict=True)]

@@ -1,14 +1,14 @@
-r"""Natural modes of a fitted model, with intervals from the covariance of its parameters.
+r"""Natural modes of a fitted model at the flight conditions that were fitted, with intervals from its covariance.
 
 For a simple eigenvalue :math:`\lambda` of A with right and left eigenvectors x and y,
 
 .. math:: \frac{\partial\lambda}{\partial\theta} = \frac{y^H (\partial A/\partial\theta)\, x}{y^H x},
 
 so standard errors of its real and imaginary part, frequency, damping and time constant follow by the delta method. That
-fails where two real modes are about to become an oscillation, or the other way around: there the eigenvalue has
-no derivative. Parameters are therefore also drawn from their normal distribution; each draw's eigenvalues are those of
-:math:`A + \sum \delta\theta_i\, \partial A/\partial\theta_i`, exactly. Where more than a few draws have another
-character, or the spread of the draws is not what the derivatives say, the intervals are percentiles of the draws.
+fails where two real modes are about to become an oscillation, or the other way around: there the eigenvalue has no
+derivative. Parameters are therefore also drawn from their normal distribution; each draw's eigenvalues are those of
+:math:`A + \sum \delta\theta_i\, \partial A/\partial\theta_i`, exactly. Where more than a few draws have another character,
+or the spread of the draws is not what the derivatives say, the intervals are percentiles of the draws.
 
 References
 ----------
@@ -23,28 +23,35 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
-from stoop.base.arrays import FloatArray
-from stoop.results.modes import Estimate, ModeEstimate
-from stoop.simulation.linearize import Mode, modes_of
+from stoop.assessment.covariance import NORMAL_95
+from stoop.assessment.free_response import free_response, measured_mode
+from stoop.base.arrays import ComplexArray, FloatArray
+from stoop.base.variables import EULER
+from stoop.errors import SimulationError
+from stoop.estimate.fit import Fit
+from stoop.estimate.predict import identified_vehicle
+from stoop.problem.observation import observation_model
+from stoop.results.modes import ConditionModes, Estimate, MeasuredMode, ModeEstimate
+from stoop.simulation import Trim, trim
+from stoop.simulation.linearize import Mode, modes_of, state_matrix
+from stoop.simulation.trim import neighbors
+from stoop.vehicle import Vehicle
 
-ComplexArray = npt.NDArray[np.complex128]
-NORMAL_95: Final = 1.959963984540054
 DRAWS: Final = 1000
-CHANGED: Final = 0.025  #: of the draws with another character: an end of the 95 % interval may lie among them
-UNLIKE: Final = 1.25  #: by which the draws may spread more or less than the derivatives say
+OTHER_CHARACTER: Final = 0.025  #: of the draws: an end of the 95 % interval may lie among them
+SPREAD_RATIO: Final = 1.25  #: by which the draws may spread more or less than the derivatives say
 STEP: Final = 1e-4  #: of a parameter's scale, for central differences of A: error of the order 1e-8
 INTEGRATORS: Final = ("psi", "h")  #: states that nothing depends on, or next to nothing
-SENSORS: Final = "sensors."  #: begins the names of numbers that no motion depends on
-MATTERS: Final = (
-    1e-3  #: of an eigenvalue: by less an unknown parameter may move it, and it is known all the same
-)
+#: of an eigenvalue: an unknown parameter that may change it by less (by rounding, by a trim with sideslip) does not matter
+MIN_EFFECT: Final = 1e-3
 REAL: Final = 1e-9  #: 1/s; a smaller imaginary part is rounding
+SAME_CONDITION: Final = 0.05  #: of airspeed and density, between maneuvers flown at one condition
+NOT_FINITE: Final = "the linear model is not finite there"
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,32 +79,29 @@ class Linearized:
         return modes_of(self.A, self.names)
 
     @cached_property
-    def _vectors(self) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    def _eigenvectors(self) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
         """Eigenvalues (n,), right eigenvectors in columns, left ones in rows, scaled so that y^H x = 1."""
         values, right = np.linalg.eig(self.A)
         return np.asarray(values, dtype=complex), np.asarray(right, dtype=complex), np.linalg.inv(right)
 
     def gradient(self, eigenvalue: complex) -> ComplexArray:
         """Return the derivative (k,) of one eigenvalue by every parameter."""
-        values, right, left = self._vectors
+        values, right, left = self._eigenvectors
         i = int(np.argmin(np.abs(values - eigenvalue)))
         return np.asarray(np.einsum("i,kij,j->k", left[i], self.derivative, right[:, i]))
 
     def places(self, eigenvalue: complex) -> list[int]:
         """Return where an eigenvalue stands, and its conjugate if it has one."""
-        values = self._vectors[0]
-        first = int(np.argmin(np.abs(values - eigenvalue)))
-        if abs(eigenvalue.imag) <= REAL:
-            return [first]
-        return [first, int(np.argmin(np.abs(values - eigenvalue.conjugate())))]
+        pair = [eigenvalue] if abs(eigenvalue.imag) <= REAL else [eigenvalue, eigenvalue.conjugate()]
+        return [int(np.argmin(np.abs(self._eigenvectors[0] - one))) for one in pair]
 
     def drawn(self, covariance: FloatArray, draws: int, seed: int) -> ComplexArray:
         """Return the eigenvalues (draws, n) of draws of the parameters, each in the place of its nearest of A."""
         power, basis = np.linalg.eigh(0.5 * (covariance + covariance.T))
         spread = basis * np.sqrt(np.maximum(power, 0.0))
-        moves = np.random.default_rng(seed).standard_normal((draws, len(power))) @ spread.T
-        values = np.linalg.eigvals(self.A + np.tensordot(moves, self.derivative, 1)).astype(complex)
-        base = self._vectors[0]
+        steps = np.random.default_rng(seed).standard_normal((draws, len(power))) @ spread.T
+        values = np.linalg.eigvals(self.A + np.tensordot(steps, self.derivative, 1)).astype(complex)
+        base = self._eigenvectors[0]
         return np.array([row[linear_sum_assignment(np.abs(base[:, None] - row))[1]] for row in values])
 
 
@@ -120,11 +124,10 @@ def differentiated(
     block = np.ix_(keep, keep)
     slopes = np.zeros((len(values), len(keep), len(keep)))
     for slope, (name, value) in zip(slopes, values.items(), strict=True):
-        if name.startswith(SENSORS):
-            continue
-        step = STEP * scales[name]
-        upper, lower = (matrix({name: value + sign * step})[1][block] for sign in (1.0, -1.0))
-        slope[:] = (upper - lower) / (2.0 * step)
+        if not name.startswith("sensors."):  # no motion depends on these
+            step = STEP * scales[name]
+            upper, lower = (matrix({name: value + sign * step})[1][block] for sign in (1.0, -1.0))
+            slope[:] = (upper - lower) / (2.0 * step)
     room = np.array([scales[name] for name in values])
     return Linearized(tuple(names[i] for i in keep), A[block], slopes, room)
 
@@ -140,65 +143,78 @@ def mode_estimates(
     parameters : tuple of str
         Names of the k parameters.
     covariance : (k, k)
-        Of the parameters, SI; one of infinite variance makes a mode unknown that it could move by :data:`MATTERS`.
+        Of the parameters, SI; one of infinite variance makes a mode unknown that it could move by :data:`MIN_EFFECT`.
     seed : int
         Of the draws.
     """
     lost = ~np.isfinite(np.diag(covariance))
     known = np.where(lost[:, None] | lost[None, :], 0.0, covariance)
-    drawn = linearized.drawn(known, DRAWS, seed)
-    out = []
+    drawn, out = linearized.drawn(known, DRAWS, seed), []
     for mode in linearized.modes:
         if mode.name.endswith(".lag"):
             continue
         gradient = linearized.gradient(mode.eigenvalue)
-        # A lateral number has its part in the phugoid, by rounding and by a trim with a little sideslip: none to speak of.
-        felt = np.abs(gradient) * linearized.room > MATTERS * abs(mode.eigenvalue)
-        blind = [n for n, matters, gone in zip(parameters, felt, lost, strict=True) if gone and matters]
-        if blind:
-            out.append(_unknown(mode, blind))
+        matters = np.abs(gradient) * linearized.room > MIN_EFFECT * abs(mode.eigenvalue)
+        unknown = [n for n, both in zip(parameters, matters & lost, strict=True) if both]
+        if unknown:
+            found: dict[str, Any] = {
+                name: Estimate(value) for name, value in _quantities(mode.eigenvalue).items()
+            }
+            remark = f"depends on {', '.join(unknown)}, which the data cannot tell"
+            out.append(ModeEstimate(mode.name, **found, remark=remark))
         else:
             out.append(_estimated(mode, gradient, known, drawn[:, linearized.places(mode.eigenvalue)]))
     return tuple(out)
-
-
-def _unknown(mode: Mode, blind: list[str]) -> ModeEstimate:
-    found = {name: Estimate(value) for name, value in _quantities(mode.eigenvalue).items()}
-    return replace(_of(mode, found), remark=f"depends on {', '.join(blind)}, which the data cannot tell")
-
-
-def _of(mode: Mode, found: Mapping[str, Estimate]) -> ModeEstimate:
-    real, imag, frequency = found["real"], found["imag"], found["frequency"]
-    return ModeEstimate(mode.name, real, imag, frequency, found["damping"], found["time_constant"])
 
 
 def _estimated(
     mode: Mode, gradient: ComplexArray, covariance: FloatArray, drawn: ComplexArray
 ) -> ModeEstimate:
     """Return one mode from its gradient (k,) and the draws (d, 1 or 2) of its eigenvalue or pair."""
-    values, slopes = _quantities(mode.eigenvalue), _slopes(mode.eigenvalue, gradient)
+    s, size = mode.eigenvalue, abs(mode.eigenvalue) or math.nan
+    of_size = (s.real * gradient.real + s.imag * gradient.imag) / size
+    slopes = {
+        "real": gradient.real,
+        "imag": gradient.imag,
+        "frequency": of_size,
+        "damping": -gradient.real / size + s.real * of_size / size**2,
+        "time_constant": gradient.real / (s.real**2 or math.nan),
+    }
     errors = {n: math.sqrt(max(0.0, float(g @ covariance @ g))) for n, g in slopes.items()}
-    samples = _sampled(drawn)
-    pair = abs(mode.eigenvalue.imag) > REAL
+    # the quantities of every draw; of a pair that became two real modes those of their product
+    middle = drawn.mean(axis=1).real
+    product = np.prod(drawn, axis=1).real if drawn.shape[1] == 2 else np.abs(drawn[:, 0]) ** 2
+    frequency = np.sqrt(np.maximum(product, 0.0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        damping = -middle / frequency
+    samples = {"real": middle, "imag": np.abs(drawn[:, 0].imag), "frequency": frequency, "damping": damping}
+    pair, spread = abs(s.imag) > REAL, float(np.std(middle))
     other = float(np.mean((np.abs(drawn[:, 0].imag) > REAL) != pair))
-    sampled = other > CHANGED or _unlike(errors["real"], samples["real"])
-    spans = {n: _percentiles(samples[n]) if sampled else _normal(values[n], errors[n]) for n in values}
+    unlike = errors["real"] > 0.0 and not 1.0 / SPREAD_RATIO < spread / errors["real"] < SPREAD_RATIO
+    sampled, values, spans = other > OTHER_CHARACTER or unlike, _quantities(s), {}
+    for name, draws in samples.items():
+        spans[name] = (values[name] - NORMAL_95 * errors[name], values[name] + NORMAL_95 * errors[name])
+        if sampled:
+            finite = draws[np.isfinite(draws)]
+            low, high = np.quantile(finite, [0.025, 0.975]) if finite.size else (math.nan, math.nan)
+            spans[name] = (float(low), float(high))
     if not pair:
         errors |= {"imag": math.nan, "damping": math.nan}  # of a real mode these are what they are
-    spans["time_constant"], remark = _time_constants(spans["real"])
-    found = {n: Estimate(values[n], errors[n], *spans[n]) for n in values}
     became = "two real modes" if pair else "an oscillation"
-    remarks = [f"{became} in {100.0 * other:.0f} % of the draws"] if other > CHANGED else []
-    return replace(
-        _of(mode, found),
-        method="sampled" if sampled else "delta",
-        other_character=other,
-        remark="; ".join([*remarks, *([remark] if remark else [])]),
-    )
+    remarks = [f"{became} in {100.0 * other:.0f} % of the draws"] if other > OTHER_CHARACTER else []
+    if spans["real"][0] < 0.0 < spans["real"][1]:
+        spans["time_constant"] = (math.nan, math.nan)
+        remarks.append("stable or unstable: the data cannot tell")
+    else:
+        low, high = sorted(-1.0 / end if end else math.inf for end in spans["real"])
+        spans["time_constant"] = (low, high)
+    found: dict[str, Any] = {n: Estimate(values[n], errors[n], *spans[n]) for n in values}
+    method = "sampled" if sampled else "delta"
+    return ModeEstimate(mode.name, **found, method=method, other_character=other, remark="; ".join(remarks))
 
 
 def _quantities(s: complex) -> dict[str, float]:
-    """Return what is said of an eigenvalue."""
+    """Return the numbers of an eigenvalue that a mode is described by."""
     size = abs(s)
     return {
         "real": s.real,
@@ -209,57 +225,143 @@ def _quantities(s: complex) -> dict[str, float]:
     }
 
 
-def _slopes(s: complex, gradient: ComplexArray) -> dict[str, FloatArray]:
-    """Return the derivatives (k,) of all quantities from that of the eigenvalue."""
-    size = abs(s) or math.nan
-    of_size = (s.real * gradient.real + s.imag * gradient.imag) / size
-    return {
-        "real": gradient.real,
-        "imag": gradient.imag,
-        "frequency": of_size,
-        "damping": -gradient.real / size + s.real * of_size / size**2,
-        "time_constant": gradient.real / (s.real**2 or math.nan),
-    }
+@dataclass(frozen=True, eq=False)
+class Condition:
+    """The mean of some maneuvers: what was flown there.
+
+    Attributes
+    ----------
+    maneuvers : tuple of int
+    loading : mapping of str to float
+        Numbers of the vehicle that differ there.
+    start : mapping of str to float
+        Mean state, SI and rad.
+    inputs : (n_u,)
+        Mean of the recorded channels.
+    samples : int
+    """
+
+    maneuvers: tuple[int, ...]
+    loading: Mapping[str, float]
+    start: Mapping[str, float]
+    inputs: FloatArray
+    samples: int
+
+    def density(self, vehicle: Vehicle) -> float | None:
+        """Return the recorded density, kg/m3, where the vehicle takes it from the log."""
+        return float(self.inputs[vehicle.inputs.index("density")]) if "density" in vehicle.inputs else None
+
+    def is_like(self, other: Condition, vehicle: Vehicle) -> bool:
+        """Tell whether both were flown at one airspeed and density, in one loading."""
+        pairs = [(self.start["V"], other.start["V"])]
+        density = self.density(vehicle), other.density(vehicle)
+        if density[0] is not None and density[1] is not None:
+            pairs.append((density[0], density[1]))
+        near = all(abs(one - another) <= SAME_CONDITION * abs(one) for one, another in pairs)
+        return near and dict(self.loading) == dict(other.loading)
+
+    def joined(self, other: Condition) -> Condition:
+        """Return the mean over both."""
+        n, m = self.samples, other.samples
+        start = {k: (n * v + m * other.start[k]) / (n + m) for k, v in self.start.items()}
+        inputs = (n * self.inputs + m * other.inputs) / (n + m)
+        return Condition((*self.maneuvers, *other.maneuvers), self.loading, start, inputs, n + m)
 
 
-def _sampled(drawn: ComplexArray) -> dict[str, FloatArray]:
-    """Return the quantities of every draw; of a pair that became two real modes those of their product."""
-    middle = drawn.mean(axis=1).real
-    product = np.prod(drawn, axis=1).real if drawn.shape[1] == 2 else np.abs(drawn[:, 0]) ** 2
-    frequency = np.sqrt(np.maximum(product, 0.0))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        damping = -middle / frequency
-    return {
-        "real": middle,
-        "imag": np.abs(drawn[:, 0].imag),
-        "frequency": frequency,
-        "damping": damping,
-        "time_constant": middle,
-    }
+def conditions(fit: Fit) -> list[Condition]:
+    """Return the flight conditions of the fitted maneuvers, those alike taken together."""
+    vehicle, out = fit.problem.layout.vehicle, list[Condition]()
+    for maneuver in range(len(fit.prepared.windows)):
+        found = _condition(fit, maneuver)
+        same = next((i for i, c in enumerate(out) if c.is_like(found, vehicle)), None)
+        if same is None:
+            out.append(found)
+        else:
+            out[same] = out[same].joined(found)
+    return out
 
 
-def _unlike(error: float, draws: FloatArray) -> bool:
-    """Tell whether the draws spread otherwise than the derivative says."""
-    spread = float(np.std(draws))
-    return error > 0.0 and not 1.0 / UNLIKE < spread / error < UNLIKE
+def _condition(fit: Fit, maneuver: int) -> Condition:
+    """Return the mean of what the model flew, biases taken off; a state that it does not read stays as it began."""
+    layout, indices = fit.problem.layout, fit.prepared.of_maneuver(maneuver)
+    pieces = [fit.prepared.pieces[i] for i in indices]
+    flown = np.concatenate([fit.problem.outputs(fit.z, i) for i in indices])
+    entries = zip(layout.nuisances, fit.z[layout.dimension :].tolist(), strict=True)
+    own = pieces[0].maneuver
+    biases = {n.name: n.center + n.scale * e for n, e in entries if n.is_bias and n.maneuver == own}
+    start = {}
+    for name in ("V", "alpha", "beta", "p", "q", "r", *EULER, "h"):
+        if name not in layout.vehicle.outputs:
+            start[name] = float(np.mean([piece.start.get(name, 0.0) for piece in pieces]))
+            continue
+        column = flown[:, layout.vehicle.outputs.index(name)]
+        mean = np.angle(np.mean(np.exp(1j * column))) if name in EULER else np.mean(column)
+        start[name] = float(mean) - biases.get(f"sensors.{name}.bias", 0.0)
+    inputs = np.concatenate([piece.inputs for piece in pieces]).mean(axis=0)
+    return Condition((maneuver,), pieces[0].changes, start, inputs, sum(len(p.time) for p in pieces))
 
 
-def _normal(value: float, error: float) -> tuple[float, float]:
-    return value - NORMAL_95 * error, value + NORMAL_95 * error
+def modes(fit: Fit, parameters: tuple[str, ...], covariance: FloatArray) -> tuple[ConditionModes, ...]:
+    """Return the modes at every fitted flight condition; none of a vehicle that no autopilot leaves to itself.
+
+    Parameters
+    ----------
+    fit : Fit
+    parameters : tuple of str
+        Names of the k free parameters.
+    covariance : (k, k), SI
+    """
+    if not observation_model(fit.problem.layout.vehicle).open_loop:
+        return ()
+    return tuple(_at(fit, condition, parameters, covariance) for condition in conditions(fit))
 
 
-def _percentiles(draws: FloatArray) -> tuple[float, float]:
-    low, high = (
-        np.quantile(draws[np.isfinite(draws)], [0.025, 0.975])
-        if np.isfinite(draws).any()
-        else (math.nan,) * 2
-    )
-    return float(low), float(high)
+def _at(
+    fit: Fit, condition: Condition, parameters: tuple[str, ...], covariance: FloatArray
+) -> ConditionModes:
+    vehicle, start = identified_vehicle(fit), condition.start
+    if condition.loading:
+        vehicle = vehicle.with_numbers({name: {"value": value} for name, value in condition.loading.items()})
+    nothing = ConditionModes(condition.maneuvers, "", start["V"], start["h"], start["alpha"], (), NOT_FINITE)
+    if not np.isfinite([*start.values(), *condition.inputs]).all():
+        return nothing
+    density = condition.density(vehicle)
+    try:
+        point, about, remark = trim(vehicle, start["V"], start["h"], density=density), "trim", ""
+    except SimulationError as error:
+        point, about = Trim(dict(start), {}, {}, condition.inputs, {}, math.nan), "mean state"
+        reason = str(error).rpartition(": ")[2].partition(";")[0]  # without the file's name and the advice
+        remark = f"about the mean state of the maneuvers, for {reason}"
+    free = fit.problem.layout.parameters
+    values, widths = {p.name: fit.estimates[p.name] for p in free}, {p.name: p.upper - p.lower for p in free}
+    try:
+        follow = neighbors(vehicle, point, density=density) if about == "trim" else None
+
+        def matrix(numbers: Mapping[str, float]) -> tuple[tuple[str, ...], FloatArray]:
+            """Return A for changed numbers; the trim follows them, a mean state stays."""
+            if not numbers:
+                return state_matrix(vehicle, point)
+            return state_matrix(vehicle, follow(numbers) if follow else replace(point, changes=dict(numbers)))
+
+        linearized = differentiated(matrix, values, widths)
+        if not (np.isfinite(linearized.A).all() and np.isfinite(linearized.derivative).all()):
+            return nothing
+        found = mode_estimates(linearized, parameters, covariance)
+    except (SimulationError, np.linalg.LinAlgError):
+        return nothing
+    recorded = tuple(replace(mode, measured=_measured(fit, condition, mode)) for mode in found)
+    return replace(nothing, about=about, alpha=point.start["alpha"], modes=recorded, remark=remark)
 
 
-def _time_constants(real: tuple[float, float]) -> tuple[tuple[float, float], str]:
-    """Return the interval of -1 / real; none where it may be stable or not."""
-    if real[0] < 0.0 < real[1]:
-        return (math.nan, math.nan), "stable or unstable: the data cannot tell"
-    low, high = sorted(-1.0 / end if end else math.inf for end in real)
-    return (low, high), ""
+def _measured(fit: Fit, condition: Condition, mode: ModeEstimate) -> tuple[MeasuredMode, ...]:
+    """Return what followed the last motion of the controls in the last piece of each maneuver shows of a mode."""
+    vehicle, out = fit.problem.layout.vehicle, []
+    names = dict.fromkeys(c for control in vehicle.controls for c in vehicle.channels_of(control))
+    for maneuver in condition.maneuvers:
+        piece = fit.prepared.pieces[fit.prepared.of_maneuver(maneuver)[-1]]
+        controls = piece.inputs[:, [vehicle.inputs.index(c) for c in names]]
+        channels = dict(zip(vehicle.outputs, piece.measured.T, strict=True))
+        free = free_response(piece.time, controls, channels)
+        expected = mode.frequency.estimate
+        out.append(measured_mode(mode.name, maneuver, free, expected, condition.start["V"]))
+    return tuple(out)

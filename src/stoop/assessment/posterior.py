@@ -5,11 +5,11 @@ closed form (Laplace): at each point they stand where a linear model puts them, 
 `Target.error` measures what this neglects.
 
 The fit weighs colored residuals as so many times fewer independent ones, one factor for all. That makes the likelihood
-about right in size but not in shape: some parameters live where the noise is strong, others where it is not. So the
-likelihood is stretched about its maximum (curvature adjustment) until its curvature is the inverse of the covariance
-corrected for color. A linear model then has exactly the corrected covariance as its posterior, and what the posterior shows
-beyond that is the model's own: skewness, bounds, ridges. Whitening the residuals by an autoregression instead would move the
-maximum away from the estimate, and onto the high frequencies, where a flight-dynamics model knows least.
+about right in size but not in shape, so it is stretched about its maximum (curvature adjustment) until its curvature is the
+inverse of the covariance corrected for color. A linear model then has exactly the corrected covariance as its posterior, and
+what the posterior shows beyond that is the model's own: skewness, bounds, ridges. Whitening the residuals by an
+autoregression instead would move the maximum away from the estimate, and onto the high frequencies, where a flight-dynamics
+model knows least.
 
 References
 ----------
@@ -28,7 +28,7 @@ from __future__ import annotations
 import tempfile
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
@@ -37,8 +37,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from threadpoolctl import threadpool_limits
 
-from stoop.assessment.assessment import AssessedFit, Finding, Watch
-from stoop.assessment.refit import Optimum, linearize, stationary
+from stoop.assessment.assessment import AssessedFit, Finding, Optimum, Watch, linearize, stationary
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
 from stoop.errors import IdentificationError
@@ -48,19 +47,19 @@ from stoop.results.uncertainty import Interval, MethodIntervals
 BOX_STD: Final = 0.29  #: of a value thrown blindly into a box of width 1
 BLEND: Final = 0.05  #: of the spread of a reference that stays when it is fitted to draws
 MIN_EIGENVALUE: Final = 1e-12  #: of the greatest eigenvalue; what is below is taken as that
-REACHES: Final = (1.0, 0.7, 0.4, 0.2, 0.1)  #: of a proposal; 1 forgets where it came from
+STEP_LENGTHS: Final = (1.0, 0.7, 0.4, 0.2, 0.1)  #: of a proposal; 1 forgets where it came from
 WARM_UP: Final = (150, 300)  #: steps thrown away; after each the proposals are fitted to its second half
 STEPS_PER_ROUND: Final = 250  #: steps between looks at convergence
-MAX_STEPS: Final = 8000  #: steps at most
-MAX_RHAT: Final = 1.01  #: of every parameter, at most
+MAX_STEPS: Final = 8000
+MAX_RHAT: Final = 1.01  #: of every parameter
 MIN_SAMPLE_SIZE: Final = (
-    1000.0  #: independent draws' worth, in the middle and in the tails of every parameter, at least
+    1000.0  #: independent draws' worth, in the middle and in the tails of every parameter
 )
 MIN_WALKERS: Final = 32
 MISSING: Final = "the posterior needs emcee and arviz; install them with pip install 'stoop[posterior]'"
 FILE: Final = "posterior.nc"
 FILE_DRAWS: Final = 250  #: draws of each walker in the file, at most
-CHECKED_DRAWS: Final = 16  #: draws at which the marginalization is checked
+CHECKED_DRAWS: Final = 16  #: at which the marginalization is checked
 MAX_DENSITY_ERROR: Final = 0.5  #: of the log density, by which it may be off
 
 
@@ -100,17 +99,12 @@ class Target:
     def _densities(self, steps: FloatArray) -> FloatArray:
         with np.errstate(invalid="ignore", over="ignore"):
             residuals = self.optimum.problem.residuals(self._followed(steps), self.optimum.rung)
-            density = -0.5 * (np.sum(residuals**2, axis=1) - self._taken(residuals))
+            gain: FloatArray | float = 0.0  # by how much the nuisances lower the cost from where they stand
+            if self._any:
+                gradient = residuals @ self._nuisances
+                gain = np.sum(gradient * cho_solve(self._factor, gradient.T, check_finite=False).T, axis=1)
+            density = -0.5 * (np.sum(residuals**2, axis=1) - gain)
         return np.where(np.isfinite(density), density, -np.inf)
-
-    def _taken(self, residuals: FloatArray) -> FloatArray:
-        """Return by how much the nuisances lower the cost (W,) from where they stand."""
-        if not self._any:
-            return np.zeros(len(residuals))
-        gradient = residuals @ self._nuisances
-        return np.asarray(
-            np.sum(gradient * cho_solve(self._factor, gradient.T, check_finite=False).T, axis=1)
-        )
 
     def _followed(self, steps: FloatArray) -> FloatArray:
         """Return vectors (W, D + E) with the nuisances where the linear model puts them."""
@@ -149,20 +143,17 @@ class Target:
 
         What is compared is the least cost over the nuisances: by one projection, and by Gauss-Newton steps.
         """
-        steps = (X - self.center) @ self.stretch.T
-        found = np.array([self._conditional(z) for z in self._followed(steps)])
-        return np.asarray(found - self._densities(steps))
-
-    def _conditional(self, z: FloatArray, rounds: int = 4) -> float:
-        """Return the log density at the best nuisances."""
         problem, rung, k = self.optimum.problem, self.optimum.rung, self.size
-        for _ in range(rounds if self._any else 0):
+        steps = (X - self.center) @ self.stretch.T
+        found = []
+        for z in self._followed(steps):
+            for _ in range(4 if self._any else 0):
+                r = problem.residuals(z[None, :], rung)[0]
+                jacobian = problem.jacobian(z, rung, r)[0][:, k:]
+                z[k:] -= np.linalg.lstsq(jacobian, r, rcond=None)[0]
             r = problem.residuals(z[None, :], rung)[0]
-            jacobian = problem.jacobian(z, rung, r)[0][:, k:]
-            z = z.copy()
-            z[k:] -= np.linalg.lstsq(jacobian, r, rcond=None)[0]
-        r = problem.residuals(z[None, :], rung)[0]
-        return -0.5 * float(r @ r)
+            found.append(-0.5 * float(r @ r))
+        return np.asarray(np.array(found) - self._densities(steps))
 
 
 def stretch(information: FloatArray, covariance: FloatArray) -> FloatArray:
@@ -173,8 +164,8 @@ def stretch(information: FloatArray, covariance: FloatArray) -> FloatArray:
     """
     scale = np.sqrt(np.diag(information))
     root, inverse = _roots(information / np.outer(scale, scale))
-    turned = root @ _inverse(covariance * np.outer(scale, scale)) @ root
-    middle, _ = _roots(turned)
+    _, half = _roots(covariance * np.outer(scale, scale))
+    middle, _ = _roots(root @ (half @ half) @ root)
     return np.asarray((inverse @ middle @ inverse) / scale[:, None] * scale[None, :])
 
 
@@ -183,11 +174,6 @@ def _roots(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     values = np.sqrt(np.maximum(values, MIN_EIGENVALUE * values[-1]))
     return (vectors * values) @ vectors.T, (vectors / values) @ vectors.T
-
-
-def _inverse(matrix: FloatArray) -> FloatArray:
-    _, inverse = _roots(matrix)
-    return inverse @ inverse
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,11 +201,18 @@ class Reference:
         The preconditioned Crank-Nicolson step leaves this distribution as it is, whatever its length. Long and
         short ones are mixed: near a normal posterior the long ones are accepted, elsewhere the short ones.
         """
-        reach = random.choice(REACHES, size=(len(X), 1))
+        reach = random.choice(STEP_LENGTHS, size=(len(X), 1))
         before = np.linalg.solve(self.factor, (X - self.center).T).T
         after = np.sqrt(1.0 - reach**2) * before + reach * random.standard_normal(X.shape)
         owed = 0.5 * (np.sum(after**2, axis=1) - np.sum(before**2, axis=1))
         return self.center + after @ self.factor.T, owed
+
+    def fitted(self, draws: FloatArray) -> Reference:
+        """Return the reference with center and spread of draws (m, k), kept definite by a little of this one."""
+        spread = (1.0 - BLEND) * np.cov(draws.T).reshape(
+            draws.shape[1], -1
+        ) + BLEND * self.factor @ self.factor.T
+        return Reference(np.asarray(draws.mean(axis=0)), np.asarray(np.linalg.cholesky(spread)))
 
 
 def reference(target: Target) -> Reference:
@@ -227,14 +220,6 @@ def reference(target: Target) -> Reference:
     information = target.stretch.T @ target.information @ target.stretch
     values, vectors = np.linalg.eigh(0.5 * (information + information.T) + np.eye(target.size) / BOX_STD**2)
     return Reference(target.center, vectors / np.sqrt(values))
-
-
-def fitted(before: Reference, draws: FloatArray) -> Reference:
-    """Return a reference with center and spread of draws (m, k), kept definite by a little of the one before."""
-    spread: FloatArray = (1.0 - BLEND) * np.cov(draws.T).reshape(
-        draws.shape[1], -1
-    ) + BLEND * before.factor @ before.factor.T
-    return Reference(np.asarray(draws.mean(axis=0)), np.asarray(np.linalg.cholesky(spread)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,10 +242,14 @@ class Chains:
     figures: dict[str, float]
 
     @property
+    def sample_size(self) -> float:
+        """Independent draws' worth, of the worst parameter."""
+        return min(self.figures["ess_bulk"], self.figures["ess_tail"])
+
+    @property
     def converged(self) -> bool:
         """Whether all walkers tell the same, often enough."""
-        f = self.figures
-        return f["rhat"] <= MAX_RHAT and min(f["ess_bulk"], f["ess_tail"]) >= MIN_SAMPLE_SIZE
+        return self.figures["rhat"] <= MAX_RHAT and self.sample_size >= MIN_SAMPLE_SIZE
 
 
 def sample(
@@ -289,32 +278,52 @@ def sample(
     emcee, arviz = libraries()
     walkers = max(MIN_WALKERS, 2 * len(reference.center) + 2)
     random = np.random.RandomState(seed)
-    state = emcee.State(_start(target, reference, walkers, random), random_state=random.get_state())
+    # walkers start where the density is above zero; one that is lost begins beside one that is not
+    points = reference.draw(walkers, random)
+    lost = ~np.isfinite(target(points))
+    if lost.all():
+        points = reference.center + 1e-3 * (points - reference.center)
+        lost = ~np.isfinite(target(points))
+    if lost.any() and not lost.all():
+        found = points[~lost]
+        chosen = found[random.randint(len(found), size=int(lost.sum()))]
+        points[lost] = chosen + 1e-3 * (reference.center - chosen)
+
+    def sampler() -> Any:
+        """Return emcee's: most proposals from the reference, the others from the differences of walkers."""
+        moves = [
+            (emcee.moves.MHMove(reference.propose), 0.6),
+            (emcee.moves.DEMove(), 0.3),
+            (emcee.moves.DESnookerMove(), 0.1),
+        ]
+        return emcee.EnsembleSampler(walkers, len(reference.center), target, vectorize=True, moves=moves)
+
+    state = emcee.State(points, random_state=random.get_state())
     for steps in WARM_UP:
-        sampler = _sampler(emcee, target, reference, walkers)
-        state = sampler.run_mcmc(state, steps, skip_initial_state_check=True)
-        reference = fitted(reference, sampler.get_chain(discard=steps // 2, flat=True))
-    sampler = _sampler(emcee, target, reference, walkers)
-    while sampler.iteration < MAX_STEPS:
-        state = sampler.run_mcmc(state, STEPS_PER_ROUND, skip_initial_state_check=True)
-        chains = _chains(sampler, arviz)
+        walk = sampler()
+        state = walk.run_mcmc(state, steps, skip_initial_state_check=True)
+        reference = reference.fitted(walk.get_chain(discard=steps // 2, flat=True))
+    walk = sampler()
+    while walk.iteration < MAX_STEPS:
+        state = walk.run_mcmc(state, STEPS_PER_ROUND, skip_initial_state_check=True)
+        draws = np.swapaxes(walk.get_chain(), 0, 1)
+        data = arviz.convert_to_dataset({"x": draws})
+        with np.errstate(all="ignore"):
+            figures = {
+                "rhat": float(np.max(np.asarray(arviz.rhat(data)["x"]))),
+                "ess_bulk": float(np.min(np.asarray(arviz.ess(data, method="bulk")["x"]))),
+                "ess_tail": float(np.min(np.asarray(arviz.ess(data, method="tail")["x"]))),
+                "autocorrelation_time": float(np.max(walk.get_autocorr_time(tol=0, quiet=True))),
+                "acceptance": float(np.mean(walk.acceptance_fraction)),
+                "walkers": float(draws.shape[0]),
+                "steps": float(draws.shape[1]),
+            }
+        chains = Chains(draws, walk.get_log_prob().T, figures)
         if watch is not None:
-            watch(sampler.iteration)
+            watch(walk.iteration)
         if chains.converged:
             break
     return chains
-
-
-def _sampler(
-    emcee: Any, target: Callable[[FloatArray], FloatArray], reference: Reference, walkers: int
-) -> Any:
-    """Return emcee's sampler: most proposals from the reference, the others from the differences of walkers."""
-    moves = [
-        (emcee.moves.MHMove(reference.propose), 0.6),
-        (emcee.moves.DEMove(), 0.3),
-        (emcee.moves.DESnookerMove(), 0.1),
-    ]
-    return emcee.EnsembleSampler(walkers, len(reference.center), target, vectorize=True, moves=moves)
 
 
 def libraries() -> tuple[Any, Any]:
@@ -335,45 +344,6 @@ def libraries() -> tuple[Any, Any]:
     return emcee, arviz
 
 
-def _start(
-    target: Callable[[FloatArray], FloatArray],
-    reference: Reference,
-    walkers: int,
-    random: np.random.RandomState,
-) -> FloatArray:
-    """Return walkers where the density is above zero; a walker that is lost begins beside one that is not."""
-    points = reference.draw(walkers, random)
-    lost = ~np.isfinite(target(points))
-    if lost.all():
-        points = reference.center + 1e-3 * (points - reference.center)
-        lost = ~np.isfinite(target(points))
-    if lost.any() and not lost.all():
-        found = points[~lost]
-        chosen = found[random.randint(len(found), size=int(lost.sum()))]
-        points[lost] = chosen + 1e-3 * (reference.center - chosen)
-    return points
-
-
-def _chains(sampler: Any, arviz: Any) -> Chains:
-    draws = np.swapaxes(sampler.get_chain(), 0, 1)
-    density = sampler.get_log_prob().T
-    data = arviz.convert_to_dataset({"x": draws})
-    with np.errstate(all="ignore"):
-        rhat = np.asarray(arviz.rhat(data)["x"])
-        bulk, tail = (np.asarray(arviz.ess(data, method=m)["x"]) for m in ("bulk", "tail"))
-        time = sampler.get_autocorr_time(tol=0, quiet=True)
-    figures = {
-        "rhat": float(np.max(rhat)),
-        "ess_bulk": float(np.min(bulk)),
-        "ess_tail": float(np.min(tail)),
-        "autocorrelation_time": float(np.max(time)),
-        "acceptance": float(np.mean(sampler.acceptance_fraction)),
-        "walkers": float(draws.shape[0]),
-        "steps": float(draws.shape[1]),
-    }
-    return Chains(draws, density, figures)
-
-
 @dataclass(frozen=True)
 class Posterior:
     """Sample the posterior of the parameters; initial states and biases are marginalized."""
@@ -391,62 +361,43 @@ class Posterior:
             every = chains.draws.reshape(-1, target.size)
             checked = every[np.linspace(0, len(every) - 1, CHECKED_DRAWS).astype(int)]
             error = float(np.max(np.abs(target.error(checked))))
-        chains = Chains(chains.draws, chains.density, {**chains.figures, "marginalization_error": error})
-        return Finding(_intervals(fit, chains), {FILE: _file(fit, chains)})
+        chains = replace(chains, figures={**chains.figures, "marginalization_error": error})
+        layout, figures = fit.fit.problem.layout, chains.figures
+        values = layout.physical(every)
+        ends = np.quantile(values, [0.025, 0.975], axis=0)
+        rows = zip(fit.names, values.std(axis=0).tolist(), *ends.tolist(), strict=True)
+        parameters = {name: Interval(*numbers) for name, *numbers in rows}
+        notices = []
+        if not chains.converged:
+            limits: dict[str, Any] = {"max_rhat": MAX_RHAT, "needed": MIN_SAMPLE_SIZE}
+            size, rhat = chains.sample_size, figures["rhat"]
+            notices.append(notice("posterior-not-converged", rhat=rhat, sample_size=size, **limits))
+        if error > MAX_DENSITY_ERROR:
+            notices.append(notice("posterior-nuisances-nonlinear", error=error))
+        intervals = MethodIntervals(parameters, figures, tuple(map(str, notices)))
+        return Finding(intervals, {FILE: _file(fit, chains)})
 
 
 def posterior_target(fit: AssessedFit) -> Target:
-    """Return the posterior; its likelihood is stretched to the covariance corrected for color, where there is one."""
+    """Return the posterior; its likelihood is stretched to the covariance corrected for color.
+
+    It is not where something is not determined. Parameters at a bound keep the variance that the weights give them.
+    """
     z = fit.fit.z
     optimum = linearize(fit.problem, z, np.arange(len(z)))
     if not isinstance(fit.problem, Misfit):
         optimum = stationary(optimum)
     plain = Target(optimum, np.eye(optimum.shared))
-    covariance = _corrected(fit, plain)
-    return plain if covariance is None else Target(optimum, stretch(plain.information, covariance))
-
-
-def _corrected(fit: AssessedFit, plain: Target) -> FloatArray | None:
-    """Return the corrected covariance of the parameters in the unit box; None where something is not determined.
-
-    Parameters at a bound keep the variance that the weights give them.
-    """
     k, width = plain.size, fit.fit.problem.layout.width
     free = fit.free[fit.free < k]
     corrected = fit.bars.covariance[np.ix_(free, free)] / np.outer(width[free], width[free])
     if not (np.isfinite(corrected).all() and np.all(np.linalg.eigvalsh(plain.information) > 0.0)):
-        return None
-    covariance = np.linalg.inv(plain.information)
+        return plain
     held = np.setdiff1d(np.arange(k), free)
-    out = np.zeros((k, k))
-    out[np.ix_(free, free)] = corrected
-    out[np.ix_(held, held)] = covariance[np.ix_(held, held)]
-    return out
-
-
-def _intervals(fit: AssessedFit, chains: Chains) -> MethodIntervals:
-    layout, f = fit.fit.problem.layout, chains.figures
-    values = layout.physical(chains.draws.reshape(-1, layout.dimension))
-    lower, upper = np.quantile(values, [0.025, 0.975], axis=0)
-    parameters = {
-        name: Interval(float(s), float(a), float(b))
-        for name, s, a, b in zip(fit.names, values.std(axis=0), lower, upper, strict=True)
-    }
-    notices = []
-    if not chains.converged:
-        size = min(f["ess_bulk"], f["ess_tail"])
-        notices.append(
-            notice(
-                "posterior-not-converged",
-                rhat=f["rhat"],
-                max_rhat=MAX_RHAT,
-                sample_size=size,
-                needed=MIN_SAMPLE_SIZE,
-            )
-        )
-    if f["marginalization_error"] > MAX_DENSITY_ERROR:
-        notices.append(notice("posterior-nuisances-nonlinear", error=f["marginalization_error"]))
-    return MethodIntervals(parameters, f, tuple(map(str, notices)))
+    covariance = np.zeros((k, k))
+    covariance[np.ix_(free, free)] = corrected
+    covariance[np.ix_(held, held)] = np.linalg.inv(plain.information)[np.ix_(held, held)]
+    return Target(optimum, stretch(plain.information, covariance))
 
 
 def _file(fit: AssessedFit, chains: Chains) -> bytes:
@@ -454,8 +405,7 @@ def _file(fit: AssessedFit, chains: Chains) -> bytes:
     _, arviz = libraries()
     layout = fit.fit.problem.layout
     thin = max(1, chains.draws.shape[1] // FILE_DRAWS)
-    draws = chains.draws[:, ::thin]
-    values = layout.lower + draws * layout.width
+    values = layout.lower + chains.draws[:, ::thin] * layout.width
     data = arviz.from_dict(
         posterior={p.name: values[:, :, i] for i, p in enumerate(layout.parameters)},
         sample_stats={"lp": chains.density[:, ::thin]},

@@ -25,26 +25,63 @@ from typing import Any, Final
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from stoop.assessment.assessment import AssessedFit, Finding, Watch, unpack
+from stoop.assessment.assessment import (
+    AssessedFit,
+    Derived,
+    Finding,
+    Optimum,
+    Watch,
+    stationary,
+    unpacked_optimum,
+)
 from stoop.assessment.covariance import NORMAL_95
-from stoop.assessment.refit import Optimum, Pinned, linearize, stationary
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.text import nearest
 from stoop.errors import IdentificationError
-from stoop.optimize import Refinement, Settings, refine
+from stoop.optimize import Settings, refine
 from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run, Tally, execute
 from stoop.problem import Misfit
 from stoop.results.uncertainty import Interval, MethodIntervals
 
 CROSSING: Final = 0.01  #: of the threshold's root, by which a crossing may be missed
-TRIES: Final = 12  #: refits at most on one side
-GROWTH: Final = 3.0  #: of the step outward, at most
-WIDE: Final = 0.05  #: of the box: first step of a parameter that the data do not see
+MAX_REFITS: Final = 12  #: on one side
+MAX_GROWTH: Final = 3.0  #: of the step outward
+FIRST_STEP: Final = 0.05  #: of the box, for a parameter that the data do not see
 SETTINGS: Final = Settings(60, 1e-9, 1e-6, 0, np.inf)
 WORK: Final = "stoop.assessment.profile:profile_one"
 DOUBTFUL: Final = "doubtful"  #: stands for all parameters whose identifiability is in doubt
 BETTER: Final = 0.1  #: statistic by which a refit must fall below the fit's optimum for it to be reported
+
+
+@dataclass(frozen=True, eq=False)
+class Pinned(Derived):
+    """A problem with one of its parameters held."""
+
+    entry: int
+    value: float
+
+    @property
+    def dimension(self) -> int:
+        """Number of variables left in the unit box."""
+        return self.problem.dimension - 1
+
+    def whole(self, Z: FloatArray) -> FloatArray:
+        """Return vectors of the whole problem."""
+        return np.insert(Z, self.entry, self.value, axis=1)
+
+    def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
+        """Return weighted residuals (B, n_r)."""
+        return self.problem.residuals(self.whole(Z), rung)
+
+    def costs(self, X: FloatArray, rung: int) -> FloatArray:
+        """Return costs (B,) with the nuisances at their start."""
+        return self.problem.costs(self.whole(X), rung)
+
+    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
+        """Return the derivative by what is left, and the trajectories it took."""
+        jacobian, spent = self.problem.jacobian(self.whole(z[None, :])[0], rung, r)
+        return np.delete(jacobian, self.entry, axis=1), spent
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,103 +115,81 @@ def profile_likelihood(optimum: Optimum, entry: int, factor: float = 1.0) -> Pro
     factor : float
         By which its error bar is corrected for the color of the residuals, as the weights see it.
     """
-    least = float(optimum.residual @ optimum.residual)
-    again = _refitted(optimum, entry, float(optimum.z[entry]), optimum.z)
-    better = max(0.0, least - again.cost) / factor**2
-    sides = [_Side(optimum, entry, factor, d, min(least, again.cost)) for d in (-1.0, 1.0)]
-    ends = [side.end() for side in sides]
-    tried = sorted([(float(optimum.z[entry]), 0.0), *(point for side in sides for point in side.points)])
-    better = max([better, *(side.better for side in sides)])
-    return ProfileLikelihood(ends[0], ends[1], np.array(tried), better)
+    profile = _Profile(optimum, entry, factor)
+    lower, upper = (profile.end(direction) for direction in (-1.0, 1.0))
+    return ProfileLikelihood(lower, upper, np.array(sorted(profile.points)), profile.better)
 
 
-def _refitted(optimum: Optimum, entry: int, value: float, start: FloatArray) -> Refinement:
-    """Return the refit of all else with one parameter held."""
-    return refine(Pinned(optimum.problem, entry, value), np.delete(start, entry), optimum.rung, SETTINGS)
+class _Profile:
+    """The refits on both sides of the optimum."""
 
-
-class _Side:
-    """The walk away from the optimum to one side."""
-
-    def __init__(self, optimum: Optimum, entry: int, factor: float, direction: float, least: float) -> None:
-        self.optimum, self.entry, self.factor, self.direction = optimum, entry, factor, direction
+    def __init__(self, optimum: Optimum, entry: int, factor: float) -> None:
+        self.optimum, self.entry, self.factor = optimum, entry, factor
         self.center = float(optimum.z[entry])
-        self.bound = 1.0 if direction > 0.0 else 0.0
-        self.least = least
-        self.better = 0.0
-        self.points: list[tuple[float, float]] = []
-        self.known = [(0.0, 0.0)]  # distance and root of the statistic
-        self.starts = [optimum.z]
+        self.points = [(self.center, 0.0)]
+        # how the free entries follow the parameter (f,) in a linear model, and its variance; zeros if unseen
+        self.follow, self.variance = np.zeros(len(optimum.free)), 0.0
+        where = np.flatnonzero(optimum.free == entry)
+        if where.size and optimum.inverse.determined[where[0]]:
+            column = optimum.inverse.factor @ optimum.inverse.factor[where[0]]
+            self.follow, self.variance = column / column[where[0]], float(column[where[0]])
+        least = float(optimum.residual @ optimum.residual)
+        again = refine(
+            Pinned(optimum.problem, entry, self.center), np.delete(optimum.z, entry), optimum.rung, SETTINGS
+        )
+        self.better = max(0.0, least - again.cost) / factor**2
+        self.least = min(least, again.cost)
 
-    def end(self) -> float:
-        """Return where the statistic's root passes 1.96; NaN where it does not before the bound."""
-        reach = abs(self.bound - self.center)
-        distance = min(self._first(), reach)
-        for _ in range(TRIES if reach > 0.0 else 0):
-            root = self._try(distance)
+    def end(self, direction: float) -> float:
+        """Return where the statistic's root passes 1.96 to one side; NaN where it does not before the bound."""
+        bound = 1.0 if direction > 0.0 else 0.0
+        reach = abs(bound - self.center)
+        sigma = self.factor * float(np.sqrt(self.variance))
+        distance = min(
+            NORMAL_95 * sigma if sigma > 0.0 else FIRST_STEP, reach
+        )  # where a linear model would pass
+        known, starts = [(0.0, 0.0)], [self.optimum.z]  # distance and root of the statistic
+        for _ in range(MAX_REFITS if reach > 0.0 else 0):
+            value = bound if distance >= reach else self.center + direction * distance
+            root = self._refitted(value, starts)
+            self.points.append((value, direction * root))
+            known = sorted([*known, (distance, root)])
             if abs(root - NORMAL_95) <= CROSSING * NORMAL_95:
                 break
             if root < NORMAL_95 and distance >= reach:
                 return np.nan
-            distance = self._next(reach)
-        below, above = self._bracket()
-        return np.nan if above is None else self.center + self.direction * _cross(below, above)
+            below, above = _bracket(known)
+            if above is not None:  # between the two around the crossing
+                room = 0.1 * (above[0] - below[0])
+                distance = float(np.clip(_cross(below, above), below[0] + room, above[0] - room))
+            else:  # outward by the slope seen so far
+                guess = 1.1 * (below[0] * NORMAL_95 / max(below[1], 1e-6))
+                distance = min(float(np.clip(guess, 1.2 * below[0], MAX_GROWTH * below[0])), reach)
+        below, above = _bracket(known)
+        return np.nan if above is None else self.center + direction * _cross(below, above)
 
-    def _first(self) -> float:
-        """Return the distance at which a linear model would pass."""
-        sigma = self.factor * float(np.sqrt(self._slope()[1]))
-        return NORMAL_95 * sigma if sigma > 0.0 else WIDE
-
-    def _slope(self) -> tuple[FloatArray, float]:
-        """Return how the free entries follow the parameter (f,) in a linear model, and its variance; zeros if unseen."""
-        where = np.flatnonzero(self.optimum.free == self.entry)
-        if not where.size or not self.optimum.inverse.determined[where[0]]:
-            return np.zeros(len(self.optimum.free)), 0.0
-        factor = self.optimum.inverse.factor
-        column = factor @ factor[where[0]]
-        return column / column[where[0]], float(column[where[0]])
-
-    def _try(self, distance: float) -> float:
-        """Refit at a distance; return the root of the statistic."""
-        outside = distance >= abs(self.bound - self.center)
-        value = self.bound if outside else self.center + self.direction * distance
-        best = _refitted(self.optimum, self.entry, value, self._start(value))
+    def _refitted(self, value: float, starts: list[FloatArray]) -> float:
+        """Refit from the nearest start, moved along the linear model's ridge; return the root of the statistic."""
+        optimum, d = self.optimum, self.optimum.problem.dimension
+        near = min(starts, key=lambda z: abs(float(z[self.entry]) - value))
+        start = near.copy()
+        start[optimum.free] += self.follow * (value - float(near[self.entry]))
+        start[:d] = np.clip(start[:d], 0.0, 1.0)
+        pinned = Pinned(optimum.problem, self.entry, value)
+        best = refine(pinned, np.delete(start, self.entry), optimum.rung, SETTINGS)
         rise = best.cost - self.least
         self.better = max(self.better, -rise / self.factor**2)
-        root = np.sqrt(max(rise, 0.0)) / self.factor if np.isfinite(rise) else np.inf
-        self.points.append((value, self.direction * float(root)))
-        self.known = sorted([*self.known, (distance, float(root))])
         if np.isfinite(best.cost):
-            self.starts.append(np.insert(best.z, self.entry, value))
-        return float(root)
+            starts.append(np.insert(best.z, self.entry, value))
+        return float(np.sqrt(max(rise, 0.0)) / self.factor) if np.isfinite(rise) else np.inf
 
-    def _start(self, value: float) -> FloatArray:
-        """Return the nearest refit, moved along the linear model's ridge."""
-        near = min(self.starts, key=lambda z: abs(float(z[self.entry]) - value))
-        follow, _ = self._slope()
-        moved = near.copy()
-        moved[self.optimum.free] += follow * (value - float(near[self.entry]))
-        d = self.optimum.problem.dimension
-        moved[:d] = np.clip(moved[:d], 0.0, 1.0)
-        return moved
 
-    def _bracket(self) -> tuple[tuple[float, float], tuple[float, float] | None]:
-        """Return the last point below the threshold before the first one above it, and that one."""
-        above = next((point for point in self.known if point[1] > NORMAL_95 * (1.0 + CROSSING)), None)
-        limit = np.inf if above is None else above[0]
-        inside = [point for point in self.known if point[0] < limit]
-        close = [point for point in inside if abs(point[1] - NORMAL_95) <= CROSSING * NORMAL_95]
-        return (inside[-1], close[0]) if close else (inside[-1], above)
-
-    def _next(self, reach: float) -> float:
-        """Return the next distance: outward by the slope seen so far, or between the two around the crossing."""
-        below, above = self._bracket()
-        if above is not None:
-            inner = _cross(below, above)
-            room = 0.1 * (above[0] - below[0])
-            return float(np.clip(inner, below[0] + room, above[0] - room))
-        guess = below[0] * NORMAL_95 / max(below[1], 1e-6)
-        return min(float(np.clip(1.1 * guess, 1.2 * below[0], GROWTH * below[0])), reach)
+def _bracket(known: list[tuple[float, float]]) -> tuple[tuple[float, float], tuple[float, float] | None]:
+    """Return the last point below the threshold before the first one above it, and that one."""
+    above = next((point for point in known if point[1] > NORMAL_95 * (1.0 + CROSSING)), None)
+    inside = [point for point in known if point[0] < (np.inf if above is None else above[0])]
+    close = [point for point in inside if abs(point[1] - NORMAL_95) <= CROSSING * NORMAL_95]
+    return inside[-1], close[0] if close else above
 
 
 def _cross(below: tuple[float, float], above: tuple[float, float]) -> float:
@@ -217,13 +232,7 @@ class Profile:
 
 
 def selected(fit: AssessedFit, wanted: Sequence[str]) -> tuple[str, ...]:
-    """Return the parameters that are profiled.
-
-    Raises
-    ------
-    IdentificationError
-        A name that is not free.
-    """
+    """Return the parameters that are profiled; refuses names as :func:`check_names`."""
     check_names(fit.names, wanted)
     doubtful = [
         name
@@ -277,8 +286,7 @@ def profile_one(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> l
 
 @lru_cache(maxsize=1)
 def _unpacked(text: str) -> Optimum:
-    problem, arrays = unpack(text)
-    optimum = linearize(problem, arrays["z"], arrays["free"].astype(np.intp))
+    problem, optimum, _ = unpacked_optimum(text)
     return optimum if isinstance(problem, Misfit) else stationary(optimum)
 
 
@@ -291,11 +299,9 @@ def _intervals(fit: AssessedFit, results: Mapping[str, Any]) -> MethodIntervals:
         p = layout.parameters[entry]
         low, high = (layout.lower[entry] + layout.width[entry] * float(end) for end in found["ends"])
         parameters[name] = Interval(float(high - low) / (2.0 * NORMAL_95), float(low), float(high))
-        below, above = not np.isfinite(low), not np.isfinite(high)
-        if below or above:
-            code = (
-                "profile-open" if below and above else "profile-open-below" if below else "profile-open-above"
-            )
+        sides = [side for side, end in (("-below", low), ("-above", high)) if not np.isfinite(end)]
+        if sides:
+            code = "profile-open" + (sides[0] if len(sides) == 1 else "")
             notices.append(notice(code, name, lower=p.lower, upper=p.upper))
         if found["better"] > BETTER:
             notices.append(notice("profile-better-optimum", name))

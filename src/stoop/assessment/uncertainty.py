@@ -1,49 +1,97 @@
-"""The uncertainty of a result: intervals by method side by side, and what the data determine."""
+r"""The uncertainty of a result: intervals by method, which to trust, what the data determine, whether maneuvers agree.
+
+Repeatability: with estimates :math:`\theta_i` and standard errors :math:`s_i` of m maneuvers that were fitted alone,
+
+.. math:: \bar\theta = \frac{\sum \theta_i / s_i^2}{\sum 1 / s_i^2}, \qquad
+          \chi^2 = \sum \frac{(\theta_i - \bar\theta)^2}{s_i^2},
+
+which is chi-square with m - 1 degrees of freedom if the error bars are right. More, and something differs between the
+maneuvers that the error bars do not know: the model, the air, the loading. Estimates that share a prior agree because of
+it, so each one's own prior is taken out: with f the prior's share, the rest is :math:`(\theta - f \theta_0) / (1 - f)`.
+
+References
+----------
+R. T. Birge, "The calculation of errors by the method of least squares", *Physical Review* 40, 1932, pp. 207-227 (internal
+against external consistency).
+V. Klein and E. A. Morelli, *Aircraft System Identification: Theory and Practice*, 2nd ed., 2016, chapter 6 (repeated
+maneuvers as the test of error bars).
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from scipy.stats import chi2
 
-from stoop.assessment.agreement import CORRECTED, CRAMER_RAO, method_agreement
 from stoop.assessment.covariance import correlation, intervals_95
-from stoop.assessment.error_bars import ErrorBars, Uncertainty
-from stoop.assessment.identifiability import (
+from stoop.assessment.error_bars import (
+    ErrorBars,
+    error_bars,
     marginal_information,
     near_null_directions,
     partners,
     scaled_singular_values,
     worst_pairs,
 )
-from stoop.assessment.maneuver_advice import FlownModel, advice, flown_model
+from stoop.assessment.maneuver_advice import advice, flown_model
 from stoop.base.arrays import FloatArray
-from stoop.estimate.fit import Fit
-from stoop.results.result import Result
+from stoop.base.text import enumerated
+from stoop.errors import StoopError
+from stoop.estimate import methods
+from stoop.estimate.fit import Fit, Options
+from stoop.flight import Flight
+from stoop.problem.windows import Window
+from stoop.results.result import ParameterEstimate, Result
 from stoop.results.uncertainty import (
     IdentifiabilityAnalysis,
     Interval,
     MethodIntervals,
     NearNullDirection,
     ParameterIdentifiability,
+    ParameterRepeatability,
+    Repeatability,
+    SingleEstimate,
 )
 
-MOST_HIDDEN: Final = 5  #: parameters named that move along with one in a near-null direction
+COLORED_RATIO: Final = 1.25  #: typical factor of the correction from which residuals count as colored
+DISAGREEMENT: Final = 1.4  #: ratio of standard errors from which two methods disagree
+SKEWNESS: Final = 1.5  #: ratio of the arms of an interval from which it is no longer normal
+MAX_RHAT: Final = 1.02  #: above it a posterior says nothing yet
+SCATTER_LEVEL: Final = 0.05  #: chance of calling a scatter too large that is not
+MAX_PRIOR_SHARE: Final = (
+    0.5  #: of an estimate: where the prior knows more than the maneuver, it is the prior's
+)
 
 
 def with_uncertainty(result: Result, fit: Fit, bars: ErrorBars) -> Result:
     """Return the result with its two error bars side by side, which to trust, and what the data can tell."""
-    methods = {CORRECTED: MethodIntervals(_intervals(result, bars, bars.std))}
-    if not np.isnan(
-        bars.cramer_rao_std
-    ).all():  # a method that takes residuals as white has nothing to compare
-        methods[CRAMER_RAO] = MethodIntervals(_intervals(result, bars, bars.cramer_rao_std))
+    methods = {"corrected": MethodIntervals(_intervals(result, bars, bars.std))}
+    if not np.isnan(bars.cramer_rao_std).all():  # a method that takes residuals as white has none to compare
+        methods["cramer_rao"] = MethodIntervals(_intervals(result, bars, bars.cramer_rao_std))
+    names = [p.name for p in fit.problem.layout.parameters]
+    related = correlation(bars.covariance[: len(names), : len(names)])
+    model = flown_model(result, fit)
+    singular, directions = _directions(fit, bars, names)
+    analyses = {}
+    for i, name in enumerate(names):
+        hidden = [n for d in directions if name in d.changes for n in d.changes if n != name][:5]
+        stand_ins = tuple(dict.fromkeys([*partners(names, related, i), *hidden]))
+        if bars.at_bound[i]:
+            numbers, doubt = (np.nan,) * 3, "it lies at its bound"
+        else:
+            one = bars.identifiability[name]
+            numbers, doubt = (one.conditional_std, one.marginal_std, one.multiple_correlation), one.reason
+        advised = advice(name, stand_ins, model) if doubt else ""
+        analyses[name] = ParameterIdentifiability(*numbers, stand_ins, doubt, advised)
     return replace(
         result,
         uncertainty=methods,
         trust=method_agreement(result.parameters, methods),
-        identifiability=_analysis(result, fit, bars),
+        identifiability=IdentifiabilityAnalysis(singular, analyses, worst_pairs(names, related), directions),
     )
 
 
@@ -57,52 +105,237 @@ def _intervals(result: Result, bars: ErrorBars, std: FloatArray) -> dict[str, In
     return out
 
 
-def _analysis(result: Result, fit: Fit, bars: ErrorBars) -> IdentifiabilityAnalysis:
-    names = [p.name for p in fit.problem.layout.parameters]
-    related = correlation(bars.covariance[: len(names), : len(names)])
-    model = flown_model(result, fit)
-    values, directions = _directions(fit, bars.uncertainty, bars, names)
-    analyses = {}
-    for i, name in enumerate(names):
-        hidden = [n for d in directions if name in d.changes for n in d.changes if n != name]
-        stand_ins = tuple(dict.fromkeys([*partners(names, related, i), *hidden[:MOST_HIDDEN]]))
-        analyses[name] = _parameter(name, i, bars, stand_ins, model)
-    return IdentifiabilityAnalysis(values, analyses, worst_pairs(names, related), directions)
-
-
-def _parameter(
-    name: str, index: int, bars: ErrorBars, stand_ins: tuple[str, ...], model: FlownModel
-) -> ParameterIdentifiability:
-    if bars.at_bound[index]:
-        doubt = "it lies at its bound"
-        return ParameterIdentifiability(
-            np.nan, np.nan, np.nan, stand_ins, doubt, advice(name, stand_ins, model)
-        )
-    one = bars.identifiability[name]
-    said = advice(name, stand_ins, model) if one.reason else ""
-    return ParameterIdentifiability(
-        one.conditional_std, one.marginal_std, one.multiple_correlation, stand_ins, one.reason, said
-    )
-
-
 def _directions(
-    fit: Fit, found: Uncertainty | None, bars: ErrorBars, names: list[str]
+    fit: Fit, bars: ErrorBars, names: list[str]
 ) -> tuple[tuple[float, ...], tuple[NearNullDirection, ...]]:
-    """Return singular values of all free unknowns, and the blind directions of the parameters, priors left out."""
-    if found is None:
+    """Return singular values of all free unknowns, and near-null directions of the parameters, priors left out."""
+    if bars.uncertainty is None:
         return (), ()
-    mine = bars.free[bars.free < len(names)]
-    prior = np.array([fit.problem.layout.parameters[i].prior or np.inf for i in mine])
-    data = marginal_information(found.information, len(mine)) - np.diag(prior**-2.0)
-    values = tuple(float(v) for v in scaled_singular_values(found.information))
-    sizes = np.abs(np.array([fit.estimates[names[i]] for i in mine]))
-    return values, near_null_directions([names[i] for i in mine], _cleaned(data, found.information), sizes)
+    whole = bars.uncertainty.information
+    own = bars.free[bars.free < len(names)]
+    prior = np.array([fit.problem.layout.parameters[i].prior or np.inf for i in own])
+    data = marginal_information(whole, len(own)) - np.diag(prior**-2.0)
+    rounding = np.diag(data) <= 1e-12 * np.diag(whole)[: len(data)]  # left of a prior that is taken off again
+    data = np.where(rounding | rounding[:, None], 0.0, data)
+    sizes = np.abs(np.array([fit.estimates[names[i]] for i in own]))
+    singular = tuple(float(v) for v in scaled_singular_values(whole))
+    return singular, near_null_directions([names[i] for i in own], data, sizes)
 
 
-def _cleaned(data: FloatArray, whole: FloatArray) -> FloatArray:
-    """Return information without what is rounding: a prior taken off again leaves some."""
-    diagonal = np.diag(whole)[: len(data)]
-    lost = np.diag(data) <= 1e-12 * diagonal
-    out = data.copy()
-    out[lost, :] = out[:, lost] = 0.0
+def method_agreement(
+    parameters: Mapping[str, ParameterEstimate], methods: Mapping[str, MethodIntervals]
+) -> tuple[str, ...]:
+    """Return which method to trust for which parameters, and where the methods disagree.
+
+    Parameters
+    ----------
+    parameters : mapping of str to ParameterEstimate
+    methods : mapping of str to MethodIntervals
+        ``corrected`` at least, without it nothing is said; nothing of color without ``cramer_rao``.
+    """
+    if "corrected" not in methods:
+        return ()
+    sure = {name: p for name, p in parameters.items() if p.identifiable and not p.at_bound}
+    out = list[str]()
+
+    def ratios(one: str, other: str) -> dict[str, float]:
+        """Return by how much the standard errors of one method exceed another's, where both have them."""
+        a, b = methods[one].parameters, methods[other].parameters
+        pairs = {n: (a[n].std_error, b[n].std_error) for n in sure if n in a and n in b}
+        return {n: x / y for n, (x, y) in pairs.items() if np.isfinite([x, y]).all() and y > 0.0}
+
+    def skewed(method: str) -> list[str]:
+        """Return the parameters whose interval is no longer symmetric about the estimate."""
+        found, intervals = [], methods[method].parameters
+        for name, p in ((n, p) for n, p in sure.items() if n in intervals):
+            arms = p.estimate - intervals[name].ci95_lower, intervals[name].ci95_upper - p.estimate
+            if np.isfinite(arms).all() and not (min(arms) > 0.0 and max(arms) / min(arms) <= SKEWNESS):
+                found.append(name)
+        return found
+
+    if "cramer_rao" in methods:
+        out += _color_agreement(ratios("corrected", "cramer_rao"))
+    if "bootstrap" in methods:
+        out.append(_bootstrap_agreement(ratios("bootstrap", "corrected")))
+    if "posterior" in methods:
+        rhat = methods["posterior"].figures.get("rhat", np.inf)
+        out += _posterior_agreement(rhat, skewed("posterior"), ratios("posterior", "corrected"))
+    if "profile" in methods:
+        out += _profile_agreement(methods["profile"].parameters, skewed("profile"))
+    if unsure := [name for name in parameters if name not in sure]:
+        out.append(
+            f"{_listed(unsure)}: the data cannot tell, so no interval is to be trusted as the flight's; "
+            "a posterior or profile shows what prior and bounds leave."
+        )
+    return tuple(out)
+
+
+def _color_agreement(ratios: Mapping[str, float]) -> list[str]:
+    if not ratios:
+        return []
+    typical = float(np.median(list(ratios.values())))
+    if typical < COLORED_RATIO:
+        return [
+            "The residuals are white or nearly so: plain Cramer-Rao and corrected errors agree, either may be used."
+        ]
+    return [
+        f"The residuals are colored: plain Cramer-Rao errors are {typical:.1f} times too small (median) and are not to be "
+        "used; trust the corrected ones."
+    ]
+
+
+def _posterior_agreement(rhat: float, skewed: list[str], ratios: Mapping[str, float]) -> list[str]:
+    if rhat > MAX_RHAT:
+        return ["The posterior has not converged: do not use its intervals."]
+    far = [n for n, r in ratios.items() if not 1.0 / DISAGREEMENT <= r <= DISAGREEMENT and n not in skewed]
+    if not skewed and not far:
+        return ["The posterior is nearly normal and agrees with the corrected errors: both may be trusted."]
+    out = []
+    if skewed:
+        out.append(
+            f"The posterior of {_listed(skewed)} is not normal about the estimate (skewed, or cut off by a bound): trust its "
+            "interval there."
+        )
+    if far:
+        out.append(
+            f"Posterior and corrected errors disagree for {_listed(far)}: the model is curved over the interval, "
+            "or a prior holds it; trust the posterior."
+        )
     return out
+
+
+def _profile_agreement(intervals: Mapping[str, Interval], skewed: list[str]) -> list[str]:
+    out = []
+    if opened := [n for n, s in intervals.items() if not np.isfinite([s.ci95_lower, s.ci95_upper]).all()]:
+        out.append(
+            f"The profile of {_listed(opened)} is open to one side or both: the data give no limit there, whatever "
+            "other methods say."
+        )
+    if skewed:
+        out.append(
+            f"The profile of {_listed(skewed)} is lopsided: trust it rather than a symmetric interval."
+        )
+    return out
+
+
+def _bootstrap_agreement(ratios: Mapping[str, float]) -> str:
+    if not ratios:
+        return "The bootstrap has too few replicates to say anything."
+    wider = [name for name, ratio in ratios.items() if ratio > DISAGREEMENT]
+    narrower = [name for name, ratio in ratios.items() if ratio < 1.0 / DISAGREEMENT]
+    begin = (
+        f"Bootstrap and corrected errors agree (median ratio {float(np.median(list(ratios.values()))):.2f})"
+    )
+    if not wider and not narrower:
+        return f"{begin}: both may be trusted."
+    parts = []
+    if wider:
+        parts.append(f"wider for {_listed(wider)}, where the model is curved: trust the bootstrap there")
+    if narrower:
+        parts.append(f"narrower for {_listed(narrower)}: trust the corrected ones there, the wider")
+    return f"{begin} but not everywhere: the bootstrap is {'; and '.join(parts)}."
+
+
+def _listed(names: list[str]) -> str:
+    return enumerated(names[:8] + ([f"{len(names) - 8} more"] if len(names) > 8 else []))
+
+
+def without_prior(
+    estimate: float, std_error: float, share: float, mean: float, prior: float
+) -> SingleEstimate:
+    """Return an estimate with its own prior taken out.
+
+    Parameters
+    ----------
+    estimate, std_error : float
+        With the prior.
+    share : float
+        The prior's share in the estimate: its variance in the fit over that of the prior; 0 without one.
+    mean, prior : float
+        The prior and its standard deviation; not used where the share is 0.
+    """
+    if not share > 0.0:
+        return SingleEstimate(estimate, std_error, math.isfinite(std_error) and std_error > 0.0)
+    if share > MAX_PRIOR_SHARE:
+        return SingleEstimate(estimate, std_error, counted=False)
+    rest = 1.0 - share
+    variance = (std_error**2 - (share * prior) ** 2) / rest**2
+    value = (estimate - share * mean) / rest
+    return SingleEstimate(value, math.sqrt(max(variance, 0.0)), math.isfinite(variance) and variance > 0.0)
+
+
+def scatter(singles: Sequence[SingleEstimate]) -> ParameterRepeatability:
+    """Return whether the estimates that are counted agree."""
+    counted = [one for one in singles if one.counted]
+    if not counted:
+        return ParameterRepeatability(tuple(singles))
+    weights = np.array([one.std_error**-2.0 for one in counted])
+    values = np.array([one.estimate for one in counted])
+    mean, error = float(weights @ values / weights.sum()), float(weights.sum() ** -0.5)
+    degrees = len(counted) - 1
+    if not degrees:
+        return ParameterRepeatability(tuple(singles), mean, error)
+    square = float(weights @ (values - mean) ** 2)
+    p_value = float(chi2.sf(square, degrees))
+    verdict = "agree" if p_value >= SCATTER_LEVEL else "scatter"
+    return ParameterRepeatability(tuple(singles), mean, error, square, degrees, p_value, verdict)
+
+
+@dataclass(frozen=True, eq=False)
+class SingleFit:
+    """Estimates of one maneuver fitted alone; none where it could not be fitted, and why."""
+
+    window: Window
+    estimates: dict[str, SingleEstimate]
+    remark: str = ""
+
+
+def fit_each(
+    fit: Fit, flights: Mapping[str, Flight], options: Options, watch: Callable[[str], None]
+) -> list[SingleFit]:
+    """Fit every maneuver of a finished fit by itself.
+
+    The vehicle is as it was given: the same numbers are free, from the same start, within the same bounds and priors.
+    What a maneuver does not determine stays at its prior and is not counted. Ctrl-C ends the fit at hand and leaves the
+    rest. `watch` receives the maneuver at hand.
+    """
+    vehicle, fitter = fit.problem.layout.vehicle, methods.find(options.method).fitter()
+    out, stopped = list[SingleFit](), False
+    for window in fit.prepared.windows:
+        watch(f"repeatability: {window}")
+        estimates, remark = dict[str, SingleEstimate](), f"{window}: left out, stopped by the user"
+        try:
+            own = None if stopped else fitter(vehicle, flights, [window], options, None, None)
+            stopped = own is None or own.outcome.status == "interrupted"
+            if own is not None and not stopped:
+                estimates = _estimates(own, error_bars(own))
+                confirmed = own.outcome.status in ("converged", "target")
+                remark = "" if confirmed else f"{window}: no confirmed optimum: {own.outcome.advice}"
+        except (StoopError, np.linalg.LinAlgError) as error:
+            remark = f"{window}: could not be fitted alone: {error}"
+        out.append(SingleFit(window, estimates, remark))
+    return out
+
+
+def _estimates(fit: Fit, bars: ErrorBars) -> dict[str, SingleEstimate]:
+    """Return the estimates by name, each without its own prior."""
+    parameters, shares = fit.problem.layout.parameters, np.zeros(len(fit.z))
+    if bars.uncertainty is not None:
+        entry = dict(zip(bars.free.tolist(), np.diag(bars.uncertainty.cramer_rao).tolist(), strict=True))
+        prior = [np.inf if p.prior is None else p.prior for p in parameters]
+        shares = np.nan_to_num([entry.get(i, np.nan) / s**2 for i, s in enumerate(prior)])
+    out = {}
+    for i, p in enumerate(parameters):
+        value, std = fit.estimates[p.name], float(bars.std[i])
+        one = without_prior(value, std, float(shares[i]), p.value, p.prior or np.nan)
+        counted = one.counted and not bars.at_bound[i] and bars.identifiability[p.name].identifiable
+        out[p.name] = replace(one, counted=bool(counted))
+    return out
+
+
+def with_repeatability(result: Result, singles: Sequence[SingleFit]) -> Result:
+    """Return the result with the agreement of its maneuvers."""
+    nothing = SingleEstimate(math.nan, math.nan, counted=False)
+    parameters = {n: scatter([one.estimates.get(n, nothing) for one in singles]) for n in result.parameters}
+    remarks = tuple(one.remark for one in singles if one.remark)
+    return replace(result, repeatability=Repeatability(tuple(range(len(singles))), parameters, remarks))

@@ -31,3 +31,13 @@ def enumerated(names: Iterable[str]) -> str:
     """Return names as a phrase: ``a, b and c``."""
     *first, last = list(names) or ["none"]
     return f"{', '.join(first)} and {last}" if first else last
+
+
+def printable(text: str) -> str:
+    r"""Return one line that can neither steer a terminal nor break; other characters become Python escapes (``\x1b``)."""
+    if text.isprintable():
+        return text
+    shown = (
+        c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text.replace("\n", " ")
+    )
+    return "".join(shown)

@@ -13,71 +13,104 @@ ratio test).
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final, Generic, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.text import enumerated
 
 State = TypeVar("State")
 
 
 @dataclass(frozen=True)
 class Thresholds:
-    """Limits of the test, chosen so that no clean simulated flight is accused (tests/unit/checks/test_clean_flights.py).
+    """Limits of the test, chosen so that no clean simulated flight is accused (tests/unit/checks/test_clean_flights.py)."""
 
-    Attributes
-    ----------
-    evidence : log-likelihood gained by an edit that is believed; about a hundred edits are tried, each of which a right
-        file would gain so much less than once in 3,000
-    tie : difference of log-likelihood below which no edit is preferred: odds of ten to one
-    improvement : share of a residual's mean square that an edit must leave at most in one channel; less may be coloured noise
-    visible : share of a residual's mean square that an edit must change at least, to be judged there
-    unexplained : share of a motion's mean square that an edit which needs to explain it by itself may leave
-    margin : share of a motion's mean square by which such an edit must explain more: models of vehicles are never exact
-    busiest : share of the record that is compared, where the edit changes most: short maneuvers in long logs count
-    spans : independent samples, at least
-    rounds : wrong lines that are looked for one after the other
-    """
-
+    #: log-likelihood gained by an edit that is believed; about a hundred edits are tried, each of which a right file would
+    #: gain so much less than once in 3,000
     evidence: float = 8.0
-    tie: float = 2.3
-    improvement: float = 0.5
-    visible: float = 0.5
-    unexplained: float = 0.3
-    margin: float = 0.1
-    busiest: float = 0.2
-    spans: float = 10.0
-    rounds: int = 3
+    tie: float = 2.3  #: difference of log-likelihood below which no edit is preferred: odds of ten to one
+    improvement: float = (
+        0.5  #: share of a residual's mean square left at most in one channel; else colored noise
+    )
+    visible: float = 0.5  #: share of a residual's mean square that an edit must change, to be judged there
+    unexplained: float = 0.3  #: share of a motion's mean square that a `complete` edit may leave
+    margin: float = (
+        0.1  #: share of it that such an edit must explain more: models of vehicles are never exact
+    )
+    busiest: float = 0.2  #: of the record, where the edit changes most: short maneuvers in long logs count
+    spans: float = 10.0  #: independent samples, at least
+    rounds: int = 3  #: wrong lines that are looked for one after the other
 
 
 LIMITS: Final = Thresholds()
 
 
 @dataclass(frozen=True)
-class Edit(Generic[State]):
-    """One line, or several that go together, written otherwise.
+class Line:
+    """One line of a mapping that the user wrote: file "M.toml", key "variables.p"; the unit is empty where none is."""
 
-    Attributes
+    file: str
+    key: str
+    unit: str = ""
+
+
+Lines: TypeAlias = Mapping[str, Line]  #: variable -> its line; variables of ready mappings have none
+
+
+def read_lines(places: Mapping[str, str]) -> dict[str, Line]:
+    """Return the lines of mappings that the user wrote.
+
+    Parameters
     ----------
-    kind : "sign", "unit", "exchange", "spin", ...: part of the notice's code
-    lines : variables of the mapping or entries of the vehicle file whose lines change
-    fix : what to write
-    apply : data or vehicle -> the same with the edit
-    complete : whether it must explain the motion by itself; a unit that shrinks a channel shrinks its noise, too
-    prior : logarithm of its odds before any data, against an edit as likely as any
-    value : what the line says then, such as a unit
+    places : variable -> place of its line, "FILE: KEY"; ready mappings are no files
     """
+    lines: dict[str, Line] = {}
+    units: dict[str, dict[str, str] | None] = {}  # by file, as stated; None where there is no such file
+    for name, place in places.items():
+        file, _, key = place.rpartition(": ")
+        if file not in units:
+            units[file] = None
+            if file and Path(file).is_file():
+                try:
+                    table = tomllib.loads(Path(file).read_text("utf-8")).get("variables", {})
+                except (OSError, ValueError):
+                    table = {}
+                rows = table.items() if isinstance(table, dict) else ()
+                units[file] = {n: str(x["unit"]) for n, x in rows if isinstance(x, dict) and "unit" in x}
+        stated = units[file]
+        if stated is not None:
+            lines[name] = Line(file, key, stated.get(name, ""))
+    return lines
 
-    kind: str
-    lines: tuple[str, ...]
-    fix: str
-    apply: Callable[[State], State]
-    complete: bool = False
-    prior: float = 0.0
-    value: str = ""
+
+def where(names: Iterable[str], lines: Lines) -> str:
+    """Return where to write what corrects variables: their lines, or a mapping that extends the ready one."""
+    names = tuple(names)
+    own = [lines[name] for name in names if name in lines]
+    if len(own) < len(names) or not own:
+        return f"{enumerated(names)} in a mapping (see stoop map)"
+    return f"{enumerated([line.key for line in own])} in {own[0].file}"
+
+
+@dataclass(frozen=True)
+class Edit(Generic[State]):
+    """One line, or several that go together, written otherwise."""
+
+    kind: str  #: "sign", "unit", "exchange", "spin", ...: part of the notice's code
+    lines: tuple[str, ...]  #: variables of the mapping or entries of the vehicle file whose lines change
+    fix: str  #: what to write
+    apply: Callable[[State], State]  #: data or vehicle -> the same with the edit
+    complete: bool = (
+        False  #: it must explain the motion by itself; a unit that shrinks a channel shrinks its noise, too
+    )
+    prior: float = 0.0  #: logarithm of its odds before any data, against an edit as likely as any
+    value: str = ""  #: what the line says then, such as a unit
 
 
 class Evidence(Protocol):
@@ -95,22 +128,12 @@ Model: TypeAlias = Callable[[State, Collection[str] | None], Residuals]
 
 @dataclass(frozen=True, eq=False)
 class Residual:
-    """What remains of one channel when others predict it.
+    """What remains of one channel when others predict it."""
 
-    Attributes
-    ----------
-    left, size : (n,)
-        Residual and measured channel, in the unit of the channel; NaN where unknown.
-    samples : float
-        Samples of the record that are as good as one independent sample.
-    floor : float
-        Mean square of what is no motion.
-    """
-
-    left: FloatArray
-    size: FloatArray
-    samples: float
-    floor: float
+    left: FloatArray  #: (n,) residual, in the unit of the channel; NaN where unknown
+    size: FloatArray  #: (n,) measured channel
+    samples: float  #: samples of the record that are as good as one independent sample
+    floor: float  #: mean square of what is no motion
 
     def gain(self, before: object, limits: Thresholds, complete: bool) -> tuple[float, bool]:
         """Compare the samples at which both residuals differ most."""
@@ -134,14 +157,7 @@ class Residual:
 
 @dataclass(frozen=True)
 class Range:
-    """A number that lies within bounds in any flight.
-
-    Attributes
-    ----------
-    value, low, high : float
-    odds : float
-        Logarithm of how much less likely a number outside is.
-    """
+    """A number that lies within bounds in any flight; `odds`: logarithm of how much less likely one outside is."""
 
     value: float
     low: float
@@ -186,6 +202,17 @@ class Finding(Generic[State]):
         """Lines of each edit."""
         return tuple(one.edit.lines for one in self.edits)
 
+    def values(self, lines: Lines) -> dict[str, str | float | tuple[str, ...]]:
+        """Return what a notice says of wrong lines of a mapping, and of what to write."""
+        alternatives = tuple(f"{s.edit.fix} for {where(s.edit.lines, lines)}" for s in self.edits)
+        return {
+            "lines": self.best.lines,
+            "fix": self.best.fix,
+            "suggestion": " or ".join(alternatives),
+            "alternatives": alternatives,
+            "evidence": self.edits[0].evidence,
+        }
+
 
 def search(
     state: State,
@@ -196,8 +223,7 @@ def search(
     """Return the wrong lines, most evident first, and the data with them corrected."""
     found: list[Finding[State]] = []
     for _ in range(limits.rounds):
-        tested = _Test(state, model, limits)
-        finding = tested.best(edits(state))
+        finding = _best(state, edits(state), model, limits)
         if finding is None:
             break
         found.append(finding)
@@ -205,55 +231,53 @@ def search(
     return found, state
 
 
-class _Test(Generic[State]):
-    """The edits of one state, held against it and against each other."""
+def _best(
+    state: State, edits: Iterable[Edit[State]], model: Model[State], limits: Thresholds
+) -> Finding[State] | None:
+    """Return the best edit with those that explain the data as well; None where none is believed."""
+    before = model(state, None)
 
-    def __init__(self, state: State, model: Model[State], limits: Thresholds) -> None:
-        self.state, self.model, self.limits = state, model, limits
-        self.before = model(state, None)
-
-    def best(self, edits: Iterable[Edit[State]]) -> Finding[State] | None:
-        """Return the best edit with those that explain the data as well; None where none is believed."""
-        scored = [self._score(edit, self.state, self.before) for edit in edits]
-        first = max(scored, key=lambda s: s.evidence, default=None)
-        if first is None or first.evidence < self.limits.evidence:
-            return None
-        rivals = [first, *(s for s in scored if s is not first and self._rivals(s, first))]
-        outcomes = [self._outcome(s.edit) for s in rivals]
-        beaten = [
-            any(
-                self._over(one, other) + b.edit.prior - a.edit.prior > self.limits.tie
-                for b, other in zip(rivals, outcomes, strict=True)
-            )
-            for a, one in zip(rivals, outcomes, strict=True)
-        ]
-        kept = [s for s, lost in zip(rivals, beaten, strict=True) if not lost]
-        return Finding(tuple(sorted(kept or [first], key=lambda s: -s.evidence)))
-
-    def _rivals(self, other: Scored[State], first: Scored[State]) -> bool:
-        """Tell whether an edit explains as much as the best one, and is not needed beside it."""
-        if other.edit.complete and other.evidence < self.limits.evidence:
-            return False
-        left = self._outcome(first.edit)
-        lost = self._over(self._outcome(other.edit), left) + first.edit.prior - other.edit.prior
-        if lost >= self.limits.tie:
-            return False
-        beside = self._score(other.edit, first.edit.apply(self.state), left)
-        return beside.evidence < self.limits.evidence
-
-    def _outcome(self, edit: Edit[State]) -> dict[Key, Evidence]:
+    def outcome(edit: Edit[State]) -> dict[Key, Evidence]:
         """Return all residuals with an edit."""
-        return {**self.before, **self.model(edit.apply(self.state), edit.lines)}
+        return {**before, **model(edit.apply(state), edit.lines)}
 
-    def _over(self, worse: Residuals, better: Residuals) -> float:
+    def over(worse: Residuals, better: Residuals) -> float:
         """Return the log-likelihood of one outcome over another."""
-        return sum(better[key].gain(worse[key], self.limits, complete=False)[0] for key in better)
+        return sum(better[key].gain(worse[key], limits, complete=False)[0] for key in better)
 
-    def _score(self, edit: Edit[State], state: State, before: Residuals) -> Scored[State]:
-        """Return an edit with what it gains; nothing where no channel is convincing by itself."""
-        after = self.model(edit.apply(state), edit.lines)
-        gains = {key: after[key].gain(before[key], self.limits, edit.complete) for key in after}
-        channel = max(gains, key=lambda key: gains[key][0], default=())
-        clear = any(convincing for _, convincing in gains.values())
-        total = sum(gained for gained, _ in gains.values()) + edit.prior
-        return Scored(edit, total if clear else 0.0, channel)
+    scored = [_score(edit, state, before, model, limits) for edit in edits]
+    first = max(scored, key=lambda s: s.evidence, default=None)
+    if first is None or first.evidence < limits.evidence:
+        return None
+    rivals, outcomes = [first], [outcome(first.edit)]
+    corrected = first.edit.apply(state)
+    for one in scored:  # those that explain as much, and are not needed beside it
+        if one is first or (one.edit.complete and one.evidence < limits.evidence):
+            continue
+        with_it = outcome(one.edit)
+        if over(with_it, outcomes[0]) + first.edit.prior - one.edit.prior < limits.tie:
+            beside = _score(one.edit, corrected, outcomes[0], model, limits)
+            if beside.evidence < limits.evidence:
+                rivals.append(one)
+                outcomes.append(with_it)
+    kept = [
+        a
+        for a, own in zip(rivals, outcomes, strict=True)
+        if not any(
+            over(own, other) + b.edit.prior - a.edit.prior > limits.tie
+            for b, other in zip(rivals, outcomes, strict=True)
+        )
+    ]
+    return Finding(tuple(sorted(kept or [first], key=lambda s: -s.evidence)))
+
+
+def _score(
+    edit: Edit[State], state: State, before: Residuals, model: Model[State], limits: Thresholds
+) -> Scored[State]:
+    """Return an edit with what it gains; nothing where no channel is convincing by itself."""
+    after = model(edit.apply(state), edit.lines)
+    gains = {key: after[key].gain(before[key], limits, edit.complete) for key in after}
+    channel = max(gains, key=lambda key: gains[key][0], default=())
+    clear = any(convincing for _, convincing in gains.values())
+    total = sum(gained for gained, _ in gains.values()) + edit.prior
+    return Scored(edit, total if clear else 0.0, channel)

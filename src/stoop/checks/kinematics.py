@@ -13,48 +13,37 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
+from stoop.base.robust import MAD
 from stoop.base.rotations import conjugate, product, quaternions_of, to_ground, vectors_of
 from stoop.base.units import DEGREE, FACTORS, KINDS, STANDARD_GRAVITY
 from stoop.base.variables import EULER, POSITION, QUATERNION, RATES, SPECIFIC_FORCE, VELOCITY
-from stoop.checks.engine import Edit, Evidence, Finding, Key, Residual, Residuals, search
-from stoop.checks.lines import Lines, where
+from stoop.checks.engine import Edit, Evidence, Key, Lines, Residual, Residuals, search, where
 
 MOVED_BY: Final = {"pn": "vn", "pe": "ve", "pd": "vd", "altitude": "vd"}  #: position <- its rate of change
 SIGNED: Final = (*RATES, *EULER, "ax", "ay", *VELOCITY, *POSITION, "altitude")
 MOTION: Final = frozenset({*SIGNED, "az", *QUATERNION})  #: all that takes part
 EXCHANGED: Final = (("vn", "ve"), ("pn", "pe"), ("p", "q"), ("q", "r"), ("p", "r"))
-SENSORS: Final = (VELOCITY, POSITION, ("altitude",))  #: what shares a unit
-
-RATE: Final = 50.0  #: Hz at which motions are compared
-MAX_SAMPLES: Final = 30_000  #: of that, ten minutes: the part of a longer record that moves most
-TURN_SPAN: Final = 0.2  #: s over which rates are compared
-MOVE_SPAN: Final = 1.0  #: s over which velocities and accelerations are
-FLOORS: Final = {"turn": 0.01, "force": 0.05, "place": 0.1}  #: rad/s, m/s2, m/s; less is no motion
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """Limits for rates that follow the attitude, once wrong lines are corrected.
+    """How motions are compared, and limits for rates that follow the attitude, once wrong lines are corrected."""
 
-    Attributes
-    ----------
-    samples : spans that are compared, at least
-    turning : rad/s rms; less turning shows nothing
-    followed : share of the turning that a matching pair of channels explains
-    gain : departure from one that calibrated gyros do not have
-    separation : s between attitudes whose noise is independent
-    """
-
-    samples: int = 200
-    turning: float = 3.0 * DEGREE
-    followed: float = 0.8
-    gain: float = 0.15
-    separation: float = 0.05
+    rate: float = 50.0  #: Hz at which motions are compared
+    longest: int = 30_000  #: samples of that, ten minutes: the part of a longer record that moves most
+    turn: float = 0.2  #: s over which rates are compared
+    move: float = 1.0  #: s over which velocities and accelerations are
+    turn_floor: float = 0.01  #: rad/s; less is no motion
+    force_floor: float = 0.05  #: m/s2
+    place_floor: float = 0.1  #: m/s
+    samples: int = 200  #: spans that are compared, at least
+    turning: float = 3.0 * DEGREE  #: rad/s rms; less turning shows nothing
+    followed: float = 0.8  #: share of the turning that a matching pair of channels explains
+    gain: float = 0.15  #: departure from one that calibrated gyros do not have
+    separation: float = 0.05  #: s between attitudes whose noise is independent
 
 
-AGREEMENT: Final = Agreement()
-NORMAL: Final = 1.4826  #: standard deviation over the median of sizes, of normal numbers
-
+LIMITS: Final = Agreement()
 Columns: TypeAlias = Mapping[str, FloatArray]  #: variable -> (n,) SI, on one uniform grid
 
 
@@ -69,41 +58,23 @@ def check_motion(data: Columns, rate: float, lines: Lines) -> tuple[list[Notice]
     rate : Hz
     lines : what the user's mapping says of each variable
     """
-    step = max(1, round(rate / RATE))
-    part = _busiest(data, step)
-    thin: Columns = {name: x[part] for name, x in data.items()}
-    found, _ = search(thin, lambda columns: mapping_edits(columns, lines), Kinematics(rate / step))
-    corrected = dict(data)
-    for one in found:
-        corrected.update(one.best.apply(corrected))
-    return [line_notice(one, lines) for one in found], corrected
-
-
-def line_notice(found: Finding[Columns], lines: Lines) -> Notice:
-    """Return what is wrong with a line of a mapping, and what to write; several where no channel decides."""
-    alternatives = tuple(f"{s.edit.fix} for {where(s.edit.lines, lines)}" for s in found.edits)
-    return notice(
-        f"mapping-{found.best.kind}" if len(found.edits) == 1 else "mapping-ambiguous",
-        found.best.lines[0],
-        lines=found.best.lines,
-        fix=found.best.fix,
-        suggestion=" or ".join(alternatives),
-        alternatives=alternatives,
-        evidence=found.edits[0].evidence,
-    )
-
-
-def _busiest(data: Columns, step: int) -> slice:
-    """Return the part of the record that turns and moves most, thinned."""
-    size, many = next(iter(data.values())).size, MAX_SAMPLES * step
+    step = max(1, round(rate / LIMITS.rate))
+    size, many = next(iter(data.values())).size, LIMITS.longest * step
     watched = [data[name] for name in (*RATES, *VELOCITY) if name in data]
     starts = range(0, max(size - many // 2, 1), many)
-
-    def motion(start: int) -> float:
-        return float(np.sum([np.nan_to_num(x[start : start + many]).std() for x in watched]))
-
-    first = max(starts, key=motion)
-    return slice(first, first + many, step)
+    motions = [
+        float(np.sum([np.nan_to_num(x[start : start + many]).std() for x in watched])) for start in starts
+    ]
+    first = starts[int(np.argmax(motions))]
+    thin: Columns = {name: x[first : first + many : step] for name, x in data.items()}
+    found, _ = search(thin, lambda columns: mapping_edits(columns, lines), Kinematics(rate / step))
+    corrected = dict(data)
+    notices = []
+    for one in found:
+        corrected.update(one.best.apply(corrected))
+        code = f"mapping-{one.best.kind}" if len(one.edits) == 1 else "mapping-ambiguous"
+        notices.append(notice(code, one.best.lines[0], **one.values(lines)))
+    return notices, corrected
 
 
 def mapping_edits(data: Columns, lines: Lines) -> Iterator[Edit[Columns]]:
@@ -113,23 +84,23 @@ def mapping_edits(data: Columns, lines: Lines) -> Iterator[Edit[Columns]]:
     signed = own | (set(RATES) & data.keys())
     for name in SIGNED:
         if name in signed:
-            yield Edit("sign", (name,), "write scale = -1", scaled((name,), -1.0))
+            yield Edit("sign", (name,), "write scale = -1", _scaled((name,), -1.0))
     for one, other in EXCHANGED:
         if {one, other} <= signed:
             yield Edit(
                 "exchange", (one, other), "exchange the columns", _exchanged(one, other), complete=True
             )
-    for names in SENSORS:
+    for names in (VELOCITY, POSITION, ("altitude",)):  # what shares a unit
         same = tuple(name for name in names if name in own)
         units = {lines[name].unit for name in same}
         unit = units.pop() if len(units) == 1 else ""
         for other, kind in KINDS.items():
             if kind == KINDS.get(unit, "") and FACTORS[other] != FACTORS[unit]:
-                change = scaled(same, FACTORS[other] / FACTORS[unit])
+                change = _scaled(same, FACTORS[other] / FACTORS[unit])
                 yield Edit("unit", same, f'write unit = "{other}"', change, complete=True)
 
 
-def scaled(names: Sequence[str], factor: float) -> Callable[[Columns], Columns]:
+def _scaled(names: Sequence[str], factor: float) -> Callable[[Columns], Columns]:
     """Return an edit that multiplies columns; the quaternion follows its angles."""
 
     def apply(data: Columns) -> Columns:
@@ -155,48 +126,38 @@ class Kinematics:
     def __call__(self, data: Columns, changed: Collection[str] | None) -> Residuals:
         """Return what disagrees in each channel that others predict, where some of those that changed take part."""
         out: dict[Key, Evidence] = {}
-        for kind, parts, residuals in (
-            ("turn", {*RATES, *EULER}, self._turn),
-            ("place", {*VELOCITY, *MOVED_BY}, self._place),
-            ("force", {*EULER, *SPECIFIC_FORCE, *VELOCITY}, self._force),
-        ):
-            if changed is None or parts & set(changed):
-                out.update({(kind, name): residual for name, residual in residuals(data)})
-        return out
 
-    def _turn(self, data: Columns) -> Iterator[tuple[str, Residual]]:
-        if set(RATES) | set(QUATERNION) <= data.keys():
-            implied, measured, _ = mean_rates(data, TURN_SPAN, self.rate)
+        def concerned(parts: set[str], needed: set[str]) -> bool:
+            return needed <= data.keys() and (changed is None or bool(parts & set(changed)))
+
+        def centered(y: FloatArray, x: FloatArray, span: float, floor: float) -> Residual:
+            left = y - x
+            known = left[np.isfinite(left)]
+            mean = float(known.mean()) if known.size else 0.0
+            return Residual(left - mean, y, span * self.rate, floor**2)
+
+        def slope(x: FloatArray) -> FloatArray:
+            return np.asarray((x[steps:] - x[:-steps]) * self.rate / steps)
+
+        steps, span = round(LIMITS.move * self.rate), LIMITS.move
+        if concerned({*RATES, *EULER}, {*RATES, *QUATERNION}):
+            implied, measured, _ = _mean_rates(data, LIMITS.turn, self.rate)
             for i, name in enumerate(RATES):
-                yield name, self._centered("turn", TURN_SPAN, implied[:, i], measured[:, i])
-
-    def _place(self, data: Columns) -> Iterator[tuple[str, Residual]]:
-        steps = round(MOVE_SPAN * self.rate)
+                y, x = implied[:, i], measured[:, i]
+                out["turn", name] = centered(y, x, LIMITS.turn, LIMITS.turn_floor)
         for name, cause in MOVED_BY.items():
-            if {name, cause} <= data.keys():
-                moved = self._slope(data[name], steps) * (-1.0 if name == "altitude" else 1.0)
+            if concerned({*VELOCITY, *MOVED_BY}, {name, cause}):
+                moved = slope(data[name]) * (-1.0 if name == "altitude" else 1.0)
                 left = moved - _means(data[cause], steps)
-                yield name, Residual(left, moved, MOVE_SPAN * self.rate, FLOORS["place"] ** 2)
-
-    def _force(self, data: Columns) -> Iterator[tuple[str, Residual]]:
-        steps = round(MOVE_SPAN * self.rate)
-        if set(SPECIFIC_FORCE) | set(QUATERNION) | set(VELOCITY) <= data.keys():
+                out["place", name] = Residual(left, moved, span * self.rate, LIMITS.place_floor**2)
+        if concerned({*EULER, *SPECIFIC_FORCE, *VELOCITY}, {*SPECIFIC_FORCE, *QUATERNION, *VELOCITY}):
             attitude = np.column_stack([data[name] for name in QUATERNION])
             felt = to_ground(attitude, np.column_stack([data[name] for name in SPECIFIC_FORCE]))
             felt[:, 2] += STANDARD_GRAVITY
             for i, name in enumerate(VELOCITY):
-                gained = self._slope(data[name], steps)
-                yield name, self._centered("force", MOVE_SPAN, gained, _means(felt[:, i], steps))
-
-    def _slope(self, x: FloatArray, steps: int) -> FloatArray:
-        return np.asarray((x[steps:] - x[:-steps]) * self.rate / steps)
-
-    def _centered(self, kind: str, span: float, y: FloatArray, x: FloatArray) -> Residual:
-        """Return a difference without its mean: offsets of sensors contradict nothing."""
-        left = y - x
-        known = left[np.isfinite(left)]
-        mean = float(known.mean()) if known.size else 0.0
-        return Residual(left - mean, y, span * self.rate, FLOORS[kind] ** 2)
+                x = _means(felt[:, i], steps)
+                out["force", name] = centered(slope(data[name]), x, span, LIMITS.force_floor)
+        return out
 
 
 def _means(x: FloatArray, steps: int) -> FloatArray:
@@ -209,7 +170,7 @@ def _means(x: FloatArray, steps: int) -> FloatArray:
     return out
 
 
-def mean_rates(data: Columns, span: float, rate: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _mean_rates(data: Columns, span: float, rate: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the mean rates (n, 3) over a span [s] that the attitude implies and those measured, rad/s; and where."""
     steps = max(2, round(span * rate))
     attitude = np.column_stack([data[name] for name in QUATERNION])
@@ -224,7 +185,7 @@ def mean_rates(data: Columns, span: float, rate: float) -> tuple[FloatArray, Flo
     return turned * rate / steps, mean, first
 
 
-def check_rates(data: Columns, rate: float, lines: Lines, limits: Agreement = AGREEMENT) -> list[Notice]:
+def check_rates(data: Columns, rate: float, lines: Lines) -> list[Notice]:
     """Compare body rates with those that the attitude implies: scale, clipping, lag, or nothing in common.
 
     Parameters
@@ -233,46 +194,41 @@ def check_rates(data: Columns, rate: float, lines: Lines, limits: Agreement = AG
     rate : Hz
     lines : what the user's mapping says of each variable
     """
-    if not set(RATES) | set(QUATERNION) <= set(data):
+    if not {*RATES, *QUATERNION} <= data.keys():
         return []
-    implied, measured, first = mean_rates(data, TURN_SPAN, rate)
-    if len(first) < limits.samples:
+    implied, measured, first = _mean_rates(data, LIMITS.turn, rate)
+    if len(first) < LIMITS.samples:
         return []
-    noise = _attitude_noise(data, rate, limits) * np.sqrt(2.0) * rate / max(2, round(TURN_SPAN * rate))
+    noise = _attitude_noise(data, rate) * np.sqrt(2.0) * rate / max(2, round(LIMITS.turn * rate))
     implied, measured = implied - implied.mean(axis=0), measured - measured.mean(axis=0)
     out = []
     for i, name in enumerate(RATES):
         y, x = implied[:, i], measured[:, i]
         size = float(np.sqrt(np.mean(y**2)))
         turning = np.sqrt(max(size**2 - noise[i] ** 2, 0.0))
-        if turning < max(limits.turning, noise[i]):
+        if turning < max(LIMITS.turning, noise[i]):
             continue
         power = float(y @ y) * float(x @ x)
         correlation = float(y @ x) / np.sqrt(power) * size / turning if power > 0.0 else 0.0
         gain = float(y @ x) / float(x @ x) if power > 0.0 else 0.0
-        values: dict[str, float | str] = {
-            "correlation": float(correlation),
-            "gain": float(gain),
-            "line": where((name,), lines),
-        }
-        if abs(correlation) ** 2 < limits.followed:
-            out.append(notice("rate-unlike-attitude", name, **values))
-        elif abs(gain - 1.0) > limits.gain:
-            out.append(notice("rate-scale", name, **values))
+        unlike = abs(correlation) ** 2 < LIMITS.followed
+        if unlike or abs(gain - 1.0) > LIMITS.gain:
+            values = {"correlation": float(correlation), "gain": float(gain)}
+            code = "rate-unlike-attitude" if unlike else "rate-scale"
+            out.append(notice(code, name, **values, line=where((name,), lines)))
     return out
 
 
-def _attitude_noise(data: Columns, rate: float, limits: Agreement) -> FloatArray:
+def _attitude_noise(data: Columns, rate: float) -> FloatArray:
     """Return (3,) rad: how far the attitude about each body axis scatters, beside what the rates say.
 
     Second differences over a time longer than the grid's filter remembers: neighbors on the grid scatter less than what
     was recorded. The median passes over maneuvers in which attitude and rates disagree.
     """
-    steps = max(1, round(limits.separation * rate))
-    span = max(2, steps)
-    implied, measured, first = mean_rates(data, limits.separation, rate)
+    steps = max(1, round(LIMITS.separation * rate))
+    implied, measured, first = _mean_rates(data, LIMITS.separation, rate)
     left = np.full((len(data["q0"]), 3), np.nan)
-    left[first] = (implied - measured) * span / rate
+    left[first] = (implied - measured) * max(2, steps) / rate
     jumps = left[steps:] - left[:-steps]
     known = jumps[np.isfinite(jumps).all(axis=1)]
-    return NORMAL * np.median(np.abs(known), axis=0) / np.sqrt(6.0) if len(known) else np.zeros(3)
+    return MAD * np.median(np.abs(known), axis=0) / np.sqrt(6.0) if len(known) else np.zeros(3)

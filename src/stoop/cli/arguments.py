@@ -1,4 +1,4 @@
-"""Options that verbs share, and what follows from them."""
+"""Options that verbs share, their numbers and windows, and what follows from them."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import argparse
 import math
 import shlex
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from stoop.cli.numbers import within
-from stoop.errors import IdentificationError
+from stoop.errors import FlightError, IdentificationError
 
 if TYPE_CHECKING:
     from stoop.vehicle import Vehicle
@@ -21,60 +21,121 @@ BUILT_IN_HELP: Final = "a built-in vehicle: twin-boom, quad-x, quad-plus, hexa-x
 VEHICLE_HELP: Final = f"vehicle file (TOML), or {BUILT_IN_HELP}"
 LOG_HELP: Final = ".ulg, .bin, .log, .usd, .nc, .mat, .parquet, .csv, a ROS bag, or a folder of CSV files"
 WINDOW: Final = "[FLIGHT@]START:STOP[#LOADING]"
-airspeed = within(0.1, 10_000.0, "m/s")
-altitude = within(-1000.0, 11_000.0, "m")  # that the standard atmosphere of the equations reaches
-climb_angle = within(-89.0, 89.0, "degrees", math.radians(1.0))
+HOVERING: Final = "the vehicle's reference; hover for a vehicle with rotors"
+SEVERAL: Final[dict[str, Any]] = {"nargs": "+", "action": "extend", "default": []}
 
 
-def add_flight(parser: argparse.ArgumentParser) -> None:
-    """Add one flight log and its mapping."""
-    parser.add_argument("flight", metavar="FLIGHT", type=Path, help=f"flight log: {LOG_HELP}")
-    add_mapping(parser)
+def _reader(allowed: Callable[[Any], bool], what: str, whole: bool = False) -> Callable[[str], Any]:
+    """Return what reads a number and refuses others in one line."""
+
+    def read(text: str) -> Any:
+        try:
+            value = (int(text) if text.isascii() and text.isdigit() else math.nan) if whole else float(text)
+        except ValueError:
+            value = math.nan
+        if not allowed(value):
+            raise argparse.ArgumentTypeError(f"'{text}' is not {what}")
+        return value
+
+    return read
 
 
-def add_flights(parser: argparse.ArgumentParser, what: str = "flight log(s)") -> None:
-    """Add flight logs and their mapping."""
-    parser.add_argument("flight", metavar="FLIGHT", nargs="+", type=Path, help=f"{what}: {LOG_HELP}")
-    add_mapping(parser)
+count = _reader(lambda n: n >= 0, "a whole number, zero or above", whole=True)
+at_least_one = _reader(lambda n: n >= 1, "a whole number, one or above", whole=True)
+positive = _reader(lambda x: 0.0 < x < math.inf, "a positive number")
+finite = _reader(math.isfinite, "a number")
+
+
+def within(low: float, high: float, unit: str, factor: float = 1.0) -> Callable[[str], float]:
+    """Return what reads a number between two limits, in a unit, and returns it times a factor."""
+
+    def read(text: str) -> float:
+        value: float = finite(text)
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text} is not between {low:g} and {high:g} {unit}")
+        return value * factor
+
+    return read
+
+
+def add_flight(
+    parser: argparse.ArgumentParser, what: str = "flight log(s)", several: bool = True, mapping: bool = True
+) -> None:
+    """Add one flight log or several, and their mapping."""
+    many: Any = {"nargs": "+"} if several else {}
+    parser.add_argument("flight", metavar="FLIGHT", type=Path, help=f"{what}: {LOG_HELP}", **many)
+    if mapping:
+        add_mapping(parser)
 
 
 def add_mapping(parser: argparse.ArgumentParser) -> None:
     """Add the mapping of a log."""
-    mapping = "TOML: columns, units and axes of the log (drafted by stoop map)"
-    parser.add_argument("--mapping", metavar="M.toml", type=Path, help=mapping)
+    text = "TOML: columns, units and axes of the log (drafted by stoop map)"
+    parser.add_argument("--mapping", metavar="M.toml", type=Path, help=text)
 
 
 def add_window(parser: argparse.ArgumentParser, what: str) -> None:
     """Add --window START:STOP, which may be given several times or several at a time."""
-    text = f"{what}; s of the log's clock"
-    parser.add_argument("--window", metavar="START:STOP", nargs="+", action="extend", default=[], help=text)
+    parser.add_argument("--window", metavar="START:STOP", **SEVERAL, help=f"{what}; s of the log's clock")
 
 
-def add_free_fix(
-    parser: argparse.ArgumentParser, free: str = "estimate this number of the vehicle file"
-) -> None:
+def add_free_fix(parser: argparse.ArgumentParser) -> None:
     """Add which numbers are estimated."""
-    add = parser.add_argument
-    add("--free", metavar="NAME", action="append", default=[], help=free)
-    add("--fix", metavar="NAME", action="append", default=[], help="hold this number")
+    add, each = parser.add_argument, {"metavar": "NAME", "action": "append", "default": list[str]()}
+    add("--free", **each, help="estimate this number of the vehicle file")  # type: ignore[arg-type]
+    add("--fix", **each, help="hold this number")  # type: ignore[arg-type]
 
 
-def add_folder(parser: argparse.ArgumentParser, what: str, earlier: str, *, required: bool = True) -> None:
-    """Add the output folder, and the permission to replace what an earlier run has written there."""
-    add = parser.add_argument
-    add("-o", "--output", metavar="DIR", type=Path, required=required, help=f"folder for {what}")
-    add("--overwrite", action="store_true", help=f"replace {earlier}")
-
-
-def add_file(parser: argparse.ArgumentParser, metavar: str, text: str, *, required: bool = False) -> None:
-    """Add the output file, and the permission to replace it."""
+def add_output(
+    parser: argparse.ArgumentParser,
+    what: str,
+    replaced: str = "the output file if it exists",
+    metavar: str = "DIR",
+    required: bool = True,
+) -> None:
+    """Add the output folder or file, and the permission to replace what an earlier run has written there."""
+    text = f"folder for {what}" if metavar == "DIR" else what
     parser.add_argument("-o", "--output", metavar=metavar, type=Path, required=required, help=text)
-    add_overwrite(parser)
+    parser.add_argument("--overwrite", action="store_true", help=f"replace {replaced}")
 
 
-def add_overwrite(parser: argparse.ArgumentParser) -> None:
-    """Add the permission to replace a file."""
-    parser.add_argument("--overwrite", action="store_true", help="replace the output file if it exists")
+def add_condition(parser: argparse.ArgumentParser, speed: str, high: float | None = 200.0) -> None:
+    """Add airspeed and altitude, within what the standard atmosphere of the equations reaches."""
+    above = "m above sea level (default: " + ("200)" if high is not None else "the flight's, else 200)")
+    add = parser.add_argument
+    add("--airspeed", metavar="V", type=within(0.1, 10_000.0, "m/s"), help=speed)
+    add("--altitude", metavar="H", type=within(-1000.0, 11_000.0, "m"), default=high, help=above)
+
+
+def add_climb_angle(parser: argparse.ArgumentParser) -> None:
+    """Add the angle of climb."""
+    angle = within(-89.0, 89.0, "degrees", math.radians(1.0))
+    parser.add_argument("--climb-angle", metavar="DEG", type=angle, default=0.0, help="degrees (default: 0)")
+
+
+def windows(texts: Sequence[str]) -> tuple[tuple[float, float], ...]:
+    """Read windows START:STOP of one flight, s on the log's own clock.
+
+    Raises
+    ------
+    FlightError
+        Not of the form START:STOP, the wrong way round, or overlapping.
+    """
+    found = []
+    for text in texts:
+        try:
+            start, stop = (float(part) for part in text.split(":"))
+        except ValueError:
+            raise FlightError(f"--window {text}: write START:STOP in seconds, for example 140:145") from None
+        if not (math.isfinite(start) and math.isfinite(stop) and start < stop):
+            raise FlightError(f"--window {text}: the start must come before the stop")
+        found.append((start, stop))
+    for one, following in pairwise(sorted(found)):
+        if following[0] < one[1]:
+            raise FlightError(
+                f"--window {following[0]:g}:{following[1]:g}: overlaps {one[0]:g}:{one[1]:g}; give windows that lie apart"
+            )
+    return tuple(sorted(found))
 
 
 def command_line() -> str:
@@ -85,6 +146,11 @@ def command_line() -> str:
 def given_paths(*paths: Path | None) -> list[Path]:
     """Return the paths that were given."""
     return [path for path in paths if path is not None]
+
+
+def source_arguments(flights: Sequence[Path], mapping: Path | None) -> list[str]:
+    """Return the arguments by which another verb reads the same flights."""
+    return [*map(str, flights), *([] if mapping is None else ["--mapping", str(mapping)])]
 
 
 def with_free(vehicle: Vehicle, free: Sequence[str], fix: Sequence[str]) -> Vehicle:
@@ -98,9 +164,22 @@ def with_free(vehicle: Vehicle, free: Sequence[str], fix: Sequence[str]) -> Vehi
     both = set(free) & set(fix)
     if both:
         raise IdentificationError(f"--free and --fix both name '{min(both)}'; keep one of them")
-    for option, names in (("--free", free), ("--fix", fix)):
-        for name in names:
-            _check_has_effect(vehicle, option, name)
+    own = {p.name for p in vehicle.parameters}
+    for option, name in (*(("--free", n) for n in free), *(("--fix", n) for n in fix)):
+        row, (table, _, last) = vehicle.rows.get(name), name.rpartition(".")
+        if row is None and _is_optional(vehicle, name):
+            raise IdentificationError(
+                f"{option} {name}: {vehicle.where} does not hold it; write {last} = {{ value = ..., bounds = [low, high] }} "
+                f"into [{table}]"
+            )
+        if row is not None and name not in own:
+            raise IdentificationError(
+                f"{option} {name}: tied to {vehicle.parameters[row].name}; name that one"
+            )
+        if name in own and not _in_equations(vehicle, name):
+            raise IdentificationError(
+                f"{option} {name}: the equations of {vehicle.where} ({vehicle.reduce}) do not contain it; leave it out"
+            )
     changes = {name: {"free": True} for name in free} | {name: {"free": False} for name in fix}
     changed = vehicle.with_numbers(changes) if changes else vehicle
     for p in changed.parameters:
@@ -109,23 +188,6 @@ def with_free(vehicle: Vehicle, free: Sequence[str], fix: Sequence[str]) -> Vehi
                 f"--free {p.name}: it has no bounds and its value is {p.value:g}; write bounds = [low, high] in {vehicle.where}"
             )
     return changed
-
-
-def _check_has_effect(vehicle: Vehicle, option: str, name: str) -> None:
-    own = {p.name for p in vehicle.parameters}
-    row = vehicle.rows.get(name)
-    if row is None and _is_optional(vehicle, name):
-        table, _, last = name.rpartition(".")
-        raise IdentificationError(
-            f"{option} {name}: {vehicle.where} does not hold it; write {last} = {{ value = ..., bounds = [low, high] }} into "
-            f"[{table}]"
-        )
-    if row is not None and name not in own:
-        raise IdentificationError(f"{option} {name}: tied to {vehicle.parameters[row].name}; name that one")
-    if name in own and not _in_equations(vehicle, name):
-        raise IdentificationError(
-            f"{option} {name}: the equations of {vehicle.where} ({vehicle.reduce}) do not contain it; leave it out"
-        )
 
 
 def _is_optional(vehicle: Vehicle, name: str) -> bool:

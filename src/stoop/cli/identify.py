@@ -6,27 +6,30 @@ import argparse
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
-from stoop.cli import assessments
 from stoop.cli.arguments import (
+    SEVERAL,
     VEHICLE_HELP,
     WINDOW,
-    add_flights,
-    add_folder,
+    add_flight,
     add_free_fix,
+    add_output,
+    at_least_one,
     command_line,
+    count,
+    finite,
     given_paths,
+    positive,
     with_free,
 )
-from stoop.cli.numbers import at_least_one, count, finite, positive
 from stoop.cli.page import page
+from stoop.cli.progress import INTERRUPTED, Watch
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
-    from stoop.base.notices import Notice
-    from stoop.cli.progress import Watch
+    from stoop.assessment.assessment import Assessment
     from stoop.estimate.fit import Options
     from stoop.flight import Flight
     from stoop.optimize import Progress
@@ -34,7 +37,7 @@ if TYPE_CHECKING:
     from stoop.workflow import Job
     from stoop.workflow.checkpoint import Checkpoint
 
-INTERRUPTED = 130
+STORES: Final = ("bootstrap.sqlite", "profile.sqlite")  #: in the output folder while the assessments go on
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -48,10 +51,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(default: output-error; with rotors multiple-shooting, or equation-error where motors were logged below 100 Hz)"
     )
     names = "optimizer: ps-gde-lm (default), ps-gde, scipy-least-squares or another of docs/optimizers.md"
-    add_flights(parser)
+    refits = "block bootstrap with N replicates (default: 1000)"
+    lines = "profile likelihood of these parameters (default: the doubtful ones)"
+    add_flight(parser)
     add("--vehicle", metavar="V.toml", required=True, help=VEHICLE_HELP)
     add("--maneuver", metavar=WINDOW, nargs="+", action="extend", required=True, help=fit)
-    add("--validate", metavar=WINDOW, nargs="+", action="extend", default=[], help=predict)
+    add("--validate", metavar=WINDOW, **SEVERAL, help=predict)
     add_free_fix(parser)
     add("--noise", metavar="Q.csv", type=Path, help=noise)
     add("--method", metavar="NAME", default="", help=methods)
@@ -60,59 +65,58 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--generations", metavar="N", type=at_least_one, default=2000, help=many.format(2000))
     add("--budget", metavar="TRAJECTORIES", type=positive, default=100_000.0, help=many.format(100000))
     add("--target-cost", metavar="J", type=finite, default=-math.inf, help="stop at this cost")
-    assessments.add_arguments(parser)
-    add_folder(parser, "result, vehicle, flight and report", "a result in DIR")
+    add("--bootstrap", metavar="N", nargs="?", const=1000, type=at_least_one, help=refits)
+    add("--posterior", action="store_true", help="sample the posterior; writes posterior.nc")
+    add("--profile", metavar="NAME", nargs="*", help=lines)
+    add_output(parser, "result, vehicle, flight and report", "a result in DIR")
     add("--repeatability", action="store_true", help="fit each maneuver alone too, and compare")
     add("--resume", action="store_true", help="go on from an unfinished search in DIR")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Identify, write, and print what was found."""
-    _check_output(arguments)
-    from stoop.cli.progress import Watch
-    from stoop.problem.windows_file import expanded
+    from stoop.checks.vehicle import check_vehicle
+    from stoop.estimate.methods import choose_method
+    from stoop.flight.flight import flight_name
+    from stoop.problem.windows import expanded, files_among, parse_window
+    from stoop.workflow.checkpoint import Checkpoint, identity
+    from stoop.workflow.outputs import check_folder, file_hashes, flight_files
 
+    windows = files_among([*arguments.maneuver, *arguments.validate])
+    others = given_paths(arguments.mapping, arguments.noise)
+    inputs = [Path(arguments.vehicle), *arguments.flight, *windows, *others]
+    attached = ("posterior.nc",) if arguments.posterior else ()
+    names = [flight_name(path) for path in arguments.flight]
+    check_folder(arguments.output, names, arguments.overwrite or arguments.resume, inputs, attached)
     arguments.maneuver, arguments.validate = expanded(arguments.maneuver, arguments.validate)
     vehicle, flights, options = _read(arguments)
-    assessed = assessments.wanted(arguments)
+    known = {flight.name: flight for flight in flights}
+    fitted = [parse_window(text, known) for text in arguments.maneuver]
+    assessments = _assessments(arguments)
     with Watch() as watch:
-        for doubt in _doubts(arguments, vehicle, flights):
+        # What contradicts the vehicle comes before a search that may be long; the report holds it too.
+        for doubt in check_vehicle(vehicle, known, fitted):
             watch.warn(str(doubt))
-        checkpoint = _checkpoint(arguments, vehicle, flights, options, watch.warn)
+        files = file_hashes([*flight_files(flights), *given_paths(arguments.mapping)])
+        chosen = replace(options, method=choose_method(options.method, vehicle, flights).name)
+        problem = identity(vehicle, files, arguments.maneuver, arguments.validate, chosen)
+        checkpoint = Checkpoint(arguments.output, problem, watch.warn)
         job, stopped = _identify(arguments, vehicle, flights, options, checkpoint, watch)
-        if assessed and not stopped:
-            job = assessments.assess(job, arguments, watch)
-        if not (assessed and stopped):
+        if assessments and not stopped:
+            job = _assess(job, assessments, arguments, watch)
+        if not (assessments and stopped):
             checkpoint.forget(job.fit.outcome)
     show(job, arguments.output)
     return INTERRUPTED if stopped else 0
 
 
-def _doubts(arguments: argparse.Namespace, vehicle: Vehicle, flights: Sequence[Flight]) -> list[Notice]:
-    """Return what contradicts the vehicle, before a search that may be long; the report holds it too."""
-    from stoop.checks.vehicle import check_vehicle
-    from stoop.problem.windows import parse_window
-
-    known = {flight.name: flight for flight in flights}
-    return check_vehicle(vehicle, known, [parse_window(text, known) for text in arguments.maneuver])
-
-
-def _check_output(arguments: argparse.Namespace) -> None:
-    from stoop.flight.flight import flight_name
-    from stoop.problem.windows_file import files_among
-    from stoop.workflow.outputs import check_folder
-
-    names = [flight_name(path) for path in arguments.flight]
-    windows = files_among([*arguments.maneuver, *arguments.validate])
-    others = given_paths(arguments.mapping, arguments.noise)
-    inputs = [Path(arguments.vehicle), *arguments.flight, *windows, *others]
-    replaced = arguments.overwrite or arguments.resume
-    check_folder(arguments.output, names, replaced, inputs, assessments.files(arguments))
-
-
 def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options]:
+    """Return vehicle, flights and options; refuse a method, a name or an assessment before the search."""
+    from stoop.assessment.assessment import check_method
+    from stoop.assessment.posterior import libraries
+    from stoop.assessment.profile import check_names
     from stoop.estimate.fit import Options
-    from stoop.estimate.methods import find
+    from stoop.estimate.methods import choose_method, find
     from stoop.estimate.noise import read_covariance
     from stoop.flight import load
     from stoop.optimize import create
@@ -127,25 +131,28 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
         arguments.method,
     )  # fmt: skip
     flights = [load(path, arguments.mapping) for path in arguments.flight]
-    assessments.check(arguments, vehicle, flights)
+    if arguments.bootstrap or arguments.posterior or arguments.profile is not None:
+        check_method(choose_method(arguments.method, vehicle, flights).name)
+        if arguments.posterior:
+            libraries()
+        check_names([p.name for p in vehicle.parameters if p.free], arguments.profile or ())
     return vehicle, flights, options
 
 
-def _checkpoint(
-    arguments: argparse.Namespace,
-    vehicle: Vehicle,
-    flights: Sequence[Flight],
-    options: Options,
-    warn: Callable[[str], None],
-) -> Checkpoint:
-    from stoop.estimate.methods import choose_method
-    from stoop.workflow.checkpoint import Checkpoint, identity
-    from stoop.workflow.provenance import file_hashes, flight_files
+def _assessments(arguments: argparse.Namespace) -> list[Assessment]:
+    """Return the assessments that were asked for."""
+    from stoop.assessment.profile import DOUBTFUL
+    from stoop.workflow import Bootstrap, Posterior, Profile
 
-    files = file_hashes([*flight_files(flights), *given_paths(arguments.mapping)])
-    options = replace(options, method=choose_method(options.method, vehicle, flights).name)
-    problem = identity(vehicle, files, arguments.maneuver, arguments.validate, options)
-    return Checkpoint(arguments.output, problem, warn)
+    bootstrap, profile = (arguments.output / name for name in STORES)
+    out: list[Assessment] = []
+    if arguments.bootstrap:
+        out.append(Bootstrap(arguments.bootstrap, store=bootstrap))
+    if arguments.posterior:
+        out.append(Posterior())
+    if arguments.profile is not None:
+        out.append(Profile(tuple(arguments.profile) or (DOUBTFUL,), store=profile))
+    return out
 
 
 def _identify(
@@ -157,10 +164,10 @@ def _identify(
     watch: Watch,
 ) -> tuple[Job, bool]:
     """Return the job, its results written, and whether Ctrl-C came."""
+    from stoop.assessment.uncertainty import fit_each, with_repeatability
     from stoop.workflow.checkpoint import deferred_interrupt
     from stoop.workflow.identification import finish, search
     from stoop.workflow.outputs import place_outputs
-    from stoop.workflow.repeat import fit_alone, with_repeatability
 
     state = checkpoint.load() if arguments.resume else None
     watch.count_from(0.0 if state is None else state.evaluations.trajectories)
@@ -175,29 +182,50 @@ def _identify(
     singles = []
     if arguments.repeatability:
         checkpoint.keep_last(done.fit.outcome)  # the search that was done is safe meanwhile
-        singles = fit_alone(done, watch.turn_to)
+        singles = fit_each(done.fit, done.flights, done.options, watch.turn_to)
     with deferred_interrupt() as ctrl_c:
         checkpoint.keep_last(done.fit.outcome)
         watch.turn_to("error bars, predictions and report")
-        job = with_repeatability(finish(done), singles)
+        job = finish(done)
+        job = job.with_result(with_repeatability(job.result, singles)) if singles else job
         place_outputs(job, arguments.output, arguments.overwrite or arguments.resume)
     return job, ctrl_c.came or done.fit.outcome.status == "interrupted"
+
+
+def _assess(job: Job, assessments: Sequence[Assessment], arguments: argparse.Namespace, watch: Watch) -> Job:
+    """Return the job with the assessments that were asked for, written where its result lies.
+
+    The result without them lies there already. What is done of them survives Ctrl-C: ``--resume`` goes on.
+    """
+    from stoop.parallel.store import forget
+    from stoop.workflow.outputs import place_outputs
+
+    stores = [arguments.output / name for name in STORES]
+    for store in stores if not arguments.resume else ():
+        forget(store)
+    try:
+        job = job.assess(*assessments, watch=watch.turn_to)
+    except KeyboardInterrupt:
+        watch.warn(f"the fit lies in {arguments.output}; --resume goes on with its uncertainty")
+        raise
+    place_outputs(job, arguments.output, overwrite=True)
+    for store in stores:
+        forget(store)
+    return job
 
 
 def show(job: Job, folder: Path) -> None:
     """Print what was found and where it lies."""
     from stoop.workflow import summary
 
-    result, out = job.identification.result, page()
+    result, out = job.result, page()
     out.heading("estimates")
     out.text(summary.estimates_table(result))
     if len(result.uncertainty) > len(summary.BASIC_METHODS):
         out.heading("standard errors by method")
         out.text(summary.methods_table(result))
         out.bullets(f"{name}: {note}" for name, m in result.uncertainty.items() for note in m.notes)
-    if result.trust:
-        out.heading("which error bars to trust")
-        out.bullets(result.trust)
+    out.bullets(result.trust, "which error bars to trust")
     advice = summary.advice_by_doubt(result.identifiability.parameters)
     if advice:
         out.heading("what would make the doubtful parameters identifiable")
@@ -209,16 +237,13 @@ def show(job: Job, folder: Path) -> None:
     if job.forces:
         out.heading("specific force below 5 Hz, from the measured motion: rms residual, m/s2")
         out.text(summary.forces_table(job.forces))
-    lists = {
-        "repeatability: each maneuver fitted alone": summary.repeatability_lines(result.repeatability),
-        "wind and pitot": [note for wind in result.wind for note in wind.notes],
-        "warnings": result.warnings,
-        "how to read this": result.basis,
-    }
-    for title, lines in lists.items():
-        if lines or (title == "wind and pitot" and result.wind):
-            out.heading(title)
-            out.bullets(lines)
+    repeated = summary.repeatability_lines(result.repeatability)
+    out.bullets(repeated, "repeatability: each maneuver fitted alone")
+    if result.wind:
+        out.heading("wind and pitot")
+        out.bullets(note for wind in result.wind for note in wind.notes)
+    out.bullets(result.warnings, "warnings")
+    out.bullets(result.basis, "how to read this")
     out.line()
     ended = f"{result.status}: {result.advice}" if result.advice else result.status
     out.line(f"{ended} ({result.trajectories:.0f} trajectories, {result.seconds:.1f} s)")

@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stoop.cli.arguments import add_flight
-from stoop.cli.page import Page, busy, page, print_json
-from stoop.cli.tables import alike, fixed, numbers, points, shown_unit, words
+from stoop.cli.arguments import add_flight, source_arguments
+from stoop.cli.page import alike, busy, fixed, numbers, page, points, shown_unit, to_json, words
 
 if TYPE_CHECKING:
-    from stoop.flight import ChannelRow, FlightSummary, Maneuver
+    from stoop.flight import FlightSummary, Maneuver
 
-FORMAT = "stoop-info/1"
 MAX_STREAMS, MAX_NAMES = 12, 24  #: lines and names shown of what is not mapped; JSON holds all
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
-    add_flight(parser)
+    add_flight(parser, "flight log", several=False)
     parser.add_argument("--json", action="store_true", help="print JSON (SI units, rad) instead of tables")
 
 
@@ -33,22 +30,22 @@ def run(arguments: argparse.Namespace) -> int:
     with busy("reading the log"):
         summary = describe(load(arguments.flight, arguments.mapping))
     if arguments.json:
-        print_json(info_document(summary))
+        print(to_json(info_document(summary)))
     else:
-        _print(page(), summary, source_arguments(arguments.flight, arguments.mapping))
+        _print(summary, source_arguments([arguments.flight], arguments.mapping))
     return 0
 
 
-def source_arguments(flight: Path, mapping: Path | None) -> list[str]:
-    """Return the arguments by which another verb reads the same flight."""
-    return [str(flight)] if mapping is None else [str(flight), "--mapping", str(mapping)]
-
-
 def info_document(summary: FlightSummary) -> dict[str, Any]:
-    """Return what is known of a flight for JSON, SI and rad."""
+    """Return what is known of a flight for JSON, SI and rad; time histories and notes of its air data stand elsewhere."""
     flight = summary.flight
+    air = (
+        None
+        if flight.air is None
+        else {k: v for k, v in vars(flight.air).items() if k not in ("traces", "notices")}
+    )
     return {
-        "format": FORMAT,
+        "format": "stoop-info/1",
         "name": flight.name,
         "path": None if flight.path is None else str(flight.path),
         "start": float(flight.time[0]),
@@ -57,19 +54,14 @@ def info_document(summary: FlightSummary) -> dict[str, Any]:
         "channels": [asdict(row) for row in summary.rows],
         "faults": [fault.to_dict() for fault in flight.faults],
         "maneuvers": [asdict(maneuver) for maneuver in summary.maneuvers],
-        "air": None if flight.air is None else _numbers_of(flight.air),
+        "air": air,
         "unmapped": flight.unmapped,
         "notes": [str(found) for found in summary.notices],
     }
 
 
-def _numbers_of(air: Any) -> dict[str, Any]:
-    """Return all of the reconstruction but its time histories and its notes, which stand elsewhere."""
-    return {name: value for name, value in vars(air).items() if name not in ("traces", "notices")}
-
-
-def _print(out: Page, summary: FlightSummary, source: Sequence[str]) -> None:
-    flight = summary.flight
+def _print(summary: FlightSummary, source: Sequence[str]) -> None:
+    flight, out = summary.flight, page()
     start, stop = float(flight.time[0]), float(flight.time[-1])
     out.line(source[0])
     span = f"{start:.2f} to {stop:.2f} s on the log's own clock ({stop - start:.2f} s)"
@@ -77,139 +69,90 @@ def _print(out: Page, summary: FlightSummary, source: Sequence[str]) -> None:
     full = [row for row in summary.rows if row.missing < 1.0]
     if full:
         out.heading("Sources")
-        _print_sources(out, full)
+        alike_recorded: dict[tuple[str, float, int, float], list[str]] = {}
+        for row in full:
+            key = (row.source, row.rate, row.gaps, row.longest_gap)
+            alike_recorded.setdefault(key, []).append(row.variable)
+        sources, rates, gaps, longest = zip(*alike_recorded, strict=True)
+        names = [" ".join(group) for group in alike_recorded.values()]
+        out.table(
+            words("source", sources), fixed("Hz", rates, 1), fixed("gaps", gaps, 0), fixed("longest s", longest, 3),
+            words("channels", names, wraps=True),
+        )  # fmt: skip
         out.heading("Channels")
-        _print_channels(out, full)
+        low, middle, high = zip(*(alike((r.minimum, r.median, r.maximum)) for r in full), strict=True)
+        out.table(
+            words("", [row.variable for row in full]),
+            words("unit", [shown_unit(row.unit) for row in full]),
+            *(
+                points(head, texts)
+                for head, texts in (("lowest", low), ("median", middle), ("highest", high))
+            ),
+            words("missing", [_percent(row.missing) for row in full]),
+            words("meaning", [row.meaning for row in full]),
+        )
     empty = [row.variable for row in summary.rows if row not in full]
     if empty:
         out.heading(f"Without any value: {' '.join(empty)}")
-    out.heading("Suspected faults")
     faults = [fault.notice for fault in flight.faults]
-    out.bullets(map(str, faults) if faults else ["none found"])
+    out.bullets(faults or ["none found"], "Suspected faults")
     out.heading("Candidate maneuvers")
-    _print_maneuvers(out, summary, source)
-    notes = [str(found) for found in summary.notices if found not in faults]
-    if notes:
-        out.heading("Notes")
-        out.bullets(notes)
-    if flight.unmapped:
-        out.heading("Not mapped")
-        out.bullets(unmapped_lines(flight.unmapped))
+    found = summary.maneuvers
+    if found:
+        out.table(
+            words("window s", map(_window, found)),
+            words("axis", [m.axis for m in found]),
+            words("by", [m.variable for m in found]),
+            numbers("amplitude", [m.amplitude for m in found]),
+            fixed("swings", [m.swings for m in found], 0),
+            points("times usual", [f"{m.strength:.1f}" if m.strength < 100.0 else ">100" for m in found]),
+            words("recorded", [_percent(m.whole) for m in found]),
+        )
+        out.line()
+        out.command("next: ", next_command(source, found))
+        informed = ["stoop", "maneuvers", *source, "--vehicle", "V.toml", "-o", "windows"]
+        out.command("or, chosen by their information: ", informed)
+    else:
+        out.bullets(
+            ["none found: no control stands out from how it is usually moved here, or none was recorded"]
+        )
+    out.bullets([one for one in summary.notices if one not in faults], "Notes")
+    out.bullets(unmapped_lines(flight.unmapped), "Not mapped")
 
 
 def unmapped_lines(unmapped: Mapping[str, Sequence[str]]) -> list[str]:
     """Say which columns no mapping names, and which streams were not looked into; long lists are cut."""
-    lines = [f"{stream}: {_some(columns)}" for stream, columns in unmapped.items() if columns]
+
+    def some(names: Sequence[str]) -> str:
+        more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+        return " ".join(names[:MAX_NAMES]) + more
+
+    lines = [f"{stream}: {some(columns)}" for stream, columns in unmapped.items() if columns]
     whole = [stream for stream, columns in unmapped.items() if not columns]
-    lines = lines[:MAX_STREAMS] + (
-        [f"and {len(lines) - MAX_STREAMS} more"] if len(lines) > MAX_STREAMS else []
-    )
-    return lines + ([f"not read: {_some(whole)}"] if whole else [])
-
-
-def _some(names: Sequence[str]) -> str:
-    more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
-    return " ".join(names[:MAX_NAMES]) + more
-
-
-@dataclass(frozen=True)
-class _Source:
-    """Channels that were recorded alike."""
-
-    name: str
-    rate: float
-    gaps: int
-    longest_gap: float
-
-
-def _by_source(rows: Iterable[ChannelRow]) -> Mapping[_Source, list[str]]:
-    found: dict[_Source, list[str]] = {}
-    for row in rows:
-        found.setdefault(_Source(row.source, row.rate, row.gaps, row.longest_gap), []).append(row.variable)
-    return found
-
-
-def _print_sources(out: Page, rows: Sequence[ChannelRow]) -> None:
-    sources = _by_source(rows)
-    out.table(
-        [
-            words("source", [source.name for source in sources]),
-            fixed("Hz", [source.rate for source in sources], 1),
-            fixed("gaps", [source.gaps for source in sources], 0),
-            fixed("longest s", [source.longest_gap for source in sources], 3),
-            words("channels", [" ".join(names) for names in sources.values()], wraps=True),
-        ]
-    )
-
-
-def _print_channels(out: Page, rows: Sequence[ChannelRow]) -> None:
-    spans = [alike((row.minimum, row.median, row.maximum)) for row in rows]
-    out.table(
-        [
-            words("", [row.variable for row in rows]),
-            words("unit", [shown_unit(row.unit) for row in rows]),
-            points("lowest", [low for low, _, _ in spans]),
-            points("median", [middle for _, middle, _ in spans]),
-            points("highest", [high for _, _, high in spans]),
-            words("missing", [_percent(row.missing) for row in rows]),
-            words("meaning", [row.meaning for row in rows]),
-        ]
-    )
+    if len(lines) > MAX_STREAMS:
+        lines[MAX_STREAMS:] = [f"and {len(lines) - MAX_STREAMS} more"]
+    return lines + ([f"not read: {some(whole)}"] if whole else [])
 
 
 def _percent(share: float) -> str:
     return f"{100.0 * share:5.1f} %" if share > 0.0 else ""
 
 
-def _print_maneuvers(out: Page, summary: FlightSummary, source: Sequence[str]) -> None:
-    found = summary.maneuvers
-    if not found:
-        out.bullets(
-            ["none found: no control stands out from how it is usually moved here, or none was recorded"]
-        )
-        return
-    out.table(
-        [
-            words("window s", map(_window, found)),
-            words("axis", [m.axis for m in found]),
-            words("by", [m.variable for m in found]),
-            numbers("amplitude", [m.amplitude for m in found]),
-            fixed("swings", [m.swings for m in found], 0),
-            points("times usual", [_times(m.strength) for m in found]),
-            words("recorded", [_percent(m.whole) for m in found]),
-        ]
-    )
-    out.line()
-    out.command("next: ", _next_command(source, found))
-    out.command(
-        "or, chosen by their information: ",
-        ["stoop", "maneuvers", *source, "--vehicle", "V.toml", "-o", "windows"],
-    )
+def next_command(source: Sequence[str], found: Sequence[Maneuver]) -> list[str]:
+    """Fit the most completely recorded maneuver of each axis; the others are there to be predicted.
 
-
-def _times(strength: float) -> str:
-    return f"{strength:.1f}" if strength < 100.0 else ">100"
-
-
-def _next_command(source: Sequence[str], found: Sequence[Maneuver]) -> list[str]:
-    """Fit the most completely recorded maneuver of each axis; the others are there to be predicted."""
-    apart = _apart(found)
+    Windows that overlap (one's calm end is the next one's beginning) are cut in the middle.
+    """
+    apart = list(found)
+    for i, (one, following) in enumerate(pairwise(found)):
+        if following.start < one.stop:
+            middle = 0.5 * (following.start + one.stop)
+            apart[i : i + 2] = [replace(apart[i], stop=middle), replace(following, start=middle)]
     best = {m.axis: m for m in sorted(apart, key=lambda m: m.whole)}
     fitted = [_window(m) for m in apart if m is best[m.axis]]
     predicted = [_window(m) for m in apart if m is not best[m.axis]]
     windows = ["--maneuver", *fitted, *(["--validate", *predicted] if predicted else [])]
     return ["stoop", "identify", *source, "--vehicle", "V.toml", *windows, "-o", "result"]
-
-
-def _apart(found: Sequence[Maneuver]) -> list[Maneuver]:
-    """Cut windows that overlap (one's calm end is the next one's beginning) in the middle, in order of time."""
-    out = list(found)
-    for i, (one, following) in enumerate(pairwise(found)):
-        if following.start < one.stop:
-            middle = 0.5 * (following.start + one.stop)
-            out[i] = replace(out[i], stop=middle)
-            out[i + 1] = replace(following, start=middle)
-    return out
 
 
 def _window(maneuver: Maneuver) -> str:

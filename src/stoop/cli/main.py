@@ -9,36 +9,44 @@ from __future__ import annotations
 import argparse
 import contextlib
 import importlib
+import io
 import os
 import re
 import sys
+import warnings
 from collections.abc import Sequence
 from typing import Any, Final, NoReturn
 
-from stoop.cli.printable import printable
+from stoop.base.text import printable
 from stoop.errors import StoopError
 
 VERBS: Final[dict[str, tuple[str, str]]] = {
-    "demo": ("stoop.cli.demo", "simulate a flight, identify it, truth beside estimate; needs no file"),
+    "demo": ("stoop.cli.models:demo", "simulate a flight, identify it, truth beside estimate; needs no file"),
     "info": ("stoop.cli.info", "show what a flight log holds: channels, gaps, faults, maneuvers"),
-    "map": ("stoop.cli.map", "draft which column of a log is which variable, in which unit"),
-    "maneuvers": ("stoop.cli.maneuvers", "which windows of a flight to fit and to predict, by information"),
-    "compatibility": ("stoop.cli.compatibility", "biases, scales and delays of all sensors: do they agree?"),
-    "identify": ("stoop.cli.identify", "estimate a vehicle's coefficients from flight logs, with error bars"),
-    "validate": ("stoop.cli.validate", "predict flights that were not fitted, with a fitted model"),
-    "polar": ("stoop.cli.polar", "drag polar of a flight without surface channels, with intervals"),
-    "rotors": ("stoop.cli.rotors", "which rotor is weak: hover flights against those of the healthy vehicle"),
-    "structure": ("stoop.cli.structure", "choose which terms a vehicle needs, from flights"),
-    "vehicle": ("stoop.cli.vehicle", "list the built-in vehicles, or copy the file of one to edit"),
-    "simulate": ("stoop.cli.simulate", "fly a maneuver and write a flight file"),
-    "trim": ("stoop.cli.trim", "find the controls of a steady straight flight"),
-    "linearize": ("stoop.cli.linearize", "linear model and modes about a steady flight"),
-    "export": (
-        "stoop.cli.export",
-        "a vehicle for JSBSim, MATLAB, Simulink, or as A, B, C, D",
+    "map": ("stoop.cli.files:map_log", "draft which column of a log is which variable, in which unit"),
+    "maneuvers": (
+        "stoop.cli.planning:maneuvers",
+        "which windows of a flight to fit and to predict, by information",
     ),
-    "design": ("stoop.cli.design", "what to fly next, so that the error bars become small"),
-}  #: verb -> its module, one line of help
+    "compatibility": (
+        "stoop.cli.flights:compatibility",
+        "biases, scales and delays of all sensors: do they agree?",
+    ),
+    "identify": ("stoop.cli.identify", "estimate a vehicle's coefficients from flight logs, with error bars"),
+    "validate": ("stoop.cli.models:validate", "predict flights that were not fitted, with a fitted model"),
+    "polar": ("stoop.cli.flights:polar", "drag polar of a flight without surface channels, with intervals"),
+    "rotors": (
+        "stoop.cli.flights:rotors",
+        "which rotor is weak: hover flights against those of the healthy vehicle",
+    ),
+    "structure": ("stoop.cli.models:structure", "choose which terms a vehicle needs, from flights"),
+    "vehicle": ("stoop.cli.files:vehicle", "list the built-in vehicles, or copy the file of one to edit"),
+    "simulate": ("stoop.cli.files:simulate", "fly a maneuver and write a flight file"),
+    "trim": ("stoop.cli.steady:trim", "find the controls of a steady straight flight"),
+    "linearize": ("stoop.cli.steady:linearize", "linear model and modes about a steady flight"),
+    "export": ("stoop.cli.files:export", "a vehicle for JSBSim, MATLAB, Simulink, or as A, B, C, D"),
+    "design": ("stoop.cli.planning:design", "what to fly next, so that the error bars become small"),
+}  #: verb -> its module (and function, beside FUNCTION_arguments, where it holds several), one line of help
 GROUP: Final = "stoop.verbs"  #: entry points of other packages, each a mapping as `VERBS`
 
 BUG, USER_ERROR, INTERRUPTED, UNREAD = 1, 2, 130, 141
@@ -84,7 +92,11 @@ def main(given: Sequence[str] | None = None) -> int:
     """
     if given is None:
         given = sys.argv[1:]
-        _prepare_process(given)
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, io.TextIOWrapper):  # an output that takes any character
+                stream.reconfigure(errors="backslashreplace")
+        if not sys.warnoptions and "--debug" not in given:
+            warnings.simplefilter("ignore")  # of libraries
     debug = "--debug" in given or bool(os.environ.get("STOOP_DEBUG"))
     try:
         return _guarded(given, debug)
@@ -96,7 +108,10 @@ def main(given: Sequence[str] | None = None) -> int:
         if debug:
             _print_traceback()
         _close_output(USER_ERROR)
-        return _complain(f"error: {_of_the_machine(error)}", USER_ERROR)
+        why = "the memory is not enough for this; give less data"
+        if isinstance(error, OSError):
+            why = f"{error.filename or 'the output'}: {error.strerror or error}"
+        return _complain(f"error: {why}", USER_ERROR)
     except Exception:
         _print_traceback()
         return _complain(BUG_MESSAGE, BUG)
@@ -105,7 +120,9 @@ def main(given: Sequence[str] | None = None) -> int:
 def _guarded(given: Sequence[str], debug: bool) -> int:
     """Parse, run the verb, report errors of the user, and flush the output."""
     try:
-        arguments, unknown = parser_for(given).parse_known_args([_protected(word) for word in given])
+        # A window that begins before zero (-5:5) is protected by a blank, so that argparse takes it for no option.
+        words = [f" {word}" if re.match(r"-[\d.]+:", word) else word for word in given]
+        arguments, unknown = parser_for(given).parse_known_args(words)
         if unknown:
             arguments.complain(f"unrecognized arguments: {' '.join(unknown)}")
         code = int(arguments.run(arguments))
@@ -114,20 +131,13 @@ def _guarded(given: Sequence[str], debug: bool) -> int:
     except StoopError as error:
         if debug:
             _print_traceback()
-        code = _report(error)
+        # The first line is the error; more lines are a file to start from, for the user to redirect.
+        message, *attached = "".join(map(str, error.args)).splitlines() or [type(error).__name__]
+        code = _complain(f"error: {message}", USER_ERROR)
+        for line in attached:
+            print(printable(line))
     sys.stdout.flush()
     return code
-
-
-def _protected(word: str) -> str:
-    """Return a window that begins before zero (-5:5) so that argparse takes it for no option."""
-    return f" {word}" if re.match(r"-[\d.]+:", word) else word
-
-
-def _of_the_machine(error: OSError | MemoryError) -> str:
-    if isinstance(error, MemoryError):
-        return "the memory is not enough for this; give less data"
-    return f"{error.filename or 'the output'}: {error.strerror or error}"
 
 
 def parser_for(given: Sequence[str]) -> Parser:
@@ -144,26 +154,20 @@ def parser_for(given: Sequence[str]) -> Parser:
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and leave")
     parser.add_argument("--debug", action="store_true", help=DEBUG_HELP)
+    listed = "\n".join(f"{name:<13} {purpose}" for name, (_, purpose) in known.items())
+    # The list in the description is better laid out than argparse's own.
     verbs = parser.add_subparsers(
-        prog="stoop",
-        title="verbs",
-        metavar="VERB",
-        required=True,
-        help=argparse.SUPPRESS,  # the list below is better laid out than argparse's own
-        description=_verb_list(known),
+        prog="stoop", title="verbs", metavar="VERB", required=True, help=argparse.SUPPRESS, description=listed
     )
-    for name, (module, purpose) in known.items():
+    for name, (place, purpose) in known.items():
         verb = verbs.add_parser(name, description=f"{purpose[0].upper()}{purpose[1:]}.", allow_abbrev=False)
         if name == chosen:
-            _complete(verb, module)
+            module, _, function = place.partition(":")
+            found = importlib.import_module(module)
+            getattr(found, f"{function}_arguments" if function else "add_arguments")(verb)
+            verb.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=DEBUG_HELP)
+            verb.set_defaults(run=getattr(found, function or "run"), complain=verb.error)
     return parser
-
-
-def _complete(parser: argparse.ArgumentParser, module: str) -> None:
-    verb = importlib.import_module(module)
-    verb.add_arguments(parser)
-    parser.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=DEBUG_HELP)
-    parser.set_defaults(run=verb.run, complain=parser.error)
 
 
 def all_verbs() -> dict[str, tuple[str, str]]:
@@ -174,31 +178,6 @@ def all_verbs() -> dict[str, tuple[str, str]]:
     for point in entry_points(group=GROUP):
         known.update(point.load())
     return known
-
-
-def _verb_list(known: dict[str, tuple[str, str]]) -> str:
-    return "\n".join(f"{name:<13} {purpose}" for name, (_, purpose) in known.items())
-
-
-def _prepare_process(given: Sequence[str]) -> None:
-    """Set up what belongs to the process: an output that takes any character, no warnings of libraries."""
-    import io
-    import warnings
-
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")
-    if not sys.warnoptions and "--debug" not in given:
-        warnings.simplefilter("ignore")
-
-
-def _report(error: StoopError) -> int:
-    """Print the first line as the error; more lines are a file to start from, for the user to redirect."""
-    message, *attached = "".join(map(str, error.args)).splitlines() or [type(error).__name__]
-    code = _complain(f"error: {message}", USER_ERROR)
-    for line in attached:
-        print(printable(line))
-    return code
 
 
 def _complain(message: str, code: int) -> int:

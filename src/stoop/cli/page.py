@@ -1,4 +1,4 @@
-"""What verbs print on: rich on a terminal, plain text in a pipe, with the same words."""
+"""What verbs print on: rich on a terminal, plain text in a pipe, with the same words; numbers aligned at their points."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ import math
 import os
 import shlex
 import sys
+import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
-from stoop.cli.printable import printable
-from stoop.cli.tables import Column, fit, plain
+from stoop.base.text import printable
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -20,6 +21,126 @@ if TYPE_CHECKING:
 UNLIMITED: Final = (
     10_000  #: characters in a line of a pipe: nothing is wrapped or cut, so that programs can read it
 )
+GAP: Final = "  "
+MIN_WIDTH: Final = 16  #: characters of a text that is cut
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: numbers are flush right; long texts may go on in the next line (`wraps`) or are cut."""
+
+    head: str
+    cells: tuple[str, ...]
+    right: bool = False
+    wraps: bool = False
+
+    @property
+    def width(self) -> int:
+        """Characters of its widest cell."""
+        return max(map(len, (self.head, *self.cells)))
+
+
+def words(head: str, cells: Iterable[str], wraps: bool = False) -> Column:
+    """Make a column of text."""
+    return Column(printable(head), tuple(map(printable, cells)), wraps=wraps)
+
+
+def points(head: str, texts: Sequence[str]) -> Column:
+    """Make a column of numbers already written, padded so that, flush right, their points stand below each other."""
+    tails = [len(text) - (text.index(".") if "." in text else len(text)) for text in texts]
+    longest = max(tails, default=0)
+    cells = tuple(text + " " * (longest - tail) for text, tail in zip(texts, tails, strict=True))
+    return Column(printable(head), cells, right=True)
+
+
+def numbers(head: str, values: Iterable[float]) -> Column:
+    """Make a column of numbers with four significant digits, their points below each other."""
+    return points(head, [number(v) for v in values])
+
+
+def fixed(head: str, values: Iterable[float], decimals: int) -> Column:
+    """Make a column of numbers with so many decimals."""
+    return points(head, [fixed_text(v, decimals) for v in values])
+
+
+def number(value: float, digits: int = 4) -> str:
+    """Write a number with so many significant digits, without an exponent where that stays short."""
+    if not math.isfinite(value):
+        return "-" if math.isnan(value) else f"{value:g}"
+    if value == 0.0:
+        return "0"
+    text = f"{value:.{digits - 1}e}"
+    exponent = int(text.partition("e")[2])  # of the rounded number
+    return f"{value:.{max(digits - 1 - exponent, 0)}f}" if 1e-4 <= abs(value) < 1e7 else text
+
+
+def fixed_text(value: float, decimals: int) -> str:
+    """Write a number with so many decimals; what rounds to zero has no sign."""
+    return f"{value:z.{decimals}f}" if math.isfinite(value) else "-"
+
+
+def alike(values: Sequence[float], digits: int = 4) -> list[str]:
+    """Write numbers with the decimals that the largest of them needs."""
+    largest = max((abs(v) for v in values if math.isfinite(v)), default=0.0)
+    if not (largest == 0.0 or 1e-4 <= largest < 1e7):
+        return [number(v, digits) for v in values]
+    decimals = len(number(largest, digits).partition(".")[2])
+    return [fixed_text(v, decimals) for v in values]
+
+
+def plain(columns: Sequence[Column]) -> str:
+    """Return the table as text; no line ends in blanks."""
+    padded = [
+        [t.rjust(c.width) if c.right else t.ljust(c.width) for t in (c.head, *c.cells)] for c in columns
+    ]
+    return "\n".join(GAP.join(cells).rstrip() for cells in zip(*padded, strict=True))
+
+
+def fit(columns: Sequence[Column], width: int) -> list[Column]:
+    """Make a table as narrow as the page at the cost of its last column, if that holds words.
+
+    It goes on in further lines where it may, is cut otherwise, and left out where nothing useful remains.
+    """
+    *others, last = columns
+    room = width - sum(column.width + len(GAP) for column in others)
+    if last.right or last.width <= room or not others:
+        return list(columns)
+    if last.wraps:
+        parts = [textwrap.wrap(cell, max(room, MIN_WIDTH)) or [""] for cell in last.cells]
+        folded = [
+            replace(
+                c,
+                cells=tuple(
+                    t
+                    for cell, lines in zip(c.cells, parts, strict=True)
+                    for t in [cell, *[""] * (len(lines) - 1)]
+                ),
+            )
+            for c in others
+        ]
+        return [*folded, replace(last, cells=tuple(line for lines in parts for line in lines))]
+    if room < MIN_WIDTH:
+        return others
+    cells = (cell if len(cell) <= room else f"{cell[: room - 3]}..." for cell in last.cells)
+    return [*others, replace(last, cells=tuple(cells))]
+
+
+def blocks(label: Column, columns: Sequence[Column], width: int) -> list[list[Column]]:
+    """Split a wide table into tables of at most ``width`` characters, each with the label first."""
+    out: list[list[Column]] = []
+    used = width + 1
+    for column in columns:
+        used += len(GAP) + column.width
+        if used > width:
+            out.append([label])
+            used = label.width + len(GAP) + column.width
+        out[-1].append(column)
+    return out
+
+
+def shown_unit(unit: str) -> str:
+    """Return a unit as people write it: nothing where there is none."""
+    return "" if unit == "1" else unit
 
 
 class Page:
@@ -50,9 +171,11 @@ class Page:
         """Print a command to copy, quoted for the shell and never broken into lines."""
         self._print(printable(f"{start}{shlex.join(command)}"), whole=True)
 
-    def bullets(self, items: Iterable[object]) -> None:
-        """Print a list; on a terminal, what does not fit goes on below the text, not below the dash."""
+    def bullets(self, items: Iterable[object], heading: str = "") -> None:
+        """Print a list, under a heading if it has any item; what does not fit goes on below the text, not the dash."""
         texts = [printable(str(item)) for item in items]
+        if texts and heading:
+            self.heading(heading)
         if self._console is None:
             for text in texts:
                 print(f"- {text}")
@@ -65,7 +188,7 @@ class Page:
             grid.add_row("-", Text(text))
         self._console.print(grid)
 
-    def table(self, columns: Sequence[Column]) -> None:
+    def table(self, *columns: Column) -> None:
         """Print a table; on a terminal a last column of words goes on below itself, is cut, or left out where it must."""
         head, _, rows = plain(fit(columns, self.width)).partition("\n")
         self._print(head, style="dim", whole=True)
@@ -107,11 +230,6 @@ def busy(what: str) -> Iterator[None]:
         yield
 
 
-def print_json(document: Mapping[str, Any]) -> None:
-    """Print a document as strict JSON, see :func:`to_json`."""
-    print(to_json(document))
-
-
 def to_json(document: Mapping[str, Any]) -> str:
     """Return strict JSON: a number that is not finite becomes null."""
     return json.dumps(_strict(document), indent=2, allow_nan=False)
@@ -122,6 +240,4 @@ def _strict(value: Any) -> Any:
         return float(value) if math.isfinite(value) else None
     if isinstance(value, Mapping):
         return {str(key): _strict(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_strict(item) for item in value]
-    return value
+    return [_strict(item) for item in value] if isinstance(value, list | tuple) else value

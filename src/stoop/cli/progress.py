@@ -1,46 +1,77 @@
-"""Progress of a search: a live line on a terminal, a plain line now and then elsewhere."""
+"""Progress of searches and campaigns: a live line on a terminal, a plain line now and then elsewhere."""
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
 
-from stoop.cli.printable import printable
+from stoop.base.text import printable
+from stoop.cli.arguments import at_least_one
 
 if TYPE_CHECKING:
-    from types import TracebackType
-
     from stoop.optimize import Progress
+    from stoop.parallel import Json, Plan, Pool, Tally
 
 QUIET = 5.0  #: s between lines of a plain log
+INTERRUPTED = 130  #: exit code
 
 
-class Watch:
-    """Shows generation, cost and speed."""
+class LiveLine:
+    """A line on stderr that says how far the work is."""
 
-    def __init__(self, first: str = "estimating the weights") -> None:
+    def __init__(self, first: str) -> None:
         self._first = first
-        self._before = 0.0
-        self._began = time.perf_counter()
-        self._said = 0.0
+        self._began, self._printed = time.perf_counter(), -QUIET
         self._status: Any = None
 
-    def __enter__(self) -> Watch:
+    def __enter__(self) -> Self:
         """Open the live line where there is a terminal."""
         if sys.stderr.isatty():
             from rich.console import Console
+            from rich.text import Text
 
-            self._status = Console(stderr=True).status(self._first)
+            self._status = Console(stderr=True).status(Text(printable(self._first)))
             self._status.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close the live line."""
         if self._status is not None:
             self._status.stop()
+            self._status = None
+
+    def turn_to(self, work: str) -> None:
+        """Show what is done now, on a terminal only."""
+        if self._status is not None:
+            from rich.text import Text
+
+            self._status.update(Text(printable(work)))
+
+    def show(self, text: str, now: float, news: bool = False) -> None:
+        """Show how far it is; in a log a line where there is news, or none was printed for some seconds."""
+        self.turn_to(text)
+        if self._status is None and (news or now - self._printed > QUIET):
+            self._printed = now
+            print(printable(text), file=sys.stderr, flush=True)
+
+    def warn(self, text: str) -> None:
+        """Print a line that stays."""
+        line = f"stoop: {printable(text)}"
+        if self._status is not None:
+            self._status.console.print(line, markup=False, highlight=False, soft_wrap=True)
+        else:
+            print(line, file=sys.stderr)
+
+
+class Watch(LiveLine):
+    """Shows generation, cost and speed of a search."""
+
+    def __init__(self, first: str = "estimating the weights") -> None:
+        super().__init__(first)
+        self._before = 0.0
 
     def count_from(self, trajectories: float) -> None:
         """Leave out of the speed what an earlier run has spent."""
@@ -49,30 +80,86 @@ class Watch:
     def see(self, progress: Progress) -> None:
         """Show one generation."""
         now = time.perf_counter()
-        text = self._text(progress, now - self._began)
-        if self._status is not None:
-            self._status.update(text)
-        elif now - self._said > QUIET:
-            self._said = now
-            print(text, file=sys.stderr)
-
-    def turn_to(self, work: str) -> None:
-        """Show what is done after the search."""
-        if self._status is not None:
-            self._status.update(work)
-
-    def warn(self, text: str) -> None:
-        """Print a line that stays."""
-        if self._status is not None:
-            self._status.console.print(
-                f"stoop: {printable(text)}", markup=False, highlight=False, soft_wrap=True
-            )
-        else:
-            print(f"stoop: {printable(text)}", file=sys.stderr)
-
-    def _text(self, progress: Progress, seconds: float) -> str:
-        speed = (progress.trajectories - self._before) / max(seconds, 1e-9)
-        return (
+        speed = (progress.trajectories - self._before) / max(now - self._began, 1e-9)
+        text = (
             f"generation {progress.state.generation}  {progress.event.kind}  cost {progress.cost:.6g}  "
             f"{progress.trajectories:.0f} trajectories  {speed:.0f}/s"
         )
+        self.show(text, now)
+
+
+class Display(LiveLine):
+    """Shows how far a campaign of this name is."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self._note = ""
+        self.done = 0  #: runs in the store
+
+    def see(self, tally: Tally) -> None:
+        """Show a tally; news are a new note, and that all is done."""
+        self.done = tally.done
+        parts = [f"{tally.done} of {tally.total} runs"]
+        parts += [f"{tally.restored} from before"] if tally.restored else []
+        if tally.note:
+            parts.append(tally.note)
+        elif tally.seconds_left is not None and tally.done < tally.total:
+            parts.append(f"{clock(tally.seconds_left)} left")
+        news = tally.note not in ("", self._note) or (tally.done == tally.total and tally.seconds > QUIET)
+        self._note = tally.note
+        self.show(f"{self._first}: {', '.join(parts)}", time.perf_counter(), news)
+
+
+def clock(seconds: float) -> str:
+    """Return a duration as 0:07, 12:30 or 3:05:00."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
+
+
+def add_campaign_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add where the runs are done."""
+    where = parser.add_mutually_exclusive_group()
+    workers = "worker processes on this machine (default: its processors)"
+    where.add_argument("--workers", metavar="N", type=at_least_one, help=workers)
+    scheduler = "run on an existing Dask cluster, tcp://HOST:PORT"
+    where.add_argument("--scheduler", metavar="ADDRESS", help=scheduler)
+
+
+def pool(arguments: argparse.Namespace) -> Pool:
+    """Return where the runs are done."""
+    from stoop.parallel import Dask, LocalProcesses
+
+    if arguments.scheduler is not None:
+        return Dask(arguments.scheduler)
+    return LocalProcesses() if arguments.workers is None else LocalProcesses(arguments.workers)
+
+
+def run_campaign(arguments: argparse.Namespace, plan: Plan, store: Path) -> dict[str, Json]:
+    """Run a plan to its end with progress on stderr; Ctrl-C leaves with a line that says how to go on.
+
+    Parameters
+    ----------
+    arguments : Namespace
+        With those of :func:`add_campaign_arguments`.
+    plan : Plan
+    store : Path
+
+    Raises
+    ------
+    StoopError
+        As :func:`stoop.parallel.execute`.
+    """
+    from stoop.parallel import execute
+
+    display = Display(plan.name)
+    try:
+        with display:
+            return execute(plan, store, pool(arguments), display.see)
+    except KeyboardInterrupt:
+        runs = "1 run is" if display.done == 1 else f"{display.done} runs are"
+        left = f"interrupted; {runs} safe in {store}: give the same command to do the others"
+        if not display.done:
+            left = "interrupted before any run was done; give the same command to begin again"
+        display.warn(left)
+        raise SystemExit(INTERRUPTED) from None

@@ -1,7 +1,11 @@
-"""Whether the fitted windows excite the vehicle: controls that hardly move, move together, or follow its motion.
+"""What the fitted windows cannot determine: controls that hardly move or move together, and forces without a known mass.
 
-A control that a loop moves follows the motion, and what multiplies it cannot be told from what multiplies the
+A control that a loop moves follows the motion, and what multiplies it cannot be separated from what multiplies the
 motion. Pairs correlated above 0.9 are the field's usual warning; combinations show in the multiple correlation.
+
+A flight with rotors shows accelerations. Where neither mass nor inertia nor any force is known beforehand, all of them may be
+multiplied by one number and nothing that was measured changes. The mass is then fixed at the file's value, and what stands
+beside it is a ratio.
 
 References
 ----------
@@ -10,7 +14,7 @@ Klein and Morelli, "Aircraft System Identification", 2nd ed., section 5.1.5 (dat
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import combinations
 from typing import Final
 
@@ -19,11 +23,12 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.units import DEGREE
-from stoop.checks.rotor_windows import rotor_notices
+from stoop.checks.vehicle import rotor_notices
 from stoop.problem import Misfit
 from stoop.simulation import parameter_rows
 from stoop.simulation.initial import commanded
-from stoop.vehicle.defaults import WIND_NUMBERS
+from stoop.vehicle import Parameter, Vehicle
+from stoop.vehicle.defaults import ROTOR_AERODYNAMICS, WIND_NUMBERS
 from stoop.vehicle.schema import WIND
 
 AXES: Final = (("V", "alpha", "q"), ("beta", "p", "r"))  #: motions that the terms of one plane multiply
@@ -32,6 +37,7 @@ CORRELATION_LIMIT: Final = 0.9  #: of two signals
 MULTIPLE_LIMIT: Final = 0.98  #: multiple correlation of a control with everything else in its plane
 LOW_AIRSPEED: Final = 0.5  #: of the reference airspeed, below which wings carry a quarter at most
 MIN_RATIO: Final = 5.0  #: measurements per unknown below which a fit is next to interpolation
+MASS: Final = "mass.mass"
 
 
 def excitation_notices(problem: Misfit, z: FloatArray, recorded_rate: float = np.inf) -> list[Notice]:
@@ -51,11 +57,25 @@ def excitation_notices(problem: Misfit, z: FloatArray, recorded_rate: float = np
         return [*out, *rotor_notices(problem), *_low_airspeed(problem, z)]
     if not vehicle.controls:
         return []
-    deflections, motions = _signals(problem, z)
+    controls: dict[str, list[FloatArray]] = {name: [] for name in vehicle.controls}
+    motions: dict[str, list[FloatArray]] = {name: [] for name in vehicle.outputs}
+    for i, piece in enumerate(problem.pieces):
+        rows = np.repeat(parameter_rows(vehicle, piece.changes), len(piece.time), axis=1)
+        for name, parts in controls.items():
+            parts.append(_less_mean(commanded(vehicle, name, rows, piece.inputs.T)))
+        for name, column in zip(vehicle.outputs, problem.outputs(z, i).T, strict=True):
+            motions[name].append(_less_mean(column))
+    deflections = {name: np.concatenate(parts) for name, parts in controls.items()}
     for name, x in list(deflections.items()):
-        if _rms(x) < MIN_DEFLECTION:
-            out.append(notice("control-still", name, rms=_rms(deflections.pop(name))))
-    return [*out, *collinear(deflections, motions)]
+        rms = float(np.sqrt(np.mean(x**2)))
+        if rms < MIN_DEFLECTION:
+            out.append(notice("control-still", name, rms=rms))
+            del deflections[name]
+    return [*out, *collinear(deflections, {name: np.concatenate(parts) for name, parts in motions.items()})]
+
+
+def _less_mean(x: FloatArray) -> FloatArray:
+    return np.asarray(x - np.mean(x))
 
 
 def _low_airspeed(problem: Misfit, z: FloatArray) -> Iterator[Notice]:
@@ -63,38 +83,16 @@ def _low_airspeed(problem: Misfit, z: FloatArray) -> Iterator[Notice]:
     vehicle = problem.layout.vehicle
     terms = {name for group in vehicle.terms.values() for name in group}
     free = sum(p.name in terms for p in problem.layout.parameters)
-    if not free:
-        return
     fastest, columns = 0.0, [vehicle.outputs.index(name) for name in WIND]
-    for i, piece in enumerate(problem.pieces):
+    for i, piece in enumerate(problem.pieces if free else ()):
         rows, _ = problem.candidates(z[None, :], i)
         velocity = piece.measured[:, columns] - [float(rows[vehicle.rows[n], 0]) for n in WIND_NUMBERS]
         speed = np.linalg.norm(velocity[np.isfinite(velocity).all(axis=1)], axis=1)
         fastest = max(fastest, float(np.quantile(speed, 0.99)) if speed.size else np.inf)
-    reference = vehicle.value("reference.airspeed")
+    reference = vehicle.value("reference.airspeed") if free else 0.0
     if fastest < LOW_AIRSPEED * reference:
         share = (fastest / reference) ** 2
         yield notice("low-airspeed", airspeed=fastest, share=share, reference=reference, free=free)
-
-
-def _signals(problem: Misfit, z: FloatArray) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
-    """Return deflections and motions (n,) over all pieces, each less its mean within the piece."""
-    vehicle = problem.layout.vehicle
-    controls: dict[str, list[FloatArray]] = {name: [] for name in vehicle.controls}
-    motions: dict[str, list[FloatArray]] = {name: [] for name in vehicle.outputs}
-    for i, piece in enumerate(problem.pieces):
-        rows = np.repeat(parameter_rows(vehicle, piece.changes), len(piece.time), axis=1)
-        for name, parts in controls.items():
-            x = commanded(vehicle, name, rows, piece.inputs.T)
-            parts.append(np.asarray(x - np.mean(x)))
-        for name, column in zip(vehicle.outputs, problem.outputs(z, i).T, strict=True):
-            motions[name].append(np.asarray(column - np.mean(column)))
-    joined = [{name: np.concatenate(x) for name, x in parts.items()} for parts in (controls, motions)]
-    return joined[0], joined[1]
-
-
-def _rms(x: FloatArray) -> float:
-    return float(np.sqrt(np.mean(x**2)))
 
 
 def too_few(problem: Misfit, recorded_rate: float) -> bool:
@@ -130,26 +128,57 @@ def collinear(controls: Mapping[str, FloatArray], motions: Mapping[str, FloatArr
         alike = {n: r for n, r in pairs.items() if abs(r) > CORRELATION_LIMIT}
         for name, r in alike.items():
             yield notice("control-follows-motion", control, other=name, correlation=r)
-        if not alike:
-            others = [b for n, b in controls.items() if n != control]
-            yield from _combined(control, x, others, motions)
-
-
-def _combined(
-    control: str, x: FloatArray, others: Sequence[FloatArray], motions: Mapping[str, FloatArray]
-) -> Iterator[Notice]:
-    """Yield when a control is a combination of the other controls and the motions of one plane."""
-    for axis in AXES:
-        moving = tuple(name for name in axis if name in motions and _rms(motions[name]) > 0.0)
-        if not moving:
-            continue
-        regressors = np.column_stack([*(motions[name] for name in moving), *others])
-        left = x - regressors @ np.linalg.lstsq(regressors, x, rcond=None)[0]
-        multiple = float(np.sqrt(max(0.0, 1.0 - float(left @ left) / float(x @ x))))
-        if multiple > MULTIPLE_LIMIT:
-            yield notice("control-combination", control, motions=moving, correlation=multiple)
+        for axis in () if alike else AXES:  # a combination of the other controls and the motions of one plane
+            moving = tuple(name for name in axis if name in motions and motions[name] @ motions[name] > 0.0)
+            others = [b for name, b in controls.items() if name != control]
+            if not moving:
+                continue
+            regressors = np.column_stack([*(motions[name] for name in moving), *others])
+            left = x - regressors @ np.linalg.lstsq(regressors, x, rcond=None)[0]
+            multiple = float(np.sqrt(max(0.0, 1.0 - float(left @ left) / float(x @ x))))
+            if multiple > MULTIPLE_LIMIT:
+                yield notice("control-combination", control, motions=moving, correlation=multiple)
 
 
 def _correlation(a: FloatArray, b: FloatArray) -> float:
     power = float(a @ a) * float(b @ b)
     return float(a @ b) / float(np.sqrt(power)) if power > 0.0 else 0.0
+
+
+def in_ratio(vehicle: Vehicle) -> tuple[Parameter, ...]:
+    """Return the free numbers that are known in ratio to the mass only; none where something determines the mass."""
+    if not vehicle.rotors or vehicle.file.propulsion is not None or any(vehicle.terms.values()):
+        return ()
+    forces = ROTOR_AERODYNAMICS - {"rotors.torque_ratio"} | {"rotors.inertia"}
+    group = [
+        p
+        for p in vehicle.parameters
+        if p.name in forces or p.name.startswith(("body_drag.", "mass.inertia."))
+    ]
+    known = any(p.value != 0.0 and (not p.free or p.prior is not None) for p in group)
+    mass = vehicle.parameters[vehicle.rows[MASS]]
+    if known or (mass.free and mass.prior is not None):
+        return ()
+    return tuple(p for p in group if p.free)
+
+
+def with_mass_held(vehicle: Vehicle) -> Vehicle:
+    """Return the vehicle with its mass fixed where it could be anything."""
+    free = vehicle.parameters[vehicle.rows[MASS]].free and in_ratio(vehicle)
+    return vehicle.with_numbers({MASS: {"free": False}}) if free else vehicle
+
+
+def ratios(vehicle: Vehicle, estimates: dict[str, tuple[float, float]]) -> str:
+    """Return in words the numbers per kg of mass for estimates and standard errors, SI; empty where the mass matters."""
+    named = [p for p in in_ratio(vehicle) if p.name in estimates]
+    if not named:
+        return ""
+    mass = vehicle.value(MASS)
+    each = ", ".join(
+        f"{p.name} {estimates[p.name][0] / mass:.4g} +/- {estimates[p.name][1] / mass:.2g} {p.unit}/kg"
+        for p in named
+    )
+    return (
+        f"Only ratios to the mass are told, for no mass, inertia or force is known beforehand: {MASS} was held at {mass:g} kg. "
+        f"Per kg: {each}. Another mass multiplies all of them; weigh the vehicle and write mass.mass, or give inertia a prior."
+    )

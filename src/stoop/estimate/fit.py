@@ -9,21 +9,22 @@ Klein and Morelli, *Aircraft System Identification*, 2nd ed., AIAA, 2016, sectio
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
 from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
-from stoop.checks.rotor_windows import require_rotor_data, require_rotors
+from stoop.checks.vehicle import require_rotor_data, require_rotors
 from stoop.errors import IdentificationError
-from stoop.estimate.noise import effective_variance, first_variance, noise_variance
-from stoop.estimate.ratios import with_mass_held
-from stoop.estimate.regression.equations import start_value
+from stoop.estimate.excitation import with_mass_held
+from stoop.estimate.noise import channel_residuals, effective_variance, first_variance, noise_variance
+from stoop.estimate.regression import start_value
 from stoop.flight import Flight
 from stoop.optimize.ledger import Evaluations, Halt
 from stoop.optimize.local_refinement import FULL
@@ -34,17 +35,24 @@ from stoop.problem.prepare import Prepared, nuisances, prepare, without_stuck_ch
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 
-NOISE_TOLERANCE = 1e-3  #: change of log det R per channel below which the noise covariance has converged
-MAX_ROUNDS = 30  #: alternations of noise covariance and refinement
-SEARCH_SHARE = 0.8  #: of the budget; the rest is for the refinement, without which no nuisance is estimated
 MAX_BYTES = 2e9  #: of the sensitivities of all samples
-INITIAL_ROUNDS = 3  #: refinements at most before the weights are fixed for the search
-INITIAL_TOLERANCE = 0.05  #: change of log det R per channel below which no further one is needed
-STOPPED_BEFORE_SEARCH = (
-    "stopped by the user before the search: the estimates are those of a first local refinement; run it again"
-)
-STOPPED = "stopped by the user while the estimates were refined"
-SHORT = optimize.Settings(iterations=40, gain=1e-4, predicted=1e-4, stall=0, stall_damping=np.inf)
+
+
+@dataclass(frozen=True)
+class Alternation:
+    """At most so many rounds of refinement and noise estimate, until log det R per channel changes by less."""
+
+    rounds: int
+    tolerance: float
+
+    def converged(self, before: float, weights: Weights) -> bool:
+        """Whether the noise covariance has converged, for the log det R of the round before."""
+        return abs(before - weights.logdet) < self.tolerance * len(weights.covariance)
+
+
+SETTLING: Final = Alternation(3, 0.05)  #: before the weights are fixed for the search
+ALTERNATION: Final = Alternation(30, 1e-3)  #: after it
+SHORT: Final = optimize.Settings(iterations=40, gain=1e-4, predicted=1e-4, stall=0, stall_damping=np.inf)
 
 
 @dataclass(frozen=True)
@@ -74,63 +82,38 @@ class Options:
     covariance: FloatArray | None = None
     method: str = ""
 
-    @property
-    def stop(self) -> optimize.Stop:
-        """The optimizer's stopping rule."""
-        return optimize.Stop(self.generations, self.budget, self.target_cost)
+    def stop(self, spent: float, starts: int) -> optimize.Stop:
+        """Return when the search stops after so many trajectories; a fifth of the rest is for the refinement."""
+        return optimize.Stop(
+            self.generations, max(0.8 * (self.budget - spent), float(starts)), self.target_cost
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Estimates of any method, and what they rest on.
+    """Estimates of any method, and what they rest on; optional fields are None where they do not apply."""
 
-    Attributes
-    ----------
-    problem : Misfit
-        With the final weights.
-    prepared : Prepared
-    z : (D + E,)
-        The optimum.
-    outcome : Outcome
-        Of the search with the first weights.
-    cost : float
-        J at the optimum with the final weights.
-    trajectories : float
-        Whole-trajectory equivalents, refinement included.
-    notices : tuple of Notice
-        Of the method: how to read its estimates, and what makes them doubtful; those of the windows are `prepared`'s.
-    noise : (n_y, n_y), optional
-        Covariance of the measurement noise, where the method estimates it; else it is that of the simulation's
-        residuals.
-    covariance : (D + E, D + E), optional
-        Of parameters and nuisances in SI, where the method gives it with the estimates.
-    own_evidence : Evidence, optional
-        Where it is not that of the simulation, see :attr:`evidence`.
-    simulated : tuple of (n, n_y), optional
-        Readings of each piece, where they are not those of one simulation from its first sample.
-    white : (D + E, D + E), optional
-        Like `covariance`, as if residuals were white, where the method looked at their color.
-    local_problem : callable, optional
-        Gives the problem (:class:`stoop.optimize.Problem`) whose least-squares optimum is the estimate, for refits near
-        it, where `problem` is not that.
-    noise_given : bool
-        Whether the covariance of the measurement noise was given and not estimated.
-    """
-
-    problem: Misfit
+    problem: Misfit  #: with the final weights
     prepared: Prepared
-    z: FloatArray
-    outcome: optimize.Outcome
-    cost: float
-    trajectories: float
-    notices: tuple[Notice, ...] = ()
-    noise: FloatArray | None = None
-    covariance: FloatArray | None = None
-    own_evidence: Evidence | None = None
+    z: FloatArray  #: (D + E,), the optimum
+    outcome: optimize.Outcome  #: of the search with the first weights
+    cost: float  #: J at the optimum with the final weights
+    trajectories: float  #: whole-trajectory equivalents, refinement included
+    notices: tuple[
+        Notice, ...
+    ] = ()  #: how to read the estimates, and what makes them doubtful, beside `prepared`'s
+    noise: FloatArray | None = (
+        None  #: (n_y, n_y), of the measurements; else it is that of the simulation's residuals
+    )
+    covariance: FloatArray | None = None  #: (D + E, D + E), SI, where the method gives it with the estimates
+    own_evidence: Evidence | None = None  #: where it is not that of the simulation, see :attr:`evidence`
+    #: gives the :class:`stoop.optimize.Problem` whose least-squares optimum is the estimate, where `problem` is not that
     local_problem: Callable[[], Any] | None = None
-    simulated: tuple[FloatArray, ...] | None = None
-    white: FloatArray | None = None
-    noise_given: bool = False
+    simulated: tuple[FloatArray, ...] | None = (
+        None  #: (n, n_y) of each piece, where not by one simulation from its start
+    )
+    white: FloatArray | None = None  #: like `covariance`, as if residuals were white
+    noise_given: bool = False  #: whether the covariance of the measurement noise was given and not estimated
 
     @cached_property
     def evidence(self) -> Evidence:
@@ -142,14 +125,48 @@ class Fit:
         """By how much the variance in the weights exceeds that of the residuals, for their correlation."""
         if self.noise_given or self.noise is not None:
             return 1.0
-        ratio = np.diag(self.problem.weights.covariance) / noise_variance(self.problem, self.z)
-        return float(np.median(ratio))
+        variance = noise_variance(self.problem, channel_residuals(self.problem, self.z))
+        return float(np.median(np.diag(self.problem.weights.covariance) / variance))
 
     @property
     def estimates(self) -> dict[str, float]:
         """Free parameters, SI."""
         values = self.problem.layout.physical(self.z[None, :])[0]
         return {p.name: float(v) for p, v in zip(self.problem.layout.parameters, values, strict=True)}
+
+
+DEFAULTS: Final = Options()
+
+
+class LocalProblem(ABC):
+    """Residuals near an estimate, for refits: a :class:`stoop.optimize.Problem` with one rung and a problem's priors."""
+
+    problem: Misfit  #: layout, weights, priors and pieces
+    kind: ClassVar[str]  #: by which it is restored from a file
+    prices: ClassVar = (1.0,)
+
+    @property
+    def dimension(self) -> int:
+        """Number of parameters."""
+        return self.problem.dimension
+
+    @property
+    def extra(self) -> int:
+        """Number of nuisances."""
+        return self.problem.extra
+
+    @abstractmethod
+    def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
+        """Return whitened simulated minus measured readings, then the residuals of the priors, (B, n_r)."""
+
+    def costs(self, X: FloatArray, rung: int) -> FloatArray:
+        """Return costs (B,) with the nuisances at zero."""
+        Z = np.concatenate([X, np.zeros((len(X), self.extra))], axis=1)
+        return np.asarray(np.sum(self.residuals(Z, rung) ** 2, axis=1))
+
+    def reference(self, rung: int) -> float:
+        """Return infinity: there is no trivial model to compare with."""
+        return float(np.inf)
 
 
 def estimation_problem(
@@ -201,7 +218,7 @@ def fit(
     vehicle: Vehicle,
     flights: Mapping[str, Flight],
     windows: Sequence[Window],
-    options: Options = Options(),
+    options: Options = DEFAULTS,
     callback: Callable[[optimize.Progress], None] | None = None,
     state: optimize.State | None = None,
 ) -> Fit:
@@ -214,12 +231,16 @@ def fit(
     guesses, spent = starts(problem), 0.0
     if options.covariance is None:
         settled = settle(problem, guesses)
+        problem, spent, z = settled.problem, settled.spent, settled.z
         if settled.interrupted:
-            return _unsearched(settled, prepared, options)
-        problem, spent = settled.problem, settled.spent
-        others = np.pad(guesses, [(0, 0), (0, problem.extra)])
-        guesses = np.concatenate([settled.z[None, :], others])
-    stop = replace(options.stop, budget=max(SEARCH_SHARE * (options.budget - spent), float(len(guesses))))
+            cost = float(np.sum(problem.residuals(z[None, :], len(problem.prices) - 1) ** 2))
+            advice = "stopped by the user before the search: the estimates are those of a first local refinement; run it again"
+            outcome = optimize.Outcome(
+                z, cost, 0.0, 0, "interrupted", advice, np.empty((0, 2)), None, options.optimizer
+            )
+            return replace(refine(problem, prepared, outcome), trajectories=spent)
+        guesses = np.concatenate([z[None, :], np.pad(guesses, [(0, 0), (0, problem.extra)])])
+    stop = options.stop(spent, len(guesses))
     outcome = optimize.minimize(
         optimize.create(options.optimizer, stop.budget), problem, seed=options.seed, starts=guesses,
         stop=stop, callback=callback, state=state,
@@ -238,7 +259,7 @@ class Settled:
     problem: Misfit
     z: FloatArray
     spent: float
-    interrupted: bool
+    interrupted: bool = False
 
 
 def settle(problem: Misfit, guesses: FloatArray) -> Settled:
@@ -251,28 +272,13 @@ def settle(problem: Misfit, guesses: FloatArray) -> Settled:
     costs = problem.costs(guesses, len(problem.prices) - 1)
     z = np.concatenate([guesses[int(np.argmin(costs))], np.zeros(problem.extra)])
     spent = float(len(guesses))
-    for _ in range(INITIAL_ROUNDS):
-        end = _refined(problem, z, SHORT)
-        z, spent, before = end.z, spent + end.spent, problem.weights.logdet
-        problem = problem.weighted(Weights.of(effective_variance(problem, z)))
-        if end.cut_short:
-            return Settled(problem, z, spent, interrupted=True)
-        if abs(problem.weights.logdet - before) < INITIAL_TOLERANCE * len(problem.weights.covariance):
-            break
-    return Settled(problem, z, spent, interrupted=False)
-
-
-def _unsearched(settled: Settled, prepared: Prepared, options: Options) -> Fit:
-    """Return what there is when Ctrl-C came before the search."""
-    cost, history = _cost(settled.problem, settled.z), np.empty((0, 2))
-    outcome = optimize.Outcome(
-        settled.z, cost, 0.0, 0, "interrupted", STOPPED_BEFORE_SEARCH, history, None, options.optimizer
-    )
-    return replace(refine(settled.problem, prepared, outcome), trajectories=settled.spent)
-
-
-def _cost(problem: Misfit, z: FloatArray) -> float:
-    return float(np.sum(problem.residuals(z[None, :], len(problem.prices) - 1) ** 2))
+    for _ in range(SETTLING.rounds):
+        z, more, cut_short = _refined(problem, z, SHORT)
+        spent, before = spent + more, problem.weights.logdet
+        problem = problem.weighted(Weights.of(effective_variance(problem, channel_residuals(problem, z))))
+        if cut_short or SETTLING.converged(before, problem.weights):
+            return Settled(problem, z, spent, bool(cut_short))
+    return Settled(problem, z, spent)
 
 
 def refine(
@@ -284,54 +290,45 @@ def refine(
 ) -> Fit:
     """Alternate noise-covariance estimation and Gauss-Newton refinement until the likelihood converges.
 
-    Population optimizers get their nuisances here.
-
-    An interrupted search is not refined; Ctrl-C during the refinement keeps what there is.
+    Population optimizers get their nuisances here. An interrupted search is not refined; Ctrl-C during the refinement
+    keeps what there is.
     """
     z, before, spent = outcome.z, np.inf, 0.0
     converged = interrupted = outcome.status == "interrupted"
-    for _ in range(0 if interrupted else MAX_ROUNDS):
-        end = _refined(problem, z, FULL, budget - spent)
-        z, spent = end.z, spent + end.spent
-        now = problem.weights.logdet
-        converged = not estimate_noise or abs(before - now) < NOISE_TOLERANCE * len(
-            problem.weights.covariance
-        )
-        interrupted = end.cut_short == "interrupted"
-        if converged or end.cut_short:
+    for _ in range(0 if interrupted else ALTERNATION.rounds):
+        z, more, cut_short = _refined(problem, z, FULL, budget - spent)
+        spent, interrupted = spent + more, cut_short == "interrupted"
+        converged = not estimate_noise or ALTERNATION.converged(before, problem.weights)
+        if converged or cut_short:
             break
         try:
-            before, problem = now, problem.weighted(Weights.of(effective_variance(problem, z)))
+            variance = effective_variance(problem, channel_residuals(problem, z))
+            before, problem = problem.weights.logdet, problem.weighted(Weights.of(variance))
         except KeyboardInterrupt:
             interrupted = True
             break
     if interrupted and outcome.status != "interrupted":
-        outcome = replace(outcome, status="interrupted", advice=STOPPED)
+        outcome = replace(
+            outcome, status="interrupted", advice="stopped by the user while the estimates were refined"
+        )
     notices = () if converged or outcome.status == "interrupted" else (notice("noise-not-converged"),)
+    cost = float(np.sum(problem.residuals(z[None, :], len(problem.prices) - 1) ** 2))
     spent += outcome.trajectories
-    return Fit(
-        problem, prepared, z, outcome, _cost(problem, z), spent, notices, noise_given=not estimate_noise
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class _LocalOptimum:
-    """Where a local refinement ended, the trajectories it took, and what cut it short, if anything did."""
-
-    z: FloatArray
-    spent: float
-    cut_short: str = ""
+    return Fit(problem, prepared, z, outcome, cost, spent, notices, noise_given=not estimate_noise)
 
 
 def _refined(
     problem: Misfit, z: FloatArray, settings: optimize.Settings, budget: float = np.inf
-) -> _LocalOptimum:
-    """Refine locally on the full record; Ctrl-C or a spent budget keeps the best so far."""
+) -> tuple[FloatArray, float, str]:
+    """Refine locally on the full record; return where that led, the trajectories, and what cut it short, if anything.
+
+    Ctrl-C or a spent budget keeps the best so far.
+    """
     ledger = optimize.Ledger(problem, Evaluations.none(problem), budget)
     try:
         end = optimize.refine(ledger, z, len(problem.prices) - 1, settings)
     except (KeyboardInterrupt, Halt) as reason:
         done = ledger.evaluations
         best = done.best if np.isfinite(done.cost) else z
-        return _LocalOptimum(best, done.trajectories, getattr(reason, "status", "interrupted"))
-    return _LocalOptimum(end.z if np.isfinite(end.cost) else z, ledger.spent)
+        return best, done.trajectories, getattr(reason, "status", "interrupted")
+    return end.z if np.isfinite(end.cost) else z, ledger.spent, ""

@@ -1,18 +1,16 @@
 """Methods of identification by name.
 
 ``fit(vehicle, flights, windows, options, callback, state) -> Fit``
-    Turns windows of flights into estimates. `stoop.estimate.fit.estimation_problem` gives the problem: pieces, layout of
-    the unknowns, nuisances. Whatever the method, the returned `Fit` holds
+    Turns windows of flights into estimates; `stoop.estimate.fit.estimation_problem` gives the problem. Whatever the method,
+    the returned `Fit` holds
 
     - ``problem``: a `Misfit`, with which the fitted windows are simulated open loop for curves, figures and the baseline;
     - ``z``: parameters in the unit box, then nuisances in prior sigmas (zeros: the start as it was guessed);
-    - ``evidence``: residuals, sensitivities and prior information, from which error bars follow;
+    - ``evidence``: residuals, sensitivities and prior information, from which `stoop.assessment.error_bars` follow;
+    - ``local_problem``: the least-squares problem for refits near the estimate where it is not ``problem``;
     - ``outcome``: how it ended; ``notices``: how to read it, and what is doubtful.
 
     `callback` and `state` belong to searches that can be resumed; others ignore them.
-
-Error bars come from the evidence, the same way for all methods: `stoop.assessment.error_bars`. ``local_problem`` gives the
-least-squares problem for refits near the estimate where it is not ``problem``.
 
 To add a method, write its function and add one line to `_METHODS`.
 """
@@ -20,7 +18,7 @@ To add a method, write its function and add one line to `_METHODS`.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -43,36 +41,30 @@ GRID_SHARE: Final = 0.98  #: of the grid's rate: what was logged faster than tha
 
 @dataclass(frozen=True)
 class Method:
-    """One method; its functions are imported when they are first used.
+    """One method; its function is imported when it is first used."""
 
-    Attributes
-    ----------
-    fit : str
-        ``"module:function"``, see the head of this module.
-    purpose : str
-        What it is for, in a few words.
-    simulates : bool
-        Whether residuals are those of a simulation, so that bootstrap, posterior and profile can refit it.
-    """
-
-    fit: str
-    purpose: str
-    simulates: bool = True
+    fit: str  #: ``"module:function"``, see the head of this module
+    purpose: str  #: what it is for, in a few words
+    simulates: bool = (
+        True  #: whether residuals are those of a simulation, which bootstrap, posterior and profile refit
+    )
 
     def fitter(self) -> Callable[..., Any]:
         """Return the function that fits."""
-        return _imported(self.fit)
+        module, _, function = self.fit.partition(":")
+        found: Callable[..., Any] = getattr(importlib.import_module(module), function)
+        return found
 
 
 _METHODS: Final[dict[str, Method]] = {
     DEFAULT: Method("stoop.estimate.fit:fit", "flights in calm air"),
-    "filter-error": Method("stoop.estimate.filter_error.method:steady", "flights in turbulence"),
+    "filter-error": Method("stoop.estimate.filter_error:steady", "flights in turbulence"),
     "filter-error-ekf": Method(
-        "stoop.estimate.filter_error.method:varying",
+        "stoop.estimate.filter_error:varying",
         "likewise, with a gain that follows large maneuvers",
     ),
     "multiple-shooting": Method(
-        "stoop.estimate.shooting.method:fit",
+        "stoop.estimate.multiple_shooting:fit",
         "vehicles that are unstable or fly on rotors: short windows",
     ),
     "equation-error": Method(
@@ -105,22 +97,18 @@ def choose_method(name: str, vehicle: Vehicle, flights: Iterable[Flight]) -> Met
     """Return the named method, or the one that suits vehicle and flights where none is named."""
     if name or not vehicle.rotors:
         return MethodChoice(name or DEFAULT)
-    rates = (rate for flight in flights for rate in _interpolated(vehicle, flight))
-    slowest = min(rates, default=MIN_MOTOR_RATE)
-    if slowest >= MIN_MOTOR_RATE:
+    rates, channels = [MIN_MOTOR_RATE], {rotor.channel for rotor in vehicle.file.rotor.values()}
+    for flight in flights:
+        for channel in channels & flight.sources.keys():  # measured speeds are smooth, commands are not
+            rate = flight.sources[channel].rate
+            if VARIABLES[channel].kind != "measurement" and 0.0 < rate < GRID_SHARE * flight.rate:
+                rates.append(rate)
+    if min(rates) >= MIN_MOTOR_RATE:
         return MethodChoice(WITH_ROTORS)
     why = notice(
-        "motors-logged-slowly", rate=slowest, limit=MIN_MOTOR_RATE, method=SLOW_MOTORS, other=WITH_ROTORS
+        "motors-logged-slowly", rate=min(rates), limit=MIN_MOTOR_RATE, method=SLOW_MOTORS, other=WITH_ROTORS
     )
     return MethodChoice(SLOW_MOTORS, (why,))
-
-
-def _interpolated(vehicle: Vehicle, flight: Flight) -> Iterator[float]:
-    """Yield the rates, Hz, of the commands of rotors that were logged more slowly than the grid; measured speeds are smooth."""
-    for channel in {rotor.channel for rotor in vehicle.file.rotor.values()} & flight.sources.keys():
-        rate = flight.sources[channel].rate
-        if VARIABLES[channel].kind != "measurement" and 0.0 < rate < GRID_SHARE * flight.rate:
-            yield rate
 
 
 def find(name: str) -> Method:
@@ -135,9 +123,3 @@ def find(name: str) -> Method:
     if name not in _METHODS:
         raise IdentificationError(f"method '{name}': not known; {nearest(name, _METHODS)}")
     return _METHODS[name]
-
-
-def _imported(place: str) -> Callable[..., Any]:
-    module, _, function = place.partition(":")
-    found: Callable[..., Any] = getattr(importlib.import_module(module), function)
-    return found

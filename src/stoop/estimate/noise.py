@@ -29,18 +29,11 @@ MAX_BYTES: Final = 100_000  #: of a covariance file
 def channel_residuals(problem: Misfit, z: FloatArray) -> list[FloatArray]:
     """Return measured minus simulated (n, n_y) of every piece, NaN where nothing was measured."""
     outputs = problem.layout.vehicle.outputs
-    return [
-        on_circle(piece.measured - problem.outputs(z, i), outputs) for i, piece in enumerate(problem.pieces)
-    ]
+    return [on_circle(p.measured - problem.outputs(z, i), outputs) for i, p in enumerate(problem.pieces)]
 
 
-def noise_variance(problem: Misfit, z: FloatArray) -> FloatArray:
-    """Return the maximum-likelihood variance (n_y,) of each channel, kept above a floor."""
-    return variance_of(problem, channel_residuals(problem, z))
-
-
-def variance_of(problem: Misfit, residuals: list[FloatArray]) -> FloatArray:
-    """Return the variance (n_y,) of measured minus simulated (n, n_y) of each piece, kept above a floor."""
+def noise_variance(problem: Misfit, residuals: Sequence[FloatArray]) -> FloatArray:
+    """Return the maximum-likelihood variance (n_y,) of residuals (n, n_y) of each piece, kept above a floor."""
     errors = np.concatenate(residuals)
     measured = np.concatenate([p.measured for p in problem.pieces])
     sensors, outputs = problem.layout.vehicle.file.sensors, problem.layout.vehicle.outputs
@@ -52,6 +45,18 @@ def variance_of(problem: Misfit, residuals: list[FloatArray]) -> FloatArray:
             floor = spread**2 + (SENSOR_FLOOR * getattr(sensors, channel).sigma) ** 2
             out[i] = max(float(np.mean(errors[present, i] ** 2)), floor)
     return out
+
+
+def effective_variance(problem: Misfit, residuals: Sequence[FloatArray]) -> FloatArray:
+    """Return the variance (n_y,) with which a channel weighs: its noise times the common correlation time.
+
+    Correlated residuals repeat themselves: counted as independent they would drown the priors. One number,
+    the median over the channels, is used for all: the channels' weights among each other stay those of
+    maximum likelihood, and a channel that fits badly is not given up for it. For white residuals it is 1.
+    """
+    present = np.any([np.isfinite(r).any(axis=0) for r in residuals], axis=0)
+    common = float(np.median(correlation_times(residuals, problem.pieces[0].dt)[present]))
+    return noise_variance(problem, residuals) * common
 
 
 def first_variance(problem: Misfit) -> FloatArray:
@@ -66,30 +71,24 @@ def first_variance(problem: Misfit) -> FloatArray:
     return FIRST_GUESS**2 * np.array(out)
 
 
-def correlation_times(errors: list[FloatArray], dt: float) -> FloatArray:
+def correlation_times(residuals: Sequence[FloatArray], dt: float) -> FloatArray:
     """Return how many residuals of each channel say as much as one independent residual (n_y,), at least 1.
 
     The integrated autocorrelation 1 + 2 sum r_k up to its first zero crossing. A channel whose neighbors
     are uncorrelated within chance counts as white.
     """
-    count = errors[0].shape[1]
-    return np.array(
-        [_correlation_time([e[:, [i]] for e in errors], round(MAX_LAG / dt)) for i in range(count)]
-    )
-
-
-def _correlation_time(pieces: list[FloatArray], max_lag: int) -> float:
-    present = [np.isfinite(piece).astype(float) for piece in pieces]
-    sums, counts = lagged_products([np.nan_to_num(piece) for piece in pieces], present, max_lag)
-    total, pairs = sums[0], counts[0]
-    if pairs[0] < 10 or total[0] <= 0.0:
-        return 1.0
-    r = (total / np.maximum(pairs, 1.0)) / (total[0] / pairs[0])
-    if r[1] < 2.0 / np.sqrt(pairs[0]):
-        return 1.0
-    negative = np.flatnonzero(r <= 0.0)
-    end = int(negative[0]) if negative.size else len(r)
-    return max(1.0, 1.0 + 2.0 * float(np.sum(r[1:end])))
+    present = [np.isfinite(r).astype(float) for r in residuals]
+    sums, counts = lagged_products([np.nan_to_num(r) for r in residuals], present, round(MAX_LAG / dt))
+    out = np.ones(len(sums))
+    for i, (total, pairs) in enumerate(zip(sums, counts, strict=True)):
+        if pairs[0] < 10 or total[0] <= 0.0:
+            continue
+        r = (total / np.maximum(pairs, 1.0)) / (total[0] / pairs[0])
+        if r[1] >= 2.0 / np.sqrt(pairs[0]):
+            negative = np.flatnonzero(r <= 0.0)
+            end = int(negative[0]) if negative.size else len(r)
+            out[i] = max(1.0, 1.0 + 2.0 * float(np.sum(r[1:end])))
+    return out
 
 
 def lagged_products(
@@ -118,23 +117,6 @@ def lagged_products(
     return np.asarray(sums), np.maximum(np.rint(np.asarray(counts)), 0.0)
 
 
-def effective_variance(problem: Misfit, z: FloatArray) -> FloatArray:
-    """Return the variance (n_y,) with which a channel weighs: its noise times the common correlation time.
-
-    Correlated residuals repeat themselves: counted as independent they would drown the priors. One number,
-    the median over the channels, is used for all: the channels' weights among each other stay those of
-    maximum likelihood, and a channel that fits badly is not given up for it. For white residuals it is 1.
-    """
-    return effective_variance_of(problem, channel_residuals(problem, z))
-
-
-def effective_variance_of(problem: Misfit, errors: list[FloatArray]) -> FloatArray:
-    """Return the variance (n_y,) as :func:`effective_variance`, of measured minus simulated (n, n_y) of each piece."""
-    present = [i for i in range(errors[0].shape[1]) if any(np.isfinite(e[:, i]).any() for e in errors)]
-    common = float(np.median(correlation_times(errors, problem.pieces[0].dt)[present]))
-    return variance_of(problem, errors) * common
-
-
 def read_covariance(path: Path, channels: Sequence[str]) -> FloatArray:
     """Read variances (n_y,) or a covariance (n_y, n_y), the inverse of eq. (3)'s Q, from a small CSV.
 
@@ -156,8 +138,7 @@ def read_covariance(path: Path, channels: Sequence[str]) -> FloatArray:
         matrix = np.diag(matrix[0])
     if matrix.shape != (len(channels), len(channels)):
         raise IdentificationError(f"{path}: has shape {matrix.shape}; write {wanted}")
-    if not (
-        np.isfinite(matrix).all() and np.allclose(matrix, matrix.T) and np.linalg.eigvalsh(matrix)[0] > 0.0
-    ):
+    finite = np.isfinite(matrix).all() and np.allclose(matrix, matrix.T)
+    if not (finite and np.linalg.eigvalsh(matrix)[0] > 0.0):
         raise IdentificationError(f"{path}: is not symmetric positive definite; a covariance must be")
     return matrix

@@ -1,25 +1,35 @@
-"""Prediction: windows simulated with a fitted model; nothing is fitted there."""
+"""Prediction: windows simulated with a fitted model; nothing is fitted there. The specific force of rotors beside the record.
+
+A hovering vehicle cannot be simulated for long, but its forces can be compared with the accelerometers sample by sample.
+Rotors shake them, so both sides are low-passed at `CUTOFF`, with zero phase and per stretch without a hole. Two reference
+models stand beside: a constant, and thrust in proportion to the sum of the squared commands.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
+from stoop.base.variables import SPECIFIC_FORCE
 from stoop.errors import SimulationError
 from stoop.estimate.fit import Fit
-from stoop.estimate.shooting.windows import WINDOW_LENGTH, outputs_by_window
+from stoop.estimate.regression.rotors import lagged_command, stretches
+from stoop.estimate.shooting_windows import WINDOW_LENGTH, outputs_by_window
 from stoop.flight import Flight
-from stoop.problem import Layout, Misfit, Piece, Weights
+from stoop.problem import Layout, Misfit, Weights
 from stoop.problem.misfit import horizon_ladder
 from stoop.problem.observation import START_TIME, observation_model
 from stoop.problem.prepare import Prepared, prepare
 from stoop.problem.windows import Window
-from stoop.simulation import START_NAMES, trim
+from stoop.simulation import START_NAMES, parameter_rows, trim
 from stoop.vehicle import Vehicle
+
+CUTOFF: Final = 5.0  #: Hz, of the specific force
 
 
 def identified_vehicle(fit: Fit) -> Vehicle:
@@ -42,16 +52,10 @@ def mean_biases(fit: Fit, flight: str) -> dict[str, float]:
 def predict(
     fit: Fit, flights: Mapping[str, Flight], windows: Sequence[Window]
 ) -> tuple[Prepared, list[FloatArray]]:
-    """Simulate windows with the fitted model.
+    """Simulate windows with the fitted model; return pieces and the readings (n, n_y) of each.
 
     The initial state is the line through the first 0.2 s of measurements, less the biases; the biases are
     those of the fitted maneuvers.
-
-    Returns
-    -------
-    prepared : Prepared
-    simulated : list of (n, n_y)
-        Readings of each piece.
     """
     biases = [mean_biases(fit, window.flight) for window in windows]
     return predicted(identified_vehicle(fit), flights, windows, biases)
@@ -65,13 +69,7 @@ def predicted(
 ) -> tuple[Prepared, list[FloatArray]]:
     """Simulate windows with a vehicle as it is, see :func:`predict`.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    flights : mapping of str to Flight
-    windows : sequence of Window
-    biases : sequence of mappings
-        Of the sensors in each window, by the names of the vehicle's numbers, SI.
+    `biases` are those of the sensors in each window, by the names of the vehicle's numbers, SI.
     """
     parts = [_of_window(vehicle, flights, w, b) for w, b in zip(windows, biases, strict=True)]
     pieces = tuple(replace(p, maneuver=i) for i, part in enumerate(parts) for p in part.pieces)
@@ -97,25 +95,131 @@ def _of_window(
     prepared = prepare(biased, flights, [window])
     pieces, notices = [], [n for n in prepared.notices if n.code != "start-defaulted"]
     for piece in prepared.pieces:
-        early = piece.measured[piece.time <= piece.time[0] + START_TIME]
-        recorded = dict(zip(vehicle.outputs, np.isfinite(early).any(axis=0), strict=True))
+        early = np.isfinite(piece.measured[piece.time <= piece.time[0] + START_TIME]).any(axis=0)
+        recorded = dict(zip(vehicle.outputs, early, strict=True))
         missing = tuple(c for c in vehicle.outputs if c in START_NAMES and not recorded[c])
         start = piece.start
         if missing and observation_model(vehicle).open_loop:
-            steady = _steady(biased, piece)
+            loaded = biased.with_numbers({name: {"value": value} for name, value in piece.changes.items()})
+            logged = "density" in vehicle.inputs
+            density = float(piece.inputs[0, vehicle.inputs.index("density")]) if logged else None
+            try:
+                steady = trim(loaded, start["V"], start["h"], density=density).start
+                code = "predicted-from-trim"
+            except SimulationError:
+                steady, code = {}, "predicted-from-default"
             start = {**start, **{c: steady[c] for c in missing if c in steady}}
-            code = "predicted-from-trim" if steady else "predicted-from-default"
             notices.append(notice(code, str(window), channels=missing))
         pieces.append(replace(piece, start=start, changes={**piece.changes, **biases}))
     return replace(prepared, pieces=tuple(pieces), notices=tuple(notices))
 
 
-def _steady(vehicle: Vehicle, piece: Piece) -> dict[str, float]:
-    """Return the state of the steady flight that a piece might have begun from; empty where there is none."""
-    loaded = vehicle.with_numbers({name: {"value": value} for name, value in piece.changes.items()})
-    logged = "density" in vehicle.inputs
-    density = float(piece.inputs[0, vehicle.inputs.index("density")]) if logged else None
-    try:
-        return trim(loaded, piece.start["V"], piece.start["h"], density=density).start
-    except SimulationError:
-        return {}
+@dataclass(frozen=True)
+class ForceResiduals:
+    """Residuals of one axis, rms, m/s2.
+
+    Of the fitted model; of the mean of the fitted windows; of a constant and the sum of squared commands.
+    """
+
+    model: float
+    constant: float
+    static: float
+
+
+@dataclass(frozen=True)
+class ForceFigures:
+    """The specific force in one window, by axis ``ax``, ``ay``, ``az``; `role` is "fit" or "validation".
+
+    `seconds` of flight were compared.
+    """
+
+    window: Window
+    role: str
+    axes: Mapping[str, ForceResiduals]
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class ForceCurves:
+    """Low-passed specific force (n, 3) of one window, m/s2, and the sum of squared commands (n,) at times (n,), s."""
+
+    time: FloatArray
+    measured: FloatArray
+    model: FloatArray
+    squares: FloatArray
+
+
+def force_figures(
+    fit: Fit, flights: Mapping[str, Flight], predicted: Sequence[Window]
+) -> tuple[ForceFigures, ...]:
+    """Return the residuals of fitted and predicted windows; none of a vehicle without rotors."""
+    vehicle = identified_vehicle(fit)
+    if not vehicle.rotors:
+        return ()
+    windows = [*fit.prepared.windows, *predicted]
+    curves = [force_curves(vehicle, flights, w, mean_biases(fit, w.flight)) for w in windows]
+    fitted = [c for c in curves[: len(fit.prepared.windows)] if c.time.size]
+    if not fitted:
+        return ()
+    reference = ReferenceModels.of(fitted)
+    dt = fit.problem.pieces[0].dt
+    roles = ["fit"] * len(fit.prepared.windows) + ["validation"] * len(predicted)
+    return tuple(
+        ForceFigures(w, role, reference.residuals(c), len(c.time) * dt)
+        for w, role, c in zip(windows, roles, curves, strict=True)
+        if c.time.size
+    )
+
+
+def force_curves(
+    vehicle: Vehicle, flights: Mapping[str, Flight], window: Window, biases: Mapping[str, float]
+) -> ForceCurves:
+    """Return measured and modeled specific force of a window, low-passed.
+
+    The vehicle has its estimates; `biases` are those of the sensors and the wind, SI.
+    """
+    parts = [(np.empty(0), np.empty((0, 7)))]
+    for piece in prepare(vehicle, flights, [window]).pieces:
+        for stretch in stretches(vehicle, replace(piece, changes={**piece.changes, **biases})):
+            rows, own = parameter_rows(vehicle, stretch.piece.changes), stretch.samples
+            spins = [lagged_command(vehicle, stretch.piece, name, rows)[own] for name in vehicle.rotors]
+            forces = [stretch.measured[:, 3:], stretch.modeled(vehicle, rows)[:, 3:]]
+            columns = np.column_stack([*forces, np.sum(np.square(spins), axis=0)])
+            parts.append((piece.time[own], low_passed(columns, piece.dt)))
+    time, slow = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return ForceCurves(time, slow[:, :3], slow[:, 3:6], slow[:, 6])
+
+
+def low_passed(columns: FloatArray, dt: float) -> FloatArray:
+    """Return columns (n, k) below `CUTOFF`, without phase: a Butterworth filter that runs forward and backward."""
+    from scipy.signal import butter, sosfiltfilt
+
+    sos = butter(2, min(CUTOFF, 0.45 / dt), fs=1.0 / dt, output="sos")
+    pad = min(len(columns) - 1, round(3.0 / (CUTOFF * dt)))
+    return np.asarray(sosfiltfilt(sos, columns, axis=0, padlen=pad))
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceModels:
+    """The two models that need no aerodynamics, estimated from the fitted windows."""
+
+    mean: FloatArray  #: (3,)
+    static: FloatArray  #: (2, 3), a constant and the factor of the sum of squared commands (of az only)
+
+    @classmethod
+    def of(cls, fitted: Sequence[ForceCurves]) -> ReferenceModels:
+        """Return the models of fitted windows."""
+        measured = np.concatenate([c.measured for c in fitted])
+        squares = np.concatenate([c.squares for c in fitted])
+        mean, static = measured.mean(axis=0), np.zeros((2, 3))
+        regressors = np.column_stack([np.ones(len(squares)), squares])
+        static[0, :2] = mean[:2]
+        static[:, 2] = np.linalg.lstsq(regressors, measured[:, 2], rcond=None)[0]
+        return cls(mean, static)
+
+    def residuals(self, curves: ForceCurves) -> dict[str, ForceResiduals]:
+        """Return residuals by axis."""
+        static = np.column_stack([np.ones(len(curves.squares)), curves.squares]) @ self.static
+        residuals = [curves.measured - y for y in (curves.model, self.mean, static)]
+        found = [np.sqrt(np.mean(r**2, axis=0)) for r in residuals]
+        return {c: ForceResiduals(*(float(f[i]) for f in found)) for i, c in enumerate(SPECIFIC_FORCE)}

@@ -13,13 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from stoop.base.units import DEGREE, MICROSECOND
+from stoop.exporters.log_bytes import Event, Table, Topic, crazyflie_bytes, dataflash_bytes, ulog
 from stoop.exporters.log_layout import Columns, LogLayout, MappingFile, travel
 from stoop.flight import VARIABLES, Flight
-from stoop.flight.calibration import SURFACES
+from stoop.flight.conversion import SURFACES
 from stoop.flight.mapping import ready
-from stoop.logs.crazyflie_write import Event, crazyflie_bytes
-from stoop.logs.dataflash_write import Table, dataflash_bytes
-from stoop.logs.ulog_write import Topic, ulog
 
 
 def _array(name: str, size: int) -> tuple[str, ...]:

@@ -11,8 +11,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.flight import Flight
-from stoop.flight.calibration import MAX_DEFLECTION
-from stoop.flight.frames import rotate_axes
+from stoop.flight.conversion import MAX_DEFLECTION, rotate_axes
 from stoop.flight.mapping import FlightMapping, Source, with_other_form
 
 Columns: TypeAlias = dict[str, FloatArray]

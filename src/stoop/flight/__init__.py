@@ -1,15 +1,12 @@
 """Recorded channels -> Flight: SI, body axes, one uniform grid, maneuvers, air data."""
 
 from stoop.base.variables import OUTPUTS, VARIABLES, Variable
-from stoop.flight.air_data_reconstruction import without
-from stoop.flight.channels import SourceRate
+from stoop.flight.air_data import without
 from stoop.flight.faults import Fault
-from stoop.flight.flight import Flight, from_columns
-from stoop.flight.load import load, without_faults
-from stoop.flight.maneuvers import Maneuver, find_maneuvers
-from stoop.flight.segmentation import Segment, segments
-from stoop.flight.store import save
-from stoop.flight.summary import ChannelRow, FlightSummary, describe
+from stoop.flight.flight import Flight, Segment, from_columns, segments
+from stoop.flight.gridding import SourceRate
+from stoop.flight.load import load, save, without_faults
+from stoop.flight.maneuvers import ChannelRow, FlightSummary, Maneuver, describe, find_maneuvers
 
 __all__ = [
     "OUTPUTS",

@@ -1,92 +1,82 @@
-"""Result of the air data reconstruction, and the notices that it gives rise to."""
+"""Air-relative velocity without a vane: flight-path reconstruction from inertial data and a steady wind.
+
+The ground velocity is smoothed at the rate of the accelerometers (`stoop.flight.velocity_smoother`), a steady
+horizontal wind and the calibration of the pitot are estimated over the airborne part (`stoop.flight.airspeed`),
+and the difference is turned into body axes::
+
+    (u, v, w) = R' (v_ground - w),  V = |v_ground - w|,  alpha = atan2(w, u),  beta = asin(v / V)
+
+What it cannot see: gusts and vertical wind. They are the error of alpha and beta, about gust / V.
+
+References
+----------
+.. [1] Klein, Morelli, "Aircraft System Identification", 2nd ed., ch. 10 (data compatibility).
+.. [2] Mulder, Chu, Sridhar, Breeman, Laban, "Non-linear aircraft flight path reconstruction review and new
+   advances", Prog. Aerospace Sci. 35 (1999) 673.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Final
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
+from stoop.base.rotations import matrices_of, normalized, quaternions_of
 from stoop.base.units import DEGREE
+from stoop.base.variables import EULER, QUATERNION, RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
+from stoop.flight.airborne import carried_by_rotors, hovered
+from stoop.flight.airspeed import (
+    KAPPA,
+    OFFSET,
+    SLOPE,
+    STANDARD,
+    TRIM,
+    WIND_E,
+    WIND_N,
+    Airborne,
+    Evidence,
+    Fit,
+    air_relative,
+    fit,
+    pitot_equation,
+    sideslip_equation,
+)
+from stoop.flight.flight import NAN, AirData, Flight, dataset
+from stoop.flight.gridding import complete
+from stoop.flight.instrument_errors import prior_std
+from stoop.flight.velocity_smoother import Record, Smoothed, smooth_velocity
 
-NAN: Final = float("nan")
-MIN_HEADING_ERROR: Final = 1.5 * DEGREE
-MIN_REST_OFFSET: Final = 0.5  #: m/s
-POOR_WIND_STD: Final = 1.5  #: m/s, a wind less certain than this
-MAX_DISAGREEMENT: Final = 3.0  #: standard errors
-MAX_PITOT_INCONSISTENCY: Final = 1.0  #: m/s
-MIN_DELAY: Final = 0.015  #: s
-
-
-@dataclass(frozen=True)
-class AirData:
-    """What the reconstruction found; NaN where the flight holds no such thing.
-
-    Attributes
-    ----------
-    method : "pitot", "pitot and sideslip", "pitot and log", "sideslip", "log" (where the wind is from),
-        "still air" (it is unknown and taken as zero) or "none" (nothing was reconstructed)
-    wind_n, wind_e : m/s, towards which the air moves; steady over the flight
-    wind_n_std, wind_e_std : m/s, standard errors, the color of the residuals counted
-    pitot_scale, pitot_offset : true airspeed = (airspeed_pitot - pitot_offset) * pitot_scale; 1, m/s
-    pitot_scale_std, pitot_offset_std : standard errors
-    rest_offset : m/s, median reading of the pitot on the ground
-    residual_rms : m/s, of the residual that the wind was fitted to
-    sideslip_wind : (north, east, standard errors of both) m/s, from sideslip and lateral force alone
-    gust : m/s, estimate of what a steady wind leaves out, per axis
-    incidence_std : rad, standard error of alpha and beta from gusts and the error of the wind together
-    velocity_delay, velocity_delay_std : s, by which the logged velocity is late (corrected when evident)
-    heading_error, heading_error_std : rad, true minus logged heading, mean of the flight (not corrected)
-    accelerometer_bias, accelerometer_bias_std : (3,) m/s2, body axes
-    notices : for the user
-    traces : name -> (n,), airborne samples to plot: time, speed_inertial (|v - w|), pitot, pitot_corrected,
-        wind_n_log, wind_e_log, beta, beta_from_force
-    """
-
-    method: str
-    wind_n: float = NAN
-    wind_e: float = NAN
-    wind_n_std: float = NAN
-    wind_e_std: float = NAN
-    pitot_scale: float = NAN
-    pitot_scale_std: float = NAN
-    pitot_offset: float = NAN
-    pitot_offset_std: float = NAN
-    rest_offset: float = NAN
-    residual_rms: float = NAN
-    sideslip_wind: tuple[float, float, float, float] = (NAN, NAN, NAN, NAN)
-    gust: float = NAN
-    incidence_std: float = NAN
-    velocity_delay: float = NAN
-    velocity_delay_std: float = NAN
-    heading_error: float = NAN
-    heading_error_std: float = NAN
-    accelerometer_bias: tuple[float, float, float] = (NAN, NAN, NAN)
-    accelerometer_bias_std: tuple[float, float, float] = (NAN, NAN, NAN)
-    notices: tuple[Notice, ...] = ()
-    traces: Mapping[str, FloatArray] = field(default_factory=dict, compare=False, repr=False)
-
-    def pitot_error(self, speed: float) -> float:
-        """Return reading minus truth at a true airspeed [m/s]."""
-        return speed / self.pitot_scale + self.pitot_offset - speed
+RECONSTRUCTED: Final = "reconstructed"  #: source of what no sensor measured
+SMOOTHED: Final = ("vn_smooth", "ve_smooth", "vd_smooth")
 
 
 @dataclass(frozen=True)
-class LogWind:
-    """Wind as logged while airborne: mean (2,) and standard deviation (2,), m/s; NaN if none."""
+class Limits:
+    """Which samples count, which wind is believed, and what is worth a notice."""
 
-    mean: FloatArray
-    std: FloatArray
+    sample_time: float = 0.1  #: s between the samples that the wind is fitted to
+    speed: float = 3.0  #: m/s over ground; slower is not flying
+    flying_share: float = 0.4  #: of the highest speed; slower is not flying
+    edge: float = 2.0  #: s cut off around take-off and landing
+    time: float = 5.0  #: s of airborne data (and of pitot) below which nothing is estimated
+    rest_speed: float = 0.5  #: m/s
+    rest_rate: float = 0.1  #: rad/s
+    kappa: float = 2000.0  #: m, prior; 2 m / (rho S) is 40 m for a small drone, 2000 m for an airliner
+    log_wind: float = 0.5  #: m/s; no logged wind is believed more than this
+    sideslip: float = 0.15  #: rad, rms; a larger scatter says that the vehicle does not weathercock
+    poor_wind: float = 1.5  #: m/s, standard error of a wind that is hardly known
+    heading_error: float = 1.5 * DEGREE
+    delay: float = 0.015  #: s
+    rest_offset: float = 0.5  #: m/s
+    pitot_inconsistency: float = 1.0  #: m/s
+    disagreement: float = 3.0  #: standard errors
 
-    @property
-    def known(self) -> bool:
-        """Whether the log holds a wind other than zero."""
-        return bool(np.isfinite(self.mean).all() and np.any(self.mean != 0.0))
 
-
+LIMITS: Final = Limits()
 _WIND_SOURCES: Final = {
     "pitot": "from pitot and ground velocity",
     "pitot and sideslip": "from pitot, ground velocity and the rule that sideslip follows the lateral force",
@@ -96,97 +86,351 @@ _WIND_SOURCES: Final = {
 }
 
 
-def air_data_notices(
-    air: AirData, slope_prior: float, speed: float, density: float, log_wind: LogWind
-) -> tuple[Notice, ...]:
-    """Return what was found as notices.
+def with_air(flight: Flight) -> Flight:
+    """Reconstruct what air data were not measured, where there is no vane but ground velocity and attitude.
+
+    A rotorcraft without a pitot has no air data; none are needed.
+    """
+    there, needed = flight.names, (*VELOCITY, *QUATERNION)
+    if there & {"alpha", "beta"} or not there >= set(needed):
+        return flight
+    if not complete(np.column_stack([flight.column(name) for name in needed])).any():
+        return flight
+    columns, air = _columns_with_air(flight)
+    if (air.method == "none" and carried_by_rotors(flight)) or (air.method == "sideslip" and hovered(flight)):
+        return flight
+    new = columns.keys() - (there if _measured_speed(flight) is not None else there - {"V"})
+    sources = {name: replace(flight.sources["vn"], source=RECONSTRUCTED) for name in new}
+    # The reconstruction says more of the pitot than its faults do.
+    replaced = [fault.notice for fault in flight.faults if fault.variable == "airspeed_pitot"]
+    return replace(
+        flight,
+        data=dataset(flight.time, columns),
+        air=air,
+        sources={**flight.sources, **sources},
+        notices=(*(one for one in flight.notices if one not in replaced), *air.notices),
+    )
+
+
+def without(flight: Flight, windows: Sequence[tuple[float, float]]) -> Flight:
+    """Reconstruct the air data anew, learning nothing about wind and pitot inside some windows [s].
+
+    A flight whose air data were measured, or could not be reconstructed, is returned as it is.
+    """
+    if not windows or flight.air is None or flight.air.method == "none":
+        return flight
+    columns, air = _columns_with_air(flight, windows)
+    if air.method == "none":
+        return replace(flight, notices=(*flight.notices, notice("wind-of-predicted-windows", flight.name)))
+    kept = tuple(one for one in flight.notices if one not in flight.air.notices)
+    return replace(flight, data=dataset(flight.time, columns), air=air, notices=(*kept, *air.notices))
+
+
+def _columns_with_air(
+    flight: Flight, exclude: Sequence[tuple[float, float]] = ()
+) -> tuple[dict[str, FloatArray], AirData]:
+    """Return all columns with reconstructed air data; a measured V stays, and is a pitot where there is none."""
+    columns = {name: flight.column(name) for name in VARIABLES if name in flight.data}
+    measured = _measured_speed(flight)
+    as_pitot = measured is not None and "airspeed_pitot" not in columns
+    given = {**columns, "airspeed_pitot": measured} if measured is not None and as_pitot else columns
+    added, air = reconstruct(flight.time, given, flight.sources["vn"].rate, exclude)
+    columns = {name: x for name in VARIABLES if (x := added.get(name, columns.get(name))) is not None}
+    if measured is None or air.method == "none":
+        return columns, air
+    found = notice("airspeed-measured-as-pitot" if as_pitot else "airspeed-measured", "V")
+    return {**columns, "V": measured}, replace(air, notices=(*air.notices, found))
+
+
+def _measured_speed(flight: Flight) -> FloatArray | None:
+    source = flight.sources.get("V")
+    if source is None or source.source == RECONSTRUCTED or not np.isfinite(flight.column("V")).any():
+        return None
+    return flight.column("V")
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """Columns (n,) of a flight on its grid; those that are missing read NaN."""
+
+    time: FloatArray
+    values: Mapping[str, FloatArray]
+
+    def __getitem__(self, name: str) -> FloatArray:
+        found = self.values.get(name)
+        return np.full(self.time.size, np.nan) if found is None else np.asarray(found, dtype=np.float64)
+
+    def stack(self, names: Sequence[str]) -> FloatArray:
+        return np.column_stack([self[name] for name in names])
+
+
+def reconstruct(
+    time: FloatArray,
+    columns: Mapping[str, FloatArray],
+    velocity_rate: float = 10.0,
+    exclude: Sequence[tuple[float, float]] = (),
+) -> tuple[dict[str, FloatArray], AirData]:
+    """Reconstruct airspeed, angle of attack and sideslip of a flight without vanes.
 
     Parameters
     ----------
-    air : without notices
-    slope_prior : standard deviation of the slope of the pitot before the flight
-    speed : m/s, typical true airspeed in flight
-    density : kg/m3
-    log_wind : wind as logged
+    time : (n,) s, uniform
+    columns : name -> (n,), NaN in gaps: vn ve vd [m/s], q0..q3 (or phi theta psi [rad]) and, where
+        there are any, ax ay az [m/s2], p q r [rad/s], airspeed_pitot, wind_n, wind_e [m/s], density [kg/m3]
+    velocity_rate : Hz, at which the velocity was recorded before it was interpolated onto the grid
+    exclude : windows [s] from which nothing is learnt about wind and pitot
+
+    Returns
+    -------
+    columns : V [m/s], alpha, beta [rad] (at the accelerometer) and vn_smooth, ve_smooth, vd_smooth [m/s];
+        none when nothing could be reconstructed
+    air : what was found
     """
-    found = [_wind(air), *_pitot(air, slope_prior, speed, density), *_other_winds(air, log_wind)]
+    read = _Columns(time, columns)
+    velocity = read.stack(VELOCITY)
+    whole = set(QUATERNION) <= columns.keys()
+    attitude = normalized(read.stack(QUATERNION)) if whole else quaternions_of(read.stack(EULER))
+    for code, lacking in (
+        ("no-air-data-short-record", time.size < 10),
+        ("no-air-data-without-velocity", not complete(velocity).any()),
+        ("no-air-data-without-attitude", not complete(attitude).any()),
+    ):
+        if lacking:
+            return {}, AirData("none", notices=(notice(code),))
+    rotation, step = matrices_of(attitude), float(np.median(np.diff(time)))
+    motion = smooth_velocity(Record(time, rotation, read.stack(SPECIFIC_FORCE), velocity), velocity_rate)
+    if motion is None:  # without accelerometers the velocity is taken as logged
+        none = np.full(3, np.nan)
+        motion = Smoothed(velocity, np.full(time.size, np.nan), none, none, *[NAN] * 6)
+    # 1 in flight, 0 on the ground, NaN where it is not known
+    ground = np.hypot(motion.velocity[:, 0], motion.velocity[:, 1])
+    known, fastest = np.isfinite(ground), np.fmax(ground, read["airspeed_pitot"])
+    flying = np.full(ground.size, np.nan)
+    if known.any():
+        usual = np.nanpercentile(fastest[known], 90.0)
+        flying[known] = ((ground > LIMITS.speed) & (fastest > LIMITS.flying_share * usual))[known]
+    window = np.ones(2 * round(LIMITS.edge / step) + 1)
+    touched = np.convolve(flying == 0.0, window)[window.size // 2 :][: flying.size] > 0.5
+    used = (flying == 1.0) & ~touched & complete(motion.velocity)
+    for start, stop in exclude:
+        used &= (time < start) | (time > stop)
+    stride = max(1, round(LIMITS.sample_time / step))
+    good = used & np.isfinite(rotation).all(axis=(1, 2))
+    taken = np.flatnonzero(good & (np.arange(good.size) % stride == 0))
+    lateral = np.nan_to_num(read["ay"][taken] - np.nan_to_num(motion.bias[1]))
+    samples = Airborne(
+        np.asarray(time[taken], dtype=np.float64),
+        stride * step,
+        motion.velocity[taken],
+        rotation[taken, :, 1],
+        lateral,
+        read["airspeed_pitot"][taken],
+    )
+    if samples.time.size * samples.step < LIMITS.time:
+        return {}, AirData("none", notices=(notice("no-air-data-short-flight", duration=LIMITS.time),))
+    air = _air_data(read, step, samples, motion)
+    through = motion.velocity - np.array([air.wind_n, air.wind_e, 0.0])
+    speed, alpha, beta = flow(np.einsum("nij,ni->jn", rotation, through).T, LIMITS.speed)
+    fast = (flying == 1.0) & (speed > LIMITS.speed)
+    found = {"V": speed, "alpha": np.where(fast, alpha, np.nan), "beta": np.where(fast, beta, np.nan)}
+    return found | dict(zip(SMOOTHED, motion.velocity.T, strict=True)), air
+
+
+def flow(velocity: FloatArray, least: float = 0.0) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return airspeed, angle of attack and sideslip (n,) of velocities through the air along body axes (n, 3).
+
+    Parameters
+    ----------
+    velocity : (n, 3) m/s
+    least : m/s; beta is taken as if no speed were lower
+    """
+    u, v, w = velocity.T
+    speed = np.sqrt(u**2 + v**2 + w**2)
+    return speed, np.arctan2(w, u), np.arcsin(np.clip(v / np.maximum(speed, least), -1.0, 1.0))
+
+
+def _air_data(read: _Columns, step: float, samples: Airborne, motion: Smoothed) -> AirData:
+    """Fit the wind and describe it; the residuals of the fit are taken as gusts, alike in all directions."""
+    # the median reading of the pitot while the vehicle stands still
+    pitot, rest = read["airspeed_pitot"], NAN
+    still = np.linalg.norm(motion.velocity, axis=1) < LIMITS.rest_speed
+    still &= ~(np.abs(read.stack(RATES)) > LIMITS.rest_rate).any(axis=1) & np.isfinite(pitot)
+    if np.count_nonzero(still) * step > 1.0:
+        rest = float(np.median(pitot[still]))
+    wind = read.stack(("wind_n", "wind_e"))
+    wind = wind[(read.time >= samples.time[0]) & (read.time <= samples.time[-1])]
+    wind = wind[complete(wind)]
+    logged = (wind.mean(axis=0), wind.std(axis=0)) if wind.size and np.any(wind.mean(axis=0)) else None
+    names = ("wind.n", "wind.e", "airspeed_pitot.scale", "airspeed_pitot.bias", "beta.bias")
+    prior_mean = np.array([0.0, 0.0, 1.0, rest if np.isfinite(rest) else 0.0, 0.0, 0.0])
+    prior = prior_mean, np.array([*map(prior_std, names), LIMITS.kappa])
+    sideslip = _sideslip_wind(samples, *prior)
+    method, found = _best_wind(samples, logged, prior, sideslip)
+    theta, std = found.theta, found.std
+    through, speeds = air_relative(samples.velocity, theta)
+    speed = float(np.median(speeds))
+    smoothing = float(np.nanmedian(motion.std)) if np.isfinite(motion.std).any() else 0.0
+    rms = found.rms[0] if found.rms else NAN
+    calibrated, slope = "pitot" in method, float(theta[SLOPE])
+    calibration: dict[str, Any] = {}
+    if calibrated:
+        calibration = {
+            "pitot_scale": 1.0 / slope,
+            "pitot_scale_std": float(std[SLOPE] / theta[SLOPE] ** 2),
+            "pitot_offset": float(theta[OFFSET]),
+            "pitot_offset_std": float(std[OFFSET]),
+        }
+    gust = rms / (slope if calibrated else 1.0)
+    at = np.searchsorted(read.time, samples.time)
+    traces = {
+        "time": samples.time,
+        "speed_inertial": speeds,
+        "pitot": samples.pitot,
+        "pitot_corrected": (samples.pitot - theta[OFFSET]) / theta[SLOPE],
+        "wind_n_log": read["wind_n"][at],
+        "wind_e_log": read["wind_e"][at],
+        "beta": np.arcsin(np.clip(np.sum(samples.right * through, axis=1) / speeds, -1.0, 1.0)),
+    }
+    lateral_wind = NAN, NAN, NAN, NAN
+    if sideslip is not None:
+        trim, kappa = sideslip.theta[TRIM], sideslip.theta[KAPPA]
+        traces["beta_from_force"] = trim + kappa * samples.lateral / speeds**2
+        (north, east), (north_std, east_std) = sideslip.theta[:2].tolist(), sideslip.std[:2].tolist()
+        lateral_wind = north, east, north_std, east_std
+    air = AirData(
+        method,
+        wind_n=float(theta[WIND_N]),
+        wind_e=float(theta[WIND_E]),
+        wind_n_std=float(std[WIND_N]),
+        wind_e_std=float(std[WIND_E]),
+        **calibration,
+        rest_offset=rest,
+        residual_rms=rms,
+        sideslip_wind=lateral_wind,
+        gust=gust,
+        incidence_std=float(np.sqrt(gust**2 + found.wind_std**2 + smoothing**2)) / speed,
+        velocity_delay=motion.delay,
+        velocity_delay_std=motion.delay_std,
+        heading_error=motion.heading_error,
+        heading_error_std=motion.heading_error_std,
+        accelerometer_bias=tuple(map(float, motion.bias)),  # type: ignore[arg-type]
+        accelerometer_bias_std=tuple(map(float, motion.bias_std)),  # type: ignore[arg-type]
+        traces=traces,
+    )
+    density = read["density"]
+    rho = float(np.nanmedian(density)) if np.isfinite(density).any() else STANDARD.density
+    return replace(air, notices=_notices(air, speed, rho, logged))
+
+
+def _sideslip_wind(samples: Airborne, mean: FloatArray, std: FloatArray) -> Fit | None:
+    """Fit the wind to the sideslip; None when the vehicle does not fly like a weather vane.
+
+    It does when sideslip, less what the lateral force explains, is small, and when that force opposes
+    the sideslip.
+    """
+    found = fit([(sideslip_equation, samples)], mean, std)
+    speed = float(np.median(air_relative(samples.velocity, found.theta)[1]))
+    steady = found.rms[0] < LIMITS.sideslip * speed
+    opposing = found.theta[KAPPA] < 2.0 * found.std[KAPPA]
+    return found if steady and opposing else None
+
+
+def _best_wind(
+    samples: Airborne,
+    logged: tuple[FloatArray, FloatArray] | None,
+    prior: tuple[FloatArray, FloatArray],
+    sideslip: Fit | None,
+) -> tuple[str, Fit]:
+    """Trust the pitot when it determines the wind, else the most certain of the other estimates."""
+    with_pitot = samples.where(np.isfinite(samples.pitot))
+    pitot: list[Evidence] = []
+    if with_pitot.time.size * samples.step > LIMITS.time:
+        pitot = [(pitot_equation, with_pitot)]
+    options: list[tuple[str, Fit]] = []
+    if pitot:
+        options.append(("pitot", fit(pitot, *prior)))
+        if options[0][1].wind_std < LIMITS.poor_wind:
+            return options[0]
+        if sideslip is not None:
+            both = fit([*pitot, (sideslip_equation, samples)], *prior)
+            options.append(("pitot and sideslip", both))
+    elif sideslip is not None:
+        options.append(("sideslip", sideslip))
+    if logged is not None:
+        mean = np.concatenate([logged[0], prior[0][2:]])
+        std = np.concatenate([np.maximum(logged[1], LIMITS.log_wind), prior[1][2:]])
+        options.append(("pitot and log" if pitot else "log", fit(pitot, mean, std)))
+    options = options or [("still air", fit([], *prior))]
+    return min(options, key=lambda option: option[1].wind_std)
+
+
+def _notices(
+    air: AirData, speed: float, density: float, logged: tuple[FloatArray, FloatArray] | None
+) -> tuple[Notice, ...]:
+    """Return what was found at a typical true airspeed [m/s] and a density [kg/m3]."""
+    found = [notice("wind-unknown")]
+    if air.method != "still air":
+        poor = max(air.wind_n_std, air.wind_e_std) > LIMITS.poor_wind
+        found = [
+            notice(
+                "steady-wind-poor" if poor else "steady-wind",
+                speed=float(np.hypot(air.wind_n, air.wind_e)),
+                direction=float(np.arctan2(-air.wind_e, -air.wind_n) % (2.0 * np.pi)),
+                north=air.wind_n,
+                north_std=air.wind_n_std,
+                east=air.wind_e,
+                east_std=air.wind_e_std,
+                source=_WIND_SOURCES[air.method],
+            )
+        ]
+    found += _pitot_notices(air, speed, density)
+    north, east, north_std, east_std = air.sideslip_wind
+    if np.isfinite(north) and "sideslip" not in air.method:
+        apart = np.array([north - air.wind_n, east - air.wind_e])
+        scaled = apart / np.hypot([air.wind_n_std, air.wind_e_std], [north_std, east_std])
+        distance = float(np.sqrt(np.mean(scaled**2)))
+        code = "sideslip-wind-agrees" if distance < LIMITS.disagreement else "sideslip-wind-disagrees"
+        values = {"north": north, "north_std": north_std, "east": east, "east_std": east_std}
+        found.append(notice(code, "", **values, distance=distance))
+    if logged is not None and "log" not in air.method:
+        (n, e), std = logged[0].tolist(), float(np.hypot(*logged[1]))
+        distance = float(np.hypot(n - air.wind_n, e - air.wind_e))
+        found.append(notice("logged-wind-unused", north=n, east=e, std=std, distance=distance))
     delay, heading = air.velocity_delay, air.heading_error
-    if abs(delay) > max(MIN_DELAY, 3.0 * air.velocity_delay_std):
+    if abs(delay) > max(LIMITS.delay, 3.0 * air.velocity_delay_std):
         code = "velocity-late" if delay > 0.0 else "velocity-early"
         found.append(notice(code, delay_ms=1e3 * abs(delay), std_ms=1e3 * air.velocity_delay_std))
-    if abs(heading) > max(MIN_HEADING_ERROR, 3.0 * air.heading_error_std):
+    if abs(heading) > max(LIMITS.heading_error, 3.0 * air.heading_error_std):
         found.append(notice("heading-error", "psi", error=-heading, std=air.heading_error_std))
     if np.isfinite(air.incidence_std):
         found.append(notice("incidence-reconstructed", gust=air.gust, std=air.incidence_std, speed=speed))
     return tuple(found)
 
 
-def _wind(air: AirData) -> Notice:
-    if air.method == "still air":
-        return notice("wind-unknown")
-    poor = max(air.wind_n_std, air.wind_e_std) > POOR_WIND_STD
-    return notice(
-        "steady-wind-poor" if poor else "steady-wind",
-        speed=float(np.hypot(air.wind_n, air.wind_e)),
-        direction=float(np.arctan2(-air.wind_e, -air.wind_n) % (2.0 * np.pi)),
-        north=air.wind_n,
-        north_std=air.wind_n_std,
-        east=air.wind_e,
-        east_std=air.wind_e_std,
-        source=_WIND_SOURCES[air.method],
-    )
-
-
-def _pitot(air: AirData, slope_prior: float, speed: float, density: float) -> Iterator[Notice]:
-    """Yield the calibration, and how the reading at rest agrees with it: a pressure offset fades as 1 / V."""
-    calibrated = bool(np.isfinite(air.pitot_scale))
-    if calibrated:
-        error = air.pitot_error(speed)
-        yield notice(
-            "pitot-reads-low" if error < 0.0 else "pitot-reads-high",
-            "airspeed_pitot",
-            offset=air.pitot_offset,
-            offset_std=air.pitot_offset_std,
-            scale=air.pitot_scale,
-            scale_std=air.pitot_scale_std,
-            speed=speed,
-            error=abs(error),
-        )
-        if air.pitot_scale_std / air.pitot_scale**2 > 0.5 * slope_prior:
-            yield notice("pitot-scale-unknown", "airspeed_pitot")
-    rest = air.rest_offset
-    if abs(rest) > MIN_REST_OFFSET:
-        pressure = 0.5 * density * rest * abs(rest)
-        yield notice("pitot-pressure-offset", "airspeed_pitot", reading=rest, pressure=pressure)
-        explained = pressure / (density * speed)
-        if calibrated and abs(air.pitot_error(speed) - explained) > MAX_PITOT_INCONSISTENCY:
-            error = air.pitot_error(speed)
-            yield notice(
-                "pitot-offset-inconsistent", "airspeed_pitot", explained=explained, speed=speed, error=error
+def _pitot_notices(air: AirData, speed: float, density: float) -> list[Notice]:
+    """Return the calibration, and how the reading at rest agrees with it: a pressure offset fades as 1 / V."""
+    found, error = [], air.pitot_error(speed)
+    if np.isfinite(air.pitot_scale):
+        found.append(
+            notice(
+                "pitot-reads-low" if error < 0.0 else "pitot-reads-high",
+                "airspeed_pitot",
+                offset=air.pitot_offset,
+                offset_std=air.pitot_offset_std,
+                scale=air.pitot_scale,
+                scale_std=air.pitot_scale_std,
+                speed=speed,
+                error=abs(error),
             )
-
-
-def _other_winds(air: AirData, log_wind: LogWind) -> Iterator[Notice]:
-    """Compare the wind with that of the sideslip alone and with the logged one, where they were not used."""
-    north, east, north_std, east_std = air.sideslip_wind
-    if np.isfinite(north) and "sideslip" not in air.method:
-        scaled = np.array([north - air.wind_n, east - air.wind_e]) / np.hypot(
-            [air.wind_n_std, air.wind_e_std], [north_std, east_std]
         )
-        distance = float(np.sqrt(np.mean(scaled**2)))
-        yield notice(
-            "sideslip-wind-agrees" if distance < MAX_DISAGREEMENT else "sideslip-wind-disagrees",
-            north=north,
-            north_std=north_std,
-            east=east,
-            east_std=east_std,
-            distance=distance,
-        )
-    if log_wind.known and "log" not in air.method:
-        yield notice(
-            "logged-wind-unused",
-            north=float(log_wind.mean[0]),
-            east=float(log_wind.mean[1]),
-            std=float(np.hypot(*log_wind.std)),
-            distance=float(np.hypot(*(log_wind.mean - np.array([air.wind_n, air.wind_e])))),
-        )
+        if air.pitot_scale_std / air.pitot_scale**2 > 0.5 * prior_std("airspeed_pitot.scale"):
+            found.append(notice("pitot-scale-unknown", "airspeed_pitot"))
+    rest = air.rest_offset
+    if abs(rest) > LIMITS.rest_offset:
+        pressure = 0.5 * density * rest * abs(rest)
+        found.append(notice("pitot-pressure-offset", "airspeed_pitot", reading=rest, pressure=pressure))
+        explained = pressure / (density * speed)
+        if abs(error - explained) > LIMITS.pitot_inconsistency:  # never of a pitot without calibration: NaN
+            values = {"explained": explained, "speed": speed, "error": error}
+            found.append(notice("pitot-offset-inconsistent", "airspeed_pitot", **values))
+    return found

@@ -1,64 +1,105 @@
-"""True airspeed where the log holds the equivalent one, as ArduPilot's does.
+"""Airspeed: the true one of an equivalent one, and the steady wind and pitot calibration of one flight.
 
-A pitot feels the dynamic pressure. The equivalent airspeed is the one of air of 1.225 kg/m3 that has it; the true one is larger
-by the root of 1.225 over the density: 5 % in 1000 m, 10 % in 2000 m. The density is the logged one, else that of a perfect gas of
-the logged pressure and temperature, else that of the standard atmosphere at the pressure, or at the altitude.
+A pitot feels the dynamic pressure. The equivalent airspeed is the one of air of 1.225 kg/m3 that has it; the true one is
+larger by the root of 1.225 over the density: 5 % in 1000 m, 10 % in 2000 m.
+
+Two independent kinds of evidence on the wind, each a block of residuals of the same six parameters
+theta = (w_n, w_e, k, c, beta_0, kappa)::
+
+    pitot      pitot          = k |v - w| + c                              + noise
+    sideslip   j . R' (v - w) = beta_0 |v - w| + kappa a_y / |v - w|       + noise
+
+v is the smoothed velocity over ground, R' v its body components, j the body's right-hand axis. The second
+is the lateral force equation a_y = (rho V^2 S / 2 m) C_Ybeta beta turned around: kappa = 2 m / (rho S
+C_Ybeta) must be negative, beta_0 holds trim sideslip and heading error. Both see the wind only as the
+airplane turns; weak priors hold what a flight leaves open, and the standard errors then say so.
+
+Residuals are colored (turbulence), so each block is weighted by 1 / (sigma^2 tau), with tau the number of
+samples that are worth one independent sample [1]_; robust against gusts by Huber's weights [2]_.
 
 References
 ----------
-ISO 2533, Standard atmosphere; here below 11 km. `stoop.vehicle.atmosphere` is its twin; a test holds the two equal.
+.. [1] Geyer, "Practical Markov chain Monte Carlo", Statistical Science 7 (1992) 473 (integrated
+   autocorrelation time).
+.. [2] Huber, "Robust estimation of a location parameter", Ann. Math. Statist. 35 (1964) 73.
+.. [3] ISO 2533, Standard atmosphere; here below 11 km. `stoop.vehicle.atmosphere` is its twin; a test holds the two equal.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
-from typing import Any, Final
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.notices import Notice, notice
+from stoop.base.robust import huber_weights, robust_std
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.base.variables import VARIABLES
-from stoop.flight.channels import SourceRate
-from stoop.flight.faults import Fault
 
 EQUIVALENT: Final = "airspeed_equivalent"
 TRUE: Final = "airspeed_pitot"
-GAS_CONSTANT: Final = 287.05287  #: J/(kg K), of dry air
-LAPSE_RATE: Final = 0.0065  #: K/m of geopotential altitude
-SEA_LEVEL_PRESSURE: Final = 101325.0  #: Pa
-SEA_LEVEL_TEMPERATURE: Final = 288.15  #: K
-SEA_LEVEL_DENSITY: Final = 1.225  #: kg/m3
-EARTH_RADIUS: Final = 6356766.0  #: m, the standard's nominal one
-EXPONENT: Final = STANDARD_GRAVITY / (
-    GAS_CONSTANT * LAPSE_RATE
-)  #: of the pressure's ratio over the temperature's
 PLAUSIBLE: Final = {
     "density": (0.3, 1.6),
     "pressure": (2.2e4, 1.2e5),
     "temperature": (200.0, 340.0),
     "altitude": (-500.0, 11e3),
 }  #: SI; what is beyond is a sensor's mistake
+WIND_N, WIND_E, SLOPE, OFFSET, TRIM, KAPPA = range(6)
+
+
+@dataclass(frozen=True)
+class StandardAtmosphere:
+    """Constants of ISO 2533."""
+
+    gas: float = 287.05287  #: J/(kg K), of dry air
+    lapse: float = 0.0065  #: K/m of geopotential altitude
+    pressure: float = 101325.0  #: Pa, at sea level
+    temperature: float = 288.15  #: K, at sea level
+    density: float = 1.225  #: kg/m3, at sea level
+    radius: float = 6356766.0  #: m, nominal, of the Earth
+
+    @property
+    def exponent(self) -> float:
+        """Exponent of the pressure's ratio over the temperature's."""
+        return STANDARD_GRAVITY / (self.gas * self.lapse)
+
+
+STANDARD: Final = StandardAtmosphere()
+
+
+@dataclass(frozen=True)
+class FitLimits:
+    """How the wind is fitted."""
+
+    lag: float = 30.0  #: s, longest correlation looked for
+    rounds: int = 3  #: of fit and correlation times in turn
+    iterations: int = 50
+    tolerance: float = 1e-9  #: of the prior standard deviations, of a last step
+    sigma: float = 1e-4  #: m/s, least noise
+    speed: float = 1e-3  #: m/s, least airspeed
+
+
+FIT: Final = FitLimits()
 
 
 def density_at_altitude(altitude: FloatArray) -> FloatArray:
     """Return the standard density, kg/m3, at heights above the sea, m."""
-    geopotential = EARTH_RADIUS * altitude / (EARTH_RADIUS + altitude)
-    return np.asarray(
-        SEA_LEVEL_DENSITY * (1.0 - LAPSE_RATE * geopotential / SEA_LEVEL_TEMPERATURE) ** (EXPONENT - 1.0)
-    )
+    geopotential = STANDARD.radius * altitude / (STANDARD.radius + altitude)
+    ratio = 1.0 - STANDARD.lapse * geopotential / STANDARD.temperature
+    return np.asarray(STANDARD.density * ratio ** (STANDARD.exponent - 1.0))
 
 
 def density_at_pressure(pressure: FloatArray) -> FloatArray:
     """Return the standard density, kg/m3, where the static pressure is this one, Pa."""
-    return np.asarray(SEA_LEVEL_DENSITY * (pressure / SEA_LEVEL_PRESSURE) ** (1.0 - 1.0 / EXPONENT))
+    return np.asarray(STANDARD.density * (pressure / STANDARD.pressure) ** (1.0 - 1.0 / STANDARD.exponent))
 
 
 def density_of_gas(pressure: FloatArray, temperature: FloatArray) -> FloatArray:
     """Return the density, kg/m3, of dry air of this pressure, Pa, and temperature, K."""
-    return pressure / (GAS_CONSTANT * temperature)
+    return pressure / (STANDARD.gas * temperature)
 
 
 _METHODS: Final[tuple[tuple[tuple[str, ...], Callable[..., FloatArray], str], ...]] = (
@@ -70,53 +111,162 @@ _METHODS: Final[tuple[tuple[tuple[str, ...], Callable[..., FloatArray], str], ..
 
 
 def with_true_airspeed(
-    data: Mapping[str, FloatArray], sources: Mapping[str, SourceRate]
-) -> tuple[dict[str, FloatArray], dict[str, SourceRate], list[Notice]]:
-    """Add the true airspeed where the equivalent one was logged, and neither V nor the true one; with a notice.
+    data: Mapping[str, FloatArray], source: str
+) -> tuple[dict[str, FloatArray], list[Notice]]:
+    """Add the true airspeed to columns (n,) that hold the equivalent one, recorded in `source`; with a notice.
+
+    The density has lines across holes; it is that at sea level where nothing tells.
+    """
+    count = len(data[EQUIVALENT])
+    density, code, values = np.full(count, STANDARD.density), "true-airspeed-of-unknown-density", {}
+    for names, formula, method in _METHODS:
+        if not set(names) <= data.keys():
+            continue
+        plausible = []
+        for name in names:
+            (low, high), x = PLAUSIBLE[name], data[name]
+            with np.errstate(invalid="ignore"):
+                plausible.append(np.where((x >= low) & (x <= high), x, np.nan))
+        found = formula(*plausible)
+        known = np.flatnonzero(np.isfinite(found))
+        if known.size:
+            density, code = np.interp(np.arange(count), known, found[known]), "true-airspeed"
+            values = {"method": method}
+            break
+    columns = {**data, TRUE: data[EQUIVALENT] * np.sqrt(STANDARD.density / density)}
+    median = float(np.median(density))
+    factor = float(np.sqrt(STANDARD.density / median))
+    notices = [notice(code, TRUE, **values, source=source, density=median, factor=factor)]
+    return {name: columns[name] for name in VARIABLES if name in columns}, notices
+
+
+@dataclass(frozen=True)
+class Airborne:
+    """Samples of the airborne part, thinned to `step`.
+
+    Attributes
+    ----------
+    time : (n,) s, on a uniform grid of `step` with holes
+    step : s
+    velocity : (n, 3) m/s, NED, over ground
+    right : (n, 3), the body's right-hand axis in NED (second column of R)
+    lateral : (n,) m/s2, specific force along it
+    pitot : (n,) m/s, NaN where there is none
+    """
+
+    time: FloatArray
+    step: float
+    velocity: FloatArray
+    right: FloatArray
+    lateral: FloatArray
+    pitot: FloatArray
+
+    def where(self, good: BoolArray) -> Airborne:
+        """Keep the samples at which a mask (n,) holds."""
+        parts = (self.velocity, self.right, self.lateral, self.pitot)
+        return Airborne(self.time[good], self.step, *(part[good] for part in parts))
+
+
+def air_relative(velocity: FloatArray, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Subtract the steady wind: (n, 3) m/s NED velocity through the air, (n,) m/s its length."""
+    air = velocity - np.array([theta[WIND_N], theta[WIND_E], 0.0])
+    return air, np.maximum(np.linalg.norm(air, axis=1), FIT.speed)
+
+
+Equation = Callable[[Airborne, FloatArray], tuple[FloatArray, FloatArray]]
+"""Samples and theta (6,) -> measured minus model (n,) [m/s], and the derivative of the model (n, 6)."""
+
+Evidence = tuple[Equation, Airborne]
+
+
+def pitot_equation(samples: Airborne, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return pitot - (k |v - w| + c): the pitot reads an affine function of the true airspeed."""
+    air, speed = air_relative(samples.velocity, theta)
+    slopes = np.zeros((speed.size, 6))
+    slopes[:, :2] = -theta[SLOPE] * air[:, :2] / speed[:, None]
+    slopes[:, SLOPE], slopes[:, OFFSET] = speed, 1.0
+    return samples.pitot - (theta[SLOPE] * speed + theta[OFFSET]), slopes
+
+
+def sideslip_equation(samples: Airborne, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return lateral airspeed - (beta_0 V + kappa a_y / V); V is held in the derivative."""
+    air, speed = air_relative(samples.velocity, theta)
+    slopes = np.zeros((speed.size, 6))
+    slopes[:, :2] = samples.right[:, :2]
+    slopes[:, TRIM], slopes[:, KAPPA] = speed, samples.lateral / speed
+    lateral = np.sum(samples.right * air, axis=1)
+    return lateral - slopes[:, TRIM:] @ theta[TRIM:], slopes
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Estimate of theta: theta (6,), covariance (6, 6), and rms [m/s], one per block of residuals."""
+
+    theta: FloatArray
+    covariance: FloatArray
+    rms: tuple[float, ...]
+
+    @property
+    def std(self) -> FloatArray:
+        """Standard errors, (6,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def wind_std(self) -> float:
+        """Standard error of the wind along its worst direction [m/s]."""
+        return float(np.sqrt(np.linalg.eigvalsh(self.covariance[:2, :2])[-1]))
+
+
+def fit(evidence: Sequence[Evidence], mean: FloatArray, std: FloatArray) -> Fit:
+    """Fit theta to all evidence together: Gauss-Newton steps and correlation times in turn.
+
+    The scale of the residuals is estimated anew at each step, which is why no general least-squares routine serves.
 
     Parameters
     ----------
-    data : variable -> (n,) SI, on one grid
-    sources : how each was recorded
+    evidence : equations and their samples; none returns the prior
+    mean, std : (6,), Gaussian prior of theta, and the start
     """
-    if EQUIVALENT not in data or {TRUE, "V"} & data.keys():
-        return dict(data), dict(sources), []
-    density, method = _density(data)
-    source = sources[EQUIVALENT]
-    columns = {**data, TRUE: data[EQUIVALENT] * np.sqrt(SEA_LEVEL_DENSITY / density)}
-    median = float(np.median(density))
-    values: dict[str, Any] = {
-        "source": source.source,
-        "density": median,
-        "factor": float(np.sqrt(SEA_LEVEL_DENSITY / median)),
-    }
-    found = (
-        notice("true-airspeed", TRUE, method=method, **values)
-        if method
-        else notice("true-airspeed-of-unknown-density", TRUE, **values)
-    )
-    return {name: columns[name] for name in VARIABLES if name in columns}, {**sources, TRUE: source}, [found]
+
+    def normal_equations(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        information, gradient = np.diag(std**-2.0), (mean - theta) / std**2
+        for (equation, samples), time in zip(evidence, times, strict=True):
+            residual, slopes = equation(samples, theta)
+            sigma = max(robust_std(residual), FIT.sigma)
+            weight = huber_weights(residual, sigma) / sigma**2 / time
+            information += slopes.T @ (weight[:, None] * slopes)
+            gradient += slopes.T @ (weight * residual)
+        return information, gradient
+
+    theta, times = mean.copy(), [1.0 for _ in evidence]
+    for round_ in range(FIT.rounds + 1):
+        for _ in range(FIT.iterations):
+            step = np.linalg.solve(*normal_equations(theta))
+            theta = theta + step
+            if float(np.max(np.abs(step) / std)) < FIT.tolerance:
+                break
+        residuals = [equation(samples, theta)[0] for equation, samples in evidence]
+        if round_ < FIT.rounds:
+            times = [_correlation_time(s, r) for (_, s), r in zip(evidence, residuals, strict=True)]
+    information, _ = normal_equations(theta)
+    rms = tuple(float(np.sqrt(np.mean(r**2))) for r in residuals)
+    return Fit(theta, np.asarray(np.linalg.inv(information), dtype=np.float64), rms)
 
 
-def _density(data: Mapping[str, FloatArray]) -> tuple[FloatArray, str]:
-    """Return the density (n,), with lines across holes, and by what it is known; that at sea level where nothing tells."""
-    count = len(data[EQUIVALENT])
-    for names, formula, method in _METHODS:
-        if set(names) <= data.keys():
-            density = formula(*(_plausible(name, data[name]) for name in names))
-            known = np.flatnonzero(np.isfinite(density))
-            if known.size:
-                return np.interp(np.arange(count), known, density[known]), method
-    return np.full(count, SEA_LEVEL_DENSITY), ""
-
-
-def _plausible(name: str, x: FloatArray) -> FloatArray:
-    low, high = PLAUSIBLE[name]
-    with np.errstate(invalid="ignore"):
-        return np.where((x >= low) & (x <= high), x, np.nan)
-
-
-def faults_of_true_airspeed(faults: list[Fault], data: Mapping[str, FloatArray]) -> list[Fault]:
-    """Return faults of the equivalent airspeed as those of the true one, where that was made of it."""
-    made = EQUIVALENT in data and TRUE in data
-    return [replace(f, variable=TRUE) if made and f.variable == EQUIVALENT else f for f in faults]
+def _correlation_time(samples: Airborne, residual: FloatArray) -> float:
+    """Return the integrated autocorrelation time in samples, across the holes; at least one."""
+    place = np.rint((samples.time - samples.time[0]) / samples.step).astype(np.int64)
+    spread = robust_std(residual) or 1.0
+    series, known = np.zeros(place[-1] + 1), np.zeros(place[-1] + 1)
+    series[place], known[place] = np.clip(residual / spread, -5.0, 5.0), 1.0
+    power = float(series @ series) / place.size
+    total = 1.0
+    for lag in range(1, min(int(FIT.lag / samples.step), series.size - 1) + 1):
+        pairs = float(known[lag:] @ known[:-lag])
+        if pairs < 0.1 * place.size or power <= 0.0:
+            break
+        correlation = float(series[lag:] @ series[:-lag]) / pairs / power
+        if correlation <= 0.0:
+            break
+        total += 2.0 * correlation
+    return float(min(total, 0.25 * place.size))

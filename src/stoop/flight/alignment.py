@@ -9,6 +9,14 @@ A mapping says which stream is moved, and by which other one:
     using = ["r", "turning"]             # quantities that are compared; left out: all that both streams hold
     longest = 30.0                       # s, the largest shift looked for; left out: any
     drift = true                         # also how fast one clock runs away from the other; left out: false
+
+References
+----------
+R. A. Fisher, On the "probable error" of a coefficient of correlation, Metron 1 (1921): atanh(r) is nearly normal
+with variance 1 / n.
+D. Padfield, Masked object registration in the Fourier domain, IEEE Trans. Image Processing 21 (2012), eq. 13:
+correlation of records with holes and ends, normalized at every shift by the samples that overlap.
+J. S. Bendat and A. G. Piersol, *Random Data*, 4th ed., section 8.5: error of a delay estimated from the peak.
 """
 
 from __future__ import annotations
@@ -16,26 +24,21 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Final, TypeAlias, TypeGuard
+from typing import Annotated, Final, Literal, TypeAlias, TypeGuard
 
 import numpy as np
+from pydantic import Field
 
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.rotations import conjugate, continuous, euler_angles, normalized, product, quaternions_of
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.base.variables import EULER, POSITION, QUATERNION, RATES, SPECIFIC_FORCE, VELOCITY
-from stoop.errors import FlightError, LogError
-from stoop.flight.channels import MAX_VALUE, Channels, finite
-from stoop.flight.mapping_schema import AlignmentTable
-from stoop.flight.time_delay import Lag, Signal, find_lag, with_drift
+from stoop.errors import FlightError
+from stoop.flight.conversion import Number, Table
+from stoop.flight.gridding import MAX_VALUE, Channels, finite, stretches
 from stoop.logs import Recording
 
-MIN_CORRELATION: Final = 0.5  #: below which a shift means nothing
-MAX_ATTITUDE_DELAY: Final = (
-    1.0  #: s; an attitude that comes later than this was not estimated from these rates
-)
-MIN_SHIFT: Final = 0.02  #: s; smaller disagreements are not worth a suggestion
 QUANTITIES: Final = {
     "p": "roll rate, measured or from the attitude",
     "q": "pitch rate, measured or from the attitude",
@@ -48,81 +51,94 @@ QUANTITIES: Final = {
     "load": "size of the specific force, measured or from the velocity",
 }  #: by which two streams can be compared
 
-Supply: TypeAlias = Callable[[Recording, str], Sequence[Channels]]
+Signal: TypeAlias = tuple[FloatArray, FloatArray]  #: time (n,) s and values (n,)
+Supply: TypeAlias = Callable[[Recording, str], Sequence[Channels]]  #: all channels that a stream can supply
 
 
 @dataclass(frozen=True)
-class Alignment:
-    """One line of [align].
+class Limits:
+    """When two records are compared, and when a shift is believed."""
+
+    rate: float = 100.0  #: Hz of the grid of comparison; the peak is interpolated between its points
+    bandwidth: float = 5.0  #: Hz; what is faster is noise of differentiation more often than motion
+    points: int = 2**20  #: of one signal; longer records are compared on a coarser grid
+    overlap: float = 5.0  #: s that must overlap
+    overlap_share: float = 0.3  #: of the shorter record, that must overlap
+    samples: int = 10  #: of a signal
+    stated_correlation: float = 0.5  #: below which a shift that the mapping asks for means nothing
+    correlation: float = 0.7  #: from which a shift is believed
+    separation: float = 4.0  #: standard deviations by which the best correlation must lie above any other
+    alike: float = 0.995  #: correlations above are alike: what is left of them is how samples fell
+    piece: float = 15.0  #: s, over which the shift of a drifting clock is estimated
+    piece_shift: float = 0.5  #: s of a piece against the whole
+    attitude_delay: float = 1.0  #: s; an attitude that comes later was not estimated from these rates
+    shift: float = 0.02  #: s; smaller disagreements are not worth a suggestion
+
+
+LIMITS: Final = Limits()
+
+
+class Alignment(Table):
+    """[align.STREAM]: the clock of a stream is moved to that of another one."""
+
+    reference: Annotated[str, Field(alias="with", min_length=1)]
+    using: list[Literal["p", "q", "r", "psi_dot", "turning", "vn", "ve", "vd", "load"]] = Field(
+        default_factory=list
+    )
+    longest: Annotated[Number, Field(gt=0.0)] | None = None
+    drift: bool = False
+
+
+@dataclass(frozen=True)
+class Lag:
+    """What must be added to one clock to read another.
 
     Attributes
     ----------
-    place : file and key, for messages
-    stream : whose clock is moved
-    reference : the stream whose clock counts
-    using : quantities that are compared; empty means all
-    longest : s, the largest shift that is looked for
-    drift : whether the clocks may also run at different speeds
+    shift : s, to be added at `origin`
+    sigma : s, standard error of the shift
+    correlation : of both records when shifted, 0 to 1
+    rival : the highest correlation at any quite different shift
+    overlap : s in which both records were compared
+    samples : independent ones among them
+    using : quantities that were compared
+    drift : s per s, to be added beyond `origin`
+    drift_sigma : its standard error
+    origin : s on the moved clock
     """
 
-    place: str
-    stream: str
-    reference: str
-    using: tuple[str, ...] = ()
-    longest: float = np.inf
-    drift: bool = False
+    shift: float
+    sigma: float
+    correlation: float
+    rival: float
+    overlap: float
+    samples: float
+    using: tuple[str, ...]
+    drift: float = 0.0
+    drift_sigma: float = 0.0
+    origin: float = 0.0
 
-    @classmethod
-    def of(cls, place: str, stream: str, table: AlignmentTable) -> Alignment:
-        """Return what the table [align.STREAM] of a mapping says."""
-        at = f"{place}: align.{stream}"
-        if table.reference == stream:
-            raise LogError(f"{at}: a stream cannot be aligned with itself; name another one in with")
-        longest = np.inf if table.longest is None else table.longest
-        return cls(at, stream, table.reference, tuple(table.using), longest, table.drift)
+    @property
+    def trusted(self) -> bool:
+        """Whether records are alike when shifted so, and nowhere else (Fisher's z of both correlations)."""
+        z, other = (np.arctanh(min(x, LIMITS.alike)) for x in (self.correlation, self.rival))
+        apart = (z - other) * np.sqrt(0.5 * self.samples) > LIMITS.separation
+        return bool(self.correlation >= LIMITS.correlation and apart)
 
-    def lag(self, recording: Recording, supply: Supply) -> Lag:
-        """Return by how much the clock of the stream is to be moved.
-
-        Raises
-        ------
-        FlightError
-            When a stream is missing, or both have nothing in common that shows the shift.
-        """
-        found = []
-        for name in (self.stream, self.reference):
-            if name not in recording.streams:
-                raise FlightError(
-                    f"{self.place}: '{name}' is not in the log; it holds {', '.join(recording.streams)}"
-                )
-            known = quantities(supply(recording, name))
-            found.append({q: x for q, x in known.items() if not self.using or q in self.using})
-        moving, fixed = found
-        if not moving.keys() & fixed.keys():
-            raise FlightError(
-                f"{self.place}: nothing in common to compare: {self.stream} holds {', '.join(moving) or 'nothing'}, "
-                f"{self.reference} holds {', '.join(fixed) or 'nothing'}; map more of their columns"
-            )
-        lag = find_lag(moving, fixed, self.longest)
-        if lag is None or lag.correlation < MIN_CORRELATION:
-            why = (
-                "they overlap too little" if lag is None else f"the best correlation is {lag.correlation:.2f}"
-            )
-            raise FlightError(
-                f"{self.place}: {self.stream} and {self.reference} do not show the same motion ({why}); "
-                f"check signs and axes, or give the offset under [clock.{self.stream}]"
-            )
-        return with_drift(lag, moving, fixed) if self.drift else lag
+    def moved(self, time: FloatArray) -> FloatArray:
+        """Return times [s] of the moved clock as the other one shows them."""
+        return np.asarray(time + self.shift + self.drift * (time - self.origin))
 
 
 def align(
-    alignments: Sequence[Alignment], recording: Recording, supply: Supply
+    place: str, alignments: Mapping[str, Alignment], recording: Recording, supply: Supply
 ) -> tuple[Recording, list[Notice]]:
     """Move the clocks of streams.
 
     Parameters
     ----------
-    alignments : one for each stream to be moved
+    place : of the mapping, for messages
+    alignments : stream to be moved -> how
     recording : as it was read
     supply : gives all channels that a stream of the recording can supply
 
@@ -137,24 +153,45 @@ def align(
         When a stream is missing, or both have nothing in common that shows the shift.
     """
     notices = []
-    for one in alignments:
-        lag = one.lag(recording, supply)
+    for name, one in alignments.items():
+        at = f"{place}: align.{name}"
+        both = []
+        for stream in (name, one.reference):
+            if stream not in recording.streams:
+                raise FlightError(
+                    f"{at}: '{stream}' is not in the log; it holds {', '.join(recording.streams)}"
+                )
+            known = quantities(supply(recording, stream))
+            both.append({q: x for q, x in known.items() if not one.using or q in one.using})
+        moving, fixed = both
+        if not moving.keys() & fixed.keys():
+            raise FlightError(
+                f"{at}: nothing in common to compare: {name} holds {', '.join(moving) or 'nothing'}, "
+                f"{one.reference} holds {', '.join(fixed) or 'nothing'}; map more of their columns"
+            )
+        lag = find_lag(moving, fixed, one.longest or np.inf)
+        if lag is None or lag.correlation < LIMITS.stated_correlation:
+            why = (
+                "they overlap too little" if lag is None else f"the best correlation is {lag.correlation:.2f}"
+            )
+            raise FlightError(
+                f"{at}: {name} and {one.reference} do not show the same motion ({why}); "
+                f"check signs and axes, or give the offset under [clock.{name}]"
+            )
+        lag = with_drift(lag, moving, fixed) if one.drift else lag
         values = {
             "shift": lag.shift,
             "std": lag.sigma,
             "correlation": lag.correlation,
             "overlap": lag.overlap,
         }
-        notices.append(
-            notice("clock-aligned", one.stream, reference=one.reference, using=lag.using, **values)
-        )
+        notices.append(notice("clock-aligned", name, reference=one.reference, using=lag.using, **values))
         if lag.drift:
-            notices.append(notice("clock-drift", one.stream, ppm=1e6 * lag.drift, std=1e6 * lag.drift_sigma))
+            notices.append(notice("clock-drift", name, ppm=1e6 * lag.drift, std=1e6 * lag.drift_sigma))
         if not lag.trusted:
-            notices.append(notice("clock-doubtful", one.stream, rival=lag.rival))
-        stream = recording.streams[one.stream]
-        moved = replace(stream, time=lag.moved(stream.time))
-        recording = replace(recording, streams={**recording.streams, one.stream: moved})
+            notices.append(notice("clock-doubtful", name, rival=lag.rival))
+        moved = replace(recording.streams[name], time=lag.moved(recording.streams[name].time))
+        recording = replace(recording, streams={**recording.streams, name: moved})
     return recording, notices
 
 
@@ -167,6 +204,8 @@ def suggest_alignments(recording: Recording, supply: Supply, place: str) -> list
     supply : gives all channels that a stream of the recording can supply
     place : of the mapping, for the advice
     """
+    if len(recording.streams) < 2:
+        return []
     every = {name: quantities(supply(recording, name)) for name in recording.streams}
     known = {name: signals for name, signals in every.items() if signals}
     notices = []
@@ -179,22 +218,16 @@ def suggest_alignments(recording: Recording, supply: Supply, place: str) -> list
 
 
 def attitude_delay(channels: Sequence[Channels]) -> list[Notice]:
-    """Return by how much the attitude comes late against the body rates, where that is plain.
-
-    Parameters
-    ----------
-    channels : those that were taken, each on its own clock
-    """
+    """Return by how much the attitude of these channels comes late against the body rates, where that is plain."""
+    forms = (set(QUATERNION), set(EULER))
     rates = next((group for group in channels if set(RATES) <= group.values.keys()), None)
-    attitude = next(
-        (g for g in channels if any(set(form) <= g.values.keys() for form in (QUATERNION, EULER))), None
-    )
+    attitude = next((g for g in channels if any(form <= g.values.keys() for form in forms)), None)
     if rates is None or attitude is None or rates.source == attitude.source:
         return []
     turning, measured = (
         {name: x for name, x in quantities([group]).items() if name in RATES} for group in (attitude, rates)
     )
-    lag = find_lag(turning, measured, MAX_ATTITUDE_DELAY)
+    lag = find_lag(turning, measured, LIMITS.attitude_delay)
     if not _is_evident(lag):
         return []
     code = "attitude-late" if lag.shift < 0.0 else "attitude-early"
@@ -203,7 +236,7 @@ def attitude_delay(channels: Sequence[Channels]) -> list[Notice]:
 
 
 def _is_evident(lag: Lag | None) -> TypeGuard[Lag]:
-    return lag is not None and lag.trusted and abs(lag.shift) >= max(MIN_SHIFT, 3.0 * lag.sigma)
+    return lag is not None and lag.trusted and abs(lag.shift) >= max(LIMITS.shift, 3.0 * lag.sigma)
 
 
 def quantities(channels: Sequence[Channels]) -> dict[str, Signal]:
@@ -213,7 +246,8 @@ def quantities(channels: Sequence[Channels]) -> dict[str, Signal]:
         for group in channels
         for name, x in group.values.items()
     }
-    found = _turn_of_attitude(signals)
+
+    found = _attitude_rates(signals)
     if "psi" in signals and "psi_dot" not in found:
         t, x = finite(*signals["psi"])
         found["psi_dot"] = _slope(t, np.unwrap(x))
@@ -231,19 +265,28 @@ def quantities(channels: Sequence[Channels]) -> dict[str, Signal]:
     if "altitude" in signals and "vd" not in found:
         t, x = finite(*signals["altitude"])
         found["vd"] = _slope(t, -x)
-    load = _load(signals)
-    return found if load is None else {**found, "load": load}
+    for names in (SPECIFIC_FORCE, VELOCITY):  # the specific force: change of velocity less gravity
+        if not set(names) <= signals.keys():
+            continue
+        t, parts = signals[names[0]][0], [signals[name][1] for name in names]
+        if any(part.size != t.size for part in parts) or t.size < 3:
+            continue
+        if names == VELOCITY:
+            x, y, z = (np.gradient(part, t) for part in parts)
+            parts = [x, y, z - STANDARD_GRAVITY]
+        found["load"] = t, np.sqrt(parts[0] ** 2 + parts[1] ** 2 + parts[2] ** 2)
+        break
+    return found
 
 
-def _turn_of_attitude(signals: Mapping[str, Signal]) -> dict[str, Signal]:
+def _attitude_rates(signals: Mapping[str, Signal]) -> dict[str, Signal]:
     """Return body rates and rate of heading that an attitude implies: 2 conj(q) dq/dt."""
     names = next((part for part in (QUATERNION, EULER) if set(part) <= signals.keys()), None)
     if names is None:
         return {}
-    t = signals[names[0]][0]
     columns = np.column_stack([signals[name][1] for name in names])
     good = np.isfinite(columns).all(axis=1)
-    t, columns = t[good], columns[good]
+    t, columns = signals[names[0]][0][good], columns[good]
     if t.size < 3:
         return {}
     q = continuous(normalized(columns if names == QUATERNION else quaternions_of(columns)))
@@ -252,21 +295,162 @@ def _turn_of_attitude(signals: Mapping[str, Signal]) -> dict[str, Signal]:
     return {**found, "psi_dot": _slope(t, np.unwrap(euler_angles(q)[:, 2]))}
 
 
-def _load(signals: Mapping[str, Signal]) -> Signal | None:
-    """Return the size of the specific force: as measured, else of the change of velocity less gravity."""
-    for names in (SPECIFIC_FORCE, VELOCITY):
-        if not set(names) <= signals.keys():
-            continue
-        t = signals[names[0]][0]
-        parts = [signals[name][1] for name in names]
-        if any(part.size != t.size for part in parts) or t.size < 3:
-            continue
-        if names == VELOCITY:
-            x, y, z = (np.gradient(part, t) for part in parts)
-            parts = [x, y, z - STANDARD_GRAVITY]
-        return t, np.sqrt(parts[0] ** 2 + parts[1] ** 2 + parts[2] ** 2)
-    return None
-
-
 def _slope(t: FloatArray, x: FloatArray) -> Signal:
     return (t, np.gradient(x, t)) if t.size > 2 else (t[:0], x[:0])
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """Correlation over shifts: shift (m,) s, value and overlap (m,) [1, s], rms rate of change of the signal [1/s], Hz."""
+
+    shift: FloatArray
+    value: FloatArray
+    overlap: FloatArray
+    speed: float
+    bandwidth: float
+
+
+def find_lag(
+    moving: Mapping[str, Signal], fixed: Mapping[str, Signal], longest: float = np.inf
+) -> Lag | None:
+    """Find the shift of one clock at which both records are most alike.
+
+    The correlation curves of all quantities are averaged, each by its information.
+
+    Parameters
+    ----------
+    moving, fixed : quantity -> its samples, on the clock to be moved and on the one that counts
+    longest : s, the largest shift that is looked for
+
+    Returns
+    -------
+    Lag, without drift; None when nothing can be compared
+    """
+    curves = {}
+    for name in moving:
+        curve = _correlation(moving[name], fixed[name], longest) if name in fixed else None
+        if curve is not None and np.nanmax(curve.value) > 0.0:
+            curves[name] = curve
+    if not curves:
+        return None
+    best = {name: float(np.nanmax(curve.value)) for name, curve in curves.items()}
+    used = {name: c for name, c in curves.items() if best[name] > 0.5 * max(best.values())}
+    grid = next(iter(used.values())).shift
+    weights = {name: best[name] ** 2 / (1.0001 - best[name] ** 2) for name in used}
+    layers = [weights[name] * np.interp(grid, c.shift, c.value) for name, c in used.items()]
+    total = np.sum(layers, axis=0) / sum(weights.values())
+    if not np.isfinite(total).any():
+        return None
+    top = int(np.nanargmax(total))
+    shift, value = float(grid[top]), float(total[top])
+    if 0 < top < total.size - 1 and np.isfinite(total[top - 1 : top + 2]).all():
+        before, at, after = total[top - 1 : top + 2]
+        bend = before - 2.0 * at + after
+        if bend < 0.0:  # the peak of a parabola through the highest point and its neighbors
+            part = 0.5 * (before - after) / bend
+            shift = float(grid[top] + part * (grid[1] - grid[0]))
+            value = float(at - 0.25 * (before - after) * part)
+    low = np.flatnonzero(~(total > 0.5 * total[top]))  # outside of the hill on which the peak stands
+    left, right = low[low < top], low[low > top]
+    outside = total.copy()
+    outside[(left[-1] if left.size else 0) : (right[0] + 1 if right.size else total.size)] = np.nan
+    rival = max(float(np.nanmax(outside)), 0.0) if np.isfinite(outside).any() else 0.0
+    overlap = max(float(c.overlap[min(top, c.overlap.size - 1)]) for c in used.values())
+    information = sum(
+        2.0 * c.bandwidth * overlap * c.speed**2 * best[name] ** 2 / (1.0001 - best[name] ** 2)
+        for name, c in used.items()
+    )
+    sigma = float(1.0 / np.sqrt(max(information, 1e-12)))
+    samples = 2.0 * max(c.bandwidth for c in used.values()) * overlap
+    return Lag(shift, sigma, min(value, 1.0), rival, overlap, samples, tuple(used))
+
+
+def with_drift(lag: Lag, moving: Mapping[str, Signal], fixed: Mapping[str, Signal]) -> Lag:
+    """Add how fast one clock runs away from the other, by a line through the shifts of pieces of the record.
+
+    Where fewer than three pieces can be compared, the lag is returned as it is.
+    """
+    used = {name: moving[name] for name in lag.using}
+    for _ in range(2):
+        first, last = min(t[0] for t, _ in used.values()), max(t[-1] for t, _ in used.values())
+        middles, pieces = [], []
+        for start in np.arange(first, last - 0.5 * LIMITS.piece, LIMITS.piece):
+            inside = {}
+            for name, (time, x) in used.items():
+                at = (time >= start) & (time < start + LIMITS.piece)
+                if np.count_nonzero(at) > LIMITS.samples:
+                    inside[name] = lag.moved(time[at]), x[at]
+            piece = find_lag(inside, fixed, LIMITS.piece_shift) if inside else None
+            if piece is not None and piece.trusted:
+                middles.append(0.5 * (start + start + LIMITS.piece))
+                pieces.append(piece)
+        if len(pieces) < 3:
+            return lag
+        t = np.array(middles)
+        weight = 1.0 / np.array([max(piece.sigma, 1e-4) for piece in pieces])
+        origin = float(np.average(t, weights=weight**2))
+        design = np.column_stack([np.ones(t.size), t - origin]) * weight[:, None]
+        target = np.array([piece.shift for piece in pieces]) * weight
+        (shift, slope), *_ = np.linalg.lstsq(design, target, rcond=None)
+        rest = target - design @ np.array([shift, slope])
+        scatter = max(float(rest @ rest) / max(t.size - 2, 1), 1.0)
+        errors = np.sqrt(scatter * np.diag(np.linalg.inv(design.T @ design)))
+        so_far = float(lag.moved(np.array([origin]))[0]) - origin
+        lag = replace(
+            lag,
+            shift=so_far + float(shift),
+            drift=lag.drift + float(slope) * (1.0 + lag.drift),
+            origin=origin,
+            sigma=float(errors[0]),
+            drift_sigma=float(errors[1]),
+        )
+    return lag
+
+
+def _correlation(moving: Signal, fixed: Signal, longest: float) -> _Curve | None:
+    """Correlate two signals at all shifts of a grid (Padfield, eq. 13); NaN where they overlap too little."""
+    from scipy.signal import butter, correlate, sosfiltfilt
+
+    signals = [finite(*signal) for signal in (moving, fixed)]
+    if any(t.size < LIMITS.samples for t, _ in signals):
+        return None
+    spans = [float(t[-1] - t[0]) for t, _ in signals]
+    slowest = min(1.0 / float(np.median(np.diff(t))) for t, _ in signals)
+    bandwidth = min(LIMITS.bandwidth, 0.2 * slowest)
+    rate = min(LIMITS.rate, LIMITS.points / max(*spans, 1e-3))
+    if bandwidth > 0.2 * rate or min(spans) < LIMITS.overlap:
+        return None
+    gridded = []
+    for t, x in signals:  # on a uniform grid, low-passed with zero phase; 1 where it holds samples, else 0
+        size = int((t[-1] - t[0]) * rate) + 1
+        points, held = t[0] + np.arange(size) / rate, np.zeros(size)
+        for part in stretches(t):
+            low, high = np.searchsorted(points, [t[part][0], t[part][-1]])
+            held[low : high + 1] = 1.0
+        values = np.interp(points, t, x)
+        level = float(np.mean(values[held > 0.5])) if held.any() else 0.0
+        sos = butter(2, bandwidth, fs=rate, output="sos")
+        smooth = sosfiltfilt(sos, values - level, padlen=min(size - 1, int(3.0 * rate / bandwidth)))
+        gridded.append((np.asarray(smooth) * held, held))
+    (a, holds_a), (b, holds_b) = gridded
+
+    def correlated(y: FloatArray, x: FloatArray) -> FloatArray:
+        return np.asarray(correlate(y, x, mode="full", method="fft"))
+
+    counts = np.maximum(np.round(correlated(holds_b, holds_a)), 0.0)
+    safe = np.maximum(counts, 1.0)
+    sum_a, sum_b = correlated(holds_b, a), correlated(b, holds_a)
+    power_a = np.maximum(correlated(holds_b, a**2) - sum_a**2 / safe, 0.0)
+    power_b = np.maximum(correlated(b**2, holds_a) - sum_b**2 / safe, 0.0)
+    power = np.sqrt(power_a * power_b)
+    floor = 1e-6 * float(np.sqrt((a @ a) * (b @ b))) + 1e-300
+    curve = np.where(power > floor, (correlated(b, a) - sum_a * sum_b / safe) / np.maximum(power, floor), 0.0)
+    shift = (np.arange(curve.size) - (a.size - 1)) / rate + float(signals[1][0][0] - signals[0][0][0])
+    least = max(LIMITS.overlap, LIMITS.overlap_share * min(spans)) * rate
+    inside = (counts >= least) & (np.abs(shift) <= longest)
+    if np.count_nonzero(inside) < 3:
+        return None
+    still = float(np.std(a[holds_a > 0.5]))
+    speed = float(np.std(np.gradient(a)[holds_a > 0.5])) * rate / still if still > 0.0 else 0.0
+    kept = slice(*(np.flatnonzero(inside)[[0, -1]] + [0, 1]).tolist())
+    return _Curve(shift[kept], np.where(inside, curve, np.nan)[kept], counts[kept] / rate, speed, bandwidth)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -10,23 +10,15 @@ from typing import Final
 import numpy as np
 
 from stoop import logs
-from stoop.base.arrays import BoolArray, FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.units import FACTORS, KINDS
 from stoop.base.variables import EULER
 from stoop.errors import FlightError, LogError, listed
 from stoop.flight.alignment import align, suggest_alignments
-from stoop.flight.channels import MAX_VALUE, Channels
-from stoop.flight.frames import rotate_axes
-from stoop.flight.mapping import (
-    READY,
-    FlightMapping,
-    Group,
-    Source,
-    read_flight_mapping,
-    ready,
-    with_other_form,
-)
+from stoop.flight.conversion import rotate_axes
+from stoop.flight.gridding import MAX_VALUE, Channels
+from stoop.flight.mapping import READY, FlightMapping, Source, read_flight_mapping, ready, with_other_form
 from stoop.logs import Recording, Stream
 from stoop.logs.csv_tables import mapping_beside, read_raw_csv
 from stoop.logs.read import kind
@@ -94,7 +86,7 @@ def read_mapped(path: Path, given: Path | None = None) -> tuple[Recording, Mappe
             f"draft one by stoop map {recording.path} -o {start}, and correct it"
         )
     mapping = mapping or ready(READY[recording.format])
-    whole = _with_files(recording, mapping)
+    whole = _with_files(recording, mapping) if mapping.files else recording
     found = apply_mapping(mapping, whole)
     if not mapping.alignments and (mapping.files or recording.format not in READY):
         found = replace(found, notices=[*found.notices, *_suggestions(whole, found, place)])
@@ -105,8 +97,6 @@ def read_mapped(path: Path, given: Path | None = None) -> tuple[Recording, Mappe
 
 def _suggestions(recording: Recording, found: Mapped, place: Path | None) -> list[Notice]:
     """Compare the clocks of several files."""
-    if len(recording.streams) < 2:
-        return []
     by_stream: dict[str, list[Channels]] = {}
     for group in found.channels:
         by_stream.setdefault(group.source, []).append(group)
@@ -115,13 +105,7 @@ def _suggestions(recording: Recording, found: Mapped, place: Path | None) -> lis
 
 
 def _with_files(recording: Recording, mapping: FlightMapping) -> Recording:
-    """Add the streams of further files that a mapping names, such as that of a motion-capture system.
-
-    Raises
-    ------
-    LogError
-        When such a file is not beside the log, or cannot be read.
-    """
+    """Add the streams of further files that a mapping names, such as that of a motion-capture system."""
     streams, units = dict(recording.streams), dict(recording.units)
     for name, file in mapping.files.items():
         folder = recording.path if recording.path.is_dir() else recording.path.parent
@@ -147,38 +131,81 @@ def apply_mapping(mapping: FlightMapping, recording: Recording) -> Mapped:
     LogError
         When a column that the mapping names for a variable is not in the log.
     """
-    retimed, notices = _with_clocks(mapping, recording)
-    timed, aligned = align(mapping.alignments, retimed, lambda log, name: supplied(mapping, log, name))
+    timed = recording
+    notices: list[Notice] = []
+    if mapping.clock or mapping.clocks:
+        timed, notices = _with_clocks(mapping, timed)
+    aligned: list[Notice] = []
+    contradicted: list[Notice] = []
+    beyond: list[Notice] = []
+    if mapping.alignments:
+        timed, aligned = align(mapping.place, mapping.alignments, timed, lambda log, n: _all(mapping, log, n))
     channels: list[Channels] = []
+    places: dict[str, str] = {}
+    named: dict[str, set[str]] = {}  # columns, flags and stamps that the mapping names of each stream
     for group in mapping.groups.values():
-        taken = {name for known in channels for name in known.values}
-        found = _best_source(timed, group, group.without | with_other_form(taken))
-        channels += [] if found is None else [found]
+        without = group.without | with_other_form({name for known in channels for name in known.values})
+        supplied: list[Channels] = []
         for source in group.sources:
-            if source.instance == "most moved":
-                first, *others = instances(timed, source) or [""]
-                span = {"first": source.variables[0], "last": source.variables[-1]}
-                notices += [notice("instance-left-out", other, taken=first, **span) for other in others]
-    channels = _join_lines(recording, channels)
-    surfaces, beyond = mapping.surfaces.deflections(channels)
-    mixed = frozenset(mapping.surfaces.mixes)
-    channels = [less for known in channels if (less := _without(known, mixed)).values]
-    notices += [*aligned, *_contradicted_units(mapping, timed), *beyond]
-    places = {name: source.place for source in reversed(mapping.sources) for name in source.variables}
-    left = {**recording.unread, **unmapped(mapping, recording)}
-    return Mapped([*channels, *surfaces], notices, left, places)
+            places = {**dict.fromkeys(source.variables, source.place), **places}
+            columns = {name for weights in source.columns for name in weights}
+            for topic in [source.stream] if source.stream else timed.streams:
+                named.setdefault(topic, set()).update(columns, source.valid, {source.stamp})
+            stated = timed.units.get(source.stream, {})
+            for unit, weights in zip(source.units, source.columns, strict=True):
+                for column in weights if unit and stated else ():
+                    own = stated.get(column, "")
+                    if KINDS.get(own) == KINDS[unit] and FACTORS[own] != FACTORS[unit]:
+                        values = {"place": source.place, "unit": unit, "stated": own}
+                        contradicted.append(
+                            notice("unit-contradicted", f"{source.stream}.{column}", **values)
+                        )
+            first, *others = _instances(timed, source) or [""]
+            span = {"first": source.variables[0], "last": source.variables[-1]}
+            notices += [notice("instance-left-out", other, taken=first, **span) for other in others]
+            found = _supply(timed, source, first)
+            if found is not None and (rest := _without(found, without)).values:
+                supplied.append(rest)
+        best = _best(supplied, group.choose == "fastest", timed.format == "table")
+        channels += [] if best is None else [best]
+    channels = _join_lines(timed.format, channels)
+    if mapping.surfaces.mixes:
+        surfaces, beyond = mapping.surfaces.deflections(channels)
+        mixed = frozenset(mapping.surfaces.mixes)
+        channels = [*(less for known in channels if (less := _without(known, mixed)).values), *surfaces]
+    clocks = {clock.column for clock in (*mapping.clocks.values(), mapping.clock) if clock is not None}
+    left = dict(recording.unread)
+    for name, stream in recording.streams.items():
+        used = named.get(name, named.get(name.partition("/")[0], set())) | clocks
+        columns_left = tuple(c for c in stream.columns if c not in used and not c.startswith("timestamp"))
+        left |= {name: columns_left} if columns_left else {}
+    return Mapped(channels, [*notices, *aligned, *contradicted, *beyond], left, places)
 
 
-def supplied(mapping: FlightMapping, recording: Recording, stream: str) -> list[Channels]:
+def _best(supplied: Sequence[Channels], fastest: bool, named: bool) -> Channels | None:
+    """Return the channels of the best source: one with values of all its variables at once rather than of some.
+
+    A column that the user `named` stays, though it holds no number.
+    """
+    known = [(c, np.array([np.isfinite(x) for x in c.values.values()])) for c in supplied]
+    usable = [c for c, good in known if good.all(axis=0).any()] or [c for c, good in known if good.any()]
+    usable = usable or [c for c, _ in known if named]
+    best = next(iter(usable), None)
+    for later in usable[1:] if fastest else ():
+        if best is not None and later.rate > 2.0 * best.rate:
+            best = later
+    return best
+
+
+def _all(mapping: FlightMapping, recording: Recording, stream: str) -> list[Channels]:
     """Return all that one stream can supply, taken or not."""
     alone = replace(recording, streams={stream: recording.streams[stream]})
-    sources = [
-        replace(source, required=False)
-        for source in mapping.sources
-        if source.stream in ("", stream) or source.instance != "first"
-    ]
-    found = [_supply(alone, source) for source in sources]
-    return _join_lines(recording, [channels for channels in found if channels is not None])
+    found = []
+    for source in mapping.sources:
+        if source.stream in ("", stream) or source.instance != "first":
+            source = replace(source, required=False)
+            found.append(_supply(alone, source, next(iter(_instances(alone, source)), "")))
+    return _join_lines(recording.format, [channels for channels in found if channels is not None])
 
 
 def _with_clocks(mapping: FlightMapping, recording: Recording) -> tuple[Recording, list[Notice]]:
@@ -200,34 +227,13 @@ def _with_clocks(mapping: FlightMapping, recording: Recording) -> tuple[Recordin
     return replace(recording, streams=streams), notices
 
 
-def _best_source(recording: Recording, group: Group, without: frozenset[str]) -> Channels | None:
-    """Return what the best source of a group supplies: values of all its variables at once rather than of some."""
-    rest = [_without(c, without) for source in group.sources if (c := _supply(recording, source)) is not None]
-    finite = [(channels, _finite(channels)) for channels in rest if channels.values]
-    whole = [channels for channels, good in finite if good.all(axis=0).any()]
-    found = whole or [channels for channels, good in finite if good.any()]
-    if (
-        not found and recording.format == "table"
-    ):  # a column that the user names stays, though it holds no number
-        found = [channels for channels, _ in finite]
-    best = next(iter(found), None)
-    for channels in found if group.choose == "fastest" else ():
-        if best is not None and channels.rate > 2.0 * best.rate:
-            best = channels
-    return best
-
-
-def _finite(channels: Channels) -> BoolArray:
-    return np.array([np.isfinite(x) for x in channels.values.values()])
-
-
 def _without(channels: Channels, names: frozenset[str]) -> Channels:
     return replace(channels, values={name: x for name, x in channels.values.items() if name not in names})
 
 
-def _join_lines(recording: Recording, channels: list[Channels]) -> list[Channels]:
+def _join_lines(form: str, channels: list[Channels]) -> list[Channels]:
     """Join variables that were named one by one and share a clock: columns of a table, elsewhere Euler angles."""
-    if recording.format == "table":
+    if form == "table":
         joined: dict[tuple[str, int], Channels] = {}
         for one in channels:
             first = joined.setdefault((one.source, id(one.time)), one)
@@ -240,49 +246,56 @@ def _join_lines(recording: Recording, channels: list[Channels]) -> list[Channels
     return [whole if c is parts[0] else c for c in channels if c not in parts[1:]]
 
 
-def _supply(recording: Recording, source: Source) -> Channels | None:
-    """Return what a source supplies, in SI and in our axes; None when it supplies nothing."""
-    name, *_ = instances(recording, source) or [""]
+def _supply(recording: Recording, source: Source, name: str) -> Channels | None:
+    """Return what a source supplies of a stream, in SI and in our axes; None when it supplies nothing."""
     stream = recording.streams.get(name)
     if stream is None or not _has_columns(source, stream):
-        if source.required:
-            raise LogError(_missing(recording, source))
-        return None
-    values = _values(stream, source)
-    if source.partial or source.unused is not None:
-        values = {variable: x for variable, x in values.items() if _is_used(x, source)}
+        if not source.required:
+            return None
+        column = f"{source.place}.column = '{next(iter(source.columns[0]))}'"
+        only = next(iter(recording.streams)) if len(recording.streams) == 1 else ""
+        known = recording.streams.get(source.stream or only)
+        if known is not None:
+            raise LogError(
+                f"{column} is not in {source.stream or only}; its columns are {listed(known.columns)}"
+            )
+        holds = f"it holds {listed(recording.streams)}"
+        if source.stream:
+            raise LogError(f"{source.place}.stream = '{source.stream}' is not in the log; {holds}")
+        raise LogError(f"{column} is in no stream of the log; {holds}")
+    values = _values(stream, source, only_used=source.partial or source.unused is not None)
     time = sample_time(stream, source.stamp, source.stamp_factor) if source.stamp else stream.time
     return Channels(name, time, rotate_axes(values, source.frame)) if values else None
 
 
 def _has_columns(source: Source, stream: Stream) -> bool:
-    there = [set(columns) <= set(stream.columns) for columns in source.columns]
+    there = [set(columns) <= stream.columns.keys() for columns in source.columns]
     return any(there) if source.partial else all(there)
 
 
-def _values(stream: Stream, source: Source) -> dict[str, FloatArray]:
-    """Return variables in SI, NaN where their flag says so; a log without the flag is believed."""
+def _values(stream: Stream, source: Source, only_used: bool) -> dict[str, FloatArray]:
+    """Return variables in SI, NaN where their flag says so; a log without the flag is believed.
+
+    With `only_used` those are left out that never hold anything.
+    """
     out = {}
-    for i, variable in enumerate(source.variables):
-        weights = source.columns[i]
-        if set(weights) <= set(stream.columns):
-            with np.errstate(
-                over="ignore", invalid="ignore"
-            ):  # impossible values are dropped later, with a notice
-                total = sum(weight * stream.columns[name] for name, weight in weights.items())
-                x = np.asarray(total) * source.factors[i] + source.offsets[i]
-            good = stream.columns.get(source.valid[i]) if source.valid[i] else None
-            out[variable] = x if good is None else np.where(good > 0.0, x, np.nan)
+    for i, (variable, weights) in enumerate(zip(source.variables, source.columns, strict=True)):
+        if not set(weights) <= stream.columns.keys():
+            continue
+        with np.errstate(over="ignore", invalid="ignore"):  # impossible values are dropped later
+            total = sum(weight * stream.columns[name] for name, weight in weights.items())
+            x = np.asarray(total) * source.factors[i] + source.offsets[i]
+        good = stream.columns.get(source.valid[i]) if source.valid[i] else None
+        x = x if good is None else np.where(good > 0.0, x, np.nan)
+        if only_used:
+            held = np.isfinite(x) if source.unused is None else x[np.abs(x) < MAX_VALUE] != source.unused
+            if not held.any():
+                continue
+        out[variable] = x
     return out
 
 
-def _is_used(x: FloatArray, source: Source) -> bool:
-    if source.unused is None:
-        return bool(np.isfinite(x).any())
-    return bool((x[np.abs(x) < MAX_VALUE] != source.unused).any())
-
-
-def instances(recording: Recording, source: Source) -> list[str]:
+def _instances(recording: Recording, source: Source) -> list[str]:
     """Return the streams that a source may mean, the one that is taken first."""
     if not source.stream:
         holding = [name for name, stream in recording.streams.items() if _has_columns(source, stream)]
@@ -291,15 +304,13 @@ def instances(recording: Recording, source: Source) -> list[str]:
             raise LogError(
                 f"{source.place}.column = '{column}' is in {listed(holding)}; name one of them by stream"
             )
-        return holding
+        return holding[:1]
     if source.instance == "first":
         return [source.stream] if source.stream in recording.streams else []
     movement = {}
     for name, stream in recording.streams.items():
-        if name.split("/")[0] == source.stream:
-            used = [x for x in _values(stream, source).values() if _is_used(x, source)]
-            if used:
-                movement[name] = sum(float(np.std(x[np.abs(x) < MAX_VALUE])) for x in used)
+        if name.split("/")[0] == source.stream and (used := _values(stream, source, only_used=True)):
+            movement[name] = sum(float(np.std(x[np.abs(x) < MAX_VALUE])) for x in used.values())
     return sorted(movement, key=lambda name: (-movement[name], name))
 
 
@@ -312,49 +323,3 @@ def sample_time(stream: Stream, column: str, factor: float) -> FloatArray:
     late = stream.time - taken
     believable = np.all((late >= 0.0) & (late < MAX_TRANSPORT)) and np.all(np.diff(taken) > 0.0)
     return taken if believable else stream.time
-
-
-def _missing(recording: Recording, source: Source) -> str:
-    column = next(iter(source.columns[0]))
-    only = next(iter(recording.streams)) if len(recording.streams) == 1 else ""
-    name = source.stream or only
-    stream = recording.streams.get(name)
-    if stream is not None:
-        return (
-            f"{source.place}.column = '{column}' is not in {name}; its columns are {listed(stream.columns)}"
-        )
-    if source.stream:
-        return f"{source.place}.stream = '{source.stream}' is not in the log; it holds {listed(recording.streams)}"
-    return (
-        f"{source.place}.column = '{column}' is in no stream of the log; it holds {listed(recording.streams)}"
-    )
-
-
-def _contradicted_units(mapping: FlightMapping, recording: Recording) -> list[Notice]:
-    """Name the columns for which the log states another unit than the mapping."""
-    notices = []
-    for source in mapping.sources:
-        stated = recording.units.get(source.stream, {})
-        for unit, columns in zip(source.units, source.columns, strict=True):
-            for column in columns:
-                own = stated.get(column, "")
-                if unit and KINDS.get(own) == KINDS[unit] and FACTORS[own] != FACTORS[unit]:
-                    values = {"place": source.place, "unit": unit, "stated": own}
-                    notices.append(notice("unit-contradicted", f"{source.stream}.{column}", **values))
-    return notices
-
-
-def unmapped(mapping: FlightMapping, recording: Recording) -> dict[str, tuple[str, ...]]:
-    """Return the columns of each stream that the mapping does not name; clocks and flags count as named."""
-    named: dict[str, set[str]] = {}
-    for source in mapping.sources:
-        columns = {name for columns in source.columns for name in columns}
-        for topic in [source.stream] if source.stream else recording.streams:
-            named.setdefault(topic, set()).update(columns, source.valid, {source.stamp})
-    clocks = {clock.column for clock in (*mapping.clocks.values(), mapping.clock) if clock is not None}
-    left: dict[str, tuple[str, ...]] = {}
-    for name, stream in recording.streams.items():
-        known = named.get(name, named.get(name.partition("/")[0], set())) | clocks
-        rest = tuple(c for c in stream.columns if c not in known and not c.startswith("timestamp"))
-        left |= {name: rest} if rest else {}
-    return left

@@ -15,25 +15,31 @@ from stoop.base.arrays import BoolArray, FloatArray, runs
 from stoop.base.notices import Notice, notice
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.base.variables import RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
-from stoop.flight.channels import Channels, finite, stretches
+from stoop.flight.gridding import Channels, finite, stretches
 
 WATCHED: Final = frozenset(
     "V alpha beta p q r phi theta psi ax ay az vn ve vd q0 q1 q2 q3 airspeed_pitot airspeed_equivalent".split()  # noqa: SIM905
 )  #: channels that move whenever the vehicle does
-STUCK_TIME: Final = 1.0  #: s
-STUCK_SAMPLES: Final = 25
-CLIPPED_SAMPLES: Final = 8
-CLIPPED_CONTRAST: Final = 5  #: times as many samples at the limit as at the value next to it
-MIN_DISTINCT: Final = 0.3  #: share of different values below which numbers are coarse, and meet by chance
-LIMIT_TOLERANCE: Final = (
-    0.005  #: of a limit: what lies nearer was clipped, and moved a little by the filter of the grid
-)
-REST_SPEED: Final = 0.5  #: m/s over ground
-REST_RATE: Final = 0.05  #: rad/s
-REST_TIME: Final = 2.0  #: s
 REST_OFFSETS: Final = {"airspeed_pitot": 1.0, "p": 0.02, "q": 0.02, "r": 0.02}  #: SI; less is usual
-WEIGHT_TOLERANCE: Final = 0.03  #: of gravity
 
+
+@dataclass(frozen=True)
+class Suspicions:
+    """What is suspicious in a channel, and when a vehicle stands still."""
+
+    stuck_time: float = 1.0  #: s without any change
+    stuck_samples: int = 25
+    clipped_samples: int = 8  #: at a limit
+    contrast: int = 5  #: times as many samples at the limit as at the value next to it
+    distinct: float = 0.3  #: share of different values below which numbers are coarse, and meet by chance
+    near_limit: float = 0.005  #: of a limit: nearer was clipped, and moved a little by the filter of the grid
+    rest_speed: float = 0.5  #: m/s over ground
+    rest_rate: float = 0.05  #: rad/s
+    rest_time: float = 2.0  #: s
+    weight: float = 0.03  #: of gravity, by which the specific force at rest may depart from it
+
+
+LIMITS: Final = Suspicions()
 Kind = Literal["stuck", "clipped", "offset at rest", "wrong sign", "wrong unit", "inconsistent"]
 
 
@@ -68,11 +74,6 @@ class Fault:
         return {name: getattr(self, name) for name in names}
 
 
-def described(kind: Kind, variable: str, value: float, start: float, stop: float, text: str) -> Fault:
-    """Return a fault whose notice is a sentence of its own, such as one read from a file."""
-    return Fault(kind, variable, value, start, stop, notice("described-fault", variable, text=text))
-
-
 def recorded_faults(channels: Sequence[Channels]) -> list[Fault]:
     """Look for stuck and clipped channels in the samples as they were recorded."""
     found: list[Fault] = []
@@ -81,46 +82,9 @@ def recorded_faults(channels: Sequence[Channels]) -> list[Fault]:
         found += shared
         for name in (WATCHED & set(group.values)) - {fault.variable for fault in shared}:
             t, x = finite(group.time, group.values[name])
-            if x.size > STUCK_SAMPLES:
+            if x.size > LIMITS.stuck_samples:
                 found += list(_clipped(name, t, x)) or _stuck(name, t, x)
     return sorted(found, key=lambda fault: list(VARIABLES).index(fault.variable))
-
-
-def _stuck(name: str, t: FloatArray, x: FloatArray) -> list[Fault]:
-    """Return the longest time without any change, when it is suspiciously long."""
-    best: tuple[float, float, float] | None = None
-    for part in stretches(t):
-        times, values = t[part], x[part]
-        edges = np.concatenate([[0], np.flatnonzero(np.diff(values) != 0.0) + 1, [values.size]])
-        longest = int(np.argmax(np.diff(edges)))
-        first, last = int(edges[longest]), int(edges[longest + 1]) - 1
-        duration = times[last] - times[first]
-        if last - first >= STUCK_SAMPLES and duration > (best[1] - best[0] if best else STUCK_TIME):
-            best = float(times[first]), float(times[last]), float(values[first])
-    if best is None:
-        return []
-    start, stop, value = best
-    unit = VARIABLES[name].unit
-    found = notice("constant-reading", name, value=value, unit=unit, start=start, stop=stop)
-    return [Fault("stuck", name, value, start, stop, found)]
-
-
-def _clipped(name: str, t: FloatArray, x: FloatArray) -> Iterator[Fault]:
-    """Yield the limits at which samples pile up far more than at the values next to them."""
-    values, counts = np.unique(x, return_counts=True)
-    if values.size < CLIPPED_SAMPLES:
-        return
-    symmetric = abs(values[0] + values[-1]) < 0.01 * abs(values[-1])
-    for end, beside in ((0, 1), (-1, -2)):
-        value, count = float(values[end]), int(counts[end])
-        if value == 0.0 or count < max(CLIPPED_SAMPLES, CLIPPED_CONTRAST * int(counts[beside])):
-            continue
-        held = x == value
-        if not symmetric and len(runs(held)) - int(held[0]) < 2:
-            continue  # reached once: stuck rather than clipped
-        at = t[held]
-        found = notice("clipped-reading", name, value=value, unit=VARIABLES[name].unit, count=count)
-        yield Fault("clipped", name, value, float(at[0]), float(at[-1]), found)
 
 
 def _shared_limits(group: Channels) -> Iterator[Fault]:
@@ -130,34 +94,63 @@ def _shared_limits(group: Channels) -> Iterator[Fault]:
         for name in names:
             x = group.values.get(name, np.empty(0))
             known = x[np.isfinite(x)]
-            if known.size > STUCK_SAMPLES and np.unique(known).size > MIN_DISTINCT * known.size:
+            if known.size > LIMITS.stuck_samples and np.unique(known).size > LIMITS.distinct * known.size:
                 ends += [(name, float(known.min())), (name, float(known.max()))]
         sizes = [abs(value) for _, value in ends]
         for name, value in ends:
-            if sizes.count(abs(value)) < 2 or value == 0.0:
-                continue
-            at = group.time[group.values[name] == value]
-            unit = VARIABLES[name].unit
-            found = notice("shared-limit", name, value=value, unit=unit, count=int(at.size))
-            yield Fault("clipped", name, value, float(at[0]), float(at[-1]), found)
+            if sizes.count(abs(value)) > 1 and value != 0.0:
+                at = group.time[group.values[name] == value]
+                unit = VARIABLES[name].unit
+                found = notice("shared-limit", name, value=value, unit=unit, count=int(at.size))
+                yield Fault("clipped", name, value, float(at[0]), float(at[-1]), found)
+
+
+def _clipped(name: str, t: FloatArray, x: FloatArray) -> Iterator[Fault]:
+    """Yield the limits at which samples pile up far more than at the values next to them."""
+    values, counts = np.unique(x, return_counts=True)
+    if values.size < LIMITS.clipped_samples:
+        return
+    symmetric = abs(values[0] + values[-1]) < 0.01 * abs(values[-1])
+    for end, beside in ((0, 1), (-1, -2)):
+        value, count = float(values[end]), int(counts[end])
+        if value == 0.0 or count < max(LIMITS.clipped_samples, LIMITS.contrast * int(counts[beside])):
+            continue
+        held = x == value
+        if not symmetric and len(runs(held)) - int(held[0]) < 2:
+            continue  # reached once: stuck rather than clipped
+        at = t[held]
+        found = notice("clipped-reading", name, value=value, unit=VARIABLES[name].unit, count=count)
+        yield Fault("clipped", name, value, float(at[0]), float(at[-1]), found)
+
+
+def _stuck(name: str, t: FloatArray, x: FloatArray) -> list[Fault]:
+    """Return the longest time without any change, when it is suspiciously long."""
+    best = None
+    for part in stretches(t):
+        times, values = t[part], x[part]
+        edges = np.concatenate([[0], np.flatnonzero(np.diff(values) != 0.0) + 1, [values.size]])
+        longest = int(np.argmax(np.diff(edges)))
+        first, last = int(edges[longest]), int(edges[longest + 1]) - 1
+        least = best[1] - best[0] if best else LIMITS.stuck_time
+        if last - first >= LIMITS.stuck_samples and times[last] - times[first] > least:
+            best = float(times[first]), float(times[last]), float(values[first])
+    if best is None:
+        return []
+    start, stop, value = best
+    unit = VARIABLES[name].unit
+    found = notice("constant-reading", name, value=value, unit=unit, start=start, stop=stop)
+    return [Fault("stuck", name, value, start, stop, found)]
 
 
 def without_faulty(time: FloatArray, x: FloatArray, faults: Sequence[Fault]) -> FloatArray:
-    """Return a channel with NaN where it was clipped or stuck: a limit is no measurement.
-
-    Parameters
-    ----------
-    time, x : (n,), gridded
-    faults : of this channel; those of other kinds take nothing away
-    """
+    """Return a gridded channel (n,) with NaN where its faults say stuck or clipped: a limit is no measurement."""
     out = x.copy()
     for fault in faults:
         if fault.kind == "stuck":
             out[(time >= fault.start) & (time <= fault.stop)] = np.nan
         elif fault.kind == "clipped":
-            edge, near = fault.value, LIMIT_TOLERANCE * abs(fault.value)
-            beyond = x > edge - near if edge > np.nanmedian(x) else x < edge + near
-            out[beyond] = np.nan
+            edge, near = fault.value, LIMITS.near_limit * abs(fault.value)
+            out[x > edge - near if edge > np.nanmedian(x) else x < edge + near] = np.nan
     return out
 
 
@@ -170,21 +163,20 @@ def contradiction(found: Notice, start: float, stop: float) -> Fault:
 
 
 def at_rest(data: Mapping[str, FloatArray], rate: float) -> BoolArray:
-    """Tell at which grid points the vehicle surely stands: slow over ground and not turning, for a while.
+    """Tell at which grid points (n,) the vehicle surely stands: slow over ground and not turning, for a while.
 
     Parameters
     ----------
     data : variable -> (n,), gridded
     rate : Hz
     """
-    size = next(iter(data.values())).size
-    if not {*VELOCITY, *RATES} <= set(data):
-        return np.zeros(size, dtype=bool)
+    if not {*VELOCITY, *RATES} <= data.keys():
+        return np.zeros(next(iter(data.values())).size, dtype=bool)
     speed = np.sqrt(data["vn"] ** 2 + data["ve"] ** 2 + data["vd"] ** 2)
     turning = np.sqrt(data["p"] ** 2 + data["q"] ** 2 + data["r"] ** 2)
-    still = (speed < REST_SPEED) & (turning < REST_RATE)
+    still = (speed < LIMITS.rest_speed) & (turning < LIMITS.rest_rate)
     for start, stop in runs(still):
-        if stop - start < REST_TIME * rate:
+        if stop - start < LIMITS.rest_time * rate:
             still[start:stop] = False
     return still
 
@@ -194,22 +186,22 @@ def rest_faults(time: FloatArray, data: Mapping[str, FloatArray], rate: float) -
     rest = at_rest(data, rate)
     if not rest.any():
         return []
-    span = (float(time[rest][0]), float(time[rest][-1]))
+    watched = {name: data[name][rest] for name in REST_OFFSETS if name in data}
+    if set(SPECIFIC_FORCE) <= data.keys():
+        watched["az"] = np.asarray(np.sqrt(sum(data[name][rest] ** 2 for name in SPECIFIC_FORCE)))
     out = []
-    for name, limit in REST_OFFSETS.items():
-        value = _median(data[name][rest]) if name in data else 0.0
-        if abs(value) > limit:
+    for name, x in watched.items():
+        known = x[np.isfinite(x)]
+        value = float(np.median(known)) if known.size else 0.0
+        if name == "az":
+            off = abs(value - STANDARD_GRAVITY) > LIMITS.weight * STANDARD_GRAVITY
+            found = notice("specific-force-at-rest", name, value=value)
+        else:
+            off = abs(value) > REST_OFFSETS[name]
             code = "pitot-at-rest" if name == "airspeed_pitot" and value > 0.0 else "offset-at-rest"
             found = notice(code, name, value=value, unit=VARIABLES[name].unit)
-            out.append(Fault("offset at rest", name, value, *span, found))
-    if set(SPECIFIC_FORCE) <= set(data):
-        value = _median(np.asarray(np.sqrt(sum(data[name][rest] ** 2 for name in SPECIFIC_FORCE))))
-        if abs(value - STANDARD_GRAVITY) > WEIGHT_TOLERANCE * STANDARD_GRAVITY:
-            found = notice("specific-force-at-rest", "az", value=value)
-            out.append(Fault("offset at rest", "az", value, *span, found))
+        if off:
+            out.append(
+                Fault("offset at rest", name, value, float(time[rest][0]), float(time[rest][-1]), found)
+            )
     return out
-
-
-def _median(values: FloatArray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size else 0.0

@@ -1,31 +1,84 @@
-"""A flight: registry variables on one uniform grid, on the log's own clock, and what the user should know of it."""
+"""A flight: registry variables on one uniform grid, on the log's own clock, and segments cut out of it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import FloatArray, run_slices
 from stoop.base.html import table
-from stoop.base.notices import Notice
+from stoop.base.notices import Notice, notice
 from stoop.base.rotations import continuous, euler_angles, normalized, quaternions_of, wrap
 from stoop.base.variables import EULER, QUATERNION, VARIABLES, WRAPPED, variable
 from stoop.errors import FlightError
-from stoop.flight.channels import SourceRate, source_rate
 from stoop.flight.faults import Fault
+from stoop.flight.gridding import MAX_GAP, TIME_TOLERANCE, SourceRate, complete, source_rate
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from stoop.flight.air_data import AirData
-
 ENDINGS: Final = (
     ".gz", ".csv", ".ulg", ".ulog", ".nc", ".cdf", ".bin", ".log", ".usd", ".mat", ".parquet", ".pq", ".bag", ".mcap", ".db3",
 )  #: of logs; what stands before them is the name of the flight  # fmt: skip
+MIN_SEGMENT: Final = 0.5  #: s; shorter pieces say nothing about the aircraft and are dropped
+NAN: Final = float("nan")
+
+
+@dataclass(frozen=True)
+class AirData:
+    """What the air data reconstruction found; NaN where the flight holds no such thing.
+
+    Attributes
+    ----------
+    method : "pitot", "pitot and sideslip", "pitot and log", "sideslip", "log" (where the wind is from),
+        "still air" (it is unknown and taken as zero) or "none" (nothing was reconstructed)
+    wind_n, wind_e : m/s, towards which the air moves; steady over the flight
+    wind_n_std, wind_e_std : m/s, standard errors, the color of the residuals counted
+    pitot_scale, pitot_offset : true airspeed = (airspeed_pitot - pitot_offset) * pitot_scale; 1, m/s
+    pitot_scale_std, pitot_offset_std : standard errors
+    rest_offset : m/s, median reading of the pitot on the ground
+    residual_rms : m/s, of the residual that the wind was fitted to
+    sideslip_wind : (north, east, standard errors of both) m/s, from sideslip and lateral force alone
+    gust : m/s, estimate of what a steady wind leaves out, per axis
+    incidence_std : rad, standard error of alpha and beta from gusts and the error of the wind together
+    velocity_delay, velocity_delay_std : s, by which the logged velocity is late (corrected when evident)
+    heading_error, heading_error_std : rad, true minus logged heading, mean of the flight (not corrected)
+    accelerometer_bias, accelerometer_bias_std : (3,) m/s2, body axes
+    notices : for the user
+    traces : name -> (n,), airborne samples to plot: time, speed_inertial (|v - w|), pitot, pitot_corrected,
+        wind_n_log, wind_e_log, beta, beta_from_force
+    """
+
+    method: str
+    wind_n: float = NAN
+    wind_e: float = NAN
+    wind_n_std: float = NAN
+    wind_e_std: float = NAN
+    pitot_scale: float = NAN
+    pitot_scale_std: float = NAN
+    pitot_offset: float = NAN
+    pitot_offset_std: float = NAN
+    rest_offset: float = NAN
+    residual_rms: float = NAN
+    sideslip_wind: tuple[float, float, float, float] = (NAN, NAN, NAN, NAN)
+    gust: float = NAN
+    incidence_std: float = NAN
+    velocity_delay: float = NAN
+    velocity_delay_std: float = NAN
+    heading_error: float = NAN
+    heading_error_std: float = NAN
+    accelerometer_bias: tuple[float, float, float] = (NAN, NAN, NAN)
+    accelerometer_bias_std: tuple[float, float, float] = (NAN, NAN, NAN)
+    notices: tuple[Notice, ...] = ()
+    traces: Mapping[str, FloatArray] = field(default_factory=dict, compare=False, repr=False)
+
+    def pitot_error(self, speed: float) -> float:
+        """Return reading minus truth at a true airspeed [m/s]."""
+        return speed / self.pitot_scale + self.pitot_offset - speed
 
 
 @dataclass(frozen=True, repr=False)
@@ -76,13 +129,9 @@ class Flight:
         return f"<Flight {self.name}: {length:.1f} s at {self.rate:g} Hz, {len(self.data)} channels>"
 
     def _repr_html_(self) -> str:
-        rows = [
-            (name, column.attrs.get("units", ""), column.attrs.get("long_name", ""))
-            for name, column in self.data.items()
-        ]
-        return table(
-            repr(self).strip("<>"), ("channel", "unit", "meaning"), [tuple(map(str, r)) for r in rows]
-        )
+        columns = self.data.items()
+        rows = [(str(n), *(str(x.attrs.get(key, "")) for key in ("units", "long_name"))) for n, x in columns]
+        return table(repr(self).strip("<>"), ("channel", "unit", "meaning"), rows)
 
 
 def from_columns(
@@ -138,15 +187,13 @@ def on_circle(data: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
 
 def with_attitude(data: dict[str, FloatArray]) -> dict[str, FloatArray]:
     """Add the quaternion to Euler angles, or Euler angles to the quaternion, where the other is missing."""
-    if set(QUATERNION) <= set(data):
-        if set(EULER) <= set(data):
-            return data
-        parts = normalized(np.column_stack([data[key] for key in QUATERNION]))
-        return {**data, **dict(zip(EULER, euler_angles(parts).T, strict=True))}
-    if not set(EULER) <= set(data):
+    given = next((names for names in (QUATERNION, EULER) if set(names) <= data.keys()), None)
+    if given is None or {*QUATERNION, *EULER} <= data.keys():
         return data
-    parts = continuous(quaternions_of(np.column_stack([data[key] for key in EULER])))
-    return {**data, **dict(zip(QUATERNION, parts.T, strict=True))}
+    parts = np.column_stack([data[key] for key in given])
+    if given == QUATERNION:
+        return {**data, **dict(zip(EULER, euler_angles(normalized(parts)).T, strict=True))}
+    return {**data, **dict(zip(QUATERNION, continuous(quaternions_of(parts)).T, strict=True))}
 
 
 def dataset(time: FloatArray, data: Mapping[str, FloatArray]) -> xr.Dataset:
@@ -155,13 +202,8 @@ def dataset(time: FloatArray, data: Mapping[str, FloatArray]) -> xr.Dataset:
 
     columns = {}
     for name, x in data.items():
-        known = VARIABLES[name]
-        texts = {
-            "units": known.unit,
-            "long_name": known.meaning,
-            "frame": known.frame,
-            "positive": known.sign,
-        }
+        one = VARIABLES[name]
+        texts = {"units": one.unit, "long_name": one.meaning, "frame": one.frame, "positive": one.sign}
         columns[name] = ("time", x, {key: value for key, value in texts.items() if value})
     clock = ("time", time, {"units": "s", "long_name": "time on the log's own clock"})
     return xr.Dataset(columns, coords={"time": clock})
@@ -173,3 +215,106 @@ def flight_name(path: Path) -> str:
     for ending in ENDINGS:
         stem = stem.removesuffix(ending)
     return stem
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A contiguous piece of a maneuver; it has its own initial state.
+
+    Attributes
+    ----------
+    t : (n,) s, uniform, on the log's own clock
+    u : (n, m) inputs, complete
+    z : (n, ny) outputs, NaN where missing
+    extras : name -> (n,), NaN where missing
+    """
+
+    t: FloatArray
+    u: FloatArray
+    z: FloatArray
+    extras: Mapping[str, FloatArray]
+
+
+def segments(
+    flight: Flight,
+    start: float,
+    stop: float,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    extras: Sequence[str] = (),
+) -> tuple[list[Segment], list[Notice]]:
+    """Cut a window out of a flight and split it where an input has a hole.
+
+    Parameters
+    ----------
+    flight : the flight
+    start, stop : s, on the log's own clock, both included
+    inputs : variables that must be complete
+    outputs : variables to compare with; may be missing in places, or altogether (then NaN)
+    extras : further variables to carry along, as the outputs
+
+    Returns
+    -------
+    segments : at least one
+    notices : what was cut away
+
+    Raises
+    ------
+    FlightError
+        When an input is not in the flight, the window lies outside the record, or nothing is left of it.
+    """
+    for name in inputs:
+        if name not in flight.data:
+            variable(name, flight.name)
+            there = ", ".join(str(known) for known in flight.data.data_vars)
+            raise FlightError(f"{flight.name}: input '{name}' is not in this flight; it has {there}")
+    where, t = f"{flight.name} {start:g}:{stop:g}", flight.time
+    first, last, period = float(t[0]), float(t[-1]), 1.0 / flight.rate
+    if not start < stop:
+        raise FlightError(f"{where}: the window ends before it begins; write START:STOP in seconds")
+    if stop <= first or start >= last:
+        raise FlightError(
+            f"{where}: outside the record, which runs from {first:.2f} to {last:.2f} s "
+            "on the log's own clock; choose a window inside"
+        )
+    notices = []
+    if start < first - period or stop > last + period:
+        notices.append(notice("window-trimmed", where, start=max(start, first), stop=min(stop, last)))
+    low, high = np.searchsorted(t, [start - TIME_TOLERANCE, stop + TIME_TOLERANCE])
+    t = t[low:high]
+    inside = {}
+    for name in (*inputs, *outputs, *extras):
+        variable(name, flight.name)
+        inside[name] = flight.column(name)[low:high] if name in flight.data else np.full(t.size, np.nan)
+    u, z = (
+        np.column_stack([inside[name] for name in names]) if names else np.empty((t.size, 0))
+        for names in (inputs, outputs)
+    )
+    whole = complete(u)
+    runs = run_slices(whole)
+    pieces = [run for run in runs if run.stop - run.start >= MIN_SEGMENT * flight.rate]
+    if not pieces:
+        short = bool(t.size) and t[-1] - t[0] < MIN_SEGMENT - 0.5 / flight.rate
+        hole = f"no {MIN_SEGMENT:g} s without a hole in {', '.join(inputs)}; choose another window"
+        brief = "s are too short; choose another window, one that holds"
+        what = f"{t[-1] - t[0]:.2g} {brief} {MIN_SEGMENT:g} s without a hole" if short else hole
+        raise FlightError(f"{where}: {what}")
+    made = [Segment(t[p], u[p], z[p], {name: inside[name][p] for name in extras}) for p in pieces]
+    # a single sample at the edge is the rounding of the window, no hole
+    gaps = run_slices(~whole)
+    holes = [run for run in gaps if run.stop - run.start > 1 or not {run.start, run.stop} & {0, t.size}]
+    spans = [(float(t[run.start]), float(t[run.stop - 1])) for run in holes]
+    if len(holes) > 4:  # one notice for all
+        lost = sum(run.stop - run.start for run in holes) / flight.rate
+        values = {"count": len(holes), "duration": lost, "start": spans[0][0], "stop": spans[-1][1]}
+        notices.append(notice("inputs-missing-often", flight.name, **values))
+    else:
+        notices += [notice("inputs-missing", flight.name, start=a, stop=b) for a, b in spans]
+    if len(runs) > len(pieces):
+        count = len(runs) - len(pieces)
+        notices.append(notice("short-pieces-dropped", flight.name, count=count, duration=MIN_SEGMENT))
+    for name in inputs:
+        source = flight.sources.get(name)
+        if source is not None and 0.0 < source.rate < 1.0 / MAX_GAP:
+            notices.append(notice("slow-input", flight.name, variable=name, rate=source.rate))
+    return made, notices

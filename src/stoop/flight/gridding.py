@@ -1,48 +1,168 @@
-"""Recorded channels -> one uniform grid: anti-alias low-pass per contiguous stretch, never across a gap.
+"""Recorded channels, each group on its own clock -> one uniform grid.
 
-Attitudes are interpolated as quaternions, headings and bank angles without their jumps by a turn.
+Fast channels pass an anti-alias low-pass per contiguous stretch; nothing is interpolated across a gap. Attitudes are
+interpolated as quaternions, headings and bank angles without their jumps by a turn. An attitude that was logged slowly
+follows the body rates between its samples.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray
-from stoop.base.rotations import continuous, euler_angles, normalized, quaternions_of, wrap
-from stoop.base.variables import EULER, QUATERNION, VARIABLES, WRAPPED
+from stoop.base.arrays import BoolArray, FloatArray, run_slices
+from stoop.base.notices import Notice, notice
+from stoop.base.rotations import (
+    conjugate,
+    continuous,
+    euler_angles,
+    normalized,
+    product,
+    quaternions_about,
+    quaternions_of,
+    wrap,
+)
+from stoop.base.variables import EULER, QUATERNION, RATES, VARIABLES, WRAPPED
 from stoop.errors import FlightError
-from stoop.flight.channels import Channels, SourceRate, source_rate, stretches
 
+MAX_GAP: Final = 0.05  #: s; a longer hole in an input ends a segment
+MAX_VALUE: Final = 1e9  #: SI; no quantity of the registry is that large
+TIME_TOLERANCE: Final = 1e-6  #: s; a grid point this close to the end of a stretch still belongs to it
 CUTOFF: Final = (
     0.3  #: of the grid rate: 30 Hz at 100 Hz; -35 dB at 50 Hz, -76 dB at 90 Hz, 0.02 % lost at 10 Hz
 )
 ORDER: Final = 4  #: of the Butterworth filter, which runs forward and backward
-TIME_TOLERANCE: Final = 1e-6  #: s; a grid point this close to the end of a stretch still belongs to it
-MAX_SAMPLE_RATE: Final = 1e5  #: Hz; a clock that seems to run faster is not one of a sensor
-MAX_CLUMPING: Final = (
-    20.0  #: times as many uniform samples as there are; then the median period is not that of the clock
-)
-MAX_CELLS: Final = 100_000_000  #: numbers in a gridded flight (0.8 GB)
-MAX_EMPTINESS: Final = 1000.0  #: points of the grid for each sample that was recorded
-MIN_COUNTED: Final = (
-    200  #: samples; a grid of that many times MAX_EMPTINESS points is never refused for its emptiness
-)
+
+
+@dataclass(frozen=True)
+class GridLimits:
+    """What a record must keep to, so that damaged clocks neither distort a grid nor fill the memory."""
+
+    gap_periods: float = 2.5  #: median periods; the longest gap of channels logged too slowly for `MAX_GAP`
+    stray_distance: float = 60.0  #: s from the rest of the record, at which a few samples are strays
+    stray_periods: float = 100.0  #: median periods; the same for channels logged slowly
+    strays: int = 3  #: samples, at most
+    sample_rate: float = 1e5  #: Hz; a clock that seems to run faster is not one of a sensor
+    clumping: float = (
+        20.0  #: uniform samples for each recorded one, above which the median period is not the clock's
+    )
+    cells: int = 100_000_000  #: numbers in a gridded flight (0.8 GB)
+    emptiness: float = 1000.0  #: points of the grid for each recorded sample
+    counted: int = 200  #: samples; a grid of `counted * emptiness` points is never refused for its emptiness
+    attitude_rate: float = 20.0  #: Hz; an attitude that was logged faster does not follow the rates
+    rate_ratio: float = 5.0  #: of the rate of the gyros over that of the attitude, at least
+
+
+LIMITS: Final = GridLimits()
+
+
+@dataclass(frozen=True)
+class Channels:
+    """Variables that share one clock.
+
+    Attributes
+    ----------
+    source : topic or file they come from
+    time : (n,) s, strictly increasing
+    values : variable -> (n,) SI, NaN where there is none
+    """
+
+    source: str
+    time: FloatArray
+    values: Mapping[str, FloatArray]
+
+    @property
+    def rate(self) -> float:
+        """Nominal rate [Hz] from the median period; zero with fewer than two samples."""
+        return 1.0 / float(np.median(np.diff(self.time))) if self.time.size > 1 else 0.0
+
+
+@dataclass(frozen=True)
+class SourceRate:
+    """How a variable was recorded.
+
+    Attributes
+    ----------
+    source : topic or file
+    rate : Hz, from the median period
+    longest_gap : s, the longest hole between two samples
+    gaps : how many holes end a contiguous stretch
+    start, stop : s, first and last sample on the log's own clock
+    """
+
+    source: str
+    rate: float
+    longest_gap: float
+    gaps: int
+    start: float
+    stop: float
+
+
+def source_rate(source: str, time: FloatArray) -> SourceRate:
+    """Describe the clock of one variable, from the samples that hold a value."""
+    if time.size < 2:
+        start = float(time[0]) if time.size else float("nan")
+        return SourceRate(source, 0.0, 0.0, 0, start, start)
+    steps = np.diff(time)
+    gaps = int(np.sum(steps > longest_allowed(time)))
+    return SourceRate(
+        source, 1.0 / float(np.median(steps)), float(steps.max()), gaps, float(time[0]), float(time[-1])
+    )
+
+
+def drop_outliers(group: Channels) -> tuple[Channels, list[Notice]]:
+    """Drop stray samples at both ends of the record and take impossibly large values as missing.
+
+    One damaged time stamp would make a flight of hours, nearly all of it a gap.
+    """
+    time, values, notices = group.time, dict(group.values), []
+    if time.size > LIMITS.strays:
+        steps = np.diff(time)
+        far = max(LIMITS.stray_distance, LIMITS.stray_periods * float(np.median(steps)))
+        cuts = np.flatnonzero(steps > far) + 1
+        pieces = [(a, b) for a, b in pairwise([0, *cuts.tolist(), time.size]) if b - a > LIMITS.strays]
+        kept = slice(pieces[0][0], pieces[-1][1]) if cuts.size and pieces else slice(0, time.size)
+        lost = int(time.size - (kept.stop - kept.start))
+        if lost:
+            notices.append(notice("stray-samples", group.source, count=lost, distance=LIMITS.stray_distance))
+            time, values = time[kept], {name: x[kept] for name, x in values.items()}
+    for name, x in values.items():
+        large = int(np.sum(np.abs(x) > MAX_VALUE))
+        if large:
+            values[name] = np.where(np.abs(x) <= MAX_VALUE, x, np.nan)
+            notices.append(notice("impossible-values", group.source, variable=name, count=large))
+    return (Channels(group.source, time, values) if notices else group), notices
+
+
+def longest_allowed(time: FloatArray) -> float:
+    """Return the longest distance between samples [s] that may be interpolated across."""
+    return max(MAX_GAP, LIMITS.gap_periods * float(np.median(np.diff(time)))) if time.size > 1 else MAX_GAP
+
+
+def stretches(time: FloatArray) -> list[slice]:
+    """Split rising times (n,) s where the hole between neighbors is too long; slices of two samples and more."""
+    cuts = np.flatnonzero(np.diff(time) > longest_allowed(time)) + 1
+    return [slice(a, b) for a, b in pairwise([0, *cuts.tolist(), time.size]) if b - a > 1]
+
+
+def finite(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return times and values (n,) of the samples whose value is finite."""
+    good = np.isfinite(values)
+    return time[good], values[good]
+
+
+def complete(values: FloatArray) -> BoolArray:
+    """Tell which rows of (n, k) values hold no NaN or infinity."""
+    return np.asarray(np.isfinite(values).all(axis=1))
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Uniform grid whose points are whole multiples of the period on the log's own clock.
-
-    Attributes
-    ----------
-    first : index of the first point: its time is first / rate
-    size : number of points
-    rate : Hz
-    """
+    """Uniform grid: its points are the `size` multiples of the period from `first / rate` on, on the log's own clock."""
 
     first: int
     size: int
@@ -53,28 +173,14 @@ class Grid:
         """Points of the grid, shape (size,) [s]."""
         return (self.first + np.arange(self.size)) / self.rate
 
-    def within(self, start: float, stop: float) -> slice:
-        """Return the points from start to stop [s], both included."""
-        low = int(np.ceil((start - TIME_TOLERANCE) * self.rate)) - self.first
-        high = int(np.floor((stop + TIME_TOLERANCE) * self.rate)) - self.first
-        return slice(max(low, 0), min(max(high + 1, 0), self.size))
-
 
 def make_grid(start: float, stop: float, rate: float, width: int, place: str) -> Grid:
-    """Lay a grid over a record.
-
-    Parameters
-    ----------
-    start, stop : s
-    rate : Hz
-    width : number of variables that it must hold
-    place : for the error message
-    """
+    """Lay a grid of `rate` [Hz] over a record [s] of `width` variables; `place` is for the error message."""
     if not 1.0 <= rate <= 10_000.0:
         raise FlightError(
             f"{place}: a grid of {rate:g} Hz makes no sense; choose a rate between 1 and 10000 Hz"
         )
-    if (stop - start) * rate * width > MAX_CELLS:
+    if (stop - start) * rate * width > LIMITS.cells:
         raise FlightError(
             f"{place}: the record lasts {stop - start:.0f} s, too long for a grid of {rate:g} Hz; "
             "cut the log, or choose a lower rate"
@@ -100,37 +206,34 @@ def grid_channels(
     data : variable -> (n,), NaN where there is no data
     sources : variable -> how it was recorded
     """
-    channels = [_with_quaternion(c) for c in channels]
-    clocks = [c.time for c in channels if c.time.size > 1]
+    groups = []
+    for group in channels:
+        values = dict(group.values)
+        if set(EULER) <= values.keys() and not set(QUATERNION) & values.keys():
+            # a quaternion has no jumps to interpolate across
+            q = quaternions_of(np.column_stack([values.pop(name) for name in EULER]))
+            values = {**dict(zip(QUATERNION, q.T, strict=True)), **values}
+        groups.append(Channels(group.source, group.time, values))
+    clocks = [group.time for group in groups if group.time.size > 1]
     if not clocks:
         raise FlightError(
             f"{place}: no variable of the registry has two samples; check the topics or the mapping"
         )
     start, stop = float(min(t[0] for t in clocks)), float(max(t[-1] for t in clocks))
-    grid = make_grid(start, stop, rate, sum(len(c.values) for c in channels) + len(EULER), place)
+    grid = make_grid(start, stop, rate, sum(len(group.values) for group in groups) + len(EULER), place)
     samples = sum(t.size for t in clocks)
-    if (stop - start) * rate > MAX_EMPTINESS * max(samples, MIN_COUNTED):
+    if (stop - start) * rate > LIMITS.emptiness * max(samples, LIMITS.counted):
         raise FlightError(
             f"{place}: only {samples} samples in {stop - start:.0f} s: a clock is damaged, or in another unit; "
             "check the unit of the time, or cut the log"
         )
     data: dict[str, FloatArray] = {}
     sources: dict[str, SourceRate] = {}
-    for group in channels:
+    for group in groups:
         data.update(_grid_group(grid, group))
         known = {n: source_rate(group.source, group.time[np.isfinite(x)]) for n, x in group.values.items()}
         sources.update({angle: known["q0"] for angle in EULER if "q0" in known} | known)
     return grid, {name: np.ascontiguousarray(data[name]) for name in VARIABLES if name in data}, sources
-
-
-def _with_quaternion(channels: Channels) -> Channels:
-    """Turn recorded Euler angles into a quaternion, which has no jumps to interpolate across."""
-    if not set(EULER) <= set(channels.values) or set(QUATERNION) & set(channels.values):
-        return channels
-    angles = np.column_stack([channels.values[name] for name in EULER])
-    parts = dict(zip(QUATERNION, quaternions_of(angles).T, strict=True))
-    rest = {name: x for name, x in channels.values.items() if name not in EULER}
-    return Channels(channels.source, channels.time, {**parts, **rest})
 
 
 def _grid_group(grid: Grid, group: Channels) -> dict[str, FloatArray]:
@@ -161,7 +264,10 @@ def _grid_group(grid: Grid, group: Channels) -> dict[str, FloatArray]:
 
 
 def resample(grid: Grid, time: FloatArray, values: FloatArray, *, smooth: bool) -> FloatArray:
-    """Bring samples onto the grid.
+    """Bring samples onto the grid: slow ones are interpolated, fast ones decimated.
+
+    Decimation makes the samples uniform at their own rate before the low-pass: interpolating onto the grid first
+    would fold the beat between both rates into the pass band.
 
     Parameters
     ----------
@@ -177,27 +283,21 @@ def resample(grid: Grid, time: FloatArray, values: FloatArray, *, smooth: bool) 
     out = np.full((grid.size, values.shape[1]), np.nan)
     for part in stretches(time):
         t, x = time[part], values[part]
-        at = grid.within(float(t[0]), float(t[-1]))
-        if at.stop > at.start:
-            out[at] = _resample_stretch(grid, at, t, x, smooth)
+        low = max(int(np.ceil((t[0] - TIME_TOLERANCE) * grid.rate)) - grid.first, 0)
+        high = min(int(np.floor((t[-1] + TIME_TOLERANCE) * grid.rate)) - grid.first + 1, grid.size)
+        if high <= low:
+            continue
+        points = (grid.first + np.arange(low, high)) / grid.rate
+        rate = 1.0 / float(np.median(np.diff(t)))
+        # uniform samples of such a clock would fill the memory
+        clumped = rate > LIMITS.sample_rate or (t[-1] - t[0]) * rate > LIMITS.clumping * t.size
+        if clumped or rate <= 1.02 * grid.rate:
+            out[low:high] = _interpolate(points, t, x, smooth and not clumped)
+            continue
+        uniform = t[0] + np.arange(int(np.ceil((t[-1] - t[0]) * rate - TIME_TOLERANCE)) + 1) / rate
+        slow = low_pass(_interpolate(uniform, t, x, smooth=True), rate, grid.rate)
+        out[low:high] = _interpolate(points, uniform, slow, smooth=True)
     return out
-
-
-def _resample_stretch(grid: Grid, at: slice, t: FloatArray, x: FloatArray, smooth: bool) -> FloatArray:
-    """Interpolate slow samples; decimate fast ones.
-
-    Decimation makes the samples uniform at their own rate before the low-pass: interpolating onto the grid first
-    would fold the beat between both rates into the pass band.
-    """
-    points = (grid.first + np.arange(at.start, at.stop)) / grid.rate
-    rate = 1.0 / float(np.median(np.diff(t)))
-    if rate > MAX_SAMPLE_RATE or (t[-1] - t[0]) * rate > MAX_CLUMPING * t.size:  # would fill memory
-        return _interpolate(points, t, x, smooth=False)
-    if rate <= 1.02 * grid.rate:
-        return _interpolate(points, t, x, smooth)
-    uniform = t[0] + np.arange(int(np.ceil((t[-1] - t[0]) * rate - TIME_TOLERANCE)) + 1) / rate
-    slow = low_pass(_interpolate(uniform, t, x, smooth=True), rate, grid.rate)
-    return _interpolate(points, uniform, slow, smooth=True)
 
 
 def _interpolate(at: FloatArray, t: FloatArray, x: FloatArray, smooth: bool) -> FloatArray:
@@ -227,6 +327,69 @@ def low_pass(values: FloatArray, rate: float, grid_rate: float) -> FloatArray:
     return np.asarray(sosfiltfilt(sos, values, axis=0, padlen=pad), dtype=np.float64)
 
 
-def complete(values: FloatArray) -> BoolArray:
-    """Tell which rows of (n, k) values hold no NaN or infinity."""
-    return np.asarray(np.isfinite(values).all(axis=1))
+def interpolate_by_rates(
+    grid: Grid,
+    data: Mapping[str, FloatArray],
+    sources: Mapping[str, SourceRate],
+    channels: Sequence[Channels],
+) -> tuple[dict[str, FloatArray], list[Notice]]:
+    """Return the columns with a slowly logged attitude that follows the body rates between its samples, and a notice.
+
+    A spline through an attitude of 5 Hz cuts the corners of every quick maneuver. The rates are integrated instead;
+    the slowly changing rotation between the integral and the logged attitude is interpolated linearly.
+
+    Parameters
+    ----------
+    grid : of the columns
+    data : variable -> (n,)
+    sources : how each was recorded
+    channels : as recorded, each on its own clock; the attitude as a quaternion
+    """
+    known = sources.get("q0")
+    logged = next((g for g in channels if set(QUATERNION) <= g.values.keys()), None)
+    if (
+        known is None
+        or logged is None
+        or not {*RATES, *QUATERNION} <= data.keys()
+        or not 0.0 < known.rate < LIMITS.attitude_rate
+        or min(sources[name].rate for name in RATES) < LIMITS.rate_ratio * known.rate
+    ):
+        return dict(data), []
+    rates = np.column_stack([data[name] for name in RATES])
+    out = np.column_stack([data[name] for name in QUATERNION])
+    parts = normalized(np.column_stack([logged.values[name] for name in QUATERNION]))
+    good = complete(parts)
+    time, parts = logged.time[good], parts[good]
+    for run in run_slices(complete(rates)):
+        own = grid.time[run]
+        inside = (time >= own[0]) & (time <= own[-1])
+        if np.count_nonzero(inside) < 2:
+            continue
+        turned = integrate_rates(rates[run], grid.rate)
+        there = normalized(np.column_stack([np.interp(time[inside], own, column) for column in turned.T]))
+        offset = continuous(product(parts[inside], conjugate(there)))
+        part = Grid(grid.first + run.start, run.stop - run.start, grid.rate)
+        found = product(normalized(resample(part, time[inside], offset, smooth=False)), turned)
+        valid = complete(found) & complete(out[run])
+        out[run] = np.where(valid[:, None], found, out[run])
+    valid = complete(out)
+    out[valid] = continuous(out[valid])
+    columns = dict(zip((*QUATERNION, *EULER), [*out.T, *euler_angles(out).T], strict=True))
+    return {name: columns.get(name, x) for name, x in data.items()}, [
+        notice("attitude-follows-rates", logged.source, rate=known.rate)
+    ]
+
+
+def integrate_rates(rates: FloatArray, rate: float) -> FloatArray:
+    """Return the attitude (n, 4) after turning at body rates (n, 3), rad/s, sampled at `rate` [Hz], from no rotation.
+
+    The rate of a step is the mean of its ends. Products of ever longer stretches are taken at once, so that a long
+    flight takes as many passes as its length has binary digits.
+    """
+    angle = 0.5 * (rates[1:] + rates[:-1]) / rate
+    out = np.concatenate([[[1.0, 0.0, 0.0, 0.0]], quaternions_about(angle)])
+    reach = 1
+    while reach < len(out):
+        out[reach:] = product(out[:-reach], out[reach:])
+        reach *= 2
+    return continuous(normalized(out))

@@ -28,26 +28,14 @@ RATES_DELAY: Final = "rates.delay"
 
 @dataclass(frozen=True)
 class InstrumentError:
-    """One error of an instrument, or the steady wind.
+    """One error of an instrument, or the steady wind."""
 
-    Attributes
-    ----------
-    name : str
-        A parameter of the kinematics, or ``CHANNELS.delay``.
-    mean, std : float, SI
-        The prior.
-    unit : str
-    meaning : str
-    needs : tuple of frozenset of str
-        From each set at least one channel must have been logged, or the error cannot be estimated.
-    """
-
-    name: str
-    mean: float
+    name: str  #: a parameter of the kinematics, or ``CHANNELS.delay``
+    mean: float  #: of the prior, SI
     std: float
     unit: str
     meaning: str
-    needs: tuple[frozenset[str], ...]
+    needs: tuple[frozenset[str], ...]  #: of each set at least one channel must have been logged
 
 
 def _table() -> Iterable[InstrumentError]:
@@ -70,19 +58,18 @@ def _table() -> Iterable[InstrumentError]:
     for axis, way in (("n", "north"), ("e", "east")):
         yield error(f"wind.{axis}", 0.0, 10.0, "m/s", f"steady wind, {way}", (GROUND, AIR))
     yield error("wind.d", 0.0, 0.3, "m/s", "steady wind, down", (GROUND, frozenset({"alpha"})))
-    for name, scale, bias in (("V", 0.1, 2.0), ("airspeed_pitot", 0.15, 3.0)):
-        logged = (frozenset({name}),)
-        yield error(f"{name}.scale", 1.0, scale, "1", f"{name}, scale", logged)
-        yield error(f"{name}.bias", 0.0, bias, "m/s", f"{name} reads too much by", logged)
-    for name, wash in (("alpha", "upwash"), ("beta", "sidewash")):
-        logged = (frozenset({name}),)
-        yield error(f"{name}.scale", 1.0, 0.2, "1", f"{name} vane, {wash} factor", logged)
-        yield error(f"{name}.bias", 0.0, 3.0 * DEGREE, "rad", f"{name} vane reads too much by", logged)
-    for axis in "xyz":
-        yield error(
-            f"accelerometer.{axis}", 0.0, 0.5, "m", f"accelerometer's place, {axis}", (GROUND, forces)
-        )
+    for name, scale, bias, unit, factor, sensor in (
+        ("V", 0.1, 2.0, "m/s", "V, scale", "V"),
+        ("airspeed_pitot", 0.15, 3.0, "m/s", "airspeed_pitot, scale", "airspeed_pitot"),
+        ("alpha", 0.2, 3.0 * DEGREE, "rad", "alpha vane, upwash factor", "alpha vane"),
+        ("beta", 0.2, 3.0 * DEGREE, "rad", "beta vane, sidewash factor", "beta vane"),
+    ):
+        yield error(f"{name}.scale", 1.0, scale, "1", factor, (frozenset({name}),))
+        yield error(f"{name}.bias", 0.0, bias, unit, f"{sensor} reads too much by", (frozenset({name}),))
     vanes = (frozenset({"alpha", "beta"}),)
+    for axis in "xyz":
+        place = f"accelerometer's place, {axis}"
+        yield error(f"accelerometer.{axis}", 0.0, 0.5, "m", place, (GROUND, forces))
     for axis in "xyz":
         yield error(f"vane.{axis}", 0.0, 1.0, "m", f"vanes' place, {axis}", vanes)
     # Delays are against the accelerometers, or against the gyros where only the attitude was logged.

@@ -1,38 +1,40 @@
-"""Log -> Flight."""
+"""Log -> Flight, and our own flight files: netCDF-3, all of a `Flight`, written whole or not at all."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, fields, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-from stoop.base.arrays import FloatArray
-from stoop.base.notices import Notice, notice
+import numpy as np
+
+from stoop.base.files import write_bytes_atomic
+from stoop.base.notices import Notice, from_dict, notice
 from stoop.base.variables import EULER, QUATERNION, RATES, VARIABLES
+from stoop.checks.engine import read_lines
 from stoop.checks.kinematics import MOTION, check_motion, check_rates
-from stoop.checks.lines import Lines, read_lines
 from stoop.checks.units import check_units
-from stoop.errors import FlightError
-from stoop.flight.air_data_reconstruction import with_air
+from stoop.errors import FlightError, LogError
+from stoop.flight.air_data import with_air
 from stoop.flight.airborne import carried_by_rotors
-from stoop.flight.airspeed import faults_of_true_airspeed, with_true_airspeed
+from stoop.flight.airspeed import EQUIVALENT, TRUE, with_true_airspeed
 from stoop.flight.alignment import attitude_delay
-from stoop.flight.apply_mapping import Mapped, read_mapped
-from stoop.flight.attitude_interpolation import interpolate_by_rates
-from stoop.flight.channels import SourceRate, drop_outliers
+from stoop.flight.apply_mapping import read_mapped
 from stoop.flight.faults import Fault, contradiction, recorded_faults, rest_faults, without_faulty
-from stoop.flight.flight import Flight, dataset, flight_name, with_attitude
-from stoop.flight.gridding import grid_channels
-from stoop.flight.store import restore
+from stoop.flight.flight import AirData, Flight, dataset, flight_name, on_circle, with_attitude
+from stoop.flight.gridding import MAX_VALUE, SourceRate, drop_outliers, grid_channels, interpolate_by_rates
 from stoop.logs import Recording
+from stoop.logs.netcdf import AIR, FORMAT, STREAM
 
-DEFAULT_RATE: Final = 100.0  #: Hz
 SUSPECT_CLOCK: Final = 5.0  #: Hz; body rates are hardly ever logged more slowly
 SLOW_RATES: Final = 25.0  #: Hz; body rates below this do not show the fast modes
+NOTICES: Final = "notices"  #: attribute; files of older versions hold sentences as "notes"
 
 
-def load(path: str | Path, mapping: str | Path | None = None, rate: float = DEFAULT_RATE) -> Flight:
+def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.0) -> Flight:
     """Read a log and lay its channels on one uniform grid.
 
     Channels faster than the grid are low-passed first (zero phase, per contiguous stretch). Nothing is
@@ -55,121 +57,75 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = DEFA
     path = Path(path)
     recording, mapped = read_mapped(path, Path(mapping) if mapping is not None else None)
     if mapped is None:
-        return restore(recording, flight_name(path))
-    notices: list[Notice] = []
-    channels = []
-    for group in mapped.channels:
-        cleaned, found = drop_outliers(group)
-        channels.append(cleaned)
-        notices += found
-    flight = with_air(_gridded(path, recording, replace(mapped, channels=channels), rate))
-    return replace(flight, notices=(*notices, *flight.notices, *_limits_of_record(flight)))
-
-
-def _gridded(path: Path, recording: Recording, mapped: Mapped, rate: float) -> Flight:
-    channels, lines = mapped.channels, read_lines(mapped.places)
+        return _restore(recording, flight_name(path))
+    cleaned = [drop_outliers(group) for group in mapped.channels]
+    channels = [group for group, _ in cleaned]
+    # units and signs, of the columns as recorded
+    lines = read_lines(mapped.places)
     signals = {name: (group.time, x) for group in channels for name, x in group.values.items()}
     refused, units, _ = check_units(signals, lines)
     if refused:
         raise FlightError(f"{path}: {str(refused[0]).removesuffix('.')}")
     grid, data, sources = grid_channels(channels, rate, str(path))
-    data, sources = _complete_attitude(data, sources)
-    data, sources, airspeed = with_true_airspeed(data, sources)
-    recorded = faults_of_true_airspeed(recorded_faults(channels), data)
-    dirty = {fault.variable for fault in recorded} | _slow(sources, SUSPECT_CLOCK).keys()
-    found = _contradictions(data, rate, lines, units, sound=not MOTION & dirty)
+    # an attitude whose parts came from several files is completed; its rate is that of the slowest
+    parts = [sources[name] for name in (*EULER, *QUATERNION) if name in sources]
+    whole = with_attitude(data)
+    sources |= {name: min(parts, key=lambda part: part.rate) for name in whole.keys() - data.keys()}
+    data = {name: whole[name] for name in VARIABLES if name in whole}
+    recorded = recorded_faults(channels)
+    airspeed: list[Notice] = []
+    if EQUIVALENT in data and not {TRUE, "V"} & data.keys():
+        data, airspeed = with_true_airspeed(data, sources[EQUIVALENT].source)
+        sources[TRUE] = sources[EQUIVALENT]
+    if {EQUIVALENT, TRUE} <= data.keys():
+        recorded = [replace(f, variable=TRUE) if f.variable == EQUIVALENT else f for f in recorded]
+    # Where units or clocks are wrong, or channels stuck or clipped, kinematics would accuse the innocent.
+    body_rates = {name: sources[name].rate for name in RATES if name in sources}
+    dirty = {fault.variable for fault in recorded} | {
+        n for n, f in body_rates.items() if 0 < f < SUSPECT_CLOCK
+    }
+    upward = any(one.code == "force-points-up" for one in units)
+    upright = {**data, "az": -data["az"]} if upward else data
+    sound = not MOTION & dirty and len(units) == upward
+    wrong, corrected = check_motion(upright, rate, lines if sound else {})
+    contradictions = [*units, *wrong, *check_rates(corrected, rate, lines)]
     span = float(grid.time[0]), float(grid.time[-1])
-    faults = (
-        *recorded,
-        *rest_faults(grid.time, data, rate),
-        *(contradiction(one, *span) for one in found),
-    )
+    of_mapping = [contradiction(one, *span) for one in contradictions]
+    faults = (*recorded, *rest_faults(grid.time, data, rate), *of_mapping)
     if any(fault.kind == "inconsistent" for fault in faults):
         attitude = attitude_delay(channels)
     else:
         data, attitude = interpolate_by_rates(grid, data, sources, channels)
-    notices = (
-        *_defects(recording, sources),
-        *mapped.notices,
-        *attitude,
-        *airspeed,
-        *_gaps(sources),
-        *(fault.notice for fault in faults),
-    )
-    return Flight(
-        flight_name(path),
-        path,
-        dataset(grid.time, data),
-        rate,
-        sources,
-        notices,
-        None,
-        faults,
-        mapped.unmapped,
-    )
-
-
-def _contradictions(
-    data: Mapping[str, FloatArray], rate: float, lines: Lines, units: Sequence[Notice], *, sound: bool
-) -> list[Notice]:
-    """Return the lines of the mapping that the data contradict, then what else disagrees with these corrected.
-
-    Where units or clocks are wrong, or channels stuck or clipped, kinematics would accuse the innocent.
-    """
-    upward = any(one.code == "force-points-up" for one in units)
-    upright = {**data, "az": -data["az"]} if upward else data
-    wrong, corrected = check_motion(upright, rate, lines if sound and len(units) == upward else {})
-    return [*units, *wrong, *check_rates(corrected, rate, lines)]
-
-
-def _complete_attitude(
-    data: dict[str, FloatArray], sources: dict[str, SourceRate]
-) -> tuple[dict[str, FloatArray], dict[str, SourceRate]]:
-    """Complete an attitude whose parts came from several files; its rate is that of the slowest."""
-    whole = with_attitude(data)
-    parts = [sources[name] for name in (*EULER, *QUATERNION) if name in sources]
-    slowest = {name: min(parts, key=lambda part: part.rate) for name in whole.keys() - data.keys()}
-    return {name: whole[name] for name in VARIABLES if name in whole}, {**sources, **slowest}
-
-
-def _defects(recording: Recording, sources: Mapping[str, SourceRate]) -> list[Notice]:
-    """Name the defects of the log; those of topics that supply nothing do not matter to the user."""
-    used = {name for s in sources.values() for name in (s.source, s.source.replace("/", "_"))}  # topic, file
-    return [
+    # defects of topics that supply nothing do not matter to the user; a file's name writes a topic with _
+    used = {name for s in sources.values() for name in (s.source, s.source.replace("/", "_"))}
+    notices = [one for _, found in cleaned for one in found]
+    notices += [
         notice("log-defect", defect.place, kind=defect.kind, text=defect.message)
         for defect in recording.defects
         if defect.kind in ("corrupt", "truncated", "dropout") or any(topic in defect.place for topic in used)
     ]
-
-
-def _gaps(sources: Mapping[str, SourceRate]) -> list[Notice]:
-    """Name the sources that have gaps."""
+    notices += [*mapped.notices, *attitude, *airspeed]
     gaps = {source.source: source for source in sources.values() if source.gaps}
-    if not gaps:
-        return []
-    longest = max(source.longest_gap for source in gaps.values())
-    counts = tuple(f"{name} {source.gaps}" for name, source in gaps.items())
-    return [notice("gaps", longest=longest, counts=counts)]
-
-
-def _limits_of_record(flight: Flight) -> list[Notice]:
-    """Name what this record cannot show, whatever is fitted to it."""
-    found = []
-    slow = _slow(flight.sources, SLOW_RATES)
+    if gaps:
+        counts = tuple(f"{name} {source.gaps}" for name, source in gaps.items())
+        notices.append(notice("gaps", longest=max(s.longest_gap for s in gaps.values()), counts=counts))
+    notices += [fault.notice for fault in faults]
+    columns = dataset(grid.time, data)
+    flight = Flight(
+        flight_name(path), path, columns, rate, sources, tuple(notices), None, faults, mapped.unmapped
+    )
+    flight = with_air(flight)
+    # what this record cannot show, whatever is fitted to it
+    limits = []
+    slow = {name: known for name, known in body_rates.items() if 0.0 < known < SLOW_RATES}
     if slow:
-        rate = min(slow.values())
-        code = "slow-rates-suspect-clock" if rate < SUSPECT_CLOCK else "slow-rates"
-        found.append(notice(code, variables=tuple(slow), rate=rate))
+        lowest = min(slow.values())
+        code = "slow-rates-suspect-clock" if lowest < SUSPECT_CLOCK else "slow-rates"
+        limits.append(notice(code, variables=tuple(slow), rate=lowest))
     explained = flight.air is not None and bool(flight.air.notices)  # the reconstruction knows better why
     if not {"V", "alpha", "beta"} & flight.names and not carried_by_rotors(flight) and not explained:
-        found.append(notice("no-air-data"))
-    return found
-
-
-def _slow(sources: Mapping[str, SourceRate], limit: float) -> dict[str, float]:
-    """Return the body rates that were logged more slowly than a limit, and how fast; Hz."""
-    there = {name: sources[name].rate for name in RATES if name in sources}
-    return {name: rate for name, rate in there.items() if 0.0 < rate < limit}
+        limits.append(notice("no-air-data"))
+    return replace(flight, notices=(*flight.notices, *limits))
 
 
 def without_faults(flight: Flight) -> Flight:
@@ -186,3 +142,80 @@ def without_faults(flight: Flight) -> Flight:
     data = flight.data.assign({name: ("time", x, flight.data[name].attrs) for name, x in columns.items()})
     found = notice("samples-not-measured", variables=tuple(columns))
     return replace(flight, data=data, notices=(*flight.notices, found))
+
+
+def save(flight: Flight, path: str | Path) -> None:
+    """Write a flight as netCDF-3; `load` of the file gives it back bit for bit.
+
+    Parameters
+    ----------
+    flight : what to write
+    path : the file, usually NAME.nc
+
+    Raises
+    ------
+    OutputError
+        When it cannot be written; an older file of that name is then still whole.
+    """
+    faults = [{**fault.to_dict(), "notice": fault.notice.to_dict()} for fault in flight.faults]
+    data = flight.data.assign_attrs(
+        stoop_format=FORMAT,
+        name=flight.name,
+        rate=flight.rate,
+        sources=json.dumps({name: asdict(source) for name, source in flight.sources.items()}),
+        notices=json.dumps([found.to_dict() for found in flight.notices]),
+        faults=json.dumps(faults),
+    )
+    if flight.air is not None:
+        air = {item.name: getattr(flight.air, item.name) for item in fields(AirData) if item.name != "traces"}
+        air[NOTICES] = [found.to_dict() for found in flight.air.notices]
+        data = data.assign_attrs(air=json.dumps(air))
+        data = data.assign({f"{AIR}_{name}": (AIR, trace) for name, trace in flight.air.traces.items()})
+    content = data.to_netcdf(engine="scipy", format="NETCDF3_64BIT")
+    write_bytes_atomic(Path(path), bytes(content))
+
+
+def _restore(recording: Recording, name: str) -> Flight:
+    """Make the flight of a recording that `save` wrote."""
+    foreign = f"{recording.path}: holds what stoop did not write; write the flight again"
+    stream = recording.streams[STREAM]
+    data = {key: stream.columns[key] for key in VARIABLES if key in stream.columns}
+    content: Mapping[str, Any] = recording.attributes
+    try:
+        rate = float(content["rate"])
+        sources = {key: SourceRate(**entry) for key, entry in json.loads(content["sources"]).items()}
+        notices = _notices({key: json.loads(content[key]) for key in (NOTICES, "notes") if key in content})
+        faults = []
+        for entry in json.loads(content["faults"]):
+            sentence, known = str(entry.pop("message")), entry.pop("notice", None)
+            of_file = notice("described-fault", entry["variable"], text=sentence)  # of an older version
+            (found,) = _notices({NOTICES: [known]}) if known is not None else (of_file,)
+            faults.append(Fault(**entry, notice=found))
+        air = None
+        if "air" in content:
+            entries = json.loads(content["air"])
+            told = _notices({key: entries.pop(key) for key in (NOTICES, "notes") if key in entries})
+            numbers: dict[str, Any] = {
+                key: tuple(x) if isinstance(x, list) else x for key, x in entries.items()
+            }
+            traces = recording.streams.get(AIR)
+            curves = {} if traces is None else {"time": traces.time, **traces.columns}
+            air = AirData(**numbers, notices=told, traces=curves)
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError):
+        raise LogError(foreign) from None
+    uniform = rate > 0.0 and math.isfinite(rate)
+    uniform = uniform and bool(np.all(np.abs(np.diff(stream.time) * rate - 1.0) < 1e-2))
+    possible = bool(data) and not any((np.abs(values) > MAX_VALUE).any() for values in data.values())
+    if not (uniform and possible and set(data) <= set(sources)):
+        raise LogError(foreign)
+    columns = dataset(stream.time, on_circle(data))
+    return Flight(name, recording.path, columns, rate, sources, notices, air, tuple(faults))
+
+
+def _notices(content: Mapping[str, Any]) -> tuple[Notice, ...]:
+    """Read notices, or the sentences that older versions wrote."""
+    if NOTICES in content:
+        found = tuple(from_dict(entry) for entry in content[NOTICES])
+        _ = [str(one) for one in found]  # raises where a value that the sentence needs is missing
+        return found
+    return tuple(notice("untyped-flight-note", text=str(sentence)) for sentence in content["notes"])

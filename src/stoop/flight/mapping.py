@@ -1,6 +1,9 @@
 """A mapping: where each variable of the registry is found in a log, of any kind.
 
-`stoop.flight.mapping_schema` holds the tables of the file; here they become sources with SI factors.
+The TOML file, table by table, as pydantic models, and what it says as sources with SI factors. `[variables]` names one
+column for one variable; `[group.NAME]` names variables that belong together and their sources in order of trust. A
+mapping that says `extends = "px4"` starts from a ready one and overrides what it names. `docs/flight-files.md` explains
+every key.
 """
 
 from __future__ import annotations
@@ -10,19 +13,29 @@ import re
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from importlib.resources import files
-from itertools import chain
 from pathlib import Path
-from typing import Any, Final, Literal, TypeVar
+from typing import Annotated, Any, Final, Literal, TypeAlias, TypeVar
 
+from pydantic import Field, ValidationError, model_validator
+
+from stoop.base.schema_errors import first_complaint
 from stoop.base.text import nearest
 from stoop.base.toml import parse_source, read_source
 from stoop.base.units import FACTORS, KINDS, PULSE_FACTORS, ZEROS
 from stoop.base.variables import EULER, QUATERNION, VARIABLES
 from stoop.errors import FlightError, LogError
 from stoop.flight.alignment import Alignment
-from stoop.flight.calibration import Surfaces
-from stoop.flight.frames import Frame, check_frame
-from stoop.flight.mapping_schema import ClockTable, GroupTable, SourceTable, VariableTable, parse_mapping
+from stoop.flight.conversion import (
+    CalibrationTable,
+    Frame,
+    MixerTable,
+    Number,
+    Surfaces,
+    SurfaceTable,
+    Table,
+    Text,
+    check_frame,
+)
 
 READY: Final[dict[str, str]] = {
     "ulog": "px4",
@@ -38,22 +51,88 @@ _FORMS: Final = (
     (frozenset({"airspeed_pitot"}), frozenset({"airspeed_equivalent"})),
 )  #: of one quantity; both would contradict each other
 _Item = TypeVar("_Item")
+TimeUnit: TypeAlias = Literal["s", "ms", "us", "ns"]
+Columns: TypeAlias = str | Annotated[dict[str, Number], Field(min_length=1)]  #: one, or weights of a sum
+FrameName: TypeAlias = Literal["frd", "flu", "ned", "enu", "nwu"]
 
 
-@dataclass(frozen=True)
-class Clock:
-    """The column that holds the time of a stream.
+class Clock(Table):
+    """[time], or [clock.STREAM]: the column that holds the time, its unit, and an offset in s that is added."""
 
-    Attributes
-    ----------
-    column : name
-    factor : s of one
-    offset : s, added
+    column: Text
+    unit: TimeUnit
+    offset: Number = 0.0
+
+    @property
+    def factor(self) -> float:
+        """Seconds of one."""
+        return FACTORS[self.unit]
+
+
+class _SourceKeys(Table):
+    stream: str = ""
+    scale: Number | list[Number] = 1.0
+    offset: Number | list[Number] = 0.0
+    valid: str | list[str] = ""
+    stamp: str = ""
+    stamp_unit: TimeUnit = "us"
+    frame: FrameName | list[FrameName] = Field(default_factory=list)
+    instance: Literal["first", "most moved"] = "first"
+    unused: Number | None = None
+    optional: bool = False
+
+
+class VariableTable(_SourceKeys):
+    """A line of [variables]: one column for one variable."""
+
+    column: Columns
+    unit: Text
+    file: str = ""
+
+
+class SourceTable(_SourceKeys):
+    """An entry of sources in [group.NAME], with what the group says of all."""
+
+    variables: Text | Annotated[list[Text], Field(min_length=1)]
+    columns: Columns | list[Columns]
+    unit: str | list[str] = ""
+    partial: bool = False
+
+
+class GroupTable(Table):
+    """[group.NAME]: variables that belong together, and their sources in order of trust.
+
+    Keys of a source that stand beside `sources` hold for all of them.
     """
 
-    column: str
-    factor: float
-    offset: float = 0.0
+    sources: list[SourceTable]
+    choose: Literal["fastest", "first"] = "fastest"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _give_common_keys(cls, content: Any) -> Any:
+        if not isinstance(content, dict):
+            return content
+        sources = content.get("sources", [{}])
+        common = {key: x for key, x in content.items() if key not in ("sources", "choose")}
+        if isinstance(sources, list):
+            sources = [{**common, **one} if isinstance(one, dict) else one for one in sources]
+        return {"sources": sources} | {key: x for key, x in content.items() if key == "choose"}
+
+
+class MappingFile(Table):
+    """A mapping file."""
+
+    extends: Text | None = None
+    files: dict[str, Text] = Field(default_factory=dict)
+    time: Clock | None = None
+    clock: dict[str, Clock] = Field(default_factory=dict)
+    variables: dict[str, VariableTable] = Field(default_factory=dict)
+    group: dict[str, GroupTable] = Field(default_factory=dict)
+    calibration: dict[str, CalibrationTable] = Field(default_factory=dict)
+    surface: dict[str, SurfaceTable] = Field(default_factory=dict)
+    mixer: dict[str, MixerTable] = Field(default_factory=dict)
+    align: dict[str, Alignment] = Field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -101,8 +180,7 @@ class Group:
     Attributes
     ----------
     sources : in order of trust
-    choose : "fastest": the first that holds values, unless a later one was logged more than twice as fast;
-        "first": the first that holds values
+    choose : "first": the first that holds values; "fastest": unless a later one was logged more than twice as fast
     without : variables that others supply
     """
 
@@ -122,7 +200,7 @@ class FlightMapping:
     clock : of every stream that holds its column; None keeps the clocks of the reader
     clocks : stream -> a clock of its own
     surfaces : calibrations and mixers
-    alignments : of clocks that disagree
+    alignments : stream -> how its clock is brought to that of another
     files : name -> file beside the log, that is read as well
     """
 
@@ -131,19 +209,19 @@ class FlightMapping:
     clock: Clock | None = None
     clocks: Mapping[str, Clock] = field(default_factory=dict)
     surfaces: Surfaces = field(default_factory=Surfaces)
-    alignments: tuple[Alignment, ...] = ()
+    alignments: Mapping[str, Alignment] = field(default_factory=dict)
     files: Mapping[str, str] = field(default_factory=dict)
 
-    @property
+    @functools.cached_property
     def sources(self) -> tuple[Source, ...]:
         """Sources of all groups."""
-        return tuple(chain.from_iterable(group.sources for group in self.groups.values()))
+        return tuple(source for group in self.groups.values() for source in group.sources)
 
-    @property
+    @functools.cached_property
     def streams(self) -> frozenset[str]:
         """Names of the streams it needs, without instance."""
         named = {source.stream for source in self.sources}
-        named |= {name for one in self.alignments for name in (one.stream, one.reference)}
+        named |= {name for stream, one in self.alignments.items() for name in (stream, one.reference)}
         return frozenset(name.partition("/")[0] for name in named)
 
 
@@ -172,17 +250,27 @@ def read_flight_mapping(path: Path) -> FlightMapping:
     FlightError
         When it names a variable that is not in the registry.
     """
-    return flight_mapping(
-        str(path), parse_source(read_source(path, "mapping", LogError), str(path), LogError)
-    )
+    text = read_source(path, "mapping", LogError)
+    return flight_mapping(str(path), parse_source(text, str(path), LogError))
 
 
 def flight_mapping(place: str, content: Mapping[str, Any]) -> FlightMapping:
     """Return the mapping that a file of this content is; see `read_flight_mapping`."""
-    file = parse_mapping(place, content)
-    own = {name: _line(place, name, line) for name, line in file.variables.items()}
-    for name, table in file.group.items():
-        own.update(_groups(place, name, table))
+    try:
+        file = MappingFile.model_validate(content)
+    except ValidationError as error:
+        raise LogError(f"{place}: {first_complaint(error, content, MappingFile)}") from None
+    own: dict[str, Group] = {}
+    for name, line in file.variables.items():
+        at = f"{place}: variables.{name}"
+        if name not in VARIABLES:
+            raise FlightError(f"{at} is no variable of stoop; {nearest(name, VARIABLES)}")
+        shared = line.model_dump(exclude={"column", "file", "stream"})
+        stream = line.stream if "stream" in line.model_fields_set else line.file
+        table = SourceTable(variables=[name], columns=[line.column], stream=stream, **shared)
+        own[name] = Group((replace(_source(at, table), required=not line.optional),))
+    for name, group in file.group.items():
+        own.update(_groups(place, name, group))
     if not own and file.extends is None:
         raise LogError(
             f"{place}: it names no variable; add a table [variables], such as p = {{column = "
@@ -190,48 +278,23 @@ def flight_mapping(place: str, content: Mapping[str, Any]) -> FlightMapping:
         )
     groups = dict(own)
     if file.extends is not None:  # no group of the same name, none of the variables named anew
-        taken = with_other_form({n for group in own.values() for s in group.sources for n in s.variables})
-        for name, group in ready(file.extends).groups.items():
+        taken = with_other_form({n for known in own.values() for s in known.sources for n in s.variables})
+        for name, known in ready(file.extends).groups.items():
             if name not in own and name.partition(".")[0] not in own:
-                groups[name] = replace(group, without=group.without | taken)
-    return FlightMapping(
-        place,
-        groups,
-        None if file.time is None else _clock(file.time),
-        {name: _clock(table) for name, table in file.clock.items()},
-        Surfaces.of(place, file.calibration, file.surface, file.mixer),
-        tuple(Alignment.of(place, name, table) for name, table in file.align.items()),
-        file.files,
-    )
+                groups[name] = replace(known, without=known.without | taken)
+    surfaces = Surfaces.of(place, file.calibration, file.surface, file.mixer)
+    for stream, one in file.align.items():
+        if one.reference == stream:
+            raise LogError(
+                f"{place}: align.{stream}: a stream cannot be aligned with itself; name another one in with"
+            )
+    return FlightMapping(place, groups, file.time, file.clock, surfaces, file.align, file.files)
 
 
 def with_other_form(taken: Set[str]) -> frozenset[str]:
     """Count the other form of an attitude, or of the pitot's airspeed, as taken too: both would contradict each other."""
     others = [other for forms in _FORMS for form, other in (forms, forms[::-1]) if taken & form]
     return frozenset(taken).union(*others)
-
-
-def unit_factor(at: str, variable: str, unit: str) -> float:
-    """Return the SI value of one unit; pulses are kept in microseconds."""
-    factors = PULSE_FACTORS if variable.startswith("pwm_") else FACTORS
-    if unit not in factors:
-        raise LogError(f"{at}.unit = '{unit}' is unknown; {nearest(unit, factors, 0.3)}")
-    return factors[unit]
-
-
-def _clock(table: ClockTable) -> Clock:
-    return Clock(table.column, FACTORS[table.unit], table.offset)
-
-
-def _line(place: str, name: str, line: VariableTable) -> Group:
-    """Return the group of one variable that a line of [variables] is."""
-    at = f"{place}: variables.{name}"
-    if name not in VARIABLES:
-        raise FlightError(f"{at} is no variable of stoop; {nearest(name, VARIABLES)}")
-    shared = line.model_dump(exclude={"column", "file", "stream"})
-    stream = line.stream if "stream" in line.model_fields_set else line.file
-    table = SourceTable(variables=[name], columns=[line.column], stream=stream, **shared)
-    return Group((replace(_source(at, table), required=not line.optional),))
 
 
 def _groups(place: str, name: str, table: GroupTable) -> dict[str, Group]:
@@ -246,10 +309,8 @@ def _groups(place: str, name: str, table: GroupTable) -> dict[str, Group]:
         if not len(streams) == len(source.variables) == len(columns):
             raise LogError(f"{source.place}: as many streams as variables are needed; count the braces")
         for i, (variable, stream) in enumerate(zip(source.variables, streams, strict=True)):
-            lists = {
-                key: getattr(source, key)[i : i + 1]
-                for key in ("variables", "factors", "offsets", "units", "valid")
-            }
+            keys = ("variables", "factors", "offsets", "units", "valid")
+            lists = {key: getattr(source, key)[i : i + 1] for key in keys}
             one = replace(source, stream=stream.removesuffix("/0"), columns=columns[i : i + 1], **lists)
             before = parts.get(f"{name}.{variable}", Group((), table.choose))
             parts[f"{name}.{variable}"] = replace(before, sources=(*before.sources, one))
@@ -268,7 +329,7 @@ def _source(at: str, table: SourceTable) -> Source:
     if len(columns) != len(names) and not _BRACES.search(table.stream):
         raise LogError(f"{at}: {len(names)} variables, but {len(columns)} columns; name one for each")
     units = _each(at, "unit", table.unit, len(names))
-    si = [_si(at, name, unit) for name, unit in zip(names, units, strict=True)]
+    factors = [_unit_factor(at, name, unit) for name, unit in zip(names, units, strict=True)]
     scales = _each(at, "scale", table.scale, len(names))
     offsets = _each(at, "offset", table.offset, len(names))
     return Source(
@@ -276,8 +337,8 @@ def _source(at: str, table: SourceTable) -> Source:
         names,
         table.stream,
         tuple(columns),
-        factors=tuple(factor * scale for (factor, _), scale in zip(si, scales, strict=True)),
-        offsets=tuple(zero + offset for (_, zero), offset in zip(si, offsets, strict=True)),
+        factors=tuple(factor * scale for factor, scale in zip(factors, scales, strict=True)),
+        offsets=tuple(ZEROS.get(unit, 0.0) + offset for unit, offset in zip(units, offsets, strict=True)),
         units=units,
         valid=_each(at, "valid", table.valid, len(names)),
         stamp=table.stamp,
@@ -289,18 +350,20 @@ def _source(at: str, table: SourceTable) -> Source:
     )
 
 
-def _si(at: str, variable: str, unit: str) -> tuple[float, float]:
-    """Return the SI value of one and of zero; a unit of another quantity than the variable's is refused."""
+def _unit_factor(at: str, variable: str, unit: str) -> float:
+    """Return the SI value of one, or us of a pulse; a unit of another quantity than the variable's is refused."""
     if not unit:
-        return 1.0, 0.0
-    factor = unit_factor(at, variable, unit)
+        return 1.0
+    factors = PULSE_FACTORS if variable.startswith("pwm_") else FACTORS
+    if unit not in factors:
+        raise LogError(f"{at}.unit = '{unit}' is unknown; {nearest(unit, factors, 0.3)}")
     known = VARIABLES[variable].unit
     if unit != "1" and KINDS[unit] != KINDS[known]:
         same = ", ".join(u for u in FACTORS if KINDS[u] == KINDS[known])
         raise LogError(
             f"{at}.unit = '{unit}' is {KINDS[unit]}, but {variable} is {KINDS[known]}; write one of {same}"
         )
-    return factor, ZEROS.get(unit, 0.0)
+    return factors[unit]
 
 
 def _expanded(at: str, text: str) -> list[str]:

@@ -1,28 +1,31 @@
-"""A mapping drafted for any log: by names, by units that the file states, and by the size of the numbers."""
+"""A mapping drafted for any log: by names, by units that the file states, and by the size of the numbers.
+
+Outputs: which pulses are motors, which move a surface, and over which range. ArduPilot's parameters tell for certain:
+SERVOn_FUNCTION of motor 1 is 33 (Copter and QuadPlane, "Connecting outputs").
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from stoop import logs
-from stoop.base.arrays import FloatArray
 from stoop.base.toml import quoted, quoted_key
 from stoop.base.units import FACTORS
 from stoop.base.variables import OUTPUT_PINS, VARIABLES
-from stoop.checks.draft import DraftLine, with_units
-from stoop.checks.units import PAIRS, STATISTICS, growth
+from stoop.checks.units import PAIRS, STATISTICS, Signal, growth
 from stoop.errors import LogError, one_line
-from stoop.flight.apply_mapping import Mapped, apply_mapping
-from stoop.flight.column_names import Guess, recognized, without_unit
+from stoop.flight.airborne import rotor_pulses
+from stoop.flight.apply_mapping import apply_mapping
+from stoop.flight.column_guesses import DraftLine, recognized, with_units, without_unit
+from stoop.flight.flight import from_columns
 from stoop.flight.mapping import READY, ready, with_other_form
-from stoop.flight.mapping_draft_outputs import Outputs, place
-from stoop.flight.time_delay import Signal
 from stoop.logs import Recording
 from stoop.logs.csv_tables import guess_clock, read_px4_folder, read_raw_csv
 from stoop.logs.read import is_bag_folder, kind, read_as
@@ -32,42 +35,63 @@ CLOCK_STEPS: Final = (
     ("ms", 2.0, 1.5e3),
     ("us", 1.5e3, 1.5e6),
     ("ns", 1.5e6, np.inf),
-)  #: unit -> least and largest steps of a clock per sample
+)  #: unit -> least and largest steps of a clock per sample: logs are written at 0.5 Hz to 20 kHz
+FUNCTIONS: Final[dict[float, str]] = {
+    **{33 + k: f"motor_{1 + k}" for k in range(8)},
+    **{82 + k: f"motor_{9 + k}" for k in range(4)},
+    2: "flap",
+    3: "flap",
+    4: "aileron",
+    19: "elevator",
+    21: "rudder",
+}  #: SERVOn_FUNCTION, a whole number, -> what the output does
+RANGES: Final = (("MOT_PWM_MIN", "MOT_PWM_MAX"), ("Q_M_PWM_MIN", "Q_M_PWM_MAX"))  #: us; 0 where not set
+DEFAULT_RANGE: Final = (1000.0, 2000.0)  #: us
 _COMPONENT: Final = re.compile(r"(?:.*\.)?(xyz\[\d\]|[xyz])")
-MAX_LINES: Final = 400
-MAX_COMPARED: Final = 60  #: columns without a known name, that are compared with the angles
-MAX_NAMES: Final = 30
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How much is drafted and compared."""
+
+    lines: int = 400  #: of a draft
+    compared: int = 60  #: columns without a known name, that are compared with the angles
+    names: int = 30  #: listed of those that were not recognized
+    throw: float = 0.4  #: rad to each side, to start a calibration from
+    outputs: int = 4  #: for which a calibration is drafted
+    rate: float = 200.0  #: Hz at which pulses are compared with rates
+    samples: tuple[int, int] = (100, 400_000)  #: of that comparison
+
+
+LIMITS: Final = Limits()
 
 
 @dataclass(frozen=True)
 class Draft:
-    """A mapping that was drafted.
+    """A mapping that was drafted."""
 
-    Attributes
-    ----------
-    text : TOML
-    mapped : how many variables it names
-    unsure : how many of them are marked
-    """
-
-    text: str
-    mapped: int
-    unsure: int
+    text: str  #: TOML
+    mapped: int  #: how many variables it names
+    unsure: int  #: how many of them are marked
 
 
 def draft(path: Path) -> Draft:
-    """Draft a mapping for a log.
-
-    Parameters
-    ----------
-    path : log of any kind that stoop reads, or a folder of CSV files
+    """Draft a mapping for a log of any kind that stoop reads, or for a folder of CSV files.
 
     Raises
     ------
     LogError
         When the log cannot be read.
     """
-    return draft_of(_recording(path))
+    if path.is_dir() and not is_bag_folder(path):
+        try:
+            return draft_of(read_px4_folder(path))
+        except LogError:
+            return draft_of(read_raw_csv(path))
+    if path.is_file() and (known := kind(path)):
+        return draft_of(read_as(known, path))
+    table = path.is_file() and path.name.lower().endswith((".csv", ".csv.gz", ".txt"))
+    return draft_of(read_raw_csv(path) if table else logs.read(path))
 
 
 def draft_of(recording: Recording) -> Draft:
@@ -75,93 +99,85 @@ def draft_of(recording: Recording) -> Draft:
     return _of_ready(recording) if recording.format in READY else _of_any(recording)
 
 
-def _recording(path: Path) -> Recording:
-    """Read a log without any mapping."""
-    if path.is_dir() and not is_bag_folder(path):
-        try:
-            return read_px4_folder(path)
-        except LogError:
-            return read_raw_csv(path)
-    if path.is_file() and (known := kind(path)):
-        return read_as(known, path)
-    table = path.is_file() and path.name.lower().endswith((".csv", ".csv.gz", ".txt"))
-    return read_raw_csv(path) if table else logs.read(path)
-
-
 def _of_ready(recording: Recording) -> Draft:
     """Start from the ready mapping: say what it takes, and what else looks as if it were of use."""
     name = READY[recording.format]
     found = apply_mapping(ready(name), recording)
-    taken = {variable for group in found.channels for variable in group.values}
+    signals = {variable: (group.time, x) for group in found.channels for variable, x in group.values.items()}
     rest = replace(recording, streams={s: recording.streams[s] for s in found.unmapped})
+    taken = with_other_form(signals.keys())
     lines = [
         line
         for line in _lines(rest)
-        if line.variable not in with_other_form(taken) and line.column in found.unmapped[line.stream]
+        if line.variable not in taken and line.column in found.unmapped[line.stream]
     ]
     best = with_units(_best(lines), {line.variable: _signal(rest, line) for line in lines})
-    out = [f"# Drafted by stoop map for {quoted(recording.path.name)}.", f'extends = "{name}"', ""]
-    out += ["# The ready mapping takes:"]
-    out += [
-        f"#   {' '.join(group.values)} from {group.source} ({group.rate:.4g} Hz)" for group in found.channels
-    ]
-    outputs = _outputs_of_ready(recording, found)
-    motors = outputs.motor_lines()
-    out += ["", "[variables]"] if best or motors else []
-    out += motors
-    if best:
-        out += ["# It does not take these, which look as if they were of use:"]
-        out += [f"# {_toml(line)}" for line in best[:MAX_LINES]]
-    out += outputs.surface_lines()
-    unsure = sum("# unsure" in line for line in motors)
-    return Draft("\n".join([*out, ""]), len(taken) + len(motors), unsure)
-
-
-def _outputs_of_ready(recording: Recording, found: Mapped) -> Outputs:
-    signals = {name: (group.time, x) for group in found.channels for name, x in group.values.items()}
-    there = set(recording.streams["RCOU"].columns) if "RCOU" in recording.streams else set()
-    columns = ((f"pwm_{n}", name) for n in range(1, OUTPUT_PINS + 1) for name in (f"C{n}", f"Ch{n}"))
-    places = {pulse: place(name, "RCOU") for pulse, name in columns if pulse in signals and name in there}
+    there = recording.streams["RCOU"].columns if "RCOU" in recording.streams else {}
+    columns = ((f"pwm_{n}", column) for n in range(1, OUTPUT_PINS + 1) for column in (f"C{n}", f"Ch{n}"))
+    places = {
+        pulse: _place(column, "RCOU") for pulse, column in columns if pulse in signals and column in there
+    }
     mapped = tuple(variable for variable in VARIABLES if variable in signals)
-    return Outputs(mapped, places, signals, recording.parameters)
-
-
-def _outputs_of_any(timed: Recording, lines: Sequence[DraftLine]) -> Outputs:
-    several = len(timed.streams) > 1
-    signals = {}
-    for line in lines:
-        t, x = _signal(timed, line)
-        signals[line.variable] = t, line.values(x)
-    places = {line.variable: place(line.column, line.stream if several else "") for line in lines}
-    called = tuple(line.variable for line in lines if line.variable.startswith("pwm_") and _says_motor(line))
-    return Outputs(tuple(line.variable for line in lines), places, signals, timed.parameters, called)
-
-
-def _says_motor(line: DraftLine) -> bool:
-    guess = _guessed(line.stream, line.column, "")
-    return guess is not None and guess.variable.startswith("motor_")
+    outputs = Outputs(mapped, places, signals, recording.parameters)
+    motors = outputs.motor_lines()
+    out = [
+        f"# Drafted by stoop map for {quoted(recording.path.name)}.",
+        f'extends = "{name}"',
+        "",
+        "# The ready mapping takes:",
+        *(f"#   {' '.join(g.values)} from {g.source} ({g.rate:.4g} Hz)" for g in found.channels),
+        *(("", "[variables]") if best or motors else ()),
+        *motors,
+        *(["# It does not take these, which look as if they were of use:"] if best else ()),
+        *(f"# {_toml(line)}" for line in best[: LIMITS.lines]),
+        *outputs.surface_lines(),
+        "",
+    ]
+    unsure = sum("# unsure" in line for line in motors)
+    return Draft("\n".join(out), len(signals) + len(motors), unsure)
 
 
 def _of_any(recording: Recording) -> Draft:
     clock, timed = _clocks(recording)
-    clocks = _clock_columns(recording)
+    clocks = {(name, recording.info.get(f"clock of {name}", "")) for name in recording.streams}
     best = _best([line for line in _lines(timed) if (line.stream, line.column) not in clocks])
-    samples = {line.variable: _signal(timed, line) for line in best}
-    lines = _as_siblings(with_units(best, samples))
+    lines = with_units(best, {line.variable: _signal(timed, line) for line in best})
+    # motors (servos) whose size says nothing are in percent as the others: one may have run at idle throughout
+    percents = {line.variable.rpartition("_")[0] for line in lines if line.unit == "percent"}
+    percents &= {"motor", "servo"}
+    for i, line in enumerate(lines):
+        idle = line.unit == "1" and not (line.stated or line.doubts)
+        if idle and line.variable.rpartition("_")[0] in percents:
+            lines[i] = replace(line, unit="percent").doubted("percent as the others")
     lines += _derivatives(timed, lines)
-    lines = sorted(lines, key=lambda line: list(VARIABLES).index(line.variable))[:MAX_LINES]
-    named = {(line.stream, line.column) for line in lines} | _clock_columns(recording)
-    outputs = _outputs_of_any(timed, lines)
+    lines = sorted(lines, key=lambda line: list(VARIABLES).index(line.variable))[: LIMITS.lines]
+    several = len(timed.streams) > 1
+    signals, called = {}, []
+    for line in lines:
+        t, x = _signal(timed, line)
+        signals[line.variable] = t, line.values(x)
+        guess = _guessed(line.stream, line.column, "")
+        if line.variable.startswith("pwm_") and guess is not None and guess.variable.startswith("motor_"):
+            called.append(line.variable)
+    places = {line.variable: _place(line.column, line.stream if several else "") for line in lines}
+    outputs = Outputs(tuple(signals), places, signals, timed.parameters, tuple(called))
     motors = outputs.motor_lines()
+    left = []
+    named = {(line.stream, line.column) for line in lines} | clocks
+    for name, stream in timed.streams.items():
+        rest = [quoted(column) for column in stream.columns if (name, column) not in named]
+        more = f" and {len(rest) - LIMITS.names} more" if len(rest) > LIMITS.names else ""
+        if rest:
+            left.append(f"# not recognized in {quoted(name)}: {' '.join(rest[: LIMITS.names])}{more}")
     out = [
         f"# Drafted by stoop map for {quoted(recording.path.name)}: correct what is marked, remove what is wrong.",
         *clock,
         "",
         "[variables]",
-        *(_toml(line, len(timed.streams) > 1) for line in lines),
+        *(_toml(line, several) for line in lines),
         *motors,
         *outputs.surface_lines(),
-        *_left(timed, named),
+        *(["", *left] if left else ()),
         "",
     ]
     unsure = sum(bool(line.doubts) for line in lines) + sum("# unsure" in line for line in motors)
@@ -169,30 +185,27 @@ def _of_any(recording: Recording) -> Draft:
 
 
 def _lines(recording: Recording) -> list[DraftLine]:
-    return [line for stream in recording.streams for line in _of_stream(recording, stream)]
+    lines = []
+    for name, stream in recording.streams.items():
+        bodily = {"u", "w"} <= {without_unit(column)[0].lower() for column in stream.columns}
+        for column, x in stream.columns.items():
+            line = _guessed(name, column, recording.units.get(name, {}).get(column, ""))
+            if line is None or (bodily and without_unit(column)[0].lower() == "v"):
+                continue  # u, v, w are the velocity along the body axes
+            if line.variable.partition("_")[2].isdigit() and not np.nan_to_num(x).any():
+                continue  # an output that is not there
+            lines.append(line)
+    return lines
 
 
-def _of_stream(recording: Recording, stream: str) -> Iterator[DraftLine]:
-    stated = recording.units.get(stream, {})
-    columns = recording.streams[stream].columns
-    bodily = {"u", "w"} <= {without_unit(column)[0].lower() for column in columns}
-    for column in columns:
-        guess = _guessed(stream, column, stated.get(column, ""))
-        if guess is None or (bodily and without_unit(column)[0].lower() == "v"):
-            continue  # u, v, w are the velocity along the body axes
-        if guess.variable.partition("_")[2].isdigit() and not np.nan_to_num(columns[column]).any():
-            continue  # an output that is not there
-        doubts = (guess.doubt.removeprefix("unsure: "),) if guess.doubt else ()
-        yield DraftLine(guess.variable, stream, column, guess.unit, guess.scale, bool(guess.unit), doubts)
-
-
-def _guessed(stream: str, column: str, stated: str) -> Guess | None:
+def _guessed(stream: str, column: str, stated: str) -> DraftLine | None:
     """Recognize a column; where it is a bare x, y or z, the stream says of what."""
-    known = recognized(column, stated)
+    known = recognized(column, stated, stream)
     component = _COMPONENT.fullmatch(column)
     if component is None or (known is not None and "." in column):
         return known
-    return recognized(f"{re.sub(r'/[0-9]+$', '', stream)} {component.group(1)}", stated) or known
+    whole = recognized(f"{re.sub(r'/[0-9]+$', '', stream)} {component.group(1)}", stated, stream)
+    return known if whole is None else replace(whole, column=column)
 
 
 def _best(lines: Sequence[DraftLine]) -> list[DraftLine]:
@@ -208,23 +221,6 @@ def _best(lines: Sequence[DraftLine]) -> list[DraftLine]:
     return best
 
 
-def _as_siblings(lines: Sequence[DraftLine]) -> list[DraftLine]:
-    """Give motors (servos) whose size says nothing the percents of the others: one may have run at idle throughout."""
-    stems = {
-        stem
-        for line in lines
-        if line.unit == "percent"
-        for stem in ("motor_", "servo_")
-        if stem in line.variable
-    }
-    return [
-        replace(line, unit="percent").doubted("percent as the others")
-        if line.variable.startswith(tuple(stems)) and line.unit == "1" and not (line.stated or line.doubts)
-        else line
-        for line in lines
-    ]
-
-
 def _signal(recording: Recording, line: DraftLine) -> Signal:
     stream = recording.streams[line.stream]
     return stream.time, stream.columns[line.column]
@@ -233,12 +229,8 @@ def _signal(recording: Recording, line: DraftLine) -> Signal:
 def _clocks(recording: Recording) -> tuple[list[str], Recording]:
     """Return the tables that name the clocks, and the recording on them."""
     if recording.format != "table":
-        names = [
-            one_line(f"# {key}: {text}")
-            for key, text in recording.info.items()
-            if key.startswith("clock of ")
-        ]
-        return names, recording
+        info = recording.info.items()
+        return [one_line(f"# {key}: {text}") for key, text in info if key.startswith("clock of ")], recording
     lines: list[str] = []
     written: set[tuple[str, str]] = set()
     streams = {}
@@ -246,8 +238,10 @@ def _clocks(recording: Recording) -> tuple[list[str], Recording]:
         column = recording.info[f"clock of {name}"]
         _, unit = guess_clock([column])
         factor, mark = FACTORS[unit], ""
-        if without_unit(column)[1] != unit:
-            unit, mark = _by_steps(stream.columns[column])
+        if without_unit(column)[1] != unit:  # its steps tell
+            step = float(np.median(np.diff(stream.columns[column])))
+            unit = next((unit for unit, low, high in CLOCK_STEPS if low <= step < high), "s")
+            mark = f"  # unsure: its steps are {step:.4g}, which are {step * FACTORS[unit]:.4g} s then"
         if (column, unit) not in written:
             where = "time" if i == 0 else f"clock.{quoted_key(name)}"
             lines += ["", f"[{where}]", f"column = {quoted(column)}", f'unit = "{unit}"{mark}']
@@ -256,64 +250,140 @@ def _clocks(recording: Recording) -> tuple[list[str], Recording]:
     return lines, replace(recording, streams=streams)
 
 
-def _clock_columns(recording: Recording) -> set[tuple[str, str]]:
-    return {(name, recording.info.get(f"clock of {name}", "")) for name in recording.streams}
-
-
-def _by_steps(clock: FloatArray) -> tuple[str, str]:
-    """Tell the unit of a clock by its steps: logs are written at 0.5 Hz to 20 kHz."""
-    step = float(np.median(np.diff(clock)))
-    unit = next((unit for unit, low, high in CLOCK_STEPS if low <= step < high), "s")
-    return unit, f"  # unsure: its steps are {step:.4g}, which are {step * FACTORS[unit]:.4g} s then"
-
-
 def _derivatives(recording: Recording, lines: Sequence[DraftLine]) -> list[DraftLine]:
     """Find columns without a known name that are the derivative of an angle."""
     known = {line.variable: line for line in lines}
     named = {(line.stream, line.column) for line in lines}
+    left = [(s, c) for s, stream in recording.streams.items() for c in stream.columns if (s, c) not in named]
     found = []
     for angle, rate in PAIRS[:3]:
         if angle not in known or rate in known:
             continue
         t, x = _signal(recording, known[angle])
-        turned = t, known[angle].values(x)
-        best = max(_compared(recording, turned, named), key=lambda one: abs(one[1]), default=None)
-        if best is not None and abs(best[1]) > STATISTICS.likeness:
-            found.append(_rate_line(rate, angle, *best))
+        turned, best = (t, known[angle].values(x)), (0.0, 0.0, "", "")
+        for name, column in left[: LIMITS.compared]:
+            stream = recording.streams[name]
+            ratio, likeness = growth(turned, (stream.time, stream.columns[column]))
+            if abs(likeness) > max(abs(best[1]), STATISTICS.likeness):
+                best = ratio, likeness, name, column
+        ratio, likeness, name, column = best
+        if column:
+            unit = "deg/s" if abs(ratio) < 0.1 else "rad/s"
+            doubt = f"by its numbers only: the derivative of {angle} (correlation {abs(likeness):.2f})"
+            found.append(DraftLine(rate, name, column, unit, 1.0 if ratio > 0.0 else -1.0, doubts=(doubt,)))
     return found
 
 
-def _compared(
-    recording: Recording, angle: Signal, named: set[tuple[str, str]]
-) -> Iterator[tuple[float, float, str, str]]:
-    left = [(s, c) for s, stream in recording.streams.items() for c in stream.columns if (s, c) not in named]
-    for stream, column in left[:MAX_COMPARED]:
-        values = recording.streams[stream].columns[column]
-        yield (*growth(angle, (recording.streams[stream].time, values)), stream, column)
-
-
-def _rate_line(rate: str, angle: str, ratio: float, likeness: float, stream: str, column: str) -> DraftLine:
-    unit = "deg/s" if abs(ratio) < 0.1 else "rad/s"
-    doubt = f"by its numbers only: the derivative of {angle} (correlation {abs(likeness):.2f})"
-    return DraftLine(rate, stream, column, unit, 1.0 if ratio > 0.0 else -1.0, doubts=(doubt,))
+def _place(column: str, stream: str = "") -> str:
+    """Return where a column lies, as a line of a mapping says it."""
+    return f"{f'stream = {quoted(stream)}, ' if stream else ''}column = {quoted(column)}"
 
 
 def _toml(line: DraftLine, with_stream: bool = True) -> str:
-    parts = [f"stream = {quoted(line.stream)}"] if with_stream else []
-    parts += [f"column = {quoted(line.column)}", f'unit = "{line.unit or VARIABLES[line.variable].unit}"']
-    parts += [f"scale = {line.scale!r}"] if line.scale != 1.0 else []
+    unit = line.unit or VARIABLES[line.variable].unit
+    scale = f", scale = {line.scale!r}" if line.scale != 1.0 else ""
     words = [f"unsure: {doubt}" for doubt in line.doubts] or list(line.remarks)
     comment = f"  # {'; '.join(words)}" if words else ""
-    return f"{line.variable} = {{{', '.join(parts)}}}{one_line(comment)}"
+    place = _place(line.column, line.stream if with_stream else "")
+    return f'{line.variable} = {{{place}, unit = "{unit}"{scale}}}{one_line(comment)}'
 
 
-def _left(recording: Recording, named: set[tuple[str, str]]) -> list[str]:
-    out = []
-    for name, stream in recording.streams.items():
-        rest = [column for column in stream.columns if (name, column) not in named]
-        if rest:
-            more = f" and {len(rest) - MAX_NAMES} more" if len(rest) > MAX_NAMES else ""
-            out.append(
-                f"# not recognized in {quoted(name)}: {' '.join(quoted(c) for c in rest[:MAX_NAMES])}{more}"
+@dataclass(frozen=True)
+class Outputs:
+    """The outputs of a log."""
+
+    mapped: tuple[str, ...]  #: their variables, in order
+    places: Mapping[str, str]  #: pulses -> where they are recorded, as the mapping writes it
+    signals: Mapping[str, Signal]  #: variable -> samples, of pulses and rates
+    parameters: Mapping[str, float]  #: of the autopilot
+    called: tuple[str, ...] = ()  #: pulses whose columns are called motors
+
+    def motor_lines(self) -> list[str]:
+        """Return lines for [variables] that make commands from 0 to 1 of the pulses of motors."""
+        lines = []
+        for pulse, motor in self.motors.items():
+            if pulse not in self.places:
+                continue
+            number = pulse.removeprefix("pwm_")
+            low, high, said = *DEFAULT_RANGE, ""
+            for first, last in (*RANGES, (f"SERVO{number}_MIN", f"SERVO{number}_MAX")):
+                idle, full = self.parameters.get(first, 0.0), self.parameters.get(last, 0.0)
+                if 500.0 <= idle < full <= 2500.0:
+                    low, high, said = idle, full, f"by {first} and {last}"
+                    break
+            doubt = "" if self.functions or self.called else "a motor by what it turns, check its number; "
+            sure = not doubt and said.startswith(tuple(f"by {first}" for first, _ in RANGES))
+            scale, offset = 1.0 / (high - low), -low / (high - low)
+            lines.append(
+                f'{motor} = {{{self.places[pulse]}, unit = "1", scale = {scale:.10g}, offset = {offset:.10g}}}  # '
+                f"{'' if sure else f'unsure: {doubt}'}0 at {low:g} us, 1 at {high:g} us, "
+                f"{said or 'as is usual: write your own'}"
             )
-    return ["", *out] if out else []
+        return lines
+
+    @cached_property
+    def motors(self) -> dict[str, str]:
+        """Return which pulse is which motor, by the parameters, by a column's name, or by what the pulses turn.
+
+        None where motors are known.
+        """
+        if any(name.startswith(("motor_", "rotor_")) for name in self.mapped):
+            return {}
+        if self.functions:
+            return {pulse: use for pulse, use in self.functions.items() if use.startswith("motor_")}
+        return {pulse: pulse.replace("pwm", "motor") for pulse in self.called or self._turning()}
+
+    @cached_property
+    def functions(self) -> dict[str, str]:
+        """Return what the parameters say that each pulse does, as far as the registry knows it."""
+        pulses = [name for name in self.mapped if name.startswith("pwm_")]
+        uses = {p: FUNCTIONS.get(self.parameters.get(f"SERVO{p[4:]}_FUNCTION", 0.0), "") for p in pulses}
+        return {pulse: use for pulse, use in uses.items() if use in VARIABLES}
+
+    def _turning(self) -> list[str]:
+        """Return pulses that turn the vehicle as motors do, each signal on its own clock."""
+        used = {n: s for n, s in self.signals.items() if n in ("p", "q") or n.startswith("pwm_")}
+        least, most = LIMITS.samples
+        if not {"p", "q"} <= set(used) or min(t.size for t, _ in used.values()) < least:
+            return []
+        start, stop = max(float(t[0]) for t, _ in used.values()), min(float(t[-1]) for t, _ in used.values())
+        count = int(min(max(stop - start, 0.0) * LIMITS.rate, most))
+        if count < least:
+            return []
+        time = np.arange(count) / LIMITS.rate
+        columns = {name: np.interp(start + time, t, x) for name, (t, x) in used.items()}
+        return rotor_pulses(from_columns("drafted", time, columns))
+
+    def surface_lines(self) -> list[str]:
+        """Give outputs that may move a surface something to start a calibration from, as comments."""
+        motors, uses = self.motors, self.functions
+        named = {p: use for p, use in uses.items() if p not in motors and not use.startswith("motor_")}
+        rest = [n for n in self.mapped if n.startswith(("pwm_", "servo_")) and n not in motors]
+        if not (named or (rest and not motors)):
+            if set(motors) <= set(self.places):
+                return []
+            idle, full = DEFAULT_RANGE  # pulses of motors that the ready mapping takes
+            return [
+                "",
+                f"# {' '.join(motors)} turn the vehicle against one another, as motors do: name each as the channel of its "
+                "rotor in",
+                f"# the vehicle file, with gain = {1.0 / (full - idle):g} and idle = {idle:g} (yours) under [rotors].",
+            ]
+        surfaces = {s: [p for p in named if named[p] == s] for s in named.values()}
+        out = [
+            "",
+            "# Outputs that move a surface: measure its deflection (trailing edge down is positive), and mix them.",
+        ]
+        for name in named or rest[: LIMITS.outputs]:
+            points = [f"[-1, {-LIMITS.throw}]", f"[1, {LIMITS.throw}]"]
+            if not name.startswith("servo"):
+                ends = [self.parameters.get(f"SERVO{name[4:]}_{end}", 0.0) for end in ("MIN", "TRIM", "MAX")]
+                if not 500.0 <= ends[0] < ends[1] < ends[2] <= 2500.0:
+                    ends = [1100.0, 1500.0, 1900.0]
+                throws = (-LIMITS.throw, 0.0, LIMITS.throw)
+                points = [f"[{us:g}, {x}]" for us, x in zip(ends, throws, strict=True)]
+            out += [f"# [calibration.{name}]", f"# points = [{', '.join(points)}]"]
+        for surface, names in (surfaces or {"elevator": rest[:1]}).items():
+            share = round(1.0 / len(names), 3)
+            out += [f"# [surface.{surface}]", f"# from = {{{', '.join(f'{n} = {share!r}' for n in names)}}}"]
+        return out

@@ -34,20 +34,35 @@ from stoop.flight.gridding import complete
 from stoop.flight.instrument_errors import prior_std
 
 SIZE: Final = 7  #: of the state: velocity (3), accelerometer bias (3), heading error (1)
-VELOCITY_PRIOR: Final = 100.0  #: m/s, standard deviation of a velocity of which nothing is known
-BIAS_PRIOR: Final = (
-    0.5  #: m/s2; wider than that of the instrument, for errors of roll and pitch look like a bias
-)
-BIAS_WALK: Final = 0.01  #: m/s2 per square root of a second: 0.1 m/s2 in 100 s
-HEADING_PRIOR: Final = prior_std("psi.bias")
-HEADING_WALK: Final = 0.1 * DEGREE  #: per square root of a second: random walk of a compass and its filter
-MIN_VELOCITY_RATE: Final = 0.1  #: Hz; a velocity without a rate of its own is taken this seldom
-MAX_LAGS: Final = 20  #: knots over which the two kinds of noise are separated
-FLOOR_LOGGED: Final = 5e-3  #: m/s
-FLOOR_FORCE: Final = 0.03  #: m/s2 per square root of Hz
-CHI2_3_MEDIAN: Final = 2.366  #: median of a chi-square variable of three degrees of freedom
-MAX_PASSES: Final = 5  #: to find the delay
-MIN_DELAY: Final = 0.015  #: s; a shorter one is reported but not corrected
+
+
+@dataclass(frozen=True)
+class Priors:
+    """Initial standard deviations of the state, and its random walks per square root of a second."""
+
+    velocity: float = 100.0  #: m/s, nothing is known
+    bias: float = 0.5  #: m/s2; wider than that of the instrument: errors of roll and pitch look like a bias
+    heading: float = prior_std("psi.bias")
+    bias_walk: float = 0.01  #: m/s2: 0.1 m/s2 in 100 s
+    heading_walk: float = 0.1 * DEGREE  #: of a compass and its filter
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How noise and delay are estimated, and what is given."""
+
+    rate: float = 0.1  #: Hz; a velocity without a rate of its own is taken this seldom
+    lags: int = 20  #: knots over which the two kinds of noise are separated
+    logged: float = 5e-3  #: m/s, least noise of the logged velocity
+    force: float = 0.03  #: m/s2 per square root of Hz, least noise of the specific force
+    chi2: float = 2.366  #: median of a chi-square variable of three degrees of freedom
+    passes: int = 5  #: to find the delay
+    delay: float = 0.015  #: s; a shorter one is reported but not corrected
+    std: float = 1.0  #: m/s; where the standard deviation is above, the velocity is not given
+
+
+PRIORS: Final = Priors()
+LIMITS: Final = Limits()
 
 
 @dataclass(frozen=True)
@@ -95,51 +110,12 @@ class Smoothed:
     force_noise: float
 
 
-def smooth_velocity(record: Record, rate: float, limit: float = 1.0) -> Smoothed | None:
-    """Smooth the ground velocity over a whole flight.
-
-    Parameters
-    ----------
-    record : N samples
-    rate : Hz at which the velocity was recorded, before it was interpolated
-    limit : m/s; where the standard deviation is above, the velocity is not given
-
-    Returns
-    -------
-    Smoothed, or None where no stretch of inertial data holds a logged velocity
-    """
-    path = _integrate(record)
-    stride = max(1, round(1.0 / (max(rate, MIN_VELOCITY_RATE) * path.step)))
-    ties, delay, delay_std = _find_delay(record, path, stride)
-    if ties.index.size < 2:
-        return None
-    logged_noise, force_noise = _noise_levels(path, ties)
-    holes = np.flatnonzero((path.label >= 0) & ~complete(record.velocity))[::stride]
-    knots = np.unique(np.concatenate([ties.index, path.ends, holes]))
-    chain = _chain(path, knots, ties, force_noise)
-    states, covariances = _smooth(chain, *_filter(chain, logged_noise**2))
-    velocity, std = _fill(path, knots, states, covariances)
-    bad = (path.label < 0) | (std > limit)
-    velocity[bad], std[bad] = np.nan, np.nan
-    mean, spread = states[:, 3:].mean(axis=0), np.sqrt(_diagonal(covariances)[:, 3:].mean(axis=0))
-    return Smoothed(
-        velocity, std, mean[:3], spread[:3], float(mean[3]), float(spread[3]),
-        delay, delay_std, logged_noise, force_noise,
-    )  # fmt: skip
-
-
-def run_labels(valid: BoolArray) -> IntArray:
-    """Give each run of valid samples its number, from 0; -1 elsewhere."""
-    before = np.concatenate([[False], valid[:-1]])
-    return np.where(valid, np.cumsum(valid & ~before) - 1, -1).astype(np.intp)
-
-
 @dataclass(frozen=True)
 class _Path:
     """Running integrals (trapezoidal) that stand still outside the stretches of inertial data.
 
-    n = sample: label (n,) of the stretch, clock (n,) s, force (n, 3) of R f, turn (n, 3, 3) of R;
-    ends: first and last sample of each stretch; acceleration (n, 3) NED
+    n = sample: label (n,) of the stretch, clock (n,) s, force (n, 3) of R f, turn (n, 3, 3) of R, velocity (n, 3) m/s
+    gained without bias, NED; ends: first and last sample of each stretch.
     """
 
     step: float
@@ -147,37 +123,8 @@ class _Path:
     clock: FloatArray
     force: FloatArray
     turn: FloatArray
+    velocity: FloatArray
     ends: IntArray
-
-    @property
-    def velocity(self) -> FloatArray:
-        """Velocity gained without bias, (n, 3) m/s, NED."""
-        fallen = STANDARD_GRAVITY * self.clock
-        return self.force + np.column_stack([np.zeros((fallen.size, 2)), fallen])
-
-    def acceleration(self, index: IntArray, span: int) -> FloatArray:
-        """Mean acceleration within `span` samples on either side, (k, 3) m/s2, NED."""
-        low = np.clip(index - span, 0, self.clock.size - 1)
-        high = np.clip(index + span, 0, self.clock.size - 1)
-        lapse = np.maximum(self.clock[high] - self.clock[low], self.step)
-        return (self.velocity[high] - self.velocity[low]) / lapse[:, None]
-
-
-def _integrate(record: Record) -> _Path:
-    step = float(np.median(np.diff(record.time)))
-    force = np.einsum("nij,nj->ni", record.rotation, record.force)
-    valid = complete(force)
-    label = run_labels(valid)
-    inside = (label[1:] == label[:-1]) & valid[1:]
-    edges = valid & ~(np.append(inside, False) & np.insert(inside, 0, False))
-    rotation = record.rotation.reshape(-1, 9)
-
-    def integral(values: FloatArray) -> FloatArray:
-        pieces = np.where(inside[:, None], 0.5 * step * (values[1:] + values[:-1]), 0.0)
-        return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(pieces, axis=0)])
-
-    clock, gained, turn = integral(np.ones((valid.size, 1))), integral(force), integral(rotation)
-    return _Path(step, label, clock[:, 0], gained, turn.reshape(-1, 3, 3), np.flatnonzero(edges))
 
 
 @dataclass(frozen=True)
@@ -188,29 +135,78 @@ class _Ties:
     velocity: FloatArray
 
 
+def smooth_velocity(record: Record, rate: float) -> Smoothed | None:
+    """Smooth the ground velocity over a whole flight, which was recorded at `rate` [Hz] before it was interpolated.
+
+    Returns
+    -------
+    Smoothed, or None where no stretch of inertial data holds a logged velocity
+    """
+    path = _integrate(record)
+    stride = max(1, round(1.0 / (max(rate, LIMITS.rate) * path.step)))
+    late, delay, delay_std = 0, 0.0, np.inf
+    ties = _ties(record, path, stride, 0)
+    for _ in range(LIMITS.passes):
+        more, delay_std = _delay(path, ties, stride)
+        delay = late * path.step + more
+        shift = round(delay / path.step) if abs(delay) > max(3.0 * delay_std, LIMITS.delay) else 0
+        if shift == late:
+            break
+        late, ties = shift, _ties(record, path, stride, shift)
+    if ties.index.size < 2:
+        return None
+    logged_noise, force_noise = _noise_levels(path, ties)
+    holes = np.flatnonzero((path.label >= 0) & ~complete(record.velocity))[::stride]
+    knots = np.unique(np.concatenate([ties.index, path.ends, holes]))
+    states, covariances = _smooth(path, knots, ties, logged_noise, force_noise)
+    variances = np.diagonal(covariances, axis1=1, axis2=2)
+    mean, spread = states[:, 3:].mean(axis=0), np.sqrt(variances[:, 3:].mean(axis=0))
+    # Between knots: the integral with the mean bias, and what is left over spread linearly
+    course = path.velocity - path.turn @ mean[:3]
+    course += mean[3] * np.column_stack([-path.force[:, 1], path.force[:, 0], np.zeros(path.clock.size)])
+    sample = np.arange(path.clock.size)
+    left = states[:, :3] - course[knots]
+    velocity = course + np.column_stack([np.interp(sample, knots, column) for column in left.T])
+    std = np.interp(sample, knots, np.sqrt(np.maximum(variances[:, :3].mean(axis=1), 0.0)))
+    bad = (path.label < 0) | (std > LIMITS.std)
+    velocity[bad], std[bad] = np.nan, np.nan
+    return Smoothed(
+        velocity, std, mean[:3], spread[:3], float(mean[3]), float(spread[3]),
+        delay, delay_std, logged_noise, force_noise,
+    )  # fmt: skip
+
+
+def _labels(valid: BoolArray) -> IntArray:
+    """Give each run of valid samples its number, from 0; -1 elsewhere."""
+    before = np.concatenate([[False], valid[:-1]])
+    return np.where(valid, np.cumsum(valid & ~before) - 1, -1).astype(np.intp)
+
+
+def _integrate(record: Record) -> _Path:
+    step = float(np.median(np.diff(record.time)))
+    force = np.einsum("nij,nj->ni", record.rotation, record.force)
+    valid = complete(force)
+    label = _labels(valid)
+    inside = (label[1:] == label[:-1]) & valid[1:]
+    edges = valid & ~(np.append(inside, False) & np.insert(inside, 0, False))
+    # columns: clock, R f, R
+    values = np.column_stack([np.ones(valid.size), force, record.rotation.reshape(-1, 9)])
+    pieces = np.where(inside[:, None], 0.5 * step * (values[1:] + values[:-1]), 0.0)
+    integral = np.concatenate([np.zeros((1, 13)), np.cumsum(pieces, axis=0)])
+    clock, gained, turn = integral[:, 0], integral[:, 1:4], integral[:, 4:].reshape(-1, 3, 3)
+    fallen = np.column_stack([np.zeros((clock.size, 2)), STANDARD_GRAVITY * clock])
+    return _Path(step, label, clock, gained, turn, gained + fallen, np.flatnonzero(edges))
+
+
 def _ties(record: Record, path: _Path, stride: int, late: int) -> _Ties:
     """Take the logged velocities at their own rate, `late` samples later than they were true."""
-    label = run_labels(complete(record.velocity))
+    label = _labels(complete(record.velocity))
     start = np.flatnonzero((label >= 0) & (np.insert(label[:-1], 0, -1) != label))
     count = np.arange(label.size) - start[label] if start.size else np.zeros(label.size, dtype=np.intp)
     taken = np.flatnonzero((label >= 0) & (count % stride == 0))
     taken = taken[(taken >= late) & (taken - late < label.size)]
     taken = taken[path.label[taken - late] >= 0]
     return _Ties(taken - late, record.velocity[taken])
-
-
-def _find_delay(record: Record, path: _Path, stride: int) -> tuple[_Ties, float, float]:
-    """Find by how much the logged velocity is late; ties are shifted when it is evident."""
-    late, delay, std = 0, 0.0, np.inf
-    ties = _ties(record, path, stride, 0)
-    for _ in range(MAX_PASSES):
-        more, std = _delay(path, ties, stride)
-        delay = late * path.step + more
-        shift = round(delay / path.step) if abs(delay) > max(3.0 * std, MIN_DELAY) else 0
-        if shift == late:
-            break
-        late, ties = shift, _ties(record, path, stride, shift)
-    return ties, delay, std
 
 
 def _delay(path: _Path, ties: _Ties, stride: int) -> tuple[float, float]:
@@ -221,7 +217,11 @@ def _delay(path: _Path, ties: _Ties, stride: int) -> tuple[float, float]:
     mismatch = ties.velocity - path.velocity[ties.index]
     same = path.label[ties.index[1:]] == path.label[ties.index[:-1]]
     jump = np.diff(mismatch, axis=0)[same].ravel()
-    change = np.diff(path.acceleration(ties.index, max(1, stride // 2)), axis=0)[same].ravel()
+    span = max(1, stride // 2)
+    low, high = (np.clip(ties.index + side, 0, path.clock.size - 1) for side in (-span, span))
+    lapse = np.maximum(path.clock[high] - path.clock[low], path.step)
+    acceleration = (path.velocity[high] - path.velocity[low]) / lapse[:, None]
+    change = np.diff(acceleration, axis=0)[same].ravel()
     power = float(change @ change)
     if jump.size < 10 or power <= 0.0:
         return 0.0, np.inf
@@ -234,7 +234,7 @@ def _noise_levels(path: _Path, ties: _Ties) -> tuple[float, float]:
 
     Structure function per axis over a lag h: E[(m(t + h) - m(t))^2] = 2 r + q h, with m the logged velocity
     minus the integrated one. Medians keep jumps of the navigation filter out. Bias and tilt, which grow
-    with h^2, are left in q: they wander, and a filter that took them for constant would be overconfident.
+    with h^2, are left in q: they vary slowly, and a filter that took them for constant would be overconfident.
 
     Returns
     -------
@@ -244,33 +244,29 @@ def _noise_levels(path: _Path, ties: _Ties) -> tuple[float, float]:
 
     mismatch = ties.velocity - path.velocity[ties.index]
     rows = []
-    for lag in range(1, MAX_LAGS + 1):
+    for lag in range(1, LIMITS.lags + 1):
         later, earlier = ties.index[lag:], ties.index[:-lag]
         same = path.label[later] == path.label[earlier]
         if np.count_nonzero(same) >= 10:
             squares = np.sum((mismatch[lag:] - mismatch[:-lag]) ** 2, axis=1)[same]
             elapsed = float(np.mean((path.clock[later] - path.clock[earlier])[same]))
-            rows.append((elapsed, max(float(np.median(squares)) / CHI2_3_MEDIAN, FLOOR_LOGGED**2)))
+            rows.append((elapsed, max(float(np.median(squares)) / LIMITS.chi2, LIMITS.logged**2)))
     if len(rows) < 3:
         return 0.1, 0.3
     lapse, growth = np.array(rows).T
     design = np.column_stack([np.full_like(lapse, 2.0), lapse]) / growth[:, None]
     (logged, force), _ = nnls(design, np.ones_like(lapse))
-    return max(float(np.sqrt(logged)), FLOOR_LOGGED), max(float(np.sqrt(force)), FLOOR_FORCE)
+    return max(float(np.sqrt(logged)), LIMITS.logged), max(float(np.sqrt(force)), LIMITS.force)
 
 
-@dataclass(frozen=True)
-class _Chain:
-    """Knot to knot: x[k+1] = transition[k] x[k] + (gain[k], 0) + noise; logged (K, 3), NaN where not tied."""
+def _smooth(
+    path: _Path, knots: IntArray, ties: _Ties, logged_noise: float, force_noise: float
+) -> tuple[FloatArray, FloatArray]:
+    """Run the Kalman filter from knot to knot, and back the Rauch-Tung-Striebel recursion.
 
-    transition: FloatArray
-    gain: FloatArray
-    noise: FloatArray
-    logged: FloatArray
-
-
-def _chain(path: _Path, knots: IntArray, ties: _Ties, force_noise: float) -> _Chain:
-    before, after = knots[:-1], knots[1:]
+    x[k+1] = transition[k] x[k] + (gain[k], 0) + noise; returns mean (K, 7) and covariance (K, 7, 7).
+    """
+    before, after, count = knots[:-1], knots[1:], knots.size
     lapse = path.clock[after] - path.clock[before]
     broken = path.label[after] != path.label[before]
     force = path.force[after] - path.force[before]
@@ -278,69 +274,34 @@ def _chain(path: _Path, knots: IntArray, ties: _Ties, force_noise: float) -> _Ch
     transition[:, :3, 3:6] = path.turn[before] - path.turn[after]
     transition[:, 0, 6], transition[:, 1, 6] = -force[:, 1], force[:, 0]
     noise = np.zeros((before.size, SIZE))
-    noise[:, :3] = np.where(broken, VELOCITY_PRIOR**2, force_noise**2 * lapse)[:, None]
+    noise[:, :3] = np.where(broken, PRIORS.velocity**2, force_noise**2 * lapse)[:, None]
     elapsed = path.step * (after - before)
-    noise[:, 3:] = elapsed[:, None] * np.array([BIAS_WALK] * 3 + [HEADING_WALK]) ** 2
-    logged = np.full((knots.size, 3), np.nan)
+    noise[:, 3:] = elapsed[:, None] * np.array([PRIORS.bias_walk] * 3 + [PRIORS.heading_walk]) ** 2
+    gain = path.velocity[after] - path.velocity[before]
+    logged = np.full((count, 3), np.nan)
     logged[np.searchsorted(knots, ties.index)] = ties.velocity
-    return _Chain(transition, path.velocity[after] - path.velocity[before], noise, logged)
+    tied = np.isfinite(logged[:, 0]).tolist()
 
-
-_Moments = tuple[FloatArray, FloatArray]
-
-
-def _filter(chain: _Chain, variance: float) -> tuple[_Moments, _Moments]:
-    """Kalman filter, forward; returns predicted and filtered (mean (K, 7), covariance (K, 7, 7))."""
-    count = chain.logged.shape[0]
-    predicted = np.empty((count, SIZE)), np.empty((count, SIZE, SIZE))
-    filtered = np.empty((count, SIZE)), np.empty((count, SIZE, SIZE))
-    logged = chain.logged[np.isfinite(chain.logged[:, 0])]
-    x = np.concatenate([logged[0], np.zeros(SIZE - 3)])
-    P = np.diag(np.array([VELOCITY_PRIOR] * 3 + [BIAS_PRIOR] * 3 + [HEADING_PRIOR]) ** 2)
-    tied = np.isfinite(chain.logged[:, 0]).tolist()
+    x = np.concatenate([ties.velocity[0], np.zeros(SIZE - 3)])
+    P = np.diag(np.array([PRIORS.velocity] * 3 + [PRIORS.bias] * 3 + [PRIORS.heading]) ** 2)
+    predicted_x, predicted_P = np.empty((count, SIZE)), np.empty((count, SIZE, SIZE))
+    smooth_x, smooth_P = np.empty((count, SIZE)), np.empty((count, SIZE, SIZE))
     for k in range(count):
         if k:
-            F = chain.transition[k - 1]
+            F = transition[k - 1]
             x, P = F @ x, F @ P @ F.T
-            x[:3] += chain.gain[k - 1]
-            P.flat[:: SIZE + 1] += chain.noise[k - 1]
-        predicted[0][k], predicted[1][k] = x, P
+            x[:3] += gain[k - 1]
+            P.flat[:: SIZE + 1] += noise[k - 1]
+        predicted_x[k], predicted_P[k] = x, P
         if tied[k]:
-            x, P = _update(x, P, chain.logged[k], variance)
-        filtered[0][k], filtered[1][k] = x, P
-    return predicted, filtered
-
-
-def _update(x: FloatArray, P: FloatArray, logged: FloatArray, variance: float) -> _Moments:
-    innovation = P[:3, :3].copy()
-    innovation.flat[::4] += variance
-    gain = P[:, :3] @ np.linalg.inv(innovation)
-    P = P - gain @ P[:3, :]
-    return x + gain @ (logged - x[:3]), 0.5 * (P + P.T)
-
-
-def _smooth(chain: _Chain, predicted: _Moments, filtered: _Moments) -> _Moments:
-    """Rauch-Tung-Striebel recursion, backward."""
-    x, P = filtered[0].copy(), filtered[1].copy()
-    cross = chain.transition @ filtered[1][:-1]
-    gains = np.linalg.solve(predicted[1][1:], cross).transpose(0, 2, 1)
-    for k in range(x.shape[0] - 2, -1, -1):
-        x[k] += gains[k] @ (x[k + 1] - predicted[0][k + 1])
-        P[k] += gains[k] @ (P[k + 1] - predicted[1][k + 1]) @ gains[k].T
-    return x, P
-
-
-def _fill(path: _Path, knots: IntArray, states: FloatArray, covariances: FloatArray) -> _Moments:
-    """Integrate between knots with the mean bias, and spread what is left over linearly."""
-    mean = states[:, 3:].mean(axis=0)
-    course = path.velocity - path.turn @ mean[:3]
-    course += mean[3] * np.column_stack([-path.force[:, 1], path.force[:, 0], np.zeros(path.clock.size)])
-    sample = np.arange(path.clock.size)
-    left = states[:, :3] - course[knots]
-    velocity = course + np.column_stack([np.interp(sample, knots, column) for column in left.T])
-    std = np.sqrt(np.maximum(_diagonal(covariances)[:, :3].mean(axis=1), 0.0))
-    return velocity, np.interp(sample, knots, std)
-
-
-def _diagonal(covariances: FloatArray) -> FloatArray:
-    return np.diagonal(covariances, axis1=1, axis2=2)
+            innovation = P[:3, :3].copy()
+            innovation.flat[::4] += logged_noise**2
+            K = P[:, :3] @ np.linalg.inv(innovation)
+            x, P = x + K @ (logged[k] - x[:3]), P - K @ P[:3, :]
+            P = 0.5 * (P + P.T)
+        smooth_x[k], smooth_P[k] = x, P
+    gains = np.linalg.solve(predicted_P[1:], transition @ smooth_P[:-1]).transpose(0, 2, 1)
+    for k in range(count - 2, -1, -1):
+        smooth_x[k] += gains[k] @ (smooth_x[k + 1] - predicted_x[k + 1])
+        smooth_P[k] += gains[k] @ (smooth_P[k + 1] - predicted_P[k + 1]) @ gains[k].T
+    return smooth_x, smooth_P

@@ -11,6 +11,8 @@ V. Klein, E. A. Morelli, *Aircraft System Identification: Theory and Practice*, 
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
@@ -19,8 +21,7 @@ import numpy as np
 
 from stoop.assessment.covariance import invert, marked, standard_errors
 from stoop.base.arrays import FloatArray
-from stoop.errors import IdentificationError
-from stoop.input_design.limits import Limits
+from stoop.errors import IdentificationError, SimulationError
 from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.prepare import Prepared, nuisances
 from stoop.problem.windows import Window
@@ -29,19 +30,90 @@ from stoop.simulation import Maneuver, Trim
 from stoop.simulation.trim import inputs_about
 from stoop.vehicle import Vehicle
 
+Span = tuple[float, float]
 BOX_INFORMATION: Final = 12.0  #: of a number that is only known to lie in the unit box: one over its variance
+AMPLITUDE: Final = math.radians(3.0)  #: of every control that is not given one
+SLEW: Final = math.radians(60.0)  #: rad/s; a slow servo
+STANDARD_GRAVITY: Final = 9.80665  #: m/s2
+DEFAULT_WIDTH: Final = {
+    "V": 0.2, "az": STANDARD_GRAVITY, **dict.fromkeys(("p", "q", "r"), math.radians(60.0)),
+    "alpha": math.radians(6.0), "beta": math.radians(8.0), "phi": math.radians(35.0), "theta": math.radians(20.0),
+}  #: about the trim, where a linear aerodynamic model usually holds: share of the airspeed, m/s2, rad/s, rad  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits of a maneuver.
+
+    Attributes
+    ----------
+    amplitude : mapping of control to the largest deflection from the trim, rad
+    slew : float, largest rate of every control, rad/s
+    envelope : mapping of channel to (low, high), SI
+    """
+
+    amplitude: Mapping[str, float]
+    slew: float
+    envelope: Mapping[str, Span]
+
+    @classmethod
+    def about(
+        cls,
+        vehicle: Vehicle,
+        trim: Trim,
+        amplitude: Mapping[str, float] | None = None,
+        slew: float = SLEW,
+        envelope: Mapping[str, Span] | None = None,
+    ) -> Limits:
+        """Return limits about a steady flight: those that are given, defaults for other controls and channels.
+
+        Raises
+        ------
+        SimulationError
+            A control or a channel that the vehicle does not have, or a trim outside its own envelope.
+        """
+        own, wanted, where = dict(amplitude or {}), dict(envelope or {}), vehicle.where
+        for given, names, kind in ((own, vehicle.controls, "control"), (wanted, vehicle.outputs, "channel")):
+            for name in given:
+                if name not in names:
+                    choices = ", ".join(names) or "none"
+                    raise SimulationError(f"{where}: there is no {kind} '{name}'; choose from {choices}")
+        for channel, (low, high) in wanted.items():
+            value = trim.start.get(channel, 0.5 * (low + high))
+            if not low < value < high:
+                raise SimulationError(
+                    f"{where}: the steady flight has {channel} = {value:.4g}, which is not between {low:.4g} and {high:.4g}; "
+                    "widen that limit or choose another airspeed"
+                )
+        amplitudes = {c: own.get(c, AMPLITUDE) for c in vehicle.controls}
+        moved = {c: a for c, a in amplitudes.items() if a > 0.0}
+        if not moved:
+            raise SimulationError(
+                f"{where}: no control is moved ({', '.join(amplitudes) or 'it has none'}); "
+                "give one an amplitude above zero"
+            )
+        steady = trim.start
+        defaults = {"V": (steady["V"], DEFAULT_WIDTH["V"] * steady["V"])}
+        defaults |= {c: (steady.get(c, 0.0), DEFAULT_WIDTH[c]) for c in ("alpha", "beta", "phi", "theta")}
+        defaults |= {c: (0.0, DEFAULT_WIDTH[c]) for c in ("p", "q", "r")}
+        defaults["az"] = (-STANDARD_GRAVITY * math.cos(steady["theta"]), DEFAULT_WIDTH["az"])
+        inside = {c: (x - w, x + w) for c, (x, w) in defaults.items() if c in vehicle.outputs}
+        return cls(moved, slew, inside | wanted)
+
+    def excess(self, readings: FloatArray, outputs: Sequence[str]) -> float:
+        """Return by how much readings (n, n_y) leave the envelope, in its widths; zero inside."""
+        out = 0.0
+        for channel, values in zip(outputs, readings.T, strict=True):
+            if channel in self.envelope:
+                low, high = self.envelope[channel]
+                over = max(low - float(values.min()), float(values.max()) - high)
+                out = max(out, over / (high - low))
+        return out
 
 
 @dataclass(frozen=True, eq=False)
 class Knowledge:
-    """Fisher information about some parameters before the next flight, by name.
-
-    Attributes
-    ----------
-    names : tuple of str
-    information : (k, k)
-        In the inverse products of the parameters' units; zeros where nothing is known.
-    """
+    """Fisher information (k, k) about some parameters before the next flight, in inverse products of their units."""
 
     names: tuple[str, ...]
     information: FloatArray
@@ -106,15 +178,8 @@ class Forecast:
 class Setup:
     """A vehicle in steady flight, the limits of its maneuvers, and the information about its parameters.
 
-    Attributes
-    ----------
-    vehicle : Vehicle
-        Its free numbers are the parameters, at their present values.
-    trim : Trim
-    limits : Limits
-    knowledge : Knowledge
-    noise : (n_y, n_y)
-        Covariance of the measurement noise.
+    The parameters are the free numbers of the vehicle, at their present values; ``noise`` (n_y, n_y) is the covariance of
+    the measurement noise.
     """
 
     vehicle: Vehicle
@@ -151,28 +216,29 @@ class Setup:
     def forecast(self, maneuver: Maneuver, only_inside: bool = False) -> Forecast:
         """Return the predicted readings of a maneuver and their information.
 
-        Parameters
-        ----------
-        maneuver : Maneuver
-        only_inside : bool
-            Leave the information out where the flight leaves the envelope.
+        With ``only_inside`` the information is zero where the flight leaves the envelope.
         """
-        problem = self._problem(maneuver)
+        vehicle, t = self.vehicle, maneuver.time
+        inputs = inputs_about(vehicle, self.trim, maneuver.deflections(), len(t))
+        blank = np.zeros((len(t), len(vehicle.outputs)))
+        piece = Piece(0, t, inputs, blank, self.trim.start, self.trim.changes)
+        prepared = Prepared((Window("design", 0.0, float(t[-1])),), (piece,), ())
+        layout = replace(self._layout, nuisances=nuisances(vehicle, prepared))
+        problem = Misfit(layout, (piece,), Weights.of(self.noise), ((len(t),),))
         z = np.concatenate([self._layout.unit(self.values), np.zeros(problem.extra)])
         with np.errstate(invalid="ignore", over="ignore"):
             readings = problem.outputs(z, 0)
-        if not np.isfinite(readings).all():
-            return Forecast(readings, np.inf, self._no_information)
-        excess = self.limits.excess(readings, self.vehicle.outputs)
-        if only_inside and excess > 0.0:
-            return Forecast(readings, excess, self._no_information)
+        finite = bool(np.isfinite(readings).all())
+        excess = self.limits.excess(readings, self.vehicle.outputs) if finite else np.inf
+        if not finite or (only_inside and excess > 0.0):
+            return Forecast(readings, excess, np.zeros_like(self.known))
         r = problem.residuals(z[None, :], 0)[0]
         J, _ = problem.jacobian(z, 0, r)
         return Forecast(readings, excess, marginal(J, problem.dimension))
 
     def std(self, *forecasts: Forecast) -> FloatArray:
         """Return the standard errors (D,), SI, that flights with these forecasts leave, with what is known."""
-        inverse = invert(self.known + sum((f.information for f in forecasts), self._no_information))
+        inverse = invert(self.known + sum((f.information for f in forecasts), np.zeros_like(self.known)))
         return standard_errors(marked(inverse.matrix, inverse.determined)) * self.width
 
     def gain(self, forecast: Forecast) -> float:
@@ -204,31 +270,12 @@ class Setup:
             )
         return replace(layout, parameters=tuple(replace(p, prior=None) for p in layout.parameters))
 
-    @cached_property
-    def _no_information(self) -> FloatArray:
-        return np.zeros((len(self.names), len(self.names)))
-
-    def _problem(self, maneuver: Maneuver) -> Misfit:
-        vehicle, t = self.vehicle, maneuver.time
-        inputs = inputs_about(vehicle, self.trim, maneuver.deflections(), len(maneuver.time))
-        blank = np.zeros((len(t), len(vehicle.outputs)))
-        piece = Piece(0, t, inputs, blank, self.trim.start, self.trim.changes)
-        prepared = Prepared((Window("design", 0.0, float(t[-1])),), (piece,), ())
-        layout = replace(self._layout, nuisances=nuisances(vehicle, prepared))
-        return Misfit(layout, (piece,), Weights.of(self.noise), ((len(t),),))
-
 
 def marginal(J: FloatArray, d: int) -> FloatArray:
     """Return the information (d, d) about the first d unknowns when the others are estimated too.
 
-    A reading with a sensitivity that is not finite has no information: neither about that parameter nor, as if it were
-    known, about the others. Others that are not identifiable take only what they share.
-
-    Parameters
-    ----------
-    J : (n, k)
-        Whitened sensitivities of the readings.
-    d : int
+    A reading with a sensitivity in J (n, k), whitened, that is not finite has no information: neither about that parameter
+    nor, as if it were known, about the others. Others that are not identifiable take only what they share.
     """
     J = J[np.isfinite(J).all(axis=1)]
     whole = J.T @ J

@@ -11,10 +11,9 @@ from functools import cached_property
 from typing import Any, Final, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import FloatArray, IntArray
 from stoop.errors import SimulationError
 from stoop.simulation.maneuver import PATTERNS, Harmonics, Input, Levels, Steps
 
@@ -27,16 +26,8 @@ MIN_AMPLITUDE: Final = 0.2  #: of the allowed amplitude
 class Frame:
     """Limits and times that all families of inputs share.
 
-    Attributes
-    ----------
-    amplitude : dict of control to rad
-    slew : float, rad/s
-    duration : float, s
-        Of the whole maneuver.
-    band : float, Hz
-        Highest frequency of a multisine.
-    shortest : float, s
-        Shortest step.
+    Amplitude by control, rad; slew rate, rad/s; duration of the whole maneuver, s; highest frequency of a multisine, Hz;
+    shortest step, s.
     """
 
     amplitude: dict[str, float]
@@ -89,38 +80,32 @@ class StepInputs:
     @property
     def starts(self) -> FloatArray:
         """One control after the other, in the time that there is, with long and with short steps."""
-        count = len(self.frame.amplitude)
+        frame, count, units, longest = self.frame, len(self.frame.amplitude), self._units, self._longest
+        least = frame.least(frame.reached(max(frame.amplitude.values()), longest))
         rows = []
         for share in (1.0, 0.5):
-            step = share * self.frame.active / count / self._units
-            begins = [i * self.frame.active / count for i in range(count)]
-            rows.append([v for begin in begins for v in (*self._placed(begin, step), 1.0)])
-        return np.array(rows)
+            step = share * frame.active / count / units
+            room = frame.active - units * step
+            for i in range(count):
+                begin = i * frame.active / count / room if room > 0.0 else 0.0
+                rows.append(np.clip([begin, (step - least) / (longest - least), 1.0], 0.0, 1.0))
+        return np.array(rows).reshape(2, -1)
 
     def inputs(self, x: FloatArray) -> tuple[Input, ...]:
         """Return one table per control."""
-        rows = zip(self.frame.amplitude.items(), x.reshape(-1, 3), strict=True)
-        return tuple(self._row(control, most, point) for (control, most), point in rows)
-
-    def _row(self, control: str, most: float, point: FloatArray) -> Input:
-        signed = 2.0 * float(point[2]) - 1.0
-        size = self.frame.reached(most * max(MIN_AMPLITUDE, abs(signed)), self._longest)
-        amplitude, least = np.copysign(size, signed), self.frame.least(size)
-        step = least + float(point[1]) * (self._longest - least)
-        begin = LEAD + float(point[0]) * (self.frame.active - self._units * step)
-        return Steps.model_validate(
-            {"control": control, "shape": self.pattern, "start": begin, "step": step, "amplitude": float(amplitude),
-             "slew": self.frame.slew}
-        )  # fmt: skip
-
-    def _placed(self, begin: float, step: float) -> tuple[float, float]:
-        """Return the unknowns of a row at full amplitude that begins and steps about so."""
-        least = self.frame.least(self.frame.reached(max(self.frame.amplitude.values()), self._longest))
-        room = self.frame.active - self._units * step
-        at = begin / room if room > 0.0 else 0.0
-        return float(np.clip(at, 0.0, 1.0)), float(
-            np.clip((step - least) / (self._longest - least), 0.0, 1.0)
-        )
+        frame, units, longest, out = self.frame, self._units, self._longest, []
+        for (control, most), point in zip(frame.amplitude.items(), x.reshape(-1, 3), strict=True):
+            signed = 2.0 * float(point[2]) - 1.0
+            size = frame.reached(most * max(MIN_AMPLITUDE, abs(signed)), longest)
+            least = frame.least(size)
+            step = least + float(point[1]) * (longest - least)
+            begin = LEAD + float(point[0]) * (frame.active - units * step)
+            table = {
+                "control": control, "shape": self.pattern, "start": begin, "step": step,
+                "amplitude": float(np.copysign(size, signed)), "slew": frame.slew,
+            }  # fmt: skip
+            out.append(Steps.model_validate(table))
+        return tuple(out)
 
     @property
     def _units(self) -> int:
@@ -157,20 +142,21 @@ class SquareWaves:
 
     def inputs(self, x: FloatArray) -> tuple[Input, ...]:
         """Return one table per control."""
-        rows = zip(self.frame.amplitude.items(), x.reshape(-1, 1 + self.levels), strict=True)
-        return tuple(self._wave(control, most, point) for (control, most), point in rows)
-
-    def _wave(self, control: str, most: float, point: FloatArray) -> Input:
-        signed = 2.0 * float(point[0]) - 1.0
-        size = self.frame.reached(most * max(MIN_AMPLITUDE, abs(signed)), self.frame.active / self.levels)
-        amplitude, least = float(np.copysign(size, signed)), self.frame.least(size)
-        shares = (0.01 + point[1:]) / np.sum(0.01 + point[1:])
-        lengths = least + shares * (self.frame.active - self.levels * least)
+        frame, out = self.frame, []
         signs = (-1.0) ** np.arange(self.levels)
-        return Levels.model_validate(
-            {"control": control, "shape": "levels", "start": LEAD, "slew": self.frame.slew,
-             "levels": (amplitude * signs).tolist(), "lengths": lengths.tolist()}
-        )  # fmt: skip
+        rows = x.reshape(-1, 1 + self.levels)
+        for (control, most), point in zip(frame.amplitude.items(), rows, strict=True):
+            signed = 2.0 * float(point[0]) - 1.0
+            size = frame.reached(most * max(MIN_AMPLITUDE, abs(signed)), frame.active / self.levels)
+            amplitude, least = float(np.copysign(size, signed)), frame.least(size)
+            shares = (0.01 + point[1:]) / np.sum(0.01 + point[1:])
+            lengths = least + shares * (frame.active - self.levels * least)
+            table = {
+                "control": control, "shape": "levels", "start": LEAD, "slew": frame.slew,
+                "levels": (amplitude * signs).tolist(), "lengths": lengths.tolist(),
+            }  # fmt: skip
+            out.append(Levels.model_validate(table))
+        return tuple(out)
 
 
 @dataclass(frozen=True)
@@ -190,22 +176,42 @@ class Multisines:
 
     @property
     def starts(self) -> FloatArray:
-        """Equal power with Schroeder's phases, at full and half amplitude; power falling with frequency."""
-        return np.array(
-            [self._schroeder(share, fall) for share, fall in ((1.0, 0.0), (0.5, 0.0), (1.0, 1.0))]
-        )
+        """Equal power with Schroeder's phases, at full and half amplitude; power falling with frequency.
+
+        M. R. Schroeder, "Synthesis of low-peak-factor signals", IEEE Trans. Inf. Theory 16(1), 1970, eq. (11).
+        """
+        rows = []
+        for share, fall in ((1.0, 0.0), (0.5, 0.0), (1.0, 1.0)):
+            row: list[float] = []
+            for harmonics in self._harmonics:
+                k, count = np.arange(len(harmonics)), len(harmonics)
+                phases = np.mod(-k * (k + 1) / (2.0 * count), 1.0)
+                weights = (harmonics / harmonics[0]) ** -fall
+                row += [(share - MIN_AMPLITUDE) / (1.0 - MIN_AMPLITUDE), *weights, *phases]
+            rows.append(row)
+        return np.array(rows)
 
     def inputs(self, x: FloatArray) -> tuple[Input, ...]:
         """Return one table per control."""
         out, first = [], 0
         for (control, most), harmonics in zip(self.frame.amplitude.items(), self._harmonics, strict=True):
-            point = x[first : first + 1 + 2 * len(harmonics)]
-            out.append(self._sum(control, most, harmonics, point))
+            count = len(harmonics)
+            point = x[first : first + 1 + 2 * count]
             first += len(point)
+            weights, phases = point[1 : 1 + count], 2.0 * np.pi * point[1 + count :]
+            phases = _from_zero(harmonics, weights, phases)
+            peak, speed = self._peaks(harmonics, weights, phases)
+            share = MIN_AMPLITUDE + (1.0 - MIN_AMPLITUDE) * float(point[0])
+            scale = min(share * most / peak, self.frame.slew / speed) if peak > 0.0 else 0.0
+            table = {
+                "control": control, "shape": "harmonics", "start": LEAD, "duration": self.frame.active,
+                "harmonics": harmonics.tolist(), "amplitudes": (scale * weights).tolist(), "phases": phases.tolist(),
+            }  # fmt: skip
+            out.append(Harmonics.model_validate(table))
         return tuple(out)
 
     @cached_property
-    def _harmonics(self) -> list[NDArray[np.intp]]:
+    def _harmonics(self) -> list[IntArray]:
         count, most = len(self.frame.amplitude), int(self.frame.band * self.frame.active)
         if most < count:
             raise SimulationError(
@@ -214,21 +220,7 @@ class Multisines:
             )
         return [np.arange(i + 1, most + 1, count) for i in range(count)]
 
-    def _sum(self, control: str, most: float, harmonics: NDArray[np.intp], point: FloatArray) -> Input:
-        count = len(harmonics)
-        weights, phases = point[1 : 1 + count], 2.0 * np.pi * point[1 + count :]
-        phases = _from_zero(harmonics, weights, phases)
-        peak, speed = self._peaks(harmonics, weights, phases)
-        share = MIN_AMPLITUDE + (1.0 - MIN_AMPLITUDE) * float(point[0])
-        scale = min(share * most / peak, self.frame.slew / speed) if peak > 0.0 else 0.0
-        return Harmonics.model_validate(
-            {"control": control, "shape": "harmonics", "start": LEAD, "duration": self.frame.active,
-             "harmonics": harmonics.tolist(), "amplitudes": (scale * weights).tolist(), "phases": phases.tolist()}
-        )  # fmt: skip
-
-    def _peaks(
-        self, harmonics: NDArray[np.intp], weights: FloatArray, phases: FloatArray
-    ) -> tuple[float, float]:
+    def _peaks(self, harmonics: IntArray, weights: FloatArray, phases: FloatArray) -> tuple[float, float]:
         """Return the largest deflection and the largest rate of a sum over one period."""
         tau = np.arange(16 * int(harmonics[-1])) / (16 * int(harmonics[-1]))
         angles = 2.0 * np.pi * np.outer(tau, harmonics) + phases
@@ -236,21 +228,8 @@ class Multisines:
         deflection, speed = np.sin(angles) @ weights, np.cos(angles) @ rates
         return float(np.abs(deflection).max()), max(float(np.abs(speed).max()), 1e-12)
 
-    def _schroeder(self, share: float, fall: float) -> list[float]:
-        """Return a multisine with little peak factor, whose amplitudes fall with a power of the frequency.
 
-        M. R. Schroeder, "Synthesis of low-peak-factor signals", IEEE Trans. Inf. Theory 16(1), 1970, eq. (11).
-        """
-        out: list[float] = []
-        for harmonics in self._harmonics:
-            k, count = np.arange(len(harmonics)), len(harmonics)
-            phases = np.mod(-k * (k + 1) / (2.0 * count), 1.0)
-            weights = (harmonics / harmonics[0]) ** -fall
-            out += [(share - MIN_AMPLITUDE) / (1.0 - MIN_AMPLITUDE), *weights, *phases]
-        return out
-
-
-def _from_zero(harmonics: NDArray[np.intp], weights: FloatArray, phases: FloatArray) -> FloatArray:
+def _from_zero(harmonics: IntArray, weights: FloatArray, phases: FloatArray) -> FloatArray:
     """Return the phases of the same sum begun where it is zero: nothing jumps when it begins or ends."""
 
     def at(angle: float) -> float:

@@ -1,10 +1,10 @@
-"""Input optimization: D-optimal maneuvers by stoop's own optimizers, and their robustness to the model."""
+"""D-optimal maneuvers by stoop's own optimizers, their robustness to the model, and a proposal of what to fly."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -13,32 +13,24 @@ from stoop import optimize
 from stoop.assessment.covariance import invert
 from stoop.base.arrays import FloatArray
 from stoop.errors import SimulationError
-from stoop.input_design.information import Forecast, Setup
+from stoop.input_design.information import Forecast, Knowledge, Limits, Setup
 from stoop.input_design.inputs import LEAD, SHAPES, Frame, Shape
 from stoop.optimize.problem import ScalarProblem
-from stoop.simulation import Maneuver
+from stoop.simulation import Maneuver, Trim
+from stoop.vehicle import Vehicle
 
 OUTSIDE: Final = 1e3  #: cost of leaving the envelope at all: every maneuver within it is better
 MIN_STEP: Final = 0.1  #: s
 MARGIN: Final = 0.02  #: of an envelope's width to its edge: forecasts of the search have a coarser step
+DRAWS: Final = 20  #: models with which the robustness of the best maneuver is computed
 SEARCH_RATE: Final = 50.0  #: Hz; a short period needs no more, and a search takes half as long
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What to design.
+    """What to design: duration, s; rate of the maneuver file and highest frequency of a multisine, Hz; and the search.
 
-    Attributes
-    ----------
-    duration : float, s
-    rate : float, Hz
-        Of the maneuver file.
-    band : float, Hz
-        Highest frequency of a multisine.
-    optimizer : str
-    evaluations : int
-        Maneuvers tried for one family of inputs.
-    seed : int
+    ``evaluations`` is the number of maneuvers tried for one family of inputs.
     """
 
     duration: float = 20.0
@@ -51,18 +43,7 @@ class Plan:
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """An optimized maneuver and its forecast.
-
-    Attributes
-    ----------
-    shape : str
-    maneuver : Maneuver
-    forecast : Forecast
-        At the maneuver's own rate.
-    gain : float
-        See :meth:`stoop.input_design.Setup.gain`.
-    evaluations : float
-    """
+    """An optimized maneuver, its forecast at its own rate, and its gain (:meth:`stoop.input_design.Setup.gain`)."""
 
     shape: str
     maneuver: Maneuver
@@ -86,7 +67,9 @@ class InformationCost(ScalarProblem):
 
     def costs(self, X: FloatArray, rung: int) -> FloatArray:
         """Return the costs (B,) of points (B, dimension)."""
-        return np.array([self._cost(x) for x in X])
+        rate = min(SEARCH_RATE, self.plan.rate)
+        forecasts = [self.setup.forecast(self.maneuver(x, rate), only_inside=True) for x in X]
+        return np.array([OUTSIDE + f.excess if f.excess > 0.0 else -self.setup.gain(f) for f in forecasts])
 
     def maneuver(self, x: FloatArray, rate: float) -> Maneuver:
         """Return the maneuver of a point, from the trim of the setup."""
@@ -98,10 +81,6 @@ class InformationCost(ScalarProblem):
             "altitude": start["h"],
         }
         return Maneuver.model_validate({**flight, "input": self.shape.inputs(x)})
-
-    def _cost(self, x: FloatArray) -> float:
-        forecast = self.setup.forecast(self.maneuver(x, min(SEARCH_RATE, self.plan.rate)), only_inside=True)
-        return OUTSIDE + forecast.excess if forecast.excess > 0.0 else -self.setup.gain(forecast)
 
 
 def design(
@@ -126,7 +105,12 @@ def design(
     SimulationError
         No maneuver of the family stays within the envelope.
     """
-    problem = InformationCost(_with_margin(setup), SHAPES[shape](_frame(setup, plan)), plan)
+    inner = {
+        c: (low + MARGIN * (high - low), high - MARGIN * (high - low))
+        for c, (low, high) in setup.limits.envelope.items()
+    }
+    searched = replace(setup, limits=replace(setup.limits, envelope=inner))
+    problem = InformationCost(searched, SHAPES[shape](_frame(setup, plan)), plan)
     stop = optimize.Stop(budget=float(plan.evaluations))
     optimizer = optimize.create(plan.optimizer, stop.budget)
     with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
@@ -153,24 +137,20 @@ def textbook_maneuver(setup: Setup, plan: Plan) -> Maneuver:
     """
     rows = SHAPES["3-2-1-1"](_frame(setup, plan))
     problem = InformationCost(setup, rows, plan)
-    inside = [found for start in rows.starts if (found := _largest(problem, start)) is not None]
+    inside = []
+    for point in rows.starts:
+        for share in np.arange(1.0, 0.15, -0.1):
+            point[2::3] = 0.5 + 0.5 * share
+            maneuver = problem.maneuver(point, plan.rate)
+            if setup.forecast(maneuver, only_inside=True).excess == 0.0:
+                inside.append(maneuver)
+                break
     if not inside:
         raise SimulationError(
             f"design: even small 3-2-1-1 inputs leave the envelope within {plan.duration:g} s; "
             "lower --amplitude, widen --within, or design for a shorter time"
         )
     return max(inside, key=lambda maneuver: setup.gain(setup.forecast(maneuver)))
-
-
-def _largest(problem: InformationCost, point: FloatArray) -> Maneuver | None:
-    """Return the largest of a 3-2-1-1 that stays inside, if there is one."""
-    for share in np.arange(1.0, 0.15, -0.1):
-        sized = point.copy()
-        sized[2::3] = 0.5 + 0.5 * share
-        maneuver = problem.maneuver(sized, problem.plan.rate)
-        if problem.setup.forecast(maneuver, only_inside=True).excess == 0.0:
-            return maneuver
-    return None
 
 
 def _frame(setup: Setup, plan: Plan) -> Frame:
@@ -180,15 +160,6 @@ def _frame(setup: Setup, plan: Plan) -> Frame:
             f"design: {plan.duration:g} s is too short; design for more than {4.0 * LEAD:g} s"
         )
     return Frame(dict(limits.amplitude), limits.slew, plan.duration, plan.band, MIN_STEP)
-
-
-def _with_margin(setup: Setup) -> Setup:
-    """Return the setup with a margin kept from every edge of its envelope."""
-    inner = {
-        c: (low + MARGIN * (high - low), high - MARGIN * (high - low))
-        for c, (low, high) in setup.limits.envelope.items()
-    }
-    return replace(setup, limits=replace(setup.limits, envelope=inner))
 
 
 @dataclass(frozen=True)
@@ -216,18 +187,8 @@ class Robustness:
 
 
 def robustness(setup: Setup, maneuver: Maneuver, reference: Maneuver, draws: int, seed: int) -> Robustness:
-    """Fly a maneuver with models drawn from the distribution of the parameters.
+    """Fly a maneuver and its reference with models drawn from the distribution of the parameters.
 
-    Parameters
-    ----------
-    setup : Setup
-    maneuver, reference : Maneuver
-        The design, and what it is compared with.
-    draws : int
-    seed : int
-
-    Notes
-    -----
     A direction without information is not drawn: the model keeps its file's values there.
     """
     factor = invert(setup.known).factor * setup.width[:, None]
@@ -252,3 +213,92 @@ def mean_ratio(std: FloatArray, reference: FloatArray) -> float:
     """Return the mean of the ratios of two sets of standard errors, over the parameters that both determine."""
     both = np.isfinite(std) & np.isfinite(reference) & (reference > 0.0)
     return float(np.mean(std[both] / reference[both])) if both.any() else float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class PriorModel:
+    """A model, what is known of it before the flight, its noise (n_y, n_y), and where these come from."""
+
+    vehicle: Vehicle
+    knowledge: Knowledge
+    noise: FloatArray
+    source: str
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """What to fly next.
+
+    Attributes
+    ----------
+    setup : Setup
+    plan : Plan
+    designs : tuple of Design
+        One per family, the best first.
+    reference : Maneuver
+        The textbook's: a 3-2-1-1 on one control after the other, of the same duration and amplitude.
+    expected : Forecast
+        Of the reference.
+    robustness : Robustness
+        Of the best.
+    source : str
+        What is known of the model comes from there.
+    """
+
+    setup: Setup
+    plan: Plan
+    designs: tuple[Design, ...]
+    reference: Maneuver
+    expected: Forecast
+    robustness: Robustness
+    source: str
+
+    @property
+    def best(self) -> Design:
+        """The design with the most information."""
+        return self.designs[0]
+
+    @property
+    def now(self) -> FloatArray:
+        """Standard errors (D,) before the flight; infinite where nothing is known."""
+        return self.setup.std()
+
+    def ratio(self, of: Design) -> float:
+        """Return the mean of a design's standard errors over the reference's."""
+        return mean_ratio(self.setup.std(of.forecast), self.setup.std(self.expected))
+
+
+def propose(
+    model: PriorModel,
+    trim: Trim,
+    limits: Limits,
+    plan: Plan,
+    shapes: Sequence[str] = tuple(SHAPES),
+    callback: Callable[[str, Any], None] | None = None,
+) -> Proposal:
+    """Design the best maneuver of every family, and compare it with the textbook's and for other models.
+
+    Parameters
+    ----------
+    model : PriorModel
+    trim : Trim
+        Where the maneuver begins.
+    limits : Limits
+    plan : Plan
+    shapes : sequence of str
+        Names of :data:`stoop.input_design.SHAPES`.
+    callback : callable, optional
+        Called with the family's name and an :class:`stoop.optimize.Progress` after each generation.
+
+    Raises
+    ------
+    SimulationError
+        No maneuver stays within the limits.
+    """
+    setup = Setup(model.vehicle, trim, limits, model.knowledge, model.noise)
+    reference = textbook_maneuver(setup, plan)
+    watch = callback or (lambda name, progress: None)
+    found = [design(setup, plan, name, lambda progress, name=name: watch(name, progress)) for name in shapes]  # type: ignore[misc]
+    designs = tuple(sorted(found, key=lambda one: -one.gain))
+    robust = robustness(setup, designs[0].maneuver, reference, DRAWS, plan.seed)
+    return Proposal(setup, plan, designs, reference, setup.forecast(reference), robust, model.source)

@@ -1,32 +1,28 @@
-"""The driver: hands out tasks, commits what comes back, counts."""
+"""The driver: submits tasks, commits what comes back, counts."""
 
 from __future__ import annotations
 
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from stoop.errors import CampaignError, StoopError
-from stoop.parallel.canonical import Json, from_text
-from stoop.parallel.environment import differences, environment
-from stoop.parallel.plan import Plan, Task, tasks
-from stoop.parallel.pool import Hands, Pool
-from stoop.parallel.sources import work_sources
+from stoop.parallel.plan import Json, Plan, Task, from_text, tasks
+from stoop.parallel.pools import Pool, Workers
 from stoop.parallel.store import Store, open_store
-from stoop.parallel.task import Report
+from stoop.parallel.worker import Report, differences, environment, work_sources
 
-LOSSES: Final = 5  #: times that one task may take its worker along while no other task ends
-_POLL = 0.5  #: s between looks at the workers while nothing comes back
+MAX_LOSSES: Final = 5  #: of the worker of one task while no other task ends
 
 
 @dataclass(frozen=True)
 class Tally:
-    """How far a campaign is.
+    """Progress of a campaign.
 
     Attributes
     ----------
@@ -35,7 +31,7 @@ class Tally:
     restored : runs that were there before
     seconds : s, since the start
     seconds_left : s, from the speed so far; None before the first task has ended
-    note : why nothing moves; empty if all is well
+    note : why nothing advances; empty if all is well
     """
 
     done: int
@@ -49,7 +45,7 @@ class Tally:
 def execute(
     plan: Plan, path: Path, pool: Pool, watch: Callable[[Tally], None] | None = None
 ) -> dict[str, Json]:
-    """Do what of a plan is not yet done, and return the results of all of its runs.
+    """Compute what of a plan is not yet done, and return the results of all of its runs.
 
     Each task is committed to the store as it ends. Whatever ends this function (an error, Ctrl-C, a kill), what is
     committed stays, and calling it again with the same plan goes on from there.
@@ -62,7 +58,7 @@ def execute(
     pool : Pool
         `LocalProcesses`, `Dask`, or `Given` for any executor. It is not opened when nothing is left to do.
     watch : callable, optional
-        Told a `Tally` at the start, after each task, and about twice a second meanwhile.
+        Called with a `Tally` at the start, after each task, and about twice a second meanwhile.
 
     Returns
     -------
@@ -80,108 +76,90 @@ def execute(
     here = {**environment(), **work_sources(run.work for run in plan.runs)}
     with open_store(path, plan, here) as store:
         left = tasks(store.missing(plan.runs))
-        drive = _Drive(store, deque(left), len(plan.runs), watch or _ignore, here)
-        drive.tell("")
+        driver = _Driver(store, left, len(plan.runs), watch or (lambda _: None), here)
+        driver.report("")
         if left:
-            with pool.open() as hands:
-                drive.until_done(hands)
+            with pool.open() as workers:
+                driver.run(workers)
         return {key: from_text(text) for key, text in store.results(plan.runs).items()}
 
 
-def _ignore(tally: Tally) -> None:
-    """Watch nothing."""
-
-
-@dataclass
-class _Drive:
+class _Driver:
     """A campaign under way."""
 
-    store: Store
-    queue: deque[Task]
-    total: int
-    watch: Callable[[Tally], None]
-    environment: Mapping[str, str]
-    flying: dict[Future[Report], Task] = field(default_factory=dict)
-    losses: Counter[str] = field(default_factory=Counter)
-    began: float = field(default_factory=time.monotonic)
+    def __init__(
+        self, store: Store, left: list[Task], total: int, watch: Callable[[Tally], None], here: dict[str, str]
+    ) -> None:
+        self._store, self._queue, self._total, self._watch, self._here = (
+            store,
+            deque(left),
+            total,
+            watch,
+            here,
+        )
+        self._left = sum(len(task.runs) for task in left)
+        self._restored = total - self._left
+        self._under_way: dict[Future[Report], Task] = {}
+        self._losses: Counter[str] = Counter()
+        self._began = time.monotonic()
 
-    def __post_init__(self) -> None:
-        self.left = sum(len(task.runs) for task in self.queue)
-        self.restored = self.total - self.left
+    def report(self, note: str) -> None:
+        """Pass the progress to the watcher."""
+        done, seconds = self._total - self._left, time.monotonic() - self._began
+        fresh = done - self._restored
+        seconds_left = seconds / fresh * self._left if fresh else None
+        self._watch(Tally(done, self._total, self._restored, seconds, seconds_left, note))
 
-    def tell(self, note: str) -> None:
-        """Tell the watcher how far we are."""
-        done, seconds = self.total - self.left, time.monotonic() - self.began
-        fresh = done - self.restored
-        seconds_left = seconds / fresh * self.left if fresh else None
-        self.watch(Tally(done, self.total, self.restored, seconds, seconds_left, note))
-
-    def until_done(self, hands: Hands) -> None:
-        """Work until nothing is left."""
+    def run(self, workers: Workers) -> None:
+        """Compute until nothing is left; what is done when an error ends the campaign is committed."""
         try:
-            while self.queue or self.flying:
-                self._submit(hands)
-                ended, _ = wait(self.flying, _POLL, FIRST_COMPLETED)
+            while self._queue or self._under_way:
+                for _ in range(min(workers.capacity() - len(self._under_way), len(self._queue))):
+                    self._under_way[workers.submit(self._queue[0])] = self._queue[0]
+                    self._queue.popleft()
+                ended, _ = wait(self._under_way, 0.5, FIRST_COMPLETED)
                 for future in ended:
-                    self._take(future, hands)
-                self.tell(hands.note())
+                    self._commit(future, workers)
+                self.report(workers.status())
         except BaseException:
-            self._keep_what_ended(hands)
+            for future in [f for f in self._under_way if f.done()]:
+                with suppress(StoopError):
+                    self._commit(future, workers)
             raise
 
-    def _submit(self, hands: Hands) -> None:
-        room = hands.width() - len(self.flying)
-        for _ in range(min(room, len(self.queue))):
-            self.flying[hands.submit(self.queue[0])] = self.queue[0]
-            self.queue.popleft()
-
-    def _take(self, future: Future[Report], hands: Hands) -> None:
-        """Commit what came back; one transaction."""
-        task = self.flying[future]
+    def _commit(self, future: Future[Report], workers: Workers) -> None:
+        """Commit the results of a task in one transaction; queue a lost task behind the others."""
+        task = self._under_way[future]
+        key = task.runs[0].key
         try:
             report = future.result()
         except Exception as error:
-            del self.flying[future]
-            self._again(task, error, hands.judge(error))
+            del self._under_way[future]
+            reason = workers.failure(error)
+            if reason is not None:
+                raise reason from error
+            self._queue.append(task)
+            self._losses[key] += 1
+            if self._losses[key] >= MAX_LOSSES:
+                raise CampaignError(
+                    f"run {key}: its worker died {MAX_LOSSES} times ({error}), and no other task ended meanwhile; see "
+                    "whether the memory is enough, and whether the run works by itself; what is done is safe"
+                ) from error
             return
-        _check(report, task, self.environment)
-        self.store.add(task.runs, report["results"])
-        del self.flying[future]
-        self.left -= len(task.runs)
-        self.losses.clear()
-
-    def _again(self, task: Task, error: Exception, reason: StoopError | None) -> None:
-        """Put a lost task behind the others, unless it is hopeless."""
-        if reason is not None:
-            raise reason from error
-        self.queue.append(task)
-        key = task.runs[0].key
-        self.losses[key] += 1
-        if self.losses[key] >= LOSSES:
+        unlike = differences(self._here, report["environment"])
+        if unlike:
             raise CampaignError(
-                f"run {key}: its worker died {LOSSES} times ({error}), and no other task ended meanwhile; see whether the memory "
-                "is enough, and whether the run works by itself; what is done is safe"
-            ) from error
-
-    def _keep_what_ended(self, hands: Hands) -> None:
-        """Commit what is done although the campaign ends here."""
-        for future in [f for f in self.flying if f.done()]:
-            with suppress(StoopError):
-                self._take(future, hands)
-
-
-def _check(report: Report, task: Task, here: Mapping[str, str]) -> None:
-    """Refuse a failure, and results of a worker that computes otherwise."""
-    unlike = differences(here, report["environment"])
-    if unlike:
-        raise CampaignError(
-            f"worker {report['worker']}: not the environment of this process ({unlike}); install the same on all machines, "
-            "edit nothing meanwhile, and start again; what is done is safe"
-        )
-    if report["failure"]:
-        error = CampaignError(
-            f"run {task.runs[0].key}: {report['failure']}; mend that and start again, what is done is safe"
-        )
-        if report["trace"]:
-            error.add_note(report["trace"])
-        raise error
+                f"worker {report['worker']}: not the environment of this process ({unlike}); install the same on all "
+                "machines, edit nothing meanwhile, and start again; what is done is safe"
+            )
+        if report["failure"]:
+            failed = CampaignError(
+                f"run {key}: {report['failure']}; correct that and start again, what is done is safe"
+            )
+            if report["trace"]:
+                failed.add_note(report["trace"])
+            raise failed
+        self._store.add(task.runs, report["results"])
+        del self._under_way[future]
+        self._left -= len(task.runs)
+        self._losses.clear()

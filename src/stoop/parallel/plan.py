@@ -1,14 +1,70 @@
-"""Plans: which runs there are, and which of them are one piece of work."""
+"""Plans: which runs there are, which of them are one task, and values as canonical JSON, so that equal values are equal bytes."""
 
 from __future__ import annotations
 
 import functools
 import hashlib
+import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 from stoop.errors import CampaignError
-from stoop.parallel.canonical import Json, to_text
+
+Json: TypeAlias = "bool | int | float | str | list[Json] | dict[str, Json] | None"
+
+
+def to_text(value: Any, what: str) -> str:
+    """Return the canonical text of a value: keys sorted, no blanks, ASCII only, floats to the last bit.
+
+    JSON has no infinity and nan; as in Python, SQLite and JavaScript, they are written ``Infinity`` and ``NaN``.
+
+    Parameters
+    ----------
+    value : Json
+    what : str
+        Names the value in the error.
+
+    Raises
+    ------
+    CampaignError
+        The value is not made of None, bool, int, float, str, list and dict with str keys: read back, it would be
+        another one.
+    """
+    try:
+        _check(value, what)
+        return json.dumps(value, sort_keys=True, separators=(",", ":"))
+    except (RecursionError, ValueError) as error:
+        raise CampaignError(
+            f"{what}: cannot be written as JSON ({error}); make it flatter or smaller"
+        ) from None
+
+
+def from_text(text: str) -> Json:
+    """Return the value of a text that :func:`to_text` wrote."""
+    value: Json = json.loads(text)
+    return value
+
+
+def _check(value: Any, where: str) -> None:
+    """Refuse a value that would be read back as another one."""
+    if value is None or isinstance(value, bool | int | float | str):
+        return
+    if isinstance(value, list):
+        for i, item in enumerate(value):
+            _check(item, f"{where}[{i}]")
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            if not isinstance(key, str):
+                raise CampaignError(
+                    f"{where}: the key {key!r} is no text; JSON has no other keys, use str(key)"
+                )
+            _check(item, f"{where}[{key!r}]")
+    else:
+        remedy = "a list" if isinstance(value, tuple | set | frozenset) else "numbers, texts, lists and dicts"
+        if hasattr(value, "tolist"):  # NumPy's arrays and scalars
+            remedy = "a list or number with .tolist()"
+        raise CampaignError(f"{where}: a {type(value).__name__} is not JSON; make it {remedy}")
 
 
 @dataclass(frozen=True)
@@ -20,10 +76,10 @@ class Run:
     key : str
         Its name, unique in the plan; the table is sorted by it.
     work : str
-        The function that does it, ``"package.module:function"``. It is called as ``function(arguments, stops)`` and returns
-        a list with one JSON result per stop, in that order. It must be pure: the same arguments, the same bytes.
+        The function that computes it, ``"package.module:function"``. It is called as ``function(arguments, stops)`` and
+        returns a list with one JSON result per stop, in that order. It must be pure: the same arguments, the same bytes.
     arguments : mapping of str to Json
-        What the function is told; seeds included.
+        Arguments of the function; seeds included.
     stop : int, optional
         Where on its way the run ends (generations, say). Runs that differ in nothing but this share their prefix: they
         are computed together, once.
@@ -41,7 +97,7 @@ class Run:
 
     @functools.cached_property
     def identity(self) -> str:
-        """What decides the result, in one hash."""
+        """Hash of everything that determines the result."""
         return hashlib.sha256(f"{self.work}\n{self.text}\n{self.stop}".encode()).hexdigest()
 
 
@@ -52,9 +108,8 @@ class Plan:
     Attributes
     ----------
     name : str
-        What the plan is for.
     settings : mapping of str to Json
-        What all of its runs share. A store takes more runs of the same name and settings, and no others.
+        Common to all runs. A store takes more runs of the same name and settings, and no others.
     runs : tuple of Run
 
     Raises
@@ -70,24 +125,24 @@ class Plan:
     def __post_init__(self) -> None:
         if not (self.name and self.name.isprintable()):
             raise CampaignError(f"plan {self.name!r}: the name cannot be printed; choose another")
-        seen: set[str] = set()
+        keys: set[str] = set()
         for run in self.runs:
             if not (run.key and run.key.isprintable()):
                 raise CampaignError(
                     f"plan {self.name}: the key {run.key!r} cannot be printed; choose another"
                 )
-            if run.key in seen:
+            if run.key in keys:
                 raise CampaignError(f"plan {self.name}: two runs have the key {run.key}; give each its own")
-            seen.add(run.key)
+            keys.add(run.key)
 
 
 @dataclass(frozen=True)
 class Task:
-    """Runs that share a prefix: one call of their function."""
+    """Runs that share a prefix: one call of their function, with the arguments as `text`; the earliest stop is first."""
 
     work: str
-    text: str  #: the arguments
-    runs: tuple[Run, ...]  #: the earliest stop first
+    text: str
+    runs: tuple[Run, ...]
 
     @property
     def stops(self) -> list[int | None]:
@@ -96,13 +151,11 @@ class Task:
 
 
 def tasks(runs: Iterable[Run]) -> list[Task]:
-    """Return the tasks that make up some runs, in the order in which the runs name them."""
-    together: dict[tuple[str, str], list[Run]] = {}
+    """Return the tasks of some runs, in the order in which the runs name them; no stop is the last one."""
+    groups: dict[tuple[str, str], list[Run]] = {}
     for run in runs:
-        together.setdefault((run.work, run.text), []).append(run)
-    return [Task(*shared, tuple(sorted(group, key=_lateness))) for shared, group in together.items()]
-
-
-def _lateness(run: Run) -> tuple[bool, int]:
-    """Sort by stop; without a stop last."""
-    return run.stop is None, run.stop or 0
+        groups.setdefault((run.work, run.text), []).append(run)
+    return [
+        Task(work, text, tuple(sorted(group, key=lambda run: (run.stop is None, run.stop or 0))))
+        for (work, text), group in groups.items()
+    ]

@@ -1,4 +1,4 @@
-"""The store: one SQLite file that holds what a campaign has done, safe against whatever stops it.
+"""The store: one SQLite file with the results of a campaign, safe against interruption.
 
 One process writes, and holds the lock of the file as long as it works; the lock ends with the process, however it
 ends. Each task is one transaction with ``synchronous=FULL``: after a kill or a power cut it is there whole, or not at all.
@@ -15,13 +15,11 @@ from pathlib import Path
 from typing import Final
 
 from stoop.errors import OutputError
-from stoop.parallel.canonical import Json, from_text, to_text
-from stoop.parallel.environment import differences
-from stoop.parallel.plan import Plan, Run
+from stoop.parallel.plan import Json, Plan, Run, from_text, to_text
+from stoop.parallel.worker import differences
 
 SCHEMA: Final = "stoop-campaign/1"
 APPLICATION: Final = 0x73746F6F  #: "stoo", where SQLite keeps the name of a file's owner
-_LEAST = 512  #: bytes of the shortest SQLite file that holds anything
 _PATIENCE = 2.0  #: s to wait for a lock: that of a driver just killed is about to go
 _TABLES: Final = (
     "CREATE TABLE meta (name TEXT PRIMARY KEY, value TEXT NOT NULL, checksum TEXT NOT NULL) WITHOUT ROWID",
@@ -29,23 +27,23 @@ _TABLES: Final = (
     "WITHOUT ROWID",
     f"PRAGMA application_id = {APPLICATION}",
 )
-_NAMES: Final = ("schema", "plan", "settings", "environment")  #: of meta
 _SAFE = "what is done is safe"
 _DAMAGED = "damaged; restore a copy, or name another file to start anew"
-_NOT_OURS = "is no store of a campaign, or a damaged one; it is left as it is: name another file"
+_FOREIGN = "is no store of a campaign, or a damaged one; it is left as it is: name another file"
 _KEPT = "is no store of a campaign, and is not removed; move it away, or choose another folder"
-_WORDS: Final = {
-    "SQLITE_BUSY": "in use by another process (the same command, started twice?); wait until it ends, or stop it",
-    "SQLITE_LOCKED": "in use by another process (the same command, started twice?); wait until it ends, or stop it",
+_BUSY = "in use by another process (the same command, started twice?); wait until it ends, or stop it"
+_MESSAGES: Final = {
+    "SQLITE_BUSY": _BUSY,
+    "SQLITE_LOCKED": _BUSY,
     "SQLITE_FULL": f"the disk is full; {_SAFE}: free space and start the same command again",
     "SQLITE_IOERR": f"cannot be read or written (full disk, quota, or a failing one); {_SAFE}: mend that and start the same "
     "command again",
-    "SQLITE_NOTADB": _NOT_OURS,
+    "SQLITE_NOTADB": _FOREIGN,
     "SQLITE_CORRUPT": _DAMAGED,
     "SQLITE_ERROR": _DAMAGED,  # our statements are sound: a table or a column is not there
     "SQLITE_READONLY": "cannot be written; make it writable, or choose another folder",
     "SQLITE_CANTOPEN": "cannot be opened for writing; make its folder writable, or choose another",
-}  #: beginning of SQLite's name of an error -> what to say
+}  #: beginning of SQLite's name of an error -> message
 
 
 class Store:
@@ -59,7 +57,17 @@ class Store:
 
     def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
         self._connection, self._path = connection, path
-        self.identities = self._check_rows()
+        self.identities: dict[str, str] = {}
+        for key, identity, result in self._rows():
+            _read(result, path)
+            self.identities[key] = identity
+
+    def _rows(self) -> Iterator[tuple[str, str, str]]:
+        """Yield key, identity and result of each run, whose checksum is verified."""
+        for row in self._connection.execute("SELECT key, identity, result, checksum FROM runs"):
+            if _seal(*row[:3]) != row[3]:
+                raise OutputError(f"{self._path}: run {row[0]} does not fit its checksum: {_DAMAGED}")
+            yield row[:3]
 
     def missing(self, runs: Sequence[Run]) -> list[Run]:
         """Return the runs that are not here.
@@ -85,8 +93,7 @@ class Store:
             The file cannot be written; everything before is safe.
         """
         rows = [
-            (r.key, r.identity, text, _seal(r.key, r.identity, text))
-            for r, text in zip(runs, results, strict=True)
+            (r.key, r.identity, x, _seal(r.key, r.identity, x)) for r, x in zip(runs, results, strict=True)
         ]
         with _explained(self._path), _transaction(self._connection, "IMMEDIATE"):
             self._connection.executemany("INSERT OR IGNORE INTO runs VALUES (?, ?, ?, ?)", rows)
@@ -96,21 +103,7 @@ class Store:
         """Return the canonical text of each run's result, sorted by key."""
         wanted = {run.key for run in runs}
         with _explained(self._path):
-            rows = self._connection.execute("SELECT key, identity, result, checksum FROM runs").fetchall()
-        return {key: self._sound(key, *row) for key, *row in sorted(rows) if key in wanted}
-
-    def _check_rows(self) -> dict[str, str]:
-        rows = self._connection.execute("SELECT key, identity, result, checksum FROM runs")
-        known = {}
-        for key, identity, result, checksum in rows:
-            _read(self._sound(key, identity, result, checksum), self._path)
-            known[key] = identity
-        return known
-
-    def _sound(self, key: str, identity: str, result: str, checksum: str) -> str:
-        if _seal(key, identity, result) != checksum:
-            raise OutputError(f"{self._path}: run {key} does not fit its checksum: {_DAMAGED}")
-        return result
+            return {key: result for key, _, result in sorted(self._rows()) if key in wanted}
 
 
 def _read(text: str, path: Path) -> Json:
@@ -134,7 +127,7 @@ def open_store(path: Path, plan: Plan, environment: Mapping[str, str]) -> Iterat
     path : Path
     plan : Plan
     environment : mapping of str to str
-        See :func:`stoop.parallel.environment.environment`.
+        See :func:`stoop.parallel.environment`.
 
     Raises
     ------
@@ -142,9 +135,39 @@ def open_store(path: Path, plan: Plan, environment: Mapping[str, str]) -> Iterat
         Of another plan, other settings or another environment; in use; damaged; no store at all; or the folder cannot be
         written.
     """
-    with _explained(path), closing(_connect(path)) as connection:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"{path}: its folder cannot be made ({error.strerror or error}); choose another"
+        ) from None
+    if _is_truncated(path):
+        raise OutputError(f"{path}: {_FOREIGN}")
+    with (
+        _explained(path),
+        closing(sqlite3.connect(path.resolve(), timeout=_PATIENCE, isolation_level=None)) as connection,
+    ):
+        connection.execute("PRAGMA synchronous = FULL")
+        connection.execute(
+            "PRAGMA locking_mode = EXCLUSIVE"
+        )  # the lock stays from one transaction to the next
         with _transaction(connection, "EXCLUSIVE"):
-            _make_or_check(connection, path, plan, environment)
+            if _is_foreign(connection):
+                raise OutputError(f"{path}: {_FOREIGN}")
+            meta = {
+                "schema": SCHEMA,
+                "plan": plan.name,
+                "settings": to_text(dict(plan.settings), f"plan {plan.name}: settings"),
+                "environment": to_text(dict(environment), "environment"),
+            }
+            if not connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
+                for statement in _TABLES:
+                    connection.execute(statement)
+                _write_meta(connection, meta)
+            elif connection.execute("PRAGMA integrity_check").fetchall() != [("ok",)]:
+                raise OutputError(f"{path}: {_DAMAGED}")
+            else:
+                _check_meta(connection, path, meta, environment)
             store = Store(connection, path)
         yield store
 
@@ -164,7 +187,7 @@ def forget(path: Path) -> None:
     file = path.resolve()
     if not file.exists():
         return
-    if not file.is_file() or _too_short(file):
+    if not file.is_file() or _is_truncated(file):
         raise OutputError(f"{path}: {_KEPT}")
     with (
         _explained(path, "cannot be removed: "),
@@ -173,43 +196,24 @@ def forget(path: Path) -> None:
         connection.execute("BEGIN EXCLUSIVE")
         if _is_foreign(connection):
             raise OutputError(f"{path}: {_KEPT}")
-        _unlink(file, path)  # while nobody else can begin to write; there is nothing to commit
-
-
-def _unlink(file: Path, path: Path) -> None:
-    try:
-        file.unlink()
-        file.with_name(f"{file.name}-journal").unlink(missing_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"{path}: cannot be removed ({error.strerror or error}); choose another folder"
-        ) from None
+        try:  # while nobody else can begin to write; there is nothing to commit
+            file.unlink()
+            file.with_name(f"{file.name}-journal").unlink(missing_ok=True)
+        except OSError as error:
+            raise OutputError(
+                f"{path}: cannot be removed ({error.strerror or error}); choose another folder"
+            ) from None
 
 
 def _is_foreign(connection: sqlite3.Connection) -> bool:
-    """Tell whether a file is another program's; one without tables and owner is a store that was never begun."""
+    """Return whether a file is another program's; one without tables and owner is a store that was never begun."""
     (owner,) = connection.execute("PRAGMA application_id").fetchone()
     (count,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
     return bool(owner != APPLICATION and (owner or count))
 
 
-def _connect(path: Path) -> sqlite3.Connection:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"{path}: its folder cannot be made ({error.strerror or error}); choose another"
-        ) from None
-    if _too_short(path):
-        raise OutputError(f"{path}: {_NOT_OURS}")
-    connection = sqlite3.connect(path.resolve(), timeout=_PATIENCE, isolation_level=None)
-    connection.execute("PRAGMA synchronous = FULL")
-    connection.execute("PRAGMA locking_mode = EXCLUSIVE")  # the lock stays from one transaction to the next
-    return connection
-
-
-def _too_short(path: Path) -> bool:
-    """Tell whether SQLite would take a file for an empty one and write over it.
+def _is_truncated(path: Path) -> bool:
+    """Return whether SQLite would take a file for an empty one and write over it: the shortest with content has 512 bytes.
 
     The file is not opened for this: closing it would drop the locks that this process may hold on it.
     """
@@ -217,7 +221,7 @@ def _too_short(path: Path) -> bool:
         size = path.stat().st_size
     except OSError:
         return False
-    return 0 < size < _LEAST and not path.with_name(f"{path.name}-journal").exists()
+    return 0 < size < 512 and not path.with_name(f"{path.name}-journal").exists()
 
 
 @contextmanager
@@ -227,8 +231,8 @@ def _explained(path: Path, failed: str = "") -> Iterator[None]:
         yield
     except sqlite3.Error as error:
         name = getattr(error, "sqlite_errorname", "")
-        words = next((w for start, w in _WORDS.items() if name.startswith(start)), f"{error}; {_SAFE}")
-        raise OutputError(f"{path}: {failed}{words}") from error
+        message = next((m for start, m in _MESSAGES.items() if name.startswith(start)), f"{error}; {_SAFE}")
+        raise OutputError(f"{path}: {failed}{message}") from error
 
 
 @contextmanager
@@ -243,81 +247,43 @@ def _transaction(connection: sqlite3.Connection, kind: str) -> Iterator[None]:
         raise
 
 
-def _make_or_check(
-    connection: sqlite3.Connection, path: Path, plan: Plan, environment: Mapping[str, str]
-) -> None:
-    if _is_foreign(connection):
-        raise OutputError(f"{path}: {_NOT_OURS}")
-    (count,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
-    if not count:
-        for statement in _TABLES:
-            connection.execute(statement)
-        _write_meta(connection, _meta(plan, environment))
-        return
-    if connection.execute("PRAGMA integrity_check").fetchall() != [("ok",)]:
-        raise OutputError(f"{path}: {_DAMAGED}")
-    _check_meta(connection, path, plan, environment)
-
-
-def _meta(plan: Plan, environment: Mapping[str, str]) -> dict[str, str]:
-    return {
-        "schema": SCHEMA,
-        "plan": plan.name,
-        "settings": to_text(dict(plan.settings), f"plan {plan.name}: settings"),
-        "environment": to_text(dict(environment), "environment"),
-    }
-
-
 def _write_meta(connection: sqlite3.Connection, meta: Mapping[str, str]) -> None:
     rows = [(name, value, _seal(name, value)) for name, value in meta.items()]
     connection.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?, ?)", rows)
 
 
 def _check_meta(
-    connection: sqlite3.Connection, path: Path, plan: Plan, environment: Mapping[str, str]
+    connection: sqlite3.Connection, path: Path, here: Mapping[str, str], environment: Mapping[str, str]
 ) -> None:
-    """Refuse a store that is another one's; note libraries that have been installed since."""
-    there, here = _sealed_meta(connection, path), _meta(plan, environment)
-    if connection.execute("SELECT 1 FROM runs LIMIT 1").fetchone() is None:
-        _write_meta(connection, here)  # nothing was done with what was asked for then
-        return
-    if there["plan"] != plan.name:
-        raise OutputError(f"{path}: holds the runs of {there['plan']}, not of {plan.name}; name another file")
-    _check_settings(path, here["settings"], there["settings"])
-    _check_environment(connection, path, environment, there["environment"])
-
-
-def _sealed_meta(connection: sqlite3.Connection, path: Path) -> dict[str, str]:
-    """Return what a store is for, once its schema is known to be this one: another may keep other things."""
+    """Refuse a store of another schema, plan, settings or environment; add libraries that have been installed since."""
     rows = connection.execute("SELECT name, value, checksum FROM meta").fetchall()
     there = {name: value for name, value, _ in rows}
     if any(_seal(name, value) != checksum for name, value, checksum in rows) or "schema" not in there:
         raise OutputError(f"{path}: {_DAMAGED}")
-    if there["schema"] != SCHEMA:
+    if there["schema"] != SCHEMA:  # another one may have other entries
         raise OutputError(
             f"{path}: a store of another version ({_cut(there['schema'])}, not {SCHEMA}); name another file"
         )
-    if set(there) != set(_NAMES):
+    if set(there) != set(here):
         raise OutputError(f"{path}: {_DAMAGED}")
-    return there
-
-
-def _check_settings(path: Path, here: str, there: str) -> None:
-    if here != there:
-        ours, theirs = _texts(here, path), _texts(there, path)
+    if connection.execute("SELECT 1 FROM runs LIMIT 1").fetchone() is None:
+        _write_meta(connection, here)  # nothing was done for the earlier plan
+        return
+    if there["plan"] != here["plan"]:
+        raise OutputError(
+            f"{path}: holds the runs of {there['plan']}, not of {here['plan']}; name another file"
+        )
+    if there["settings"] != here["settings"]:
+        ours, theirs = (
+            {k: to_text(v, k) for k, v in _object(x["settings"], path).items()} for x in (here, there)
+        )
         name = min(n for n in {*ours, *theirs} if ours.get(n) != theirs.get(n))
         raise OutputError(
             f"{path}: made with other settings ({name}: {_cut(theirs.get(name))}, now {_cut(ours.get(name))}); "
             "give the same again, or begin a new store in another folder"
         )
-
-
-def _check_environment(
-    connection: sqlite3.Connection, path: Path, environment: Mapping[str, str], there: str
-) -> None:
-    kept = _texts(there, path, plain=True)
-    unlike = differences(environment, kept)
-    if unlike:
+    kept = {name: str(value) for name, value in _object(there["environment"], path).items()}
+    if unlike := differences(environment, kept):
         raise OutputError(
             f"{path}: made in another environment ({unlike}): the rest would not fit what is there to the last bit; "
             "name another file to start anew"
@@ -325,14 +291,12 @@ def _check_environment(
     _write_meta(connection, {"environment": to_text({**kept, **environment}, "environment")})
 
 
-def _texts(text: str, path: Path, plain: bool = False) -> dict[str, str]:
-    """Return the entries of a JSON object, each as text."""
+def _object(text: str, path: Path) -> dict[str, Json]:
     value = _read(text, path)
-    items = value.items() if isinstance(value, dict) else ()
-    return {name: str(item) if plain else to_text(item, name) for name, item in items}
+    return value if isinstance(value, dict) else {}
 
 
-def _cut(text: str | None, longest: int = 40) -> str:
+def _cut(text: str | None) -> str:
     if text is None:
         return "absent"
-    return text if len(text) <= longest else f"{text[:longest]}..."
+    return text if len(text) <= 40 else f"{text[:40]}..."

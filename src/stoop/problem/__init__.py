@@ -1,7 +1,6 @@
 """Trajectories against a flight -> residuals; the costs of pieces and priors add."""
 
 from stoop.problem.layout import Layout, Nuisance
-from stoop.problem.misfit import Misfit, Piece, on_circle
-from stoop.problem.weights import Weights
+from stoop.problem.misfit import Misfit, Piece, Weights, on_circle
 
 __all__ = ["Layout", "Misfit", "Nuisance", "Piece", "Weights", "on_circle"]

@@ -25,56 +25,37 @@ AT_BOUND = 1e-6  #: of the width of the bounds: an estimate that is nearer lies 
 class Unknown:
     """One number that an estimator solves for.
 
-    Attributes
-    ----------
-    name : str
-        Of the vehicle for a parameter, of :class:`~stoop.problem.Nuisance` for a nuisance.
-    kind : {"parameter", "nuisance", "noise"}
-        A noise intensity is the logarithm of a standard deviation; it takes part and is not reported.
-    estimate : float, SI
-    size : float, SI
-        With which a standard error is compared: the larger of start and estimate, or the prior of a nuisance.
-    width : float, SI
-        Of its bounds; infinite without bounds.
-    prior : float, SI
-        Standard deviation of its prior; infinite without one.
-    fixed : {"", "bound", "method"}
-        Why it has no error bar: its estimate lies at a bound, or the method does not estimate it.
+    A noise intensity is the logarithm of a standard deviation; it takes part and is not reported.
     """
 
-    name: str
+    name: str  #: of the vehicle for a parameter, of :class:`~stoop.problem.Nuisance` for a nuisance
     kind: Literal["parameter", "nuisance", "noise"]
-    estimate: float
-    size: float
-    width: float = np.inf
-    prior: float = np.inf
-    fixed: Literal["", "bound", "method"] = ""
+    estimate: float  #: SI
+    size: float  #: SI, with which a standard error is compared: larger of start and estimate, or a nuisance's prior
+    width: float = np.inf  #: SI, of its bounds; infinite without bounds
+    prior: float = np.inf  #: SI, standard deviation of its prior; infinite without one
+    fixed: Literal["", "bound", "method"] = (
+        ""  #: why it has no error bar: at a bound, or not estimated by the method
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class PieceEvidence:
     """Residuals of one piece at the estimate, weighted by the inverse square root W of the noise covariance.
 
-    Attributes
-    ----------
-    residual : (n, n_y), 1
-        W (measured - model), with W' W the inverse noise covariance; NaN where there is no measurement.
-    jacobian : (n, n_y, k), 1 per SI unit of the unknown
-        W d(model)/d(unknown); zero for unknowns that do not touch the piece, and not used beside a missing measurement.
-    edges : tuple of int
-        First sample of each window and the number of samples, where windows of the piece begin anew: residuals are then
-        no stationary noise, but alike from window to window. Else empty.
-    gaps : (w - 1, e), 1
-        Whitened residuals of the continuity of the w windows (end of one, start of the next), where there are `edges`.
-    gap_jacobian : (w - 1, e, k), 1 per SI unit of the unknown
-        Their derivatives.
+    W' W is the inverse noise covariance. Residuals, gaps, and W are dimensionless; derivatives are per SI unit of the unknown.
+    Where windows of the piece begin anew, residuals are no stationary noise, but alike from window to window.
     """
 
-    residual: FloatArray
-    jacobian: FloatArray
-    edges: tuple[int, ...] = ()
-    gaps: FloatArray | None = None
-    gap_jacobian: FloatArray | None = None
+    residual: FloatArray  #: (n, n_y), W (measured - model), NaN where there is no measurement
+    jacobian: FloatArray  #: (n, n_y, k), W d(model)/d(unknown), not used beside a missing measurement
+    edges: tuple[
+        int, ...
+    ] = ()  #: first sample of each of w windows that begin anew, and the number of samples
+    gaps: FloatArray | None = (
+        None  #: (w - 1, e), whitened residuals of their continuity (end of one, start of the next)
+    )
+    gap_jacobian: FloatArray | None = None  #: (w - 1, e, k), derivatives of the gaps
 
     @property
     def present(self) -> BoolArray:
@@ -98,26 +79,17 @@ class PieceEvidence:
 class Evidence:
     """What the estimates of any method rest on; k unknowns: parameters, nuisances, then noise intensities.
 
-    Attributes
-    ----------
-    unknowns : tuple of Unknown, (k,)
-        The free parameters and the nuisances of the layout in its order, whether estimated or not; then whatever else
-        the method estimates.
-    pieces : tuple of PieceEvidence
-    prior : (k, k)
-        Information beside the residuals, per SI unit: priors, the size of innovations, the continuity of windows.
-    inflation : float
-        Factor by which the noise covariance in W exceeds that of the residuals, because neighboring residuals are
-        correlated; the Cramer-Rao bound for white residuals takes it off again.
-    white : bool
-        Whether the residuals are uncorrelated by construction (Fourier coefficients), so that no color is corrected.
+    The inflation is the factor by which the noise covariance in W exceeds that of the residuals, because neighboring
+    residuals are correlated; the Cramer-Rao bound for white residuals takes it off again.
     """
 
-    unknowns: tuple[Unknown, ...]
+    unknowns: tuple[
+        Unknown, ...
+    ]  #: those of the layout in its order, estimated or not; then noise intensities
     pieces: tuple[PieceEvidence, ...]
-    prior: FloatArray
+    prior: FloatArray  #: (k, k), information beside the residuals, per SI unit: priors, size of innovations, continuity
     inflation: float = 1.0
-    white: bool = False
+    white: bool = False  #: whether residuals are uncorrelated by construction (Fourier coefficients): no color is corrected
 
     @property
     def free(self) -> NDArray[np.intp]:
@@ -128,32 +100,24 @@ class Evidence:
 def unknowns_of(
     layout: Layout, z: FloatArray, estimated: Collection[int] | None = None
 ) -> tuple[Unknown, ...]:
-    """Return the parameters and nuisances of a layout at an estimate.
+    """Return the parameters and nuisances of a layout at an estimate z (D + E,).
 
-    Parameters
-    ----------
-    layout : Layout
-    z : (D + E,)
-        Parameters in the unit box, nuisances in prior sigmas.
-    estimated : collection of int, optional
-        Entries of `z` that the method estimates, whether at a bound or not; all of them when absent.
+    `estimated` are the entries of `z` that the method estimates, whether at a bound or not; all of them when absent.
     """
     out: list[Unknown] = []
-    for i, (p, value) in enumerate(
-        zip(layout.parameters, layout.physical(z[None, :])[0].tolist(), strict=True)
-    ):
+    fixed: list[Literal["", "bound", "method"]] = [
+        "" if estimated is None or i in estimated else "method" for i in range(len(z))
+    ]
+    values = layout.physical(z[None, :])[0].tolist()
+    for i, (p, value) in enumerate(zip(layout.parameters, values, strict=True)):
         at_bound = estimated is None and not AT_BOUND <= z[i] <= 1.0 - AT_BOUND
-        fixed = "bound" if at_bound else _left_out(i, estimated)
         size, width = max(abs(p.value), abs(value)), p.upper - p.lower
-        out.append(Unknown(p.name, "parameter", value, size, width, p.prior or np.inf, fixed))
+        why = "bound" if at_bound else fixed[i]
+        out.append(Unknown(p.name, "parameter", value, size, width, p.prior or np.inf, why))
     for i, n in enumerate(layout.nuisances, layout.dimension):
         value = n.center + n.scale * float(z[i])
-        out.append(Unknown(n.name, "nuisance", value, n.scale, prior=n.scale, fixed=_left_out(i, estimated)))
+        out.append(Unknown(n.name, "nuisance", value, n.scale, prior=n.scale, fixed=fixed[i]))
     return tuple(out)
-
-
-def _left_out(entry: int, estimated: Collection[int] | None) -> Literal["", "method"]:
-    return "" if estimated is None or entry in estimated else "method"
 
 
 def prior_information(unknowns: Sequence[Unknown]) -> FloatArray:

@@ -1,7 +1,6 @@
-"""Which number of the search vector is what.
+"""The search vector: [free parameters in the unit box | nuisances in prior standard deviations].
 
-The vector is [free parameters in the unit box | nuisances in prior sigmas]. Nuisances are what differs
-between maneuvers: initial states of each piece, sensor biases of each maneuver.
+Nuisances differ between maneuvers: initial states of each piece, sensor biases of each maneuver.
 """
 
 from __future__ import annotations
@@ -20,25 +19,15 @@ from stoop.vehicle.schema import CHANNELS, WIND
 
 @dataclass(frozen=True)
 class Nuisance:
-    """One nuisance: an initial state of a piece, or a sensor bias of a maneuver.
+    """One nuisance: an initial state of a piece, or a sensor bias of a maneuver."""
 
-    Attributes
-    ----------
-    name : str
-        ``V`` ... ``psi`` (``u`` ... ``psi`` of a vehicle with rotors) or ``NAME.lag`` for an initial state,
-        ``sensors.CHANNEL.bias`` for a bias.
-    maneuver : int
-    piece : int or None
-        The piece whose initial state it is; None for a bias.
-    center, scale : float, SI
-        Where it starts and its prior standard deviation: value = center + scale * entry.
-    """
-
+    #: ``V`` ... ``psi`` (``u`` ... ``psi`` of a vehicle with rotors) or ``NAME.lag`` for an initial
+    #: state, ``sensors.CHANNEL.bias`` for a bias
     name: str
     maneuver: int
-    piece: int | None
-    center: float
-    scale: float
+    piece: int | None  #: the piece whose initial state it is; None for a bias
+    center: float  #: SI, where its entry is zero
+    scale: float  #: SI, its prior standard deviation: value = center + scale * entry
 
     @property
     def is_bias(self) -> bool:
@@ -48,7 +37,7 @@ class Nuisance:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """The search vector of a vehicle and its maneuvers."""
+    """The search vector of a vehicle and its maneuvers; D parameters, E nuisances."""
 
     vehicle: Vehicle
     parameters: tuple[Parameter, ...]
@@ -61,24 +50,24 @@ class Layout:
         free = tuple(p for p in vehicle.parameters if p.free and p.name not in biases)
         return cls(vehicle, free, tuple(nuisances))
 
-    @property
+    @cached_property
     def dimension(self) -> int:
-        """Number of free parameters."""
+        """Number D of free parameters."""
         return len(self.parameters)
 
-    @property
+    @cached_property
     def extra(self) -> int:
-        """Number of nuisances."""
+        """Number E of nuisances."""
         return len(self.nuisances)
 
     @cached_property
     def lower(self) -> FloatArray:
-        """Lower bounds, SI."""
+        """Lower bounds (D,), SI."""
         return np.array([p.lower for p in self.parameters])
 
     @cached_property
     def width(self) -> FloatArray:
-        """Width of the bounds, SI."""
+        """Width of the bounds (D,), SI."""
         return np.array([p.upper - p.lower for p in self.parameters])
 
     @cached_property
@@ -88,7 +77,7 @@ class Layout:
 
     @cached_property
     def scales(self) -> FloatArray:
-        """SI size of one unit of each entry of the vector."""
+        """SI size of one unit of each entry of the vector, (D + E,)."""
         return np.concatenate([self.width, [n.scale for n in self.nuisances]])
 
     def physical(self, Z: FloatArray) -> FloatArray:
@@ -116,14 +105,10 @@ class Layout:
     def prior_costs(self, X: FloatArray) -> FloatArray:
         """Return the cost of priors (B,) for parameters (B, D), nuisances at their start."""
         index, mean, sigma = self.priors
-        if not index.size:
-            return np.zeros(len(X))
         return np.asarray(np.sum(((X[:, index] - mean) / sigma) ** 2, axis=1))
 
     def prior_jacobian(self) -> FloatArray:
         """Return the derivative of :meth:`prior_residuals`, (n, D + E)."""
         index, _, sigma = self.priors
-        out = np.zeros((len(index) + self.extra, self.dimension + self.extra))
-        out[np.arange(len(index)), index] = 1.0 / sigma
-        out[len(index) + np.arange(self.extra), self.dimension + np.arange(self.extra)] = 1.0
-        return out
+        one = np.eye(self.dimension + self.extra)
+        return np.concatenate([one[index] / sigma[:, None], one[self.dimension :]])

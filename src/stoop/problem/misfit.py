@@ -5,46 +5,93 @@ This is the least-squares problem that an optimizer sees (:class:`stoop.optimize
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.variables import WRAPPED
 from stoop.problem.layout import Layout, Nuisance
-from stoop.problem.weights import Weights
 from stoop.simulation import parameter_rows
 from stoop.simulation.delays import input_delays, late_inputs, late_outputs, output_delays
 from stoop.simulation.initial import initial_states, rigid_states
 
-STEP = 1e-7
+STEP = 1e-7  #: of a forward difference
+
+
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """The weighting matrix Q of eq. (3), the inverse of the measurement noise covariance."""
+
+    covariance: FloatArray  #: (n_y, n_y), of the measurement noise, the channels' units
+    root: FloatArray  #: (n_y, n_y), upper triangular, Q = root' root: whitens a residual
+
+    @classmethod
+    def of(cls, covariance: FloatArray) -> Weights:
+        """Return the weights of a noise covariance (n_y, n_y), or of variances (n_y,)."""
+        matrix = np.diag(covariance) if covariance.ndim == 1 else covariance
+        return cls(matrix, np.linalg.cholesky(np.linalg.inv(matrix)).T)
+
+    @cached_property
+    def diagonal(self) -> bool:
+        """Whether channels are weighted one by one."""
+        return not np.any(self.root - np.diag(np.diag(self.root)))
+
+    @property
+    def logdet(self) -> float:
+        """Logarithm of the determinant of the noise covariance."""
+        return -2.0 * float(np.sum(np.log(np.diag(self.root))))
+
+    def whiten(self, residuals: FloatArray, present: BoolArray, out: FloatArray | None = None) -> FloatArray:
+        """Return residuals (..., n, n_y), zero where nothing was measured, with unit covariance.
+
+        A sample that lacks channels has the covariance of those that are `present` (n, n_y). `out` may take the result
+        and may be the residuals themselves.
+        """
+        if self.diagonal:
+            return np.multiply(residuals, np.diag(self.root), out=out)
+        white = np.zeros_like(residuals)
+        for rows, root in self._roots(present):
+            white[..., rows, :] = residuals[..., rows, :] @ root.T
+        return white
+
+    def colored(self, whitened: FloatArray, present: BoolArray) -> FloatArray:
+        """Return residuals (n, n_y) in the channels' units from whitened ones: the inverse of :meth:`whiten`."""
+        if self.diagonal:
+            return np.asarray(whitened / np.diag(self.root))
+        residuals = np.zeros_like(whitened)
+        for rows, root in self._roots(present):
+            residuals[rows] = whitened[rows] @ np.linalg.pinv(root).T
+        return residuals
+
+    def _roots(self, present: BoolArray) -> Iterator[tuple[BoolArray, FloatArray]]:
+        """Yield samples (n,) that have the same channels, with the root of their inverse covariance, zero elsewhere."""
+        patterns, which = np.unique(present, axis=0, return_inverse=True)
+        for i, pattern in enumerate(patterns):
+            index = np.flatnonzero(pattern)
+            root = np.zeros_like(self.root)
+            if index.size:
+                part = self.covariance[np.ix_(index, index)]
+                root[np.ix_(index, index)] = np.linalg.cholesky(np.linalg.inv(part)).T
+            yield which.ravel() == i, root
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A contiguous stretch of one maneuver.
-
-    Attributes
-    ----------
-    maneuver : int
-    time : (n,), s, uniform
-    inputs : (n, n_u)
-    measured : (n, n_y), NaN where missing
-    start : mapping
-        Initial state by name (V ... psi, h), where its nuisances are zero.
-    changes : mapping
-        Numbers of the vehicle that differ in this maneuver (its loading).
-    """
+    """A contiguous stretch of one maneuver."""
 
     maneuver: int
-    time: FloatArray
-    inputs: FloatArray
-    measured: FloatArray
-    start: Mapping[str, float]
-    changes: Mapping[str, float] = field(default_factory=dict)
+    time: FloatArray  #: (n,), s, uniform
+    inputs: FloatArray  #: (n, n_u)
+    measured: FloatArray  #: (n, n_y), NaN where missing
+    start: Mapping[str, float]  #: initial state by name (V ... psi, h), where its nuisances are zero
+    changes: Mapping[str, float] = field(
+        default_factory=dict
+    )  #: numbers that differ in this maneuver (its loading)
 
     @property
     def dt(self) -> float:
@@ -64,28 +111,19 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Misfit:
-    """A least-squares problem on the unit box.
-
-    Attributes
-    ----------
-    layout : Layout
-    pieces : tuple of Piece
-    weights : Weights
-    ladder : tuple of tuple of int
-        Samples of each piece on each rung; the last rung is the whole record.
-    """
+    """A least-squares problem on the unit box."""
 
     layout: Layout
     pieces: tuple[Piece, ...]
     weights: Weights
-    ladder: tuple[tuple[int, ...], ...]
+    ladder: tuple[tuple[int, ...], ...]  #: samples of each piece on each rung; the last is the whole record
 
-    @property
+    @cached_property
     def dimension(self) -> int:
         """Number of free parameters."""
         return self.layout.dimension
 
-    @property
+    @cached_property
     def extra(self) -> int:
         """Number of nuisances."""
         return self.layout.extra
@@ -102,20 +140,19 @@ class Misfit:
 
     def costs(self, X: FloatArray, rung: int) -> FloatArray:
         """Return J (B,) of parameters (B, D) in the unit box, nuisances at their start."""
-        if not self._summed_in_kernel:
-            return self._squares(X, rung)
+        if not self.weights.diagonal or output_delays(
+            self.layout.vehicle
+        ):  # work is left to do with the readings
+            Z = np.concatenate([X, np.zeros((len(X), self.extra))], axis=1)
+            with np.errstate(invalid="ignore", over="ignore"):
+                squares = np.sum(self.residuals(Z, rung) ** 2, axis=1)
+            return np.where(np.isfinite(squares), squares, np.inf)
         total = self.layout.prior_costs(X)
         for i, (piece, count) in enumerate(zip(self.pieces, self.ladder[rung], strict=True)):
             rows, start = self.candidates(X, i)
             inputs = self._inputs(piece, rows)
             total += self._kernel.cost(rows, start, inputs, piece.measured, self._quality[i], piece.dt, count)
         return total
-
-    def _squares(self, X: FloatArray, rung: int) -> FloatArray:
-        Z = np.concatenate([X, np.zeros((len(X), self.extra))], axis=1)
-        with np.errstate(invalid="ignore", over="ignore"):
-            total = np.sum(self.residuals(Z, rung) ** 2, axis=1)
-        return np.where(np.isfinite(total), total, np.inf)
 
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
         """Return weighted residuals (B, n_r) of vectors (B, D + E), priors last."""
@@ -130,9 +167,25 @@ class Misfit:
         out = np.zeros((len(z), len(r))).T
         first, spent = 0, 0.0
         for i, count in enumerate(self.ladder[rung]):
-            block = slice(first, first + count * len(self.layout.vehicle.outputs))
-            spent += self._piece_jacobian(z, i, count, r[block], out[block]) * count
-            first = block.stop
+            rows = slice(first, first + count * len(self.layout.vehicle.outputs))
+            entries = np.array(
+                [*range(self.dimension), *(j for j, n in self.own[i] if not n.is_bias)], dtype=np.intp
+            )
+            steps = np.where((entries < self.dimension) & (z[entries] + STEP > 1.0), -STEP, STEP)
+            Z = np.repeat(z[None, :], len(entries), axis=0)
+            Z[np.arange(len(entries)), entries] += steps
+            taken = Z[np.arange(len(entries)), entries] - z[entries]
+            R = self._piece_residuals(Z, i, count)
+            with np.errstate(invalid="ignore", over="ignore"):
+                for entry, row, step in zip(
+                    entries, R, taken, strict=True
+                ):  # a row at a time stays in the cache
+                    row -= r[rows]
+                    np.divide(row, step, out=out.T[entry, rows])
+            for j, column in self._bias_columns[i].items():
+                out[rows, j] = column[: rows.stop - first]
+            spent += len(entries) * count
+            first = rows.stop
         out[first:] = self.layout.prior_jacobian()
         return out, spent / sum(self.ladder[-1])
 
@@ -150,18 +203,13 @@ class Misfit:
         return np.asarray(self._trajectories(z[None, :], index, len(self.pieces[index].time))[0])
 
     @cached_property
-    def _summed_in_kernel(self) -> bool:
-        """Whether the compiled time loop can sum the cost: nothing is left to do with the outputs."""
-        return self.weights.diagonal and not output_delays(self.layout.vehicle)
-
-    @cached_property
     def _quality(self) -> list[FloatArray]:
         """Weight (n, n_y) of every sample of each piece, for a diagonal Q."""
         quality = np.diag(self.weights.root) ** 2
         return [np.where(np.isfinite(p.measured), quality, 0.0) for p in self.pieces]
 
     @cached_property
-    def _kernel(self):  # type: ignore[no-untyped-def]
+    def _kernel(self) -> Any:
         return self.layout.vehicle.kernel()
 
     def _piece_residuals(self, Z: FloatArray, index: int, count: int) -> FloatArray:
@@ -178,27 +226,6 @@ class Misfit:
             return self.weights.whiten(on_circle(simulated, self.layout.vehicle.outputs), present, simulated)
 
     @cached_property
-    def _varied(self) -> list[list[int]]:
-        """Entries that are varied on each piece: all parameters and the piece's own initial states."""
-        return [[*range(self.dimension), *(j for j, n in own if not n.is_bias)] for own in self.own]
-
-    def _piece_jacobian(self, z: FloatArray, index: int, count: int, r: FloatArray, out: FloatArray) -> int:
-        """Fill the rows of one piece; return how many trajectories it took."""
-        entries = np.array(self._varied[index], dtype=np.intp)
-        steps = np.where((entries < self.dimension) & (z[entries] + STEP > 1.0), -STEP, STEP)
-        Z = np.repeat(z[None, :], len(entries), axis=0)
-        Z[np.arange(len(entries)), entries] += steps
-        taken = Z[np.arange(len(entries)), entries] - z[entries]
-        R = self._piece_residuals(Z, index, count)
-        with np.errstate(invalid="ignore", over="ignore"):
-            for entry, row, step in zip(entries, R, taken, strict=True):  # a row at a time stays in the cache
-                row -= r
-                np.divide(row, step, out=out.T[entry])
-        for j, column in self._bias_columns[index].items():
-            out[:, j] = column[: len(out)]
-        return len(entries)
-
-    @cached_property
     def _bias_columns(self) -> list[dict[int, FloatArray]]:
         """Derivatives (n * n_y,) of the whitened readings of each piece by its biases, by their place in the vector."""
         vehicle, out = self.layout.vehicle, []
@@ -206,9 +233,7 @@ class Misfit:
             present, columns = np.isfinite(piece.measured), {}
             for j, bias in ((j, n) for j, n in own if n.is_bias):
                 row = vehicle.rows[bias.name]
-                shared = [
-                    vehicle.rows[f"sensors.{c}.bias"] == row for c in vehicle.outputs
-                ]  # a tie shares it
+                shared = [vehicle.rows[f"sensors.{c}.bias"] == row for c in vehicle.outputs]  # by a tie
                 columns[j] = np.asarray(self.weights.whiten(bias.scale * present * shared, present).ravel())
             out.append(columns)
         return out
@@ -227,40 +252,39 @@ class Misfit:
         """Kernel parameters (n_p, 1), start and rigid-body states of each piece, nuisances at their start."""
         out = []
         for piece, own in zip(self.pieces, self.own, strict=True):
-            centers = {n.name: n.center for _, n in own if not n.is_bias}
-            start: dict[str, ArrayLike] = {**piece.start, **centers}
+            start: dict[str, ArrayLike] = {
+                **piece.start,
+                **{n.name: n.center for _, n in own if not n.is_bias},
+            }
             out.append((parameter_rows(self.layout.vehicle, piece.changes), start, rigid_states(start)))
         return out
 
     def candidates(self, Z: FloatArray, index: int) -> tuple[FloatArray, FloatArray]:
-        """Return kernel parameters and initial states of one piece.
+        """Return kernel parameters (n_p, B) and initial states (n_x, B) of one piece.
 
-        Parameters
-        ----------
-        Z : (B, D + E), or (B, D) with all nuisances at their start
-        index : int
+        `Z` is (B, D + E), or (B, D) with all nuisances at their start.
         """
-        vehicle, moved = self.layout.vehicle, Z.shape[1] > self.dimension
+        vehicle, varied = self.layout.vehicle, Z.shape[1] > self.dimension
         fixed, start, rigid = self._begin[index]
         rows = np.repeat(fixed, len(Z), axis=1)
         rows[self.layout.rows] = self.layout.physical(Z).T
         for j, n in self.own[index]:
-            value = n.center + n.scale * Z[:, j] if moved else n.center
+            value = n.center + n.scale * Z[:, j] if varied else n.center
             if n.is_bias:
                 rows[vehicle.rows[n.name]] = value
-            elif moved:
+            elif varied:
                 start = {**start, n.name: value}
-        if moved:
+        if varied:
             rigid = rigid_states(start)
         return rows, initial_states(vehicle, start, rows, self.pieces[index].inputs[0], rigid)
-
-    def _inputs(self, piece: Piece, rows: FloatArray) -> FloatArray:
-        """Return the inputs of a piece as the surfaces receive them."""
-        return late_inputs(self.layout.vehicle, piece.inputs, rows, piece.dt) if self._late else piece.inputs
 
     @cached_property
     def _late(self) -> bool:
         return bool(input_delays(self.layout.vehicle) or self.layout.vehicle.sloped)
+
+    def _inputs(self, piece: Piece, rows: FloatArray) -> FloatArray:
+        """Return the inputs of a piece as the surfaces receive them."""
+        return late_inputs(self.layout.vehicle, piece.inputs, rows, piece.dt) if self._late else piece.inputs
 
     def _trajectories(self, Z: FloatArray, index: int, count: int) -> FloatArray:
         piece, vehicle = self.pieces[index], self.layout.vehicle

@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.errors import FlightError, VehicleError
 from stoop.flight import Flight, Segment, segments
-from stoop.flight.segmentation import MIN_SEGMENT
+from stoop.flight.flight import MIN_SEGMENT
 from stoop.problem import Nuisance, Piece
 from stoop.problem.observation import (
     LAG_SCALE,
@@ -28,16 +27,7 @@ from stoop.vehicle import Vehicle
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """Windows cut into pieces.
-
-    Attributes
-    ----------
-    windows : tuple of Window
-        One per maneuver.
-    pieces : tuple of Piece
-    notices : tuple of Notice
-        What was trimmed, split, dropped or replaced by a default.
-    """
+    """Windows, one per maneuver, cut into pieces; the notices say what was trimmed, split, dropped or defaulted."""
 
     windows: tuple[Window, ...]
     pieces: tuple[Piece, ...]
@@ -58,38 +48,32 @@ def prepare(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[W
     """
     pieces: list[Piece] = []
     notices: list[Notice] = []
+    needed = ("altitude", *(c for c in state_channels(vehicle) if c not in vehicle.outputs))
     for index, window in enumerate(windows):
-        cut, found = _pieces(vehicle, flights[window.flight], window, index)
-        pieces += cut
+        flight = with_average_voltage(vehicle, flights[window.flight])
+        extras = tuple(name for name in needed if name in flight.data)
+        cut, found = segments(
+            flight, window.start, window.stop, list(vehicle.recorded), vehicle.outputs, extras
+        )
         notices += found
+        if not any(np.isfinite(s.z).any() for s in cut):
+            raise FlightError(
+                f"{window}: none of {', '.join(vehicle.outputs)} was recorded there; choose another window"
+            )
+        changes, before = _loading(vehicle, window), len(pieces)
+        for segment in cut:
+            piece, found = _piece(vehicle, window, segment, index, changes)
+            pieces += [piece] if piece is not None else []
+            notices += found
+        if len(pieces) == before:
+            raise FlightError(
+                f"{window}: nowhere {MIN_SEGMENT:g} s in which its whole state was measured; choose another window"
+            )
     return Prepared(tuple(windows), tuple(pieces), tuple(notices))
 
 
-def _pieces(vehicle: Vehicle, flight: Flight, window: Window, index: int) -> tuple[list[Piece], list[Notice]]:
-    wanted = ("altitude", *(c for c in state_channels(vehicle) if c not in vehicle.outputs))
-    extras = tuple(name for name in wanted if name in flight.data)
-    flight = with_average_voltage(vehicle, flight)
-    cut, notices = segments(
-        flight, window.start, window.stop, list(vehicle.recorded), vehicle.outputs, extras
-    )
-    if not any(np.isfinite(s.z).any() for s in cut):
-        raise FlightError(
-            f"{window}: none of {', '.join(vehicle.outputs)} was recorded there; choose another window"
-        )
-    changes, out = _loading(vehicle, window), []
-    for segment in cut:
-        piece, found = _piece(vehicle, window, segment, index, changes)
-        out += [piece] if piece is not None else []
-        notices += found
-    if not out:
-        raise FlightError(
-            f"{window}: nowhere {MIN_SEGMENT:g} s in which its whole state was measured; choose another window"
-        )
-    return out, notices
-
-
 def with_average_voltage(vehicle: Vehicle, flight: Flight) -> Flight:
-    """Return the flight with a voltage as slow as the vehicle's rotors take it (`rotors.voltage_average`).
+    """Return the flight with a voltage as slow as the vehicle's rotors take it (`rotors.voltage_average`, s).
 
     A battery sags while motors pull. That goes with the command and is in the thrust's polynomial already; and it is
     quicker than most logs hold the voltage. What is left over many seconds is how far the battery is drained.
@@ -123,13 +107,20 @@ def _piece(
     start, missing = guess_start(vehicle, t, {c: v[first:] for c, v in readings.items()}, where)
     if missing:
         notices.append(notice("start-defaulted", where, channels=tuple(missing)))
-    start["h"] = _altitude(vehicle, window, segment.extras, first)
+    altitude = segment.extras.get("altitude", np.empty(0))[first:]
+    recorded = altitude[np.isfinite(altitude)]
+    if not recorded.size and vehicle.file.environment.density == "standard":
+        raise FlightError(
+            f"{window}: no altitude was recorded; write environment.density as a number in {vehicle.where}"
+        )
+    start["h"] = float(recorded[0]) if recorded.size else 0.0
     u = np.zeros((len(t), len(vehicle.inputs)))  # zeros: what is no channel, and the noise behind gusts
     u[:, : segment.u.shape[1]] = segment.u[first:]
     return Piece(index, t, np.ascontiguousarray(u), segment.z[first:], start, changes), notices
 
 
 def _loading(vehicle: Vehicle, window: Window) -> dict[str, float]:
+    """Return the numbers that the window's loading changes."""
     if window.loading is None:
         return {}
     loadings = vehicle.file.loadings
@@ -147,18 +138,6 @@ def _loading(vehicle: Vehicle, window: Window) -> dict[str, float]:
     return changes
 
 
-def _altitude(vehicle: Vehicle, window: Window, extras: Mapping[str, FloatArray], first: int) -> float:
-    recorded = extras.get("altitude", np.empty(0))[first:]
-    present = recorded[np.isfinite(recorded)]
-    if present.size:
-        return float(present[0])
-    if vehicle.file.environment.density == "standard":
-        raise FlightError(
-            f"{window}: no altitude was recorded; write environment.density as a number in {vehicle.where}"
-        )
-    return 0.0
-
-
 def without_stuck_channels(vehicle: Vehicle, prepared: Prepared) -> Prepared:
     """Take a channel that never changes for one that was not measured: its estimated noise would go to zero."""
     stuck = []
@@ -169,46 +148,41 @@ def without_stuck_channels(vehicle: Vehicle, prepared: Prepared) -> Prepared:
             stuck.append(i)
     if not stuck:
         return prepared
-    pieces = []
-    for piece in prepared.pieces:
-        measured = piece.measured.copy()
-        measured[:, stuck] = np.nan
-        pieces.append(replace(piece, measured=measured))
+    columns = np.isin(np.arange(len(vehicle.outputs)), stuck)
+    pieces = tuple(replace(p, measured=np.where(columns, np.nan, p.measured)) for p in prepared.pieces)
     found = (notice("stuck-channel", vehicle.outputs[i]) for i in stuck)
-    return replace(prepared, pieces=tuple(pieces), notices=(*prepared.notices, *found))
+    return replace(prepared, pieces=pieces, notices=(*prepared.notices, *found))
 
 
 def nuisances(vehicle: Vehicle, prepared: Prepared) -> tuple[Nuisance, ...]:
-    """Return what differs between maneuvers: initial states of every piece, free biases of every maneuver."""
+    """Return what differs between maneuvers: initial states of every piece, free biases of every maneuver.
+
+    The prior of how far a lagged actuator is off its command at the start is a share of its largest command.
+
+    Raises
+    ------
+    VehicleError
+        A bias has bounds.
+    """
     model, out = observation_model(vehicle), []
     for i, piece in enumerate(prepared.pieces):
         for name in model.start_names(vehicle):
-            scale = model.start_scales.get(name) or _lag_scale(vehicle, piece, name.removesuffix(".lag"))
+            scale, actuator = model.start_scales.get(name, LAG_SCALE), name.removesuffix(".lag")
+            if actuator != name and actuator in vehicle.rotors:
+                rows = np.repeat(parameter_rows(vehicle, piece.changes), len(piece.inputs), axis=1)
+                largest = float(np.max(commanded(vehicle, actuator, rows, piece.inputs.T)))
+                scale *= largest or vehicle.value("rotors.gain")
             out.append(Nuisance(name, piece.maneuver, i, piece.start.get(name, 0.0), scale))
-    for maneuver in range(len(prepared.windows)):
-        own = [prepared.pieces[i] for i in prepared.of_maneuver(maneuver)]
-        for bias in _biases(vehicle, maneuver):
-            channel = vehicle.outputs.index(bias.name.split(".")[1])
-            if any(np.isfinite(p.measured[:, channel]).any() for p in own):
-                out.append(bias)
-    return tuple(out)
-
-
-def _lag_scale(vehicle: Vehicle, piece: Piece, actuator: str) -> float:
-    """Return the prior standard deviation of how far a lagged actuator is off its command at the start."""
-    if actuator not in vehicle.rotors:
-        return LAG_SCALE
-    rows = parameter_rows(vehicle, piece.changes)
-    spin = commanded(vehicle, actuator, np.repeat(rows, len(piece.inputs), axis=1), piece.inputs.T)
-    return LAG_SCALE * float(np.max(spin)) or LAG_SCALE * vehicle.value("rotors.gain")
-
-
-def _biases(vehicle: Vehicle, maneuver: int) -> list[Nuisance]:
     free = {p.name: p for p in vehicle.parameters if p.free}
-    names = [f"sensors.{c}.bias" for c in vehicle.outputs if f"sensors.{c}.bias" in free]
-    for name in names:
-        if getattr(vehicle.file.sensors, name.split(".")[1]).bias.bounds is not None:
+    biases = {i: free[n] for i, c in enumerate(vehicle.outputs) if (n := f"sensors.{c}.bias") in free}
+    for i, bias in biases.items():
+        if getattr(vehicle.file.sensors, vehicle.outputs[i]).bias.bounds is not None:
             raise VehicleError(
-                f"{vehicle.where}: {name}: a bias takes no bounds; write prior = SIGMA instead"
+                f"{vehicle.where}: {bias.name}: a bias takes no bounds; write prior = SIGMA instead"
             )
-    return [Nuisance(n, maneuver, None, free[n].value, free[n].prior or 1.0) for n in names]
+    for maneuver in range(len(prepared.windows)):
+        own = [prepared.pieces[i].measured for i in prepared.of_maneuver(maneuver)]
+        for i, bias in biases.items():
+            if any(np.isfinite(measured[:, i]).any() for measured in own):
+                out.append(Nuisance(bias.name, maneuver, None, bias.value, bias.prior or 1.0))
+    return tuple(out)

@@ -12,7 +12,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.variables import EULER, QUATERNION, VARIABLES, WRAPPED
 from stoop.flight import Flight
-from stoop.flight.air_data_reconstruction import RECONSTRUCTED, flow, with_air
+from stoop.flight.air_data import RECONSTRUCTED, flow, with_air
 from stoop.flight.flight import dataset, on_circle, with_attitude
 from stoop.flight.instrument_errors import DELAYED, RATES_DELAY
 from stoop.reconstruction.estimate import Estimate

@@ -10,8 +10,13 @@ from threadpoolctl import threadpool_limits
 
 from stoop import optimize
 from stoop.assessment.covariance import standard_errors
-from stoop.assessment.error_bars import Uncertainty, estimate_uncertainty
-from stoop.assessment.identifiability import ComparisonScale, Identifiability, identifiability
+from stoop.assessment.error_bars import (
+    ComparisonScale,
+    Identifiability,
+    Uncertainty,
+    estimate_uncertainty,
+    identifiability,
+)
 from stoop.base.arrays import FloatArray
 from stoop.base.variables import POSITION, VELOCITY
 from stoop.errors import IdentificationError

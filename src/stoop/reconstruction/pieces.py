@@ -16,7 +16,7 @@ from stoop.base.rotations import matrices_of, quaternions_of
 from stoop.base.variables import EULER, POSITION, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import FlightError
 from stoop.flight import Flight, segments
-from stoop.flight.air_data_reconstruction import RECONSTRUCTED
+from stoop.flight.air_data import RECONSTRUCTED
 from stoop.flight.airborne import flying
 from stoop.flight.instrument_errors import AIR, GROUND
 from stoop.reconstruction.kinematics import INPUTS, OUTPUTS

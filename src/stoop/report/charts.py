@@ -13,19 +13,13 @@ from markupsafe import Markup
 from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import FloatArray
 from stoop.base.numbers import RAISED
-from stoop.report.svg import Axes, Box, Range, Scale, drawing, element, spanning, tick_text
+from stoop.report.plots import Axes, Box, Range, Scale, drawing, element, spanning, tick_text
 from stoop.results.result import ParameterEstimate
 from stoop.results.uncertainty import Interval, ParameterRepeatability
 
 WIDTH: Final = 372.0  #: px of one panel; the page lays three side by side
 LARGE: Final = 560.0  #: px of a panel of which two lie side by side
 LEFT, RIGHT, FLOOR = 46.0, 6.0, 18.0
-METHODS_WIDTH, METHODS_STEP = (
-    340.0,
-    9.0,
-)  #: px of the drawing of intervals by method, and from one to the next
-MAX_NUMBERED: Final = 40  #: rows up to which a correlation matrix shows its numbers
-DARK_CELL: Final = 0.85  #: correlation above which a cell is dark enough for white digits
 MAX_REACH: Final = 3.0  #: a simulated curve may widen the axis to so many times the measured range
 Ends = tuple[float, float]
 
@@ -44,7 +38,14 @@ def channel_panel(curves: Curves, role: str, description: str) -> Markup:
     """Return measured against simulated, and their difference below."""
     span, residual = _time_span(curves.time), curves.measured - curves.simulated
     reach = max(map(abs, spanning([residual])))
-    upper = Axes.around(Box(LEFT, 6.0, WIDTH - LEFT - RIGHT, 128.0), span, _channel_range(curves))
+    # A diverged simulation may not flatten the measurements to a line.
+    known = curves.measured if np.isfinite(curves.measured).any() else curves.simulated
+    low, high = spanning([known])
+    room = MAX_REACH * (high - low)
+    others = [curves.simulated] + ([curves.baseline] if curves.baseline is not None else [])
+    clipped = (np.clip(other, low - room, high + room) for other in others)
+    values = spanning([np.array([low, high]), *clipped], 0.02)
+    upper = Axes.around(Box(LEFT, 6.0, WIDTH - LEFT - RIGHT, 128.0), span, values)
     lower = Axes.around(Box(LEFT, 142.0, WIDTH - LEFT - RIGHT, 44.0), span, (-reach, reach))
     parts = [axes.hole(*gap) for gap in holes(curves.time) for axes in (upper, lower)]
     parts += upper.frame(bottom_labels=False, rows=5) + lower.frame(rows=4)
@@ -79,17 +80,19 @@ def convergence_panel(history: FloatArray) -> Markup | None:
     spent, cost = good[:, 0], good[:, 1]
     decades = bool(cost.min() > 0.0 and cost.max() > 10.0 * cost.min())
     level: FloatArray = np.log10(cost) if decades else cost
+
+    def power_of_ten(level: float, step: float) -> str:
+        return (
+            tick_text(10.0**level, 10.0**level) if step < 1.0 else "10" + str(round(level)).translate(RAISED)
+        )
+
     box = Box(LEFT, 6.0, LARGE - LEFT - RIGHT, 150.0)
     axes = Axes.around(box, spanning([spent], 0.02), spanning([level]))
     # The best cost stays until a better one is found: a staircase.
     stairs = axes.curve(np.repeat(spent, 2)[1:], np.repeat(level, 2)[:-1], "curve fit")
-    frame = axes.frame(columns=8, text=_power_of_ten if decades else tick_text)
+    frame = axes.frame(columns=8, text=power_of_ten if decades else tick_text)
     description = f"Best cost against trajectories, from {cost[0]:.4g} to {cost[-1]:.4g}."
     return drawing(LARGE, 156.0 + FLOOR, description, [*frame, stairs])
-
-
-def _power_of_ten(level: float, step: float) -> str:
-    return tick_text(10.0**level, 10.0**level) if step < 1.0 else "10" + str(round(level)).translate(RAISED)
 
 
 def autocorrelation_panel(values: FloatArray, period: float, samples: int, name: str) -> Markup:
@@ -137,10 +140,8 @@ def forest_row(one: ParameterEstimate, drawn: Ends, kind: str, description: str)
         parts.append(_tick(scale.at(0.0), 2.0, height - 2.0, "zeroline"))
     if np.isfinite(prior).all():
         left, right = map(scale.at, prior)
-        width_of_prior = right - left
-        parts.append(
-            element("rect", x=left, y=middle - 7, width=width_of_prior, height=14.0, rx=2.0, class_="prior")
-        )
+        wide = right - left
+        parts.append(element("rect", x=left, y=middle - 7, width=wide, height=14.0, rx=2.0, class_="prior"))
     parts += [_tick(scale.at(edge), 3.0, height - 3.0, "edge") for edge in bounds]
     if np.isfinite(one.start):
         parts.append(_tick(scale.at(one.start), middle - 6, middle + 6, "start"))
@@ -155,25 +156,26 @@ def method_intervals(
     estimate: float, intervals: Sequence[tuple[str, Interval | None]], description: str
 ) -> Markup:
     """Return the estimate as a line and one interval per method, with its class; an open end runs to the edge."""
+    width, step = 340.0, 9.0
     ends = [e for _, s in intervals if s is not None for e in (s.ci95_lower, s.ci95_upper)]
-    scale = Scale(*spanning([np.array([estimate, *ends])], 0.08), 4.0, METHODS_WIDTH - 4.0)
-    height = METHODS_STEP * len(intervals) + 4.0
+    scale = Scale(*spanning([np.array([estimate, *ends])], 0.08), 4.0, width - 4.0)
+    height = step * len(intervals) + 4.0
     parts = [_tick(scale.at(estimate), 1.0, height - 1.0, "zeroline")]
     if scale.low < 0.0 < scale.high:
         parts.append(_tick(scale.at(0.0), 0.0, height, "grid zero"))
     for i, (kind, one) in enumerate(intervals):
         if one is None:
             continue
-        y = 2.0 + METHODS_STEP * (i + 0.5)
+        y = 2.0 + step * (i + 0.5)
         known = np.isfinite([one.ci95_lower, one.ci95_upper])
         if known.any():
             left = scale.at(one.ci95_lower) if known[0] else 0.0
-            right = scale.at(one.ci95_upper) if known[1] else METHODS_WIDTH
+            right = scale.at(one.ci95_upper) if known[1] else width
             open_end = "" if known.all() else " open"
             parts.append(element("line", x1=left, x2=right, y1=y, y2=y, class_=f"interval {kind}{open_end}"))
         hollow = "" if known.any() else " nothing"
         parts.append(element("circle", cx=scale.at(estimate), cy=y, r=2.6, class_=f"dot {kind}{hollow}"))
-    return drawing(METHODS_WIDTH, height, description, parts)
+    return drawing(width, height, description, parts)
 
 
 def repeatability_panel(name: str, one: ParameterRepeatability, joint: ParameterEstimate) -> Markup:
@@ -204,13 +206,12 @@ def repeatability_panel(name: str, one: ParameterRepeatability, joint: Parameter
 
 def correlation_map(names: Sequence[str], matrix: FloatArray) -> Markup:
     """Return the lower triangle of a correlation matrix (k, k) as a map, blue below zero, red above."""
-    size = max(9.0, min(24.0, 680.0 / max(len(names), 1)))
+    size, numbered = max(9.0, min(24.0, 680.0 / max(len(names), 1))), len(names) <= 40
     room = 12.0 + 6.2 * max((len(name) for name in names), default=1)
     parts: list[Markup] = []
     for i, name in enumerate(names):
         y = i * size
         parts.append(element("text", name, x=room - 6, y=y + size / 2 + 3.5, class_="tick end"))
-        numbered = len(names) <= MAX_NUMBERED
         parts += [_cell(room + j * size, y, size, float(matrix[i, j]), numbered) for j in range(i)]
         parts.append(element("rect", x=room + y, y=y, width=size - 1, height=size - 1, class_="diagonal"))
         slant = f"translate({room + y + size / 2:.1f} {len(names) * size + 8:.1f}) rotate(-50)"
@@ -228,7 +229,7 @@ def _cell(x: float, y: float, size: float, value: float, numbered: bool) -> Mark
     if not known or abs(value) < 0.7 or not numbered or size < 16:
         return square
     number = f"{abs(value):.2f}".removeprefix("0") if abs(value) < 0.995 else "1.0"
-    kind = "tick mid on-dark" if abs(value) > DARK_CELL else "tick mid on-light"
+    kind = "tick mid on-dark" if abs(value) > 0.85 else "tick mid on-light"
     return square + element("text", number, x=x + size / 2 - 0.5, y=y + size / 2 + 3, class_=kind)
 
 
@@ -248,13 +249,3 @@ def _time_span(time: FloatArray) -> Range:
     if finite.size < 2 or finite[0] == finite[-1]:
         return spanning([finite])
     return float(finite[0]), float(finite[-1])
-
-
-def _channel_range(curves: Curves) -> Range:
-    """Return the range of the y axis; a diverged simulation may not flatten the measurements to a line."""
-    known = curves.measured if np.isfinite(curves.measured).any() else curves.simulated
-    low, high = spanning([known])
-    reach = MAX_REACH * (high - low)
-    others = [curves.simulated] + ([curves.baseline] if curves.baseline is not None else [])
-    clipped = (np.clip(other, low - reach, high + reach) for other in others)
-    return spanning([np.array([low, high]), *clipped], 0.02)

@@ -1,131 +1,131 @@
-"""The page of an experiment design: the maneuver, the response, and the expected standard errors."""
+"""Pages of planning: what to fly next and the standard errors to expect, and which windows of a flight to fit."""
 
 from __future__ import annotations
 
 import math
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.numbers import factor_and_unit, number
-from stoop.base.variables import VARIABLES
-from stoop.input_design.proposal import Proposal
-from stoop.report.plots import Series, Strip, plot, stacked_plots
-from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table
-from stoop.simulation import Maneuver
+from stoop.base.numbers import NOTHING, factor_and_unit, number
+from stoop.base.variables import RATES, VARIABLES, VELOCITY
+from stoop.flight import Flight
+from stoop.flight.maneuvers import commands
+from stoop.input_design.optimization import Proposal
+from stoop.input_design.windows import Found, Proposed
+from stoop.problem.windows import NAME
+from stoop.report.plots import Series, Shade, ShadeKind, Strip, plot, stacked_plots
+from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table
 
-LEAD = """\
+DESIGN_LEAD: Final = """\
 The input below is the one, of those tried, whose flight makes the error bars of the parameters of {vehicle} smallest \
 together (D-optimality), as far as the model is right that it was designed for: {source}. It stays within the amplitude, \
 the slew and the envelope that are listed. Compared with it is what the textbook flies: a 3-2-1-1 on one control after the \
 other, of the same duration and amplitude."""
-EXPECTED = """\
+DESIGN_EXPECTED: Final = """\
 Standard errors before the flight, after the textbook's flight, and after the designed one. They are predictions: the \
 Cramer-Rao bound for the noise of the sensors, with the initial state and the sensor biases unknown. Colored residuals widen \
 all of them alike; a model that is wrong in kind is not in them."""
-ROBUSTNESS = """\
+ROBUSTNESS: Final = """\
 The model is what is to be measured, so it is wrong. Flown with {draws} models drawn from what is known: {outside} left the \
 envelope{most}, {untrimmed} did not fly straight at this speed. In those that stayed inside, the mean standard error was \
 {low} to {high} of the textbook's."""
-NOTHING_KNOWN = "Nothing is known of the parameters, so no other models were drawn: begin with half the amplitude, and watch."
+NOTHING_KNOWN: Final = """\
+Nothing is known of the parameters, so no other models were drawn: begin with half the amplitude, and watch."""
+WINDOWS_LEAD: Final = """\
+Stretches of the flight that are worth fitting, found by how the controls were moved and chosen by {criterion}. Each was \
+taken because it adds most for its length to those before it; the choice ends when another adds less than 5 % to the error \
+bars. One is held out: what a model predicts there shows what it is worth. The windows avoid gaps, the ground, stuck sensors \
+and saturated motors. Edit {name} beside this page to accept, move or decline, then run the command at the end."""
+BY_VEHICLE: Final = (
+    "their information about the free numbers of {vehicle} (Fisher's information, D-optimality)"
+)
+BY_COMMAND: Final = "how strongly, and how independently of each other, commands and rates move in them"
+KEY: Final = """\
+Blue: to be fitted. Orange: to be predicted. Grey with dashed edges: a maneuver that is not proposed, behind those that are. \
+Information is the mean logarithm by which a window alone shrinks the error bars (0.69 halves them); gain, likewise, beside \
+the windows chosen before it."""
+EXPECTED: Final = """\
+Standard errors that the windows to be fitted will give, as far as the vehicle file is right in kind: the Cramer-Rao bound \
+with initial states and biases unknown, for the residuals that a first linear step leaves in this flight. A dash: not \
+identifiable from the windows. {guess}"""
+FIRST_GUESS: Final = """\
+The first guess is where the errors were worked out: the file's value, or a rough first step. It is no estimate; the fit \
+replaces it."""
+
+KINDS: Final[dict[str, ShadeKind]] = {"not used": "declined", "fit": "fitted", "predict": "predicted"}
 
 
 def design_sheet(proposal: Proposal, command: str) -> Sheet:
-    """Return the page of a proposal."""
-    best = proposal.best
-    lead = LEAD.format(vehicle=proposal.setup.vehicle.name, source=proposal.source)
-    files = "maneuver.toml is what stoop simulate flies; maneuver.csv has the deflections from the trim, in rad, against time."
-    return Sheet(
-        f"What to fly next: {proposal.setup.vehicle.name}",
-        lead,
-        (
-            Section("What to fly", (_inputs(best.maneuver), Prose(files), _families(proposal))),
-            Section("Response", (_responses(proposal), _limits(proposal))),
-            Section("Expected standard errors", (Prose(EXPECTED), _bars(proposal), _errors(proposal))),
-            Section("If the model is wrong", (Prose(_robustness(proposal)),)),
-            Section("Made by", (Code(command),)),
-        ),
-    )
-
-
-def _inputs(maneuver: Maneuver) -> Figure:
-    strips = [
-        Strip(f"{control}, deg", (Series(control, maneuver.time, np.degrees(move)),))
-        for control, move in maneuver.deflections().items()
+    """Return the page of a proposal: the maneuver, the response, and the expected standard errors."""
+    best, setup = proposal.best, proposal.setup
+    limits, time, outputs = setup.limits, best.maneuver.time, setup.vehicle.outputs
+    deflections = [
+        Strip(f"{control}, deg", (Series(control, time, np.degrees(move)),))
+        for control, move in best.maneuver.deflections().items()
     ]
-    return Figure(
-        "Deflections from the trim", stacked_plots(strips, "time, s", "Deflection of every control")
-    )
-
-
-def _families(proposal: Proposal) -> Table:
-    rows = [
+    inputs = stacked_plots(deflections, "time, s", "Deflection of every control")
+    families = tuple(
         (one.shape, f"{one.gain:.2f} per parameter", f"{proposal.ratio(one):.2f} of the textbook's")
         for one in proposal.designs
-    ]
-    head = ("family", "information gained", "mean standard error")
-    return Table("The families that were tried", head, tuple(rows))
-
-
-def _responses(proposal: Proposal) -> Figure:
-    outputs, time = proposal.setup.vehicle.outputs, proposal.best.maneuver.time
-    readings = proposal.best.forecast.readings
-    strips = [
-        _response(proposal, c, time, readings[:, outputs.index(c)]) for c in proposal.setup.limits.envelope
-    ]
-    return Figure(
-        "Readings and their limits",
-        stacked_plots(strips, "time, s", "Readings of the designed flight between their limits"),
     )
-
-
-def _response(proposal: Proposal, channel: str, time: FloatArray, values: FloatArray) -> Strip:
-    factor, shown = factor_and_unit(VARIABLES[channel].unit)
-    ends = time[[0, -1]]
-    limits = [
-        Series("limits", ends, np.full(2, factor * edge)) for edge in proposal.setup.limits.envelope[channel]
-    ]
-    return Strip(f"{channel}, {shown}", (Series("reading", time, factor * values), *limits))
-
-
-def _limits(proposal: Proposal) -> Table:
-    limits = proposal.setup.limits
-    rows = [
+    responses = []
+    for channel, span in limits.envelope.items():
+        factor, unit = factor_and_unit(VARIABLES[channel].unit)
+        edges = (Series("limits", time[[0, -1]], np.full(2, factor * edge)) for edge in span)
+        reading = Series("reading", time, factor * best.forecast.readings[:, outputs.index(channel)])
+        responses.append(Strip(f"{channel}, {unit}", (reading, *edges)))
+    description = "Readings of the designed flight between their limits"
+    controls = tuple(
         (c, f"±{math.degrees(a):.3g} deg", f"{math.degrees(limits.slew):.3g} deg/s")
         for c, a in limits.amplitude.items()
-    ]
-    return Table("Limits of the controls", ("control", "amplitude", "slew"), tuple(rows))
+    )
+    files = "maneuver.toml is what stoop simulate flies; maneuver.csv has the deflections from the trim, in rad, against time."
+    to_fly = (
+        Figure("Deflections from the trim", inputs),
+        Prose(files),
+        Table(
+            "The families that were tried", ("family", "information gained", "mean standard error"), families
+        ),
+    )
+    response = (
+        Figure("Readings and their limits", stacked_plots(responses, "time, s", description)),
+        Table("Limits of the controls", ("control", "amplitude", "slew"), controls),
+    )
+    sections = (
+        Section("What to fly", to_fly),
+        Section("Response", response),
+        Section("Expected standard errors", (Prose(DESIGN_EXPECTED), *_standard_errors(proposal))),
+        Section("If the model is wrong", (Prose(_robustness(proposal)),)),
+        Section("Made by", (Code(command),)),
+    )
+    lead = DESIGN_LEAD.format(vehicle=setup.vehicle.name, source=proposal.source)
+    return Sheet(f"What to fly next: {setup.vehicle.name}", lead, sections)
 
 
-def _bars(proposal: Proposal) -> Figure:
-    """Draw the standard errors over the textbook's, by parameter."""
-    setup = proposal.setup
+def _standard_errors(proposal: Proposal) -> tuple[Figure, Table]:
+    """Draw the standard errors over the textbook's, and list them by parameter."""
+    setup, best = proposal.setup, proposal.best
     base = setup.std(proposal.expected)
     place = np.arange(1.0, len(base) + 1.0)
+    series = [Series("textbook", np.array([0.5, len(base) + 0.5]), np.ones(2))]
     with np.errstate(invalid="ignore"):
-        series = [
-            Series(one.shape, place, setup.std(one.forecast) / base, "points") for one in proposal.designs
-        ]
-    edge = Series("textbook", np.array([0.5, len(base) + 0.5]), np.ones(2))
-    drawing = plot(
-        [*series, edge],
-        "parameter, in the order of the table",
-        "standard error over the textbook's",
-        "Standard errors of every parameter over the textbook's",
-    )
-    return Figure("Below one is better than the textbook", drawing)
-
-
-def _errors(proposal: Proposal) -> Table:
-    setup, best = proposal.setup, proposal.best
-    columns = (proposal.now, setup.std(proposal.expected), setup.std(best.forecast))
+        ratios = [(one.shape, setup.std(one.forecast) / base) for one in proposal.designs]
+    series[:0] = [Series(shape, place, ratio, "points") for shape, ratio in ratios]
+    labels = ("parameter, in the order of the table", "standard error over the textbook's")
+    drawing = plot(series, *labels, "Standard errors of every parameter over the textbook's")
+    columns = (proposal.now, base, setup.std(best.forecast))
     rows = []
     for i, name in enumerate(setup.names):
         now, textbook, designed = (float(c[i]) for c in columns)
         shown = [number(v, 3) if np.isfinite(v) else "unknown" for v in (now, textbook, designed)]
         rows.append((name, number(float(setup.values[i]), 4), *shown, f"{designed / textbook:.2f}"))
     head = ("parameter", "believed", "now", "textbook", "designed", "designed over textbook")
-    return Table("Standard errors", head, tuple(rows))
+    return Figure("Below one is better than the textbook", drawing), Table(
+        "Standard errors", head, tuple(rows)
+    )
 
 
 def _robustness(proposal: Proposal) -> str:
@@ -139,3 +139,106 @@ def _robustness(proposal: Proposal) -> str:
     return ROBUSTNESS.format(
         draws=robust.draws, outside=robust.outside, most=most, untrimmed=robust.untrimmed, low=low, high=high
     )
+
+
+def windows_sheet(
+    found: Found, flights: Mapping[str, Flight], vehicle: str, command: str, following: Sequence[str]
+) -> Sheet:
+    """Return the page.
+
+    Parameters
+    ----------
+    found : Found
+    flights : mapping
+        By name.
+    vehicle : str
+        Its name, or empty.
+    command : str
+        By which the windows were made.
+    following : sequence of str
+        Words of the command that takes the file.
+    """
+    criterion = BY_VEHICLE.format(vehicle=vehicle) if vehicle else BY_COMMAND
+    sections = [
+        Section(f"The flight {name}" if len(flights) > 1 else "The flight", (_figure(found, flight),))
+        for name, flight in flights.items()
+    ]
+    rows = tuple(
+        (
+            str(i), span_of(w, found), use_of(w), w.axis, f"{w.information:.2f}", f"{w.gain:.2f}" if w.gain else NOTHING,
+            str(w.why),
+        )
+        for i, w in enumerate(found.windows, 1)
+    )  # fmt: skip
+    head = ("number", "window s", "use", "axis", "information", "gain", "why")
+    sections.append(Section("Windows", (Prose(KEY), Table("", head, rows))))
+    if found.expected:
+        errors = tuple(
+            (
+                e.name, number(e.value, 4), number(e.std_error, 3) if math.isfinite(e.std_error) else NOTHING,
+                percent(e.relative),
+            )
+            for e in found.expected
+        )  # fmt: skip
+        table = Table("", ("parameter", "first guess", "standard error", "of its size"), errors)
+        guess = Prose(EXPECTED.format(guess=FIRST_GUESS))
+        sections.append(Section("Expected standard errors", (guess, table)))
+    if found.notices:
+        sections.append(Section("Notes", (Bullets(found.notices),)))
+    sections.append(Section("Next", (Code(shlex.join(following)), Prose("Made by"), Code(command))))
+    return Sheet(
+        "Windows worth fitting", WINDOWS_LEAD.format(criterion=criterion, name=NAME), tuple(sections)
+    )
+
+
+def use_of(window: Proposed) -> str:
+    """Return the proposed use of a window."""
+    if not window.accept:
+        return "not used"
+    return "fit" if window.use == "fit" else "predict"
+
+
+def span_of(window: Proposed, found: Found) -> str:
+    """Return start and stop of a window, s, and its flight where there are several."""
+    several = len({w.flight for w in found.windows}) > 1
+    return f"{window.flight}@" * several + f"{window.start:.1f}:{window.stop:.1f}"
+
+
+def percent(share: float) -> str:
+    """Return a share in percent."""
+    if not math.isfinite(share):
+        return NOTHING
+    return f"{100.0 * share:.1f} %" if share < 10.0 else "> 1000 %"
+
+
+def _figure(found: Found, flight: Flight) -> Figure:
+    own = [(i, w) for i, w in enumerate(found.windows, 1) if w.flight == flight.name]
+    proposed = ", ".join(f"{w.start:g} to {w.stop:g} s" for _, w in own if w.accept)
+    shades = [Shade(w.start, w.stop, str(i), KINDS[use_of(w)]) for i, w in own]
+    description = f"Commands, rates and speed of the whole flight; proposed windows: {proposed}"
+    strips = [*_strips(flight), information_strip([w for _, w in own])]
+    drawing = stacked_plots(strips, "time, s of the log's clock", description, shades)
+    return Figure("Commands and motion over the whole flight, windows shaded and numbered", drawing)
+
+
+def _strips(flight: Flight) -> Iterator[Strip]:
+    for command in commands(flight):
+        known = VARIABLES.get(command.variable)
+        combined = "m/s2" if command.axis == "heave" else "rad/s2"  # of several channels
+        factor, unit = factor_and_unit(known.unit if known else combined)
+        label = f"{command.axis} command ({command.variable})" + (f", {unit}" if unit else "")
+        yield Strip(label, (Series("command", flight.time, factor * command.u),))
+    rates = [name for name in RATES if name in flight.data]
+    if rates:
+        series = (Series(n, flight.time, np.degrees(flight.column(n))) for n in rates)
+        yield Strip("rates, deg/s", tuple(series))
+    if set(VELOCITY) <= set(flight.data):
+        speed = np.linalg.norm([flight.column(name) for name in VELOCITY], axis=0)
+        yield Strip("speed over ground, m/s", (Series("speed", flight.time, speed),))
+
+
+def information_strip(windows: Sequence[Proposed]) -> Strip:
+    """Return the information of each window as a level over its stretch, and nothing between them."""
+    x = np.array([v for w in windows for v in (w.start, w.stop, np.nan)])
+    y = np.array([v for w in windows for v in (w.information, w.information, np.nan)])
+    return Strip("information", (Series("information", x, y),), zero=True)

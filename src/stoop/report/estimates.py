@@ -1,4 +1,4 @@
-"""Tables of what was estimated: parameters and their correlation, states, biases, wind, noise."""
+"""Tables of what was estimated: parameters, their correlation, uncertainty and identifiability; states, biases, noise."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from markupsafe import Markup, escape
 
 from stoop.assessment.covariance import NORMAL_95, correlation
 from stoop.base.numbers import NOTHING, clock, compact, number, readable_unit, rounded_to_error, window
-from stoop.report.charts import correlation_map, forest_row
-from stoop.report.formula import mathml
-from stoop.report.sheet import Details, Drawing, Legend, Part, Prose, Section, Table
-from stoop.results.result import Identification, ParameterEstimate, Quantity
+from stoop.report.charts import correlation_map, forest_row, method_intervals
+from stoop.report.sheet import Bullets, Details, Drawing, Heading, Legend, Part, Prose, Section, Table, mathml
+from stoop.results.result import Identification, Quantity, Result
+from stoop.results.uncertainty import MethodIntervals
 
 STRONG_CORRELATION: Final = 0.9  #: pairs above are listed
 MAX_PAIRS: Final = 12
@@ -35,6 +35,33 @@ HEAD: Final = (
     "Parameter", "Estimate", "Std. error", "Unit", "Interval and prior, drawn", "95 % interval", "Start", "Prior",
     "Bounds", "Remark",
 )  # fmt: skip
+TITLES: Final = {
+    "corrected": "corrected for color",
+    "cramer_rao": "Cramér–Rao, white",
+    "bootstrap": "block bootstrap",
+    "posterior": "posterior",
+    "profile": "profile likelihood",
+}
+FIGURES: Final = {
+    "replicates": "replicates",
+    "dived": "of them by a full search",
+    "lost": "of them without an optimum",
+    "rhat": "greatest R-hat",
+    "ess_bulk": "least effective sample size, bulk",
+    "ess_tail": "least effective sample size, tails",
+    "autocorrelation_time": "longest autocorrelation time, steps",
+    "acceptance": "acceptance",
+    "walkers": "walkers",
+    "steps": "steps",
+    "marginalization_error": "greatest error of the marginalization, log density",
+    "refits": "refits",
+}
+UNCERTAINTY_LEAD: Final = (
+    "The same estimates with 95 % intervals by each method, on a scale of each parameter’s own; the dashed line is the "
+    "estimate. A faded bar that runs to the edge is open: the data give no limit there. A hollow dot has no interval: the "
+    "parameter is not identifiable."
+)
+MULTIPLE: Final = "With a multiple correlation of nearly 1 the others can replace a parameter."
 
 
 def label(identification: Identification, name: str) -> Markup:
@@ -47,58 +74,48 @@ def label(identification: Identification, name: str) -> Markup:
 
 def estimates_section(identification: Identification) -> Section:
     """Return the table of estimates."""
-    parameters = identification.result.parameters
-    rows = tuple(_row(identification, name, one) for name, one in parameters.items())
-    kinds = ("", "n", "n", "", "forest", "n", "n", "n", "n", "remark")
-    row_kinds = tuple(estimate_kind(one) for one in parameters.values())
-    table = Table("", HEAD, rows, kinds, row_kinds, "Estimates")
+    rows, kinds = [], []
+    for name, one in identification.result.parameters.items():
+        estimate, error = rounded_to_error(one.estimate, one.std_error)
+        kind, drawn = "sure", (one.ci95_lower, one.ci95_upper)
+        interval = prior = bounds = NOTHING
+        if one.at_bound:
+            kind = "bound"
+        elif not one.identifiable:  # no interval is given; the drawing shows how wide it would be
+            kind = "unsure"
+            drawn = (one.estimate - NORMAL_95 * one.std_error, one.estimate + NORMAL_95 * one.std_error)
+        if math.isfinite(one.ci95_lower) and math.isfinite(one.ci95_upper):
+            ends = (rounded_to_error(end, one.std_error)[0] for end in (one.ci95_lower, one.ci95_upper))
+            interval = " … ".join(ends)
+        if not math.isnan(one.prior_std):
+            prior = f"{compact(one.prior_mean, 4)} ± {compact(one.prior_std)}"
+        lower, upper = one.bound_lower, one.bound_upper
+        if not (math.isinf(lower) and math.isinf(upper)):
+            symmetric = lower == -upper
+            bounds = f"± {compact(upper)}" if symmetric else f"{compact(lower)} … {compact(upper)}"
+        far = abs(one.estimate - one.prior_mean) > FAR_FROM_PRIOR * one.prior_std
+        remarks = {
+            "at its bound": one.at_bound,
+            "not identifiable": not one.identifiable,
+            "more than 3 σ from its prior": math.isfinite(one.prior_std) and far,
+        }
+        row = (
+            label(identification, name),
+            estimate,
+            error if one.identifiable else f"({error})",
+            readable_unit(one.unit),
+            forest_row(one, drawn, kind, f"{name}: {estimate}, standard error {error}, {kind}"),
+            interval,
+            compact(one.start, 4),
+            prior,
+            bounds,
+            "; ".join(text for text, holds in remarks.items() if holds),
+        )
+        rows.append(row)
+        kinds.append(kind)
+    columns = ("", "n", "n", "", "forest", "n", "n", "n", "n", "remark")
+    table = Table("", HEAD, tuple(rows), columns, tuple(kinds), "Estimates")
     return Section("Estimates", (Prose(ESTIMATES_LEAD, muted=True), Legend(KEYS), table))
-
-
-def estimate_kind(one: ParameterEstimate) -> str:
-    """Return the class of an estimate."""
-    return "bound" if one.at_bound else "sure" if one.identifiable else "unsure"
-
-
-def _row(identification: Identification, name: str, one: ParameterEstimate) -> tuple[str, ...]:
-    estimate, error = rounded_to_error(one.estimate, one.std_error)
-    kind, drawn = estimate_kind(one), (one.ci95_lower, one.ci95_upper)
-    if kind == "unsure":  # no interval is given; the drawing shows how wide it would be
-        drawn = (one.estimate - NORMAL_95 * one.std_error, one.estimate + NORMAL_95 * one.std_error)
-    interval = prior = NOTHING
-    if math.isfinite(one.ci95_lower) and math.isfinite(one.ci95_upper):
-        ends = (rounded_to_error(end, one.std_error)[0] for end in (one.ci95_lower, one.ci95_upper))
-        interval = " … ".join(ends)
-    if not math.isnan(one.prior_std):
-        prior = f"{compact(one.prior_mean, 4)} ± {compact(one.prior_std)}"
-    return (
-        label(identification, name),
-        estimate,
-        error if one.identifiable else f"({error})",
-        readable_unit(one.unit),
-        forest_row(one, drawn, kind, f"{name}: {estimate}, standard error {error}, {kind}"),
-        interval,
-        compact(one.start, 4),
-        prior,
-        _bounds(one.bound_lower, one.bound_upper),
-        _remark(one),
-    )
-
-
-def _remark(one: ParameterEstimate) -> str:
-    far = abs(one.estimate - one.prior_mean) > FAR_FROM_PRIOR * one.prior_std
-    remarks = {
-        "at its bound": one.at_bound,
-        "not identifiable": not one.identifiable,
-        "more than 3 σ from its prior": math.isfinite(one.prior_std) and far,
-    }
-    return "; ".join(text for text, holds in remarks.items() if holds)
-
-
-def _bounds(lower: float, upper: float) -> str:
-    if math.isinf(lower) and math.isinf(upper):
-        return NOTHING
-    return f"± {compact(upper)}" if lower == -upper else f"{compact(lower)} … {compact(upper)}"
 
 
 def correlation_section(identification: Identification) -> Section | None:
@@ -124,14 +141,16 @@ def nuisance_section(identification: Identification) -> Section | None:
     """Return noise, biases and initial states; None where there are none."""
     result = identification.result
     parts: list[Part] = []
-    if result.noise_covariance.channels:
-        parts.append(_noise(identification))
-    biases = [(maneuver_name(identification, one.maneuver), one.values) for one in result.biases]
+    noise = result.noise_covariance
+    if noise.channels:
+        deviations = np.sqrt(np.maximum(np.diag(noise.matrix), 0.0))
+        units = (readable_unit(identification.units.get(name, "")) for name in noise.channels)
+        cells = tuple(f"{number(float(v), 3)} {u}" for v, u in zip(deviations, units, strict=True))
+        caption = "Measurement noise used as weight, standard deviation"
+        parts.append(Table(caption, tuple(label(identification, n) for n in noise.channels), (cells,)))
+    biases = [(_place(result, one.maneuver), one.values) for one in result.biases]
     states = [
-        (
-            f"{maneuver_name(identification, s.maneuver)}, segment {s.segment + 1} at {clock(s.time)} s",
-            s.values,
-        )
+        (f"{_place(result, s.maneuver)}, segment {s.segment + 1} at {clock(s.time)} s", s.values)
         for s in result.initial_states
     ]
     for title, place, groups in (
@@ -144,22 +163,11 @@ def nuisance_section(identification: Identification) -> Section | None:
     return Section("Initial states, biases and noise", parts, "States and biases") if parts else None
 
 
-def _noise(identification: Identification) -> Table:
-    """Return the standard deviation of the measurement noise of every channel."""
-    noise = identification.result.noise_covariance
-    deviations = np.sqrt(np.maximum(np.diag(noise.matrix), 0.0))
-    units = (readable_unit(identification.units.get(name, "")) for name in noise.channels)
-    cells = tuple(f"{number(float(v), 3)} {u}" for v, u in zip(deviations, units, strict=True))
-    caption = "Measurement noise used as weight, standard deviation"
-    return Table(caption, tuple(label(identification, name) for name in noise.channels), (cells,))
-
-
-def maneuver_name(identification: Identification, index: int) -> str:
+def _place(result: Result, index: int) -> str:
     """Return the flight and the window of a maneuver."""
-    maneuvers = identification.result.maneuvers
-    if not 0 <= index < len(maneuvers):
+    if not 0 <= index < len(result.maneuvers):
         return f"maneuver {index + 1}"
-    one = maneuvers[index]
+    one = result.maneuvers[index]
     return f"{one.flight} {window(one.start, one.stop)}"
 
 
@@ -180,3 +188,89 @@ def quantity_table(
             last = where
     head = (place, "Quantity", "Estimate", "Std. error", "Unit")
     return Table(caption, head, tuple(rows), ("", "", "n", "n", ""))
+
+
+def uncertainty_section(identification: Identification) -> Section | None:
+    """Return uncertainty by method, one beside the other, and identifiability; None for a result without it."""
+    result = identification.result
+    if not result.uncertainty:
+        return None
+    methods = {name: TITLES.get(name, name) for name in result.uncertainty}
+    classes = {name: f"method-{name if name in TITLES else 'other'}" for name in methods}
+    keys, notes = [], []
+    for name, method in result.uncertainty.items():
+        figures = method_figures(method)
+        keys.append((f"swatch {classes[name]}key", methods[name] + (f" ({figures})" if figures else "")))
+        notes += [f"{methods[name]}: {note}" for note in method.notes]
+    rows, kinds = [], []
+    for name, one in result.parameters.items():
+        sure = one.identifiable and not one.at_bound
+        found = {key: m.parameters.get(name) for key, m in result.uncertainty.items()}
+        texts, errors = [], []
+        for key, interval in found.items():
+            errors.append("")
+            if interval is not None:
+                ends = f"{number(interval.ci95_lower, 4)} to {number(interval.ci95_upper, 4)}"
+                texts.append(f"{methods[key]} from {ends}")
+                shown = rounded_to_error(one.estimate, interval.std_error)[1]
+                known = np.isfinite(interval.std_error)
+                errors[-1] = NOTHING if not known else shown if sure else f"({shown})"
+        intervals = [(classes[key], interval) for key, interval in found.items()]
+        drawn = method_intervals(one.estimate, intervals, f"{name}: {'; '.join(texts)}")
+        rows.append((label(identification, name), drawn, *errors, readable_unit(one.unit)))
+        kinds.append("sure" if sure else "unsure")
+    columns = ("", "methods", *("n" for _ in methods), "")
+    head = ("Parameter", "95 % intervals, drawn", *methods.values(), "Unit")
+    caption = "Standard errors and intervals by method"
+    parts: list[Part] = [Prose(UNCERTAINTY_LEAD, muted=True)]
+    parts += [Bullets(result.trust)] if result.trust else []
+    parts += [Legend(keys)]
+    parts += [Bullets(notes, "notes")] if notes else []
+    parts += [Table("", head, tuple(rows), columns, tuple(kinds), caption), *_identifiability(identification)]
+    return Section("Uncertainty, by method", parts, "Uncertainty")
+
+
+def method_figures(one: MethodIntervals) -> str:
+    """Return the statistics of a method; counts as whole numbers, others to three digits."""
+    shown = {
+        key: f"{value:.0f}" if float(value).is_integer() else number(value, 3)
+        for key, value in one.figures.items()
+    }
+    return "; ".join(f"{FIGURES.get(key, key)} {text}" for key, text in shown.items())
+
+
+def _identifiability(identification: Identification) -> list[Part]:
+    found, parts = identification.result.identifiability, list[Part]()
+    rows = tuple(
+        (
+            label(identification, name), str(one.doubt), number(one.multiple_correlation, 5), ", ".join(one.partners),
+            str(one.advice),
+        )
+        for name, one in found.parameters.items()
+        if one.doubt
+    )  # fmt: skip
+    if rows:
+        condition, values = "", found.singular_values
+        if values:
+            ratio = f"{values[0] / values[-1]:.3g}" if values[-1] > 0.0 else "infinite"
+            condition = (
+                f"The sensitivities to all unknowns have {len(values)} singular values from {values[0]:.3g} to "
+                f"{values[-1]:.2g}, condition {ratio}. "
+            )
+        head = (
+            "Parameter",
+            "Doubt",
+            "Multiple correlation",
+            "Correlated with",
+            "What would make it identifiable",
+        )
+        kinds = ("", "wrap", "n", "wrap", "wrap advice")
+        parts += [
+            Heading("Identifiability"),
+            Prose(condition + MULTIPLE, muted=True),
+            Table("", head, rows, kinds, label="Doubtful parameters"),
+        ]
+    if found.directions:
+        lines = [f"{d.words} (singular value {number(d.singular_value, 2)})" for d in found.directions]
+        parts += [Prose("Near-null directions, along which the data hardly change:"), Bullets(lines, "notes")]
+    return parts

@@ -1,16 +1,25 @@
-"""The pages of an identification and of a validation."""
+"""The pages of an identification and of a validation, their verdict, and their parts for a notebook."""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+from html import escape
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from markupsafe import Markup
 
-from stoop.base.numbers import NOTHING, count, number
+from stoop.base.numbers import NOTHING, count, listed, number, window
+from stoop.errors import StoopError
 from stoop.report.charts import convergence_panel
-from stoop.report.estimates import correlation_section, estimates_section, nuisance_section
-from stoop.report.formula import mathml
+from stoop.report.estimates import (
+    correlation_section,
+    estimates_section,
+    nuisance_section,
+    uncertainty_section,
+)
 from stoop.report.maneuvers import (
     air_section,
     comparison_table,
@@ -27,6 +36,7 @@ from stoop.report.sheet import (
     Details,
     Drawing,
     Heading,
+    Level,
     Panel,
     Panels,
     Part,
@@ -34,31 +44,41 @@ from stoop.report.sheet import (
     Section,
     Sheet,
     Table,
+    Verdict,
+    mathml,
     render_sheet,
     write_sheet,
 )
-from stoop.report.uncertainty import uncertainty_section
-from stoop.report.verdict import prediction, verdict
-from stoop.results.result import Identification
+from stoop.results.result import Identification, Result, Role
 
-VALIDATION_LEAD = (
+MAX_NOT_IDENTIFIABLE: Final = 0.5  #: share of the parameters; above it the estimates are no model
+MAX_LOST_TO_LAG: Final = (
+    0.6  #: share of the fitted channels that a lag matches as well; above it the model shows nothing
+)
+ENDINGS: Final = {
+    "converged": "The search converged",
+    "target": "The search reached the target cost",
+    "budget": "The search ran out of its budget before it converged",
+    "generations": "The search ran out of generations before it converged",
+    "interrupted": "The search was interrupted; this is the best it had found",
+}
+HEADLINES: Final[dict[Level, str]] = {
+    "good": "The model matches the flight, and its parameters are identifiable.",
+    "caution": "Usable, with reservations: read the points below first.",
+    "bad": "Do not rely on these numbers yet.",
+}
+VALIDATION_LEAD: Final = (
     "Nothing was fitted here: the initial state comes from the first 0.2 s of measurements (with rotors, anew each second "
     "from what is measured there), the sensor biases from the fitted maneuvers, the wind from outside the windows. Theil’s "
     "inequality coefficient, 0 for a perfect match and 1 at worst, below 10 Hz; beneath it that of a first-order lag, which "
     "learned from the fitted maneuvers, is given all commands, and is granted a bias of its own. A model that a lag can match "
     "has shown little."
 )
+SAME_AGAIN: Final = "With the same versions and CPU features, this seed gives the same numbers again."
 
 
 def write_report(identification: Identification, path: Path) -> None:
-    """Write the report whole or not at all.
-
-    Parameters
-    ----------
-    identification : Identification
-        The result and its traces.
-    path : Path
-        The HTML file; its folder must exist.
+    """Write the report whole or not at all, into a folder that exists.
 
     Raises
     ------
@@ -91,9 +111,31 @@ def identification_sheet(identification: Identification) -> Sheet:
     fitted = count(roles.count("fit"), "fitted maneuver")
     predicted = f", {roles.count('validation')} predicted" if "validation" in roles else ""
     lead = f"{count(len(result.parameters), 'parameter')} from {fitted}{predicted} · optimizer {result.optimizer}"
+
+    # The maneuvers, what the figures rest on, the equations, and what was found in the data.
+    rows = tuple(
+        (maneuver_title(m), m.role, segments_text(m), ", ".join(m.channels)) for m in result.maneuvers
+    )
+    head = ("Maneuver", "Role", "Data used", "Channels")
+    parts: list[Part] = [Table("", head, rows, ("", "", "wrap", "wrap"), label="Maneuvers")]
+    parts += [Bullets(result.basis, "notes")] if result.basis else []
+    if identification.equations:
+        formulas = Markup("").join(mathml(latex, "block") for latex in identification.equations)
+        parts += [Heading("Equations"), Drawing("equations", formulas, "Model equations")]
+    if result.data_notices:
+        parts += [Heading("Found while preparing the data"), Bullets(result.data_notices, "notes")]
+
+    search = None
+    convergence = np.asarray(identification.convergence, dtype=np.float64).reshape(-1, 2)
+    drawn = convergence_panel(convergence)
+    if drawn is not None:
+        text = f"Best cost against simulated trajectories. It ended at {number(result.cost, 6)}."
+        panel = Panel("Cost", drawn, meaning="against whole-trajectory equivalents")
+        search = Section("Search", (Prose(text, muted=True), Panels((panel,), "large")))
+
     sections = (
         Section("Warnings", (Bullets(result.warnings, "warnings"),)) if result.warnings else None,
-        _fitted_section(identification),
+        Section("What was fitted", parts),
         estimates_section(identification),
         uncertainty_section(identification),
         role_section(identification, "fit"),
@@ -102,7 +144,7 @@ def identification_sheet(identification: Identification) -> Sheet:
         modes_section(identification),
         repeatability_section(identification),
         correlation_section(identification),
-        _search_section(identification),
+        search,
         nuisance_section(identification),
         air_section(identification),
         _provenance_section(identification, validation=False),
@@ -113,60 +155,21 @@ def identification_sheet(identification: Identification) -> Sheet:
 
 def validation_sheet(identification: Identification) -> Sheet:
     """Return the page of a validation."""
-    result = identification.result
-    maneuvers = result.maneuvers
+    result, maneuvers = identification.result, identification.result.maneuvers
     lead = f"A fitted model predicts {count(len(maneuvers), 'maneuver')} that it was not fitted to"
-    sentences = tuple(filter(None, (prediction(result), *result.warnings)))
-    overview: list[Part] = [
-        Prose(VALIDATION_LEAD, muted=True),
-        comparison_table(maneuvers),
-        *_basis(identification),
-    ]
+    sentences = tuple(filter(None, (_match(result, "validation"), *result.warnings)))
+    overview: list[Part] = [Prose(VALIDATION_LEAD, muted=True), comparison_table(maneuvers)]
+    overview += [Bullets(result.basis, "notes")] if result.basis else []
     if result.data_notices:
         summary = f"Found while preparing the data ({len(result.data_notices)})"
-        overview.append(Details(summary, (Bullets([*map(str, result.data_notices)], "notes"),)))
+        overview.append(Details(summary, (Bullets(result.data_notices, "notes"),)))
     pages = [
         Section(maneuver_title(m), maneuver_parts(identification, m, trace))
         for m, trace in zip(maneuvers, identification.traces, strict=True)
     ]
     sections = (Section("Overview", overview), *pages, _provenance_section(identification, validation=True))
-    return Sheet(
-        identification.vehicle, lead, sections, "validation", prediction_verdict(maneuvers, sentences)
-    )
-
-
-def _basis(identification: Identification) -> list[Part]:
-    found = [str(one) for one in identification.result.basis]
-    return [Bullets(found, "notes")] if found else []
-
-
-def _fitted_section(identification: Identification) -> Section:
-    """Return the maneuvers, what the figures rest on, the equations, and what was found in the data."""
-    rows = tuple(
-        (maneuver_title(m), m.role, segments_text(m), ", ".join(m.channels))
-        for m in identification.result.maneuvers
-    )
-    head = ("Maneuver", "Role", "Data used", "Channels")
-    parts: list[Part] = [Table("", head, rows, ("", "", "wrap", "wrap"), label="Maneuvers")]
-    parts += _basis(identification)
-    if identification.equations:
-        formulas = Markup("").join(mathml(latex, "block") for latex in identification.equations)
-        parts += [Heading("Equations"), Drawing("equations", formulas, "Model equations")]
-    found = [str(one) for one in identification.result.data_notices]
-    if found:
-        parts += [Heading("Found while preparing the data"), Bullets(found, "notes")]
-    return Section("What was fitted", parts)
-
-
-def _search_section(identification: Identification) -> Section | None:
-    history = np.asarray(identification.convergence, dtype=np.float64).reshape(-1, 2)
-    drawn = convergence_panel(history)
-    if drawn is None:
-        return None
-    cost = number(identification.result.cost, 6)
-    lead = Prose(f"Best cost against simulated trajectories. It ended at {cost}.", muted=True)
-    panel = Panel("Cost", drawn, meaning="against whole-trajectory equivalents")
-    return Section("Search", (lead, Panels((panel,), "large")))
+    judged = prediction_verdict(maneuvers, sentences)
+    return Sheet(identification.vehicle, lead, sections, "validation", judged)
 
 
 def _provenance_section(identification: Identification, *, validation: bool) -> Section:
@@ -182,7 +185,136 @@ def _provenance_section(identification: Identification, *, validation: bool) -> 
         *((name, f"sha256 {digest}") for name, digest in result.inputs.items()),
     ]
     table = Table("", ("", ""), tuple(rows), ("", "wrap mono"), label="Provenance")
-    lead = Prose(
-        "With the same versions and CPU features, this seed gives the same numbers again.", muted=True
+    return Section("Provenance", (table,) if validation else (Prose(SAME_AGAIN, muted=True), table))
+
+
+def verdict(result: Result) -> Verdict:
+    """Return the verdict on a result, from notices, goodness of fit and identifiability."""
+    parameters = result.parameters
+    unknown = [name for name, one in parameters.items() if not one.identifiable]
+    bounded = [name for name, one in parameters.items() if one.at_bound]
+    lost, fitted = _lost(result, "fit"), _compared(result, "fit")
+    level: Level = "good"
+    if bool(unknown or bounded or result.warnings or lost or _lost(result, "validation")) or not any(
+        m.role == "validation" for m in result.maneuvers
+    ):
+        level = "caution"
+    too_many = bool(parameters) and len(unknown) > MAX_NOT_IDENTIFIABLE * len(parameters)
+    beaten = bool(fitted) and len(lost) / len(fitted) > MAX_LOST_TO_LAG
+    if result.status not in ("converged", "target") or not math.isfinite(result.cost) or too_many or beaten:
+        level = "bad"
+
+    how = ENDINGS.get(result.status, f"The search ended with status “{result.status}”")
+    spent = f"{number(result.trajectories, 3)} simulated trajectories in {number(result.seconds, 2)} s"
+    text = f"{count(len(parameters), 'parameter')} estimated"
+    if unknown:
+        text += f"; {count(len(unknown), 'of them is', 'of them are')} not identifiable ({listed(unknown)})"
+    if bounded:
+        text += f"; {len(bounded)} {'lies' if len(bounded) == 1 else 'lie'} at a bound ({listed(bounded)})"
+    if not (unknown or bounded):
+        text += ", all of them identifiable"
+    # An identifiable parameter is in doubt only where others can almost replace it.
+    doubts = result.identifiability.parameters.items()
+    together = sum(bool(one.doubt) and name not in unknown for name, one in doubts)
+    text += f"; {together} of them known only in combination with others." if together else "."
+    sentences = (f"{how}, after {spent}. {result.advice}".rstrip(), text, _match(result, "fit"))
+    every = (*sentences, _match(result, "validation"))
+    return Verdict(level, HEADLINES[level], tuple(sentence for sentence in every if sentence))
+
+
+def _match(result: Result, role: Role) -> str:
+    """Return how well the maneuvers of a role are matched, in one sentence."""
+    maneuvers = [m for m in result.maneuvers if m.role == role]
+    if not maneuvers:
+        return "" if role == "fit" else "No window was held back, so the prediction error is not known."
+    found = sorted(
+        (one.theil, name) for m in maneuvers for name, one in m.channels.items() if math.isfinite(one.theil)
     )
-    return Section("Provenance", (table,) if validation else (lead, table))
+    parts = []
+    if found:
+        (least, best), (most, worst) = found[0], found[-1]
+        span = f"from {least:.3f} ({best}) to {most:.3f} ({worst})"
+        parts.append(f"Theil’s coefficient runs {span}, 0 being perfect and 1 worst")
+    compared, lost = _compared(result, role), _lost(result, role)
+    if compared:
+        better = sum(compared)
+        text = (
+            f"the model beats a trivial first-order lag in {better} of {count(len(compared), 'comparison')}"
+        )
+        drawn = len(compared) - better - len(lost)
+        text += f" and leaves only noise in {drawn} more" if drawn else ""
+        parts.append(f"{text}, not in {listed(lost)}" if lost else text)
+    opening = "In the maneuvers it was fitted to" if role == "fit" else "Where nothing was fitted"
+    return f"{opening}, {'; '.join(parts)}." if parts else ""
+
+
+def _compared(result: Result, role: Role) -> list[bool]:
+    """Return for each channel that has a baseline whether the model beats it."""
+    channels = [one for m in result.maneuvers if m.role == role for one in m.channels.values()]
+    return [one.theil < one.baseline_theil for one in channels if math.isfinite(one.baseline_theil)]
+
+
+def _lost(result: Result, role: Role) -> list[str]:
+    return [
+        f"{name} ({window(m.start, m.stop)})"
+        for m in result.maneuvers
+        if m.role == role
+        for name, one in m.channels.items()
+        if one.lost
+    ]
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page that works offline; a notebook shows it in a frame of its own."""
+
+    sheet: Sheet
+
+    def save(self, path: str | Path) -> Path:
+        """Write the page as HTML, whole or not at all."""
+        write_sheet(self.sheet, Path(path))
+        return Path(path)
+
+    def _repr_html_(self) -> str:
+        content = escape(render_sheet(self.sheet), quote=True)
+        return f'<iframe srcdoc="{content}" width="100%" height="640" style="border:0"></iframe>'
+
+
+@dataclass(frozen=True, eq=False)
+class Plots:
+    """Plots of an identification, such as ``result.plot.maneuvers()``."""
+
+    identification: Identification
+
+    def maneuvers(self, role: Role = "fit") -> Page:
+        """Return measured and simulated readings of the fitted maneuvers, or of those of ``"validation"``."""
+        return self._page(role_section(self.identification, role), f"no maneuver of role {role}")
+
+    def residuals(self) -> Page:
+        """Return the autocorrelation of the residuals of each channel."""
+        return self._page(residuals_section(self.identification), "no residuals")
+
+    def estimates(self) -> Page:
+        """Return the estimates with their 95 % intervals."""
+        return self._page(estimates_section(self.identification), "no estimates")
+
+    def uncertainty(self) -> Page:
+        """Return standard errors by method, and which parameters the data identify."""
+        return self._page(uncertainty_section(self.identification), "no uncertainty analysis")
+
+    def correlation(self) -> Page:
+        """Return the correlation of the estimates."""
+        return self._page(correlation_section(self.identification), "no correlation")
+
+    def modes(self) -> Page:
+        """Return the natural modes of the identified vehicle."""
+        return self._page(modes_section(self.identification), "no modes")
+
+    def report(self) -> Page:
+        """Return the whole report."""
+        return Page(identification_sheet(self.identification))
+
+    def _page(self, section: Section | None, missing: str) -> Page:
+        if section is None:
+            raise StoopError(f"plot: {missing} in this result")
+        return Page(Sheet(self.identification.vehicle, "", (section,), "plot"))

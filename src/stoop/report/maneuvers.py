@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 from markupsafe import Markup
 
-from stoop.assessment.colored_residuals import autocorrelation
+from stoop.assessment.covariance import autocorrelation
 from stoop.base.arrays import FloatArray, runs
 from stoop.base.numbers import NOTHING, factor_and_unit, number, share, window
 from stoop.base.variables import VARIABLES
@@ -20,6 +20,7 @@ from stoop.report.sheet import (
     Details,
     Heading,
     Legend,
+    Level,
     Panel,
     Panels,
     Part,
@@ -132,7 +133,11 @@ def maneuver_parts(
         Legend(keys),
         Panels([_channel(identification, name, maneuver, trace) for name in trace.channels]),
     ]
-    inputs = [_input(identification, name, trace) for name in trace.inputs]
+    inputs = []
+    for name, values in trace.inputs.items():
+        factor, unit = _shown_unit(identification, name)
+        drawn = plain_panel(trace.time, [("input", finite_part(factor * values))], f"Input {name}.")
+        inputs.append(Panel(label(identification, name), drawn, unit, _meaning(name)))
     return [*parts, Details("Inputs", (Panels(inputs),), open=True)] if inputs else parts
 
 
@@ -141,32 +146,31 @@ def _goodness(identification: Identification, maneuver: ManeuverResult, names: S
     found = [v for one in maneuver.channels.values() for v in (one.theil, one.baseline_theil)]
     greatest = max((v for v in found if math.isfinite(v)), default=1.0)
     reach = max(0.1, math.ceil(10.0 * greatest - 1e-9) / 10.0)
+    bar = Markup('<span class="{}" style="width:{}%"></span>')
+
+    def length(theil: float) -> float:
+        """Return the length of a bar in percent."""
+        return round(100.0 * min(max(theil / reach, 0.0), 1.0), 1) if math.isfinite(theil) else 0.0
+
     rows = []
     for name in names:
         one = maneuver.channels[name]
-        factor, unit = factor_and_unit(_unit(identification, name))
-        bars = [
-            Markup('<span class="{}" style="width:{}%"></span>').format(
-                maneuver.role, _bar(one.theil / reach)
-            )
-        ]
-        if _against_lag(one):
-            bars.append(
-                Markup('<span class="lag" style="width:{}%"></span>').format(_bar(one.baseline_theil / reach))
-            )
-        rows.append(
-            (
-                Markup('<span title="{}">{}</span>').format(_meaning(name), label(identification, name)),
-                number(factor * one.rmse, 3),
-                unit,
-                _decimals(one.theil),
-                _decimals(one.baseline_theil),
-                Markup('<span class="bars" aria-hidden="true">{}</span>').format(Markup("").join(bars)),
-                {"better": "✓ better", "worse": "▲ not better"}.get(_against_lag(one), NOTHING),
-                _decimals(one.r2),
-                *(share(part) for part in _parts(one.theil_shares)),
-            )
+        factor, unit = _shown_unit(identification, name)
+        against = _against_lag(one)
+        bars = bar.format(maneuver.role, length(one.theil))
+        bars += bar.format("lag", length(one.baseline_theil)) if against else ""
+        row = (
+            Markup('<span title="{}">{}</span>').format(_meaning(name), label(identification, name)),
+            number(factor * one.rmse, 3),
+            unit,
+            _decimals(one.theil),
+            _decimals(one.baseline_theil),
+            Markup('<span class="bars" aria-hidden="true">{}</span>').format(bars),
+            {"better": "✓ better", "worse": "▲ not better"}.get(against, NOTHING),
+            _decimals(one.r2),
+            *_shares(one.theil_shares),
         )
+        rows.append(row)
     head = (
         "Channel", "RMS error", "Unit", "Theil U", "of the lag", f"0 … {number(reach, 1)}", "Against the lag", "R²",
         "Offset", "Amplitude", "Rest",
@@ -178,22 +182,14 @@ def _goodness(identification: Identification, maneuver: ManeuverResult, names: S
 def _more_goodness(identification: Identification, maneuver: ManeuverResult) -> Details:
     rows = []
     for name, one in maneuver.channels.items():
-        factor, unit = factor_and_unit(_unit(identification, name))
+        factor, unit = _shown_unit(identification, name)
         for of, found in (("model", one), ("lag", one.baseline)):
-            first = label(identification, name) if of == "model" else ""
-            rows.append(
-                (
-                    first,
-                    of,
-                    number(factor * found.rmse, 3),
-                    number(factor * found.press, 3),
-                    unit,
-                    _decimals(found.r2),
-                    " / ".join(share(part) for part in _parts(found.theil_shares)),
-                    number(found.whiteness.statistic, 3),
-                    found.whiteness.verdict or NOTHING,
-                )
-            )
+            row = (
+                label(identification, name) if of == "model" else "", of, number(factor * found.rmse, 3),
+                number(factor * found.press, 3), unit, _decimals(found.r2), " / ".join(_shares(found.theil_shares)),
+                number(found.whiteness.statistic, 3), found.whiteness.verdict or NOTHING,
+            )  # fmt: skip
+            rows.append(row)
     head = (
         "Channel", "Of", "RMS error", "Left out", "Unit", "R²", "Offset / amplitude / rest", "Q", "Residuals",
     )  # fmt: skip
@@ -205,7 +201,7 @@ def _more_goodness(identification: Identification, maneuver: ManeuverResult) -> 
 def _channel(
     identification: Identification, name: str, maneuver: ManeuverResult, trace: ManeuverTrace
 ) -> Panel:
-    factor, unit = factor_and_unit(_unit(identification, name))
+    factor, unit = _shown_unit(identification, name)
     channel, baseline, one = trace.channels[name], trace.baseline.get(name), maneuver.channels.get(name)
     curves = Curves(
         trace.time,
@@ -226,16 +222,18 @@ def _channel(
     return Panel(label(identification, name), drawn, unit, _meaning(name), note)
 
 
-def _input(identification: Identification, name: str, trace: ManeuverTrace) -> Panel:
-    factor, unit = factor_and_unit(_unit(identification, name))
-    drawn = plain_panel(trace.time, [("input", finite_part(factor * trace.inputs[name]))], f"Input {name}.")
-    return Panel(label(identification, name), drawn, unit, _meaning(name))
-
-
 def residuals_section(identification: Identification) -> Section | None:
     """Return the autocorrelation of the residuals of every channel over the fitted maneuvers."""
+    found: dict[str, tuple[list[FloatArray], float]] = {}  # channel -> residuals by segment, sample period
+    for maneuver, trace in zip(identification.result.maneuvers, identification.traces, strict=True):
+        steps = np.diff(trace.time)
+        steps = steps[np.isfinite(steps)]
+        period, segments = float(np.median(steps)) if steps.size else 1.0, runs(np.isfinite(trace.time))
+        for name, channel in trace.channels.items() if maneuver.role == "fit" and len(segments) else ():
+            residual = finite_part(channel.measured - channel.simulated)
+            found.setdefault(name, ([], period))[0].extend(residual[a:b] for a, b in segments)
     panels, colored = [], []
-    for name, (residuals, period) in _residuals(identification).items():
+    for name, (residuals, period) in found.items():
         lags = min(MAX_LAGS, max(len(piece) for piece in residuals) - 1)
         samples = sum(int(np.isfinite(piece).sum()) for piece in residuals)
         values = autocorrelation([piece[:, None] for piece in residuals], lags)[0]
@@ -257,28 +255,8 @@ def residuals_section(identification: Identification) -> Section | None:
         if colored
         else "No channel clearly leaves it."
     )
-    return Section(
-        "Residuals: what the model leaves over",
-        (Prose(lead, muted=True), Panels(panels, "small")),
-        "Residuals",
-    )
-
-
-def _residuals(identification: Identification) -> Mapping[str, tuple[list[FloatArray], float]]:
-    """Return the residuals of every channel by segment, and the sample period."""
-    found: dict[str, tuple[list[FloatArray], float]] = {}
-    for maneuver, trace in zip(identification.result.maneuvers, identification.traces, strict=True):
-        if maneuver.role != "fit":
-            continue
-        steps = np.diff(trace.time)
-        steps = steps[np.isfinite(steps)]
-        period = float(np.median(steps)) if steps.size else 1.0
-        for name, channel in trace.channels.items():
-            residual = finite_part(channel.measured - channel.simulated)
-            pieces = [residual[a:b] for a, b in runs(np.isfinite(trace.time))]
-            if pieces:
-                found.setdefault(name, ([], period))[0].extend(pieces)
-    return found
+    parts = (Prose(lead, muted=True), Panels(panels, "small"))
+    return Section("Residuals: what the model leaves over", parts, "Residuals")
 
 
 def comparison_table(maneuvers: Sequence[ManeuverResult]) -> Table:
@@ -287,12 +265,8 @@ def comparison_table(maneuvers: Sequence[ManeuverResult]) -> Table:
     rows: list[tuple[str, ...]] = []
     for m in maneuvers:
         found = [m.channels.get(name) for name in channels]
-        model = (
-            Markup('<span class="{}">{}</span>').format(_against_lag(one), _decimals(one.theil))
-            if one
-            else NOTHING
-            for one in found
-        )
+        mark = Markup('<span class="{}">{}</span>')
+        model = (mark.format(_against_lag(one), _decimals(one.theil)) if one else NOTHING for one in found)
         lag = (_decimals(one.baseline_theil) if one else NOTHING for one in found)
         rows += [(maneuver_title(m), "model", *model), ("", "lag", *lag)]
     kinds = ("", "", *("n" for _ in channels))
@@ -303,14 +277,19 @@ def prediction_verdict(maneuvers: Sequence[ManeuverResult], sentences: tuple[str
     """Return how well a model predicts, by the share of channels in which it beats the lag."""
     compared = [found for m in maneuvers for one in m.channels.values() if (found := _against_lag(one))]
     better = compared.count("better") / len(compared) if compared else 0.0
+    level: Level
     if not compared:
-        return Verdict("caution", "There is no trivial model to compare with.", sentences)
-    if better > PREDICTS:
-        headline = "The model predicts what it was not fitted to, better than a first-order lag."
-        return Verdict("good", headline, sentences)
-    if better > PREDICTS_SOME:
-        return Verdict("caution", "The model predicts some of what it was not fitted to.", sentences)
-    return Verdict("bad", "A first-order lag predicts as well.", sentences)
+        level, headline = "caution", "There is no trivial model to compare with."
+    elif better > PREDICTS:
+        level, headline = (
+            "good",
+            "The model predicts what it was not fitted to, better than a first-order lag.",
+        )
+    elif better > PREDICTS_SOME:
+        level, headline = "caution", "The model predicts some of what it was not fitted to."
+    else:
+        level, headline = "bad", "A first-order lag predicts as well."
+    return Verdict(level, headline, sentences)
 
 
 def air_section(identification: Identification) -> Section | None:
@@ -329,36 +308,25 @@ def air_section(identification: Identification) -> Section | None:
 def air_panels(identification: Identification, air: AirDataTrace) -> list[Panel]:
     """Return the drawings of the air data of a flight; curves of no known kind get one each."""
     known = {name for _, _, curves in AIR_GROUPS for name in curves}
-    others = [
-        (name, identification.units.get(name, ""), {name: name}) for name in air.curves if name not in known
-    ]
-    return [
-        _air_panel(air, title, unit, {name: text for name, text in curves.items() if name in air.curves})
-        for title, unit, curves in (*AIR_GROUPS, *others)
-        if curves.keys() & air.curves.keys()
-    ]
-
-
-def _air_panel(air: AirDataTrace, title: str, unit: str, legend: Mapping[str, str]) -> Panel:
-    factor, shown_unit = factor_and_unit(unit)
-    steps = np.diff(air.time)
+    others = [(n, identification.units.get(n, ""), {n: n}) for n in air.curves if n not in known]
+    steps, panels = np.diff(air.time), []
     pause = max(MIN_PAUSE, 5.0 * float(np.median(steps)) if steps.size else MIN_PAUSE)
     pauses = np.flatnonzero(steps > pause) + 1
-    kinds = [f"air{i % AIR_COLORS}" for i in range(len(legend))]
-    curves = [np.insert(finite_part(factor * air.curves[name]), pauses, np.nan) for name in legend]
-    # Later curves are drawn over earlier ones: the reconstructed one comes first and is drawn last.
-    drawn = plain_panel(
-        np.insert(air.time, pauses, np.nan),
-        list(zip(kinds, curves, strict=True))[::-1],
-        f"{title} over the flight.",
-        LARGE,
-        AIR_HEIGHT,
-    )
-    keys = Markup(" ").join(
-        Markup('<span class="key {}">{}</span>').format(kind, text)
-        for kind, text in zip(kinds, legend.values(), strict=True)
-    )
-    return Panel(title, drawn, shown_unit, keys)
+    time = np.insert(air.time, pauses, np.nan)
+    for title, unit, curves in (*AIR_GROUPS, *others):
+        legend = {name: text for name, text in curves.items() if name in air.curves}
+        if not legend:
+            continue
+        factor, shown_unit = factor_and_unit(unit)
+        drawn, keys = [], []
+        for i, (name, text) in enumerate(legend.items()):
+            kind = f"air{i % AIR_COLORS}"
+            drawn.append((kind, np.insert(finite_part(factor * air.curves[name]), pauses, np.nan)))
+            keys.append(Markup('<span class="key {}">{}</span>').format(kind, text))
+        # Later curves are drawn over earlier ones: the reconstructed one comes first and is drawn last.
+        panel = plain_panel(time, drawn[::-1], f"{title} over the flight.", LARGE, AIR_HEIGHT)
+        panels.append(Panel(title, panel, shown_unit, Markup(" ").join(keys)))
+    return panels
 
 
 def finite_part(values: FloatArray) -> FloatArray:
@@ -373,8 +341,8 @@ def _against_lag(one: GoodnessOfFit) -> str:
     return ("better" if one.theil < one.baseline_theil else "worse") if compared else ""
 
 
-def _parts(shares: TheilShares) -> tuple[float, float, float]:
-    return shares.bias, shares.variance, shares.covariance
+def _shares(shares: TheilShares) -> list[str]:
+    return [share(part) for part in (shares.bias, shares.variance, shares.covariance)]
 
 
 def _meaning(name: str) -> str:
@@ -382,15 +350,11 @@ def _meaning(name: str) -> str:
     return meaning if meaning != name else ""
 
 
-def _unit(identification: Identification, name: str) -> str:
+def _shown_unit(identification: Identification, name: str) -> tuple[float, str]:
+    """Return by what a channel is multiplied to be drawn, and its unit then."""
     known = VARIABLES[name].unit if name in VARIABLES else ""
-    return identification.units.get(name, known)
+    return factor_and_unit(identification.units.get(name, known))
 
 
 def _decimals(value: float) -> str:
     return number(value, 3) if not math.isfinite(value) else f"{value:.3f}".replace("-", "−")
-
-
-def _bar(part: float) -> float:
-    """Return the length of a bar in percent."""
-    return round(100.0 * min(max(part, 0.0), 1.0), 1) if math.isfinite(part) else 0.0

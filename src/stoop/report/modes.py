@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Final
 
 from stoop.base.numbers import NOTHING, number, readable_unit, rounded_to_error, window
 from stoop.report.charts import repeatability_panel
 from stoop.report.estimates import label
 from stoop.report.sheet import Bullets, Heading, Panel, Panels, Part, Prose, Section, Table
-from stoop.results.modes import ConditionModes, Estimate, MeasuredMode, ModeEstimate
+from stoop.results.modes import Estimate, MeasuredMode, ModeEstimate
 from stoop.results.result import Identification
-from stoop.results.uncertainty import ParameterRepeatability
 
 MAX_DEVIATION: Final = 3.0  #: standard errors; of some twenty numbers on a page one is beyond two by chance
 MODES_LEAD: Final = (
@@ -33,20 +31,16 @@ def modes_section(identification: Identification) -> Section | None:
     """Return the tables of all flight conditions; None without modes."""
     parts: list[Part] = [Prose(MODES_LEAD, muted=True)]
     for condition in identification.result.modes:
-        title = _title(identification, condition)
+        flown = ", ".join(filter(None, (_window(identification, i) for i in condition.maneuvers)))
+        about = "steady straight flight" if condition.about == "trim" else "the mean state"
+        place = f"{number(condition.airspeed, 3)} m/s, {number(condition.altitude, 3)} m, flown in {flown}"
+        title = f"About {about} at {place}"
         parts.append(Heading(title))
-        parts += [Prose(condition.remark, muted=True)] if condition.remark else []
+        parts += [Prose(str(condition.remark), muted=True)] if condition.remark else []
         rows = tuple(_mode(identification, mode) for mode in condition.modes)
         kinds = ("", *("n",) * 6, "wrap")
         parts += [Table("", MODES_HEAD, rows, kinds, label=title)] if rows else []
     return Section("Natural modes", parts, "Modes") if identification.result.modes else None
-
-
-def _title(identification: Identification, condition: ConditionModes) -> str:
-    flown = ", ".join(filter(None, (_window(identification, i) for i in condition.maneuvers)))
-    about = "steady straight flight" if condition.about == "trim" else "the mean state"
-    place = f"{number(condition.airspeed, 3)} m/s, {number(condition.altitude, 3)} m, flown in {flown}"
-    return f"About {about} at {place}"
 
 
 def _window(identification: Identification, maneuver: int) -> str:
@@ -56,11 +50,10 @@ def _window(identification: Identification, maneuver: int) -> str:
 
 def _mode(identification: Identification, mode: ModeEstimate) -> tuple[str, ...]:
     oscillates = mode.imag.estimate > 0.0
-    measured = [_measured(identification, mode, one) for one in mode.measured if oscillates]
-    sampled = "intervals sampled" if mode.method == "sampled" else ""
+    remarks = [_measured(identification, mode, one) for one in mode.measured if oscillates]
+    remarks += [str(mode.remark), "intervals sampled" if mode.method == "sampled" else ""]
     oscillation = (*_pair(mode.frequency), *_pair(mode.damping)) if oscillates else (NOTHING, "") * 2
-    remarks = "; ".join(filter(None, (*measured, mode.remark, sampled)))
-    return mode.name, *oscillation, *_pair(mode.time_constant), remarks
+    return mode.name, *oscillation, *_pair(mode.time_constant), "; ".join(filter(None, remarks))
 
 
 def _pair(one: Estimate) -> tuple[str, str]:
@@ -73,24 +66,21 @@ def _pair(one: Estimate) -> tuple[str, str]:
 
 
 def _measured(identification: Identification, mode: ModeEstimate, one: MeasuredMode) -> str:
+    """Return a mode as the record shows it, compared with the model in units of both standard errors."""
     if math.isnan(one.frequency.estimate):
         return f"{_window(identification, one.maneuver)}: {one.remark}"
-    frequency, damping = (
-        " ± ".join(rounded_to_error(e.estimate, e.std_error)) for e in (one.frequency, one.damping)
-    )
-    where = f"{', '.join(one.channels)} in {window(one.start, one.stop)}"
-    return f"{frequency} rad/s, damping {damping} ({where}): {_agreement(mode, one)}"
-
-
-def _agreement(mode: ModeEstimate, one: MeasuredMode) -> str:
-    """Compare model and record in units of both standard errors."""
     pairs = ((mode.frequency, one.frequency), (mode.damping, one.damping))
     errors = [math.hypot(a.std_error, b.std_error) for a, b in pairs]
     off = [abs(a.estimate - b.estimate) / e for (a, b), e in zip(pairs, errors, strict=True) if e > 0.0]
+    agreement = "agrees with the model"
     if not off or not all(map(math.isfinite, off)):
-        return "no interval to compare with"
-    far = f"{max(off):.1f} standard errors from the model"
-    return far if max(off) > MAX_DEVIATION else "agrees with the model"
+        agreement = "no interval to compare with"
+    elif max(off) > MAX_DEVIATION:
+        agreement = f"{max(off):.1f} standard errors from the model"
+    found = (one.frequency, one.damping)
+    frequency, damping = (" ± ".join(rounded_to_error(e.estimate, e.std_error)) for e in found)
+    where = f"{', '.join(one.channels)} in {window(one.start, one.stop)}"
+    return f"{frequency} rad/s, damping {damping} ({where}): {agreement}"
 
 
 def repeatability_section(identification: Identification) -> Section | None:
@@ -99,12 +89,13 @@ def repeatability_section(identification: Identification) -> Section | None:
     if not found.maneuvers:
         return None
     titles = tuple(_window(identification, i) for i in found.maneuvers)
-    parameters = {n: p for n, p in found.parameters.items() if any(one.counted for one in p.singles)}
-    summary = repeatability_summary(list(parameters.values()))
-    listed = [f"{i}: {title}" for i, title in enumerate(titles, 1)] + list(found.remarks)
-    parts: list[Part] = [Prose(f"{summary} {REPEATABILITY_LEAD}", muted=True), Bullets(listed)]
+    listed = [f"{i}: {title}" for i, title in enumerate(titles, 1)] + list(map(str, found.remarks))
+    lead = Prose(f"{found.summary()} {REPEATABILITY_LEAD}", muted=True)
+    parts: list[Part] = [lead, Bullets(listed)]
     panels, rows = [], []
-    for name, one in parameters.items():
+    for name, one in found.parameters.items():
+        if not any(single.counted for single in one.singles):
+            continue
         joint = result.parameters[name]
         verdict = VERDICTS[one.verdict] + (f" (p = {number(one.p_value, 2)})" if one.verdict else "")
         shown, unit = label(identification, name), readable_unit(joint.unit)
@@ -118,23 +109,6 @@ def repeatability_section(identification: Identification) -> Section | None:
         kinds = ("", *("n" for _ in titles), "n", "n", "", "n", "")
         parts += [Panels(panels), Table("", head, tuple(rows), kinds, label="Repeatability")]
     return Section("Repeatability: each maneuver fitted alone", parts, "Repeatability")
-
-
-def repeatability_summary(parameters: Sequence[ParameterRepeatability]) -> str:
-    """Return how many parameters can be compared, and how far they scatter."""
-    compared = [one for one in parameters if one.verdict]
-    if not compared:
-        return "No parameter is identifiable from two maneuvers fitted alone, so nothing can be compared."
-    wild = sum(one.verdict == "scatter" for one in compared)
-    square, degrees = sum(one.chi_square for one in compared), sum(one.degrees for one in compared)
-    expected = (
-        f"by chance about {0.05 * len(compared):.0f} would" if len(compared) >= 20 else "by chance one in 20"
-    )
-    return (
-        f"{len(compared)} parameters are identifiable from two maneuvers or more; {wild} of them scatter more than their "
-        f"error bars explain ({expected}). Over all of them the scatter is {math.sqrt(square / degrees):.2f} times what the "
-        "error bars say."
-    )
 
 
 def _with_error(value: float, error: float) -> str:

@@ -12,8 +12,9 @@ from functools import cache
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final, Literal
+from xml.etree import ElementTree as ET
 
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from stoop.base.files import write_text_atomic
 
@@ -29,6 +30,19 @@ MAX_UNWRAPPED: Final = (
 )
 MAX_BESIDE: Final = 3  #: columns that a narrow page has room for
 EMPTY: Final = ("", "–", "—", "-")
+MATHML: Final = "http://www.w3.org/1998/Math/MathML"
+# fmt: off
+ELEMENTS: Final = frozenset((
+    "math", "mrow", "mi", "mn", "mo", "ms", "mtext", "mspace", "msub", "msup", "msubsup", "munder", "mover",
+    "munderover", "mfrac", "msqrt", "mroot", "mtable", "mtr", "mtd", "mstyle", "mpadded", "mphantom",
+    "menclose",
+))
+ATTRIBUTES: Final = frozenset((
+    "display", "mathvariant", "stretchy", "width", "height", "depth", "fence", "form", "separator", "lspace",
+    "rspace", "accent", "accentunder", "columnalign", "rowspacing", "columnspacing", "linethickness",
+    "displaystyle", "scriptlevel", "minsize", "maxsize", "movablelimits",
+))
+# fmt: on
 Level = Literal["good", "caution", "bad"]
 
 
@@ -49,7 +63,14 @@ class Prose:
             for listed, group in groupby(lines, lambda line: line.startswith(ITEM)):
                 found = list(group)
                 texts = [line[len(ITEM) :] for line in found] if listed else [" ".join(found)]
-                blocks.append(("list" if listed else "text", [_with_names(line) for line in texts]))
+                lines_of_block = []
+                for (
+                    text
+                ) in texts:  # escaped, with what stands in backticks as code: what is quoted has odd places
+                    parts = enumerate(QUOTED.split(text))
+                    marked = (Markup("<code>{}</code>").format(p) if i % 2 else p for i, p in parts)
+                    lines_of_block.append(Markup("").join(marked))
+                blocks.append(("list" if listed else "text", lines_of_block))
         return blocks
 
 
@@ -58,7 +79,7 @@ class Bullets:
     """A list; `kind` is its class: "points", "notes" or "warnings"."""
 
     template: ClassVar = "bullets"
-    items: Sequence[str]
+    items: Sequence[object]
     kind: str = "points"
 
 
@@ -98,7 +119,11 @@ class Table:
     @property
     def numeric(self) -> tuple[bool, ...]:
         """Whether each column holds numbers, nothing but dashes between them."""
-        return tuple(_numeric([row[i] for row in self.rows]) for i in range(len(self.head)))
+        columns = [[row[i] for row in self.rows if row[i] not in EMPTY] for i in range(len(self.head))]
+        return tuple(
+            bool(cells) and all(NUMERIC.match(cell) and not WORD.search(cell) for cell in cells)
+            for cells in columns
+        )
 
     @property
     def wraps(self) -> tuple[bool, ...]:
@@ -243,9 +268,16 @@ def write_sheet(sheet: Sheet, path: Path) -> None:
 
 
 def render_sheet(sheet: Sheet) -> str:
-    """Return the page as HTML."""
+    """Return the page as HTML; each section has a name that a link can point at, no two alike."""
+    names: list[str] = []
+    for i, section in enumerate(sheet.sections):
+        name = "-".join(re.findall(r"[a-z0-9]+", (section.short or section.title).lower()))
+        name = name or f"section-{i + 1}"
+        while name in names:
+            name += f"-{i + 1}"
+        names.append(name)
+    sections = list(zip(sheet.sections, names, strict=True))
     template = _environment().get_template("page.html")
-    sections = list(zip(sheet.sections, _anchors(sheet), strict=True))
     return template.render(sheet=sheet, lead=Prose(sheet.lead), sections=sections)
 
 
@@ -259,26 +291,33 @@ def _environment() -> Environment:
     )
 
 
-def _with_names(text: str) -> Markup:
-    """Return the text, escaped, with what stands in backticks as code."""
-    parts = QUOTED.split(text)  # what is quoted has odd places
-    return Markup("").join(
-        Markup("<code>{}</code>").format(part) if i % 2 else part for i, part in enumerate(parts)
-    )
+def mathml(latex: str, display: str = "inline") -> Markup:
+    """Return `latex` as a MathML element; what cannot be rendered is shown as it was written.
+
+    Parameters
+    ----------
+    latex : str
+        May come from a file: nothing but mathematics gets into the page.
+    display : str
+        ``"inline"`` or ``"block"``.
+    """
+    from latex2mathml.converter import convert  # it loads large tables
+
+    try:
+        # A bare & or < from the converter makes this fail, which is what should happen.
+        root = ET.fromstring(convert(latex, display=display))  # noqa: S314 (made by us: has no DTD)
+    except Exception:
+        return Markup("<code>{}</code>").format(latex)
+    return Markup(_serialized(root))  # noqa: S704 (every part is escaped below)
 
 
-def _anchors(sheet: Sheet) -> list[str]:
-    """Return one name per section that a link can point at, no two alike."""
-    found: list[str] = []
-    for i, section in enumerate(sheet.sections):
-        name = "-".join(re.findall(r"[a-z0-9]+", (section.short or section.title).lower()))
-        name = name or f"section-{i + 1}"
-        while name in found:
-            name += f"-{i + 1}"
-        found.append(name)
-    return found
+def _serialized(element: ET.Element) -> str:
+    def text(given: str | None) -> str:
+        return str(escape(given or ""))
 
-
-def _numeric(cells: list[str]) -> bool:
-    filled = [cell for cell in cells if cell not in EMPTY]
-    return bool(filled) and all(NUMERIC.match(cell) and not WORD.search(cell) for cell in filled)
+    name = element.tag.removeprefix(f"{{{MATHML}}}")
+    inside = text(element.text) + "".join(_serialized(child) + text(child.tail) for child in element)
+    if name not in ELEMENTS:
+        return inside
+    kept = "".join(f' {key}="{text(value)}"' for key, value in element.items() if key in ATTRIBUTES)
+    return f"<{name}{kept}>{inside}</{name}>"

@@ -11,7 +11,7 @@ import numpy as np
 from stoop.base.html import table
 from stoop.base.numbers import number, rounded_to_error
 from stoop.errors import StoopError
-from stoop.results.result import Identification, ManeuverTrace, Result
+from stoop.results.result import Identification, Result
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,9 +47,15 @@ def to_xarray(identification: Identification) -> xr.Dataset:
     names = list(result.parameters)
     channels = list(dict.fromkeys(c for trace in identification.traces for c in trace.channels))
     lengths = [trace.time.size for trace in identification.traces]
-    measured, simulated = (
-        _stacked(identification.traces, channels, kind) for kind in ("measured", "simulated")
-    )
+    readings = {}
+    for kind in ("measured", "simulated"):  # (n, n_y), all maneuvers one after the other
+        stacked = [np.empty((0, len(channels)))]
+        for trace in identification.traces:
+            nothing = np.full(trace.time.size, np.nan)
+            found = [getattr(trace.channels[c], kind) if c in trace.channels else nothing for c in channels]
+            stacked.append(np.reshape(found, (len(channels), trace.time.size)).T)
+        readings[kind] = np.concatenate(stacked)
+    measured, simulated = readings["measured"], readings["simulated"]
     index = np.repeat(np.arange(len(lengths)), lengths)
     roles = np.array([m.role for m in result.maneuvers])
     time = np.concatenate([trace.time for trace in identification.traces]) if lengths else np.empty(0)
@@ -79,20 +85,6 @@ def to_xarray(identification: Identification) -> xr.Dataset:
     )
 
 
-def _stacked(traces: tuple[ManeuverTrace, ...], channels: list[str], kind: str) -> Any:
-    """Return readings (n, n_y) of all maneuvers, one after the other."""
-    blocks = [
-        np.column_stack(
-            [
-                getattr(trace.channels[c], kind) if c in trace.channels else np.full(trace.time.size, np.nan)
-                for c in channels
-            ]
-        )
-        for trace in traces
-    ]
-    return np.concatenate(blocks) if blocks else np.empty((0, len(channels)))
-
-
 def to_arviz(attachments: Mapping[str, bytes]) -> Any:
     """Return the draws of the posterior as `arviz.InferenceData`.
 
@@ -118,10 +110,8 @@ def html_table(result: Result) -> str:
     rows = []
     for name, one in result.parameters.items():
         value, error = rounded_to_error(one.estimate, one.std_error)
-        interval = (
-            f"{number(one.ci95_lower)} … {number(one.ci95_upper)}" if one.identifiable else "not identifiable"
-        )
+        ends = f"{number(one.ci95_lower)} … {number(one.ci95_upper)}"
+        interval = ends if one.identifiable else "not identifiable"
         rows.append((name, value, error, "" if one.unit == "1" else one.unit, interval))
-    return table(
-        repr(result).strip("<>"), ("parameter", "estimate", "std. error", "unit", "95 % interval"), rows
-    )
+    heads = ("parameter", "estimate", "std. error", "unit", "95 % interval")
+    return table(repr(result).strip("<>"), heads, rows)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, cast, get_args, get_origin, get_type_hints
 
@@ -20,26 +20,11 @@ from stoop.base.arrays import FloatArray
 from stoop.base.files import write_text_atomic
 from stoop.base.notices import Notice, as_notice, from_dict, of_severity
 from stoop.errors import StoopError
-from stoop.results.goodness_of_fit import BaselineFit, GoodnessOfFit, TheilShares, Whiteness
-from stoop.results.modes import ConditionModes, Estimate, MeasuredMode, ModeEstimate
-from stoop.results.uncertainty import (
-    IdentifiabilityAnalysis,
-    MethodIntervals,
-    ParameterRepeatability,
-    Repeatability,
-    SingleEstimate,
-)
+from stoop.results.modes import ConditionModes
+from stoop.results.uncertainty import IdentifiabilityAnalysis, MethodIntervals, Repeatability
 
 if TYPE_CHECKING:
     import pandas as pd
-
-__all__ = [
-    "AirDataTrace", "BaselineFit", "ChannelTrace", "ConditionModes", "Covariance", "Estimate", "GoodnessOfFit",
-    "Identification", "InitialState", "ManeuverResult", "ManeuverTrace", "MeasuredMode", "ModeEstimate",
-    "NoiseCovariance", "ParameterEstimate", "ParameterRepeatability", "Quantity", "Repeatability", "Result", "Role",
-    "SensorBiases", "SingleEstimate", "TheilShares", "Whiteness", "WindEstimate",
-    "from_json", "plain", "read_result", "to_json",
-]  # fmt: skip
 
 Role: TypeAlias = Literal["fit", "validation"]
 
@@ -142,6 +127,92 @@ class WindEstimate:
 
 
 @dataclass(frozen=True)
+class TheilShares:
+    """Where Theil's inequality comes from; the three shares of the squared error add up to 1."""
+
+    bias: float = NAN  #: an offset: the means differ
+    variance: float = NAN  #: a wrong amplitude: the standard deviations differ
+    covariance: float = NAN  #: what does not correlate: noise, phase, missing physics; ideally all of it
+
+
+@dataclass(frozen=True)
+class Whiteness:
+    """Whether residuals are white, by the statistic of Ljung and Box.
+
+    Attributes
+    ----------
+    autocorrelation : float
+        Between neighboring samples (lag 1); NaN where no two are neighbors.
+    statistic : float
+        Q; chi-square with `lags` degrees of freedom if the residuals are white.
+    lags : int
+        How many autocorrelations it sums, those of lags that occur; 0 where there are too few residuals.
+    p_value : float
+        Chance of a statistic as large from white residuals.
+    verdict : str
+        ``"white"`` (not rejected at 5 %) or ``"colored"``; empty where there is none.
+    """
+
+    autocorrelation: float = NAN
+    statistic: float = NAN
+    lags: int = 0
+    p_value: float = NAN
+    verdict: str = ""
+
+
+@dataclass(frozen=True)
+class BaselineFit:
+    """The figures of the trivial model, a first-order lag; its Theil coefficient is `GoodnessOfFit.baseline_theil`."""
+
+    rmse: float = NAN
+    r2: float = NAN
+    press: float = NAN
+    theil_shares: TheilShares = TheilShares()
+    whiteness: Whiteness = Whiteness()
+
+
+@dataclass(frozen=True)
+class GoodnessOfFit:
+    """Goodness of fit of one channel in one maneuver.
+
+    Attributes
+    ----------
+    rmse : float, the channel's unit
+        Root mean square of measured minus simulated.
+    theil : float
+        Theil's inequality coefficient, 0 perfect, 1 worst; channels low-passed at 10 Hz, zero phase.
+    r2 : float
+        Coefficient of determination; at most 1, negative when the mean of the data does better.
+    baseline_theil : float
+        The same coefficient of a first-order lag, NaN where no lag applies.
+    press : float, the channel's unit
+        Root mean square of the residuals had each second of the record been left out of the fit in turn (PRESS
+        over the number of samples); NaN where nothing was fitted.
+    theil_shares : TheilShares
+        Bias, variance and covariance in the squared error of the curves as they are.
+    whiteness : Whiteness
+        Of the residuals.
+    baseline : BaselineFit
+        The same figures of the first-order lag.
+    """
+
+    rmse: float
+    theil: float
+    r2: float
+    baseline_theil: float = NAN
+    press: float = NAN
+    theil_shares: TheilShares = TheilShares()
+    whiteness: Whiteness = Whiteness()
+    baseline: BaselineFit = BaselineFit()
+
+    @property
+    def lost(self) -> bool:
+        """Whether a first-order lag does as well; not where residuals are white: only noise is left, and chance decides."""
+        compared = math.isfinite(self.baseline_theil)
+        return compared and not self.theil < self.baseline_theil and self.whiteness.verdict != "white"
+
+
+@dataclass(frozen=True)
 class ManeuverResult:
     """One fitted or predicted maneuver; times in seconds of the log's own clock."""
 
@@ -152,6 +223,11 @@ class ManeuverResult:
     segments: tuple[tuple[float, float], ...]
     channels: Mapping[str, GoodnessOfFit]
     loading: str = ""  #: of the vehicle file, as it was flown; empty where none was named
+
+    @property
+    def window(self) -> str:
+        """``FLIGHT START:STOP``."""
+        return f"{self.flight} {self.start:g}:{self.stop:g}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -352,11 +428,17 @@ def from_json(text: str, where: str = "result") -> Result:
     StoopError
         When the text is no JSON, has another schema, or lacks a key.
     """
-    document = _document(text, where)
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise StoopError(f"{where}: is no JSON; name the result.json of stoop identify") from error
+    schema = document.get("schema") if isinstance(document, dict) else None
+    if schema != SCHEMA:
+        raise StoopError(f"{where}: has schema {schema!r}; this version reads {SCHEMA!r}")
     try:
         if "notices" not in document:  # written before notices had codes
             document["notices"] = [as_notice(str(one)).to_dict() for one in document.get("warnings", ())]
-        return cast("Result", _build(Result, document))
+        return cast("Result", _decode(Result, document))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         what = f"lacks the key {error}" if isinstance(error, KeyError) else f"is malformed ({error})"
         raise StoopError(f"{where}: {what}; write it again with stoop identify") from error
@@ -389,61 +471,39 @@ def plain(value: Any) -> Any:
         return plain(value.tolist())
     if isinstance(value, list | tuple):
         return [plain(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _document(text: str, where: str) -> dict[str, Any]:
-    try:
-        document = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise StoopError(f"{where}: is no JSON; name the result.json of stoop identify") from error
-    schema = document.get("schema") if isinstance(document, dict) else None
-    if schema != SCHEMA:
-        raise StoopError(f"{where}: has schema {schema!r}; this version reads {SCHEMA!r}")
-    return cast("dict[str, Any]", document)
+def _decode(kind: Any, value: Any, default: Any = NAN) -> Any:
+    """Return `value` as `kind`: a dataclass, a mapping, a tuple, a matrix, a literal or a scalar.
 
-
-def _build(kind: type[Any], value: Mapping[str, Any]) -> Any:
-    """Return the dataclass `kind` from a JSON object; what an older file lacks takes its default, where it has one."""
-    hints = get_type_hints(kind)
-    there = [item for item in fields(kind) if item.name in value or not _optional(item)]
-    return kind(**{item.name: _decode(hints[item.name], value[item.name], item) for item in there})
-
-
-def _optional(item: Field[Any]) -> bool:
-    return item.default is not MISSING or item.default_factory is not MISSING
-
-
-def _decode(kind: Any, value: Any, item: Field[Any] | None = None) -> Any:
-    """Return `value` as `kind`: a dataclass, a mapping, a tuple, a matrix, a literal or a scalar."""
+    What an older file lacks of a dataclass takes its default, where it has one. ``null`` is an unbounded side where infinity
+    is the default, else NaN.
+    """
     if kind is Notice:
         return from_dict(value)
     if is_dataclass(kind):
-        return _build(cast("type[Any]", kind), value)
+        hints = get_type_hints(kind)
+        optional = {
+            f.name for f in fields(kind) if f.default is not MISSING or f.default_factory is not MISSING
+        }
+        there = [f for f in fields(kind) if f.name in value or f.name not in optional]
+        return cast("type[Any]", kind)(
+            **{f.name: _decode(hints[f.name], value[f.name], f.default) for f in there}
+        )
     origin, arguments = get_origin(kind), get_args(kind)
     if origin is Mapping:
         return {str(key): _decode(arguments[1], entry) for key, entry in value.items()}
-    if origin is tuple and arguments[-1] is Ellipsis:
-        return tuple(_decode(arguments[0], entry) for entry in value)
     if origin is tuple:
-        return tuple(_decode(a, entry) for a, entry in zip(arguments, value, strict=True))
+        kinds = [arguments[0]] * len(value) if arguments[-1] is Ellipsis else arguments
+        return tuple(_decode(one, entry) for one, entry in zip(kinds, value, strict=True))
     if origin is np.ndarray:
-        return _matrix(value)
-    if origin is Literal and value not in arguments:
-        raise ValueError(f"{value!r} is none of {', '.join(arguments)}")
-    if kind is float:
-        return _missing(item) if value is None else float(value)
-    return value if origin is Literal else kind(value)
-
-
-def _missing(item: Field[Any] | None) -> float:
-    """Return what ``null`` means: an unbounded side where that is the field's default, else NaN."""
-    default = item.default if item is not None else NAN
-    return default if isinstance(default, float) and math.isinf(default) else NAN
-
-
-def _matrix(rows: list[list[Any]]) -> FloatArray:
-    numbers = [[NAN if entry is None else float(entry) for entry in row] for row in rows]
-    return np.array(numbers, dtype=np.float64).reshape(len(rows), len(rows))
+        numbers = [[NAN if entry is None else float(entry) for entry in row] for row in value]
+        return np.array(numbers, dtype=np.float64).reshape(len(value), len(value))
+    if origin is Literal:
+        if value not in arguments:
+            raise ValueError(f"{value!r} is none of {', '.join(arguments)}")
+        return value
+    if kind is float and value is None:
+        return default if isinstance(default, float) and math.isinf(default) else NAN
+    return kind(value)

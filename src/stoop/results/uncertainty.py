@@ -168,3 +168,17 @@ class Repeatability:
     maneuvers: tuple[int, ...] = ()
     parameters: Mapping[str, ParameterRepeatability] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+
+    def summary(self) -> str:
+        """Return how many parameters can be compared, and how far they scatter."""
+        compared = [one for one in self.parameters.values() if one.verdict]
+        if not compared:
+            return "No parameter is identifiable from two maneuvers fitted alone, so nothing can be compared."
+        wild = sum(one.verdict == "scatter" for one in compared)
+        square, degrees = sum(one.chi_square for one in compared), sum(one.degrees for one in compared)
+        chance = f"about {0.05 * len(compared):.0f} would" if len(compared) >= 20 else "one in 20"
+        return (
+            f"{len(compared)} parameters are identifiable from two maneuvers or more; {wild} of them scatter more than their "
+            f"error bars explain (by chance {chance}). Over all of them the scatter is {math.sqrt(square / degrees):.2f} "
+            "times what the error bars say."
+        )

@@ -19,7 +19,7 @@ from stoop.errors import OutputError, StoopError
 from stoop.estimate.fit import Options
 from stoop.optimize import Outcome, State, load_tagged, save_state
 from stoop.vehicle import Vehicle
-from stoop.workflow.notices import CONFIRMED
+from stoop.workflow.summary import CONFIRMED
 
 MESSAGE = "\nstoop: the search is done; writing its result (Ctrl-C again throws it away)\n"
 INTERVAL = 2.0  #: s between saved states
@@ -46,31 +46,16 @@ def identity(
     """
     noise = None if options.covariance is None else options.covariance.tolist()
     parts = [
-        vehicle.structure,
-        vehicle.file.model_dump(mode="json"),
-        dict(files),
-        list(maneuvers),
-        list(validate),
-        noise,
-        options.optimizer,
-        options.seed,
-        options.method,
-    ]
+        vehicle.structure, vehicle.file.model_dump(mode="json"), dict(files), list(maneuvers), list(validate), noise,
+        options.optimizer, options.seed, options.method,
+    ]  # fmt: skip
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
 class Checkpoint:
-    """Keeps a search's latest state in the output folder.
+    """Keeps a search's latest state in the output folder, with the :func:`identity` of the problem.
 
     A state that cannot be saved (full disk, folder removed) causes one warning and ends no search.
-
-    Parameters
-    ----------
-    folder : Path
-    problem : str
-        Identity of the problem, see :func:`identity`.
-    warn : callable
-        Takes a line for the user.
     """
 
     def __init__(self, folder: Path, problem: str, warn: Callable[[str], None]) -> None:
@@ -149,9 +134,8 @@ def deferred_interrupt() -> Iterator[Deferred]:
 
     Only the main thread can do so; elsewhere, and where the process ignores Ctrl-C, nothing is changed.
     """
-    deferred = Deferred()
+    deferred, before = Deferred(), signal.getsignal(signal.SIGINT)
     ours = threading.current_thread() is threading.main_thread()
-    before = signal.getsignal(signal.SIGINT)
     if not ours or before in (signal.SIG_IGN, None):  # None: a handler that Python could not put back
         yield deferred
         return

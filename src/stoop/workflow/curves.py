@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.variables import VARIABLES, WRAPPED
 from stoop.problem import Piece
 from stoop.problem.prepare import Prepared
-from stoop.results.result import ChannelTrace, GoodnessOfFit, ManeuverResult, ManeuverTrace, Role
+from stoop.results.result import ChannelTrace, ManeuverResult, ManeuverTrace, Role
 from stoop.vehicle import Vehicle
 
 
@@ -29,10 +29,6 @@ class Simulated:
     simulated: Sequence[FloatArray]
     left_out: Sequence[FloatArray] | None = None
 
-    def of(self, maneuver: int) -> list[tuple[Piece, FloatArray]]:
-        """Return pieces and simulated readings of a maneuver."""
-        return [(self.prepared.pieces[i], self.simulated[i]) for i in self.prepared.of_maneuver(maneuver)]
-
 
 def maneuver_curves(
     vehicle: Vehicle, groups: Sequence[Simulated], fitted: Sequence[BaselineManeuver] = ()
@@ -46,100 +42,72 @@ def maneuver_curves(
     fitted : sequence of BaselineManeuver
         Fitted maneuvers that are not among the groups; the lag learns from them.
     """
-    flown = [(group, index) for group in groups for index in range(len(group.prepared.windows))]
-    rate = 1.0 / flown[0][0].prepared.pieces[0].dt
-    shown = [baseline_maneuver(vehicle, g.role, [p for p, _ in g.of(i)]) for g, i in flown]
-    lags = baseline_matches([*fitted, *shown], vehicle.outputs)[len(fitted) :]
-    traces = [_trace(vehicle, g, i, lag) for (g, i), lag in zip(flown, lags, strict=True)]
-    figures = [
-        _figures(trace, _left_out(vehicle, g, i), lag, rate)
-        for (g, i), trace, lag in zip(flown, traces, lags, strict=True)
+    flown = [
+        (g, index, g.prepared.of_maneuver(index)) for g in groups for index in range(len(g.prepared.windows))
     ]
-    return tuple(_result(g, i, found) for (g, i), found in zip(flown, figures, strict=True)), tuple(traces)
+    rate = 1.0 / flown[0][0].prepared.pieces[0].dt
+    shown = [baseline_maneuver(vehicle, g.role, [g.prepared.pieces[i] for i in own]) for g, _, own in flown]
+    lags = baseline_matches([*fitted, *shown], vehicle.outputs)[len(fitted) :]
+    results, traces = [], []
+    for (group, index, own), lag in zip(flown, lags, strict=True):
+        pieces, window = [group.prepared.pieces[i] for i in own], group.prepared.windows[index]
+        channels, figures = {}, {}
+        for i, name in enumerate(vehicle.outputs):
+            pairs = [
+                unwrapped(piece.measured[:, i], group.simulated[k][:, i], name in WRAPPED)
+                for piece, k in zip(pieces, own, strict=True)
+            ]
+            curve = channels[name] = ChannelTrace(join([z for z, _ in pairs]), join([y for _, y in pairs]))
+            left_out = None if group.left_out is None else join([group.left_out[k][:, i] for k in own])
+            if np.isfinite(curve.measured).any():
+                model = Match(curve.simulated, left_out)
+                figures[name] = channel_figures(curve.measured, model, rate, lag.get(name))
+        inputs = {name: join([p.inputs[:, i] for p in pieces]) for i, name in enumerate(vehicle.recorded)}
+        baseline = {name: match.simulated for name, match in lag.items()}
+        traces.append(ManeuverTrace(join([p.time for p in pieces]), channels, inputs, baseline))
+        spans = tuple((float(p.time[0]), float(p.time[-1])) for p in pieces)
+        place = (window.flight, window.start, window.stop, group.role, spans)
+        results.append(ManeuverResult(*place, figures, window.loading or ""))
+    return tuple(results), tuple(traces)
 
 
-def _unwrapped(
-    piece: Piece, simulated: FloatArray, channel: int, angle: bool
-) -> tuple[FloatArray, FloatArray]:
-    """Return measured and simulated curves; an angle is unwrapped, the simulated one beside the measured."""
-    z, y = piece.measured[:, channel].copy(), simulated[:, channel].copy()
+def unwrapped(measured: FloatArray, simulated: FloatArray, angle: bool) -> tuple[FloatArray, FloatArray]:
+    """Return measured and simulated curves (n,); an angle is unwrapped, the simulated one beside the measured."""
+    z, y = measured.copy(), simulated.copy()
     if angle:
         recorded = np.isfinite(z)
         z[recorded] = np.unwrap(z[recorded])
         y = np.unwrap(y)
-        near = z - y
         if recorded.any():
-            y += 2.0 * np.pi * np.round(float(near[recorded][0]) / (2.0 * np.pi))
+            y += 2.0 * np.pi * np.round(float((z - y)[recorded][0]) / (2.0 * np.pi))
     return z, y
 
 
-def _trace(vehicle: Vehicle, group: Simulated, index: int, lag: Mapping[str, Match]) -> ManeuverTrace:
-    pieces = group.of(index)
-    channels = {}
-    for i, name in enumerate(vehicle.outputs):
-        pairs = [_unwrapped(p, y, i, name in WRAPPED) for p, y in pieces]
-        channels[name] = ChannelTrace(join([z for z, _ in pairs]), join([y for _, y in pairs]))
-    inputs = {name: join([p.inputs[:, i] for p, _ in pieces]) for i, name in enumerate(vehicle.recorded)}
-    return ManeuverTrace(
-        join([p.time for p, _ in pieces]), channels, inputs, {c: m.simulated for c, m in lag.items()}
-    )
-
-
-def _left_out(vehicle: Vehicle, group: Simulated, index: int) -> dict[str, FloatArray]:
-    """Return the left-out residuals of a maneuver by channel, segments joined as its curves are."""
-    if group.left_out is None:
-        return {}
-    pieces = [group.left_out[i] for i in group.prepared.of_maneuver(index)]
-    return {name: join([piece[:, i] for piece in pieces]) for i, name in enumerate(vehicle.outputs)}
-
-
-def _figures(
-    trace: ManeuverTrace, left_out: Mapping[str, FloatArray], lag: Mapping[str, Match], rate: float
-) -> dict[str, GoodnessOfFit]:
-    return {
-        name: channel_figures(curve.measured, Match(curve.simulated, left_out.get(name)), rate, lag.get(name))
-        for name, curve in trace.channels.items()
-        if np.isfinite(curve.measured).any()
-    }
-
-
-def _result(group: Simulated, index: int, figures: Mapping[str, GoodnessOfFit]) -> ManeuverResult:
-    window = group.prepared.windows[index]
-    spans = tuple((float(p.time[0]), float(p.time[-1])) for p, _ in group.of(index))
-    loading = window.loading or ""
-    return ManeuverResult(window.flight, window.start, window.stop, group.role, spans, figures, loading)
-
-
 def baseline_maneuver(vehicle: Vehicle, role: Role, pieces: Sequence[Piece]) -> BaselineManeuver:
-    """Return a maneuver's pieces as the baseline model takes them."""
+    """Return a maneuver's pieces as the baseline model takes them.
+
+    Rotors also count as what they are commanded to do about each axis, and together: sums by lever and spin.
+    """
     controls = dict.fromkeys(c for control in vehicle.controls for c in vehicle.channels_of(control))
-    columns = [(name, vehicle.inputs.index(name)) for name in controls]
-    segments = []
+    rotors, segments = vehicle.file.rotor, []
     for piece in pieces:
-        mixed = mixed_rotors(vehicle, piece)
-        measured = {
-            name: _unwrapped(piece, piece.measured, i, name in WRAPPED)[0]
-            for i, name in enumerate(vehicle.outputs)
-        }
-        commands = {name: piece.inputs[:, i] for name, i in columns}
-        segments.append(BaselineSegment(commands | mixed, measured))
+        commands = {name: piece.inputs[:, vehicle.inputs.index(name)] for name in controls}
+        if rotors:
+            u = np.array([piece.inputs[:, vehicle.inputs.index(r.channel)] for r in rotors.values()])
+            at = np.array([[vehicle.value(f"rotor.{name}.position.{a}") for a in "xy"] for name in rotors])
+            about = np.array([1.0 if r.spin == "ccw" else -1.0 for r in rotors.values()])
+            commands |= {
+                "rotors_roll": -at[:, 1] @ u,
+                "rotors_pitch": at[:, 0] @ u,
+                "rotors_yaw": about @ u,
+                "rotors_heave": u.sum(axis=0),
+            }
+        measured = {}
+        for i, name in enumerate(vehicle.outputs):
+            column = piece.measured[:, i]
+            measured[name] = unwrapped(column, column, name in WRAPPED)[0]
+        segments.append(BaselineSegment(commands, measured))
     return BaselineManeuver(role, tuple(segments), 1.0 / pieces[0].dt)
-
-
-def mixed_rotors(vehicle: Vehicle, piece: Piece) -> dict[str, FloatArray]:
-    """Return what rotors are commanded to do about each axis, and together, (n,) each: sums by lever and spin."""
-    rotors = vehicle.file.rotor
-    if not rotors:
-        return {}
-    u = np.array([piece.inputs[:, vehicle.inputs.index(r.channel)] for r in rotors.values()])
-    at = np.array([[vehicle.value(f"rotor.{name}.position.{a}") for a in "xy"] for name in rotors])
-    about = np.array([1.0 if r.spin == "ccw" else -1.0 for r in rotors.values()])
-    return {
-        "rotors_roll": -at[:, 1] @ u,
-        "rotors_pitch": at[:, 0] @ u,
-        "rotors_yaw": about @ u,
-        "rotors_heave": u.sum(axis=0),
-    }
 
 
 def channel_units(vehicle: Vehicle) -> dict[str, str]:

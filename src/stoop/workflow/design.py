@@ -1,31 +1,34 @@
-"""Experiment design: the model as it is known, and the files of a proposal."""
+"""Planning: what to fly next, from the model as it is known; and which windows of a flight to fit and to predict."""
 
 from __future__ import annotations
 
 import json
+import shlex
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import tomlkit
 
-from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import csv_text
 from stoop.base.files import check_targets, make_folder, write_text_atomic
 from stoop.base.numbers import finite_or_none
+from stoop.flight import Flight
 from stoop.input_design import Knowledge
 from stoop.input_design.information import sensor_noise
-from stoop.input_design.proposal import PriorModel, Proposal
-from stoop.results.result import Result
+from stoop.input_design.optimization import PriorModel, Proposal
+from stoop.input_design.windows import Found
+from stoop.problem.windows import NAME, Entry, written
 from stoop.simulation import Maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.identified import Identified, read_identified
-from stoop.workflow.provenance import versions
+from stoop.workflow.outputs import versions
 
-FORMAT: Final = "stoop-design/1"
-FILES: Final = ("maneuver.toml", "reference.toml", "maneuver.csv", "design.html", "design.json")
+DESIGN_FILES: Final = ("maneuver.toml", "reference.toml", "maneuver.csv", "design.html", "design.json")
 """In the order of writing: where the last one is, the others are."""
+WINDOW_FILES: Final = (NAME, "windows.html")
 
 
 def prior_model(name_or_path: str | Path) -> PriorModel:
@@ -50,9 +53,17 @@ def prior_model(name_or_path: str | Path) -> PriorModel:
         knowledge = Knowledge(tuple(p.name for p in stated), priors)
         return PriorModel(vehicle, knowledge, sensor_noise(vehicle), "the vehicle file and its priors")
     identified = read_identified(path)
-    result, vehicle = identified.result, with_estimated_free(identified)
-    noise = _noise(vehicle, result)
-    return PriorModel(vehicle, Knowledge.of_result(result), noise, f"the estimates in {found}")
+    vehicle, covariance = with_estimated_free(identified), identified.result.noise_covariance
+    # The noise that was estimated where there was a measurement, else that of the vehicle file.
+    noise, variances = (
+        sensor_noise(vehicle),
+        dict(zip(covariance.channels, np.diag(covariance.matrix), strict=True)),
+    )
+    for i, channel in enumerate(vehicle.outputs):
+        variance = float(variances.get(channel, np.nan))
+        if np.isfinite(variance) and variance > 0.0:
+            noise[i, i] = variance
+    return PriorModel(vehicle, Knowledge.of_result(identified.result), noise, f"the estimates in {found}")
 
 
 def with_estimated_free(identified: Identified) -> Vehicle:
@@ -71,17 +82,6 @@ def with_estimated_free(identified: Identified) -> Vehicle:
     return vehicle.with_numbers(changes)
 
 
-def _noise(vehicle: Vehicle, result: Result) -> FloatArray:
-    """Return the noise that was estimated where there was a measurement, else that of the vehicle file."""
-    noise, found = sensor_noise(vehicle), result.noise_covariance
-    variances = dict(zip(found.channels, np.diag(found.matrix), strict=True))
-    for i, channel in enumerate(vehicle.outputs):
-        variance = float(variances.get(channel, np.nan))
-        if np.isfinite(variance) and variance > 0.0:
-            noise[i, i] = variance
-    return noise
-
-
 def write_proposal(proposal: Proposal, folder: Path, command: str, overwrite: bool = False) -> None:
     """Write maneuver files, a table of deflections, the page and the numbers; each file whole or not at all.
 
@@ -93,15 +93,19 @@ def write_proposal(proposal: Proposal, folder: Path, command: str, overwrite: bo
     from stoop.report.design import design_sheet
     from stoop.report.sheet import write_sheet
 
-    check_targets(folder, FILES, overwrite)
+    check_targets(folder, DESIGN_FILES, overwrite)
     make_folder(folder)
     best = proposal.best.maneuver
     write_text_atomic(folder / "maneuver.toml", maneuver_toml(best, f"designed: {command}"))
     reference = maneuver_toml(proposal.reference, "what the design is compared with")
     write_text_atomic(folder / "reference.toml", reference)
-    write_text_atomic(folder / "maneuver.csv", maneuver_csv(best))
+    deflections = best.deflections()  # from the trim, rad
+    head = ("time_s", *(f"{control}_rad" for control in deflections))
+    rows = zip(best.time, *deflections.values(), strict=True)
+    table = csv_text(head, ([f"{t:.6g}", *(f"{value:.9g}" for value in values)] for t, *values in rows))
+    write_text_atomic(folder / "maneuver.csv", table.replace("\r\n", "\n"))
     write_sheet(design_sheet(proposal, command), folder / "design.html")
-    text = json.dumps(document(proposal), indent=1, allow_nan=False) + "\n"
+    text = json.dumps(design_document(proposal), indent=1, allow_nan=False) + "\n"
     write_text_atomic(folder / "design.json", text)
 
 
@@ -121,16 +125,7 @@ def maneuver_toml(maneuver: Maneuver, comment: str) -> str:
     return tomlkit.dumps(text)
 
 
-def maneuver_csv(maneuver: Maneuver) -> str:
-    """Return the deflections from the trim as CSV: time in s, angles in rad."""
-    deflections = maneuver.deflections()
-    rows = zip(maneuver.time, *deflections.values(), strict=True)
-    head = ("time_s", *(f"{control}_rad" for control in deflections))
-    text = csv_text(head, ([f"{t:.6g}", *(f"{value:.9g}" for value in values)] for t, *values in rows))
-    return text.replace("\r\n", "\n")
-
-
-def document(proposal: Proposal) -> dict[str, Any]:
+def design_document(proposal: Proposal) -> dict[str, Any]:
     """Return the numbers of a proposal for JSON, SI and rad; what does not exist is null."""
     setup, plan, robust = proposal.setup, proposal.plan, proposal.robustness
     limits = setup.limits
@@ -140,7 +135,7 @@ def document(proposal: Proposal) -> dict[str, Any]:
         **{one.shape: setup.std(one.forecast) for one in proposal.designs},
     }
     return {
-        "format": FORMAT,
+        "format": "stoop-design/1",
         "vehicle": setup.vehicle.name,
         "file": setup.vehicle.where,
         "knowledge": proposal.source,
@@ -178,3 +173,34 @@ def document(proposal: Proposal) -> dict[str, Any]:
         "seed": plan.seed,
         "versions": versions(),
     }  # fmt: skip
+
+
+def write_windows(
+    found: Found,
+    flights: Mapping[str, Flight],
+    vehicle: str,
+    folder: Path,
+    command: str,
+    following: Sequence[str],
+) -> None:
+    """Write `windows.toml` and `windows.html` into a folder; each whole or not at all.
+
+    Parameters
+    ----------
+    vehicle : name of the vehicle, or empty
+    command : by which they were made
+    following : words of the command that takes the file
+    """
+    from stoop.report.design import windows_sheet
+    from stoop.report.sheet import write_sheet
+
+    make_folder(folder)
+    entries = [
+        Entry(
+            flight=w.flight, start=w.start, stop=w.stop, accept=w.accept, use=w.use, axis=w.axis, why=w.why,
+            information=round(w.information, 3), gain=round(w.gain, 3),
+        )
+        for w in found.windows
+    ]  # fmt: skip
+    write_text_atomic(folder / NAME, written(entries, shlex.join(following), tuple(map(str, found.notices))))
+    write_sheet(windows_sheet(found, flights, vehicle, command, following), folder / "windows.html")

@@ -1,27 +1,36 @@
-"""Export in one call: files of another tool, all made before any is written."""
+"""Export in one call: a vehicle or an identification as files of another tool, all made before any is written."""
 
 from __future__ import annotations
 
 import importlib.util
 import tempfile
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from stoop.base.files import check_targets, make_folder, write_bytes_atomic
 from stoop.base.variables import VARIABLES
-from stoop.errors import SimulationError
+from stoop.errors import SimulationError, StoopError
 from stoop.exporters import jsbsim_aircraft, simulink, state_space
 from stoop.exporters.comparison import Comparison, RecordedManeuver, compare
 from stoop.exporters.jsbsim_model import THRUST, channel
-from stoop.exporters.record import excitation_record, file_name, steady_record
-from stoop.report.export import PAGE, page_text
+from stoop.exporters.record import Record, excitation_record, file_name, steady_record, without_turbulence
+from stoop.exporters.state_space import ParameterCovariance
+from stoop.problem import Piece
+from stoop.problem.prepare import prepare
+from stoop.problem.windows import Window
+from stoop.report.models import EXPORT_PAGE, export_page
+from stoop.results.result import Result
 from stoop.simulation import Trim, trim
 from stoop.simulation.linearize import left_out
 from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.vehicle import slope_input
-from stoop.workflow.export_subject import Subject
+from stoop.workflow.identified import Identified, read_identified
+from stoop.workflow.outputs import RESULT
 
 NOT_FLOWN: Final = "Not flown: the package jsbsim is not installed; pip install 'stoop[jsbsim]'."
 
@@ -38,6 +47,31 @@ class Condition:
 DEFAULT: Final = Condition()
 
 
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """What is exported: a vehicle, and of an identification what is known of its numbers and its flight.
+
+    Attributes
+    ----------
+    vehicle : Vehicle
+    known : ParameterCovariance, optional
+        Its numbers' covariance.
+    maneuvers : tuple of RecordedManeuver
+        Of the flight that it was identified from.
+    altitude : float, m
+    density : float, kg/m3, optional
+        Of that flight.
+    notes : tuple of str
+    """
+
+    vehicle: Vehicle
+    known: ParameterCovariance | None = None
+    maneuvers: tuple[RecordedManeuver, ...] = ()
+    altitude: float = 200.0
+    density: float | None = None
+    notes: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True)
 class Exported:
     """Files by their place below the output folder, the main one, and notes for the user."""
@@ -47,13 +81,74 @@ class Exported:
     notes: tuple[str, ...]
 
 
+def read_subject(text: str) -> Subject:
+    """Read a built-in vehicle, a vehicle file, or an identification: its folder or its ``result.json``.
+
+    Raises
+    ------
+    StoopError
+        It is none of these, or damaged.
+    """
+    path = Path(text)
+    if not (path.is_dir() or path.name == RESULT):
+        vehicle, notices = without_turbulence(resolve_vehicle(text))
+        return Subject(vehicle, notes=tuple(map(str, notices)))
+    found = read_identified(path)
+    vehicle, notices = without_turbulence(found.vehicle)
+    notes, covariance = tuple(map(str, notices)), found.result.covariance
+    # What is known of the numbers that the vehicle has; those of its gusts are left with them.
+    kept = [i for i, name in enumerate(covariance.names) if name in vehicle.rows]
+    names = tuple(covariance.names[i] for i in kept)
+    known = ParameterCovariance(names, covariance.matrix[np.ix_(kept, kept)]) if kept else None
+    subject = Subject(vehicle, known, notes=notes)
+    try:
+        return _with_flights(subject, found)
+    except StoopError as error:
+        return replace(subject, notes=(*notes, f"No comparison with the flight: {error}."))
+
+
+def _with_flights(subject: Subject, found: Identified) -> Subject:
+    flights, result, vehicle = found.flights(), found.result, subject.vehicle
+    windows = [Window(m.flight, m.start, m.stop, m.loading or None) for m in result.maneuvers]
+    parts = [prepare(vehicle, flights, [window]).pieces for window in windows]
+    maneuvers = [
+        _maneuver(vehicle, result, index, segment, piece)
+        for index, pieces in enumerate(parts)
+        for segment, piece in enumerate(pieces)
+    ]
+    first = parts[0][0]
+    logged = "density" in vehicle.inputs
+    density = float(np.mean(first.inputs[:, vehicle.inputs.index("density")])) if logged else None
+    return replace(subject, maneuvers=tuple(maneuvers), altitude=first.start["h"], density=density)
+
+
+def _maneuver(vehicle: Vehicle, result: Result, index: int, segment: int, piece: Piece) -> RecordedManeuver:
+    """Put the estimated start and biases of a fitted maneuver in place of those that are read off the flight."""
+    start = dict(piece.start)
+    for initial in result.initial_states:
+        if (initial.maneuver, initial.segment) == (index, segment):
+            start |= {name: q.estimate for name, q in initial.values.items()}
+    changes = {name: {"value": value} for name, value in piece.changes.items()}
+    changes |= {
+        f"sensors.{channel}.bias": {"value": q.estimate}
+        for biases in result.biases
+        if biases.maneuver == index
+        for channel, q in biases.values.items()
+    }
+    flown = result.maneuvers[index]
+    span = f"{piece.time[0]:.2f} to {piece.time[-1]:.2f} s"
+    title = f"{flown.flight}, {span} ({'fitted' if flown.role == 'fit' else 'predicted'})"
+    record = Record(vehicle.with_numbers(changes), start, piece.time, piece.inputs)
+    return RecordedManeuver(title, record, piece.measured, bool(piece.changes))
+
+
 def export(subject: Subject, target: str, condition: Condition = DEFAULT) -> Exported:
     """Make the files of a target.
 
     Parameters
     ----------
     subject : Subject
-        See :func:`stoop.workflow.export_subject.read_subject`.
+        See :func:`read_subject`.
     target : str
         One of :data:`TARGETS`.
     condition : Condition
@@ -91,31 +186,28 @@ def _steady(subject: Subject, condition: Condition) -> Trim:
 
 def _jsbsim(subject: Subject, condition: Condition) -> Exported:
     """Return the aircraft, and the page of how it flies; without a steady flight there is no start to give."""
-    vehicle, notes = subject.vehicle, [*subject.notes, *_inputs(subject.vehicle)]
+    vehicle, notes = subject.vehicle, list(subject.notes)
+    # The properties that drive the aircraft are what a session with JSBSim sets.
+    driving = {channel(n): VARIABLES[n].unit if n in VARIABLES else "1" for n in vehicle.recorded}
+    if vehicle.file.propulsion is not None and vehicle.file.propulsion.kind == "constant":
+        driving[THRUST] = "N"
+    if driving:
+        named = [place if unit == "1" else f"{place} ({unit})" for place, unit in driving.items()]
+        notes.append(f"To be set in flight: {', '.join(named)}.")
     try:
         point = _steady(subject, condition)
     except SimulationError as error:
         point = None
         notes.append(f"No start and no script: {error}.")
-    steady = None if point is None else steady_record(vehicle, point)
-    texts = jsbsim_aircraft.folder(vehicle, steady)
+    texts = jsbsim_aircraft.folder(vehicle, None if point is None else steady_record(vehicle, point))
     name = file_name(vehicle.name)
     aircraft = f"aircraft/{name}/{name}.xml"
     if importlib.util.find_spec("jsbsim") is None:
         return Exported(_encoded(texts), aircraft, (*notes, NOT_FLOWN))
     flown, failed = _flown(subject, point, texts)
     notes += failed
-    page = page_text(vehicle, texts[aircraft], name, flown, notes)
-    return Exported(_encoded({**texts, PAGE: page}), PAGE, (*notes, *map(str, flown)))
-
-
-def _inputs(vehicle: Vehicle) -> list[str]:
-    """Return the properties that drive the aircraft, as a note: what a session with JSBSim sets."""
-    known = {channel(name): VARIABLES[name].unit if name in VARIABLES else "1" for name in vehicle.recorded}
-    if vehicle.file.propulsion is not None and vehicle.file.propulsion.kind == "constant":
-        known[THRUST] = "N"
-    named = [place if unit == "1" else f"{place} ({unit})" for place, unit in known.items()]
-    return [f"To be set in flight: {', '.join(named)}."] if named else []
+    page = export_page(vehicle, texts[aircraft], name, flown, notes)
+    return Exported(_encoded({**texts, EXPORT_PAGE: page}), EXPORT_PAGE, (*notes, *map(str, flown)))
 
 
 def _flown(
@@ -125,9 +217,16 @@ def _flown(
 
     A maneuver that the model cannot hold open loop is a note, and the others are flown.
     """
+    maneuvers = list(subject.maneuvers)
+    record = None if point is None else excitation_record(subject.vehicle, point)
+    if record is not None:
+        title = (
+            f"{record.time[-1] - record.time[0]:g} s open loop from the steady flight, every control in turn"
+        )
+        maneuvers.insert(0, RecordedManeuver(title, record))
     out: list[Comparison] = []
     failed: list[str] = []
-    for maneuver in (*_excited(subject, point), *subject.maneuvers):
+    for maneuver in maneuvers:
         loaded = jsbsim_aircraft.folder(maneuver.record.vehicle, None) if maneuver.loaded else texts
         with tempfile.TemporaryDirectory(prefix="stoop-export-") as root:
             _place(Path(root), _encoded(loaded))
@@ -136,14 +235,6 @@ def _flown(
             except SimulationError as error:
                 failed.append(f"{maneuver.title}: {error}.")
     return out, failed
-
-
-def _excited(subject: Subject, point: Trim | None) -> list[RecordedManeuver]:
-    record = None if point is None else excitation_record(subject.vehicle, point)
-    if record is None:
-        return []
-    span = record.time[-1] - record.time[0]
-    return [RecordedManeuver(f"{span:g} s open loop from the steady flight, every control in turn", record)]
 
 
 def _state_space(subject: Subject, condition: Condition) -> Exported:
@@ -159,21 +250,17 @@ def _state_space(subject: Subject, condition: Condition) -> Exported:
 
 def _simulink(subject: Subject, condition: Condition) -> Exported:
     """Return MATLAB functions, the script that builds a Simulink model, and the numbers."""
-    point = _steady(subject, condition)
-    found = simulink.matlab(
-        subject.vehicle, point, state_space.state_space(subject.vehicle, point, subject.known)
-    )
+    vehicle, point = subject.vehicle, _steady(subject, condition)
+    found = simulink.matlab(vehicle, point, state_space.state_space(vehicle, point, subject.known))
     files = _encoded(found.texts) | {f"{found.name}.mat": state_space.mat_bytes(found.variables)}
-    return Exported(files, f"{found.name}_simulink.m", (*subject.notes, *_slopes(subject.vehicle)))
-
-
-def _slopes(vehicle: Vehicle) -> tuple[str, ...]:
-    """Say who gives the slopes that spin rotors up."""
-    if not vehicle.sloped:
-        return ()
-    named = ", ".join(map(slope_input, vehicle.sloped))
-    fed = f"{named}: the function that flies works them out; in Simulink feed them beside their channels."
-    return (fed, *left_out(vehicle))
+    notes = list(subject.notes)
+    if vehicle.sloped:  # who gives the slopes that spin rotors up
+        named = ", ".join(map(slope_input, vehicle.sloped))
+        notes.append(
+            f"{named}: the function that flies works them out; in Simulink feed them beside their channels."
+        )
+        notes += left_out(vehicle)
+    return Exported(files, f"{found.name}_simulink.m", tuple(notes))
 
 
 def _encoded(texts: Mapping[str, str]) -> dict[str, bytes]:

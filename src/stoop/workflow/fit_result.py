@@ -11,17 +11,15 @@ import numpy as np
 
 from stoop.assessment.covariance import intervals_95
 from stoop.assessment.error_bars import ErrorBars, error_bars
-from stoop.assessment.flight_conditions import modes
-from stoop.assessment.press import left_out_residuals
+from stoop.assessment.goodness_of_fit import left_out_residuals
+from stoop.assessment.modes import modes
 from stoop.assessment.uncertainty import with_uncertainty
-from stoop.base.arrays import FloatArray
-from stoop.base.notices import Notice, as_notice, of_severity
+from stoop.base.notices import as_notice, of_severity
 from stoop.base.variables import VARIABLES
-from stoop.estimate.excitation import too_few
+from stoop.estimate.excitation import ratios, too_few
 from stoop.estimate.fit import Fit, Options
-from stoop.estimate.noise import noise_variance
+from stoop.estimate.noise import channel_residuals, noise_variance
 from stoop.estimate.predict import predict
-from stoop.estimate.ratios import ratios
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.results.result import (
@@ -39,8 +37,8 @@ from stoop.results.result import (
 )
 from stoop.vehicle.notation import symbols
 from stoop.workflow.curves import Simulated, channel_units, maneuver_curves
-from stoop.workflow.notices import basis_notices, data_notices, fit_warnings, slowest_rate
-from stoop.workflow.provenance import versions
+from stoop.workflow.outputs import versions
+from stoop.workflow.summary import basis_notices, data_notices, fit_warnings, slowest_rate
 
 TOO_FEW: Final = "there are too few samples for any error bar to hold"
 START_UNITS: Final = {"V": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}  #: of initial states; others rad
@@ -71,11 +69,11 @@ def identification(
         `time.perf_counter` at the start.
     command : str
     """
-    vehicle = fit.problem.layout.vehicle
+    problem, vehicle = fit.problem, fit.problem.layout.vehicle
     color, bars = fit.inflation, error_bars(fit)
-    if too_few(fit.problem, slowest_rate(fit, flights)):
+    if too_few(problem, slowest_rate(fit, flights)):
         bars = bars.rejected(TOO_FEW)
-    fitted = fit.simulated or [fit.problem.outputs(fit.z, i) for i in range(len(fit.problem.pieces))]
+    fitted = fit.simulated or [problem.outputs(fit.z, i) for i in range(len(problem.pieces))]
     groups = [Simulated("fit", fit.prepared, fitted, left_out_residuals(fit))]
     if predicted:
         groups.append(Simulated("validation", *predict(fit, flights, predicted)))
@@ -83,36 +81,33 @@ def identification(
     result = _result(fit, bars, maneuvers, flights, inputs, options)
     result = replace(result, modes=modes(fit, result.covariance.names, result.covariance.matrix))
     result = with_uncertainty(result, fit, bars)
-    result = replace(result, notices=(*result.notices, *_notices(fit, result, flights, groups, color)))
+
+    prepared = [one for group in groups for one in group.prepared.notices]
+    of_flights = [one for flight in flights.values() for one in flight.notices]
+    per_mass = ratios(vehicle, {name: (p.estimate, p.std_error) for name, p in result.parameters.items()})
+    notices = [
+        *result.notices,
+        *dict.fromkeys(of_severity(prepared, "warning")),
+        *of_severity(fit.notices, "info"),
+        *([as_notice(per_mass, "info")] if per_mass else []),
+        *basis_notices(vehicle, flights, color),
+        *data_notices([*of_flights, *of_severity(prepared, "info")]),
+    ]
     return Identification(
-        result=replace(result, seconds=time.perf_counter() - began),
+        result=replace(result, notices=tuple(notices), seconds=time.perf_counter() - began),
         traces=traces,
         vehicle=vehicle.name,
         equations=vehicle.kernel().latex,
         convergence=fit.outcome.history,
         units=channel_units(vehicle),
         symbols=symbols(vehicle),
-        air_data=_air_data(flights),
+        air_data=tuple(
+            AirDataTrace(f.name, f.air.traces["time"], {k: v for k, v in f.air.traces.items() if k != "time"})
+            for f in flights.values()
+            if f.air is not None and "time" in f.air.traces
+        ),
         command=command,
     )
-
-
-def _notices(
-    fit: Fit, result: Result, flights: Mapping[str, Flight], groups: Sequence[Simulated], color: float
-) -> list[Notice]:
-    """Return what is doubtful about predictions and windows, what the figures rest on, and what the data show."""
-    vehicle = fit.problem.layout.vehicle
-    of_windows = [n for g in groups for n in of_severity(g.prepared.notices, "warning")]
-    prepared = [n for g in groups for n in of_severity(g.prepared.notices, "info")]
-    per_mass = ratios(vehicle, {name: (p.estimate, p.std_error) for name, p in result.parameters.items()})
-    of_flights = [found for flight in flights.values() for found in flight.notices]
-    return [
-        *dict.fromkeys(of_windows),
-        *of_severity(fit.notices, "info"),
-        *([as_notice(per_mass, "info")] if per_mass else []),
-        *basis_notices(vehicle, flights, color),
-        *data_notices([*of_flights, *prepared]),
-    ]
 
 
 def _result(
@@ -123,14 +118,22 @@ def _result(
     inputs: Mapping[str, str],
     options: Options,
 ) -> Result:
-    vehicle, parameters = fit.problem.layout.vehicle, _parameters(fit, bars)
+    problem, parameters = fit.problem, _parameters(fit, bars)
+    noise = fit.noise
+    if noise is None and options.covariance is not None:
+        noise = problem.weights.covariance
+    elif noise is None:  # NaN for a channel that was never measured
+        measured = np.any([np.isfinite(p.measured).any(axis=0) for p in problem.pieces], axis=0)
+        variance = noise_variance(problem, channel_residuals(problem, fit.z))
+        noise = np.diag(np.where(measured, variance, np.nan))
     names = tuple(parameters)
+    states, biases = _nuisances(fit, bars)
     return Result(
         parameters=parameters,
         covariance=Covariance(names, bars.covariance[: len(names), : len(names)]),
-        noise_covariance=NoiseCovariance(vehicle.outputs, _noise(fit, options)),
-        initial_states=_initial_states(fit, bars),
-        biases=_biases(fit, bars),
+        noise_covariance=NoiseCovariance(problem.layout.vehicle.outputs, noise),
+        initial_states=states,
+        biases=biases,
         wind=_wind(flights),
         maneuvers=maneuvers,
         cost=fit.cost,
@@ -145,16 +148,6 @@ def _result(
         inputs=inputs,
         method=options.method,
     )
-
-
-def _noise(fit: Fit, options: Options) -> FloatArray:
-    """Return the noise covariance; NaN for a channel that was never measured."""
-    if fit.noise is not None:
-        return fit.noise
-    if options.covariance is not None:
-        return fit.problem.weights.covariance
-    measured = np.any([np.isfinite(p.measured).any(axis=0) for p in fit.problem.pieces], axis=0)
-    return np.diag(np.where(measured, noise_variance(fit.problem, fit.z), np.nan))
 
 
 def _parameters(fit: Fit, bars: ErrorBars) -> dict[str, ParameterEstimate]:
@@ -180,36 +173,25 @@ def _parameters(fit: Fit, bars: ErrorBars) -> dict[str, ParameterEstimate]:
     return out
 
 
-def _quantity(fit: Fit, bars: ErrorBars, j: int, unit: str) -> Quantity:
-    """Return nuisance `j` with its standard error."""
-    nuisance = fit.problem.layout.nuisances[j]
-    entry = fit.problem.dimension + j
-    return Quantity(nuisance.center + nuisance.scale * float(fit.z[entry]), float(bars.std[entry]), unit)
-
-
-def _initial_states(fit: Fit, bars: ErrorBars) -> tuple[InitialState, ...]:
-    out, counts = [], dict.fromkeys(range(len(fit.prepared.windows)), 0)
-    for i, piece in enumerate(fit.problem.pieces):
-        values = {}
-        for j, n in enumerate(fit.problem.layout.nuisances):
-            if n.piece == i:
-                unit = "m/s" if n.name.startswith("gust.") else START_UNITS.get(n.name, "rad")
-                values[n.name] = _quantity(fit, bars, j, unit)
-        out.append(InitialState(piece.maneuver, counts[piece.maneuver], float(piece.time[0]), values))
-        counts[piece.maneuver] += 1
-    return tuple(out)
-
-
-def _biases(fit: Fit, bars: ErrorBars) -> tuple[SensorBiases, ...]:
-    out = []
-    for maneuver in range(len(fit.prepared.windows)):
-        values = {}
-        for j, n in enumerate(fit.problem.layout.nuisances):
-            if n.is_bias and n.maneuver == maneuver:
-                channel = n.name.split(".")[1]
-                values[channel] = _quantity(fit, bars, j, VARIABLES[channel].unit)
-        out.append(SensorBiases(maneuver, values))
-    return tuple(out)
+def _nuisances(fit: Fit, bars: ErrorBars) -> tuple[tuple[InitialState, ...], tuple[SensorBiases, ...]]:
+    """Return the initial states of every segment and the biases of every maneuver, with their standard errors."""
+    pieces, count = fit.problem.pieces, len(fit.prepared.windows)
+    states: list[dict[str, Quantity]] = [{} for _ in pieces]
+    biases: list[dict[str, Quantity]] = [{} for _ in range(count)]
+    for entry, n in enumerate(fit.problem.layout.nuisances, fit.problem.dimension):
+        value, std = n.center + n.scale * float(fit.z[entry]), float(bars.std[entry])
+        if n.piece is None:
+            channel = n.name.split(".")[1]
+            biases[n.maneuver][channel] = Quantity(value, std, VARIABLES[channel].unit)
+        else:
+            unit = "m/s" if n.name.startswith("gust.") else START_UNITS.get(n.name, "rad")
+            states[n.piece][n.name] = Quantity(value, std, unit)
+    segments = [sum(p.maneuver == piece.maneuver for p in pieces[:i]) for i, piece in enumerate(pieces)]
+    initial = tuple(
+        InitialState(piece.maneuver, segment, float(piece.time[0]), values)
+        for piece, segment, values in zip(pieces, segments, states, strict=True)
+    )
+    return initial, tuple(SensorBiases(maneuver, values) for maneuver, values in enumerate(biases))
 
 
 def _wind(flights: Mapping[str, Flight]) -> tuple[WindEstimate, ...]:
@@ -226,13 +208,4 @@ def _wind(flights: Mapping[str, Flight]) -> tuple[WindEstimate, ...]:
             values["pitot_scale"] = Quantity(air.pitot_scale, air.pitot_scale_std, "1")
             values["pitot_offset"] = Quantity(air.pitot_offset, air.pitot_offset_std, "m/s")
         out.append(WindEstimate(flight.name, values, air.residual_rms, tuple(map(str, air.notices))))
-    return tuple(out)
-
-
-def _air_data(flights: Mapping[str, Flight]) -> tuple[AirDataTrace, ...]:
-    out = []
-    for flight in flights.values():
-        if flight.air is not None and "time" in flight.air.traces:
-            curves = {k: v for k, v in flight.air.traces.items() if k != "time"}
-            out.append(AirDataTrace(flight.name, flight.air.traces["time"], curves))
     return tuple(out)

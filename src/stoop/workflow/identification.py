@@ -15,21 +15,24 @@ from stoop.checks.vehicle import require_channels
 from stoop.errors import FlightError
 from stoop.estimate import methods
 from stoop.estimate.fit import Fit, Options
-from stoop.estimate.forces import ForceFigures, force_figures
-from stoop.estimate.predict import identified_vehicle
+from stoop.estimate.predict import ForceFigures, force_figures, identified_vehicle
 from stoop.flight import Flight, load, without, without_faults
+from stoop.flight.flight import from_columns
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window, Windows, as_windows
 from stoop.results.result import Identification, ParameterEstimate, Result
-from stoop.vehicle import Vehicle, load_vehicle
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.fit_result import identification
-from stoop.workflow.provenance import by_name, flight_files, input_hashes
+from stoop.workflow.outputs import by_name, flight_files, input_hashes, write_outputs
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-    from stoop.report.notebook import Plots
+    from stoop.report.identification import Plots
+
+    Flights = Flight | str | Path | xr.Dataset | Sequence[Flight | str | Path | xr.Dataset]
 
 DEFAULTS = Options()
 
@@ -75,16 +78,15 @@ class Job:
         """
         from stoop.assessment.assessment import assess
 
-        result, files = assess(
-            self.identification.result, self.fit, assessments, watch or (lambda text: None)
-        )
-        identification = replace(self.identification, result=result)
-        return replace(self, identification=identification, attachments={**self.attachments, **files})
+        result, files = assess(self.result, self.fit, assessments, watch or (lambda text: None))
+        return replace(self.with_result(result), attachments={**self.attachments, **files})
+
+    def with_result(self, result: Result) -> Job:
+        """Return this job with another result."""
+        return replace(self, identification=replace(self.identification, result=result))
 
     def save(self, folder: str | Path, overwrite: bool = False) -> Path:
         """Write ``result.json``, ``vehicle.toml``, ``flight.nc`` and ``report.html`` into a folder."""
-        from stoop.workflow.outputs import write_outputs
-
         return write_outputs(self, Path(folder), overwrite)
 
     @property
@@ -105,7 +107,7 @@ class Job:
     @property
     def plot(self) -> Plots:
         """Plots, such as ``fit.plot.maneuvers()``."""
-        from stoop.report.notebook import Plots
+        from stoop.report.identification import Plots
 
         return Plots(self.identification)
 
@@ -139,7 +141,7 @@ class Job:
         """Return the estimates as a table."""
         from stoop.workflow.summary import estimates_table
 
-        return estimates_table(self.identification.result)
+        return estimates_table(self.result)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,50 +158,64 @@ class Search:
     command: str
 
 
+def as_flight(given: Flight | str | Path | xr.Dataset) -> Flight:
+    """Return a flight from a flight, a log, or a dataset over ``time`` (s) with variables of the registry in SI."""
+    if isinstance(given, Flight):
+        return given
+    if isinstance(given, str | Path):
+        return load(given)
+    columns = {str(name): column.to_numpy() for name, column in given.data_vars.items()}
+    name = str(given.attrs.get("name", "flight"))
+    return from_columns(name, given["time"].to_numpy(), columns, source="dataset")
+
+
+def as_flights(given: Flights) -> list[Flight]:
+    """Return one or several flights, see :func:`as_flight`."""
+    several = given if isinstance(given, Sequence) and not isinstance(given, str) else [given]
+    return [as_flight(one) for one in several]
+
+
 def identify(
     vehicle: Vehicle | str | Path,
-    flights: Flight | str | Path | Sequence[Flight | str | Path],
+    flights: Flights,
     maneuvers: Windows,
     validate: Windows = (),
     options: Options = DEFAULTS,
     callback: Callable[[optimize.Progress], None] | None = None,
-    state: optimize.State | None = None,
-    command: str = "",
-    files: Sequence[Path] = (),
 ) -> Job:
-    """Identify a vehicle from maneuvers of one or more flights, and predict others.
+    """Estimate the free numbers of a vehicle from maneuvers of one or more flights, and predict others.
 
     Parameters
     ----------
-    vehicle : Vehicle or path
-        Which numbers are free, their bounds, priors and starting values.
-    flights : Flight, path, or a sequence of them
+    vehicle : Vehicle, str or Path
+        Or the name of a built-in one, or a vehicle file.
+    flights : Flight, path of a log, xarray.Dataset, or a sequence of them
     maneuvers : windows
-        Fitted jointly: ``"[FLIGHT@]START:STOP[#LOADING]"``, ``(start, stop)``, ``slice(start, stop)`` in seconds of the log's own
-        clock, or a `Window`; one or several.
+        Fitted jointly: ``"[FLIGHT@]START:STOP[#LOADING]"``, ``(start, stop)`` or ``slice(start, stop)`` in seconds of the
+        log's own clock; one or several.
     validate : windows
         Likewise; predicted, nothing is fitted there.
     options : Options
+        Method, optimizer, seed, budget.
     callback : callable, optional
-        Called with an :class:`stoop.optimize.Progress` after each generation.
-    state : optional
-        State of an interrupted search, to resume.
-    command : str
-        Command line, for the report.
-    files : sequence of Path
-        Other files that were read (mapping, noise covariance), for the result's ``inputs``.
+        Sees a :class:`stoop.optimize.Progress` after each step of the search.
+
+    Returns
+    -------
+    Job
+        ``fit.parameters["Clp"].std_error``, ``fit.to_dataframe()``, ``fit.plot.maneuvers()``, ``fit.save(folder)``.
 
     Raises
     ------
     StoopError
         One line that says what is wrong and what to do.
     """
-    return finish(search(vehicle, flights, maneuvers, validate, options, callback, state, command, files))
+    return finish(search(vehicle, flights, maneuvers, validate, options, callback))
 
 
 def search(
     vehicle: Vehicle | str | Path,
-    flights: Flight | str | Path | Sequence[Flight | str | Path],
+    flights: Flights,
     maneuvers: Windows,
     validate: Windows = (),
     options: Options = DEFAULTS,
@@ -208,16 +224,34 @@ def search(
     command: str = "",
     files: Sequence[Path] = (),
 ) -> Search:
-    """Do the long part of :func:`identify`; wrong input raises its error before the search."""
+    """Do the long part of :func:`identify`; wrong input raises its error before the search.
+
+    Further arguments: the `state` of an interrupted search to resume; the `command` line, for the report; other `files` that
+    were read (mapping, noise covariance), for the result's ``inputs``.
+    """
     began = time.perf_counter()
-    vehicle = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
+    vehicle = vehicle if isinstance(vehicle, Vehicle) else resolve_vehicle(vehicle)
     methods.find(options.method)
-    several = [flights] if isinstance(flights, Flight | str | Path) else flights
-    known = by_name([f if isinstance(f, Flight) else load(f) for f in several], "identify")
-    _check_rates(known)
+    known = by_name(as_flights(flights), "identify")
+    rates = sorted({f"{flight.rate:g}" for flight in known.values()})
+    if len(rates) > 1:
+        raise FlightError(
+            f"identify: the flights are sampled at {' and '.join(rates)} Hz; bring them to one rate first"
+        )
     method = methods.choose_method(options.method, vehicle, known.values())
     options = replace(options, method=method.name)
-    fitted, predicted = _windows(maneuvers, validate, known)
+    if not maneuvers:
+        raise FlightError(
+            "identify: no maneuver is given; name at least one window START:STOP, see stoop info"
+        )
+    fitted, predicted = as_windows(maneuvers, known), as_windows(validate, known)
+    twice = "the same samples would count twice; give windows that lie apart"
+    both = "nothing may be fitted in a window that is predicted; move one of them"
+    for i, window in enumerate((*fitted, *predicted)):
+        for other in fitted[:i]:
+            if window.flight == other.flight and window.start < other.stop and other.start < window.stop:
+                why = twice if i < len(fitted) else both
+                raise FlightError(f"maneuver {window}: overlaps the fitted {other}; {why}")
     for name in dict.fromkeys(w.flight for w in (*fitted, *predicted)):
         require_channels(vehicle, known[name])
     inputs = input_hashes(vehicle, known, files)
@@ -233,43 +267,7 @@ def search(
 
 def finish(done: Search) -> Job:
     """Add error bars, predictions and goodness of fit to a finished search."""
-    return Job(
-        identification(
-            done.fit, done.flights, done.predicted, done.options, done.inputs, done.began, done.command
-        ),
-        identified_vehicle(done.fit),
-        tuple(done.flights.values()),
-        done.fit,
-        done.files,
-        forces=force_figures(done.fit, done.flights, done.predicted),
-    )
-
-
-def _windows(
-    maneuvers: Windows, validate: Windows, flights: Mapping[str, Flight]
-) -> tuple[tuple[Window, ...], tuple[Window, ...]]:
-    """Return windows to fit and windows to predict."""
-    if not maneuvers:
-        raise FlightError(
-            "identify: no maneuver is given; name at least one window START:STOP, see stoop info"
-        )
-    fitted, predicted = as_windows(maneuvers, flights), as_windows(validate, flights)
-    for i, window in enumerate(fitted):
-        _check_apart(window, fitted[:i], "the same samples would count twice; give windows that lie apart")
-    for window in predicted:
-        _check_apart(window, fitted, "nothing may be fitted in a window that is predicted; move one of them")
-    return fitted, predicted
-
-
-def _check_apart(window: Window, others: Sequence[Window], why: str) -> None:
-    for other in others:
-        if window.flight == other.flight and window.start < other.stop and other.start < window.stop:
-            raise FlightError(f"maneuver {window}: overlaps the fitted {other}; {why}")
-
-
-def _check_rates(flights: Mapping[str, Flight]) -> None:
-    rates = sorted({f"{flight.rate:g}" for flight in flights.values()})
-    if len(rates) > 1:
-        raise FlightError(
-            f"identify: the flights are sampled at {' and '.join(rates)} Hz; bring them to one rate first"
-        )
+    fit, flights, predicted = done.fit, done.flights, done.predicted
+    found = identification(fit, flights, predicted, done.options, done.inputs, done.began, done.command)
+    forces = force_figures(fit, flights, predicted)
+    return Job(found, identified_vehicle(fit), tuple(flights.values()), fit, done.files, forces=forces)

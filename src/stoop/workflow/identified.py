@@ -17,8 +17,7 @@ from stoop.problem.windows import Window
 from stoop.results.result import Result, read_result
 from stoop.vehicle import Vehicle, load_vehicle
 from stoop.workflow.curves import baseline_maneuver
-from stoop.workflow.outputs import RESULT, flight_file
-from stoop.workflow.provenance import file_hashes, flight_files
+from stoop.workflow.outputs import RESULT, file_hashes, flight_file, flight_files
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,14 +76,8 @@ class Identified:
         StoopError
             One of them does not.
         """
-        names = flight_names(self.result)
-        paths = {name: self.folder / flight_file(name, len(names)) for name in names}
-        return {name: replace(load(path), name=name) for name, path in paths.items()}
-
-
-def flight_names(result: Result) -> tuple[str, ...]:
-    """Return the names of the flights of a result."""
-    return tuple(dict.fromkeys(m.flight for m in result.maneuvers))
+        copies = _copies(self.folder, self.result)
+        return {name: replace(load(path), name=name) for name, path in copies.items()}
 
 
 def read_identified(path: Path) -> Identified:
@@ -95,16 +88,33 @@ def read_identified(path: Path) -> Identified:
     StoopError
         There is no such folder, or it does not hold what stoop identify writes.
     """
-    folder = path if path.is_dir() else path.parent
-    file = folder / RESULT if path.is_dir() else path
+    folder, file = (path, path / RESULT) if path.is_dir() else (path.parent, path)
     if not file.exists():
         raise StoopError(f"{path}: holds no {RESULT}; name the folder that stoop identify wrote")
     result = read_result(file)
     wrong = next(_contradictions(result), None)
     if wrong is not None:
         raise StoopError(f"{file}: {wrong}; write it again with stoop identify")
-    vehicle = _vehicle(folder, result)
-    return Identified(folder, result, vehicle, _hashes(folder, result))
+    if not (folder / "vehicle.toml").exists():
+        raise StoopError(
+            f"{folder}: holds no vehicle.toml beside {RESULT}; name the whole folder that stoop identify wrote"
+        )
+    vehicle = load_vehicle(folder / "vehicle.toml")
+    try:
+        vehicle = vehicle.with_numbers({n: {"value": p.estimate} for n, p in result.parameters.items()})
+    except StoopError as error:
+        raise StoopError(f"{folder}: {RESULT} and vehicle.toml do not belong together ({error})") from None
+    copies = _copies(folder, result)
+    hashes = {digest: flight_name(Path(file)) for file, digest in result.inputs.items()}
+    hashes = {digest: name for digest, name in hashes.items() if name in copies}
+    hashes |= {next(iter(file_hashes([p]).values())): name for name, p in copies.items() if p.exists()}
+    return Identified(folder, result, vehicle, hashes)
+
+
+def _copies(folder: Path, result: Result) -> dict[str, Path]:
+    """Return where the flights of a result lie in its folder, by name."""
+    names = tuple(dict.fromkeys(m.flight for m in result.maneuvers))
+    return {name: folder / flight_file(name, len(names)) for name in names}
 
 
 def _contradictions(result: Result) -> Iterator[str]:
@@ -125,27 +135,3 @@ def _contradictions(result: Result) -> Iterator[str]:
     places = {b.maneuver for b in result.biases} | {i.maneuver for i in result.initial_states}
     if not places <= set(range(len(result.maneuvers))):
         yield "has biases or initial states of a maneuver that it does not name"
-
-
-def _vehicle(folder: Path, result: Result) -> Vehicle:
-    if not (folder / "vehicle.toml").exists():
-        raise StoopError(
-            f"{folder}: holds no vehicle.toml beside {RESULT}; name the whole folder that stoop identify wrote"
-        )
-    vehicle = load_vehicle(folder / "vehicle.toml")
-    try:
-        return vehicle.with_numbers({n: {"value": p.estimate} for n, p in result.parameters.items()})
-    except StoopError as error:
-        raise StoopError(f"{folder}: {RESULT} and vehicle.toml do not belong together ({error})") from None
-
-
-def _hashes(folder: Path, result: Result) -> dict[str, str]:
-    names = flight_names(result)
-    logged = {
-        digest: flight_name(Path(file))
-        for file, digest in result.inputs.items()
-        if flight_name(Path(file)) in names
-    }
-    copies = {name: folder / flight_file(name, len(names)) for name in names}
-    kept = {next(iter(file_hashes([p]).values())): name for name, p in copies.items() if p.exists()}
-    return logged | kept

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -15,8 +15,7 @@ from stoop.base.csv_text import csv_text
 from stoop.base.files import make_folder, write_text_atomic
 from stoop.errors import IdentificationError
 from stoop.estimate.regression.aircraft import AircraftEquations
-from stoop.estimate.regression.domain import Domain
-from stoop.estimate.regression.equations import estimate, unbounded
+from stoop.estimate.regression.least_squares import Domain, estimate, unbounded
 from stoop.estimate.regression.structure import Choose, Structure, determine, parameter_name
 from stoop.flight import Flight
 from stoop.problem import Layout
@@ -27,7 +26,6 @@ from stoop.vehicle.load import parse_vehicle
 
 FILES: Final = ("vehicle.toml", "structure.csv", "structure.html")
 HEAD: Final = ("coefficient", "step", "action", "term", "F", "threshold", "terms", "R2", "PRESS", "PSE")
-DIGITS: Final = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,27 +76,20 @@ def structure(
     names = {c: _names(vehicle, c, chosen.terms) for c, chosen in found.chosen.items()}
     shaped = parse_vehicle(_text(vehicle, names, {}), vehicle.where)
     shaped = shaped if shaped.reduce == vehicle.reduce else shaped.reduced(vehicle.reduce)
-    equations = AircraftEquations(Layout.of(_freed(shaped, names), ()), found.histories)
-    estimates = _estimates(equations, domain)
+    # Nothing is free but the chosen terms and the constants beside them.
+    wanted = {n for group in names.values() for n in group.values()}
+    wanted |= {n for c in names for n, t in shaped.terms[c].items() if t.strip() == "1"}
+    freed = shaped.with_numbers({p.name: {"free": p.name in wanted} for p in shaped.parameters})
+    equations = AircraftEquations(Layout.of(freed, ()), found.histories)
+    fitted = estimate(equations, domain, unbounded(equations))
+    estimates: dict[str, tuple[float, float]] = {}
+    if fitted is not None:
+        std = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))
+        pairs = zip(equations.names, fitted.values, std, strict=True)
+        estimates = {n: (float(v), float(s)) for n, v, s in pairs}
     values = {n: v for n, (v, _) in estimates.items()}
     final = parse_vehicle(_text(vehicle, names, values), vehicle.where)
     return Determined(found, final, names, estimates, domain)
-
-
-def _freed(vehicle: Vehicle, names: Mapping[str, Mapping[str, str]]) -> Vehicle:
-    """Return the vehicle with nothing free but the chosen terms and the constants beside them."""
-    wanted = {n for group in names.values() for n in group.values()}
-    wanted |= {n for c in names for n, t in vehicle.terms[c].items() if t.strip() == "1"}
-    return vehicle.with_numbers({p.name: {"free": p.name in wanted} for p in vehicle.parameters})
-
-
-def _estimates(equations: AircraftEquations, domain: Domain) -> dict[str, tuple[float, float]]:
-    """Return estimate and standard error by parameter; none where no row is left."""
-    found = estimate(equations, domain, unbounded(equations))
-    if found is None:
-        return {}
-    std = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
-    return {n: (float(v), float(s)) for n, v, s in zip(equations.names, found.values, std, strict=True)}
 
 
 def _same(a: str, b: str) -> bool:
@@ -131,19 +122,15 @@ def _text(vehicle: Vehicle, names: Mapping[str, Mapping[str, str]], values: Mapp
         for name, term in own.items():
             if term.term.strip() == "1":
                 _put(table, name, term.term, values.get(name))
-            elif name not in group.values():
-                _drop(table, name, coefficient, vehicle.file.aerodynamics.default)
+            elif name in group.values():
+                continue
+            elif vehicle.file.aerodynamics.default and name in EQUATION_1[coefficient]:
+                table[name] = False  # else a term of eq. (1) would come back by default
+            else:
+                del table[name]
         for term, name in group.items():
             _put(table, name, term, values.get(name))
     return tomlkit.dumps(document)
-
-
-def _drop(table: Any, name: str, coefficient: str, default: bool) -> None:
-    """Take a term out; one of eq. (1) comes back by default unless it is set to false."""
-    if default and name in EQUATION_1[coefficient]:
-        table[name] = False
-    else:
-        del table[name]
 
 
 def _put(table: Any, name: str, term: str, value: float | None) -> None:
@@ -151,48 +138,33 @@ def _put(table: Any, name: str, term: str, value: float | None) -> None:
     entry = table.get(name)
     if isinstance(entry, str):
         return  # tied: its value is another's
-    number = float(f"{value:.{DIGITS}g}") if value is not None else 0.0
+    number = float(f"{value:.6g}") if value is not None else 0.0
     if isinstance(entry, dict):
-        _revise(entry, number if value is not None else None)
-        return
-    known = any(name == n and _same(t, term) for c in EQUATION_1.values() for n, (t, _, _) in c.items())
-    if known:
+        if entry.get("free") is False:
+            entry["free"] = True
+        if value is not None:
+            entry["value"] = number
+        if value is not None and "bounds" in entry and not entry["bounds"][0] <= number <= entry["bounds"][1]:
+            low, high = (float(b) for b in entry["bounds"])
+            entry["bounds"] = [min(low, number - abs(number)), max(high, number + abs(number))]
+    elif any(name == n and _same(t, term) for c in EQUATION_1.values() for n, (t, _, _) in c.items()):
         table[name] = number
-        return
-    # a term has passed the white list: it holds no quote
-    table[name] = tomlkit.parse(f'fresh = {{ term = "{term}", value = {number!r} }}')["fresh"]
-
-
-def _revise(entry: Any, number: float | None) -> None:
-    if entry.get("free") is False:
-        entry["free"] = True
-    if number is None:
-        return
-    entry["value"] = number
-    if "bounds" in entry and not entry["bounds"][0] <= number <= entry["bounds"][1]:
-        low, high = (float(b) for b in entry["bounds"])
-        entry["bounds"] = [min(low, number - abs(number)), max(high, number + abs(number))]
-
-
-def rows(found: Structure) -> Iterator[tuple[Any, ...]]:
-    """Yield the steps of every coefficient under `HEAD`."""
-    for coefficient, chosen in found.chosen.items():
-        for i, s in enumerate(chosen.selection.steps, 1):
-            yield (
-                coefficient, i, s.action, chosen.candidates[s.column], s.f, s.threshold, s.terms, s.r2, s.press, s.pse,
-            )  # fmt: skip
+    else:  # a term has passed the white list: it holds no quote
+        table[name] = tomlkit.parse(f'fresh = {{ term = "{term}", value = {number!r} }}')["fresh"]
 
 
 def write_structure(found: Determined, folder: Path, command: str) -> None:
     """Write vehicle, table of steps and page into a folder; each whole or not at all."""
+    from stoop.report.models import structure_sheet
     from stoop.report.sheet import write_sheet
-    from stoop.report.structure import structure_sheet
 
     make_folder(folder)
-    table = csv_text(HEAD, rows(found.structure))
+    rows = [
+        (c, i, s.action, chosen.candidates[s.column], s.f, s.threshold, s.terms, s.r2, s.press, s.pse)
+        for c, chosen in found.structure.chosen.items()
+        for i, s in enumerate(chosen.selection.steps, 1)
+    ]
     write_text_atomic(folder / "vehicle.toml", found.vehicle.text)
-    write_text_atomic(folder / "structure.csv", table)
-    write_sheet(
-        structure_sheet(found.structure, found.vehicle, found.names, found.estimates, command),
-        folder / "structure.html",
-    )
+    write_text_atomic(folder / "structure.csv", csv_text(HEAD, rows))
+    page = structure_sheet(found.structure, found.vehicle, found.names, found.estimates, command)
+    write_sheet(page, folder / "structure.html")

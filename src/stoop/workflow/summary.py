@@ -1,32 +1,162 @@
-"""Results as plain text tables."""
+"""What a result says: notices of what makes it doubtful and what its figures rest on, and its numbers as text tables."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Final
 
-from stoop.estimate.forces import ForceFigures
-from stoop.report.modes import repeatability_summary
-from stoop.results.result import ManeuverResult, Repeatability, Result
-from stoop.results.uncertainty import ParameterIdentifiability
+import numpy as np
 
-BASIC_METHODS = ("corrected", "cramer_rao")  #: methods that every result has
-_SHOWN = ("vn", "ve", "vd", "V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "ax", "ay", "az")
+from stoop.assessment.error_bars import ErrorBars
+from stoop.base.notices import Notice, as_notice, notice, of_severity
+from stoop.checks.vehicle import check_lift, check_rotors, inertia_notices
+from stoop.estimate.excitation import excitation_notices
+from stoop.estimate.fit import Fit
+from stoop.estimate.predict import ForceFigures
+from stoop.flight import Flight
+from stoop.results.result import ManeuverResult, ParameterEstimate, Result
+from stoop.results.uncertainty import ParameterIdentifiability, Repeatability
+from stoop.vehicle import Vehicle
+
+SENSOR_FAULTS: Final = {
+    "wrong sign": "sensor-fault",
+    "wrong unit": "sensor-fault",
+    "inconsistent": "sensor-fault",
+    "clipped": "sensor-fault-left-out",
+    "stuck": "sensor-fault-left-out",
+}  #: kinds of faults that affect a fit -> code
+MIN_CORRELATION_TIME: Final = 2.0  #: samples; from here on residuals count as colored
+CONFIRMED: Final = frozenset({"converged", "target"})  #: a search that ended so has found its optimum
+BASIC_METHODS: Final = ("corrected", "cramer_rao")  #: of uncertainty, that every result has
+SHOWN: Final = (
+    "vn",
+    "ve",
+    "vd",
+    "V",
+    "alpha",
+    "beta",
+    "p",
+    "q",
+    "r",
+    "phi",
+    "theta",
+    "psi",
+    "ax",
+    "ay",
+    "az",
+)
 
 
-def _number(value: float, width: int = 11) -> str:
-    return f"{value:{width}.4g}" if math.isfinite(value) else "-".rjust(width)
+def fit_warnings(
+    parameters: Mapping[str, ParameterEstimate],
+    bars: ErrorBars,
+    maneuvers: Sequence[ManeuverResult],
+    fit: Fit,
+    flights: Mapping[str, Flight],
+) -> tuple[Notice, ...]:
+    """Return what makes a result doubtful, the most serious first."""
+    vehicle, windows = fit.problem.layout.vehicle, fit.prepared.windows
+    found: list[Notice | str] = [
+        *search_notices(fit.outcome.status, fit.outcome.advice),
+        *_sensor_faults(vehicle, flights, maneuvers),
+        *check_lift(vehicle, flights),
+        *inertia_notices(vehicle, fit.estimates),
+    ]
+    # Missing rates, and a missing airspeed, by whose square every coefficient is divided.
+    recorded = np.any([np.isfinite(p.measured).any(axis=0) for p in fit.problem.pieces], axis=0)
+    missing = {name for name, there in zip(vehicle.outputs, recorded, strict=True) if not there}
+    rates = tuple(name for name in ("p", "q", "r") if name in missing)
+    found += [notice("rates-not-recorded", channels=rates)] if rates else []
+    if "V" in missing:
+        found.append(notice("airspeed-not-measured", airspeed=vehicle.value("reference.airspeed")))
+    found += check_rotors(vehicle, flights, windows)
+    found += excitation_notices(fit.problem, fit.z, slowest_rate(fit, flights))
+    # Parameters at a bound, those that rest on it, and those not identifiable, of one reason together.
+    at_bound = tuple(name for name, p in parameters.items() if p.at_bound)
+    found += [notice("at-bound", parameters=at_bound)] if at_bound else []
+    if bars.conditional:
+        found.append(notice("conditional-on-bound", held=at_bound, parameters=tuple(bars.conditional)))
+    reasons: dict[str, list[str]] = {}
+    for name, one in bars.identifiability.items():
+        if not one.identifiable and not parameters[name].at_bound:
+            reasons.setdefault(str(one.reason), []).append(name)
+    for reason, names in reasons.items():
+        found.append(notice("not-identifiable", parameters=tuple(names), count=len(names), reason=reason))
+    found += [*lag_notices(maneuvers), *of_severity((*fit.prepared.notices, *fit.notices), "warning")]
+    return tuple(as_notice(one) for one in found)
+
+
+def basis_notices(vehicle: Vehicle, flights: Mapping[str, Flight], correlation: float) -> list[Notice]:
+    """Return what the figures rest on.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    flights : mapping
+    correlation : float
+        Correlation time of the residuals, samples.
+    """
+    found = [notice("vehicle-file-note", text=text) for text in vehicle.file.notes]
+    for flight in flights.values():
+        if "V" in vehicle.outputs and flight.air is not None and flight.air.method != "none":
+            source = flight.sources.get("V")
+            rebuilt = source is None or source.source == "reconstructed"
+            channels = ("V", "alpha", "beta") if rebuilt else ("alpha", "beta")
+            method = flight.air.method
+            found.append(notice("air-data-reconstructed", flight.name, channels=channels, method=method))
+    if correlation > MIN_CORRELATION_TIME:
+        found.append(notice("residuals-colored", samples=correlation))
+    return found
+
+
+def data_notices(found: Iterable[Notice | str]) -> list[Notice]:
+    """Return what was found in the data, each once; a warning about a flight is information about a fit to parts of it."""
+    return [replace(as_notice(one, "info", "flight"), severity="info") for one in dict.fromkeys(found)]
+
+
+def search_notices(status: str, advice: str) -> list[Notice]:
+    """Return the warning about a search that has not confirmed an optimum."""
+    return [] if status in CONFIRMED else [notice("no-confirmed-optimum", advice=advice)]
+
+
+def lag_notices(maneuvers: Sequence[ManeuverResult]) -> list[Notice]:
+    """Name the channels in which a first-order lag matches as well as the model."""
+    weak = [(m, tuple(c for c, one in m.channels.items() if one.lost)) for m in maneuvers]
+    return [notice("lag-not-beaten", m.window, role=m.role, channels=names) for m, names in weak if names]
+
+
+def slowest_rate(fit: Fit, flights: Mapping[str, Flight]) -> float:
+    """Return the lowest rate at which a compared channel was logged, Hz."""
+    outputs = fit.problem.layout.vehicle.outputs
+    rates = [f.sources[c].rate for f in flights.values() for c in outputs if c in f.sources]
+    return min((rate for rate in rates if rate > 0.0), default=np.inf)
+
+
+def _sensor_faults(
+    vehicle: Vehicle, flights: Mapping[str, Flight], maneuvers: Sequence[ManeuverResult]
+) -> list[Notice]:
+    """Return suspected faults of sensors that the fit reads, within its windows."""
+    read = {*vehicle.outputs, *vehicle.inputs}
+    spans = [(m.flight, m.start, m.stop) for m in maneuvers if m.role == "fit"]
+    return [
+        notice(SENSOR_FAULTS[fault.kind], flight.name, fault=fault.message)
+        for flight in flights.values()
+        for fault in flight.faults
+        if fault.variable in read and fault.kind in SENSOR_FAULTS
+        if any(name == flight.name and a < fault.stop and fault.start < b for name, a, b in spans)
+    ]
 
 
 def estimates_table(result: Result, truth: Mapping[str, float] | None = None) -> str:
     """Return estimates with standard errors, intervals and remarks; beside the truth where it is known."""
     wide = max([len("parameter"), *map(len, result.parameters)])
-    head = (
-        f"{'parameter':{wide}} {'estimate':>11} {'std error':>11} {'95 % from':>11} {'to':>11} {'start':>11}"
-    )
-    lines = [head + (f" {'truth':>11} {'sigmas off':>10}" if truth else "") + "  unit"]
+    heads = ["estimate", "std error", "95 % from", "to", "start", *(["truth"] if truth else [])]
+    head = f"{'parameter':{wide}} " + " ".join(f"{text:>11}" for text in heads)
+    lines = [head + (f" {'sigmas off':>10}" if truth else "") + "  unit"]
     for name, p in result.parameters.items():
-        error = _number(p.std_error) if p.identifiable else _doubtful(p.std_error)
+        error = _number(p.std_error, p.identifiable)
         cells = [_number(p.estimate), error, *map(_number, (p.ci95_lower, p.ci95_upper, p.start))]
         if truth:
             known = truth.get(name, math.nan)
@@ -37,21 +167,22 @@ def estimates_table(result: Result, truth: Mapping[str, float] | None = None) ->
     return "\n".join(lines)
 
 
-def _doubtful(error: float, width: int = 11) -> str:
-    """Return a standard error in brackets: the parameter is not identifiable."""
-    return f"({error:.3g})".rjust(width) if math.isfinite(error) else "-".rjust(width)
-
-
 def methods_table(result: Result) -> str:
     """Return the standard errors of every method side by side; in brackets where not identifiable."""
     wide = max([len("parameter"), *map(len, result.parameters)])
     lines = [f"{'parameter':{wide}} " + " ".join(f"{name:>11}" for name in result.uncertainty)]
     for name, p in result.parameters.items():
-        shown = _number if p.identifiable else _doubtful
         spreads = [m.parameters.get(name) for m in result.uncertainty.values()]
-        cells = ["".rjust(11) if s is None else shown(s.std_error) for s in spreads]
+        cells = ["".rjust(11) if s is None else _number(s.std_error, p.identifiable) for s in spreads]
         lines.append(f"{name:{wide}} {' '.join(cells)}".rstrip())
     return "\n".join(lines)
+
+
+def _number(value: float, identifiable: bool = True) -> str:
+    """Return a number of eleven characters; a standard error in brackets where the parameter is not identifiable."""
+    if not math.isfinite(value):
+        return "-".rjust(11)
+    return f"{value:11.4g}" if identifiable else f"({value:.3g})".rjust(11)
 
 
 def advice_by_doubt(found: Mapping[str, ParameterIdentifiability]) -> dict[str, list[str]]:
@@ -82,7 +213,7 @@ def repeatability_lines(found: Repeatability) -> list[str]:
     """Return whether maneuvers fitted alone agree: how many parameters were compared, and which; none if not asked for."""
     if not found.maneuvers:
         return []
-    lines = [repeatability_summary(tuple(found.parameters.values()))]
+    lines = [found.summary()]
     for verdict in ("scatter", "agree"):
         named = [
             f"{name} ({1 + one.degrees} maneuvers, p = {one.p_value:.2g})"
@@ -90,7 +221,7 @@ def repeatability_lines(found: Repeatability) -> list[str]:
             if one.verdict == verdict
         ]
         lines += [f"{verdict}: {', '.join(named)}"] if named else []
-    return [*lines, *found.remarks]
+    return [*lines, *map(str, found.remarks)]
 
 
 def figures_table(maneuvers: Sequence[ManeuverResult]) -> str:
@@ -99,14 +230,10 @@ def figures_table(maneuvers: Sequence[ManeuverResult]) -> str:
         "Theil's inequality coefficient (0 perfect, 1 worst; low-passed at 10 Hz), first-order lag beneath"
     ]
     for m in maneuvers:
-        channels = [c for c in _SHOWN if c in m.channels]
-        lines.append(f"{m.flight} {m.start:g}:{m.stop:g} ({m.role})")
+        channels = [c for c in SHOWN if c in m.channels]
+        lags = [m.channels[c].baseline_theil for c in channels]
+        lines.append(f"{m.window} ({m.role})")
         lines.append("  " + "".join(f"{c:>7}" for c in channels))
         lines.append("  " + "".join(f"{m.channels[c].theil:7.3f}" for c in channels) + "  model")
-        lines.append("  " + "".join(_lag(m, c) for c in channels) + "  lag")
+        lines.append("  " + "".join(f"{v:7.3f}" if math.isfinite(v) else "      -" for v in lags) + "  lag")
     return "\n".join(lines)
-
-
-def _lag(m: ManeuverResult, channel: str) -> str:
-    value = m.channels[channel].baseline_theil
-    return f"{value:7.3f}" if math.isfinite(value) else "-".rjust(7)

@@ -7,16 +7,13 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stoop.cli.campaign import add_campaign_arguments, run_campaign
-from stoop.cli.numbers import at_least_one, count, positive
+from stoop.cli.arguments import at_least_one, count, positive
 from stoop.cli.page import page
+from stoop.cli.progress import add_campaign_arguments, run_campaign
 from stoop.errors import IdentificationError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from stoop_studies.compare.field import Field
-    from stoop_studies.compare.measures import Score
 
 _WINDOW = "[FLIGHT@]START:STOP[#LOADING]"
 
@@ -32,17 +29,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--first-seed", metavar="N", type=count, default=1, help="the others follow (default: 1)")
     budget = "evaluations that a run may take (default: 20000)"
     add("--budget", metavar="N", type=positive, default=20_000.0, help=budget)
-    _add_flight(parser)
-    add_campaign_arguments(parser)
-    again = "begin anew: forget the runs in DIR, and replace files of something else"
-    add("--overwrite", action="store_true", help=again)
-
-
-def _add_flight(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument
     add("--flight", metavar="PATH", nargs="+", help="flight log(s) of the problem 'flight'")
     add("--vehicle", metavar="V.toml", help="its vehicle")
     add("--maneuver", metavar=_WINDOW, nargs="+", action="extend", default=[], help="its windows")
+    add_campaign_arguments(parser)
+    again = "begin anew: forget the runs in DIR, and replace files of something else"
+    add("--overwrite", action="store_true", help=again)
 
 
 def _names(text: str) -> tuple[str, ...]:
@@ -54,65 +46,63 @@ def _names(text: str) -> tuple[str, ...]:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run what is left of the comparison, write it, and say who is ahead."""
-    from stoop_studies.compare.output import STORE, conclude, prepare
+    from stoop.cli import page as tables
+    from stoop_studies.compare.page import PAGE, STORE, beaten_text, conclude, ends_text, prepare
 
     field = _field(arguments)
     plan = field.plan()
     prepare(arguments.output, arguments.overwrite)
     results = run_campaign(arguments, plan, arguments.output / STORE)
-    _tell(conclude(field, results, arguments.output, _command(arguments)), arguments.output)
+    scores = conclude(field, results, arguments.output, _command(arguments))
+    out = page()
+    for problem in dict.fromkeys(s.problem for s in scores):
+        found = [s for s in scores if s.problem == problem]
+        out.heading(problem)
+        out.table(
+            tables.words("optimizer", [s.optimizer for s in found]),
+            tables.points("successes", [s.rate_text for s in found]),
+            tables.points("ERT", [s.ert_text for s in found]),
+            tables.points("ratio", [s.ratio_text for s in found]),
+            tables.words("95 %", [s.ratio.interval for s in found]),
+        )
+        out.line(beaten_text(found))
+    out.line()
+    for line in ends_text(scores):
+        out.line(line)
+    out.line(f"Tables and page: {arguments.output / PAGE}")
     return 0
 
 
 def _field(arguments: argparse.Namespace) -> Field:
-    from stoop_studies.compare.field import (
-        FLIGHT,
-        PROBLEMS,
-        Field,
-        check_optimizers,
-        check_problems,
-        installed,
-    )
+    from stoop.errors import FlightError
+    from stoop.workflow.outputs import file_hashes
+    from stoop_studies.compare import field
 
-    flight = _flight(arguments)
-    absent: Mapping[str, str] = {}
-    optimizers = arguments.optimizers
-    if optimizers is None:
-        optimizers, absent = installed()
-    check_optimizers(optimizers)
-    problems = arguments.problems or (*PROBLEMS, *([FLIGHT] if flight else []))
-    if flight and FLIGHT not in problems:
-        raise IdentificationError("--flight: the problem 'flight' is not among --problems; add it there")
-    seeds = range(arguments.first_seed, arguments.first_seed + arguments.seeds)
-    check_problems(problems, bool(flight), arguments.first_seed)
-    return Field(optimizers, problems, seeds, arguments.budget, flight, _digests(arguments), absent)
-
-
-def _flight(arguments: argparse.Namespace) -> dict[str, str | list[str]]:
-    """Return the arguments of the problem 'flight'; all of its options or none."""
     given = {"--flight": arguments.flight, "--vehicle": arguments.vehicle, "--maneuver": arguments.maneuver}
     missing = [name for name, value in given.items() if not value]
-    if len(missing) == len(given):
-        return {}
-    if missing:
+    flight: dict[str, str | list[str]] = {}
+    if not missing:
+        flight = {"flight": arguments.flight, "vehicle": arguments.vehicle, "maneuvers": arguments.maneuver}
+    elif len(missing) < len(given):
         raise IdentificationError(
             f"problem flight: {' and '.join(missing)} missing; give all of {', '.join(given)}"
         )
-    return {"flight": arguments.flight, "vehicle": arguments.vehicle, "maneuvers": arguments.maneuver}
-
-
-def _digests(arguments: argparse.Namespace) -> dict[str, str]:
-    """Return what the flight's files hold: a store is continued on the same files only."""
-    if not arguments.flight:
-        return {}
-    from stoop.errors import FlightError
-    from stoop.workflow.provenance import file_hashes
-
-    paths = [Path(path) for path in (*arguments.flight, arguments.vehicle)]
+    optimizers, absent = arguments.optimizers, dict[str, str]()
+    if optimizers is None:
+        optimizers, absent = field.installed()
+    field.check_optimizers(optimizers)
+    problems = arguments.problems or (*field.PROBLEMS, *([field.FLIGHT] if flight else []))
+    if flight and field.FLIGHT not in problems:
+        raise IdentificationError("--flight: the problem 'flight' is not among --problems; add it there")
+    seeds = range(arguments.first_seed, arguments.first_seed + arguments.seeds)
+    field.check_problems(problems, bool(flight), arguments.first_seed)
+    # a store is continued on the same files only
+    paths = [Path(path) for path in (*arguments.flight, arguments.vehicle)] if flight else []
     for path in paths[:-1]:
         if not path.exists():
             raise FlightError(f"{path}: no such file or folder; check the name")
-    return file_hashes([path for path in paths if path.exists()])
+    digests = file_hashes([path for path in paths if path.exists()])
+    return field.Field(optimizers, problems, seeds, arguments.budget, flight, digests, absent)
 
 
 def _command(arguments: argparse.Namespace) -> str:
@@ -129,29 +119,3 @@ def _command(arguments: argparse.Namespace) -> str:
     }
     options = [word for name, values in given.items() if any(values) for word in (name, *values)]
     return shlex.join(["stoop", "compare", *options])
-
-
-def _tell(scores: Sequence[Score], folder: Path) -> None:
-    from stoop.cli import tables
-    from stoop_studies.compare import words
-    from stoop_studies.compare.output import PAGE
-
-    out = page()
-    for problem in dict.fromkeys(s.problem for s in scores):
-        found = [s for s in scores if s.problem == problem]
-        out.heading(problem)
-        out.table(
-            [
-                tables.words("optimizer", [s.optimizer for s in found]),
-                tables.points("successes", [words.rate_text(s) for s in found]),
-                tables.points("ERT", [words.ert_text(s) for s in found]),
-                tables.points("ratio", [words.ratio_text(s) for s in found]),
-                tables.words("95 %", [words.span_text(s.ratio) for s in found]),
-            ]
-        )
-        out.line(words.beaten_text(found))
-    out.line()
-    out.line(words.wrong_text(scores))
-    if words.short_text(scores):
-        out.line(words.short_text(scores))
-    out.line(f"Tables and page: {folder / PAGE}")

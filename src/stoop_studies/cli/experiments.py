@@ -8,10 +8,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stoop.cli.campaign import add_campaign_arguments, run_campaign
-from stoop.cli.numbers import at_least_one, count
+from stoop.base.text import printable
+from stoop.cli.arguments import at_least_one, count
 from stoop.cli.page import page
-from stoop.cli.printable import printable
+from stoop.cli.progress import add_campaign_arguments, run_campaign
 from stoop.errors import StoopError
 
 if TYPE_CHECKING:
@@ -25,18 +25,7 @@ CORRECTABLE = 2  #: exit status where something is missing that the user can sup
 def add_experiment_arguments(
     parser: argparse.ArgumentParser, names: Sequence[str], what: str, folder: Path
 ) -> None:
-    """Add what to run, how many times, where, and into which folder.
-
-    Parameters
-    ----------
-    parser : ArgumentParser
-    names : sequence of str
-        Of the experiments.
-    what : str
-        One line on each, for the help.
-    folder : Path
-        When none is named.
-    """
+    """Add what to run, how many times, where, and into which folder; ``what`` has one line on each experiment."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = (
         f"experiments:\n{what}\n\nThe same command again goes on from where the last one was stopped."
@@ -61,21 +50,8 @@ def run_experiments(
 ) -> int:
     """Run one experiment, or all of them one after the other, and print what each one showed.
 
-    Parameters
-    ----------
-    arguments : Namespace
-    suite : Suite
-    names : sequence of str
-        Of all experiments.
-    load : callable
-        From a name to the experiment and its setting.
-    skip_failed : bool
-        Whether one of all that cannot be run keeps the others from it.
-
-    Raises
-    ------
-    StoopError
-        The folder cannot be used, or a run failed; nothing is lost.
+    ``load`` gives the experiment of a name and its setting; with ``skip_failed`` one that cannot be run does not keep
+    ``all`` from the others.
     """
     from stoop_studies.outputs import INDEX, carry_out, check_index, page_path, write_index
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Final
@@ -17,10 +17,8 @@ from stoop_studies.compare.race import Race, read_race
 
 WORK: Final = "stoop_studies.compare.race:race"
 PROBLEMS: Final = ("paper-N", "paper-S", "paper-W", "paper-N+noise", "paper-W+noise", "paper-N+few")
-BASELINES: Final = (
-    "ps-gde-lm",
-    "ordered-shade",
-)  #: the first of them that runs on a problem, else the first that does
+#: the first of them that runs on a problem, else the first that does
+BASELINES: Final = ("ps-gde-lm", "ordered-shade")
 FLIGHT: Final = "flight"
 
 
@@ -59,7 +57,11 @@ class Field:
     @cached_property
     def impossible(self) -> list[tuple[str, str]]:
         """Problem and optimizer of pairs in which the optimizer needs the residuals that the problem lacks."""
-        bare = [p for p in self.problems if not self._offers_residuals(p)]
+        bare = [
+            p
+            for p in self.problems
+            if p != FLIGHT and isinstance(problems.pose(p, self.seeds[0]).problem, ScalarProblem)
+        ]
         needy = [o for o in self.optimizers if optimize.needs_residuals(o)] if bare else []
         return [(p, o) for p in bare for o in needy]
 
@@ -85,7 +87,15 @@ class Field:
             "flight": dict(self.flight),
             "files": dict(self.files),
         }
-        return Plan("compare", settings, tuple(self._runs()))
+        # seeds outermost: a campaign that is stopped early has something of everything
+        runs: list[Run] = []
+        for seed in self.seeds:
+            for problem, optimizer in self.pairs:
+                own: dict[str, Json] = {"optimizer": optimizer, "problem": problem, "seed": seed}
+                more = self.flight if problem == FLIGHT else {}
+                arguments = own | {"budget": self.budget, **more}
+                runs.append(Run(_key(problem, optimizer, seed), WORK, arguments))
+        return Plan("compare", settings, tuple(runs))
 
     def races(self, results: Mapping[str, Any]) -> dict[tuple[str, str], list[Race]]:
         """Return by problem and optimizer what a campaign's results say."""
@@ -93,26 +103,6 @@ class Field:
             (p, o): [read_race(p, o, seed, results[_key(p, o, seed)]) for seed in self.seeds]
             for p, o in self.pairs
         }
-
-    def _runs(self) -> Iterable[Run]:
-        # seeds outermost: a campaign that is stopped early has something of everything
-        for seed in self.seeds:
-            for problem, optimizer in self.pairs:
-                told: dict[str, Json] = {
-                    "optimizer": optimizer,
-                    "problem": problem,
-                    "seed": seed,
-                    "budget": self.budget,
-                }
-                yield Run(_key(problem, optimizer, seed), WORK, told | self._arguments(problem))
-
-    def _arguments(self, problem: str) -> dict[str, Json]:
-        return dict(self.flight) if problem == FLIGHT else {}
-
-    def _offers_residuals(self, problem: str) -> bool:
-        if problem == FLIGHT:
-            return True
-        return not isinstance(problems.pose(problem, self.seeds[0]).problem, ScalarProblem)
 
 
 def _key(problem: str, optimizer: str, seed: int) -> str:
@@ -144,13 +134,7 @@ def check_optimizers(names: Sequence[str]) -> None:
 
 
 def check_problems(names: Sequence[str], flown: bool, first_seed: int = 1) -> None:
-    """Refuse what is no problem, or lacks a package.
-
-    Raises
-    ------
-    IdentificationError
-        One line with the nearest names, or with what to install.
-    """
+    """Refuse what is no problem, or lacks a package; raises as `check_optimizers`."""
     for name in names:
         _check(name, "problem", problems.names())
         if name != FLIGHT:

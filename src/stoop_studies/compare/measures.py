@@ -11,17 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import comb, inf
+from math import comb, inf, isnan
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import FloatArray, IntArray
+from stoop.base.numbers import number
 from stoop_studies.compare.race import Race
 
 DRAWS: Final = 2000
-LEVEL: Final = 0.95
 SEED: Final = 20_120_000  #: of the draws; the same for every pair, so that a page is the same bytes again
 
 
@@ -32,6 +31,12 @@ class Span:
     value: float
     low: float
     high: float
+
+    @property
+    def interval(self) -> str:
+        """The interval as text."""
+        unknown = isnan(self.low) or self.low == inf
+        return "–" if unknown else f"{number(self.low, 3)} to {number(self.high, 3)}"
 
 
 @dataclass(frozen=True)
@@ -68,11 +73,6 @@ class Score:
     ratio: Span
 
     @property
-    def rate(self) -> float:
-        """Share of runs that reached the target."""
-        return self.successes / self.runs
-
-    @property
     def ahead(self) -> bool:
         """Whether it takes less than the baseline."""
         return self.optimizer != self.baseline and self.ratio.value < 1.0
@@ -82,12 +82,30 @@ class Score:
         """Whether the interval of the ratio leaves no doubt on which side of one it is."""
         return self.ratio.high < 1.0 or self.ratio.low > 1.0
 
+    @property
+    def rate_text(self) -> str:
+        """Successes of runs."""
+        return f"{self.successes} / {self.runs}"
+
+    @property
+    def ert_text(self) -> str:
+        """The expected running time; what was spent without success where there was none."""
+        return number(self.ert.value, 3) if self.ert.value < inf else f"> {number(self.evaluations, 3)}"
+
+    @property
+    def ratio_text(self) -> str:
+        """The ratio to the baseline as a multiple."""
+        value = self.ratio.value
+        return "–" if isnan(value) or value == inf else f"{number(value, 3)}×"
+
 
 def score(races: Sequence[Race], baseline: Sequence[Race]) -> Score:
     """Measure the runs of one optimizer on one problem beside the baseline's with the same seeds."""
-    own, other = _outcomes(races), _outcomes(baseline)
-    draws = _draws(len(races))
-    times, others = _times(own, draws), _times(other, draws)
+    draws = np.random.default_rng(SEED).integers(0, len(races), size=(DRAWS, len(races)))
+    time, times = running_time(races), _resampled(races, draws)
+    with np.errstate(invalid="ignore"):  # two failures are no ratio
+        ratios = times / _resampled(baseline, draws)
+        ratio = float(np.float64(time) / running_time(baseline))
     hits = [race.hit for race in races if race.hit is not None]
     return Score(
         problem=races[0].problem,
@@ -96,11 +114,11 @@ def score(races: Sequence[Race], baseline: Sequence[Race]) -> Score:
         successes=len(hits),
         wrong=sum(race.wrong for race in races),
         short=sum(r.status == "converged" and r.hit is None and not r.wrong for r in races),
-        ert=_span(running_time(races), times),
+        ert=_span(time, times),
         median=float(np.median(hits)) if hits else float("nan"),
-        evaluations=float(own[0].sum()),
+        evaluations=float(np.array([r.spent for r in sorted(races, key=lambda race: race.seed)]).sum()),
         baseline=baseline[0].optimizer,
-        ratio=_span(_over(running_time(races), running_time(baseline)), _ratios(times, others)),
+        ratio=_span(ratio, ratios),
     )
 
 
@@ -110,43 +128,23 @@ def running_time(races: Sequence[Race]) -> float:
     return sum(race.spent for race in races) / successes if successes else inf
 
 
-def _outcomes(races: Sequence[Race]) -> tuple[FloatArray, FloatArray]:
-    """Return evaluations and success (n,), in order of the seeds."""
+def _resampled(races: Sequence[Race], draws: IntArray) -> FloatArray:
+    """Return the running time of each resample of the seeds, (DRAWS,); inf without a success."""
     ordered = sorted(races, key=lambda race: race.seed)
-    spent = np.array([race.spent for race in ordered])
-    return spent, np.array([race.hit is not None for race in ordered], dtype=np.float64)
-
-
-def _draws(count: int) -> NDArray[np.intp]:
-    """Return which seeds each resample holds, (DRAWS, count)."""
-    return np.random.default_rng(SEED).integers(0, count, size=(DRAWS, count))
-
-
-def _times(outcomes: tuple[FloatArray, FloatArray], draws: NDArray[np.intp]) -> FloatArray:
-    """Return the running time of each resample, (DRAWS,); inf without a success."""
-    spent, success = (values[draws].sum(axis=1) for values in outcomes)
+    spent = np.array([race.spent for race in ordered])[draws].sum(axis=1)
+    success = np.array([race.hit is not None for race in ordered], dtype=np.float64)[draws].sum(axis=1)
     return np.where(success > 0.0, spent / np.maximum(success, 1.0), np.inf)
 
 
-def _ratios(times: FloatArray, others: FloatArray) -> FloatArray:
-    return np.array([_over(a, b) for a, b in zip(times.tolist(), others.tolist(), strict=True)])
-
-
-def _over(a: float, b: float) -> float:
-    """Return a / b, where two failures are no ratio."""
-    if a == b == inf:
-        return float("nan")
-    return 0.0 if b == inf else a / b
-
-
 def _span(value: float, resampled: FloatArray) -> Span:
-    """Return the percentile interval; order statistics, as infinite values cannot be averaged."""
+    """Return the percentile interval of 95 %; order statistics, as infinite values cannot be averaged."""
     known = np.sort(resampled[~np.isnan(resampled)])
     if not known.size:
         return Span(value, float("nan"), float("nan"))
-    last = known.size - 1
-    low, high = (round(share * last) for share in ((1.0 - LEVEL) / 2.0, (1.0 + LEVEL) / 2.0))
-    return Span(value, float(known[low]), float(known[high]))
+    low, high = (
+        float(known[round(share * (known.size - 1))]) for share in ((1.0 - 0.95) / 2.0, (1.0 + 0.95) / 2.0)
+    )
+    return Span(value, low, high)
 
 
 @dataclass(frozen=True)

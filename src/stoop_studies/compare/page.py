@@ -1,4 +1,7 @@
-"""The comparison as a page, with empirical distributions of running times.
+"""The folder of a comparison: tables, and the page with empirical distributions of running times.
+
+``compare.csv`` has a row per optimizer and problem, ``runs.csv`` a row per run; they and ``compare.html`` lie beside the
+campaign's store ``compare.sqlite``. All sentences are computed.
 
 References
 ----------
@@ -8,25 +11,192 @@ IEEE Transactions on Evolutionary Computation 26, 1293-1305.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Final
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import groupby
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 from markupsafe import Markup
 
-from stoop.base.numbers import number
+from stoop.base.csv_text import csv_text
+from stoop.base.files import write_text_atomic
+from stoop.base.numbers import count, number
+from stoop.base.text import enumerated
+from stoop.errors import OutputError
+from stoop.parallel.store import forget
 from stoop.report.plots import Series, plot
-from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table
-from stoop_studies.compare import words
+from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table, write_sheet
 from stoop_studies.compare.field import FLIGHT, Field
-from stoop_studies.compare.measures import Score, duel
+from stoop_studies.compare.measures import Score, duel, score
 from stoop_studies.compare.race import Race
 
+STORE: Final = "compare.sqlite"
+SCORES: Final = "compare.csv"
+RUNS: Final = "runs.csv"
+PAGE: Final = "compare.html"
+SCORE_COLUMNS: Final = (
+    "problem", "optimizer", "runs", "successes", "ert", "ert_low", "ert_high", "median_of_successes",
+    "baseline", "ratio", "ratio_low", "ratio_high", "wrong_optima", "ended_short", "evaluations",
+)  # fmt: skip
+RUN_COLUMNS: Final = (
+    "problem", "optimizer", "seed", "hit", "evaluations", "cost", "status", "target", "reference",
+)  # fmt: skip
 BEGIN: Final = 1.0  #: evaluation at which the axis begins
 POINTS: Final = 160  #: of a drawn distribution: finer than a line's width
+HEAD: Final = (
+    "optimizer",
+    "successes",
+    "ERT",
+    "95 %",
+    "ratio",
+    "95 %",
+    "median of successes",
+    "wrong optima",
+)
+SOLVED: Final = (
+    "optimizer",
+    "solved",
+    "both",
+    "it alone",
+    "baseline alone",
+    "neither",
+    "p",
+    "evaluations, both",
+)
+HOW: Final = """Everything is counted in evaluations: one flight of the whole record by one candidate. A third of the \
+record counts a third; every column of a finite-difference Jacobian counts what is flown for it. All optimizers reach \
+the problem through the same ledger, which does the counting.
+
+- A run succeeds when its cost falls to the target, and ends there. It fails when its budget is used up, or when the \
+optimizer itself claims convergence above the target.
+- The expected running time (ERT) is the sum of the evaluations of all runs, failures included, over the number of \
+successes: what it takes on average when a failure is followed by a fresh start. Without a success it is infinite; then \
+the table shows what was spent.
+- Optimizers of other packages are restarted by their adapter when they end by themselves, until the target or the end \
+of the budget. That is inside the run, and counted.
+- L-SHADE and jSO plan ahead: they are told the budget, shrink their population towards its end, and so arrive late \
+in it by design. A smaller budget would make them faster, or fail.
+- Intervals hold 95 % of 2000 resamples of the seeds. For a ratio the same seeds are drawn for both.
+- A wrong optimum is a convergence claimed at a cost more than 0.1 % above the target.
+- The curves show which share of all targets has been reached after so many evaluations: ten costs for each seed, \
+evenly spaced in their logarithm from the trivial model's down to the target itself."""
+
+BLIND: Final = """Nobody is given starting values: every optimizer knows the box and no more."""
+
+JOINED: Final = """On the flight, initial states and sensor biases are searched in the unit box with the parameters, 5 prior \
+standard deviations to either side, so that every optimizer searches the same numbers. stoop identify keeps them \
+apart, which is easier for it. Target: the least cost that long searches from the vehicle file's own values found, and \
+a thousandth more."""
+
+NOISY: Final = """On the paper's problems the target is one millionth of the trivial model's cost without noise, and within \
+one millionth of the cost at the optimum with it. The seed draws the box about the truth, the noise and the search."""
 Races = Mapping[tuple[str, str], Sequence[Race]]
-HEAD = ("optimizer", "successes", "ERT", "95 %", "ratio", "95 %", "median of successes", "wrong optima")
-SOLVED = ("optimizer", "solved", "both", "it alone", "baseline alone", "neither", "p", "evaluations, both")
+
+
+def prepare(folder: Path, overwrite: bool) -> None:
+    """See to it that a folder may be written into: continue the store that is there, or with `overwrite` forget it.
+
+    Raises
+    ------
+    OutputError
+        It is a file, holds tables of something else, or with `overwrite`: the store is another program's file, or in use.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"{folder}: is a file; name a folder")
+    if (store := folder / STORE).exists():
+        if overwrite:
+            forget(store)
+        return
+    strange = [folder / name for name in (SCORES, RUNS, PAGE) if (folder / name).exists()]
+    if strange and not overwrite:
+        raise OutputError(
+            f"{strange[0]}: exists already, and no {STORE} beside it; add --overwrite to replace it, or choose another folder"
+        )
+
+
+def conclude(field: Field, results: Mapping[str, Any], folder: Path, command: str) -> list[Score]:
+    """Write tables and page of a campaign's results; return the scores by problem, the fastest first.
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be written.
+    """
+    races = field.races(results)
+    scores = scored(field, races)
+
+    def known(value: float) -> float | None:
+        """Return nothing where there is no ratio; inf where no run succeeded."""
+        return None if math.isnan(value) else value
+
+    rows = [
+        (
+            s.problem, s.optimizer, s.runs, s.successes, known(s.ert.value), known(s.ert.low), known(s.ert.high),
+            known(s.median), s.baseline, known(s.ratio.value), known(s.ratio.low), known(s.ratio.high),
+            s.wrong, s.short, s.evaluations,
+        )
+        for s in scores
+    ]  # fmt: skip
+    write_text_atomic(folder / SCORES, csv_text(SCORE_COLUMNS, rows))
+    write_text_atomic(folder / RUNS, races_text(race for found in races.values() for race in found))
+    write_sheet(page(field, races, scores, command), folder / PAGE)
+    return scores
+
+
+def scored(field: Field, races: Races) -> list[Score]:
+    """Return the scores of all pairs, by problem in the field's order, the fastest first."""
+    found = [score(races[p, o], races[p, field.baseline(p)]) for p, o in field.pairs]
+    return sorted(
+        found,
+        key=lambda s: (field.problems.index(s.problem), s.ert.value, -s.successes, s.optimizer),
+    )
+
+
+def races_text(races: Iterable[Race]) -> str:
+    """Return a row per run; ``hit`` is empty where the target was not reached."""
+    return csv_text(RUN_COLUMNS, [tuple(getattr(r, column) for column in RUN_COLUMNS) for r in races])
+
+
+def beaten_text(scores: Sequence[Score]) -> str:
+    """Return who beats the baseline on a problem; where nobody does, who cannot be told apart from it."""
+    if not any(s.successes for s in scores):
+        return "Nobody reached the target here."
+    if ahead := rivals_text(scores):
+        return ahead
+    close = [s for s in scores if s.optimizer != s.baseline and s.ratio.value < math.inf and not s.clear]
+    names = [f"{s.optimizer} ({s.ratio.interval} times its evaluations)" for s in close]
+    doubt = f" These seeds do not tell it apart from {enumerated(names)}." if names else ""
+    return f"No rival beats {scores[0].baseline} here.{doubt}"
+
+
+def rivals_text(scores: Sequence[Score]) -> str:
+    """Return who beats the baseline on a problem, and how surely; empty if nobody does."""
+    ahead = sorted((s for s in scores if s.ahead), key=lambda s: s.ratio.value)
+    if not ahead:
+        return ""
+    parts = [
+        f"{s.optimizer} takes {s.ratio_text} of its evaluations "
+        f"({'clearly less' if s.clear else 'not told apart with these seeds'})"
+        for s in ahead
+    ]
+    return f"{scores[0].problem}: {ahead[0].baseline} is beaten: {'; '.join(parts)}."
+
+
+def ends_text(scores: Sequence[Score]) -> list[str]:
+    """Return who claimed wrong optima, and who stopped at the right one before the target was reached."""
+    wrong = [f"{s.optimizer} on {s.problem} ({s.wrong} of {s.runs} runs)" for s in scores if s.wrong]
+    short = [f"{s.optimizer} on {s.problem} ({s.short} of {s.runs} runs)" for s in scores if s.short]
+    claimed = (
+        f"Wrong optima claimed: {', '.join(wrong)}."
+        if wrong
+        else "No optimizer claimed a wrong optimum in any run."
+    )
+    return [
+        claimed,
+        *([f"At the right optimum, but ended short of the target: {', '.join(short)}."] if short else []),
+    ]
 
 
 def page(field: Field, races: Races, scores: Sequence[Score], command: str) -> Sheet:
@@ -40,40 +210,47 @@ def page(field: Field, races: Races, scores: Sequence[Score], command: str) -> S
         Section("Command", (Code(command),)),
     ]
     runs = sum(len(found) for found in races.values())
-    return Sheet("Optimizers compared", words.lead(scores, runs), tuple(sections))
+    return Sheet("Optimizers compared", _lead(scores, runs), tuple(sections))
+
+
+def _lead(scores: Sequence[Score], runs: int) -> str:
+    """Return the result in a few sentences."""
+    best = {problem: list(group) for problem, group in groupby(scores, lambda s: s.problem)}
+    nobody = [problem for problem, group in best.items() if not any(s.successes for s in group)]
+    won = [problem for problem, group in best.items() if not any(s.ahead for s in group)]
+    baseline = enumerated(dict.fromkeys(s.baseline for s in scores))
+    optimizers = len({s.optimizer for s in scores})
+    said = (
+        f"{count(optimizers, 'optimizer')} on {count(len(best), 'problem')}, {runs} runs, all counted alike. "
+        f"Compared with {baseline}: no rival is faster on {len(won) - len(nobody)} of {count(len(best), 'problem')}."
+    )
+    said += f" Nobody reached the target on {enumerated(nobody)}." if nobody else ""
+    rivals = [sentence for group in best.values() if (sentence := rivals_text(group))]
+    return "\n\n".join([said, "\n".join(f"- {line}" for line in [*rivals, *ends_text(scores)])])
 
 
 def _overview(field: Field, scores: Mapping[str, Sequence[Score]]) -> Section:
-    cells = {(s.problem, s.optimizer): _cell(s) for found in scores.values() for s in found}
-    rows = tuple((o, *(cells.get((p, o), "–") for p in field.problems)) for o in _by_ratio(field, scores))
+    """Return the ratios at a glance; first the optimizers that rank better in the median over the problems they ran on."""
+    cells, places = {}, {o: list[int]() for o in field.optimizers}
+    for found in scores.values():
+        for place, s in enumerate(found):
+            places[s.optimizer].append(place)
+            share = "" if s.successes == s.runs else f" ({100.0 * s.successes / s.runs:.0f} %)"
+            cells[s.problem, s.optimizer] = f"{s.ratio_text}{share}" if s.successes else "0 %"
+    rank = {o: sorted(p)[len(p) // 2] if p else len(scores) for o, p in places.items()}
+    names = sorted(field.optimizers, key=lambda o: (rank[o], field.optimizers.index(o)))
+    rows = tuple((o, *(cells.get((p, o), "–") for p in field.problems)) for o in names)
     caption = (
         "Expected running time over the baseline's; in brackets the share of runs that succeeded, if not all"
     )
     return Section("At a glance", (Table(caption, ("optimizer", *field.problems), rows),))
 
 
-def _by_ratio(field: Field, scores: Mapping[str, Sequence[Score]]) -> list[str]:
-    """Return the optimizers, those first that rank better in the median over the problems they ran on."""
-    places: dict[str, list[int]] = {o: [] for o in field.optimizers}
-    for found in scores.values():
-        for place, s in enumerate(found):
-            places[s.optimizer].append(place)
-    ranked = [(sorted(p)[len(p) // 2] if p else len(places), o) for o, p in places.items()]
-    return [o for _, o in sorted(ranked, key=lambda pair: (pair[0], field.optimizers.index(pair[1])))]
-
-
-def _cell(score: Score) -> str:
-    if not score.successes:
-        return "0 %"
-    share = "" if score.successes == score.runs else f" ({100.0 * score.rate:.0f} %)"
-    return f"{words.ratio_text(score)}{share}"
-
-
 def _problem(problem: str, scores: Sequence[Score], field: Field, races: Races) -> Section:
     rows = tuple(
         (
-            s.optimizer, words.rate_text(s), words.ert_text(s), words.span_text(s.ert), words.ratio_text(s),
-            words.span_text(s.ratio), number(s.median, 3), str(s.wrong),
+            s.optimizer, s.rate_text, s.ert_text, s.ert.interval, s.ratio_text, s.ratio.interval, number(s.median, 3),
+            str(s.wrong),
         )
         for s in scores
     )  # fmt: skip
@@ -81,7 +258,7 @@ def _problem(problem: str, scores: Sequence[Score], field: Field, races: Races) 
     groups = {o: races[problem, o] for p, o in field.pairs if p == problem}
     drawn = distributions(groups, problem, field.optimizers)
     figure = Figure("Share of targets reached against evaluations", drawn)
-    return Section(problem, (Prose(words.beaten_text(scores)), Table(caption, HEAD, rows), figure))
+    return Section(problem, (Prose(beaten_text(scores)), Table(caption, HEAD, rows), figure))
 
 
 def _together(field: Field, races: Races) -> Section:
@@ -89,9 +266,14 @@ def _together(field: Field, races: Races) -> Section:
     everything = {o: [r for p in field.problems for r in races.get((p, o), ())] for o in field.optimizers}
     groups = {o: found for o, found in everything.items() if found}
     baseline = field.baseline(field.problems[0])
+    duels = [duel(found, groups[baseline]) for o, found in groups.items() if o != baseline]
     rows = tuple(
-        words.duel_row(duel(found, groups[baseline])) for o, found in groups.items() if o != baseline
-    )
+        (
+            d.optimizer, str(d.both + d.only_own), str(d.both), str(d.only_own), str(d.only_other), str(d.neither),
+            number(d.probability, 2), "–" if math.isnan(d.ratio) else f"{number(d.ratio, 3)}×",
+        )
+        for d in duels
+    )  # fmt: skip
     caption = (
         f"Instances (problem and seed) solved, beside {baseline}; p: that chance parts those solved by one alone so "
         "unevenly (two-sided sign test); evaluations over the baseline's, geometric mean over instances both solved"
@@ -103,24 +285,17 @@ def _together(field: Field, races: Races) -> Section:
 
 def _how(field: Field) -> Section:
     seeds = field.seeds
-    said = (
-        f"Seeds {seeds[0]} to {seeds[-1]}; at most {field.budget:.0f} evaluations a run."
-        if len(seeds) > 1
-        else f"Seed {seeds[0]}; at most {field.budget:.0f} evaluations a run."
-    )
-    texts = [said, words.HOW, words.BLIND]
+    span = f"Seeds {seeds[0]} to {seeds[-1]}" if len(seeds) > 1 else f"Seed {seeds[0]}"
+    texts = [f"{span}; at most {field.budget:.0f} evaluations a run.", HOW, BLIND]
     if any(p.startswith("paper-") for p in field.problems):
-        texts.append(words.NOISY)
+        texts.append(NOISY)
     if FLIGHT in field.problems:
-        texts.append(words.JOINED)
-    texts += [_left_out(field)] if _left_out(field) else []
+        texts.append(JOINED)
+    absent = [f"- {name}: {reason}" for name, reason in field.absent.items()]
+    absent += [f"- {o} on {p}: needs residuals, of which there are none" for p, o in field.impossible]
+    if absent:
+        texts.append("\n".join(["Left out:", *absent]))
     return Section("How it was counted", tuple(Prose(text) for text in texts))
-
-
-def _left_out(field: Field) -> str:
-    lines = [f"- {name}: {reason}" for name, reason in field.absent.items()]
-    lines += [f"- {o} on {p}: needs residuals, of which there are none" for p, o in field.impossible]
-    return "\n".join(["Left out:", *lines]) if lines else ""
 
 
 def distribution(races: Sequence[Race], name: str, last: float) -> Series:
@@ -137,14 +312,7 @@ def distribution(races: Sequence[Race], name: str, last: float) -> Series:
 
 
 def distributions(groups: Mapping[str, Sequence[Race]], what: str, everyone: Sequence[str]) -> Markup:
-    """Return the drawing of several optimizers' distributions.
-
-    Parameters
-    ----------
-    groups : mapping of optimizer to its runs
-    what : str, which problems
-    everyone : sequence of str, all optimizers of the page: each looks the same in all of its drawings
-    """
+    """Return the drawing of the distributions of optimizers on `what`; each of `everyone` looks the same in all drawings."""
     last = max((race.evaluations for races in groups.values() for race in races), default=10.0)
     series = [distribution(races, name, last) for name, races in groups.items()]
     ends = ", ".join(f"{one.name} {100.0 * one.y[-1]:.0f} %" for one in series)

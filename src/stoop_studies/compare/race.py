@@ -9,8 +9,9 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.numbers import finite_or_none
+from stoop.optimize.local_refinement import AGREE
 from stoop.parallel import Json
-from stoop_studies.problems import Posed
 from stoop_studies.search import posed_by, searched
 
 LEVELS: Final = 10  #: costs on the way to the target at which runs are timed, the target among them
@@ -58,10 +59,7 @@ class Race:
     @property
     def wrong(self) -> bool:
         """Whether it claimed convergence elsewhere, by more than two confirmations may differ."""
-        return self.status == "converged" and self.hit is None and self.cost > self.target * (1.0 + WRONG)
-
-
-WRONG: Final = 1e-3  #: of the cost; by less, two ends count as the same optimum
+        return self.status == "converged" and self.hit is None and self.cost > self.target * (1.0 + AGREE)
 
 
 def race(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> list[Json]:
@@ -79,21 +77,19 @@ def race(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> list[Jso
     list of dict, one per stop
         The fields of `Race` that the run decides.
     """
-    posed = posed_by(arguments)
-    found = searched(posed, {**arguments, "to_target": True, "history": ROWS}, stops)
-    return [_kept(result, posed) for result in found]
-
-
-def _kept(result: Mapping[str, Any], posed: Posed) -> dict[str, Json]:
-    history = np.array(result["history"], dtype=np.float64).reshape(-1, 2)
-    hits = [_first(history, level) for level in levels(posed.reference, posed.target)[:-1]]
-    told = {k: result[k] for k in ("hit", "evaluations", "cost", "status")}
-    return {
-        **told,
-        "hits": [*hits, result["hit"]],
-        "target": posed.target,
-        "reference": _told(posed.reference),
-    }
+    posed, kept = posed_by(arguments), list[Json]()
+    for result in searched(posed, {**arguments, "to_target": True, "history": ROWS}, stops):
+        history = np.array(result["history"], dtype=np.float64).reshape(-1, 2)
+        reached = [history[history[:, 1] <= level, 0] for level in levels(posed.reference, posed.target)[:-1]]
+        kept.append(
+            {
+                **{k: result[k] for k in ("hit", "evaluations", "cost", "status")},
+                "hits": [*(float(times[0]) if times.size else None for times in reached), result["hit"]],
+                "target": posed.target,
+                "reference": finite_or_none(posed.reference),
+            }
+        )
+    return kept
 
 
 def levels(reference: float, target: float) -> FloatArray:
@@ -101,12 +97,6 @@ def levels(reference: float, target: float) -> FloatArray:
     high = reference if np.isfinite(reference) and reference > target else target
     rungs: FloatArray = np.geomspace(high, target, LEVELS + 1)[1:]
     return rungs
-
-
-def _first(history: FloatArray, level: float) -> float | None:
-    """Return the evaluations (rows of evaluations and cost) up to a cost at a level or below."""
-    there = np.flatnonzero(history[:, 1] <= level)
-    return float(history[there[0], 0]) if there.size else None
 
 
 def read_race(problem: str, optimizer: str, seed: int, result: Mapping[str, Any]) -> Race:
@@ -123,7 +113,3 @@ def read_race(problem: str, optimizer: str, seed: int, result: Mapping[str, Any]
         float(result["target"]),
         float("inf") if result["reference"] is None else float(result["reference"]),
     )
-
-
-def _told(value: float) -> float | None:
-    return value if np.isfinite(value) else None

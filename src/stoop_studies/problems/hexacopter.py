@@ -20,7 +20,7 @@ import numpy as np
 from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, IdentificationError
-from stoop.estimate.noise import effective_variance
+from stoop.estimate.noise import channel_residuals, effective_variance
 from stoop.flight import Flight, load
 from stoop.optimize.ledger import Evaluations
 from stoop.optimize.local_refinement import FULL
@@ -89,7 +89,7 @@ def settled(data: str) -> Posed:
     z = problem.layout.unit(np.array([p.value for p in problem.layout.parameters]))
     for _ in range(ROUNDS):
         z = _refined(problem, z)
-        problem = problem.weighted(Weights.of(np.diag(np.diag(effective_variance(problem, z)))))
+        problem = problem.weighted(Weights.of(effective_variance(problem, channel_residuals(problem, z))))
     z = _refined(problem, z)
     return Posed(
         problem=problem,

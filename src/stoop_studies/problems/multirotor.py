@@ -21,8 +21,8 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.estimate.filter_error.linearization import interpolated, unwrapped
-from stoop.estimate.shooting.windows import edges
+from stoop.estimate.linearization import interpolated, unwrapped
+from stoop.estimate.shooting_windows import edges
 from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.observation import through_air
 from stoop.simulation import initial_states, parameter_rows, parse_maneuver

@@ -30,7 +30,7 @@ from stoop.simulation.fly import fly
 from stoop.simulation.trajectories import Flown
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
-from stoop.workflow.demo_problem import MANEUVER, TABLE_1
+from stoop.workflow.demo import MANEUVER, TABLE_1
 from stoop_studies.problems import Posed, data_text, take_none
 
 SAMPLES: Final = 1500  #: of the record that is fitted: 30 s at 50 Hz

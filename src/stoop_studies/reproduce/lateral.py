@@ -1,21 +1,34 @@
-"""The 18 lateral and directional terms of eq. (1), and whether the asymmetry terms absorb sensor biases."""
+"""The 18 lateral and directional terms of eq. (1), and the paper's claim that CQ0, Cl0 and Cn0 absorb errors of measurement.
+
+For the claim, sensors of a symmetric aircraft are biased, and three models are fitted to the flight.
+"""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
-from stoop.parallel import Plan
+from stoop.parallel import Run
+from stoop.problem.layout import Nuisance
 from stoop.report.sheet import Prose, Section, Table
 from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, reproduces
-from stoop_studies.problems.paper import LATERAL
-from stoop_studies.reproduce import asymmetry, recovery
-from stoop_studies.reproduce.asymmetry import BIASES, CASES, MODELS, OTHERS, TERMS, Fits
-from stoop_studies.reproduce.suite import PaperExperiment, minus, planned, tabulated
+from stoop_studies.problems.paper import LATERAL, Paper, aircraft, box, lateral_flight, of_known_truth
+from stoop_studies.reproduce.noise import RECOVERY_HEAD, Recovery
+from stoop_studies.reproduce.suite import PaperExperiment, bound_deviations, fitted, minus, rms, tabulated
 
+WORK: Final = "stoop_studies.reproduce.lateral:work"
+TERMS: Final = ("CQ0", "Cl0", "Cn0")
+OTHERS: Final = tuple(n for n in LATERAL if n not in TERMS)
+#: rad, rad/s, m/s2: twice the noise
+BIASES: Final = {"beta": 0.01, "p": 0.01, "r": 0.01, "phi": 0.01, "ay": 0.1}
+CASES: Final = (*BIASES, "all")
+ZERO, FREE, BIASED = MODELS = ("terms zero", "terms free", "biases free")
 FITS_HEAD: Final = (
     "biased", "model", "noise", "seed", "cost", "error_rms", "error_worst", *LATERAL, *(f"{c}_bias" for c in BIASES),
 )  # fmt: skip
@@ -32,125 +45,238 @@ cause (Cramer-Rao), so that 1 is what a perfect fit of noisy data has. Bounds ar
 so that none is met."""
 
 
+@functools.cache
+def truth() -> Paper:
+    """Return a symmetric aircraft and its flight with rudder and aileron."""
+    vehicle = aircraft().with_numbers({n: {"value": 0.0} for n in TERMS})
+    return Paper(vehicle, lateral_flight(vehicle), OTHERS)
+
+
+def measured(case: str, seed: int, noise: bool) -> FloatArray:
+    """Return readings (n, 12) of biased sensors; ``case`` is one channel, or all five."""
+    readings = truth().measured(seed, noise)
+    for channel, bias in BIASES.items():
+        if case in (channel, "all"):
+            readings[:, truth().vehicle.outputs.index(channel)] += bias
+    return readings
+
+
+def work(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Any]:
+    """Fit one model to one flight, with the default optimizer to its end.
+
+    Parameters
+    ----------
+    arguments : mapping
+        ``case``: of `CASES`; ``model``: of `MODELS`; ``seed``: of box, noise and search; ``noise``: whether there
+        is any.
+    stops : sequence
+        One None per result.
+    """
+    model, seed = str(arguments["model"]), int(arguments["seed"])
+    case = replace(truth(), names=LATERAL) if model == FREE else truth()
+    # priors of the biases so weak that the data decide
+    biases = BIASES.items() if model == BIASED else ()
+    nuisances = [Nuisance(f"sensors.{c}.bias", 0, None, 0.0, 20.0 * b) for c, b in biases]
+    layout = case.bounded(*bounds(case.names, seed), nuisances)
+    problem = case.misfit(layout, measured(str(arguments["case"]), seed, bool(arguments["noise"])))
+    return [fitted(problem, seed)] * len(stops)
+
+
+def bounds(names: Sequence[str], seed: int) -> tuple[FloatArray, FloatArray]:
+    """Return boxes twice as wide as box W about the coefficients, and boxes about zero for the asymmetry terms.
+
+    A model that lacks something puts coefficients far off; bounds that it meets would hide how far.
+    """
+    low, high = box("W", seed, np.array([truth().vehicle.value(n) for n in OTHERS]))
+    margin = 0.5 * (high - low)
+    low, high = low - margin, high + margin
+    table = dict(zip(OTHERS, zip(low.tolist(), high.tolist(), strict=True), strict=True))
+    middles = np.random.default_rng(30_000 + seed).uniform(-0.01, 0.01, len(TERMS))
+    table |= {n: (float(m) - 0.02, float(m) + 0.02) for n, m in zip(TERMS, middles, strict=True)}
+    pairs = np.array([table[n] for n in names])
+    return pairs[:, 0], pairs[:, 1]
+
+
+@functools.cache
+def deviations(terms: bool) -> FloatArray:
+    """Return the standard deviations that noise alone gives (Cramer-Rao), SI: of the other coefficients, (15,), or the terms.
+
+    The terms, (3,), are free among all 18.
+    """
+    case = replace(truth(), names=LATERAL) if terms else truth()
+    problem = case.misfit(case.bounded(*bounds(case.names, 0)), case.measured(0, noise=False))
+    sigma = bound_deviations(of_known_truth(case.vehicle, problem, noise=False))
+    found = dict(zip((p.name for p in problem.layout.parameters), sigma.tolist(), strict=True))
+    return np.array([found[n] for n in (TERMS if terms else OTHERS)])
+
+
+def _key(case: str, model: str, noise: bool, seed: int) -> str:
+    return f"asymmetry/{case}/{model}/{'noise' if noise else 'clean'}/{seed:06d}"
+
+
+@dataclass(frozen=True, eq=False)
+class Fits:
+    """Fits of all models to one flight.
+
+    Attributes
+    ----------
+    costs : mapping
+        Model -> J.
+    errors : mapping
+        Model -> (15,) errors of the other coefficients in standard deviations of the noise.
+    values : mapping
+        Model -> estimates.
+    """
+
+    costs: Mapping[str, float]
+    errors: Mapping[str, FloatArray]
+    values: Mapping[str, Mapping[str, float]]
+
+    @classmethod
+    def of(cls, case: str, noise: bool, seed: int, results: Results) -> Fits:
+        """Return the fits of a case."""
+        found = {m: results[_key(case, m, noise, seed)] for m in MODELS}
+        true, sigma = np.array([truth().vehicle.value(n) for n in OTHERS]), deviations(terms=False)
+        errors = {m: (np.array([t["values"][n] for n in OTHERS]) - true) / sigma for m, t in found.items()}
+        return cls(
+            {m: t["cost"] for m, t in found.items()}, errors, {m: t["values"] for m, t in found.items()}
+        )
+
+    @property
+    def absorbed(self) -> float:
+        """Share of the misfit that the terms take up."""
+        return 1.0 - self.costs[FREE] / self.costs[ZERO]
+
+    @property
+    def visible(self) -> bool:
+        """Whether a term is off zero by more than three standard deviations of the noise."""
+        terms = np.abs([self.values[FREE][n] for n in TERMS])
+        return bool((terms > 3.0 * deviations(terms=True)).any())
+
+    def worst(self, model: str) -> float:
+        """Return the largest error, in standard deviations."""
+        return float(np.abs(self.errors[model]).max())
+
+    def rms(self, model: str) -> float:
+        """Return the root-mean-square error, in standard deviations."""
+        return float(rms(self.errors[model]))
+
+
 class Lateral(PaperExperiment):
     """The lateral and directional terms of eq. (1)."""
 
     name, runs, parts = "lateral", 20, ("biases",)
 
-    def plan(self, setting: Setting) -> Plan:
-        """Return all runs of both parts."""
-        return planned(self.name, setting, [*recovery.runs(self.name, setting), *asymmetry.runs(setting)])
+    def searches(self, setting: Setting) -> list[Run]:
+        """Return all runs of the recovery; one fit without noise of each case and model, and noisy ones with all biases."""
+        clean = [(case, model, False, setting.seed) for case in CASES for model in MODELS]
+        noisy = [("all", model, True, seed) for model in MODELS for seed in setting.seeds]
+        return Recovery.searches(self.name, setting) + [
+            Run(_key(c, m, noise, seed), WORK, {"case": c, "model": m, "noise": noise, "seed": seed})
+            for c, m, noise, seed in clean + noisy
+        ]
 
     def findings(self, setting: Setting, results: Results) -> Findings:
         """Return what they show."""
-        found = recovery.recovery(self.name, setting, results)
-        fits = {case: asymmetry.fits(case, False, setting.seed, results) for case in CASES}
-        noisy = [asymmetry.fits("all", True, seed, results) for seed in setting.seeds]
+        found = Recovery.of(self.name, setting, results)
+        fits = {case: Fits.of(case, False, setting.seed, results) for case in CASES}
+        noisy = [Fits.of("all", True, seed, results) for seed in setting.seeds]
+        pooled = {m: float(np.sqrt(np.mean([f.rms(m) ** 2 for f in noisy]))) for m in MODELS}
+        every = [(case, False, setting.seed, fit) for case, fit in fits.items()]
+        every += [("all", True, seed, fit) for seed, fit in zip(setting.seeds, noisy, strict=True)]
         return Findings(
             f"Eq. (1): the 18 lateral and directional terms, box {setting.box}",
             LEAD,
-            (*recovery.claims(found), *_claims(fits, noisy)),
+            (*found.claims, *_claims(fits, pooled)),
             (
-                Section("Eighteen values from one maneuver", (recovery.table(found),)),
-                Section("Asymmetry terms and biased sensors", (Prose(WORDS), *_tables(fits, noisy))),
+                Section("Eighteen values from one maneuver", (found.table,)),
+                Section("Asymmetry terms and biased sensors", (Prose(WORDS), *_tables(fits, noisy, pooled))),
             ),
-            recovery.HEAD,
-            tuple(recovery.rows(found, setting.seeds)),
-            {"biases": (FITS_HEAD, tuple(_fit_rows(fits, noisy, setting)))},
+            RECOVERY_HEAD,
+            found.rows(setting.seeds),
+            {"biases": (FITS_HEAD, tuple(row for case in every for row in _rows(*case)))},
         )
 
 
-def _claims(fits: Mapping[str, Fits], noisy: Sequence[Fits]) -> list[Claim]:
+def _claims(fits: Mapping[str, Fits], pooled: Mapping[str, float]) -> list[Claim]:
     every = fits["all"]
-    shares = ", ".join(f"{case} {100 * fits[case].absorbed:.0f} %" for case in fits)
-    rms = {m: _pooled(noisy, m) for m in MODELS}
     return [
         reproduces(
             "The asymmetry terms absorb most of what biased sensors cause (half of the misfit, or more)",
             every.absorbed >= 0.5,
-            f"share of the misfit that they take up: {shares}",
+            "share of the misfit that they take up: "
+            + ", ".join(f"{case} {100 * fit.absorbed:.0f} %" for case, fit in fits.items()),
         ),
         reproduces(
             "With the asymmetry terms free the other coefficients are no worse than noise makes them",
-            every.rms("terms free") <= 1.0,
-            f"with all biases their errors are {every.rms('terms free'):.1f} standard deviations, "
-            f"{every.rms('terms zero'):.1f} with the terms at zero",
+            every.rms(FREE) <= 1.0,
+            f"with all biases their errors are {every.rms(FREE):.1f} standard deviations, "
+            f"{every.rms(ZERO):.1f} with the terms at zero",
         ),
         reproduces(
             "They show the bias: CQ0, Cl0 or Cn0 leaves zero where a sensor is biased",
-            all(_visible(fits[case]) for case in BIASES),
-            f"by more than 3 standard deviations for {', '.join(c for c in BIASES if _visible(fits[c])) or 'none'}",
+            all(fits[case].visible for case in BIASES),
+            f"by more than 3 standard deviations for {', '.join(c for c in BIASES if fits[c].visible) or 'none'}",
         ),
         holds(
             "Freeing the biases themselves instead removes the error",
-            every.costs["biases free"] < 0.01 * every.costs["terms zero"] and rms["biases free"] < 1.5,
-            f"J falls from {number(every.costs['terms zero'])} to {number(every.costs['biases free'], 2)}; with noise "
-            + ", ".join(f"{rms[m]:.1f} with {m}" for m in MODELS),
+            every.costs[BIASED] < 0.01 * every.costs[ZERO] and pooled[BIASED] < 1.5,
+            f"J falls from {number(every.costs[ZERO])} to {number(every.costs[BIASED], 2)}; with noise "
+            + ", ".join(f"{pooled[m]:.1f} with {m}" for m in MODELS),
         ),
     ]
 
 
-def _pooled(noisy: Sequence[Fits], model: str) -> float:
-    """Return the root mean square of the errors over seeds, in standard deviations."""
-    return float(np.sqrt(np.mean([f.rms(model) ** 2 for f in noisy])))
-
-
-def _visible(fit: Fits) -> bool:
-    """Whether a term is off zero by more than three standard deviations of the noise."""
-    sigma = asymmetry.term_deviations()
-    return bool((np.abs([fit.values["terms free"][n] for n in TERMS]) > 3.0 * sigma).any())
-
-
-def _tables(fits: Mapping[str, Fits], noisy: Sequence[Fits]) -> Iterator[Table]:
-    """Give misfit, terms, errors without noise, errors with it, and each coefficient's error."""
+def _tables(
+    fits: Mapping[str, Fits], noisy: Sequence[Fits], pooled: Mapping[str, float]
+) -> tuple[Table, ...]:
+    """Return misfit, terms, errors without noise, errors with it, and each coefficient's error."""
+    units = {"ay": "m/s2", "p": "rad/s", "r": "rad/s"}
+    size = {c: f"{b:g} {units.get(c, 'rad')}" for c, b in BIASES.items()} | {"all": "as each"}
     costs = [
-        (case, _size(case), *(number(f.costs[m], 4) for m in MODELS), f"{100 * f.absorbed:.1f} %")
+        (case, size[case], *(number(f.costs[m], 4) for m in MODELS), f"{100 * f.absorbed:.1f} %")
         for case, f in fits.items()
     ]
-    head = ("biased", "by", *(f"J, {m}" for m in MODELS), "taken up by the terms")
-    yield Table("Misfit without noise; 18,000 readings", head, tuple(costs))
-    sigma = asymmetry.term_deviations()
-    rows = [
-        *((case, *(minus(f"{f.values['terms free'][n]:.5f}") for n in TERMS)) for case, f in fits.items()),
-        ("noise alone, ±", *(f"{s:.5f}" for s in sigma)),
-    ]
-    yield Table("What the terms take up", ("biased", *TERMS), tuple(rows))
+    terms = [(case, *(minus(f"{f.values[FREE][n]:.5f}") for n in TERMS)) for case, f in fits.items()]
+    terms.append(("noise alone, ±", *(f"{s:.5f}" for s in deviations(terms=True))))
     errors = [
         (case, *(text for m in MODELS for text in (f"{f.rms(m):.2f}", f"{f.worst(m):.1f}")))
         for case, f in fits.items()
     ]
-    head = ("biased", *(text for m in MODELS for text in (f"{m}: rms", "worst")))
-    words = "Errors of the other 15 coefficients without noise, in standard deviations"
-    yield Table(words, head, tuple(errors))
-    yield tabulated(
-        f"All five biased and noisy, {len(noisy)} seeds",
-        {
-            "model": lambda m: m,
-            "mean J": lambda m: number(float(np.mean([f.costs[m] for f in noisy])), 5),
-            "errors, rms": lambda m: f"{_pooled(noisy, m):.2f}",
-            "worst": lambda m: f"{max(f.worst(m) for f in noisy):.1f}",
-        },
-        MODELS,
+    each = [(n, *(minus(f"{fits['all'].errors[m][i]:+.1f}") for m in MODELS)) for i, n in enumerate(OTHERS)]
+    return (
+        Table(
+            "Misfit without noise; 18,000 readings",
+            ("biased", "by", *(f"J, {m}" for m in MODELS), "taken up by the terms"),
+            tuple(costs),
+        ),
+        Table("What the terms take up", ("biased", *TERMS), tuple(terms)),
+        Table(
+            "Errors of the other 15 coefficients without noise, in standard deviations",
+            ("biased", *(text for m in MODELS for text in (f"{m}: rms", "worst"))),
+            tuple(errors),
+        ),
+        tabulated(
+            f"All five biased and noisy, {len(noisy)} seeds",
+            {
+                "model": lambda m: m,
+                "mean J": lambda m: number(float(np.mean([f.costs[m] for f in noisy])), 5),
+                "errors, rms": lambda m: f"{pooled[m]:.2f}",
+                "worst": lambda m: f"{max(f.worst(m) for f in noisy):.1f}",
+            },
+            MODELS,
+        ),
+        Table(
+            "All five biased, no noise: each coefficient's error in standard deviations",
+            ("parameter", *MODELS),
+            tuple(each),
+        ),
     )
-    every = fits["all"]
-    each = [(n, *(minus(f"{every.errors[m][i]:+.1f}") for m in MODELS)) for i, n in enumerate(OTHERS)]
-    words = "All five biased, no noise: each coefficient's error in standard deviations"
-    yield Table(words, ("parameter", *MODELS), tuple(each))
 
 
-def _size(case: str) -> str:
-    units = {"ay": "m/s2", "p": "rad/s", "r": "rad/s"}
-    return f"{BIASES[case]:g} {units.get(case, 'rad')}" if case in BIASES else "as each"
-
-
-def _fit_rows(
-    fits: Mapping[str, Fits], noisy: Sequence[Fits], setting: Setting
-) -> Iterator[tuple[Cell, ...]]:
-    """Give one row per fit; errors are those of the other 15 in standard deviations, nothing stands for not free."""
-    every = [(case, False, setting.seed, fit) for case, fit in fits.items()]
-    every += [("all", True, seed, fit) for seed, fit in zip(setting.seeds, noisy, strict=True)]
+def _rows(case: str, noise: bool, seed: int, fit: Fits) -> Iterator[tuple[Cell, ...]]:
+    """Give one row per model; errors are those of the other 15 in standard deviations, nothing stands for not free."""
     columns = (*LATERAL, *(f"sensors.{c}.bias" for c in BIASES))
-    for case, noise, seed, fit in every:
-        for m in MODELS:
-            told = (fit.costs[m], fit.rms(m), fit.worst(m), *(fit.values[m].get(n) for n in columns))
-            yield (case, m, noise, seed, *told)
+    for m in MODELS:
+        estimates = (fit.values[m].get(n) for n in columns)
+        yield (case, m, noise, seed, fit.costs[m], fit.rms(m), fit.worst(m), *estimates)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -13,8 +13,8 @@ from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.base.numbers import finite_or_none
 from stoop.estimate.fit import Options
-from stoop.estimate.shooting.method import MultipleShooting
-from stoop.parallel import Plan
+from stoop.estimate.multiple_shooting import MultipleShooting
+from stoop.parallel import Run
 from stoop.problem.windows import Window
 from stoop.report.plots import HUES, Series, plot
 from stoop.report.sheet import Code, Figure, Prose, Section, Table
@@ -23,8 +23,18 @@ from stoop.simulation.fly import simulate_flight
 from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number
 from stoop_studies.problems import pose
 from stoop_studies.problems.multirotor import LENGTH, MANEUVER, NOISE, quad
-from stoop_studies.reproduce.estimates import EXACT, SUCCESS, Group, bound_deviations, percent
-from stoop_studies.reproduce.suite import PaperExperiment, planned, search_run, tabulated
+from stoop_studies.reproduce.suite import (
+    EXACT,
+    SUCCESS,
+    Group,
+    PaperExperiment,
+    bound_deviations,
+    by_columns,
+    percent,
+    rms,
+    search_run,
+    tabulated,
+)
 from stoop_studies.reproduce.table1 import ITERATIONS, METHODS, SUMMARY, order_of_errors, summary_columns
 
 PROBLEM: Final = "multirotor"
@@ -72,7 +82,7 @@ CSV: Final[dict[str, Callable[[Case, Group], Cell]]] = {
     "within_1e-2": lambda case, g: g.within(SUCCESS) if case.known else None,
     "within_1e-6": lambda case, g: g.within(EXACT) if case.known else None,
     "mean_error": lambda case, g: g.mean_error if case.known else None,
-    "median_fitness": lambda case, g: float(np.median(g.costs)),
+    "median_fitness": lambda case, g: g.median_cost,
     "worst_fitness": lambda case, g: float(g.costs.max()),
     "median_evaluations_to_target": lambda case, g: finite_or_none(g.median_hit),
     "mean_evaluations": lambda case, g: float(g.evaluations.mean()),
@@ -80,9 +90,6 @@ CSV: Final[dict[str, Callable[[Case, Group], Cell]]] = {
 PARAMETERS_HEAD: Final = (
     "case", "method", "iterations", "parameter", "truth_or_best", "deviation", "mean", "spread", "rms_relative_error",
 )  # fmt: skip
-LOOKS: Final = {
-    m: i + HUES * (m == "default") for i, m in enumerate(METHODS)
-}  #: the default in dashes, where others lie below
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +135,7 @@ class Multirotor(PaperExperiment):
 
     name, runs, parts = PROBLEM, 20, ("parameters",)
 
-    def plan(self, setting: Setting) -> Plan:
+    def searches(self, setting: Setting) -> list[Run]:
         """Return every case, method, seed and number of iterations."""
         runs = []
         for case in cases(setting):
@@ -139,21 +146,22 @@ class Multirotor(PaperExperiment):
                 for seed in seeds(case, setting)
                 for stop in STOPS[case]
             ]
-        return planned(PROBLEM, setting, runs)
+        return runs
 
     def findings(self, setting: Setting, results: Results) -> Findings:
         """Return what they show."""
         by_case = {case: _case(case, setting, results) for case in cases(setting)}
         noisy, real = by_case["noise"], by_case.get("real")
-        shot = np.abs(shots(setting.seeds, NOISY_BOX, noisy.parameters) / noisy.values - 1.0)
+        shot = shots(setting.seeds, NOISY_BOX, noisy.parameters) / noisy.values - 1.0
+        clean, errors = by_case["clean"], rms(np.abs(shot))
         return Findings(
             f"Multirotors: a simulated quadrotor, box {setting.box}, and a real hexacopter",
             LEAD,
-            tuple(_claims(by_case["clean"], noisy, real, shot)),
-            (_clean_section(by_case["clean"]), _noisy_section(noisy, shot), _real_section(real)),
+            tuple(_claims(clean, noisy, real, errors)),
+            (_clean_section(clean), _noisy_section(noisy, errors), _real_section(real)),
             tuple(CSV),
             tuple(tuple(cell(c, g) for cell in CSV.values()) for c in by_case.values() for g in c.every),
-            {"parameters": (PARAMETERS_HEAD, tuple(_parameter_rows(list(by_case.values()), noisy, shot)))},
+            {"parameters": (PARAMETERS_HEAD, tuple(_parameter_rows(by_case, errors)))},
         )
 
 
@@ -219,92 +227,62 @@ def shots(seeds: range, box: str, parameters: tuple[str, ...]) -> FloatArray:
 
 
 def _claims(clean: Case, noisy: Case, real: Case | None, shot: FloatArray) -> Iterator[Claim]:
+    """Give every statement with its verdict; `shot` are the root mean square errors, (D,), of multiple shooting."""
     three = [clean.groups[m] for m in ("GA", "PSO", "PS-GDE")]
     yield order_of_errors(three, ", on a quadrotor as on the paper's airplane", "; ")
-    yield _successful(clean, "PS-GDE", SUCCESS, "1 %")
-    yield _successful(clean, "default", EXACT, "1e-6")
-    yield _cheaper(clean)
-    yield from (_reached(noisy, m, "with noise", "the optimum, to 1e-6 of J") for m in METHODS)
-    if real is not None:
-        yield from (_reached(real, m, "real flight", "the least J known, to 0.1 %") for m in METHODS)
-    yield _better(noisy, shot)
-    if real is not None:
-        yield from (_settled(real, m) for m in METHODS)
-
-
-def _successful(clean: Case, method: str, limit: float, words: str) -> Claim:
-    groups = clean.groups[method]
-    many, whole = sum(g.within(limit) for g in groups), sum(len(g.costs) for g in groups)
-    worst = max(float(g.errors.max()) for g in groups)
-    return holds(
-        f"{method}, without noise: all ten values within {words} in every run, at every number of iterations",
-        many == whole,
-        f"{counted(many, whole)}; largest error {percent(worst)}",
-    )
-
-
-def _cheaper(clean: Case) -> Claim:
+    for method, limit, words in (("PS-GDE", SUCCESS, "1 %"), ("default", EXACT, "1e-6")):
+        groups = clean.groups[method]
+        many, whole = sum(g.within(limit) for g in groups), sum(len(g.costs) for g in groups)
+        yield holds(
+            f"{method}, without noise: all ten values within {words} in every run, at every number of iterations",
+            many == whole,
+            f"{counted(many, whole)}; largest error {percent(max(float(g.errors.max()) for g in groups))}",
+        )
     hits = {m: clean.last(m) for m in METHODS}
-    least = hits["default"].median_hit
     others = [g.median_hit for m, g in hits.items() if m != "default" and g.reached]
-    shown = ", ".join(f"{m} {g.hits_text}" for m, g in hits.items())
-    return holds(
+    yield holds(
         "The default reaches 1e-6 of J0 with a tenth of the evaluations of any other, or fewer",
-        all(least <= 0.1 * other for other in others),
-        f"median evaluations, and in how many runs: {shown}",
+        all(hits["default"].median_hit <= 0.1 * other for other in others),
+        "median evaluations, and in how many runs: "
+        + ", ".join(f"{m} {g.hits_text}" for m, g in hits.items()),
     )
-
-
-def _reached(case: Case, method: str, title: str, where: str) -> Claim:
-    group = case.last(method)
-    return holds(
-        f"{method}, {title}: ends at {where}, in every run",
-        group.reached == len(group.costs),
-        f"{counted(group.reached, len(group.costs))} at {group.iterations} iterations, median J "
-        f"{number(float(np.median(group.costs)), 6)}, worst {number(float(group.costs.max()), 6)}",
-    )
-
-
-def _better(noisy: Case, shot: FloatArray) -> Claim:
-    ours, theirs = _rms(shot), noisy.last("default").rms
-    return holds(
+    ends = [(noisy, "with noise", "the optimum, to 1e-6 of J")]
+    ends += [] if real is None else [(real, "real flight", "the least J known, to 0.1 %")]
+    for case, title, where in ends:
+        for method, group in ((m, case.last(m)) for m in METHODS):
+            yield holds(
+                f"{method}, {title}: ends at {where}, in every run",
+                group.reached == len(group.costs),
+                f"{counted(group.reached, len(group.costs))} at {group.iterations} iterations, median J "
+                f"{number(group.median_cost, 6)}, worst {number(float(group.costs.max()), 6)}",
+            )
+    theirs = rms(noisy.last("default").errors)
+    yield holds(
         "Multiple shooting, which estimates the states of the windows, has smaller errors of all ten on the same flights",
-        bool((ours < theirs).all()),
-        f"root mean square of all {percent(float(np.sqrt(np.mean(ours**2))))} instead of "
-        f"{percent(float(np.sqrt(np.mean(theirs**2))))}; by parameter "
-        f"{number(float((ours / theirs).min()), 2)} to {number(float((ours / theirs).max()), 2)} times as large",
+        bool((shot < theirs).all()),
+        f"root mean square of all {percent(float(rms(shot)))} instead of {percent(float(rms(theirs)))}; by parameter "
+        f"{number(float((shot / theirs).min()), 2)} to {number(float((shot / theirs).max()), 2)} times as large",
     )
-
-
-def _rms(errors: FloatArray) -> FloatArray:
-    return np.asarray(np.sqrt(np.mean(errors**2, axis=0)))
-
-
-def _settled(real: Case, method: str) -> Claim:
-    ratio = real.last(method).spread / real.sigma
-    at = int(np.argmax(ratio))
-    return holds(
-        f"{method}, real flight: where it ends scatters over seeds by less than a tenth of the standard errors",
-        float(ratio.max()) < 0.1,
-        f"at most {number(float(ratio.max()), 2)} of the standard error, {real.parameters[at]}",
-    )
+    if real is None:
+        return
+    for method in METHODS:
+        ratio = real.last(method).spread / real.sigma
+        yield holds(
+            f"{method}, real flight: where it ends scatters over seeds by less than a tenth of the standard errors",
+            float(ratio.max()) < 0.1,
+            f"at most {number(float(ratio.max()), 2)} of the standard error, {real.parameters[int(np.argmax(ratio))]}",
+        )
 
 
 def _clean_section(case: Case) -> Section:
-    curves = [
-        Series(
-            m,
-            np.array([g.iterations for g in groups], dtype=float),
-            np.array([float(np.median(g.costs)) for g in groups]),
-        )
-        for m, groups in case.groups.items()
-    ]
-    drawn = plot(
-        curves, "iterations", "median fitness J", "Median fitness by method", log_y=True, looks=LOOKS
-    )
-    fitness: dict[str, Callable[[Group], str]] = {
-        "median fitness": lambda g: number(float(np.median(g.costs)))
-    }
+    x = np.array(STOPS["clean"], dtype=float)
+    curves = [Series(m, x, np.array([g.median_cost for g in own])) for m, own in case.groups.items()]
+    looks = {
+        m: i + HUES * (m == "default") for i, m in enumerate(METHODS)
+    }  # the default in dashes: others lie below it
+    words = "Median fitness by method"
+    drawn = plot(curves, "iterations", "median fitness J", words, log_y=True, looks=looks)
+    fitness: dict[str, Callable[[Group], str]] = {"median fitness": lambda g: number(g.median_cost)}
     return Section(
         "A simulated quadrotor, without noise",
         (
@@ -319,18 +297,14 @@ def _clean_section(case: Case) -> Section:
 
 
 def _noisy_section(case: Case, shot: FloatArray) -> Section:
-    rows = tuple(
-        (
-            name,
-            number(float(case.values[i]), 4),
-            percent(float(case.sigma[i] / abs(case.values[i]))),
-            *(percent(float(case.last(m).rms[i])) for m in METHODS),
-            percent(float(_rms(shot)[i])),
-        )
-        for i, name in enumerate(case.parameters)
-    )
-    head = ("parameter", "truth", "bound", *METHODS, "multiple shooting")
-    errors = Table("Root mean square of the relative errors over seeds", head, rows)
+    columns = {
+        "parameter": list(case.parameters),
+        "truth": [number(float(v), 4) for v in case.values],
+        "bound": [percent(float(s)) for s in case.sigma / np.abs(case.values)],
+    }
+    columns |= {m: [percent(float(e)) for e in rms(case.last(m).errors)] for m in METHODS}
+    columns["multiple shooting"] = [percent(float(e)) for e in shot]
+    errors = by_columns("Root mean square of the relative errors over seeds", columns)
     return Section("The same with noise, box S", (_endings(case, "optimum"), errors, Prose(NOISE_WORDS)))
 
 
@@ -343,7 +317,7 @@ def _real_section(case: Case | None) -> Section:
     }
     for m in METHODS:
         columns[f"{m} ± scatter"] = _with_errors(case.last(m).values.mean(axis=0), case.last(m).spread)
-    table = Table("Estimates, SI units", tuple(columns), tuple(zip(*columns.values(), strict=True)))
+    table = by_columns("Estimates, SI units", columns)
     return Section("A real hexacopter", (_endings(case, "least J known, 0.1 %"), table, Prose(REAL_WORDS)))
 
 
@@ -359,7 +333,7 @@ def _endings(case: Case, where: str) -> Table:
             "method": lambda g: g.method,
             "iterations": lambda g: str(g.iterations),
             f"reached: {where}": lambda g: counted(g.reached, len(g.costs)),
-            "median J": lambda g: number(float(np.median(g.costs)), 6),
+            "median J": lambda g: number(g.median_cost, 6),
             "worst J": lambda g: number(float(g.costs.max()), 6),
             "evaluations to it": lambda g: g.hits_text,
             "evaluations spent": lambda g: f"{g.evaluations.mean():.0f}",
@@ -368,15 +342,14 @@ def _endings(case: Case, where: str) -> Table:
     )
 
 
-def _parameter_rows(found: list[Case], noisy: Case, shot: FloatArray) -> Iterator[tuple[Cell, ...]]:
-    for case in found:
-        for m in METHODS:
-            g = case.last(m)
+def _parameter_rows(found: Mapping[str, Case], shot: FloatArray) -> Iterator[tuple[Cell, ...]]:
+    for case in found.values():
+        for m, g in ((m, case.last(m)) for m in METHODS):
+            columns = (case.values, case.sigma, g.values.mean(axis=0), g.spread)
             for i, name in enumerate(case.parameters):
-                yield (
-                    case.name, METHODS[m], g.iterations, name, float(case.values[i]), float(case.sigma[i]),
-                    float(g.values[:, i].mean()), float(g.spread[i]), float(g.rms[i]) if case.known else None,
-                )  # fmt: skip
-    for i, name in enumerate(noisy.parameters):
-        known = (float(noisy.values[i]), float(noisy.sigma[i]))
-        yield (noisy.name, "multiple-shooting", None, name, *known, None, None, float(_rms(shot)[i]))
+                error = float(rms(g.errors)[i]) if case.known else None
+                yield (case.name, METHODS[m], g.iterations, name, *(float(c[i]) for c in columns), error)
+    noisy = found["noise"]
+    for name, *known in zip(noisy.parameters, noisy.values.tolist(), noisy.sigma.tolist(), strict=True):
+        error = float(shot[noisy.parameters.index(name)])
+        yield (noisy.name, "multiple-shooting", None, name, *known, None, None, error)

@@ -1,18 +1,28 @@
-"""What the experiments on the paper share: their form, plans, tables, and how the paper is read."""
+"""What the experiments on the paper share: their form, plans and tables, groups of runs, and how the paper is read."""
 
 from __future__ import annotations
 
 import shlex
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any, Final, TypeVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Self, TypeVar
 
+import numpy as np
+
+from stoop import optimize
+from stoop.assessment.covariance import invert, standard_errors
+from stoop.base.arrays import FloatArray
 from stoop.parallel import Plan, Run
+from stoop.problem import Misfit
 from stoop.report.sheet import Prose, Section, Table
-from stoop_studies.findings import Findings, Results, Setting
+from stoop_studies.findings import Findings, Results, Setting, number
 from stoop_studies.outputs import Suite
+from stoop_studies.problems import Posed
 
 SEARCH: Final = "stoop_studies.search:search"
+SUCCESS: Final = 1e-2  #: largest relative error of a successful identification
+EXACT: Final = 1e-6  #: the same of an exact one
 Row = TypeVar("Row")
 
 RECONSTRUCTIONS: Final = """\
@@ -77,17 +87,17 @@ class PaperExperiment(ABC):
     parts: tuple[str, ...] = ()
 
     def plan(self, setting: Setting) -> Plan | None:
-        """Return all runs; None where there is nothing that takes long."""
-        return None
+        """Return all runs, None without any; a store of another box is refused."""
+        runs = self.searches(setting)
+        return Plan(self.name, {"experiment": self.name, "box": setting.box}, tuple(runs)) if runs else None
+
+    def searches(self, setting: Setting) -> list[Run]:
+        """Return all runs; none where there is nothing that takes long."""
+        return []
 
     @abstractmethod
     def findings(self, setting: Setting, results: Results) -> Findings:
         """Return what the runs, by key, show."""
-
-
-def planned(experiment: str, setting: Setting, runs: Iterable[Run]) -> Plan:
-    """Return the plan of an experiment; a store of another box is refused."""
-    return Plan(experiment, {"experiment": experiment, "box": setting.box}, tuple(runs))
 
 
 def search_run(key: str, optimizer: Any, problem: str, seed: int, stop: int | None, **more: Any) -> Run:
@@ -103,9 +113,24 @@ def tabulated(caption: str, columns: Mapping[str, Callable[[Row], str]], rows: I
     )
 
 
+def by_columns(caption: str, columns: Mapping[str, Sequence[str]], *last: tuple[str, ...]) -> Table:
+    """Return a table of columns, with further rows below."""
+    return Table(caption, tuple(columns), (*zip(*columns.values(), strict=True), *last))
+
+
 def minus(text: str) -> str:
     """Return a number with a true minus sign."""
     return text.replace("-", "−")
+
+
+def percent(share: float) -> str:
+    """Return a share in percent, three digits."""
+    return f"{number(100.0 * share)} %"
+
+
+def rms(values: FloatArray) -> FloatArray:
+    """Return the root mean square over the first axis."""
+    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
 
 
 def _options(setting: Setting) -> str:
@@ -120,3 +145,147 @@ SUITE: Final = Suite(
     _options,
     (Section("What the paper leaves open, and how it is read here", (Prose(RECONSTRUCTIONS),)),),
 )
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """The runs of one method up to one number of iterations.
+
+    Attributes
+    ----------
+    method : str
+    iterations : int or None
+        None: to its own end.
+    truth : (D,)
+        Of a real flight the best values known.
+    values : (n, D)
+        Best of each run.
+    costs, hits, evaluations : (n,)
+        Fitness J of each, evaluations up to the target (inf where that was not reached), and evaluations spent.
+    """
+
+    method: str
+    iterations: int | None
+    truth: FloatArray
+    values: FloatArray
+    costs: FloatArray
+    hits: FloatArray
+    evaluations: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        method: str,
+        iterations: int | None,
+        truth: FloatArray,
+        results: Sequence[Mapping[str, Any]],
+        order: Sequence[int] | None = None,
+    ) -> Self:
+        """Return results of `stoop_studies.search.search`; ``order`` picks among the values."""
+        values = np.array([r["values"] for r in results], dtype=float)
+        return cls(
+            method,
+            iterations,
+            truth,
+            values if order is None else values[:, list(order)],
+            np.array([r["cost"] for r in results], dtype=float),
+            hits_of(results),
+            np.array([r["evaluations"] for r in results], dtype=float),
+        )
+
+    @property
+    def errors(self) -> FloatArray:
+        """Relative errors (n, D)."""
+        return np.asarray(np.abs(self.values / self.truth - 1.0))
+
+    @property
+    def mean_error(self) -> float:
+        """Mean relative error over runs and parameters."""
+        return float(self.errors.mean())
+
+    @property
+    def error_of_means(self) -> float:
+        """Mean relative error of the mean values, as the paper's columns have it."""
+        return float(np.abs(self.values.mean(axis=0) / self.truth - 1.0).mean())
+
+    @property
+    def spread(self) -> FloatArray:
+        """Standard deviation (D,) of the values over runs."""
+        return np.asarray(self.values.std(axis=0, ddof=min(1, len(self.values) - 1)))
+
+    def within(self, limit: float) -> int:
+        """Return how many runs have every value within a relative error."""
+        return int((self.errors <= limit).all(axis=1).sum())
+
+    @property
+    def mean_of_successful(self) -> FloatArray:
+        """Mean values (D,) of the successful runs; NaN where there is none."""
+        successful = self.values[(self.errors <= SUCCESS).all(axis=1)]
+        return successful.mean(axis=0) if len(successful) else np.full(len(self.truth), np.nan)
+
+    @property
+    def reached(self) -> int:
+        """How many runs reached the target."""
+        return int(np.isfinite(self.hits).sum())
+
+    @property
+    def median_cost(self) -> float:
+        """Median fitness."""
+        return float(np.median(self.costs))
+
+    @property
+    def median_hit(self) -> float:
+        """Median evaluations of the runs that reached the target; NaN where there is none."""
+        reached = self.hits[np.isfinite(self.hits)]
+        return float(np.median(reached)) if reached.size else np.nan
+
+    @property
+    def hits_text(self) -> str:
+        """The median and how many runs reached the target; a dash where none did."""
+        return "–" if not self.reached else f"{self.median_hit:.0f} ({self.reached})"
+
+
+def hits_of(results: Sequence[Mapping[str, Any]]) -> FloatArray:
+    """Return evaluations up to the target (n,); inf where a run did not reach it."""
+    return np.array([np.inf if r.get("hit") is None else r["hit"] for r in results], dtype=float)
+
+
+def bound_deviations(posed: Posed, values: FloatArray | None = None) -> FloatArray:
+    """Return the standard deviations (D,) of the Cramer-Rao bound in physical units.
+
+    Residuals are in units of the noise, so their Jacobian J has the information J'J; nuisances are part of it.
+
+    Parameters
+    ----------
+    posed : Posed
+    values : (D,), optional
+        Where the bound is taken; the problem's truth when absent.
+
+    Raises
+    ------
+    ValueError
+        Neither values nor truth are known: a mistake of the caller.
+    """
+    place = posed.truth if values is None else values
+    if place is None:
+        raise ValueError("the bound is taken at the truth, which this problem does not know")
+    zero = posed.values(np.zeros(len(place)))
+    width = posed.values(np.ones(len(place))) - zero
+    return width * unit_deviations(posed.problem, np.clip((place - zero) / width, 0.0, 1.0))
+
+
+def unit_deviations(problem: optimize.Problem, x: FloatArray) -> FloatArray:
+    """Return the same (D,) at a point (D,) of the unit box, in its units."""
+    z, full = np.concatenate([x, np.zeros(problem.extra)]), len(problem.prices) - 1
+    J, _ = problem.jacobian(z, full, problem.residuals(z[None], full)[0])
+    return standard_errors(invert(J.T @ J).matrix)[: problem.dimension]
+
+
+def fitted(problem: Misfit, seed: int) -> dict[str, Any]:
+    """Return estimates by name, cost and status of the default optimizer, run to its end."""
+    outcome = optimize.minimize(optimize.create(), problem, seed=seed)
+    layout, D = problem.layout, problem.dimension
+    values = layout.physical(outcome.z[None, :D])[0].tolist()
+    estimates = dict(zip((p.name for p in layout.parameters), values, strict=True))
+    estimates |= {n.name: n.scale * float(z) for n, z in zip(layout.nuisances, outcome.z[D:], strict=True)}
+    return {"values": estimates, "cost": outcome.cost, "status": outcome.status}

@@ -25,15 +25,16 @@ from stoop.base.variables import EULER, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import StoopError
 from stoop.estimate import methods
 from stoop.estimate.fit import Fit, Options
-from stoop.estimate.forces import (
+from stoop.estimate.predict import (
     CUTOFF,
     ForceCurves,
     ForceResiduals,
     ReferenceModels,
     force_curves,
+    identified_vehicle,
     low_passed,
+    mean_biases,
 )
-from stoop.estimate.predict import identified_vehicle, mean_biases
 from stoop.flight import Flight, load
 from stoop.problem.windows import Window
 from stoop.report.plots import Series, plot

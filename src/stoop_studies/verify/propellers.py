@@ -14,6 +14,7 @@ import numpy as np
 
 from stoop.errors import StoopError
 from stoop.estimate.effectiveness import (
+    CHANCE,
     Assessment,
     Balance,
     Explanation,
@@ -26,7 +27,6 @@ from stoop.estimate.effectiveness import (
     leave_one_out,
     pooled,
 )
-from stoop.estimate.effectiveness.comparison import CHANCE
 from stoop.flight import load
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section

@@ -9,8 +9,7 @@ import numpy as np
 
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.aircraft import AircraftEquations
-from stoop.estimate.regression.domain import FrequencyDomain
-from stoop.estimate.regression.equations import estimate, unbounded
+from stoop.estimate.regression.least_squares import FrequencyDomain, estimate, unbounded
 from stoop.estimate.regression.recursive import RealTime
 from stoop.flight import Flight
 from stoop.problem.windows import Window

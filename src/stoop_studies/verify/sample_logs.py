@@ -16,10 +16,20 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.variables import RATES, SPECIFIC_FORCE
 from stoop.errors import StoopError
+from stoop.exporters.log_bytes import (
+    Event,
+    Table,
+    Topic,
+    crazyflie_bytes,
+    dataflash_bytes,
+    ulog,
+    ulog_definitions,
+    ulog_dropout,
+    ulog_message,
+    ulog_rows,
+    ulog_text,
+)
 from stoop.flight import load, save
-from stoop.logs.crazyflie_write import Event, crazyflie_bytes
-from stoop.logs.dataflash_write import Table, dataflash_bytes
-from stoop.logs.ulog_write import Topic, definitions, dropout, message, rows, text, ulog
 from stoop_studies.verify.damaged_logs import ULOG_HEAD, Sample, single, ulog_messages
 
 N: Final = 40  #: samples of the fastest stream
@@ -137,20 +147,20 @@ def px4_topics(n: int = N) -> list[Topic]:
 def _ulogs() -> list[Sample]:
     said = [(2.0, "INFO", "armed"), (2.1, "WARNING", "wind")]
     whole = ulog(px4_topics(), {"SYS_AUTOSTART": 4001, "MC_ROLL_P": 6.5}, {"ver_sw": "abc", "n": 3}, said)
-    inner = message("F", b"vec:float x;float y;uint8_t[2] _padding0;")
-    outer = message("F", b"twin:uint64_t timestamp;vec[3] esc;char[4] tag;bool ok;uint8_t[7] _padding0;")
+    inner = ulog_message("F", b"vec:float x;float y;uint8_t[2] _padding0;")
+    outer = ulog_message("F", b"twin:uint64_t timestamp;vec[3] esc;char[4] tag;bool ok;uint8_t[7] _padding0;")
     body = b"".join(
-        message("D", b"\0\0" + (2_000_000 + 20_000 * k).to_bytes(8, "little") + bytes([k % 251]) * 35)
+        ulog_message("D", b"\0\0" + (2_000_000 + 20_000 * k).to_bytes(8, "little") + bytes([k % 251]) * 35)
         for k in range(N)
     )
     topics = [Topic("rpm", clock(), {"indicated": np.arange(N, dtype="f8")})]
     nested = (
-        definitions(topics) + inner + outer + message("A", b"\0\0\0twin") + message("A", b"\0\1\0rpm")
-        + message("M", b"\0\x0bchar[3] logabc") + message("Q", b"\1\x07float P" + bytes(4))
-        + body[:960] + dropout(40) + text(2.2, "ERROR", "motor") + body[960:]
-        + message("R", b"\1\0") + message("S", bytes.fromhex("2f731320250cbb12"))
+        ulog_definitions(topics) + inner + outer + ulog_message("A", b"\0\0\0twin") + ulog_message("A", b"\0\1\0rpm")
+        + ulog_message("M", b"\0\x0bchar[3] logabc") + ulog_message("Q", b"\1\x07float P" + bytes(4))
+        + body[:960] + ulog_dropout(40) + ulog_text(2.2, "ERROR", "motor") + body[960:]
+        + ulog_message("R", b"\1\0") + ulog_message("S", bytes.fromhex("2f731320250cbb12"))
     )  # fmt: skip
-    mixed = definitions(topics) + bytes(rows(topics)[0])
+    mixed = ulog_definitions(topics) + bytes(ulog_rows(topics)[0])
     return [single("a.ulg", content, "ulog") for content in (whole, nested, mixed)]
 
 

@@ -8,9 +8,16 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.estimate.regression.domain import FrequencyDomain
-from stoop.estimate.regression.selection import Press, orthogonal, stepwise
-from stoop.estimate.regression.structure import Choose, determine, parameter_name, standard_candidates
+from stoop.estimate.regression.least_squares import FrequencyDomain
+from stoop.estimate.regression.structure import (
+    Choose,
+    Press,
+    determine,
+    orthogonal,
+    parameter_name,
+    standard_candidates,
+    stepwise,
+)
 from stoop.problem.windows import Window
 from stoop.report.sheet import Prose, Section, Table
 from stoop.simulation import Maneuver, simulate_flight, trim

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stoop.errors import IdentificationError
-from stoop.workflow.demo_problem import TABLE_1
+from stoop.workflow.demo import TABLE_1
 from stoop_studies.problems import pose
 from stoop_studies.problems.paper import NEAR, SIGMA, names, paper
 

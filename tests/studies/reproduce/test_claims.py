@@ -7,15 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stoop.workflow.demo_problem import TABLE_1
+from stoop.workflow.demo import TABLE_1
 from stoop_studies.findings import Setting, number
 from stoop_studies.problems import pose
 from stoop_studies.problems.paper import paper
-from stoop_studies.reproduce.estimates import bound_deviations
 from stoop_studies.reproduce.noise import Noise, scatter
-from stoop_studies.reproduce.races import Race, holm, mann_whitney
-from stoop_studies.reproduce.suite import RECONSTRUCTIONS
-from stoop_studies.reproduce.sweep import KNOBS, Sweep, variants
+from stoop_studies.reproduce.races import KNOBS, Race, Sweep, holm, mann_whitney
+from stoop_studies.reproduce.suite import RECONSTRUCTIONS, bound_deviations
 from stoop_studies.reproduce.table1 import ITERATIONS, METHODS, Table1, columns, key, printed_costs
 
 SETTING = Setting(runs=3)
@@ -115,7 +113,7 @@ def test_noise_tells_who_ended_elsewhere_and_how_far_the_methods_are_apart() -> 
 
 def test_a_sweep_runs_the_papers_own_variant_once() -> None:
     values = sum(len(knob.values) for knob in KNOBS)
-    assert len(variants()) == values
+    assert len(Sweep().variants) == values
     assert len(Sweep().plan(SETTING).runs) == (values - 3) * SETTING.runs
 
 

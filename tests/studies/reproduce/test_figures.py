@@ -14,9 +14,8 @@ from stoop_studies.optimizers.evolution import chaos
 from stoop_studies.optimizers.local_search import golden_section
 from stoop_studies.outputs import write_index
 from stoop_studies.problems.paper import paper
-from stoop_studies.reproduce.figure1 import Figure1, histogram, measured
 from stoop_studies.reproduce.figure2 import PAIR, Figure2, Recorder, both, printed_section, searched
-from stoop_studies.reproduce.figure3 import Figure3
+from stoop_studies.reproduce.figures import Figure1, Figure3, histogram, measured
 from stoop_studies.reproduce.suite import SUITE
 
 

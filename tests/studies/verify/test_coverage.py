@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stoop.parallel.canonical import to_text
+from stoop.parallel.plan import to_text
 from stoop_studies.findings import Setting
 from stoop_studies.verify.coverage import CASES, EXPERIMENT, cover
 from stoop_studies.verify.scenes import (

@@ -9,10 +9,10 @@ from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
+from stoop.assessment.assessment import Optimum, linearize, refit
 from stoop.assessment.bootstrap import ColoredBlocks, block_length, percentiles, shifts, whitened
-from stoop.assessment.colored_residuals import ColoredNoise
+from stoop.assessment.covariance import ColoredNoise
 from stoop.assessment.error_bars import estimate_uncertainty
-from stoop.assessment.refit import Optimum, linearize, refit
 from stoop.problem.evidence import PieceEvidence
 
 SAMPLES = 800

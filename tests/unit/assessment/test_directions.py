@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from stoop.assessment.covariance import correlation
-from stoop.assessment.identifiability import marginal_information, near_null_directions, partners, worst_pairs
+from stoop.assessment.error_bars import marginal_information, near_null_directions, partners, worst_pairs
 
 NAMES = ("a", "b", "c", "d")
 

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from stoop.assessment.covariance import invert, marked, prior_information
-from stoop.assessment.identifiability import (
+from stoop.assessment.error_bars import (
     ComparisonScale,
     Identifiability,
     identifiability,

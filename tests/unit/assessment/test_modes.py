@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from stoop.assessment.modes import NORMAL_95, Linearized, differentiated, mode_estimates
+from stoop.assessment.covariance import NORMAL_95
+from stoop.assessment.modes import Linearized, differentiated, mode_estimates
 from stoop.simulation import trim
 from stoop.simulation.linearize import modes_of, state_matrix
 from stoop.simulation.trim import neighbors

@@ -10,8 +10,8 @@ import pytest
 from naive.fitted import Fitted, line
 from numpy.testing import assert_allclose
 
+from stoop.assessment.assessment import linearize
 from stoop.assessment.posterior import Chains, Target, libraries, reference, sample, stretch
-from stoop.assessment.refit import linearize
 from stoop.errors import IdentificationError
 
 

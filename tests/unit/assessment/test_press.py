@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stoop.assessment.baseline import Lag, LagRecord, _Search, fit_lag
-from stoop.assessment.press import left_out
+from stoop.assessment.baseline import Lag, LagRecord, fit_lag
+from stoop.assessment.goodness_of_fit import left_out
 
 
 def problem(seed: int, samples: int = 60, channels: int = 2, unknowns: int = 5) -> tuple[np.ndarray, ...]:
@@ -80,7 +80,7 @@ def test_the_lag_is_predicted_worse_than_it_is_matched() -> None:
 
 def test_derivatives_of_the_lag_are_those_of_its_answer() -> None:
     record, lag = lag_record()
-    found = _Search((record,), lag.rate).sensitivities(lag)
+    found = lag.sensitivities([record])
 
     def answer(**changes: object) -> np.ndarray:
         changed = replace(lag, **changes)  # type: ignore[arg-type]

@@ -7,9 +7,9 @@ import pytest
 from naive.fitted import Fitted, line
 from scipy.optimize import brentq, minimize_scalar
 
+from stoop.assessment.assessment import linearize
 from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.profile import profile_likelihood
-from stoop.assessment.refit import linearize
 
 T = np.linspace(0.0, 1.0, 25)
 

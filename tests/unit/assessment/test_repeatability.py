@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from stoop.assessment.repeatability import scatter, without_prior
+from stoop.assessment.uncertainty import scatter, without_prior
 from stoop.results.uncertainty import SingleEstimate
 
 

@@ -128,4 +128,4 @@ def test_a_part_too_short_for_the_mode_of_the_whole_is_no_error() -> None:
     t = np.arange(0.0, 4.0, 0.01)
     part = _Oscillation(t, np.cos(t)[:, None], np.ones((len(t), 1))).part(0.0, 0.5)
     too_slow = np.array([part._box[0][0] - 0.3, 0.1])
-    assert part.polished(too_slow) == pytest.approx([0.0, 0.0], abs=1e-6)
+    assert part.near(too_slow) == pytest.approx([0.0, 0.0], abs=1e-6)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from stoop.assessment.agreement import method_agreement
+from stoop.assessment.uncertainty import method_agreement
 from stoop.results.result import ParameterEstimate
 from stoop.results.uncertainty import Interval, MethodIntervals
 

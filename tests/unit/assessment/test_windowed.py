@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stoop.assessment.windowed_covariance import MIN_WINDOWS, widened, windowed_covariance
+from stoop.assessment.covariance import MIN_WINDOWS, widened, windowed_covariance
 from stoop.problem.evidence import PieceEvidence
 
 LENGTH = 40

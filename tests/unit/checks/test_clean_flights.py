@@ -7,8 +7,8 @@ import pytest
 
 from stoop import check
 from stoop.base.variables import VARIABLES
+from stoop.checks.engine import Line
 from stoop.checks.kinematics import check_motion
-from stoop.checks.lines import Line
 from stoop.checks.units import check_units
 from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.vehicle import parse_vehicle

@@ -11,9 +11,8 @@ from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of, to_body
 from stoop.base.units import FACTORS
 from stoop.base.variables import QUATERNION
-from stoop.checks.engine import search
+from stoop.checks.engine import Line, search
 from stoop.checks.kinematics import Kinematics, check_motion, mapping_edits
-from stoop.checks.lines import Line
 from stoop.flight import VARIABLES, load
 
 RATE, GRAVITY = 100.0, 9.80665

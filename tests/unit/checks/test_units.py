@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stoop.base.notices import Notice
-from stoop.checks.lines import Line, Lines
+from stoop.checks.engine import Line, Lines
 from stoop.checks.units import check_units
 from stoop.errors import FlightError
 from stoop.flight import Flight, load

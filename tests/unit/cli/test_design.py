@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.cli.design import add_arguments
 from stoop.cli.main import main
+from stoop.cli.planning import design_arguments
 from stoop.simulation import load_maneuver, parse_maneuver
-from stoop.workflow.design import FILES, maneuver_toml, prior_model
+from stoop.workflow.design import DESIGN_FILES, maneuver_toml, prior_model
 
 QUICK = (
     "--duration",
@@ -36,7 +36,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_writes_what_it_says(folder: Path) -> None:
-    assert sorted(path.name for path in folder.iterdir()) == sorted(FILES)
+    assert sorted(path.name for path in folder.iterdir()) == sorted(DESIGN_FILES)
     found = json.loads((folder / "design.json").read_text())
     assert found["format"] == "stoop-design/1"
     assert set(found["designs"]) == {"square", "3-2-1-1"}
@@ -133,7 +133,7 @@ def test_priors_are_what_a_vehicle_file_knows(examples: Path) -> None:
 
 def test_an_option_given_twice_counts_twice() -> None:
     parser = argparse.ArgumentParser()
-    add_arguments(parser)
+    design_arguments(parser)
     words = [
         "--amplitude",
         "elevator=3",
@@ -156,7 +156,7 @@ def test_ctrl_c_ends_all_families_and_writes_nothing(
         print(family)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("stoop.input_design.proposal.design", stop)
+    monkeypatch.setattr("stoop.input_design.optimization.design", stop)
     assert main(["design", "twin-boom", *QUICK, "--evaluations", "500", "-o", str(tmp_path / "out")]) == 130
     assert capsys.readouterr().out.split() == ["square"]
     assert not (tmp_path / "out").exists()

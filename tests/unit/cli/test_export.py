@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from stoop.cli.export import TARGETS
+from stoop.cli.files import TARGETS
 from stoop.cli.main import main
 
 

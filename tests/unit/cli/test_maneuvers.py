@@ -11,9 +11,9 @@ import pytest
 from stoop.base.arrays import FloatArray
 from stoop.cli.main import main
 from stoop.flight import Flight, from_columns, load, save
+from stoop.input_design.candidates import candidates
 from stoop.input_design.windows import doubts, find_windows
-from stoop.input_design.windows.candidates import candidates
-from stoop.problem.windows_file import read_windows
+from stoop.problem.windows import read_windows
 from stoop.vehicle import load_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 

@@ -9,8 +9,7 @@ import math
 import pytest
 from rich.console import Console
 
-from stoop.cli.page import UNLIMITED, Page, page, to_json
-from stoop.cli.tables import numbers, words
+from stoop.cli.page import UNLIMITED, Page, numbers, page, to_json, words
 
 HOSTILE = "[bold red]x[/] \x1b[31m [link=file:///etc] :smile:"
 SHOWN = "[bold red]x[/] \\x1b[31m [link=file:///etc] :smile:"
@@ -34,7 +33,7 @@ def fill(out: Page) -> None:
     out.line(HOSTILE)
     out.heading(HOSTILE)
     out.bullets([HOSTILE])
-    out.table([words("", [HOSTILE]), numbers(HOSTILE, [1.0])])
+    out.table(words("", [HOSTILE]), numbers(HOSTILE, [1.0]))
     out.command("next: ", ["stoop", "info", HOSTILE])
 
 
@@ -64,7 +63,7 @@ def test_command_is_quoted_and_never_broken() -> None:
 
 def test_terminal_table_fits() -> None:
     out, written = terminal(60)
-    out.table([words("name", ["x" * 20]), numbers("value", [1.25]), words("meaning", ["words " * 20])])
+    out.table(words("name", ["x" * 20]), numbers("value", [1.25]), words("meaning", ["words " * 20]))
     lines = written.getvalue().splitlines()
     assert all(len(line) <= 60 for line in lines)
     assert lines[1].endswith("...")

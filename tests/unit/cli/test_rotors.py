@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stoop.cli.main import main
-from stoop.logs.crazyflie_write import Event, crazyflie_bytes
+from stoop.exporters.log_bytes import Event, crazyflie_bytes
 
 VEHICLE = str(Path(__file__).parents[3] / "examples" / "crazyflie.toml")
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stoop.cli.printable import printable
-from stoop.cli.tables import Column, aligned, alike, blocks, fit, fixed, number, numbers, plain, words
+from stoop.base.text import printable
+from stoop.cli.page import Column, alike, blocks, fit, fixed, number, numbers, plain, points, words
 
 NUMBERS = st.floats(-1e300, 1e300)
 TEXTS = st.text(st.characters(codec="utf-8"), max_size=30)
@@ -43,7 +43,7 @@ def test_number_keeps_four_digits(value: float) -> None:
 
 @given(st.lists(NUMBERS, min_size=1, max_size=8))
 def test_points_stand_below_each_other(values: list[float]) -> None:
-    texts = aligned([number(v) for v in values])
+    texts = points("", [number(v) for v in values]).cells
     tails = {len(text) - (text.index(".") if "." in text else len(text.rstrip())) for text in texts}
     assert len(tails) == 1
 

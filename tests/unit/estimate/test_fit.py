@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from stoop import optimize
-from stoop.cli.demo import MANEUVER, TABLE_1
 from stoop.errors import FlightError, IdentificationError, VehicleError
 from stoop.estimate.fit import Options, estimation_problem, fit, refine, settle, starts
-from stoop.estimate.noise import noise_variance
+from stoop.estimate.noise import channel_residuals, noise_variance
 from stoop.estimate.predict import mean_biases, predict
-from stoop.estimate.regression.equations import start_value
+from stoop.estimate.regression import start_value
 from stoop.flight import Flight
 from stoop.problem import Misfit
 from stoop.problem.observation import first_complete, guess_start
@@ -20,6 +19,7 @@ from stoop.problem.windows import Window
 from stoop.simulation import START_NAMES, parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop.workflow.demo import MANEUVER, TABLE_1
 
 WINDOW = [Window("sim", 0.0, 30.0)]
 
@@ -205,7 +205,9 @@ def test_recovers_the_truth_and_the_noise(aircraft: Vehicle, wrong: Vehicle, fli
     for name in TABLE_1:
         assert found.estimates[name] == pytest.approx(aircraft.value(name), rel=0.15)
     sigma = np.array([getattr(aircraft.file.sensors, c).sigma for c in aircraft.outputs])
-    assert np.sqrt(noise_variance(found.problem, found.z)) == pytest.approx(sigma, rel=0.1)
+    assert np.sqrt(noise_variance(found.problem, channel_residuals(found.problem, found.z))) == pytest.approx(
+        sigma, rel=0.1
+    )
 
 
 def test_same_seed_same_bits_whatever_the_threads(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stoop.estimate.forces import CUTOFF, ForceCurves, ReferenceModels, force_curves, low_passed
+from stoop.estimate.predict import CUTOFF, ForceCurves, ReferenceModels, force_curves, low_passed
 from stoop.flight import Flight
 from stoop.flight.flight import from_columns
 from stoop.problem.prepare import with_average_voltage

@@ -10,9 +10,8 @@ import pytest
 from stoop.errors import IdentificationError
 from stoop.estimate.methods import MIN_MOTOR_RATE, MethodChoice, choose_method, find
 from stoop.flight import Flight
-from stoop.flight.channels import Channels
 from stoop.flight.flight import dataset
-from stoop.flight.gridding import grid_channels
+from stoop.flight.gridding import Channels, grid_channels
 from stoop.vehicle.builtin import builtin_vehicle
 
 MOTORS = tuple(f"motor_{i}" for i in range(1, 5))

@@ -16,29 +16,24 @@ from hypothesis.extra import numpy as hnp
 from stoop.base.files import write_bytes_atomic, write_text_atomic
 from stoop.base.notices import as_notice
 from stoop.errors import OutputError, StoopError
+from stoop.results.modes import ConditionModes, Estimate, MeasuredMode, ModeEstimate
 from stoop.results.result import (
     SCHEMA,
-    ConditionModes,
     Covariance,
-    Estimate,
     GoodnessOfFit,
     InitialState,
     ManeuverResult,
-    MeasuredMode,
-    ModeEstimate,
     NoiseCovariance,
     ParameterEstimate,
-    ParameterRepeatability,
     Quantity,
-    Repeatability,
     Result,
     SensorBiases,
-    SingleEstimate,
     WindEstimate,
     from_json,
     read_result,
     to_json,
 )
+from stoop.results.uncertainty import ParameterRepeatability, Repeatability, SingleEstimate
 
 number = st.floats(allow_nan=True, allow_infinity=False)
 any_number = st.floats()

@@ -15,17 +15,9 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from stoop.base.rotations import matrices_of, quaternions_of
-from stoop.flight import air_data_reconstruction
-from stoop.flight.air_data import AirData
-from stoop.flight.velocity_smoother import (
-    BIAS_PRIOR,
-    BIAS_WALK,
-    HEADING_PRIOR,
-    HEADING_WALK,
-    VELOCITY_PRIOR,
-    Record,
-    smooth_velocity,
-)
+from stoop.flight import air_data
+from stoop.flight.flight import AirData
+from stoop.flight.velocity_smoother import PRIORS, Record, smooth_velocity
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 RATE = 100.0
@@ -144,7 +136,7 @@ def dataset(time: Array, columns: dict[str, Array]) -> xr.Dataset:
 
 def reconstruct(data: xr.Dataset) -> tuple[xr.Dataset, AirData]:
     columns = {str(name): x.to_numpy() for name, x in data.items()}
-    found, air = air_data_reconstruction.reconstruct(data["time"].to_numpy(), columns)
+    found, air = air_data.reconstruct(data["time"].to_numpy(), columns)
     return data.assign({name: ("time", x) for name, x in found.items()}), air
 
 
@@ -424,12 +416,12 @@ def dense_smoother(record: Record, logged_noise: float, force_noise: float) -> t
         rows.append(row / std[:, None])
         right.append(value / std)
 
-    prior = np.array([VELOCITY_PRIOR] * 3 + [BIAS_PRIOR] * 3 + [HEADING_PRIOR])
+    prior = np.array([PRIORS.velocity] * 3 + [PRIORS.bias] * 3 + [PRIORS.heading])
     first = np.flatnonzero(np.isfinite(record.velocity[:, 0]))[0]
     add({0: np.eye(7)}, np.concatenate([record.velocity[first], np.zeros(4)]), prior)
     for k in range(size - 1):
         move, gain = np.eye(7), np.zeros(7)
-        sigma = np.array([VELOCITY_PRIOR] * 3 + [BIAS_WALK * 0.1] * 3 + [HEADING_WALK * 0.1])
+        sigma = np.array([PRIORS.velocity] * 3 + [PRIORS.bias_walk * 0.1] * 3 + [PRIORS.heading_walk * 0.1])
         if np.isfinite(ned[k : k + 2]).all():
             mean, turn = 0.5 * (ned[k] + ned[k + 1]), 0.5 * (record.rotation[k] + record.rotation[k + 1])
             move[:3, 3:6], move[0, 6], move[1, 6] = -step * turn, -step * mean[1], step * mean[0]

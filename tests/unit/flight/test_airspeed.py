@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.exporters.log_bytes import Table, dataflash_bytes
 from stoop.flight import VARIABLES, Flight, load
 from stoop.flight.airspeed import density_at_altitude, density_at_pressure, density_of_gas
 from stoop.flight.load import without_faults
-from stoop.logs.dataflash_write import Table, dataflash_bytes
 from stoop.vehicle.atmosphere import standard_density
 
 HEIGHT = 2000.0  #: m

@@ -10,10 +10,9 @@ import pytest
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, LogError
 from stoop.flight import load
-from stoop.flight.alignment import attitude_delay, quantities
-from stoop.flight.channels import Channels
+from stoop.flight.alignment import Lag, attitude_delay, find_lag, quantities, with_drift
+from stoop.flight.gridding import Channels
 from stoop.flight.mapping import flight_mapping
-from stoop.flight.time_delay import Lag, find_lag, with_drift
 
 RNG = np.random.default_rng(7)
 TONES = [

@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import wrap
 from stoop.base.variables import EULER, QUATERNION
-from stoop.flight.channels import Channels
-from stoop.flight.gridding import grid_channels
+from stoop.flight.gridding import Channels, grid_channels
 
 
 def scalar_first(rotation: Rotation) -> FloatArray:

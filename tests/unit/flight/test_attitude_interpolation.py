@@ -8,9 +8,7 @@ import pytest
 from stoop.base.notices import Notice
 from stoop.base.rotations import continuous, euler_angles, product, quaternions_of
 from stoop.base.variables import RATES
-from stoop.flight.attitude_interpolation import integrate_rates, interpolate_by_rates
-from stoop.flight.channels import Channels
-from stoop.flight.gridding import grid_channels
+from stoop.flight.gridding import Channels, grid_channels, integrate_rates, interpolate_by_rates
 
 
 def wobbling(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -12,8 +12,8 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
 from stoop.errors import LogError
 from stoop.flight import load
-from stoop.flight.calibration import Surfaces
-from stoop.flight.channels import Channels
+from stoop.flight.conversion import Surfaces
+from stoop.flight.gridding import Channels
 from stoop.flight.mapping import flight_mapping
 
 POINTS = "points = [[1100, -0.4], [1500, 0.0], [1900, 0.38]]\n"

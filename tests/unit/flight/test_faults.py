@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stoop.base.arrays import FloatArray
-from stoop.flight.channels import Channels
 from stoop.flight.faults import at_rest, recorded_faults, rest_faults
+from stoop.flight.gridding import Channels
 
 SIZE = 2000
 TIME = 0.01 * np.arange(SIZE)

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from stoop.base.arrays import FloatArray
 from stoop.base.variables import EULER, QUATERNION
 from stoop.errors import LogError
-from stoop.flight.frames import check_frame, rotate_axes
+from stoop.flight.conversion import check_frame, rotate_axes
 
 BODY = {"frd": np.eye(3), "flu": np.diag([1.0, -1.0, -1.0])}
 GROUND = {

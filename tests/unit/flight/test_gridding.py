@@ -11,8 +11,17 @@ from hypothesis import strategies as st
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError
-from stoop.flight.channels import longest_allowed, source_rate, stretches
-from stoop.flight.gridding import CUTOFF, ORDER, Grid, low_pass, make_grid, resample
+from stoop.flight.gridding import (
+    CUTOFF,
+    ORDER,
+    Grid,
+    longest_allowed,
+    low_pass,
+    make_grid,
+    resample,
+    source_rate,
+    stretches,
+)
 
 steps = st.lists(st.sampled_from([0.003, 0.01, 0.02, 0.049, 0.051, 0.3]), min_size=1, max_size=60)
 
@@ -109,7 +118,7 @@ def test_the_grid_lies_on_whole_periods_of_the_log_s_clock() -> None:
     grid = make_grid(68.227, 252.083, 100.0, 1, "f")
     assert grid.time[0] == 68.23
     assert grid.time[-1] == 252.08
-    assert np.array_equal(grid.time[grid.within(140.0, 145.0)][[0, -1]], [140.0, 145.0])
+    assert {140.0, 145.0} <= set(grid.time.tolist())
 
 
 def test_a_step_stays_where_it_is() -> None:

@@ -11,10 +11,10 @@ from stoop.base.notices import notice
 from stoop.base.units import FACTORS
 from stoop.base.variables import variable
 from stoop.errors import FlightError, LogError, StoopError
+from stoop.exporters.log_bytes import Topic, ulog
 from stoop.flight import OUTPUTS, VARIABLES, Flight, from_columns, load
-from stoop.flight.air_data_reconstruction import with_air, without
+from stoop.flight.air_data import with_air, without
 from stoop.flight.flight import flight_name
-from stoop.logs.ulog_write import Topic, ulog
 
 MAPPING = """[time]
 column = "t"

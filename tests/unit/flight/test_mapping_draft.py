@@ -15,7 +15,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS
 from stoop.checks.units import growth
 from stoop.flight import VARIABLES, load
-from stoop.flight.column_names import recognized
+from stoop.flight.column_guesses import recognized
 from stoop.flight.mapping_draft import draft, draft_of
 from stoop.logs import Recording, Stream
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from stoop.base.arrays import FloatArray
-from stoop.flight.mapping_draft import draft_of
-from stoop.flight.mapping_draft_outputs import Outputs
+from stoop.flight.mapping_draft import Outputs, draft_of
 from stoop.logs import Recording, Stream
 from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle

@@ -17,7 +17,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
 from stoop.errors import LogError, OutputError, StoopError
 from stoop.flight import Fault, Flight, from_columns, load, save
-from stoop.flight.air_data import AirData
+from stoop.flight.flight import AirData
 
 any_file = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 NOTICES = (

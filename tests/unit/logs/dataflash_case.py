@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stoop.logs.dataflash_write import Table, dataflash_bytes
+from stoop.exporters.log_bytes import Table, dataflash_bytes
 
 SAMPLES = 50
 

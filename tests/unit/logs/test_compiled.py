@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from stoop.kernels import cache
-from stoop.logs.scan import compiled
-from stoop.logs.scan import dataflash as plain
+from stoop.logs import compiled
+from stoop.logs import dataflash_walk as plain
 
 from .dataflash_case import small_log
 

@@ -12,9 +12,9 @@ import numpy.typing as npt
 import pytest
 
 from stoop.errors import LogError
+from stoop.exporters.log_bytes import Event, crazyflie_bytes
 from stoop.logs import read
 from stoop.logs.crazyflie import parse_crazyflie
-from stoop.logs.crazyflie_write import Event, crazyflie_bytes
 
 PATH = Path("flight.usd")
 N = 200

@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from naive.dataflash import same_as_pymavlink
 
 from stoop.errors import LogError
+from stoop.exporters.log_bytes import Table, dataflash_bytes
 from stoop.logs import Recording, read
+from stoop.logs import dataflash_walk as scan
 from stoop.logs.dataflash import parse_dataflash
 from stoop.logs.dataflash_text import parse_dataflash_text
-from stoop.logs.dataflash_write import Table, dataflash_bytes
-from stoop.logs.scan import dataflash as scan
 
 from .dataflash_case import SAMPLES, as_text, small_log, tables
 
@@ -150,7 +150,7 @@ def test_older_clocks() -> None:
 
 
 def test_compiled_and_plain_walk_find_the_same() -> None:
-    from stoop.logs.scan.compiled import dataflash
+    from stoop.logs.compiled import dataflash
 
     rng = np.random.default_rng(4)
     whole = np.frombuffer(small_log(20), np.uint8)

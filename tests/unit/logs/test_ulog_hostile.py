@@ -10,10 +10,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from stoop.errors import LogError
-from stoop.logs import ulog_scan
-from stoop.logs.ulog import read_ulog
-from stoop.logs.ulog_formats import BodyError, Formats
-from stoop.logs.ulog_write import Topic, dropout, ulog
+from stoop.exporters.log_bytes import Topic, ulog, ulog_dropout
+from stoop.logs.ulog import read_ulog, scan
+from stoop.logs.ulog_messages import BodyError, Formats
 
 any_file = settings(
     deadline=None, max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture]
@@ -29,7 +28,7 @@ def whole() -> bytes:
         Topic("gyro", time[::2], {f"xyz[{i}]": (time + i).astype("f4")[::2] for i in range(3)}, 1),
         Topic("baro", time[::4], {"p": time[::4], "n": np.arange(10, dtype="u2")}),
     ]
-    return ulog(topics, {"A": 1, "B": 0.5}, {"sys_name": "PX4"}, [(1.0, "INFO", "ready")]) + dropout(50)
+    return ulog(topics, {"A": 1, "B": 0.5}, {"sys_name": "PX4"}, [(1.0, "INFO", "ready")]) + ulog_dropout(50)
 
 
 def survived(path: Path, content: bytes) -> int:
@@ -88,7 +87,7 @@ def test_a_file_that_shrinks_while_it_is_read(tmp_path: Path, whole: bytes) -> N
     path = tmp_path / "a.ulg"
     path.write_bytes(whole)
     with path.open("rb") as file:
-        found = ulog_scan.scan(file, 10 * len(whole), None)
+        found = scan(file, 10 * len(whole), None)
     assert sum(rows.count for rows in found.streams) == 70
 
 
@@ -123,7 +122,7 @@ def test_a_format_with_a_name_twice() -> None:
 
 
 def test_sizes_of_formats_are_not_gone_through_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stoop.logs.ulog_formats.MAX_LOOKED", 1100)
+    monkeypatch.setattr(Formats, "max_visited", 1100)
     formats = Formats()
     formats.add(b"long:" + b"".join(b"uint8_t a%d;" % i for i in range(500)) + b"missing b;")
     for n in range(2):

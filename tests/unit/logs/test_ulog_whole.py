@@ -5,34 +5,44 @@ from __future__ import annotations
 import struct
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from stoop.errors import LogError
-from stoop.logs import Recording, read, ulog_scan
+from stoop.exporters.log_bytes import (
+    Topic,
+    ulog,
+    ulog_definitions,
+    ulog_dropout,
+    ulog_message,
+    ulog_rows,
+    ulog_text,
+)
+from stoop.logs import Recording, read
+from stoop.logs import ulog as reader
 from stoop.logs.ulog import MAGIC
-from stoop.logs.ulog_write import Topic, definitions, dropout, message, rows, text, ulog
 
 SYNC = bytes([0x2F, 0x73, 0x13, 0x20, 0x25, 0x0C, 0xBB, 0x12])
 
 
 def keyed(kind: str, key: str, value: bytes, before: bytes = b"") -> bytes:
-    return message(kind, before + bytes([len(key)]) + key.encode() + value)
+    return ulog_message(kind, before + bytes([len(key)]) + key.encode() + value)
 
 
 def flags(compatible: int = 0, incompatible: int = 0, offsets: tuple[int, ...] = ()) -> bytes:
     places = struct.pack("<3Q", *(*offsets, 0, 0, 0)[:3])
-    return message("B", bytes([compatible, *bytes(7), incompatible, *bytes(7)]) + places)
+    return ulog_message("B", bytes([compatible, *bytes(7), incompatible, *bytes(7)]) + places)
 
 
 def row(number: int, layout: str, *values: float) -> bytes:
-    return message("D", struct.pack("<H" + layout, number, *values))
+    return ulog_message("D", struct.pack("<H" + layout, number, *values))
 
 
 def add(number: int, name: str, instance: int = 0) -> bytes:
-    return message("A", struct.pack("<BH", instance, number) + name.encode())
+    return ulog_message("A", struct.pack("<BH", instance, number) + name.encode())
 
 
 HEAD = MAGIC + b"\x01" + struct.pack("<Q", 1_000_000)
@@ -45,7 +55,7 @@ FORMATS = (
 
 def everything() -> bytes:
     """Return a log with a message of each kind."""
-    log = HEAD + flags(1) + b"".join(message("F", f) for f in FORMATS)
+    log = HEAD + flags(1) + b"".join(ulog_message("F", f) for f in FORMATS)
     log += keyed("I", "char[4] sys_name", b"PX4!") + keyed("I", "uint32_t ver", struct.pack("<I", 7))
     log += keyed("M", "char[5] boot", b"first", b"\0") + keyed("M", "char[6] boot", b"second", b"\x01")
     log += keyed("P", "float GAIN", struct.pack("<f", 0.5)) + keyed(
@@ -59,14 +69,14 @@ def everything() -> bytes:
         log += row(3, "Q" + 3 * "f4B" + "2hc?", stamp, *cells, -i, i, b"m", i % 2)
         log += row(4, "Qd", stamp, 0.1 * i) + row(5, "Qd", stamp + 5, -0.1 * i)
         log += {
-            3: message("S", SYNC),
-            5: text(2.005, "WARNING", "too low"),
-            7: message("C", struct.pack("<BHQ", ord("4"), 9, 2_007_000) + b"from nine"),
-            9: dropout(120),
+            3: ulog_message("S", SYNC),
+            5: ulog_text(2.005, "WARNING", "too low"),
+            7: ulog_message("C", struct.pack("<BHQ", ord("4"), 9, 2_007_000) + b"from nine"),
+            9: ulog_dropout(120),
             11: keyed("P", "float GAIN", struct.pack("<f", 0.75)),
-            13: message("Z", b"of a later kind"),
+            13: ulog_message("Z", b"of a later kind"),
         }.get(i, b"")
-    return log + message("R", struct.pack("<H", 4))
+    return log + ulog_message("R", struct.pack("<H", 4))
 
 
 def recorded(folder: Path, content: bytes, topics: frozenset[str] | None = None) -> Recording:
@@ -125,7 +135,7 @@ def test_only_the_topics_wanted(tmp_path: Path) -> None:
 
 def test_appended_data(tmp_path: Path) -> None:
     """What was cut by the crash is dropped at the place where data were appended."""
-    empty = HEAD + flags(0, 1, (2**20,)) + message("F", FORMATS[2]) + add(4, "plain")
+    empty = HEAD + flags(0, 1, (2**20,)) + ulog_message("F", FORMATS[2]) + add(4, "plain")
     first = b"".join(row(4, "Qd", 2_000_000 + i, i) for i in range(10)) + row(4, "Qd", 1, 1)[:-4]
     last = b"".join(row(4, "Qd", 3_000_000 + i, -i) for i in range(5))
     log = empty.replace(struct.pack("<Q", 2**20), struct.pack("<Q", len(empty) + len(first))) + first + last
@@ -135,23 +145,25 @@ def test_appended_data(tmp_path: Path) -> None:
 
 
 def test_an_appended_place_outside_the_file(tmp_path: Path) -> None:
-    log = HEAD + flags(0, 1, (2**40,)) + message("F", FORMATS[2]) + add(4, "plain") + row(4, "Qd", 1, 1.0)
+    log = (
+        HEAD + flags(0, 1, (2**40,)) + ulog_message("F", FORMATS[2]) + add(4, "plain") + row(4, "Qd", 1, 1.0)
+    )
     assert [d.kind for d in recorded(tmp_path, log).defects] == ["skipped"]
 
 
 def test_a_newer_kind_of_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="newer kind"):
-        recorded(tmp_path, HEAD + flags(0, 2) + message("F", FORMATS[2]))
+        recorded(tmp_path, HEAD + flags(0, 2) + ulog_message("F", FORMATS[2]))
 
 
 def test_a_topic_given_again_goes_on(tmp_path: Path) -> None:
-    log = HEAD + flags() + message("F", FORMATS[2]) + add(4, "plain") + row(4, "Qd", 1_000_000, 1.0)
-    log += message("R", struct.pack("<H", 4)) + add(6, "plain") + row(6, "Qd", 2_000_000, 2.0)
+    log = HEAD + flags() + ulog_message("F", FORMATS[2]) + add(4, "plain") + row(4, "Qd", 1_000_000, 1.0)
+    log += ulog_message("R", struct.pack("<H", 4)) + add(6, "plain") + row(6, "Qd", 2_000_000, 2.0)
     assert np.array_equal(recorded(tmp_path, log).streams["plain"].columns["x"], [1.0, 2.0])
 
 
 def test_rows_of_a_topic_without_format_are_counted(tmp_path: Path) -> None:
-    log = HEAD + flags() + message("F", FORMATS[2]) + add(4, "plain") + add(9, "lost")
+    log = HEAD + flags() + ulog_message("F", FORMATS[2]) + add(4, "plain") + add(9, "lost")
     at = len(log) - len(add(9, "lost"))
     log += b"".join(row(4, "Qd", i + 1, i) + row(9, "Qd", i + 1, i) for i in range(4))
     skipped, corrupt = recorded(tmp_path, log).defects
@@ -165,7 +177,7 @@ def test_rows_of_a_topic_without_format_are_counted(tmp_path: Path) -> None:
 @pytest.mark.parametrize("damage", [b"\xff" * 7, b"\0" * 5000, bytes(range(256)) * 20])
 def test_damage_costs_what_it_covers(tmp_path: Path, damage: bytes) -> None:
     log, one = everything(), row(4, "Qd", 1, 1.0)
-    at = log.index(text(2.005, "WARNING", "too low"))
+    at = log.index(ulog_text(2.005, "WARNING", "too low"))
     ours = recorded(tmp_path, log[:at] + damage + log[at:])
     assert ours.streams["plain"].time.size == 30
     assert ours.info["messages"].startswith("2.005 s")
@@ -178,7 +190,7 @@ def test_damage_costs_what_it_covers(tmp_path: Path, damage: bytes) -> None:
 
 def test_a_wrong_size_loses_one_message(tmp_path: Path) -> None:
     log = bytearray(everything())
-    at = log.index(text(2.005, "WARNING", "too low")) - 2 * len(row(4, "Qd", 1, 1.0))
+    at = log.index(ulog_text(2.005, "WARNING", "too low")) - 2 * len(row(4, "Qd", 1, 1.0))
     log[at] ^= 0x40
     ours = recorded(tmp_path, bytes(log))
     assert [ours.streams[n].time.size for n in ("pack", "plain", "plain/2")] == [30, 29, 30]
@@ -189,7 +201,7 @@ def long_log() -> bytes:
     gyro = Topic("gyro", time, {f"xyz[{i}]": (time * (i + 1)).astype("f4") for i in range(3)})
     mode = Topic("mode", time[::50], {"n": np.arange(600, dtype="u1"), "on": np.ones(600, dtype=bool)}, 1)
     log = bytearray(
-        definitions([gyro, mode], {"A": 1, "B": 0.5}, {"sys_name": "PX4"}) + rows([gyro, mode])[0]
+        ulog_definitions([gyro, mode], {"A": 1, "B": 0.5}, {"sys_name": "PX4"}) + ulog_rows([gyro, mode])[0]
     )
     rng = np.random.default_rng(3)
     for at in rng.integers(2000, len(log), size=40):
@@ -200,10 +212,10 @@ def long_log() -> bytes:
 
 def test_compiled_equals_plain_and_pieces_the_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     plain = recorded(tmp_path, long_log())
-    monkeypatch.setattr(ulog_scan, "PIECE", 10_000)
-    monkeypatch.setattr(ulog_scan, "LISTED", 100)
+    monkeypatch.setattr(reader, "LIMITS", replace(reader.LIMITS, piece=10_000))
+    monkeypatch.setattr(reader, "LIMITS", replace(reader.LIMITS, rows=100))
     in_pieces = recorded(tmp_path, long_log())
-    monkeypatch.setattr(ulog_scan, "SMALL", 0)
+    monkeypatch.setattr(reader, "LIMITS", replace(reader.LIMITS, small=0))
     compiled = recorded(tmp_path, long_log())
     assert plain.streams["gyro"].time.size > 29_900
     assert {"corrupt"} <= {d.kind for d in plain.defects} <= {"corrupt", "time order"}
@@ -217,15 +229,15 @@ def test_compiled_equals_plain_and_pieces_the_whole(tmp_path: Path, monkeypatch:
 
 
 def test_too_much_to_keep_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ulog_scan, "MAX_KEPT", 100)
+    monkeypatch.setattr(reader, "LIMITS", replace(reader.LIMITS, memory=100))
     with pytest.raises(LogError, match="more memory"):
         recorded(tmp_path, everything())
 
 
 def test_endless_messages_and_damage_come_to_an_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ulog_scan, "MOST_EVENTS", 10)
-    monkeypatch.setattr(ulog_scan, "MOST_DAMAGES", 2)
-    many = everything() + b"".join(text(3.0, "INFO", f"{i}") for i in range(50))
+    monkeypatch.setattr(reader, "LIMITS", replace(reader.LIMITS, events=10))
+    monkeypatch.setattr(reader, "LIMITS", replace(reader.LIMITS, damages=2))
+    many = everything() + b"".join(ulog_text(3.0, "INFO", f"{i}") for i in range(50))
     told = recorded(tmp_path, many)
     assert told.info["messages"].count("\n") == 10
     assert "too many messages of kind L" in str(told.defects)

@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 from unit.parallel.works import walks
 
-from stoop.cli import campaign as verb
-from stoop.cli.campaign import Display, add_campaign_arguments, clock, pool, run_campaign
+from stoop.cli.progress import QUIET, Display, add_campaign_arguments, clock, pool, run_campaign
 from stoop.parallel import Dask, LocalProcesses, Tally
 
 
@@ -42,12 +41,12 @@ def test_options_that_make_no_sense(words: tuple[str, ...]) -> None:
 
 def test_a_log_gets_a_line_now_and_then(capsys: pytest.CaptureFixture[str]) -> None:
     display = Display("table1")
-    with display.shown():
+    with display:
         display.see(Tally(0, 10, 0, 0.0, None))
         display.see(Tally(1, 10, 0, 0.1, 0.9))
         display.see(Tally(1, 10, 0, 0.2, 0.9, "waiting for a worker"))
         display.see(Tally(1, 10, 0, 0.3, 0.9, "waiting for a worker"))
-        display._said -= verb.QUIET
+        display._printed -= QUIET
         display.see(Tally(5, 10, 2, 6.0, 5.6))
         display.see(Tally(10, 10, 2, 7.0, 0.0))
     assert capsys.readouterr().err.splitlines() == [
@@ -64,7 +63,7 @@ def test_a_terminal_gets_a_live_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr(sys, "stderr", terminal)
     display = Display("[bold]\x1b")
-    with display.shown():
+    with display:
         display.see(Tally(3, 10, 0, 1.0, 5000.0))
         display._status._live.refresh()
     assert "[bold]\\x1b: 3 of 10 runs, 1:23:20 left" in terminal.getvalue()

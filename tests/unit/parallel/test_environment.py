@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from stoop.parallel import environment, source_digest
-from stoop.parallel.environment import differences
+from stoop.parallel.worker import differences
 
 
 def test_versions_processor_and_sources() -> None:

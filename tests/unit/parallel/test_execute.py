@@ -15,11 +15,20 @@ from pathlib import Path
 import pytest
 from unit.parallel.works import HERE, failing, walks
 
-from stoop.parallel import CampaignError, Given, LocalProcesses, Plan, Pool, Run, Tally, execute
-from stoop.parallel.environment import environment
-from stoop.parallel.loop import LOSSES
+from stoop.parallel import (
+    CampaignError,
+    Given,
+    LocalProcesses,
+    Plan,
+    Pool,
+    Run,
+    Tally,
+    environment,
+    execute,
+)
+from stoop.parallel.loop import MAX_LOSSES
 from stoop.parallel.plan import Task
-from stoop.parallel.task import Report, perform
+from stoop.parallel.worker import Report, perform
 
 
 class Here:
@@ -33,7 +42,7 @@ class Here:
     def open(self):  # type: ignore[no-untyped-def]
         yield self
 
-    def width(self) -> int:
+    def capacity(self) -> int:
         return 3
 
     def submit(self, task: Task) -> Future[Report]:
@@ -43,10 +52,10 @@ class Here:
         future.set_result(perform(task.work, task.text, task.stops))
         return future
 
-    def judge(self, error: BaseException) -> None:
+    def failure(self, error: BaseException) -> None:
         return None
 
-    def note(self) -> str:
+    def status(self) -> str:
         return ""
 
 
@@ -137,8 +146,8 @@ def test_ctrl_c_keeps_what_was_done(tmp_path: Path, log: Path) -> None:
 @pytest.mark.parametrize(
     ("how", "what"),
     [
-        ("stoop", "^run bad: elevator: does not move; choose another; mend that"),
-        ("plain", "^run bad: ValueError: first; mend that"),
+        ("stoop", "^run bad: elevator: does not move; choose another; correct that"),
+        ("plain", "^run bad: ValueError: first; correct that"),
         ("leave", "^run bad: SystemExit: 3;"),
         ("array", r"^run bad: result 0: a ndarray is not JSON"),
         ("short", "^run bad: unit.parallel.works:fail must return a list of 1 results"),
@@ -186,11 +195,11 @@ def test_lost_tasks_are_done_again_and_a_hopeless_one_ends_it(tmp_path: Path, lo
 
     lost: list[str] = []
     dying = Dying()
-    with pytest.raises(CampaignError, match=f"^run bad: its worker died {LOSSES} times") as caught:
+    with pytest.raises(CampaignError, match=f"^run bad: its worker died {MAX_LOSSES} times") as caught:
         execute(failing("die", log, 6), tmp_path / "s", dying)
     assert "(died)" in str(caught.value)
     assert len(lines(log)) == 6, "the others came first"
-    assert len(lost) >= 6 + LOSSES
+    assert len(lost) >= 6 + MAX_LOSSES
 
 
 def test_a_broken_or_closed_executor(tmp_path: Path, log: Path) -> None:

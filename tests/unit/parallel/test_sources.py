@@ -10,8 +10,8 @@ import pytest
 from unit.parallel.test_execute import Here
 
 from stoop.errors import OutputError
-from stoop.parallel import CampaignError, Plan, Run, execute, sources, task
-from stoop.parallel.sources import work_sources
+from stoop.parallel import CampaignError, Plan, Run, execute, worker
+from stoop.parallel.worker import source_files, work_sources
 
 WORK = "herd.far.graze:graze"
 FILES = {
@@ -38,7 +38,7 @@ def herd(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.syspath_prepend(tmp_path)
     for name in [n for n in sys.modules if n.partition(".")[0] == "herd"]:
         monkeypatch.delitem(sys.modules, name)
-    task._sources.cache_clear()
+    worker._own_sources.cache_clear()
     return tmp_path / "herd"
 
 
@@ -65,14 +65,14 @@ def test_one_entry_per_module(herd: Path) -> None:
 
 @pytest.mark.parametrize("room", ["optimize", "base", "vehicle"])
 def test_every_room_that_makes_numbers_is_in_the_environment(room: str) -> None:
-    assert room in sources.ROOMS
+    assert room in worker.ROOMS
 
 
 @pytest.mark.parametrize(
     "work", ["stoop_studies.search", "stoop_studies.reproduce.noise", "stoop_studies.compare.race"]
 )
 def test_a_study_counts_problems_and_no_pages(work: str) -> None:
-    files = sources.reached(work)
+    files = source_files(work)
     assert {f"{work}.py", "stoop_studies.problems.paper.py"} <= set(files)
     assert not {name for name in files if ".report." in name or "page" in name or ".optimize." in name}
 
@@ -92,16 +92,16 @@ def test_a_study_counts_problems_and_no_pages(work: str) -> None:
 )
 def test_a_study_counts_what_it_imports_of_stoop(work: str, own: set[str]) -> None:
     """Rooms of stoop that every environment has are not counted again."""
-    files = set(sources.reached(work))
+    files = set(source_files(work))
     assert {f"{work}.py", *own} <= files
-    rooms = {name.removesuffix(".py") for name in sources.ROOMS}
+    rooms = {name.removesuffix(".py") for name in worker.ROOMS}
     assert not {name for name in files if name.startswith("stoop.") and name.split(".")[1] in rooms}
 
 
 def test_what_a_package_imports_of_stoop_counts(herd: Path) -> None:
     before = work_sources([WORK])
-    (herd / "grass.py").write_text("from stoop.input_design.limits import Limits\n")
-    assert "stoop.input_design.limits.py" in sources.reached("herd.far.graze")
+    (herd / "grass.py").write_text("from stoop.input_design.inputs import Frame\n")
+    assert "stoop.input_design.inputs.py" in source_files("herd.far.graze")
     assert work_sources([WORK]) != before
 
 

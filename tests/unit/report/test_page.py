@@ -13,7 +13,7 @@ import pytest
 
 from stoop.errors import OutputError
 from stoop.report import render, write_report
-from stoop.report.uncertainty import method_figures
+from stoop.report.estimates import method_figures
 from stoop.results.result import ChannelTrace, Identification, ManeuverTrace
 from stoop.results.uncertainty import MethodIntervals
 

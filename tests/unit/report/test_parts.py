@@ -24,10 +24,10 @@ from stoop.base.numbers import (
     window,
 )
 from stoop.report.charts import holes
-from stoop.report.formula import mathml
+from stoop.report.identification import verdict
 from stoop.report.maneuvers import air_panels
-from stoop.report.svg import COLUMNS, Scale, path, plain_text, spanning, tick_text, ticks
-from stoop.report.verdict import verdict
+from stoop.report.plots import COLUMNS, Scale, path, plain_text, spanning, tick_text, ticks
+from stoop.report.sheet import mathml
 from stoop.results.result import (
     AirDataTrace,
     GoodnessOfFit,

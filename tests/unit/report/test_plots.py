@@ -16,16 +16,17 @@ from stoop.report.plots import (
     RIGHT,
     WIDTH,
     Mark,
+    Scale,
     Series,
     Shade,
     Strip,
     contour_levels,
     contour_path,
     contour_plot,
+    decade_ticks,
     plot,
     stacked_plots,
 )
-from stoop.report.svg import Scale, decade_ticks
 
 BOX = WIDTH - LEFT - RIGHT
 

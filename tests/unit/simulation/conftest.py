@@ -5,10 +5,12 @@ from __future__ import annotations
 from importlib.resources import files
 
 import pytest
+from naive.texts import V_TAIL_LATERAL, V_TAIL_MIXERS
 
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 
-V_TAIL = """
+V_TAIL = (
+    """
 name = "V-tail"
 [mass]
 mass = 8.5
@@ -25,15 +27,9 @@ speed_gain = 150.0
 diameter = 0.4
 CT0 = 0.14
 CT1 = -0.10
-[controls.elevator]
-mix = { pwm_3 = 0.0007, pwm_4 = 0.0008 }
-center = { pwm_3 = 1480.0, pwm_4 = 1510.0 }
-offset = -0.01
-lag = 0.06
-[controls.rudder]
-mix = { pwm_3 = 0.0009, pwm_4 = -0.0008 }
-center = { pwm_3 = 1480.0, pwm_4 = 1510.0 }
-[controls.aileron]
+"""
+    + V_TAIL_MIXERS
+    + """[controls.aileron]
 offset = 0.02
 lag = 0.04
 [sensors]
@@ -53,20 +49,9 @@ Cmalpha = -0.9
 Cmq = -12.0
 Cmelevator = -1.0
 Cmcross = { term = "abs(elevator)*elevator", value = 0.1 }
-[aerodynamics.CQ]
-CQbeta = -0.4
-CQrudder = 0.1
-[aerodynamics.Cl]
-Clbeta = -0.06
-Clp = -0.5
-Clr = 0.12
-Claileron = 0.2
-[aerodynamics.Cn]
-Cnbeta = 0.06
-Cnp = -0.04
-Cnr = -0.12
-Cnrudder = -0.08
 """
+    + V_TAIL_LATERAL
+)
 
 QUAD = """
 name = "quad"

@@ -10,7 +10,7 @@ import pytest
 
 from stoop.checks.vehicle import inertia_notices
 from stoop.errors import VehicleError
-from stoop.report.formula import mathml
+from stoop.report.sheet import mathml
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import BUILT_IN, builtin_vehicle
 from stoop.vehicle.notation import symbols

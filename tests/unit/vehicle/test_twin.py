@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from naive import march
 from naive.aircraft import Aircraft
+from naive.texts import V_TAIL_LATERAL, V_TAIL_MIXERS
 
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle, parse_vehicle
@@ -76,7 +77,8 @@ Cnr = -0.13
 Cnaileron = -0.012
 Cnrudder = -0.075
 """
-RICH = """
+RICH = (
+    """
 [mass]
 mass = 8.5
 inertia = { xx = 1.38, yy = 0.84, zz = 2.0, xz = 0.11 }
@@ -100,15 +102,9 @@ CT1 = -0.10
 CT2 = -0.02
 position = [0.75, 0.0, -0.04]
 pitch = 0.06
-[controls.elevator]
-mix = { pwm_3 = 0.0007, pwm_4 = 0.0008 }
-center = { pwm_3 = 1480.0, pwm_4 = 1510.0 }
-offset = -0.01
-lag = 0.06
-[controls.rudder]
-mix = { pwm_3 = 0.0009, pwm_4 = -0.0008 }
-center = { pwm_3 = 1480.0, pwm_4 = 1510.0 }
-lag = "=controls.elevator.lag"
+"""
+    + V_TAIL_MIXERS
+    + """lag = "=controls.elevator.lag"
 [controls.aileron]
 offset = 0.02
 [sensors]
@@ -122,7 +118,9 @@ theta = { scale = 1.01 }
 psi = { bias = 0.05 }
 az = { scale = 0.99, bias = 0.2 }
 """
-RICH_TERMS = """
+)
+RICH_TERMS = (
+    """
 [aerodynamics.CL]
 CL0 = 0.4
 CLalpha = 4.9
@@ -141,22 +139,12 @@ Cmalpha = -0.9
 Cmq = -12.0
 Cmelevator = -1.0
 Cmcross = { term = "alpha*elevator/(1 + V^2)", value = 0.7 }
-[aerodynamics.CQ]
-CQbeta = -0.4
-CQrudder = 0.1
-[aerodynamics.Cl]
-Clbeta = -0.06
-Clp = -0.5
-Clr = 0.12
-Claileron = 0.2
-[aerodynamics.Cn]
-Cnbeta = 0.06
-Cnp = -0.04
-Cnr = -0.12
-Cnrudder = -0.08
-Cnstiff = { term = "abs(beta)*beta", value = 0.5 }
+"""
+    + V_TAIL_LATERAL
+    + """Cnstiff = { term = "abs(beta)*beta", value = 0.5 }
 Cnmixed = { term = "elevator*beta + q*alpha*rudder", value = 0.2 }
 """
+)
 RICH_EXTRA: dict[str, Callable[[Mapping[str, float]], float]] = {
     "CLbend": lambda v: -(v["alpha"] ** 2) * (1 - 2 * v["alpha"]),
     "CDbrake": lambda v: abs(v["elevator"]),

@@ -6,9 +6,10 @@ import pytest
 
 from stoop.flight import Flight
 from stoop.vehicle import Vehicle
-from stoop.workflow import Job, identify
+from stoop.workflow import Job
+from stoop.workflow.identification import finish, search
 
 
 @pytest.fixture(scope="session")
 def job(wrong: Vehicle, flight: Flight) -> Job:
-    return identify(wrong, flight, ["0:20"], ["20:28"], command="stoop identify <here>")
+    return finish(search(wrong, flight, ["0:20"], ["20:28"], command="stoop identify <here>"))

@@ -14,12 +14,11 @@ from stoop.errors import OutputError, StoopError
 from stoop.estimate.fit import Options
 from stoop.exporters.comparison import RecordedManeuver
 from stoop.flight import Flight
-from stoop.report.export import PAGE
+from stoop.report.models import EXPORT_PAGE as PAGE
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow import Job, identify
-from stoop.workflow.export import Condition, export, write
-from stoop.workflow.export_subject import Subject, read_subject
+from stoop.workflow.export import Condition, Subject, export, read_subject, write
 
 
 @pytest.fixture(scope="module")

@@ -11,15 +11,17 @@ import pytest
 import stoop
 from stoop.base.variables import WRAPPED
 from stoop.errors import FlightError, StoopError
+from stoop.estimate.fit import Options
 from stoop.flight import Flight
-from stoop.problem import Piece
 from stoop.results.result import read_result
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 from stoop.workflow import Job, identify
-from stoop.workflow.curves import _unwrapped
-from stoop.workflow.identification import _windows
+from stoop.workflow.curves import unwrapped
+from stoop.workflow.identification import search
 from stoop.workflow.outputs import with_values
 from stoop.workflow.summary import estimates_table, figures_table
+
+ONE = Options(generations=1)
 
 
 def test_writes_everything_and_reads_it_back(job: Job, tmp_path: Path) -> None:
@@ -147,8 +149,9 @@ def test_overlapping_windows_of_a_flight_are_refused(wrong: Vehicle, flight: Fli
 
 def test_windows_that_touch_or_are_of_two_flights_do_not_overlap(wrong: Vehicle, flight: Flight) -> None:
     flights = {name: replace(flight, name=name) for name in ("a", "b")}
-    fitted, predicted = _windows(["a@0:10", "a@10:15", "b@0:10"], ["a@15:20", "b@10:20"], flights)
-    assert [str(w) for w in (*fitted, *predicted)] == ["a@0:10", "a@10:15", "b@0:10", "a@15:20", "b@10:20"]
+    done = search(wrong, list(flights.values()), ["a@0:10", "a@10:15", "b@0:10"], ["a@15:20", "b@10:20"], ONE)
+    windows = [str(w) for w in (*done.fit.prepared.windows, *done.predicted)]
+    assert windows == ["a@0:10", "a@10:15", "b@0:10", "a@15:20", "b@10:20"]
 
 
 def test_what_is_predicted_is_judged_before_the_search(
@@ -168,7 +171,6 @@ def test_angles_on_a_circle_are_shown_without_jumps() -> None:
     time = np.arange(200) / 50.0
     heading = 3.0 + 0.5 * time
     wrapped = (heading + np.pi) % (2.0 * np.pi) - np.pi
-    piece = Piece(0, time, np.zeros((200, 1)), wrapped[:, None], {}, {})
-    measured, simulated = _unwrapped(piece, wrapped[:, None] - 0.01, 0, "psi" in WRAPPED)
+    measured, simulated = unwrapped(wrapped, wrapped - 0.01, "psi" in WRAPPED)
     assert measured == pytest.approx(heading)
     assert simulated == pytest.approx(heading - 0.01)

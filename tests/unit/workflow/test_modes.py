@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from stoop.assessment.error_bars import error_bars
-from stoop.assessment.flight_conditions import conditions, modes
 from stoop.assessment.free_response import free_response, measured_mode
-from stoop.cli.demo import MANEUVER as DEMO
+from stoop.assessment.modes import conditions, modes
 from stoop.errors import SimulationError
 from stoop.estimate.fit import fit
 from stoop.flight import Flight
@@ -18,6 +17,7 @@ from stoop.problem.windows import Window
 from stoop.simulation import linearize, parse_maneuver, simulate_flight, trim
 from stoop.vehicle import Vehicle
 from stoop.workflow import Job
+from stoop.workflow.demo import MANEUVER as DEMO
 
 FREE = ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")
 MANEUVER = """
@@ -56,7 +56,7 @@ def test_without_a_trim_about_the_mean_state(job: Job, monkeypatch: pytest.Monke
             "x.toml: no steady flight found at 35 m/s (elevator would be 2 rad); try another"
         )
 
-    monkeypatch.setattr("stoop.assessment.flight_conditions.trim", fails)
+    monkeypatch.setattr("stoop.assessment.modes.trim", fails)
     covariance = job.identification.result.covariance
     (condition,) = modes(job.fit, covariance.names, covariance.matrix)
     assert condition.about == "mean state"

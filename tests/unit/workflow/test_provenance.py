@@ -10,7 +10,7 @@ import pytest
 
 from stoop.flight import Flight
 from stoop.vehicle import Vehicle
-from stoop.workflow.provenance import file_hashes, flight_files, input_hashes
+from stoop.workflow.outputs import file_hashes, flight_files, input_hashes
 
 
 def digest(content: bytes) -> str:

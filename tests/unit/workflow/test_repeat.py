@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from stoop.assessment.repeatability import scatter
+from stoop.assessment.uncertainty import fit_each, scatter, with_repeatability
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
 from stoop.report.identification import render
@@ -15,7 +15,6 @@ from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.identification import Job, finish, search
-from stoop.workflow.repeat import fit_alone, with_repeatability
 from stoop.workflow.summary import repeatability_lines
 
 FREE = ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")
@@ -45,7 +44,10 @@ def flown(vehicle: Vehicle, seed: int) -> Flight:
 def repeated(flights: list[Flight]) -> Job:
     windows = [f"{flight.name}@0:8" for flight in flights]
     done = search(aircraft(), flights, windows, options=Options())
-    return with_repeatability(finish(done), fit_alone(done))
+    job = finish(done)
+    return job.with_result(
+        with_repeatability(job.result, fit_each(done.fit, done.flights, done.options, lambda _: None))
+    )
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +105,3 @@ def test_the_report_draws_them(alike: Job) -> None:
         ),
     )
     assert "each maneuver fitted alone" not in render(without)
-
-
-def test_nothing_asked_for_changes_nothing(alike: Job) -> None:
-    assert with_repeatability(alike, []) is alike

@@ -10,13 +10,13 @@ import pytest
 
 from stoop.cli.main import main
 from stoop.errors import IdentificationError, TermError
-from stoop.estimate.regression.domain import FrequencyDomain
-from stoop.estimate.regression.selection import stepwise
+from stoop.estimate.regression.least_squares import FrequencyDomain
 from stoop.estimate.regression.structure import (
     determine,
     parameter_name,
     parse_candidates,
     standard_candidates,
+    stepwise,
 )
 from stoop.flight import Flight, save
 from stoop.problem.windows import Window

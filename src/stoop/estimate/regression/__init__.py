@@ -1,1 +1,46 @@
-"""Equation error: regression rows from measured accelerations, least squares in time or frequency domain, structure."""
+"""Equation error: parameters by least squares on measured accelerations, without a start and without integration.
+
+References
+----------
+V. Klein and E. A. Morelli, *Aircraft System Identification: Theory and Practice*, 2nd ed., Sunflyte, 2016, chapter 5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray
+from stoop.estimate.regression.aircraft import AircraftEquations, complete
+from stoop.estimate.regression.least_squares import TimeDomain, estimate
+from stoop.estimate.regression.rotors import RotorEquations
+from stoop.problem import Layout, Piece
+from stoop.problem.observation import observation_model
+from stoop.vehicle import Vehicle
+
+MIN_COMPLETE: Final = 0.9  #: share of the samples of a piece that the start value of an aircraft needs
+
+
+def kind_of(vehicle: Vehicle) -> type[AircraftEquations] | type[RotorEquations]:
+    """Return the equations of a kind of vehicle; it is decided here and nowhere else."""
+    return AircraftEquations if observation_model(vehicle).open_loop else RotorEquations
+
+
+def start_value(layout: Layout, pieces: Sequence[Piece]) -> FloatArray | None:
+    """Return free parameters (D,) in the unit box for the start of a search; None where states were not measured.
+
+    Free numbers that the equations do not have stay as in the file.
+    """
+    equations = kind_of(layout.vehicle).of(layout, pieces)
+    if equations.linear and not all(complete(layout.vehicle, p).mean() > MIN_COMPLETE for p in pieces):
+        return None
+    found = estimate(equations, TimeDomain(), equations.bounds)
+    if found is None:
+        return None
+    values = np.array([p.value for p in layout.parameters])
+    for i, value in zip(equations.places, found.values, strict=True):
+        if i < layout.dimension:
+            values[i] = value
+    return layout.unit(values) if np.isfinite(values).all() else None

@@ -14,7 +14,6 @@ V. Klein and E. A. Morelli, *Aircraft System Identification: Theory and Practice
 
 from __future__ import annotations
 
-import ast
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -27,9 +26,8 @@ from scipy.interpolate import CubicSpline
 from stoop.base.arrays import BoolArray, FloatArray, IntArray, runs
 from stoop.base.notices import Notice
 from stoop.base.variables import RATES, SPECIFIC_FORCE
-from stoop.estimate.regression.domain import Domain
-from stoop.estimate.regression.least_squares import Bounds, Estimates, Priors, Rows
-from stoop.flight.segmentation import MIN_SEGMENT
+from stoop.estimate.regression.least_squares import Bounds, Domain, Estimates, Priors, Rows
+from stoop.flight.flight import MIN_SEGMENT
 from stoop.problem import Layout, Piece
 from stoop.problem.observation import at_center_of_gravity, true_value
 from stoop.simulation import START_NAMES, parameter_rows
@@ -47,40 +45,26 @@ MIN_SAMPLES: Final = 8  #: of a stretch
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """The n complete samples of one piece, with bias, scale and position of the instruments removed.
+    """The n complete samples of one piece, with bias, scale and position of the instruments removed; SI."""
 
-    Attributes
-    ----------
-    samples : (n,) of int
-        Their indices in the piece.
-    states : mapping
-        ``V`` ... ``psi``, ``h`` -> (n,), at the center of gravity; SI.
-    readings : mapping
-        ``ax``, ``ay``, ``az`` -> (n,), m/s2, as read.
-    inputs : (n_u, n)
-        As the surfaces receive them.
-    deflections : mapping
-        Control -> (n,), rad; lags applied.
-    rows : (n_p, n)
-        Kernel parameters: the file's values and the maneuver's loading.
-    """
-
-    samples: IntArray
-    states: Mapping[str, FloatArray]
-    readings: Mapping[str, FloatArray]
-    inputs: FloatArray
-    deflections: Mapping[str, FloatArray]
-    rows: FloatArray
+    samples: IntArray  #: their indices in the piece (n,)
+    states: Mapping[str, FloatArray]  #: ``V`` ... ``psi``, ``h`` -> (n,), at the center of gravity
+    readings: Mapping[str, FloatArray]  #: ``ax``, ``ay``, ``az`` -> (n,), m/s2, as read
+    inputs: FloatArray  #: (n_u, n), as the surfaces receive them
+    deflections: Mapping[str, FloatArray]  #: control -> (n,), rad; lags applied
+    rows: FloatArray  #: kernel parameters (n_p, n): the file's values and the maneuver's loading
 
     @classmethod
     def of(cls, vehicle: Vehicle, piece: Piece) -> Motion:
         """Return the motion of a piece; delays and lags are those of the vehicle file."""
         samples = np.flatnonzero(complete(vehicle, piece))
         rows = parameter_rows(vehicle, piece.changes, len(samples))
-        late = late_inputs(vehicle, piece.inputs, rows[:, :1], piece.dt)
-        deflections = {
-            c: _deflection(vehicle, c, rows[:, :1], late, piece.dt)[samples] for c in vehicle.controls
-        }
+        late, deflections = late_inputs(vehicle, piece.inputs, rows[:, :1], piece.dt), {}
+        for c in vehicle.controls:
+            angle = commanded(vehicle, c, np.repeat(rows[:, :1], len(late), axis=1), late.T)
+            if vehicle.file.controls[c].lag is not None:
+                angle = first_order_lag(angle, float(rows[vehicle.rows[f"controls.{c}.lag"], 0]), piece.dt)
+            deflections[c] = angle[samples]
         readings = {c: piece.measured[samples, i] for i, c in enumerate(vehicle.outputs)}
         states = states_of(vehicle, piece.start, readings)
         felt = {c: v for c, v in readings.items() if c in SPECIFIC_FORCE}
@@ -100,15 +84,13 @@ class Motion:
 
     def variables(self, vehicle: Vehicle) -> dict[str, FloatArray]:
         """Return the variables of aerodynamic terms -> (n,)."""
+        s, rates = self.states, (self.states["p"], self.states["q"], self.states["r"])
 
         def number(name: str) -> FloatArray:
             return np.asarray(self.rows[vehicle.rows[name]])
 
-        s = self.states
-        rates = (s["p"], s["q"], s["r"])
-        return {
-            **terms.values(number, vehicle.actual_rates, s["V"], s["alpha"], s["beta"], rates), **self.deflections
-        }  # fmt: skip
+        values = terms.values(number, vehicle.actual_rates, s["V"], s["alpha"], s["beta"], rates)
+        return {**values, **self.deflections}
 
 
 def complete(vehicle: Vehicle, piece: Piece) -> BoolArray:
@@ -128,37 +110,17 @@ def states_of(
     return at_center_of_gravity(vehicle, out)
 
 
-def _deflection(
-    vehicle: Vehicle, control: str, rows: FloatArray, inputs: FloatArray, dt: float
-) -> FloatArray:
-    """Return the deflection (n,), rad, of a control that follows its command with the lag of the file."""
-    command = commanded(vehicle, control, np.repeat(rows, len(inputs), axis=1), inputs.T)
-    if vehicle.file.controls[control].lag is None:
-        return command
-    return first_order_lag(command, float(rows[vehicle.rows[f"controls.{control}.lag"], 0]), dt)
-
-
 @dataclass(frozen=True, eq=False)
 class History:
-    """Coefficients of one stretch of a maneuver without a hole, n samples.
-
-    Attributes
-    ----------
-    maneuver : int
-    time : (n,), s
-        The log's own clock.
-    dt : float, s
-    coefficients : mapping
-        ``CL`` ... -> (n,)
-    variables : mapping
-        Variables of terms (:data:`stoop.vehicle.terms.STATE_VARIABLES`, controls) -> (n,).
-    """
+    """Coefficients of one stretch of a maneuver without a hole, n samples."""
 
     maneuver: int
-    time: FloatArray
-    dt: float
-    coefficients: Mapping[str, FloatArray]
-    variables: Mapping[str, FloatArray]
+    time: FloatArray  #: (n,), s, the log's own clock
+    dt: float  #: s
+    coefficients: Mapping[str, FloatArray]  #: ``CL`` ... -> (n,)
+    variables: Mapping[
+        str, FloatArray
+    ]  #: of terms (:data:`stoop.vehicle.terms.STATE_VARIABLES`, controls) -> (n,)
 
     def regressor(self, term: str) -> FloatArray:
         """Return the values (n,) of a term."""
@@ -170,7 +132,7 @@ def _term_values(term: str, variables: Mapping[str, FloatArray], count: int) -> 
 
 
 @lru_cache(maxsize=1000)
-def _parsed(term: str, names: frozenset[str]) -> ast.expr:
+def _parsed(term: str, names: frozenset[str]) -> Any:
     return terms.parse(term, names, "term")
 
 
@@ -259,15 +221,7 @@ def _constants(vehicle: Vehicle) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class AircraftEquations:
-    """The coefficients of an aircraft as a linear regression on its free terms.
-
-    Other free numbers keep the file's values.
-
-    Attributes
-    ----------
-    layout : Layout
-    histories : tuple of History
-    """
+    """The coefficients of an aircraft as a linear regression on its free terms; other free numbers keep the file's values."""
 
     layout: Layout
     histories: tuple[History, ...]

@@ -1,43 +1,180 @@
-"""Least squares over several equations at once; a parameter may stand in more than one of them."""
+"""Linear regression of measured motion: rows of equations, in the time or frequency domain, solved by least squares.
+
+A kind of vehicle chooses its equations (:func:`stoop.estimate.regression.kind_of`); domain, estimates and color correction
+are the same for all. A domain is a linear transform applied to the response and the regressors alike: it weights samples and
+cannot bias an equation that holds at every sample. A parameter may stand in several equations. Noise in the regressors
+biases the estimates.
+
+References
+----------
+V. Klein and E. A. Morelli, *Aircraft System Identification: Theory and Practice*, 2nd ed., Sunflyte, 2016, chapters 5 and 7.
+E. A. Morelli, "High accuracy evaluation of the finite Fourier transform using sampled data", NASA TM-110340, 1997.
+W. K. Newey and K. D. West, "A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent covariance
+matrix", *Econometrica* 55(3), 1987, pp. 703-708.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Final, Protocol, Self
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray
-from stoop.estimate.regression.domain import Domain
+from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
+from stoop.problem import Layout
 
-Bounds = tuple[FloatArray, FloatArray]
+Bounds = tuple[FloatArray, FloatArray]  #: lower and upper, (k,), SI
+MAX_LAG: Final = 2.0  #: s; residuals further apart count as independent
+ROWS_PER_WINDOW: Final = 4
+TAPER: Final = 0.1  #: share of the record that is tapered at either end
+MIN_FREQUENCIES: Final = 4  #: in the band of a record that is used
 WEIGHT_ROUNDS: Final = 3  #: alternations of estimates and residual variances
+MAX_ITERATIONS: Final = 8  #: of Gauss-Newton
+STEP_TOLERANCE: Final = 1e-3  #: in `Equations.scales`
 ZERO_COLUMN: Final = 1e-9  #: norm, of the largest column's, below which a column counts as zero
-SINGULAR: Final = 1e-13  #: of the largest scaled eigenvalue; smaller ones are rounding
+NULL_EIGENVALUE: Final = 1e-13  #: of the largest scaled eigenvalue; smaller ones are rounding
 NULL_COMPONENT: Final = 1e-3  #: a parameter with a larger component in the null space is not identifiable
+
+
+class Domain(Protocol):
+    """A linear transform from samples to rows of a regression."""
+
+    @property
+    def name(self) -> str:
+        """``"time"`` or ``"frequency"``."""
+
+    @property
+    def settings(self) -> dict[str, float]:
+        """The numbers that a reader of the estimates wants to know."""
+
+    @property
+    def keeps_constants(self) -> bool:
+        """Whether a constant survives the transform."""
+
+    @property
+    def colored(self) -> bool:
+        """Whether error bars are corrected for the color of the residuals; else residuals count as white."""
+
+    def rows(self, signals: FloatArray, dt: float) -> FloatArray:
+        """Return the rows (m, k) of signals (n, k) sampled every `dt` s; none where the record is too short."""
+
+    def scatter(self, X: FloatArray, v: FloatArray, dt: float) -> FloatArray:
+        """Return the covariance (k, k) of X' v, rows X (m, k) of one stretch, for noise with the color of v (m,)."""
+
+
+@dataclass(frozen=True)
+class TimeDomain:
+    """Samples smoothed by a Hann window of `span` s, four rows a window; residuals are colored, by that and the model."""
+
+    span: float = 0.2
+    name: str = "time"
+    keeps_constants: bool = True
+    colored: bool = True
+
+    @property
+    def settings(self) -> dict[str, float]:
+        """Length of the window, s."""
+        return {"span": self.span}
+
+    def rows(self, signals: FloatArray, dt: float) -> FloatArray:
+        """Return smoothed samples (m, k)."""
+        from scipy.signal import oaconvolve
+        from scipy.signal.windows import hann
+
+        size = 2 * round(0.5 * self.span / dt) + 1
+        if len(signals) < 2 * size:
+            return np.empty((0, signals.shape[1]))
+        window = hann(size + 2)[1:-1]
+        smooth = oaconvolve(signals, (window / window.sum())[:, None], mode="valid", axes=0)
+        return np.asarray(smooth[:: self._stride(dt)])
+
+    def _stride(self, dt: float) -> int:
+        """Return the samples from one row to the next."""
+        return max(1, round(self.span / dt / ROWS_PER_WINDOW))
+
+    def scatter(self, X: FloatArray, v: FloatArray, dt: float) -> FloatArray:
+        """Return the double sum of the rows with the residuals' autocovariance.
+
+        The autocovariance is estimated up to a lag of 2 s and tapered to zero there, which keeps the result positive
+        semidefinite (Newey and West).
+        """
+        lags = min(round(MAX_LAG / (dt * self._stride(dt))), len(v) // 5)
+        size = 2 * len(v)
+        sampled = np.fft.irfft(np.abs(np.fft.rfft(v, size)) ** 2)[: lags + 1] / len(v)
+        tapered = sampled * (1.0 - np.arange(lags + 1) / (lags + 1.0))
+        kernel = np.concatenate([tapered, np.zeros(size - 2 * lags - 1), tapered[:0:-1]])
+        spectrum = np.fft.rfft(kernel).real
+        colored = np.fft.irfft(spectrum[:, None] * np.fft.rfft(X, size, axis=0), size, axis=0)[: len(X)]
+        product = X.T @ colored
+        return np.asarray(0.5 * (product + product.T))
+
+
+@dataclass(frozen=True)
+class FrequencyDomain:
+    """Fourier coefficients of a band from `low` to `high` Hz, real parts above imaginary parts.
+
+    The record is detrended and tapered first. Frequencies are spaced by one over the record's length: closer ones would repeat
+    the same information. Residuals count as white within the band; what lies outside - rate noise that differentiation
+    amplifies, vibration, drift - is not used. The band is limited to one over the record's length and the Nyquist frequency.
+    """
+
+    low: float = 0.1
+    high: float = 2.0
+    name: str = "frequency"
+    keeps_constants: bool = False
+    colored: bool = False
+
+    @property
+    def settings(self) -> dict[str, float]:
+        """Ends of the band, Hz."""
+        return {"low": self.low, "high": self.high}
+
+    def frequencies(self, count: int, dt: float) -> FloatArray:
+        """Return the frequencies, Hz, of a record of `count` samples."""
+        step = 1.0 / (count * dt)
+        first = max(self.low, step)
+        last = min(self.high, 0.5 / dt - step)  # below the Nyquist frequency
+        return np.asarray(first + step * np.arange(max(0, int((last - first) / step + 1e-9) + 1)))
+
+    def rows(self, signals: FloatArray, dt: float) -> FloatArray:
+        """Return real and imaginary parts (m, k), scaled such that white noise keeps its variance."""
+        from scipy.signal import detrend
+        from scipy.signal.windows import tukey
+
+        f = self.frequencies(len(signals), dt)
+        if len(f) < MIN_FREQUENCIES:
+            return np.empty((0, signals.shape[1]))
+        window = tukey(len(signals), 2.0 * TAPER)
+        tapered = detrend(signals, axis=0) * window[:, None]
+        found = fourier_transform(tapered, f, dt) * np.sqrt(2.0 / np.sum(window**2))
+        return np.concatenate([found.real, found.imag])
+
+    def scatter(self, X: FloatArray, v: FloatArray, dt: float) -> FloatArray:
+        """Return the covariance for residuals that are white within the band."""
+        return np.asarray(X.T @ X * float(np.mean(v**2)))
+
+
+def fourier_transform(signals: FloatArray, frequencies: FloatArray, dt: float) -> ComplexArray:
+    """Return the finite Fourier transform (f, k) of signals (n, k), a sum over samples, at equally spaced Hz (f,).
+
+    By the chirp z-transform (L. Rabiner et al., IEEE Trans. Audio Electroacoust. 17(2), 1969).
+    """
+    from scipy.signal import czt
+
+    step = float(frequencies[1] - frequencies[0]) if len(frequencies) > 1 else 0.0
+    w, a = np.exp(-2j * np.pi * step * dt), np.exp(2j * np.pi * float(frequencies[0]) * dt)
+    return np.asarray(czt(signals, len(frequencies), w, a, axis=0))
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """The rows of one equation from one stretch of record without a hole.
-
-    Attributes
-    ----------
-    equation : str
-        ``"Cm"``, ``"roll"``, ...
-    y : (m,)
-        Response.
-    X : (m, k)
-        Regressors of all k parameters; zero columns for those that the equation lacks.
-    dt : float, s
-        Sample period of the record.
-    """
+    """The rows of one equation (``"Cm"``, ``"roll"``, ...) from one stretch of record without a hole."""
 
     equation: str
-    y: FloatArray
-    X: FloatArray
-    dt: float
+    y: FloatArray  #: response (m,)
+    X: FloatArray  #: regressors of all k parameters (m, k); zero columns for those that the equation lacks
+    dt: float  #: s, sample period of the record
 
     @property
     def used(self) -> BoolArray:
@@ -55,7 +192,7 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class Priors:
-    """Prior mean and standard deviation of each parameter (k,); infinite where there is none."""
+    """Prior mean and standard deviation of each parameter (k,), SI; infinite where there is none."""
 
     mean: FloatArray
     sigma: FloatArray
@@ -63,52 +200,134 @@ class Priors:
 
 @dataclass(frozen=True, eq=False)
 class Estimates:
-    """Least-squares estimates of k parameters.
+    """Least-squares estimates of k parameters, SI."""
 
-    Attributes
-    ----------
-    values : (k,)
-    covariance : (k, k)
-        Corrected for the color of the residuals; NaN for parameters that are not identifiable.
-    white : (k, k)
-        As if the residuals were white.
-    sigma : mapping of str to float
-        Standard deviation of the residuals of each equation.
-    r2 : mapping of str to float
-        Coefficient of determination of each equation.
-    rows : tuple of Rows
-        That were solved, in their domain: stretch by stretch, equation by equation.
+    values: FloatArray  #: (k,)
+    covariance: (
+        FloatArray  #: (k, k), corrected for the color of the residuals; NaN for what is not identifiable
+    )
+    white: FloatArray  #: (k, k), as if the residuals were white
+    sigma: dict[str, float]  #: standard deviation of the residuals by equation
+    r2: dict[str, float]  #: coefficient of determination by equation
+    rows: tuple[Rows, ...]  #: that were solved, in their domain: stretch by stretch, equation by equation
+
+
+class Equations(Protocol):
+    """The equations of a kind of vehicle at measured motion, as regression rows for k unknowns."""
+
+    @property
+    def layout(self) -> Layout:
+        """Free parameters and nuisances."""
+
+    @property
+    def linear(self) -> bool:
+        """Whether the rows do not depend on where they are linearized."""
+
+    @property
+    def places(self) -> tuple[int, ...]:
+        """Where the unknowns stand among free parameters, then nuisances."""
+
+    @property
+    def priors(self) -> Priors:
+        """Prior means and standard deviations (k,), SI; the iteration starts from the means."""
+
+    @property
+    def bounds(self) -> Bounds:
+        """Lower and upper bounds of the vehicle file (k,), SI."""
+
+    @property
+    def scales(self) -> FloatArray:
+        """Typical sizes of the unknowns (k,), SI."""
+
+    @property
+    def constants(self) -> dict[str, int]:
+        """Equation -> its constant term, as a place among the unknowns."""
+
+    def rows(self, values: FloatArray) -> list[Rows]:
+        """Return the rows of all samples, linearized about values (k,)."""
+
+    def r2(self, estimates: Estimates, domain: Domain) -> dict[str, float]:
+        """Return the coefficient of determination of each equation."""
+
+    def reduced(self, estimates: Estimates) -> Self:
+        """Return the equations that determine the estimates, without those that the data do not explain."""
+
+
+def unbounded(equations: Equations) -> Bounds:
+    """Return no bounds."""
+    wide = np.full(len(equations.places), np.inf)
+    return -wide, wide
+
+
+def estimate(equations: Equations, domain: Domain, bounds: Bounds) -> Estimates | None:
+    """Estimate the unknowns within bounds; None where the motion was nowhere measured completely.
+
+    A constant that the domain does not keep is found afterwards, from the means.
     """
+    found = _gauss_newton(equations, domain, bounds)
+    if found is None:
+        return None
+    kept = equations.reduced(found)
+    return found if kept is equations else _gauss_newton(kept, domain, bounds) or found
 
-    values: FloatArray
-    covariance: FloatArray
-    white: FloatArray
-    sigma: dict[str, float]
-    r2: dict[str, float]
-    rows: tuple[Rows, ...]
+
+def _gauss_newton(equations: Equations, domain: Domain, bounds: Bounds) -> Estimates | None:
+    values = equations.priors.mean
+    for _ in range(MAX_ITERATIONS):
+        samples = equations.rows(values)
+        rows = [t for r in samples if (t := r.transformed(domain)).y.size]
+        if not rows:
+            return None
+        found = solve(rows, bounds, equations.priors, domain)
+        before, values = values, found.values
+        if not np.isfinite(values).all():
+            return None
+        if equations.linear or np.max(np.abs(values - before) / equations.scales) < STEP_TOLERANCE:
+            break
+    found = replace(found, r2=equations.r2(found, domain))
+    return found if domain.keeps_constants else _with_constants(found, samples, equations.constants, bounds)
+
+
+def _with_constants(
+    found: Estimates, samples: Sequence[Rows], constants: dict[str, int], bounds: Bounds
+) -> Estimates:
+    """Find constants from the means that the other terms leave; their errors follow from those of the others."""
+    values, covariance = found.values.copy(), np.nan_to_num(found.covariance)
+    unknown = np.isnan(np.diag(found.covariance))
+    unknown[list(constants.values())] = False
+    lost = unknown.copy()
+    for equation, place in constants.items():
+        own = [r for r in samples if r.equation == equation]
+        y, X = np.concatenate([r.y for r in own]), np.concatenate([r.X for r in own])
+        X[:, place] = 0.0
+        values[place] = np.clip(np.mean(y - X @ values), bounds[0][place], bounds[1][place])
+        # noise of the mean itself is white noise's: the slow part of it is in the residual of the band
+        mean, noise = X.mean(axis=0), float(np.var(y - X @ values) / len(y))
+        cross = -(covariance @ mean)
+        covariance[place, :], covariance[:, place] = cross, cross
+        covariance[place, place] = mean @ covariance @ mean + noise
+        lost[place] = bool(np.any(mean[unknown] != 0.0))  # a term constant off zero is one with the constant
+    covariance[lost, :] = covariance[:, lost] = np.nan
+    return replace(found, values=values, covariance=covariance)
 
 
 def solve(rows: Sequence[Rows], bounds: Bounds, priors: Priors, domain: Domain) -> Estimates:
-    """Estimate parameters; the equations are weighted by the variances of their residuals.
-
-    Parameters
-    ----------
-    rows : sequence of Rows
-        In `domain`.
-    bounds : lower, upper (k,)
-    priors : Priors
-    domain : Domain
-        Gives the color correction of the covariance.
-    """
-    reduced = [_triangular(r) for r in rows]
+    """Estimate parameters from rows in their domain; the equations are weighted by the variances of their residuals."""
+    reduced = []
+    for r in rows:  # few rows with the same normal equations: the triangle of a QR decomposition
+        own = np.flatnonzero(r.used)
+        triangle = np.asarray(np.linalg.qr(np.column_stack([r.X[:, own], r.y]), mode="r"))
+        X = np.zeros((len(triangle), r.X.shape[1]))
+        X[:, own] = triangle[:, :-1]
+        reduced.append(Rows(r.equation, triangle[:, -1], X, r.dt))
     of = {name: [r for r in rows if r.equation == name] for name in dict.fromkeys(r.equation for r in rows)}
     floor = {c: max(1e-9 * max(float(np.max(np.abs(r.y))) for r in own), 1e-12) for c, own in of.items()}
     sigma = {c: float(np.std(np.concatenate([r.y for r in own]))) for c, own in of.items()}
+    used = {c: int(np.any([r.used for r in own], axis=0).sum()) for c, own in of.items()}
     values = priors.mean
     for _ in range(WEIGHT_ROUNDS):
         values = _weighted(reduced, bounds, priors, {c: max(s, floor[c]) for c, s in sigma.items()})
         left = {c: np.concatenate([r.y - r.X @ values for r in own]) for c, own in of.items()}
-        used = {c: int(np.any([r.used for r in own], axis=0).sum()) for c, own in of.items()}
         sigma = {c: float(np.sqrt(np.sum(v**2) / max(len(v) - used[c], 1))) for c, v in left.items()}
     sigma = {c: max(s, floor[c]) for c, s in sigma.items()}
     white, covariance = _covariances(rows, values, priors, sigma, domain)
@@ -120,15 +339,6 @@ def r_squared(y: FloatArray, residual: FloatArray) -> float:
     """Return the coefficient of determination of a response (m,) about its mean; NaN where it is constant."""
     total = float(np.sum((y - y.mean()) ** 2))
     return 1.0 - float(np.sum(residual**2)) / total if total > 0.0 else np.nan
-
-
-def _triangular(rows: Rows) -> Rows:
-    """Return few rows with the same normal equations: the triangle of a QR decomposition."""
-    own = np.flatnonzero(rows.used)
-    triangle = np.asarray(np.linalg.qr(np.column_stack([rows.X[:, own], rows.y]), mode="r"))
-    X = np.zeros((len(triangle), rows.X.shape[1]))
-    X[:, own] = triangle[:, :-1]
-    return Rows(rows.equation, triangle[:, -1], X, rows.dt)
 
 
 def _weighted(rows: Sequence[Rows], bounds: Bounds, priors: Priors, sigma: dict[str, float]) -> FloatArray:
@@ -146,7 +356,7 @@ def _weighted(rows: Sequence[Rows], bounds: Bounds, priors: Priors, sigma: dict[
     null = np.empty((0, len(scale)))
     if scaled.size:
         values, vectors = np.linalg.eigh(scaled.T @ scaled)
-        null = vectors[:, values <= SINGULAR * values[-1]].T
+        null = vectors[:, values <= NULL_EIGENVALUE * values[-1]].T
     target = np.concatenate([y, null @ (priors.mean[free] * scale)])
     out = priors.mean.copy()
     out[free] = lsq_linear(np.concatenate([scaled, null]), target, bounds=(lower, upper)).x / scale
@@ -156,7 +366,10 @@ def _weighted(rows: Sequence[Rows], bounds: Bounds, priors: Priors, sigma: dict[
 def _covariances(
     rows: Sequence[Rows], values: FloatArray, priors: Priors, sigma: dict[str, float], domain: Domain
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the covariance for white and for colored residuals: M^-1 and M^-1 [sum X' V X] M^-1."""
+    """Return the covariance for white and for colored residuals: M^-1 and M^-1 [sum X' V X] M^-1.
+
+    NaN for parameters with a component in the null space, where a pseudo-inverse would give zero variance.
+    """
     M = np.diag(1.0 / priors.sigma**2)
     middle = M.copy()
     for r in rows:
@@ -166,20 +379,12 @@ def _covariances(
         freedom = len(v) / max(len(v) - len(own), 1)
         M[square] += weight * (X.T @ X)
         middle[square] += weight**2 * freedom * domain.scatter(X, v, r.dt)
-    inverse, known = _inverse(M)
-    both = np.outer(known, known)
-    return np.where(both, inverse, np.nan), np.where(both, inverse @ middle @ inverse, np.nan)
-
-
-def _inverse(M: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return the inverse (k, k) without the null space, and which parameters have no component in it.
-
-    A pseudo-inverse gives a parameter in the null space zero variance there: the opposite of the truth.
-    """
     diagonal = np.diag(M)
     scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    values, vectors = np.linalg.eigh(M / np.outer(scale, scale))
-    kept = values > SINGULAR * max(float(values[-1]), 0.0)
-    factor = vectors[:, kept] / np.sqrt(values[kept]) / scale[:, None]
+    powers, vectors = np.linalg.eigh(M / np.outer(scale, scale))
+    kept = powers > NULL_EIGENVALUE * max(float(powers[-1]), 0.0)
+    factor = vectors[:, kept] / np.sqrt(powers[kept]) / scale[:, None]
+    inverse = factor @ factor.T
     known = (diagonal > 0.0) & (np.linalg.norm(vectors[:, ~kept], axis=1) <= NULL_COMPONENT)
-    return factor @ factor.T, known
+    both = np.outer(known, known)
+    return np.where(both, inverse, np.nan), np.where(both, inverse @ middle @ inverse, np.nan)

@@ -13,11 +13,18 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import SHORT, Fit, Options, estimation_problem
-from stoop.estimate.noise import noise_variance, variance_of
-from stoop.estimate.regression.domain import Domain, FrequencyDomain, TimeDomain
-from stoop.estimate.regression.equations import Equations, estimate, kind_of, unbounded
-from stoop.estimate.regression.least_squares import Estimates
-from stoop.estimate.shooting.windows import outputs_by_window
+from stoop.estimate.noise import channel_residuals, noise_variance
+from stoop.estimate.regression import kind_of
+from stoop.estimate.regression.least_squares import (
+    Domain,
+    Equations,
+    Estimates,
+    FrequencyDomain,
+    TimeDomain,
+    estimate,
+    unbounded,
+)
+from stoop.estimate.shooting_windows import outputs_by_window
 from stoop.flight import Flight
 from stoop.optimize.ledger import Evaluations, Halt
 from stoop.problem import Layout, Misfit, Weights, on_circle
@@ -75,7 +82,14 @@ def _fitted(
     found = estimate(equations, domain, unbounded(equations) if kind.linear else equations.bounds)
     if found is None:
         raise IdentificationError(f"{vehicle.where}: no regression is possible: {kind.needed}")
-    z = _vector(problem, equations, found.values)
+    layout, d = problem.layout, problem.dimension
+    z = np.zeros(d + problem.extra)  # file values and guesses where nothing is estimated
+    z[:d] = (np.array([p.value for p in layout.parameters]) - layout.lower) / layout.width
+    for i, value in zip(equations.places, found.values, strict=True):
+        if i < d:
+            z[i] = (value - layout.lower[i]) / layout.width[i]
+        else:
+            z[i] = (value - layout.nuisances[i - d].center) / layout.nuisances[i - d].scale
     open_loop = observation_model(vehicle).open_loop
     flown = (_from_start if open_loop else _by_window)(problem, z)
     notices = [
@@ -105,26 +119,11 @@ def _fitted(
     )
 
 
-def _vector(problem: Misfit, equations: Equations, values: FloatArray) -> FloatArray:
-    """Return the search vector: estimates (k,), SI, in their places, file values and guesses elsewhere."""
-    layout, d = problem.layout, problem.dimension
-    z = np.zeros(d + problem.extra)
-    z[:d] = (np.array([p.value for p in layout.parameters]) - layout.lower) / layout.width
-    for place, value in zip(equations.places, values, strict=True):
-        if place < d:
-            z[place] = (value - layout.lower[place]) / layout.width[place]
-        else:
-            nuisance = layout.nuisances[place - d]
-            z[place] = (value - nuisance.center) / nuisance.scale
-    return z
-
-
 def _covariance(equations: Equations, covariance: FloatArray, size: int) -> FloatArray:
     """Return the covariance (size, size) of the vector, SI: zero where nothing was estimated, infinite where unknown."""
-    own = covariance.copy()
-    unknown = np.flatnonzero(np.isnan(np.diag(own)))
-    own[unknown, :] = own[:, unknown] = 0.0
-    own[unknown, unknown] = np.inf
+    unknown = np.isnan(np.diag(covariance))
+    own = np.where(unknown | unknown[:, None], 0.0, covariance)
+    np.fill_diagonal(own, np.where(unknown, np.inf, np.diag(own)))
     out = np.zeros((size, size))
     out[np.ix_(equations.places, equations.places)] = own
     return out
@@ -163,27 +162,21 @@ class _Simulated:
 
 def _from_start(problem: Misfit, z: FloatArray) -> _Simulated:
     """Simulate each piece from its first sample, initial states and biases estimated with the parameters fixed."""
-    z, spent = _with_nuisances(problem, z)
-    rung = len(problem.prices) - 1
+    d, spent, rung = problem.dimension, 0.0, len(problem.prices) - 1
+    states = replace(problem, layout=replace(_fixed_layout(problem, z), nuisances=problem.layout.nuisances))
+    if states.extra:
+        ledger = optimize.Ledger(states, Evaluations.none(states), np.inf)
+        try:
+            end = optimize.refine(ledger, z[d:], len(states.prices) - 1, SHORT)
+            z = np.concatenate([z[:d], end.z if np.isfinite(end.cost) else z[d:]])
+        except (KeyboardInterrupt, Halt):
+            pass
+        spent = ledger.spent
     cost = float(np.sum(problem.residuals(z[None, :], rung) ** 2))
     if np.isfinite(cost):
-        problem = problem.weighted(Weights.of(noise_variance(problem, z)))
+        problem = problem.weighted(Weights.of(noise_variance(problem, channel_residuals(problem, z))))
         cost = float(np.sum(problem.residuals(z[None, :], rung) ** 2))
     return _Simulated(problem, z, cost, spent)
-
-
-def _with_nuisances(problem: Misfit, z: FloatArray) -> tuple[FloatArray, float]:
-    """Return the vector with the best nuisances, and the trajectories spent."""
-    d = problem.dimension
-    states = replace(problem, layout=replace(_fixed_layout(problem, z), nuisances=problem.layout.nuisances))
-    if not states.extra:
-        return z, 0.0
-    ledger = optimize.Ledger(states, Evaluations.none(states), np.inf)
-    try:
-        end = optimize.refine(ledger, z[d:], len(states.prices) - 1, SHORT)
-    except (KeyboardInterrupt, Halt):
-        return z, ledger.spent
-    return np.concatenate([z[:d], end.z if np.isfinite(end.cost) else z[d:]]), ledger.spent
 
 
 def _fixed_layout(problem: Misfit, z: FloatArray) -> Layout:
@@ -207,5 +200,5 @@ def _by_window(problem: Misfit, z: FloatArray) -> _Simulated:
     readings = tuple(outputs_by_window(fixed, i) for i in range(len(pieces)))
     residuals = [on_circle(p.measured - y, outputs) for p, y in zip(problem.pieces, readings, strict=True)]
     seen = np.any([np.isfinite(r).any(axis=0) for r in residuals], axis=0)
-    noise = np.diag(np.where(seen, variance_of(problem, residuals), np.nan))
+    noise = np.diag(np.where(seen, noise_variance(problem, residuals), np.nan))
     return _Simulated(problem, z, 0.0, 0.0, noise, readings)

@@ -13,7 +13,7 @@ Dynamics* 23(5), 2000, pp. 812-818.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -31,11 +31,9 @@ from stoop.estimate.regression.aircraft import (
     coefficients,
     states_of,
 )
-from stoop.estimate.regression.domain import FrequencyDomain
-from stoop.estimate.regression.equations import unbounded
-from stoop.estimate.regression.least_squares import Rows, solve
+from stoop.estimate.regression.least_squares import FrequencyDomain, Rows, solve, unbounded
 from stoop.problem import Layout
-from stoop.problem.observation import AirFrame
+from stoop.problem.observation import AIR_FRAME
 from stoop.simulation import parameter_rows
 from stoop.simulation.delays import delayed, input_delays
 from stoop.simulation.initial import commanded
@@ -126,9 +124,15 @@ class RealTime:
 
     def estimate(self) -> dict[str, Estimate]:
         """Return the estimates by parameter, constants excepted; empty while there are too few independent rows."""
-        rows, count = self._rows(), 2 * len(self._frequencies)
+        rows, count, repetition = self._rows(), 2 * len(self._frequencies), 1.0
+        if (
+            len(self._frequencies) > 1
+        ):  # frequencies closer than one over the record's length repeat each other
+            spacing = float(self._frequencies[1] - self._frequencies[0])
+            length = min(max(self._transform.count, 1) * self._dt, self._memory)
+            repetition = max(1.0, 1.0 / (length * spacing))
         most = max(int(np.count_nonzero(r.used)) for r in rows)
-        freedom = count / self._repetition() - most - NUISANCES  # of independent rows
+        freedom = count / repetition - most - NUISANCES  # of independent rows
         if freedom < 1.0:
             return {}
         found = solve(rows, unbounded(self._equations), self._equations.priors, FrequencyDomain())
@@ -139,14 +143,6 @@ class RealTime:
             for k, name in enumerate(self._names)
             if k not in self._constants
         }
-
-    def _repetition(self) -> float:
-        """Return rows per independent row: frequencies closer than one over the record's length repeat each other."""
-        if len(self._frequencies) < 2:
-            return 1.0
-        spacing = float(self._frequencies[1] - self._frequencies[0])
-        length = min(max(self._transform.count, 1) * self._dt, self._memory)
-        return max(1.0, 1.0 / (length * spacing))
 
     def _rows(self) -> list[Rows]:
         """Return the rows of each coefficient, bias and drift removed."""
@@ -164,56 +160,43 @@ class RealTime:
 
     def _signals(self) -> FloatArray | None:
         """Return coefficients and terms two samples ago, then one and the time; None where the sample is incomplete."""
-        vehicle, recent = self._vehicle, list(self._recent)
-        now = recent[-1 - DELAY]
-        inputs = self._delayed_inputs(recent)
-        deflections = self._deflections(inputs)
+        vehicle, recent, parameters = self._vehicle, list(self._recent), self._parameters
+        now, last = recent[-1 - DELAY], recent[-len(STENCIL) :]
+        # inputs (n_u,) as the surfaces receive them at the center of the stencil
+        inputs, delays = np.zeros(len(vehicle.inputs)), dict(input_delays(vehicle))
+        for i, name in enumerate(vehicle.inputs):
+            signal = np.array([s.get(name, np.nan if name != "none" else 0.0) for s in recent])
+            delay = float(parameters[delays[i], 0]) / self._dt if i in delays else 0.0
+            inputs[i] = delayed(signal, delay)[-1 - DELAY]
+        deflections = {}
+        for control in vehicle.controls:
+            angle = float(commanded(vehicle, control, parameters, inputs)[0])
+            if vehicle.file.controls[control].lag is not None:
+                angle = self._lagged(control, angle)
+            deflections[control] = np.array([angle])
         needed = [now.get(c, np.nan) for c in vehicle.outputs if c not in NOT_NEEDED]
         rates = [c for c in RATES if c in vehicle.outputs]
-        last = recent[-len(STENCIL) :]
         angular = np.array([[STENCIL @ [s.get(c, np.nan) for s in last] / self._dt] for c in rates])
         if not (np.isfinite(needed).all() and np.isfinite(angular).all() and np.isfinite(inputs).all()):
             return None
         readings = {c: np.array([now.get(c, np.nan)]) for c in vehicle.outputs}
-        start = {
-            n: now.get(n, vehicle.value("reference.airspeed") if n == "V" else 0.0)
-            for n in AirFrame.start_scales
-        }
+        default = {"V": vehicle.value("reference.airspeed")}
+        start = {n: now.get(n, default.get(n, 0.0)) for n in AIR_FRAME.start_scales}
         states = states_of(vehicle, {**start, "h": now.get("altitude", 0.0)}, readings)
         felt = {c: v for c, v in readings.items() if c in SPECIFIC_FORCE}
         first: IntArray = np.zeros(1, dtype=np.intp)
-        motion = Motion(first, states, felt, inputs[:, None], deflections, self._parameters)
+        motion = Motion(first, states, felt, inputs[:, None], deflections, parameters)
         found = coefficients(vehicle, *balance(vehicle, motion), angular, felt)
         rows = self._equations.regressors(found, motion.variables(vehicle))
         parts = [np.concatenate([y, X[0]]) for y, X in rows]
         return np.concatenate([*parts, [1.0, self._transform.count * self._dt]])
 
-    def _delayed_inputs(self, recent: Sequence[Mapping[str, float]]) -> FloatArray:
-        """Return the inputs (n_u,) that the surfaces receive at the center of the stencil."""
-        out, delays = np.zeros(len(self._vehicle.inputs)), dict(input_delays(self._vehicle))
-        for i, name in enumerate(self._vehicle.inputs):
-            signal = np.array([s.get(name, np.nan if name != "none" else 0.0) for s in recent])
-            delay = float(self._parameters[delays[i], 0]) / self._dt if i in delays else 0.0
-            out[i] = delayed(signal, delay)[-1 - DELAY]
-        return out
-
-    def _deflections(self, inputs: FloatArray) -> dict[str, FloatArray]:
-        """Return the deflections (1,), rad; the states of the lags advance to this instant."""
-        out = {}
-        for control in self._vehicle.controls:
-            command = float(commanded(self._vehicle, control, self._parameters, inputs)[0])
-            if self._vehicle.file.controls[control].lag is not None:
-                command = self._lagged(control, command)
-            out[control] = np.array([command])
-        return out
-
     def _lagged(self, control: str, command: float) -> float:
-        """Return the deflection of a lagged control whose command is linear from sample to sample."""
+        """Return the deflection of a lagged control whose command is linear from sample to sample; its state advances."""
         lag = float(self._parameters[self._vehicle.rows[f"controls.{control}.lag"], 0]) / self._dt
         before, position = self._lags.get(control, (command, command))
-        decay = float(np.exp(-1.0 / lag))
         slope = command - before
-        position = command - lag * slope + decay * (position - before + lag * slope)
+        position = command - lag * slope + float(np.exp(-1.0 / lag)) * (position - before + lag * slope)
         if np.isfinite(position):
             self._lags[control] = (command, position)
         return position

@@ -21,9 +21,8 @@ from scipy.interpolate import CubicSpline
 from stoop.base.arrays import FloatArray, runs
 from stoop.base.notices import Notice, notice
 from stoop.base.variables import RATES, SPECIFIC_FORCE
-from stoop.estimate.regression.domain import Domain
-from stoop.estimate.regression.least_squares import Bounds, Estimates, Priors, Rows, r_squared
-from stoop.flight.segmentation import MIN_SEGMENT
+from stoop.estimate.regression.least_squares import Bounds, Domain, Estimates, Priors, Rows, r_squared
+from stoop.flight.flight import MIN_SEGMENT
 from stoop.problem import Layout, Nuisance, Piece
 from stoop.problem.observation import through_air, true_value
 from stoop.simulation import parameter_rows
@@ -42,18 +41,11 @@ _MOTION: Final = (*WIND, *RATES, "phi", "theta", "psi")
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """Samples of a piece without a hole, and their accelerations.
-
-    Attributes
-    ----------
-    piece : Piece
-    samples : slice
-    measured : (n, i), rad/s2 and m/s2
-    """
+    """Samples of a piece without a hole, and their accelerations."""
 
     piece: Piece
     samples: slice
-    measured: FloatArray
+    measured: FloatArray  #: (n, i), rad/s2 and m/s2
 
     def modeled(
         self, vehicle: Vehicle, rows: FloatArray, cache: dict[bytes, FloatArray] | None = None
@@ -68,11 +60,17 @@ class Stretch:
         cache : dict, optional
             Lagged commands that were computed before.
         """
-        piece = self.piece
+        piece, motion = self.piece, {}
         late = at_samples(vehicle, late_inputs(vehicle, piece.inputs, rows, piece.dt))
         inputs = np.ascontiguousarray(late.T[:, self.samples])
         every = np.repeat(rows, inputs.shape[1], axis=1)
-        states = initial_states(vehicle, {}, every, inputs, rigid_states(self._motion(vehicle, rows[:, 0])))
+        for channel in _MOTION:  # biases removed, relative to the wind
+            reading = piece.measured[self.samples, vehicle.outputs.index(channel)]
+            motion[channel] = true_value(vehicle, channel, reading, rows[:, 0])
+        down = piece.measured[self.samples, vehicle.outputs.index("vd")]
+        height = float(piece.start.get("h", 0.0)) - cumulative_trapezoid(down, dx=piece.dt, initial=0)
+        rigid = rigid_states(through_air(motion) | {"h": height})
+        states = initial_states(vehicle, {}, every, inputs, rigid)
         for i, name in enumerate(vehicle.states):
             if name.endswith(".lag"):
                 follower = name.removesuffix(".lag")
@@ -83,16 +81,6 @@ class Stretch:
         # the lever arm turns with the measured angular acceleration, not with the modeled one
         lever = np.cross(self.measured[:, :3] - angular, _sensor_arm(vehicle, rows[:, 0]))
         return np.concatenate([angular, felt + lever], axis=1)
-
-    def _motion(self, vehicle: Vehicle, rows: FloatArray) -> dict[str, FloatArray]:
-        """Return u ... psi and h, (n,) each: biases removed, relative to the wind."""
-        piece, out = self.piece, {}
-        for channel in _MOTION:
-            reading = piece.measured[self.samples, vehicle.outputs.index(channel)]
-            out[channel] = true_value(vehicle, channel, reading, rows)
-        down = piece.measured[self.samples, vehicle.outputs.index("vd")]
-        sunk = cumulative_trapezoid(down, dx=piece.dt, initial=0)
-        return through_air(out) | {"h": float(piece.start.get("h", 0.0)) - sunk}
 
 
 def stretches(vehicle: Vehicle, piece: Piece) -> list[Stretch]:
@@ -139,19 +127,11 @@ def _sensor_arm(vehicle: Vehicle, rows: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class RotorEquations:
-    """Accelerations of a vehicle with rotors; unknowns are the free numbers, then biases and wind of every maneuver.
-
-    Attributes
-    ----------
-    layout : Layout
-    stretches : tuple of Stretch
-    equations : tuple of str
-        Those of `ACCELERATIONS` that are used.
-    """
+    """Accelerations of a vehicle with rotors; unknowns are the free numbers, then biases and wind of every maneuver."""
 
     layout: Layout
     stretches: tuple[Stretch, ...]
-    equations: tuple[str, ...] = ACCELERATIONS
+    equations: tuple[str, ...] = ACCELERATIONS  #: those of `ACCELERATIONS` that are used
 
     linear: ClassVar[bool] = False
     explanations: ClassVar[Mapping[str, str]] = {"time": "equation-error-rotors"}

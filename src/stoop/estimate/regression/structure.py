@@ -1,4 +1,17 @@
-"""Model structure determination: candidate terms of each coefficient, and those that flights need."""
+"""Model structure determination: candidate terms of each coefficient, and those that flights need.
+
+Stepwise regression adds the candidate that explains most and removes what has become needless; multivariate orthogonal
+functions order the candidates by what each explains beyond those before it. A product or power enters after the
+variables that it is made of, which stay as long as it does (marginality: J. A. Nelder, "A reformulation of linear
+models", Journal of the Royal Statistical Society A 140(1), 1977).
+
+References
+----------
+V. Klein and E. A. Morelli, *Aircraft System Identification: Theory and Practice*, 2nd ed., Sunflyte, 2016,
+sections 5.4 and 5.5.
+E. A. Morelli, "Global nonlinear aerodynamic modeling using multivariate orthogonal functions", *Journal of
+Aircraft* 32(2), 1995, pp. 270-277.
+"""
 
 from __future__ import annotations
 
@@ -7,23 +20,26 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from functools import cached_property
+from itertools import pairwise
+from typing import Final, Protocol
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
+from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
 from stoop.estimate.regression.aircraft import COEFFICIENTS, History, histories
-from stoop.estimate.regression.domain import Domain
-from stoop.estimate.regression.selection import TOLERANCE, Model, Regression, Selection
+from stoop.estimate.regression.least_squares import Domain
 from stoop.flight import Flight
 from stoop.problem.prepare import prepare, without_stuck_channels
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle, defaults, terms
 
-Choose = Callable[[Regression], Selection]
-SYMMETRIC: Final = ("CL", "CD", "Cm")
+MAX_STEPS: Final = 200
+MIN_TOLERANCE: Final = 0.01  #: share of a candidate that is new (variance inflation of 100)
+ROWS_PER_TERM: Final = 3  #: that elimination from all candidates needs
 MAX_CANDIDATES: Final = 200  #: of one coefficient
 CORRELATION_LIMIT: Final = 0.95  #: above, the data hardly distinguish two candidates
 FAIR_R2: Final = 0.5  #: below, what was chosen is no structure
@@ -32,7 +48,286 @@ NOT_MEASURED: Final = (
     "airspeed, flow angles, rates, attitude and accelerations must be measured together, for "
     "longer than a few periods of the lowest frequency; choose other windows"
 )
-_NOT_A_WORD: Final = re.compile(r"[^A-Za-z0-9]+")
+
+
+@dataclass(frozen=True, eq=False)
+class Regression:
+    """One coefficient and its candidate terms; constants are removed, by the domain or by the mean."""
+
+    y: FloatArray  #: (n,)
+    X: FloatArray  #: (n, k), a column per candidate
+    stretches: tuple[slice, ...]  #: rows of one record each: residuals are correlated within them
+    dt: float  #: s
+    domain: Domain
+    spent: int = 0  #: degrees of freedom that the constant took
+    #: for each column those of the variables that it is a product or power of; empty without marginality
+    parents: tuple[tuple[int, ...], ...] = ()
+
+    @classmethod
+    def of(cls, signals: Sequence[FloatArray], domain: Domain, dt: float) -> Regression:
+        """Return the regression on signals (n, 1 + k) of several stretches, y first."""
+        rows = [r for s in signals if len(r := domain.rows(s, dt))]
+        whole = np.concatenate(rows) if rows else np.empty((0, signals[0].shape[1]))
+        edges = np.cumsum([0, *(len(r) for r in rows)])
+        if domain.keeps_constants and len(whole):
+            whole = whole - whole.mean(axis=0)
+        stretches = tuple(slice(int(a), int(b)) for a, b in pairwise(edges))
+        return cls(whole[:, 0], whole[:, 1:], stretches, dt, domain, int(domain.keeps_constants))
+
+    @cached_property
+    def total(self) -> float:
+        """Sum of squares of y."""
+        return float(self.y @ self.y)
+
+    @property
+    def count(self) -> int:
+        """Number of rows."""
+        return len(self.y)
+
+    def parents_of(self, column: int) -> tuple[int, ...]:
+        """Return the columns that a column needs beside it."""
+        return self.parents[column] if self.parents else ()
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Least squares on some columns of a regression."""
+
+    regression: Regression
+    columns: tuple[int, ...]
+
+    @cached_property
+    def basis(self) -> FloatArray:
+        """Orthonormal basis (n, p) of the model's columns."""
+        return np.asarray(np.linalg.qr(self.regression.X[:, self.columns])[0])
+
+    @cached_property
+    def residual(self) -> FloatArray:
+        """Residuals (n,)."""
+        return self.regression.y - self.basis @ (self.basis.T @ self.regression.y)
+
+    @cached_property
+    def rss(self) -> float:
+        """Sum of squared residuals."""
+        return float(self.residual @ self.residual)
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom of the residuals."""
+        return self.regression.count - len(self.columns) - self.regression.spent
+
+    @property
+    def r2(self) -> float:
+        """Coefficient of determination."""
+        return 1.0 - self.rss / self.regression.total if self.regression.total > 0.0 else 0.0
+
+    @property
+    def press(self) -> float:
+        """Prediction sum of squares: each row predicted by a fit to all others.
+
+        e_i / (1 - h_ii), with the residual and the leverage of the whole fit, is the residual of the row left
+        out (D. M. Allen, Technometrics 16(1), 1974).
+        """
+        leverage = np.sum(self.basis**2, axis=1) + self.regression.spent / max(self.regression.count, 1)
+        return float(np.sum((self.residual / np.maximum(1.0 - leverage, 1e-12)) ** 2))
+
+    @property
+    def pse(self) -> float:
+        """Predicted squared error: fit error plus a penalty per term for the largest possible noise, the variance of y.
+
+        Barron's criterion as Morelli uses it (J. Aircraft 32(6), 1995, eqs. 27 to 29).
+        """
+        max_noise = self.regression.total / max(self.regression.count, 1)
+        return (self.rss + max_noise * len(self.columns)) / self.regression.count
+
+    def orthogonal_part(self, column: int) -> FloatArray:
+        """Return the part (n,) of a column that the model's columns do not span."""
+        x = self.regression.X[:, column]
+        for _ in range(2):  # twice, against rounding
+            x = x - self.basis @ (self.basis.T @ x)
+        return np.asarray(x)
+
+    def tolerance(self, column: int) -> float:
+        """Return the share of a column that the model's columns do not span; one over its variance inflation."""
+        x = self.regression.X[:, column]
+        size, part = float(x @ x), self.orthogonal_part(column)
+        return float(part @ part) / size if size > 0.0 else 0.0
+
+    def admits(self, column: int) -> bool:
+        """Whether a column is new to the model, and all its parents are in it."""
+        parents = set(self.regression.parents_of(column))
+        return parents <= set(self.columns) and self.tolerance(column) >= MIN_TOLERANCE
+
+    @property
+    def removable(self) -> tuple[int, ...]:
+        """Columns that are no parents of another column of the model."""
+        needed = {parent for column in self.columns for parent in self.regression.parents_of(column)}
+        return tuple(column for column in self.columns if column not in needed)
+
+    def with_column(self, column: int) -> Model:
+        """Return the model with one more term."""
+        return Model(self.regression, (*self.columns, column))
+
+    def without(self, column: int) -> Model:
+        """Return the model with one term less."""
+        return Model(self.regression, tuple(c for c in self.columns if c != column))
+
+    def partial_f(self, column: int) -> float:
+        """Return the partial F-ratio of a column of the model.
+
+        It is the squared estimate over its variance, which equals (RSS without - RSS with) over the residual
+        variance where residuals are white; colored ones raise the variance (Klein and Morelli, section 5.4).
+        """
+        r = self.regression
+        x = self.without(column).orthogonal_part(column)
+        scatters = (r.domain.scatter(x[s, None], self.residual[s], r.dt)[0, 0] for s in r.stretches)
+        effect, variance = float(x @ r.y), sum(map(float, scatters))
+        inflated = variance * r.count / max(self.freedom, 1)
+        return effect**2 / inflated if inflated > 0.0 else (np.inf if effect else 0.0)
+
+    def best_candidate(self) -> int | None:
+        """Return the column outside the model that lowers the sum of squares most; None where none is admitted."""
+        gains = {}
+        for column in range(self.regression.X.shape[1]):
+            if column not in self.columns and self.freedom >= 2 and self.admits(column):
+                x = self.orthogonal_part(column)
+                gains[column] = float(x @ self.regression.y) ** 2 / float(x @ x)
+        return max(gains, key=gains.__getitem__) if gains else None
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step: the term that came or went with its partial F-ratio, and the model after it."""
+
+    action: str  #: "add" or "remove"
+    column: int
+    f: float
+    threshold: float  #: of the criterion
+    terms: int  #: in the model
+    r2: float
+    press: float
+    pse: float
+
+    @classmethod
+    def to(cls, model: Model, action: str, column: int, f: float, threshold: float) -> Step:
+        """Return the step that ended in a model."""
+        return cls(action, column, f, threshold, len(model.columns), model.r2, model.press, model.pse)
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """The selected model, columns in the order of entering, and every step there."""
+
+    model: Model
+    steps: tuple[Step, ...]
+
+
+class Criterion(Protocol):
+    """Whether a model needs a term."""
+
+    def needs(self, model: Model, column: int) -> bool:
+        """Whether a model needs one of its columns."""
+
+    def threshold(self, model: Model) -> float:
+        """Return the threshold of the criterion's statistic."""
+
+
+@dataclass(frozen=True)
+class PartialF:
+    """The partial F-ratio exceeds what the largest of so many needless candidates reaches by chance."""
+
+    significance: float = 0.001  #: chance that any needless candidate of one coefficient gets in (Bonferroni)
+
+    def threshold(self, model: Model) -> float:
+        """Return the quantile of F(1, degrees of freedom)."""
+        from scipy.stats import f
+
+        tried = max(model.regression.X.shape[1], 1)
+        return float(f.isf(self.significance / tried, 1, max(model.freedom, 1)))
+
+    def needs(self, model: Model, column: int) -> bool:
+        """Whether F is above the threshold."""
+        return model.partial_f(column) > self.threshold(model)
+
+
+@dataclass(frozen=True)
+class Press:
+    """The prediction sum of squares falls with the term."""
+
+    def threshold(self, model: Model) -> float:
+        """Return zero: any fall counts."""
+        return 0.0
+
+    def needs(self, model: Model, column: int) -> bool:
+        """Whether PRESS would rise without the term."""
+        return model.press < model.without(column).press
+
+
+def stepwise(regression: Regression, criterion: Criterion = PartialF()) -> Selection:
+    """Add the candidate that explains most, remove what is no longer needed, until nothing changes.
+
+    Twice: from no term, and from all candidates, needless ones removed first. Terms that cancel each other - static
+    stability, damping and elevator in a slow pitching moment - explain nothing one by one, so forward selection misses
+    them; backward elimination does not. The end with the lower PRESS is kept.
+    """
+    everything = Model(regression, ())
+    ends = [_stepped(everything, criterion)]
+    for column in sorted(range(regression.X.shape[1]), key=lambda c: len(regression.parents_of(c)) > 0):
+        if everything.admits(column):
+            everything = everything.with_column(column)
+    if regression.count > ROWS_PER_TERM * len(everything.columns):
+        ends.append(_stepped(everything, criterion))
+    return min(ends, key=lambda end: end.model.press)
+
+
+def _stepped(model: Model, criterion: Criterion) -> Selection:
+    """Step from a model until no term comes or goes."""
+    model, steps = _pruned(model, criterion)
+    seen = {frozenset(model.columns)}
+    while len(steps) < MAX_STEPS and (column := model.best_candidate()) is not None:
+        larger = model.with_column(column)
+        if not criterion.needs(larger, column):
+            break
+        added = Step.to(larger, "add", column, larger.partial_f(column), criterion.threshold(larger))
+        model, removed = _pruned(larger, criterion)
+        steps += [added, *removed]
+        if frozenset(model.columns) in seen:  # a cycle
+            break
+        seen.add(frozenset(model.columns))
+    return Selection(model, tuple(steps))
+
+
+def _pruned(model: Model, criterion: Criterion) -> tuple[Model, list[Step]]:
+    """Remove needless terms, the weakest first."""
+    steps = list[Step]()
+    while model.columns:
+        weakest = min(model.removable, key=model.partial_f)
+        if criterion.needs(model, weakest):
+            break
+        smaller, f = model.without(weakest), model.partial_f(weakest)
+        steps.append(Step.to(smaller, "remove", weakest, f, criterion.threshold(model)))
+        model = smaller
+    return model, steps
+
+
+def orthogonal(regression: Regression) -> Selection:
+    """Order candidates by what each explains beyond those before it; cut where the predicted squared error is least.
+
+    Gram-Schmidt orthogonalization makes what each function explains independent of those that follow, so the
+    order is found one by one and the error falls by a known amount at each.
+    """
+    model, steps = Model(regression, ()), list[Step]()
+    best, kept = model.pse, 0
+    while (column := model.best_candidate()) is not None and len(steps) < MAX_STEPS:
+        before, model = model, model.with_column(column)
+        variance = max(model.rss / max(model.freedom, 1), np.finfo(float).tiny)
+        steps.append(Step.to(model, "add", column, float(before.rss - model.rss) / variance, best))
+        best, kept = (model.pse, len(steps)) if model.pse < best else (best, kept)
+    columns = tuple(step.column for step in steps[:kept])
+    return Selection(Model(regression, columns), tuple(steps))
+
+
+Choose = Callable[[Regression], Selection]
 
 
 def standard_candidates(vehicle: Vehicle) -> dict[str, tuple[str, ...]]:
@@ -42,13 +337,11 @@ def standard_candidates(vehicle: Vehicle) -> dict[str, tuple[str, ...]]:
     their products with angle of attack, and the even part of sideslip. Side force, rolling and yawing moment:
     sideslip, roll and yaw rate, every control, their products with angle of attack, and sideslip cubed.
     """
-    controls = vehicle.controls
-    longitudinal = ("alpha", "q", "V", *controls, "alpha^2", "alpha^3", "alpha*q")
-    lateral = ("beta", "p", "r", *controls, "alpha*beta", "alpha*p", "alpha*r", "beta^3")
-    products = tuple(f"alpha*{c}" for c in controls)
+    controls, products = vehicle.controls, tuple(f"alpha*{c}" for c in vehicle.controls)
     even = ("beta^2",) if vehicle.reduce == "full" else ()
-    kinds = {True: (*longitudinal, *products, *even), False: (*lateral, *products)}
-    return {c: kinds[c in SYMMETRIC] for c in defaults.COEFFICIENTS}
+    longitudinal = ("alpha", "q", "V", *controls, "alpha^2", "alpha^3", "alpha*q", *products, *even)
+    lateral = ("beta", "p", "r", *controls, "alpha*beta", "alpha*p", "alpha*r", "beta^3", *products)
+    return {c: longitudinal if c in ("CL", "CD", "Cm") else lateral for c in defaults.COEFFICIENTS}
 
 
 def parse_candidates(lines: Iterable[str], vehicle: Vehicle, where: str) -> dict[str, tuple[str, ...]]:
@@ -87,7 +380,7 @@ def parse_candidates(lines: Iterable[str], vehicle: Vehicle, where: str) -> dict
 
 def parameter_name(coefficient: str, term: str, taken: Iterable[str] = ()) -> str:
     """Return the name of a term's parameter: ``CLalpha2`` for ``alpha^2``, ``Cmalphaelevator`` for a product."""
-    base = (coefficient + _NOT_A_WORD.sub("", term.replace("^", "")))[:36]
+    base = (coefficient + re.sub(r"[^A-Za-z0-9]+", "", term.replace("^", "")))[:36]
     used, name, number = set(taken), base, 2
     while name in used:
         name, number = f"{base}_{number}", number + 1
@@ -129,21 +422,11 @@ def _powers(tree: ast.expr) -> Counter[str] | None:
 
 @dataclass(frozen=True, eq=False)
 class ChosenTerms:
-    """The terms of one coefficient.
+    """The terms of one coefficient."""
 
-    Attributes
-    ----------
-    candidates : tuple of str
-        Those that moved.
-    selection : Selection
-        Its columns are places in `candidates`.
-    notices : tuple of Notice
-        Candidates that the flights hardly distinguish, or do not contain.
-    """
-
-    candidates: tuple[str, ...]
-    selection: Selection
-    notices: tuple[Notice, ...]
+    candidates: tuple[str, ...]  #: those that moved
+    selection: Selection  #: its columns are places in `candidates`
+    notices: tuple[Notice, ...]  #: candidates that the flights hardly distinguish, or do not contain
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -246,13 +529,13 @@ def _indistinct(coefficient: str, names: Sequence[str], regression: Regression) 
             least = float(np.min(correlation[np.ix_(places, places)]))
             alike = tuple(names[int(i)] for i in places)
             out.append(notice("candidates-correlated", coefficient, terms=alike, correlation=least))
-    every = range(len(names))
-    others = {i: tuple(j for j in every if j != i) for i in every}
+    every = set(range(len(names)))
     spanned = tuple(
-        names[i]
-        for i in every
-        if len(others[i]) < regression.count and Model(regression, others[i]).tolerance(i) < TOLERANCE
+        name
+        for i, name in enumerate(names)
+        if len(names) - 1 < regression.count
+        and Model(regression, tuple(sorted(every - {i}))).tolerance(i) < MIN_TOLERANCE
     )
     if spanned:
-        out.append(notice("candidates-collinear", coefficient, terms=spanned, share=1.0 - TOLERANCE))
+        out.append(notice("candidates-collinear", coefficient, terms=spanned, share=1.0 - MIN_TOLERANCE))
     return out

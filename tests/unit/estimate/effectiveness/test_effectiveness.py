@@ -12,18 +12,21 @@ import xarray as xr
 
 from stoop.errors import FlightError, VehicleError
 from stoop.estimate.effectiveness import (
+    USUAL,
     Balance,
+    Battery,
     Hover,
     Reference,
     advice,
     assess,
+    battery,
     hover,
     indistinct,
     judge,
+    least_detectable,
     leave_one_out,
     pooled,
 )
-from stoop.estimate.effectiveness.comparison import USUAL, Battery, battery, least_detectable
 from stoop.flight import Flight
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle

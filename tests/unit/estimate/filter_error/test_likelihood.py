@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from naive.kalman import kalman
 
-from stoop.estimate.filter_error.gains import Steady, Varying
-from stoop.estimate.filter_error.likelihood import Likelihood
-from stoop.estimate.filter_error.linearization import linearized
-from stoop.estimate.filter_error.method import score, with_gusts
-from stoop.estimate.filter_error.noise import Noise, first_guess
+from stoop.estimate.filter_error import with_gusts
+from stoop.estimate.filter_gains import Noise, Steady, Varying, first_guess
+from stoop.estimate.filter_likelihood import Likelihood
 from stoop.estimate.fit import Options, estimation_problem
+from stoop.estimate.linearization import linearized
 from stoop.problem.windows import Window
 
 
@@ -33,7 +32,7 @@ def test_gradient_is_the_slope_of_the_cost(gusty, gusty_flight, gain):
     holes.data["alpha"].values[50:60] = np.nan
     likelihood = posed(gusty, holes, gain)
     z = begin(likelihood.problem, likelihood.noise)
-    at = score(likelihood, z)
+    at = likelihood.score(z)
     for j in range(likelihood.size):
         h = np.zeros_like(z)
         h[j] = 1e-4

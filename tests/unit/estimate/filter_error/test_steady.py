@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
 
-from stoop.estimate.filter_error.gains import steady_covariance
+from stoop.estimate.filter_gains import steady_covariance
 
 
 def system(seed: int, n: int = 5, ny: int = 3, count: int = 4) -> tuple[np.ndarray, ...]:

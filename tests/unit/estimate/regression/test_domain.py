@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive.regression import double_sum, transform
 
-from stoop.estimate.regression import domain
-from stoop.estimate.regression.domain import FrequencyDomain, TimeDomain
+from stoop.estimate.regression import least_squares as domain
+from stoop.estimate.regression.least_squares import FrequencyDomain, TimeDomain
 
 
 def test_the_transform_is_the_sum() -> None:

@@ -11,9 +11,17 @@ from stoop.assessment.error_bars import error_bars
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.aircraft import AircraftEquations
-from stoop.estimate.regression.domain import Domain, FrequencyDomain, TimeDomain
-from stoop.estimate.regression.equations import estimate, unbounded
-from stoop.estimate.regression.least_squares import Estimates, Priors, Rows, solve
+from stoop.estimate.regression.least_squares import (
+    Domain,
+    Estimates,
+    FrequencyDomain,
+    Priors,
+    Rows,
+    TimeDomain,
+    estimate,
+    solve,
+    unbounded,
+)
 from stoop.estimate.regression.method import equation_error, frequency_domain
 from stoop.flight import Flight
 from stoop.problem import Layout

@@ -7,9 +7,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from stoop.estimate.fit import Options, estimation_problem
-from stoop.estimate.regression.domain import TimeDomain
-from stoop.estimate.regression.equations import estimate
-from stoop.estimate.regression.least_squares import Estimates
+from stoop.estimate.regression.least_squares import Estimates, TimeDomain, estimate
 from stoop.estimate.regression.rotors import MOMENTS, RotorEquations
 from stoop.flight import Flight
 from stoop.flight.flight import from_columns

@@ -11,9 +11,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive.regression import best_subset, press, rss
 
-from stoop.estimate.regression.domain import FrequencyDomain
-from stoop.estimate.regression.selection import Model, PartialF, Press, Regression, orthogonal, stepwise
-from stoop.estimate.regression.structure import Choose, parents
+from stoop.estimate.regression.least_squares import FrequencyDomain
+from stoop.estimate.regression.structure import (
+    Choose,
+    Model,
+    PartialF,
+    Press,
+    Regression,
+    orthogonal,
+    parents,
+    stepwise,
+)
 from stoop.vehicle import terms
 
 

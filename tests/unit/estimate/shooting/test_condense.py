@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stoop.estimate.shooting.condense import Weighted, reduced
+from stoop.estimate.shooting_problem import Weighted, reduced
 
 
 def windows(seed: int, count: int, unknowns: int = 4, states: int = 3) -> list[Weighted]:

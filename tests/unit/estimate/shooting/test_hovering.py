@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stoop.checks.rotor_windows import rotor_notices
-from stoop.checks.vehicle import foreign_motors
+from stoop.checks.vehicle import foreign_motors, rotor_notices
 from stoop.errors import FlightError, IdentificationError
 from stoop.estimate import methods
+from stoop.estimate.excitation import in_ratio, ratios
 from stoop.estimate.fit import Options, estimation_problem
-from stoop.estimate.ratios import in_ratio, ratios
 from stoop.flight import from_columns
 from stoop.problem.windows import Window
 from stoop.simulation import parse_maneuver, simulate_flight
@@ -133,7 +132,7 @@ def test_accelerations_alone_come_close(quad, start, flight):
 
 def test_a_hopeless_start_is_searched_for(start, flight, monkeypatch):
     """Without the regression's start, and with thrust and torque far off, the optimizer takes over."""
-    from stoop.estimate.shooting import method
+    from stoop.estimate import multiple_shooting as method
 
     monkeypatch.setattr(
         method, "starts", lambda problem: problem.layout.unit(np.array([p.value for p in problem.layout.parameters]))[None]

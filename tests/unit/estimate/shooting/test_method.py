@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 
 from stoop.assessment.error_bars import error_bars
-from stoop.cli import demo
 from stoop.estimate import methods
 from stoop.estimate.fit import Options, estimation_problem
-from stoop.estimate.shooting.method import MultipleShooting
+from stoop.estimate.multiple_shooting import MultipleShooting
 from stoop.flight import from_columns
 from stoop.kernels import filtering
 from stoop.problem.windows import Window
 from stoop.simulation import initial_states, parameter_rows, parse_maneuver, simulate_flight, trim
 from stoop.vehicle.builtin import resolve_vehicle
-from stoop.workflow import identify
+from stoop.workflow import demo, identify
 
 DT = 0.02
 FREE = ("CL0", "CLalpha", "CLelevator", "CD0", "CDalpha", "Cm0", "Cmalpha", "Cmq", "Cmelevator")

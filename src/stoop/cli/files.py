@@ -1,0 +1,186 @@
+"""Verbs that write a file to go on with: `stoop vehicle`, `stoop map`, `stoop simulate` and `stoop export`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from stoop.base.files import check_target, write_text_atomic
+from stoop.cli.arguments import (
+    BUILT_IN_HELP,
+    COMPILING,
+    HOVERING,
+    VEHICLE_HELP,
+    add_climb_angle,
+    add_condition,
+    add_flight,
+    add_output,
+    count,
+)
+from stoop.cli.page import busy, page, words
+from stoop.errors import ManeuverError, VehicleError
+
+if TYPE_CHECKING:
+    from stoop.vehicle import Vehicle
+
+TARGETS: Final = ("jsbsim", "state-space", "simulink")
+
+
+def vehicle_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `stoop vehicle`."""
+    name = "name of a built-in vehicle; without it all are listed"
+    parser.add_argument("name", metavar="TEMPLATE", nargs="?", help=name)
+    add_output(parser, "where to write it", metavar="FILE.toml", required=False)
+
+
+def vehicle(arguments: argparse.Namespace) -> int:
+    """List the built-in vehicles, print the file of one, or write it."""
+    from stoop.vehicle.builtin import BUILT_IN, builtin_text, builtin_title
+
+    name, output, out = arguments.name, arguments.output, page()
+    if name is None:
+        if output is not None:
+            arguments.complain("-o needs the name of a vehicle")
+        out.table(words("name", BUILT_IN), words("what it is", map(builtin_title, BUILT_IN), wraps=True))
+        out.command("a copy to edit: ", ["stoop", "vehicle", "quad-x", "-o", "my.toml"])
+    elif output is None:
+        print(builtin_text(name), end="")
+    else:
+        text = builtin_text(name)
+        check_target(output, arguments.overwrite)
+        write_text_atomic(output, text)
+        out.line(f"{output}: the built-in vehicle {name}, with its comments; edit its numbers")
+        out.command("next: ", ["stoop", "trim", str(output)])
+    return 0
+
+
+def map_log_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `stoop map`."""
+    add_flight(parser, "flight log", several=False, mapping=False)
+    add_output(parser, "where to write it", metavar="M.toml", required=False)
+
+
+def map_log(arguments: argparse.Namespace) -> int:
+    """Draft a mapping of a log; print or write it."""
+    from stoop.flight.mapping_draft import draft
+
+    output: Path | None = arguments.output
+    if output is not None:
+        check_target(output, arguments.overwrite)
+    with busy("reading the log"):
+        made = draft(arguments.flight)
+    if output is None:
+        print(made.text, end="")
+        return 0
+    write_text_atomic(output, made.text)
+    out = page()
+    out.line(f"{output}: {made.mapped} variables, {made.unsure} of them unsure")
+    out.command("next: ", ["stoop", "info", str(arguments.flight), "--mapping", str(output)])
+    return 0
+
+
+def export_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `stoop export`."""
+    subject = f"folder (or result.json) of stoop identify, or a vehicle file (TOML), or {BUILT_IN_HELP}"
+    parser.add_argument("subject", metavar="MODEL", help=subject)
+    parser.add_argument("--to", dest="target", choices=TARGETS, required=True, help="which tool")
+    add_output(parser, "the files", "files in DIR")
+    add_condition(parser, f"of the steady flight, m/s (default: {HOVERING})", high=None)
+    add_climb_angle(parser)
+
+
+def export(arguments: argparse.Namespace) -> int:
+    """Export, and print what was written and how it flies."""
+    from stoop.workflow.export import Condition, read_subject, write
+    from stoop.workflow.export import export as exported
+
+    subject = read_subject(arguments.subject)
+    condition = Condition(arguments.airspeed, arguments.altitude, arguments.climb_angle)
+    with busy(COMPILING):
+        found = exported(subject, arguments.target, condition)
+    write(found, arguments.output, arguments.overwrite)
+    out = page()
+    for place in found.files:
+        out.line(f"wrote {arguments.output / place}")
+    out.bullets(found.notes)
+    return 0
+
+
+def simulate_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `stoop simulate`."""
+    add = parser.add_argument
+    add("vehicle", metavar="VEHICLE", help=VEHICLE_HELP)
+    add("--maneuver", metavar="M.toml", type=Path, required=True, help="what the pilot does (TOML)")
+    add_output(parser, "the flight file to write: .nc, or a log", metavar="FLIGHT")
+    add("--no-noise", action="store_true", help="perfect sensors")
+    add("--seed", metavar="N", type=count, default=0, help="of sensor noise and gusts (default: 0)")
+
+
+def simulate(arguments: argparse.Namespace) -> int:
+    """Fly from trim, write what the instruments would record, and print what to do next."""
+    from stoop.base.text import nearest
+    from stoop.base.variables import VARIABLES
+    from stoop.exporters.flight_file import OWN, check_ending, save_flight_as
+    from stoop.input_design.candidates import fit_style, maneuver_windows
+    from stoop.logs.csv_tables import mapping_beside
+    from stoop.simulation import load_maneuver, numbers_set, simulate_flight
+    from stoop.simulation.fly import flown_trim
+    from stoop.vehicle.builtin import resolve_vehicle
+
+    target: Path = arguments.output
+    check_ending(target)
+    check_target(target, arguments.overwrite)
+    if target.suffix.lower() != OWN:
+        check_target(mapping_beside(target), arguments.overwrite)
+    vehicle = resolve_vehicle(arguments.vehicle)
+    lost = next((channel for channel in vehicle.recorded if channel not in VARIABLES), None)
+    if lost is not None:  # a flight file has no place for it
+        advice = nearest(lost, VARIABLES)
+        raise VehicleError(f"{vehicle.where}: the input '{lost}' is no variable of stoop; {advice}")
+    maneuver = load_maneuver(arguments.maneuver)
+    try:
+        with busy(COMPILING):
+            flight = simulate_flight(vehicle, maneuver, arguments.seed, not arguments.no_noise, target.stem)
+            flown = numbers_set(vehicle, flown_trim(vehicle, maneuver))
+    except ManeuverError as error:
+        raise ManeuverError(f"{arguments.maneuver}: {error}") from None
+    mapping = save_flight_as(flight, target)
+
+    out, duration = page(), float(flight.time[-1]) - float(flight.time[0])
+    noise = "no sensor noise" if arguments.no_noise else f"sensor noise of seed {arguments.seed}"
+    size = f"{duration:g} s at {flight.rate:g} Hz, {len(flight.data.data_vars)} channels"
+    out.line(f"wrote {target}: {size}, {noise}")
+    if mapping is not None:
+        out.line(f"wrote {mapping}: the mapping of what the autopilot has no place for, or calls otherwise")
+    out.bullets(found for found in flight.notices if found.code != "simulated")
+    windows = maneuver_windows(maneuver, fit_style(vehicle))
+    if not windows.fit:
+        out.line(f"no input moves the vehicle: to identify it, add [[input]] tables to {arguments.maneuver}")
+        out.command("next: ", ["stoop", "info", str(target)])
+        return 0
+    free = _freed(vehicle, flown)
+    validate = ["--validate", *windows.validate] if windows.validate else []
+    command = ["stoop", "identify", str(target), "--vehicle", arguments.vehicle, "--maneuver", *windows.fit]
+    out.command("next: ", [*command, *validate, *free, "-o", f"{target.stem}-result"])
+    return 0
+
+
+def _freed(vehicle: Vehicle, flown: dict[str, float]) -> list[str]:
+    """Return options that free the numbers that trim has set, with the file's own the fit would find another drag.
+
+    Those that have no bounds around that value must be written into the file first; this is printed.
+    """
+    options: list[str] = []
+    for name, value in flown.items():
+        own = vehicle.parameters[vehicle.rows[name]]
+        if own.free:
+            continue
+        if own.lower < own.upper and own.lower <= value <= own.upper:
+            options += ["--free", name]
+        else:
+            page().line(
+                f"first: write {name.rpartition('.')[2]} = {value:.7g} into [{name.partition('.')[0]}] of the vehicle "
+                "file; with its own number the fit puts the difference into the drag"
+            )
+    return options

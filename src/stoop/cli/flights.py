@@ -1,0 +1,241 @@
+"""Verbs that analyze flights without a fit: `stoop compatibility`, `stoop polar` and `stoop rotors`."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stoop.base.files import check_targets
+from stoop.cli.arguments import (
+    add_flight,
+    add_mapping,
+    add_output,
+    add_window,
+    command_line,
+    given_paths,
+    positive,
+    windows,
+)
+from stoop.cli.page import busy, fixed, numbers, page, words
+from stoop.cli.progress import Watch
+from stoop.errors import FlightError
+
+if TYPE_CHECKING:
+    from stoop.estimate.effectiveness import Assessment, Hover, Reference
+
+CHANCE = 0.05
+MAX_VOLTAGE_DIFFERENCE = 0.05  #: relative; beyond it a flight is named
+
+
+def compatibility_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `stoop compatibility`."""
+    add_flight(parser, "flight log", several=False)
+    add_window(parser, "what is compared (default: the airborne part)")
+    files = "compatibility.html, compatibility.json and the corrected flight.nc"
+    add_output(parser, files, "them if they exist", required=False)
+
+
+def compatibility(arguments: argparse.Namespace) -> int:
+    """Check whether the sensors agree, write where asked to, and print what was found."""
+    from stoop.base.notices import of_severity
+    from stoop.base.numbers import factor_and_unit, number, rounded_to_error
+    from stoop.flight import load
+    from stoop.workflow.reconstruction import COMPATIBILITY, check_compatibility, write_compatibility
+
+    folder, others = arguments.output, given_paths(arguments.mapping)
+    if folder is not None:
+        check_targets(folder, COMPATIBILITY, arguments.overwrite, [arguments.flight, *others])
+    with busy("reading the log"):
+        flight = load(arguments.flight, arguments.mapping)
+    with busy("integrating and comparing"):
+        result, corrected = check_compatibility(flight, windows(arguments.window))
+    out = page()
+    out.heading("Sensors")
+    rows = []
+    for name, one in result.findings.items():
+        factor, unit = factor_and_unit(one.unit)
+        value, error = rounded_to_error(factor * one.estimate, factor * one.std_error)
+        rows.append((name, value, error, unit, "" if one.identifiable else str(one.reason), one.meaning))
+    heads = ("", "estimate", "std error", "unit", "not identifiable", "meaning")
+    out.table(*(words(head, column) for head, column in zip(heads, zip(*rows, strict=True), strict=True)))
+    out.heading("Measured minus reconstructed, rms")
+    for name, left in result.channels.items():
+        factor, unit = factor_and_unit(left.unit)
+        rms, movement = number(factor * left.rms, 3), number(factor * left.movement, 3)
+        out.line(f"{name:16}{rms:>8} {unit:6} of {movement:>8} {unit} movement")
+    out.bullets(of_severity(result.notices, "warning") or ("nothing evident",), "What is inconsistent")
+    out.bullets(of_severity(result.notices, "info"), "Notes")
+    if folder is not None:
+        write_compatibility(result, flight, corrected, folder, command_line(), others)
+        out.line(f"page: {folder / COMPATIBILITY[0]}; corrected flight: {folder / COMPATIBILITY[1]}")
+    return 0
+
+
+def polar_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `stoop polar`."""
+    add = parser.add_argument
+    add_flight(parser, "flight log", several=False)
+    add("--mass", metavar="KG", type=positive, required=True, help="of the aircraft as flown")
+    add("--area", metavar="M2", type=positive, required=True, help="of the wing, the reference of CL and CD")
+    efficiency = "of motor, controller and blades, and its standard error (default: 0.7 0.1)"
+    add("--efficiency", metavar=("ETA", "STD"), nargs=2, type=positive, default=(0.7, 0.1), help=efficiency)
+    disc = "diameter of the propeller's disc (default: unknown, about 0.35 of the root of the area)"
+    add("--disc", metavar="M", type=positive, help=disc)
+    add_window(parser, "what is used (default: the airborne part)")
+    add_output(parser, "polar.html and polar.json", "them if they exist", required=False)
+
+
+def polar(arguments: argparse.Namespace) -> int:
+    """Fit a drag polar, write where asked to, and print what was found."""
+    from stoop.assessment.covariance import NORMAL_95
+    from stoop.flight import load
+    from stoop.reconstruction.polar import Propulsion
+    from stoop.report.reconstruction import MEANINGS, lift_grid
+    from stoop.workflow.reconstruction import POLAR, drag_polar, write_polar
+
+    folder, others = arguments.output, given_paths(arguments.mapping)
+    if folder is not None:
+        check_targets(folder, POLAR, arguments.overwrite, [arguments.flight, *others])
+    with busy("reading the log"):
+        flight = load(arguments.flight, arguments.mapping)
+    efficiency, spread = arguments.efficiency
+    propulsion = Propulsion(efficiency, spread, arguments.disc)
+    used = windows(arguments.window)
+    found, notices = drag_polar(flight, arguments.mass, arguments.area, used, propulsion)
+    out, summary = page(), found.summary
+    out.heading("Polar")
+    values, errors = zip(*summary.values(), strict=True)
+    meanings = words("meaning", [MEANINGS[name] for name in summary])
+    out.table(words("", summary), numbers("estimate", values), numbers("std error", errors), meanings)
+    CL = lift_grid(found)
+    value, std = found.drag(CL)
+    low, high = value - NORMAL_95 * std, value + NORMAL_95 * std
+    out.heading("Drag coefficient, 95 % interval")
+    out.table(fixed("CL", CL, 1), fixed("CD", value, 4), fixed("from", low, 4), fixed("to", high, 4))
+    out.bullets(notices, "What it rests on")
+    if folder is not None:
+        write_polar(found, notices, flight, folder, command_line(), others)
+        out.line(f"page: {folder / POLAR[0]}")
+    return 0
+
+
+def rotors_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `stoop rotors`."""
+    add, logs = parser.add_argument, {"metavar": "FLIGHT", "type": Path, "nargs": "+"}
+    healthy = (
+        "logs of flights near hover of the same vehicle while all was well; three or more are better than one"
+    )
+    add("flight", help="logs of flights near hover that are in question", **logs)  # type: ignore[arg-type]
+    add("--healthy", required=True, help=healthy, **logs)  # type: ignore[arg-type]
+    add("--vehicle", metavar="V", required=True, help="vehicle file with rotors, or a built-in name")
+    one = "the flights in question are of one and the same configuration"
+    add("--together", action="store_true", help=one)
+    chance = "how often a healthy flight may be accused (default: 0.05)"
+    add("--chance", metavar="P", type=positive, default=CHANCE, help=chance)
+    add_mapping(parser)
+
+
+def rotors(arguments: argparse.Namespace) -> int:
+    """Compare flights near hover with healthy ones, and say which rotor gives less than its command says."""
+    from stoop.checks.vehicle import foreign_motors
+    from stoop.estimate.effectiveness import (
+        Balance,
+        Reference,
+        advice,
+        assess,
+        hover,
+        judge,
+        leave_one_out,
+        pooled,
+    )
+    from stoop.flight import load
+    from stoop.problem.windows import whole
+    from stoop.vehicle.builtin import resolve_vehicle
+
+    chance = arguments.chance
+    if chance >= 0.5:
+        raise FlightError(
+            f"--chance {chance:g}: half of all flights or more; write a small share, such as 0.05"
+        )
+    paths = [*arguments.flight, *arguments.healthy]
+    known = [path.resolve() for path in paths]
+    for path in paths:  # it would be compared with itself, or count twice
+        if known.count(path.resolve()) > 1:
+            raise FlightError(f"{path}: given twice; name each flight once, in question or under --healthy")
+    balance = Balance(resolve_vehicle(arguments.vehicle))
+
+    def hovers(paths: Sequence[Path], watch: Watch) -> tuple[Hover, ...]:
+        out = []
+        for path in paths:
+            flight = load(path, arguments.mapping)
+            out.append(hover(flight, balance))
+            for found in foreign_motors(balance.vehicle, flight, whole({flight.name: flight})):
+                watch.warn(str(found))
+        return tuple(out)
+
+    with Watch("reading the logs") as watch:
+        healthy = hovers(arguments.healthy, watch)
+        flown = hovers(arguments.flight, watch)
+    one = arguments.together and len(flown) > 1
+    reference = Reference(balance, healthy, repeats=(flown,) if one else ())
+    out = page()
+    _compare("Healthy flights, each against the others", leave_one_out(reference), chance)
+    found = [assess(h, reference) for h in flown]
+    _compare("Flights in question", found, chance)
+    if one:
+        _compare("All in question as one", [assess(pooled(flown), reference)], chance)
+    out.bullets(_notes(reference, flown, chance), "What it rests on")
+    out.bullets(
+        advice(reference, flown, [judge(f, chance) for f in found], chance), "What would make it sharper"
+    )
+    return 0
+
+
+def _compare(title: str, found: Sequence[Assessment], chance: float) -> None:
+    """Print verdicts, with the rotor whose loss explains most and those that explain it nearly as well."""
+    from stoop.estimate.effectiveness import indistinct, judge
+
+    if not found:
+        return
+    out, suspects, names = page(), [f.suspected for f in found], [indistinct(f) for f in found]
+    out.heading(title)
+    named = [
+        "any" if len(n) == len(f.weak) else " or ".join(n) or "none"
+        for n, f in zip(names, found, strict=True)
+    ]
+    out.table(
+        words("flight", [f.name for f in found]),
+        words("suspected", named),
+        fixed("factor", [1.0 - s.size for s in suspects], 3),
+        fixed("std error", [s.std for s in suspects], 3),
+        fixed("chance", [f.chance for f in found], 4),
+        words("verdict", [str(judge(f, chance).notice) for f in found], wraps=True),
+    )
+
+
+def _notes(reference: Reference, flown: Sequence[Hover], chance: float) -> list[str]:
+    lift, roll, pitch, yaw = (100.0 * float(v) ** 0.5 for v in reference.variances)
+    healthy, battery = len(reference.hovers), reference.battery
+    notes = [
+        "suspected: whose loss explains most, and who explains it nearly as well; any: all of them do",
+        "factor: thrust and torque per command, against the healthy flights, if the first of them alone has changed",
+        f"chance: how often a healthy flight makes any rotor this suspect; a rotor is accused below {chance:g}",
+        f"between healthy flights lift scatters by {lift:.1f} %, roll and pitch by {roll:.1f} % and {pitch:.1f} % of "
+        f"weight times arm, yaw by {yaw:.1f} % of the rotors' torque ({healthy} flight{'s' * (healthy > 1)}, and what is usual)",
+        "a weak propeller and a mass near it differ in the yaw balance alone; what hangs in the wake of a rotor changes it too",
+    ]
+    if math.isfinite(reference.voltage):
+        notes.append(
+            f"commanded lift goes with the voltage by {battery.slope:.2f} ± {battery.std:.2f} (relative to relative); "
+            "this is taken off"
+        )
+    far = [h.name for h in flown if abs(h.voltage / reference.voltage - 1.0) > MAX_VOLTAGE_DIFFERENCE]
+    if far:
+        notes.append(
+            f"{', '.join(far)}: the battery's voltage is more than {100.0 * MAX_VOLTAGE_DIFFERENCE:.0f} % from that of the "
+            "healthy flights; compare flights on equal charge"
+        )
+    return notes

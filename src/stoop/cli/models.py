@@ -1,0 +1,197 @@
+"""`stoop demo`, `stoop structure` and `stoop validate`: the whole job without a file, terms chosen, flights predicted."""
+
+from __future__ import annotations
+
+import argparse
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Final
+
+from stoop.base.files import check_targets
+from stoop.cli.arguments import (
+    COMPILING,
+    SEVERAL,
+    VEHICLE_HELP,
+    WINDOW,
+    add_flight,
+    add_output,
+    command_line,
+    count,
+    given_paths,
+)
+from stoop.cli.page import busy, numbers, page, words
+from stoop.errors import IdentificationError, StoopError
+
+HERE: Final = Path("stoop-demo")
+BAND: Final = "0.1:2"
+EPILOG: Final = """\
+criteria:
+  f      stepwise regression, partial F-ratio against chance among all candidates (the default)
+  press  stepwise regression, prediction sum of squares
+  pse    multivariate orthogonal functions, predicted squared error
+
+candidates, one line per coefficient, in a file or on the command line:
+  Cm: alpha, q, elevator, alpha^2, alpha*elevator"""
+
+
+def demo_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `stoop demo`."""
+    add = parser.add_argument
+    folder, seed = "folder for the results", "of sensor noise, wrong start values and search"
+    add("-o", "--output", metavar="DIR", type=Path, default=HERE, help=f"{folder} (default: {HERE})")
+    add("--seed", metavar="N", type=count, default=0, help=f"{seed} (default: 0)")
+    add("--overwrite", action="store_true", help="replace files in DIR that are of no earlier demo")
+
+
+def demo(arguments: argparse.Namespace) -> int:
+    """Simulate, identify from wrong values, print truth beside estimate, write the report."""
+    from stoop.results.result import read_result
+    from stoop.workflow.demo import NAME, identify_demo
+    from stoop.workflow.outputs import RESULT, check_folder
+    from stoop.workflow.summary import estimates_table
+
+    overwrite = arguments.overwrite
+    with suppress(StoopError):  # the result of an earlier demo nobody will miss
+        overwrite |= {m.flight for m in read_result(arguments.output / RESULT).maneuvers} == {NAME}
+    check_folder(arguments.output, [NAME], overwrite)
+    job, truth = identify_demo(arguments.seed)
+    out, result = page(), job.result
+    out.line(
+        "The paper's twin-boom aircraft (mass and area reconstructed) flies a 3-2-1-1; its sensors are noisy."
+    )
+    out.line("Ten coefficients are identified, starting from values up to 60 % wrong:")
+    out.line()
+    out.text(estimates_table(result, truth))
+    out.line()
+    spent = f"{result.trajectories:.0f} trajectories, {result.seconds:.2f} s"
+    out.line(f"{result.status} ({spent}); writing the report ...")
+    folder = job.save(arguments.output, overwrite)
+    out.line(f"report: {folder / 'report.html'}")
+    return 0
+
+
+def structure_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `stoop structure`."""
+    parser.formatter_class, parser.epilog = argparse.RawDescriptionHelpFormatter, EPILOG
+    add = parser.add_argument
+    window = "windows to use, seconds of the log's clock"
+    terms = (
+        "file of candidates, or lines such as 'Cm: alpha, q, alpha^2' (default: those of docs/structure.md)"
+    )
+    add("vehicle", metavar="VEHICLE", help=VEHICLE_HELP)
+    add_flight(parser)
+    add("--maneuver", metavar=WINDOW, nargs="+", action="extend", required=True, help=window)
+    add("--candidates", metavar="FILE|LINE", nargs="+", default=[], help=terms)
+    add("--criterion", choices=("f", "press", "pse"), default="f", help="how terms are chosen (default: f)")
+    add("--band", metavar="LOW:HIGH", default=BAND, help=f"frequencies to use, Hz (default: {BAND})")
+    add_output(parser, "vehicle, table and page", "an earlier structure in DIR")
+
+
+def structure(arguments: argparse.Namespace) -> int:
+    """Choose, write, and print what was chosen."""
+    from stoop.base.toml import read_source
+    from stoop.estimate.regression.least_squares import FrequencyDomain
+    from stoop.estimate.regression.structure import (
+        Press,
+        orthogonal,
+        parse_candidates,
+        standard_candidates,
+        stepwise,
+    )
+    from stoop.flight import load
+    from stoop.vehicle.builtin import resolve_vehicle
+    from stoop.workflow.outputs import by_name
+    from stoop.workflow.structure import FILES, write_structure
+    from stoop.workflow.structure import structure as determined
+
+    inputs = [Path(arguments.vehicle), *arguments.flight]
+    check_targets(arguments.output, FILES, arguments.overwrite, inputs)
+    try:
+        low, high = (float(part) for part in arguments.band.split(":"))
+    except ValueError:
+        low = high = 0.0
+    if not 0.0 <= low < high < 1e4:
+        raise IdentificationError(f"--band {arguments.band}: write LOW:HIGH in Hz, for example {BAND}")
+    criteria: dict[str, Any] = {
+        "f": stepwise,
+        "press": lambda rows: stepwise(rows, Press()),
+        "pse": orthogonal,
+    }
+    vehicle = resolve_vehicle(arguments.vehicle)
+    candidates: dict[str, tuple[str, ...]] = {} if arguments.candidates else standard_candidates(vehicle)
+    for text in arguments.candidates:
+        lines, where = [text], "--candidates"
+        if ":" not in text or Path(text).exists():
+            lines, where = read_source(text, "candidates", IdentificationError).splitlines(), text
+        for coefficient, terms in parse_candidates(lines, vehicle, where).items():
+            candidates[coefficient] = (*candidates.get(coefficient, ()), *terms)
+    flights = by_name([load(path, arguments.mapping) for path in arguments.flight], "structure")
+    choose = criteria[arguments.criterion]
+    with busy(COMPILING):
+        found = determined(
+            vehicle, flights, arguments.maneuver, candidates, choose, FrequencyDomain(low, high)
+        )
+    write_structure(found, arguments.output, command_line())
+
+    out, nothing = page(), (float("nan"),) * 2
+    for coefficient, chosen in found.structure.chosen.items():
+        share = f"{len(chosen.terms)} of {len(chosen.candidates)} candidates"
+        out.heading(f"{coefficient}: {share}, R2 {chosen.selection.model.r2:.3f}")
+        names = found.names[coefficient]
+        values = [found.estimates.get(name, nothing) for name in names.values()]
+        estimates, errors = (
+            numbers("estimate", [v for v, _ in values]),
+            numbers("std error", [s for _, s in values]),
+        )
+        out.table(words("term", names), words("parameter", names.values()), estimates, errors)
+    of_terms = [n for chosen in found.structure.chosen.values() for n in chosen.notices]
+    out.bullets([*of_terms, *found.structure.notices], "notes")
+    out.line()
+    out.line(f"page: {arguments.output / 'structure.html'}")
+    target = str(arguments.output / "vehicle.toml")
+    command = [
+        "stoop",
+        "identify",
+        *map(str, arguments.flight),
+        "--vehicle",
+        target,
+        "--maneuver",
+        *arguments.maneuver,
+    ]
+    out.command("next: ", [*command, "-o", f"{arguments.output}-result"])
+    return 0
+
+
+def validate_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `stoop validate`."""
+    windows = "windows to predict (default: the maneuvers that stoop info finds)"
+    result = "folder of stoop identify, or its result.json"
+    parser.add_argument("result", metavar="RESULT", type=Path, help=result)
+    add_flight(parser, "flight log(s) that were not fitted")
+    parser.add_argument("--maneuver", metavar=WINDOW, **SEVERAL, help=windows)
+    add_output(parser, "page and figures", "a validation in DIR")
+
+
+def validate(arguments: argparse.Namespace) -> int:
+    """Predict, write, and print how well."""
+    from stoop.flight import load
+    from stoop.workflow.summary import figures_table
+    from stoop.workflow.validation import NAMES
+    from stoop.workflow.validation import validate as validated
+
+    inputs = [*arguments.flight, *given_paths(arguments.mapping)]
+    check_targets(arguments.output, NAMES, arguments.overwrite, inputs)
+    with busy("reading and predicting"):
+        flights = [load(path, arguments.mapping) for path in arguments.flight]
+        done = validated(arguments.result, flights, arguments.maneuver, command_line())
+    done.save(arguments.output)
+    out, record = page(), done.record
+    out.text(figures_table(record.maneuvers))
+    out.line()
+    if record.compared:
+        out.line(f"better than a first-order lag in {record.better} of {record.compared} channels")
+    out.bullets(record.warnings, "warnings")
+    out.bullets(record.notes, "found while preparing the data")
+    out.line()
+    out.line(f"page: {arguments.output / NAMES[0]}")
+    return 0

@@ -1,0 +1,230 @@
+"""`stoop maneuvers` and `stoop design`: which windows of a flight to fit and to predict, and what to fly next."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import shlex
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+from stoop.base.files import check_targets
+from stoop.base.notices import as_notice
+from stoop.base.variables import EULER, RATES
+from stoop.cli.arguments import (
+    COMPILING,
+    SEVERAL,
+    VEHICLE_HELP,
+    add_condition,
+    add_flight,
+    add_free_fix,
+    add_output,
+    at_least_one,
+    command_line,
+    count,
+    given_paths,
+    positive,
+    source_arguments,
+    with_free,
+)
+from stoop.cli.page import busy, fixed, numbers, page, points, words
+from stoop.cli.progress import Watch
+from stoop.errors import SimulationError, VehicleError
+
+FAMILIES: Final = ("square", "3-2-1-1", "doublet", "multisine")
+IN_DEGREES: Final = ("alpha", "beta", *EULER, *RATES)  #: channels that are given in degrees
+
+
+def maneuvers_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `stoop maneuvers`."""
+    without = "without it windows are chosen that move each axis by itself"
+    add_flight(parser, "flight log(s) of one vehicle")
+    parser.add_argument("--vehicle", metavar="V.toml", default="", help=f"{VEHICLE_HELP}; {without}")
+    add_free_fix(parser)
+    add_output(parser, "windows.toml and windows.html", "earlier windows in DIR")
+
+
+def maneuvers(arguments: argparse.Namespace) -> int:
+    """Find windows, write them, and print what was found."""
+    from stoop.flight import load, without_faults
+    from stoop.input_design.windows import doubts, find_windows
+    from stoop.problem.windows import NAME
+    from stoop.report.design import FIRST_GUESS, percent, span_of, use_of
+    from stoop.vehicle.builtin import resolve_vehicle
+    from stoop.workflow.design import WINDOW_FILES, write_windows
+    from stoop.workflow.outputs import by_name
+
+    given, free, fix = arguments.vehicle, arguments.free, arguments.fix
+    inputs = [*arguments.flight, *given_paths(arguments.mapping), *([Path(given)] if given else [])]
+    check_targets(arguments.output, WINDOW_FILES, arguments.overwrite, inputs)
+    if (free or fix) and not given:
+        raise VehicleError("--free and --fix choose numbers of a vehicle file; name it with --vehicle")
+    vehicle = with_free(resolve_vehicle(given), free, fix) if given else None
+    with busy("reading the log"):
+        read = [without_faults(load(path, arguments.mapping)) for path in arguments.flight]
+        flights = by_name(read, "maneuvers")
+    with Watch(COMPILING if vehicle is not None else "looking for maneuvers") as watch:
+        warned = doubts(flights, vehicle) if vehicle is not None else []
+        for doubt in warned:
+            watch.warn(str(doubt))
+        found = find_windows(flights, vehicle, watch.turn_to)
+    folder = arguments.output
+    options = [("--vehicle", given or "V.toml"), *(("--free", n) for n in free), *(("--fix", n) for n in fix)]
+    options += [("--maneuver", str(folder / NAME)), ("-o", "result")]
+    source = source_arguments(arguments.flight, arguments.mapping)
+    following = ["stoop", "identify", *source, *(word for option in options for word in option)]
+    every = replace(found, notices=(*map(as_notice, warned), *found.notices))
+    name = "" if vehicle is None else vehicle.name
+    write_windows(every, flights, name, folder, command_line(), following)
+
+    out, proposed = page(), found.windows
+    out.table(
+        fixed("", range(1, len(proposed) + 1), 0),
+        words("window s", [span_of(w, found) for w in proposed]),
+        words("use", map(use_of, proposed)),
+        words("axis", [w.axis for w in proposed]),
+        fixed("information", [w.information for w in proposed], 2),
+        points("gain", [f"{w.gain:.2f}" if w.gain else "-" for w in proposed]),
+        words("why", [str(w.why) for w in proposed], wraps=True),
+    )
+    if found.expected:
+        out.heading("expected of the windows to be fitted")
+        out.line(FIRST_GUESS)
+        errors = [e.std_error if math.isfinite(e.std_error) else math.nan for e in found.expected]
+        shares = [percent(e.relative) for e in found.expected]
+        out.table(
+            words("", [e.name for e in found.expected]),
+            numbers("first guess", [e.value for e in found.expected]),
+            numbers("std error", errors),
+            replace(words("of its size", shares), right=True),
+        )
+    out.bullets(found.notices, "notes")
+    out.line()
+    out.line(f"edit: {folder / NAME}")
+    out.line(f"page: {folder / 'windows.html'}")
+    out.command("next: ", following)
+    return 0
+
+
+def design_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `stoop design`."""
+    add = parser.add_argument
+    vehicle = "vehicle file, built-in vehicle, or the folder that stoop identify wrote"
+    limits = "limits of a channel: angles in degrees, rates in degrees per second, all else SI (default: about the trim)"
+    evaluations = "maneuvers tried for each family (default: 2000)"
+    add("vehicle", metavar="VEHICLE", help=vehicle)
+    add_output(parser, "maneuver, page and numbers", "an earlier design in the folder")
+    add_condition(parser, "m/s (default: the vehicle's reference)")
+    add("--duration", metavar="S", type=positive, default=20.0, help="seconds (default: 20)")
+    amplitude = "largest deflection from the trim, degrees (default: 3)"
+    add("--amplitude", metavar="[CONTROL=]DEG", **SEVERAL, help=amplitude)
+    slew = "largest rate of the controls (default: 60)"
+    add("--slew", metavar="DEG/S", type=positive, default=60.0, help=slew)
+    add("--within", metavar="CHANNEL=LOW:HIGH", **SEVERAL, help=limits)
+    band = "highest frequency of a multisine (default: 2)"
+    add("--band", metavar="HZ", type=positive, default=2.0, help=band)
+    add("--shape", choices=FAMILIES, nargs="+", default=list(FAMILIES), help="families to try (default: all)")
+    add("--free", metavar="NAME", **SEVERAL, help="numbers to estimate besides those of the file")
+    add("--fix", metavar="NAME", **SEVERAL, help="numbers to leave as they are")
+    add("--optimizer", metavar="NAME", default="ps-gde", help="see stoop compare --help (default: ps-gde)")
+    add("--evaluations", metavar="N", type=at_least_one, default=2000, help=evaluations)
+    add("--seed", metavar="N", type=count, default=0, help="of the search (default: 0)")
+
+
+def design(arguments: argparse.Namespace) -> int:
+    """Design a maneuver, write it, and print the expected standard errors."""
+    import numpy as np
+
+    from stoop.input_design import Limits
+    from stoop.input_design.optimization import Plan, propose
+    from stoop.simulation import trim
+    from stoop.workflow.design import DESIGN_FILES, prior_model, write_proposal
+
+    folder = arguments.output
+    check_targets(folder, DESIGN_FILES, arguments.overwrite)
+    model = prior_model(arguments.vehicle)
+    model = replace(model, vehicle=with_free(model.vehicle, arguments.free, arguments.fix))
+    with busy(COMPILING):
+        steady = trim(model.vehicle, arguments.airspeed, arguments.altitude)
+    amplitudes: dict[str, float] = {}
+    for text in arguments.amplitude:  # 3 is of all controls, rudder=5 of one
+        control, equals, value = text.rpartition("=")
+        size = math.radians(_number(value, "--amplitude", text, "DEG or CONTROL=DEG"))
+        if not 0.0 <= size < math.pi / 2.0:
+            raise SimulationError(f"--amplitude {text}: {value} is not between 0 and 90 degrees")
+        amplitudes |= {control: size} if equals else dict.fromkeys(model.vehicle.controls, size)
+    slew, envelope = math.radians(arguments.slew), _envelope(arguments.within)
+    limits = Limits.about(model.vehicle, steady, amplitudes, slew, envelope)
+    plan = Plan(
+        duration=arguments.duration, band=arguments.band, optimizer=arguments.optimizer,
+        evaluations=arguments.evaluations, seed=arguments.seed,
+    )  # fmt: skip
+    families: list[str] = []
+
+    def see(family: str, _: Any) -> None:
+        if family not in families:
+            families.append(family)
+            print(f"stoop: designing: {family}", file=sys.stderr, flush=True)
+
+    proposal = propose(model, steady, limits, plan, arguments.shape, see)
+    write_proposal(proposal, folder, _command(arguments), arguments.overwrite)
+
+    setup, out, robust = proposal.setup, page(), proposal.robustness
+    out.heading("Standard errors")
+    now = [value if np.isfinite(value) else math.nan for value in proposal.now]
+    columns = {"textbook": proposal.expected, "designed": proposal.best.forecast}
+    errors = [numbers(head, list(setup.std(one))) for head, one in columns.items()]
+    out.table(words("", setup.names), numbers("now", now), *errors)
+    out.line()
+    ratios = [(one.shape, proposal.ratio(one)) for one in proposal.designs]
+    out.bullets(f"{shape}: mean standard error {r:.2f} of the textbook's 3-2-1-1" for shape, r in ratios)
+    if np.any(setup.known):
+        drawn = f"flown with {robust.draws} models drawn from what is known"
+        out.bullets([f"{drawn}, {robust.outside} left the envelope"])
+    out.line(f"maneuver: {folder / 'maneuver.toml'}")
+    out.line(f"page: {folder / 'design.html'}")
+    vehicle = Path(arguments.vehicle)
+    flown = vehicle / "vehicle.toml" if vehicle.is_dir() else vehicle
+    command = ["stoop", "simulate", str(flown), "--maneuver", str(folder / "maneuver.toml")]
+    out.command("next: ", [*command, "-o", "designed.nc"])
+    return 0
+
+
+def _envelope(given: list[str]) -> dict[str, tuple[float, float]]:
+    """Read ``alpha=-5:10``."""
+    out: dict[str, tuple[float, float]] = {}
+    for text in given:
+        channel, _, span = text.partition("=")
+        factor = math.radians(1.0) if channel in IN_DEGREES else 1.0
+        edges = [factor * _number(edge, "--within", text, "CHANNEL=LOW:HIGH") for edge in span.split(":")]
+        if len(edges) != 2 or not edges[0] < edges[1]:
+            raise SimulationError(
+                f"--within {text}: write CHANNEL=LOW:HIGH with LOW below HIGH, for example alpha=-5:10"
+            )
+        out[channel] = (edges[0], edges[1])
+    return out
+
+
+def _number(text: str, option: str, whole: str, form: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise SimulationError(f"{option} {whole}: '{text}' is not a number; write {form}")
+    return value
+
+
+def _command(arguments: argparse.Namespace) -> str:
+    """Return the command that makes this design again."""
+    parts = ["stoop", "design", str(arguments.vehicle)]
+    for option in ("duration", "airspeed", "altitude", "slew", "band"):
+        value = getattr(arguments, option)
+        parts += [f"--{option}", f"{value:g}"] if value is not None else []
+    for option in ("amplitude", "within", "shape", "free", "fix"):
+        given = getattr(arguments, option)
+        parts += [f"--{option}", *given] if given else []
+    parts += ["--optimizer", arguments.optimizer, "--evaluations", str(arguments.evaluations)]
+    return shlex.join([*parts, "--seed", str(arguments.seed), "-o", str(arguments.output)])

@@ -1,0 +1,275 @@
+"""`stoop trim` and `stoop linearize`: a steady straight flight or a hover, and the linear model and modes about it."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Container, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from stoop.base.files import check_target, write_text_atomic
+from stoop.cli.arguments import COMPILING, HOVERING, VEHICLE_HELP, add_climb_angle, add_condition, within
+from stoop.cli.page import blocks, busy, fixed, numbers, page, shown_unit, to_json, words
+from stoop.errors import SimulationError
+
+if TYPE_CHECKING:
+    from stoop.simulation import LinearModel, Mode, Trim
+    from stoop.vehicle import Vehicle
+
+STDOUT: Final = Path("-")
+ANGLES: Final = ("alpha", "beta", "theta", "phi")
+CONSTANT_THRUST: Final = "propulsion.thrust"
+STATE_UNITS: Final = {"h": "m", "u": "m/s", "v": "m/s", "w": "m/s"}
+ROUNDING: Final = 1e-12  #: of the largest entry: what solver and rounding errors leave where zero belongs
+SEA_LEVEL_DENSITY: Final = 1.225  #: kg/m3, what `stoop.simulation.trim` assumes where the log would give it
+
+
+def _point_arguments(parser: argparse.ArgumentParser, reductions: list[str], reduced: str) -> None:
+    add = parser.add_argument
+    heading = within(-360.0, 360.0, "degrees", math.radians(1.0))
+    three: Any = {"metavar": ("N", "E", "D"), "nargs": 3, "type": within(-200.0, 200.0, "m/s")}
+    add("vehicle", metavar="VEHICLE", help=VEHICLE_HELP)
+    add_condition(parser, f"m/s (default: {HOVERING})")
+    add_climb_angle(parser)
+    add("--velocity", **three, help="on rotors: m/s over ground, north, east, down (default: 0 0 0)")
+    add("--wind", **three, help="on rotors: m/s, blowing north, east, down")
+    add("--heading", metavar="DEG", type=heading, default=0.0, help="on rotors: degrees (default: 0)")
+    density = "kg/m3, instead of what the vehicle file says"
+    add("--density", metavar="RHO", type=within(1e-6, 10_000.0, "kg/m3"), help=density)
+    add("--reduce", choices=reductions, help=reduced)
+
+
+def trim_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `stoop trim`."""
+    _point_arguments(parser, ["longitudinal"], "trim these equations only")
+    parser.add_argument("--json", action="store_true", help="print JSON (SI units, rad) instead of tables")
+
+
+def linearize_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `stoop linearize`."""
+    _point_arguments(parser, ["longitudinal", "lateral"], "keep these equations only")
+    text = "write JSON (- prints it) instead of tables"
+    parser.add_argument("--json", metavar="FILE", type=Path, help=text)
+    parser.add_argument("--overwrite", action="store_true", help="replace the output file if it exists")
+
+
+def _trimmed(arguments: argparse.Namespace) -> tuple[Vehicle, Trim, str]:
+    """Return the vehicle, the steady flight that the command line asks for, and that in words."""
+    from stoop.simulation import trim
+    from stoop.simulation.trim import flies_on_rotors
+    from stoop.vehicle.builtin import resolve_vehicle
+    from stoop.vehicle.schema import Quantity
+
+    vehicle, given = resolve_vehicle(arguments.vehicle), arguments.density
+    choice = vehicle.file.environment.density
+    if given is not None and choice != "log":
+        environment = vehicle.file.environment.model_copy(update={"density": Quantity(value=given)})
+        vehicle = replace(vehicle, file=vehicle.file.model_copy(update={"environment": environment}))
+        choice = environment.density
+    vehicle = vehicle if arguments.reduce is None else vehicle.reduced(arguments.reduce)
+    on_rotors = flies_on_rotors(vehicle, arguments.airspeed)
+    for name in ("velocity", "wind") if not on_rotors else ():
+        if getattr(arguments, name) is not None:
+            raise SimulationError(
+                f"--{name}: {vehicle.where} flies on its wings here; give its steady flight by its airspeed alone"
+            )
+    if on_rotors and arguments.climb_angle:
+        raise SimulationError(
+            f"--climb-angle: {vehicle.where} flies on its rotors here; write --velocity, e.g. --velocity 0 0 -2 to climb"
+        )
+    # A lateral model holds speed and incidence, so its steady flight is that of the full equations.
+    flown = vehicle.reduced("full") if vehicle.reduce == "lateral" else vehicle
+    with busy(COMPILING):
+        point = trim(
+            flown, arguments.airspeed, arguments.altitude, arguments.climb_angle, given,
+            arguments.velocity, arguments.wind, arguments.heading,
+        )  # fmt: skip
+
+    if choice == "standard":
+        density = "standard atmosphere"
+    elif choice != "log":
+        density = f"density {vehicle.value('environment.density'):g} kg/m3"
+    elif given is None:
+        density = f"density {SEA_LEVEL_DENSITY:g} kg/m3 (assumed; the log has it, or give --density)"
+    else:
+        density = f"density {given:g} kg/m3"
+    height = point.start["h"]
+    if "V" in point.start:
+        speed, climb = point.start["V"], math.degrees(arguments.climb_angle)
+        where = f"steady straight flight at {speed:g} m/s, {height:g} m, climb {climb:g} deg, {density}"
+        return vehicle, point, where
+    velocity, wind = (" ".join(f"{x:g}" for x in v) for v in (point.velocity, point.wind))
+    what = f"steady flight at {velocity} m/s (north east down)" if any(point.velocity) else "hover"
+    windy = f", wind {wind} m/s (north east down)" if any(point.wind) else ""
+    heading = math.degrees(point.start["psi"])
+    return vehicle, point, f"{what} at {height:g} m, heading {heading:g} deg{windy}, {density}"
+
+
+def trim(arguments: argparse.Namespace) -> int:
+    """Trim and print."""
+    vehicle, point, where = _trimmed(arguments)
+    if arguments.json:
+        print(to_json(trim_document(vehicle, point, arguments.climb_angle)))
+        return 0
+    out = page()
+    out.line(vehicle.name)
+    out.line(where)
+    out.heading("Angles and controls")
+    rows = {n: point.start[n] for n in ANGLES if n in point.start} | point.deflections
+    degrees = [math.degrees(value) for value in rows.values()]
+    out.table(words("", rows), fixed("deg", degrees, 4), fixed("rad", rows.values(), 6))
+    if "V" in point.start:
+        out.heading("Thrust")
+        for name, value in point.thrust.items():
+            line = f"{name} {value:.4f} {shown_unit(_thrust_unit(name))}".rstrip()
+            if name == CONSTANT_THRUST:
+                line = f"{value:.2f} N (the vehicle file says {vehicle.value(name):.2f} N)"
+            out.line(line)
+        if not point.thrust:
+            out.line("none: the vehicle has no propulsion")
+    mixed = {name: value for name, value in _channels(vehicle, point).items() if name not in rows}
+    if mixed:
+        out.heading("Recorded channels that hold it")
+        values = [value if abs(value) > ROUNDING else 0.0 for value in mixed.values()]
+        units = [shown_unit(_thrust_unit(name)) for name in mixed]
+        out.table(words("", mixed), numbers("value", values), words("", units))
+    if "V" not in point.start:
+        out.heading("Velocity through the air, body axes")
+        out.table(words("", "uvw"), fixed("m/s", [point.start[axis] for axis in "uvw"], 4))
+    out.line()
+    out.line(f"largest acceleration left over: {point.residual:.1e} (m/s2, rad/s2)")
+    return 0
+
+
+def trim_document(vehicle: Vehicle, point: Trim, climb_angle: float) -> dict[str, Any]:
+    """Return the trim for JSON, SI and rad."""
+    start = point.start
+    flown: dict[str, Any] = {"velocity": point.velocity, "wind": point.wind, "altitude": start["h"]}
+    if "V" in start:
+        flown = {"airspeed": start["V"], "altitude": start["h"], "climb_angle": climb_angle}
+    else:
+        flown["heading"] = start["psi"]
+    return {
+        "format": "stoop-trim/1",
+        "vehicle": vehicle.name,
+        "file": vehicle.where,
+        "reduce": vehicle.reduce,
+        **flown,
+        "angles": {name: start[name] for name in ANGLES if name in start},
+        "controls": point.deflections,
+        "thrust": {n: {"value": value, "unit": _thrust_unit(n)} for n, value in point.thrust.items()},
+        "inputs": _channels(vehicle, point),
+        "residual": point.residual,
+    }
+
+
+def _channels(vehicle: Vehicle, point: Trim) -> dict[str, float]:
+    """Return the recorded channels that hold the flight, SI."""
+    return {name: float(value) for name, value in zip(vehicle.recorded, point.inputs, strict=False)}
+
+
+def _thrust_unit(name: str) -> str:
+    """Return the unit of a thrust, be it a number of the vehicle or a channel."""
+    from stoop.base.variables import VARIABLES
+
+    if name == CONSTANT_THRUST:
+        return "N"
+    return VARIABLES[name].unit if name in VARIABLES else "1"
+
+
+def linearize(arguments: argparse.Namespace) -> int:
+    """Linearize and print, or write."""
+    from stoop.simulation import linearize as linear_model
+    from stoop.simulation.linearize import left_out
+
+    target: Path | None = arguments.json
+    if target is not None and target != STDOUT:
+        check_target(target, arguments.overwrite)
+    vehicle, point, where = _trimmed(arguments)
+    model, out = linear_model(vehicle, point), page()
+    if target is None:
+        out.line(vehicle.name)
+        out.line(f"linear model about {where}")
+        _print_model(vehicle, model)
+        out.bullets(left_out(vehicle))
+        return 0
+    text = to_json(linear_document(vehicle, point, model, arguments.climb_angle))
+    if target == STDOUT:
+        print(text)
+        return 0
+    write_text_atomic(target, text + "\n")
+    out.line(f"wrote {target}: A, B, C, D, modes and trim (SI units, rad)")
+    return 0
+
+
+def linear_document(vehicle: Vehicle, point: Trim, model: LinearModel, climb_angle: float) -> dict[str, Any]:
+    """Return the linear model for JSON, SI and rad."""
+    modes = [
+        {
+            "name": mode.name,
+            "eigenvalue": {"real": mode.eigenvalue.real, "imag": mode.eigenvalue.imag},
+            "frequency": mode.frequency,
+            "damping": mode.damping,
+            "time_constant": mode.time_constant,
+        }
+        for mode in model.modes
+    ]
+    return {
+        "format": "stoop-linear-model/1",
+        "vehicle": vehicle.name,
+        "file": vehicle.where,
+        "reduce": vehicle.reduce,
+        "trim": trim_document(vehicle, point, climb_angle),
+        "states": model.states,
+        "inputs": model.inputs,
+        "outputs": model.outputs,
+        **{name: getattr(model, name).tolist() for name in "ABCD"},
+        "modes": modes,
+    }
+
+
+def _print_model(vehicle: Vehicle, model: LinearModel) -> None:
+    out, modes = page(), model.modes
+    out.heading("Modes")
+    periods = [2.0 * math.pi / m.eigenvalue.imag if m.eigenvalue.imag > 0.0 else math.nan for m in modes]
+    out.table(
+        words("", [mode.name for mode in modes]),
+        fixed("rad/s", [mode.frequency for mode in modes], 4),
+        fixed("damping", [mode.damping for mode in modes], 4),
+        fixed("period s", periods, 3),
+        fixed("time constant s", [mode.time_constant for mode in modes], 3),
+        words("amplitude", map(_amplitude, modes)),
+    )
+    out.heading("x' = A x + B u, y = C x + D u (SI units and rad, about the steady flight)")
+    lags = frozenset(f"{rotor}.lag" for rotor in vehicle.rotors)
+    for letter, names in (("x", model.states), ("u", model.inputs), ("y", model.outputs)):
+        out.line(f"{letter}: {_with_units(names, lags)}")
+    sides = {"A": (0, 0), "B": (0, 1), "C": (2, 0), "D": (2, 1)}
+    groups = (model.states, model.inputs, model.outputs)
+    for name, (rows, heads) in sides.items():
+        matrix = getattr(model, name)
+        floor = ROUNDING * float(abs(matrix).max(initial=0.0))
+        clean = [[x if abs(x) > floor else 0.0 for x in column] for column in matrix.T.tolist()]
+        columns = [numbers(head, column) for head, column in zip(groups[heads], clean, strict=True)]
+        for block in blocks(words(name, groups[rows]), columns, out.width):
+            out.line()
+            out.table(*block)
+
+
+def _amplitude(mode: Mode) -> str:
+    """Say how fast it dies away or grows."""
+    if not math.isfinite(mode.time_constant):
+        return "stays"
+    time = math.log(2.0) * mode.time_constant
+    return f"halves in {time:.2f} s" if time > 0.0 else f"doubles in {-time:.2f} s"
+
+
+def _with_units(names: Sequence[str], plain: Container[str]) -> str:
+    """Write names with their units, deflections and their lags in rad; ``plain`` ones (lags of rotors) as they are."""
+    from stoop.base.variables import VARIABLES
+
+    known = {name: shown_unit(one.unit) for name, one in VARIABLES.items()} | STATE_UNITS
+    units = ["" if name in plain else known.get(name, "rad") for name in names]
+    return ", ".join(f"{name} {unit}".rstrip() for name, unit in zip(names, units, strict=True))

@@ -1,0 +1,502 @@
+"""Weak rotors: a flight near hover compared with those of the healthy vehicle, by the loads that its commands imply.
+
+At rest the equations of `stoop.vehicle.symbolic.forces` leave thrust T(x) along the axis and torque Q(x) about it, lift equals
+the weight, and the moments balance, whatever the state of the rotors. The excess of the commanded loads over those of the
+healthy flights is therefore what the rotors lose, or what the vehicle weighs more:
+
+    d = w - w_healthy = loss_k c_k           rotor k gives (1 - loss_k) of the commanded load c_k
+    d = m g (1, moments at rotor k, 0)       mass m near rotor k: the same but for the yaw
+    d ~ N(0, S)                              nothing of the kind
+
+d are lift and three moments, in units of weight, weight times arm, and torque of all rotors. S is the scatter between
+flights of one and the same vehicle: air density acts on the lift, the place of the battery on roll and pitch. Few healthy
+flights say little of it, so each of its four variances is that of the healthy flights and of `USUAL` together (scaled
+inverse chi-square with `PRIOR_FLIGHTS` degrees of freedom); d is then compared by Student's t. What the correction for the
+battery's voltage leaves in the lift is a slope, from flights of one configuration at several voltages (`battery`);
+its error is in S.
+
+References
+----------
+Gelman and others, Bayesian Data Analysis, 3rd ed., section 2.6 (normal model with unknown variance).
+Crassidis and Junkins, Optimal Estimation of Dynamic Systems, 2nd ed., section 2.3 (weighted least squares).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from scipy import stats
+
+from stoop.base.arrays import FloatArray, run_slices
+from stoop.base.notices import Notice, notice
+from stoop.errors import FlightError, VehicleError
+from stoop.flight import Flight
+from stoop.vehicle import Vehicle
+
+AIRBORNE: Final = 0.6  #: of the median thrust while any is commanded
+SETTLE: Final = 2.0  #: s after take-off and before landing that are left out
+MIN_DURATION: Final = 4.0  #: s near hover
+BLOCK: Final = 1.0  #: s; commands correlate for a few tenths of a second
+MAX_SPEED: Final = 3.0  #: m/s; above, drag and inflow are not small
+USUAL: Final = (0.02, 0.01, 0.01, 0.01)  #: standard deviations between flights, in units of d
+PRIOR_FLIGHTS: Final = 6.0  #: number of flights that they count as
+SLOPE_STD: Final = 0.3  #: prior of the voltage slope; without a correction thrust goes with voltage squared
+LIFT_STD: Final = 0.01  #: relative scatter of the lift between flights, counted as `LIFT_FLIGHTS` flights
+LIFT_FLIGHTS: Final = 3.0
+CHANCE: Final = 0.05  #: of attributing a loss to any rotor of a healthy flight
+DISTINCT: Final = (
+    6.63  #: difference of squares that separates two explanations (1 % of chi-square, one degree)
+)
+ODD_CHANCE: Final = 0.01  #: below which the unexplained part counts
+POWER: Final = 0.8  #: how often a loss of the stated least size is detected
+MANY: Final = 8  #: healthy flights after which more bring little
+HELPS: Final = 0.9  #: of the least detectable loss, below which an advice is worth following
+
+
+@dataclass(frozen=True)
+class Balance:
+    """The rotors of a vehicle as they act on it at hover; `rotors` are the columns of its arrays."""
+
+    vehicle: Vehicle
+
+    def __post_init__(self) -> None:
+        """Refuse a vehicle without rotors or without their torque."""
+        if not self.vehicle.rotors:
+            raise VehicleError(
+                f"{self.vehicle.where}: has no rotors; add [rotors] and a table for each rotor"
+            )
+        if "rotors.torque_ratio" not in self.vehicle.rows and "rotors.Q2" not in self.vehicle.rows:
+            raise VehicleError(
+                f"{self.vehicle.where}: rotors.torque_ratio is missing: without a torque the balance of yaw is unknown; "
+                "write torque_ratio = 0.01 (m), or what was measured"
+            )
+
+    @property
+    def rotors(self) -> tuple[str, ...]:
+        """Names, in the order of the columns."""
+        return self.vehicle.rotors
+
+    @property
+    def needs_voltage(self) -> bool:
+        """Whether commands are corrected with the measured voltage."""
+        return "rotors.nominal_voltage" in self.vehicle.rows
+
+    @cached_property
+    def channels(self) -> tuple[str, ...]:
+        """Recorded channel of each rotor."""
+        return tuple(self.vehicle.file.rotor[name].channel for name in self.rotors)
+
+    @cached_property
+    def directions(self) -> FloatArray:
+        """Shape (3, n): unit vector of each rotor's thrust, body axes."""
+        axes = [self._point(f"rotor.{name}.axis", (0.0, 0.0, -1.0)) for name in self.rotors]
+        return np.array([a / np.linalg.norm(a) for a in axes]).T
+
+    @cached_property
+    def of_thrust(self) -> FloatArray:
+        """Shape (4, n): lift and moments (roll, pitch, yaw; m) of a thrust of 1 N of each rotor."""
+        center = self._point("mass.center_of_gravity")
+        arms = np.array([self._point(f"rotor.{name}.position") - center for name in self.rotors])
+        return np.vstack([-self.directions[2], np.cross(arms, self.directions.T).T])
+
+    @cached_property
+    def of_torque(self) -> FloatArray:
+        """Shape (4, n): what a torque of 1 N m of each rotor does."""
+        turns = np.array([1.0 if self.vehicle.file.rotor[n].spin == "ccw" else -1.0 for n in self.rotors])
+        return np.vstack([np.zeros(len(self.rotors)), -turns * self.directions])
+
+    @cached_property
+    def arm(self) -> float:
+        """Mean horizontal distance of the rotors from the center of gravity, m."""
+        return float(np.mean(np.hypot(self.of_thrust[1], self.of_thrust[2])))
+
+    def drive(self, commands: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
+        """Return what each rotor is commanded to give: thrust along its axis, N, and torque about it, N m, (n, k) each.
+
+        Commands are those recorded, channel -> (k,), with ``voltage``, V, where the vehicle needs it.
+        """
+        recorded = np.array([commands[channel] for channel in self.channels])
+        x = self._number("rotors.gain", 1.0) * np.maximum(recorded - self._number("rotors.idle"), 0.0)
+        if self.needs_voltage:
+            x = x * commands["voltage"] / self._number("rotors.nominal_voltage")
+        factor, torque_factor = (
+            np.array([self._number(f"rotor.{name}.{last}", 1.0) for name in self.rotors])[:, None]
+            for last in ("factor", "torque_factor")
+        )
+        thrust = self._polynomial("T", x)
+        by_ratio = "rotors.torque_ratio" in self.vehicle.rows
+        torque = self._number("rotors.torque_ratio") * thrust if by_ratio else self._polynomial("Q", x)
+        return factor * thrust, factor * torque_factor * torque
+
+    def loads(self, thrust: FloatArray, torque: FloatArray) -> FloatArray:
+        """Return (4, n) what thrust (n,) and torque (n,) of each rotor do: lift, N, and moments, N m."""
+        return np.asarray(self.of_thrust * thrust + self.of_torque * torque)
+
+    def _polynomial(self, letter: str, x: FloatArray) -> FloatArray:
+        zeroth, first, second = (self._number(f"rotors.{letter}{i}") for i in range(3))
+        return np.asarray(zeroth + x * (first + x * second))
+
+    def _number(self, name: str, default: float = 0.0) -> float:
+        return self.vehicle.value(name) if name in self.vehicle.rows else default
+
+    def _point(self, name: str, default: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> FloatArray:
+        return np.array([self._number(f"{name}.{a}", d) for a, d in zip("xyz", default, strict=True)])
+
+
+@dataclass(frozen=True)
+class Hover:
+    """Commanded thrust and torque of each of n rotors while the vehicle hovered."""
+
+    name: str  #: of the flight
+    thrust: FloatArray  #: mean (n,), N
+    torque: FloatArray  #: mean (n,), N m
+    #: (4, 4), of lift, N, and the moments, N m, of all rotors together: scatter of blocks within the flight
+    covariance: FloatArray
+    voltage: float  #: mean, V; NaN where it was not recorded
+    duration: float  #: s
+
+
+def hover(flight: Flight, balance: Balance) -> Hover:
+    """Return the mean commands of a flight near hover.
+
+    Between start and end of a stretch near hover the velocity hardly changes, so mean forces and moments are those of rest,
+    whatever the motion in between.
+
+    Raises
+    ------
+    FlightError
+        A command is missing, the flight is too short or too fast.
+    """
+    recorded = {str(name) for name in flight.data.data_vars}
+    needed = [*balance.channels, *(["voltage"] if balance.needs_voltage else [])]
+    if missing := [name for name in needed if name not in recorded]:
+        raise FlightError(
+            f"{flight.name}: {', '.join(missing)} not recorded; log the commands of all rotors, or name them in a mapping"
+        )
+    commands = {name: flight.column(name) for name in {*needed, *({"voltage"} & recorded)}}
+    if empty := [name for name in needed if not np.isfinite(commands[name]).any()]:
+        raise FlightError(
+            f"{flight.name}: {', '.join(empty)} holds no number throughout; look at the column that the mapping names for it"
+        )
+    thrust, torque = balance.drive(commands)
+    total = thrust.sum(axis=0)
+    turning = total[np.isfinite(total) & (total > 0.0)]
+    if not turning.size:
+        raise FlightError(
+            f"{flight.name}: the motors are off throughout; choose a log of a flight, and check the commands' unit"
+        )
+    cut, inside = round(SETTLE * flight.rate), np.zeros(total.size, dtype=bool)
+    for stretch in run_slices(np.isfinite(total) & (total > AIRBORNE * np.median(turning))):
+        inside[stretch.start + cut : max(stretch.stop - cut, 0)] = True
+    seconds = float(inside.sum()) / flight.rate
+    if seconds < MIN_DURATION:
+        raise FlightError(
+            f"{flight.name}: {seconds:.1f} s near hover, take-offs and landings aside; {MIN_DURATION:g} s are needed at least"
+        )
+    if {"vn", "ve"} <= recorded:
+        speed = np.hypot(flight.column("vn")[inside], flight.column("ve")[inside])
+        if np.isfinite(speed).any() and np.nanmedian(speed) > MAX_SPEED:
+            raise FlightError(
+                f"{flight.name}: half of it is faster than {np.nanmedian(speed):.1f} m/s; choose a flight near hover, "
+                f"below {MAX_SPEED:g} m/s"
+            )
+    thrust, torque = thrust[:, inside], torque[:, inside]
+    sums = balance.of_thrust @ thrust + balance.of_torque @ torque
+    # the mean of correlated samples scatters as the means of blocks do
+    size = max(round(BLOCK * flight.rate), 1)
+    count = sums.shape[1] // size
+    blocks = sums[:, : count * size].reshape(4, count, size).mean(axis=2)
+    voltage = float(np.mean(commands["voltage"][inside])) if "voltage" in commands else np.nan
+    means, covariance = (thrust.mean(axis=1), torque.mean(axis=1)), np.asarray(np.cov(blocks) / count)
+    return Hover(flight.name, *means, covariance, voltage, sums.shape[1] / flight.rate)
+
+
+def pooled(hovers: Sequence[Hover]) -> Hover:
+    """Return the mean of flights of one configuration as one flight."""
+    count = len(hovers)
+    return Hover(
+        f"{count} flights",
+        np.mean([h.thrust for h in hovers], axis=0),
+        np.mean([h.torque for h in hovers], axis=0),
+        np.sum([h.covariance for h in hovers], axis=0) / count**2,
+        float(np.mean([h.voltage for h in hovers])),
+        sum(h.duration for h in hovers),
+    )
+
+
+@dataclass(frozen=True)
+class Battery:
+    """Relative change of the commanded lift per relative change of the voltage, and its standard error."""
+
+    slope: float = 0.0
+    std: float = SLOPE_STD
+
+
+def battery(lifts: Sequence[FloatArray], voltages: Sequence[FloatArray]) -> Battery:
+    """Return the slope of groups of flights, shrunk towards zero by its prior.
+
+    Lifts (k,) of each group are in any unit, voltages (k,) in V; a group with an unknown one is ignored.
+    """
+    known = [i for i, v in enumerate(voltages) if v.size > 1 and np.isfinite(v).all()]
+    if not known:
+        return Battery()
+    y = np.concatenate([lifts[i] / lifts[i].mean() - 1.0 for i in known])
+    x = np.concatenate([voltages[i] / voltages[i].mean() - 1.0 for i in known])
+    plain = float(x @ y) / max(float(x @ x), 1e-12)
+    freedom = max(y.size - len(known) - 1, 0)
+    noise = (LIFT_FLIGHTS * LIFT_STD**2 + float(np.sum((y - plain * x) ** 2))) / (LIFT_FLIGHTS + freedom)
+    information = float(x @ x) / noise + SLOPE_STD**-2
+    return Battery(float(x @ y) / noise / information, information**-0.5)
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Flights of the healthy vehicle, at least one."""
+
+    balance: Balance
+    hovers: tuple[Hover, ...]
+    #: healthy flights of further vehicles of the type: for the scatter, not the level
+    others: tuple[tuple[Hover, ...], ...] = ()
+    #: flights of one configuration each, whatever it is: for the effect of the voltage on the lift
+    repeats: tuple[tuple[Hover, ...], ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse a reference without flights or loads."""
+        if not self.hovers:
+            raise FlightError(
+                "there is no healthy flight to compare with; give one or more, as --healthy LOG"
+            )
+        if not np.all(self.units > 0.0):
+            raise VehicleError(
+                f"{self.balance.vehicle.where}: the healthy flights' commands give no lift, no torque, or have no lever; "
+                "check T, Q or torque_ratio, and the rotors' positions"
+            )
+
+    @cached_property
+    def units(self) -> FloatArray:
+        """Weight, N, weight times arm (twice), N m, and torque of all rotors, N m, as commanded in the healthy flights."""
+        weight = float(np.mean([self.balance.of_thrust[0] @ h.thrust for h in self.hovers]))
+        torque = float(np.mean([np.abs(self.balance.of_torque[3]) @ h.torque for h in self.hovers]))
+        return np.array([weight, weight * self.balance.arm, weight * self.balance.arm, torque])
+
+    @cached_property
+    def battery(self) -> Battery:
+        """Effect of the voltage on the commanded lift."""
+        groups = (self.hovers, *self.others, *self.repeats)
+        lifts = [np.array([self.balance.of_thrust[0] @ h.thrust for h in group]) for group in groups]
+        return battery(lifts, [np.array([h.voltage for h in group]) for group in groups])
+
+    @cached_property
+    def voltage(self) -> float:
+        """Mean of the healthy flights, V."""
+        return float(np.mean([h.voltage for h in self.hovers]))
+
+    @cached_property
+    def level(self) -> FloatArray:
+        """Mean of the healthy flights, (4,), in `units`."""
+        return np.asarray(np.mean([self.sums(h) for h in self.hovers], axis=0))
+
+    @cached_property
+    def degrees(self) -> float:
+        """Degrees of freedom of the variances."""
+        return PRIOR_FLIGHTS + sum(len(group) - 1 for group in (self.hovers, *self.others))
+
+    @cached_property
+    def variances(self) -> FloatArray:
+        """Between flights, (4,), in `units` squared."""
+        groups = [np.array([self.sums(h) for h in group]) for group in (self.hovers, *self.others)]
+        squares = sum(((g - g.mean(axis=0)) ** 2).sum(axis=0) for g in groups)
+        return np.asarray((PRIOR_FLIGHTS * np.square(USUAL) + squares) / self.degrees)
+
+    def columns(self, hover: Hover) -> FloatArray:
+        """Return what each rotor is commanded to give, (4, n), in `units`."""
+        return self.balance.loads(hover.thrust, hover.torque) / self.units[:, None]
+
+    def sums(self, hover: Hover) -> FloatArray:
+        """Return the sum over all rotors, (4,), as it would be at the healthy flights' voltage."""
+        sums = self.columns(hover).sum(axis=1)
+        sums[0] -= self.battery.slope * self._voltage_change(hover)
+        return np.asarray(sums)
+
+    def covariance(self, hover: Hover) -> FloatArray:
+        """Return that of the difference between one more healthy flight and the mean of these, (4, 4)."""
+        return self.between(hover, len(self.hovers)) + self.within(hover)
+
+    def between(self, hover: Hover, count: int) -> FloatArray:
+        """Return what flights differ by, (4, 4), were there so many healthy ones."""
+        variances = self.variances * (1.0 + 1.0 / count)
+        variances[0] += (self.battery.std * self._voltage_change(hover)) ** 2
+        return np.diag(variances)
+
+    def within(self, hover: Hover) -> FloatArray:
+        """Return what the scatter within the flights adds, (4, 4)."""
+        scatter = hover.covariance + sum(h.covariance for h in self.hovers) / len(self.hovers) ** 2
+        return np.asarray(scatter / np.outer(self.units, self.units))
+
+    def _voltage_change(self, hover: Hover) -> float:
+        """Return the relative difference of its voltage from the healthy flights'; zero where it is unknown."""
+        change = hover.voltage / self.voltage - 1.0
+        return change if np.isfinite(change) else 0.0
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A weak rotor, or a mass near it: one size, fitted to lift and moments."""
+
+    rotor: str
+    size: float  #: share of thrust and torque that the rotor loses; or mass near it, as a share of the vehicle's
+    std: float
+    unexplained: float  #: sum of squares of three independent standard deviations
+
+    @property
+    def sigmas(self) -> float:
+        """Size in standard errors."""
+        return self.size / self.std
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """The rotors of a flight, compared with the healthy flights."""
+
+    name: str
+    weak: tuple[Explanation, ...]  #: for each rotor in turn
+    mass: tuple[Explanation, ...]  #: for each rotor in turn
+    distance: float  #: from the healthy flights: squares of four independent standard deviations
+    degrees: float  #: of freedom, of the variances
+    voltage: float  #: V
+
+    @property
+    def suspected(self) -> Explanation:
+        """The rotor whose loss explains most; losses only, no rotor gains."""
+        return max(self.weak, key=lambda s: s.sigmas)
+
+    @property
+    def chance(self) -> float:
+        """False-alarm probability: one-sided Student's t, times the number of rotors."""
+        return min(1.0, len(self.weak) * float(stats.t.sf(self.suspected.sigmas, self.degrees)))
+
+    def mass_near(self, rotor: str) -> Explanation:
+        """Return the explanation by a mass."""
+        return next(s for s in self.mass if s.rotor == rotor)
+
+
+def assess(hover: Hover, reference: Reference) -> Assessment:
+    """Compare a flight with the healthy ones."""
+    units, rotors = reference.units, reference.balance.rotors
+    whiten = np.linalg.inv(np.linalg.cholesky(reference.covariance(hover)))
+    d = whiten @ (reference.sums(hover) - reference.level)
+    load = reference.balance.of_thrust * np.array([1.0, 1.0, 1.0, 0.0])[:, None]
+    losses, masses = (
+        tuple(_explain(name, whiten @ c, d) for name, c in zip(rotors, columns.T, strict=True))
+        for columns in (reference.columns(hover), load * units[0] / units[:, None])
+    )
+    distance = float(np.sum(d**2))
+    return Assessment(hover.name, losses, masses, distance, reference.degrees, hover.voltage)
+
+
+def leave_one_out(reference: Reference) -> tuple[Assessment, ...]:
+    """Compare each healthy flight with the others; nothing where it is the only one."""
+    hovers = reference.hovers
+    if len(hovers) < 2:
+        return ()
+    return tuple(assess(h, replace(reference, hovers=tuple(o for o in hovers if o is not h))) for h in hovers)
+
+
+def _explain(rotor: str, column: FloatArray, d: FloatArray) -> Explanation:
+    """Return the least-squares size of one column in d, both whitened."""
+    squares = float(column @ column)
+    if squares <= 0.0:  # a rotor that was never commanded cannot lose thrust
+        return Explanation(rotor, 0.0, float("inf"), float(d @ d))
+    size = float(column @ d) / squares
+    return Explanation(rotor, size, squares**-0.5, float(np.sum((d - size * column) ** 2)))
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The decision on one flight."""
+
+    #: "healthy", "weak or mass", "mass", "several" (rotors that cannot be distinguished), "odd" (no single rotor explains it)
+    kind: str
+    rotors: tuple[str, ...]  #: those that the flight attributes a loss or a mass to
+    chance: float  #: how often a healthy flight looks like this or worse
+    notice: Notice
+
+
+def judge(assessment: Assessment, chance: float = CHANCE) -> Verdict:
+    """Decide on a flight with a false-alarm probability of at most `chance`."""
+    probability = assessment.chance
+    if probability > chance:
+        if stats.f.sf(assessment.distance / 4, 4, assessment.degrees) < ODD_CHANCE:  # Fisher's F
+            return Verdict("odd", (), probability, notice("rotors-odd"))
+        smallest = least_detectable(assessment, chance)
+        return Verdict("healthy", (), probability, notice("rotors-healthy", loss=smallest))
+    best, named = assessment.suspected, indistinct(assessment)
+    if len(named) > 1:
+        return Verdict("several", named, probability, notice("rotors-indistinct", " or ".join(named)))
+    mass = assessment.mass_near(best.rotor)
+    if best.unexplained - mass.unexplained > DISTINCT:
+        return Verdict("mass", (best.rotor,), probability, notice("rotor-mass", best.rotor, share=mass.size))
+    return Verdict("weak or mass", (best.rotor,), probability, notice("rotor-weak-or-mass", best.rotor))
+
+
+def indistinct(assessment: Assessment) -> tuple[str, ...]:
+    """Return the rotor whose loss explains most, and after it those that explain it nearly as well; none where none loses."""
+    best = assessment.suspected
+    if not best.size > 0.0:
+        return ()
+    rivals = [
+        s
+        for s in assessment.weak
+        if s is not best and s.size > 0.0 and s.unexplained - best.unexplained < DISTINCT
+    ]
+    return best.rotor, *(s.rotor for s in sorted(rivals, key=lambda s: s.unexplained))
+
+
+def least_detectable(assessment: Assessment, chance: float = CHANCE) -> float:
+    """Return the loss of thrust of the best-observed rotor that is detected four times in five."""
+    best = min(s.std for s in assessment.weak)
+    return _detectable_sigmas(assessment.degrees, len(assessment.weak), chance) * best
+
+
+def _detectable_sigmas(degrees: float, rotors: int, chance: float) -> float:
+    """Return the loss, in standard errors, that is detected four times in five."""
+    t = stats.t(degrees)
+    return float(t.isf(chance / rotors) + t.isf(1.0 - POWER))
+
+
+def advice(
+    reference: Reference, hovers: Sequence[Hover], verdicts: Sequence[Verdict], chance: float
+) -> tuple[Notice, ...]:
+    """Return what would lower the least detectable loss, for the flight with the largest, each change alone.
+
+    It grows with the scatter between flights, with the scatter within each, and with the uncertainty of the former.
+    """
+
+    def detectable(hover: Hover, covariance: FloatArray, more: int = 0) -> float:
+        """Return the loss of the best-observed rotor that is detected, with so many more healthy flights."""
+        columns = reference.columns(hover)
+        squares = np.einsum("ik,ij,jk->k", columns, np.linalg.inv(covariance), columns)
+        smallest = float(squares.max() ** -0.5)
+        return _detectable_sigmas(reference.degrees + more, columns.shape[1], chance) * smallest
+
+    every = ((detectable(h, reference.covariance(h)), h) for h in hovers)
+    now, worst = max(every, key=lambda pair: pair[0])
+    count, out = len(reference.hovers), []
+    then = detectable(worst, reference.between(worst, count))
+    if then < HELPS * now:
+        out.append(notice("rotors-calmer-hover", now=now, then=then))
+    if count < MANY:
+        covariance = reference.between(worst, MANY) + reference.within(worst)
+        then = detectable(worst, covariance, MANY - count)
+        if count == 1:
+            out.append(notice("rotors-second-healthy", now=now, then=then, count=MANY))
+        elif then < HELPS * now:
+            out.append(notice("rotors-more-healthy", now=now, then=then, count=MANY))
+    named = tuple(dict.fromkeys(name for v in verdicts if v.kind != "mass" for name in v.rotors))
+    if named:
+        out.append(notice("rotors-swap-propellers", rotors=named, count=len(named)))
+    return tuple(out)

@@ -1,0 +1,261 @@
+"""Filter error: a Kalman filter corrects the model with every measurement, so that gusts do not count as its errors.
+
+The methods ``filter-error`` and ``filter-error-ekf``: maximum likelihood of the innovations by Fisher's scoring, damped as
+Levenberg and Marquardt do, within bounds; it starts from the file's values and from the regression, and the gains are
+linearized anew along the states that the filter finds.
+
+References
+----------
+R. V. Jategaonkar, *Flight Vehicle System Identification*, 2nd ed., AIAA, 2015, chapter 5.
+M. R. Osborne, "Fisher's method of scoring", *International Statistical Review* 60(1), 1992, pp. 99-117.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from stoop import optimize
+from stoop.base.arrays import FloatArray
+from stoop.base.notices import notice
+from stoop.errors import IdentificationError
+from stoop.estimate.filter_gains import Gain, Noise, Steady, Varying, first_guess
+from stoop.estimate.filter_likelihood import FrozenFilter, Likelihood, Score
+from stoop.estimate.fit import DEFAULTS, Fit, Options, estimation_problem, starts
+from stoop.estimate.linearization import undelayed
+from stoop.flight import Flight
+from stoop.optimize.levenberg_marquardt import LinearModel, TenfoldDamping, Trial, levenberg_marquardt
+from stoop.optimize.minimize import Status
+from stoop.problem import Layout, Misfit, Nuisance
+from stoop.problem.evidence import Evidence, PieceEvidence, Unknown, unknowns_of
+from stoop.problem.prepare import Prepared
+from stoop.problem.windows import Window
+from stoop.vehicle import Vehicle
+from stoop.vehicle.vehicle import GUST_STATES
+
+MAX_ITERATIONS: Final = 60
+MAX_LINEARIZATIONS: Final = 3  #: along the states that the filter finds
+GUST_SHARES: Final = {
+    "u": (1.0,),
+    "v": (0.5**0.5, 0.5),
+    "w": (0.5**0.5, 0.5),
+}  #: of the intensity in each gust state
+ADVICE: Final[dict[Status, str]] = {
+    "converged": "",
+    "generations": f"no maximum of the likelihood after {MAX_ITERATIONS} steps; begin nearer, fix what the data cannot tell",
+    "interrupted": "stopped by the user",
+}
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Differences of -ln L; a seventieth of a standard error is 1e-4."""
+
+    first: float = 1e-2  #: left to gain at the end of the first ascents, before the gains are linearized anew
+    last: float = 1e-4  #: left to gain at the end of scoring
+    linearization: float = 0.05  #: change by another linearization that needs no further one
+    agreement: float = 0.1  #: of two ascents that found the same maximum
+
+
+TOLERANCES: Final = Tolerances()
+
+
+class ScoringModel(LinearModel):
+    """Fisher's scoring on a likelihood, from z within its bounds, until less than a tolerance of -ln L is left to gain."""
+
+    def __init__(self, likelihood: Likelihood, z: FloatArray, tolerance: float) -> None:
+        self.likelihood, self.tolerance = likelihood, tolerance
+        self.lower, self.upper = likelihood.bounds
+        self.z = np.clip(z, self.lower, self.upper)
+        self.cost = likelihood.cost(self.z)
+        self.history = [(0.0, self.cost)]
+
+    def linearize(self) -> None:
+        """Take gradient and information; unknowns that a bound holds are left out."""
+        at = self.likelihood.score(self.z)
+        g = at.gradient
+        held = ((self.z <= self.lower) & (g > 0.0)) | ((self.z >= self.upper) & (g < 0.0))
+        self.free = np.flatnonzero(~held)
+        self.gradient, self.information = g[self.free], at.information[np.ix_(self.free, self.free)]
+        self.current = self.exact = True
+
+    @property
+    def optimal(self) -> bool:
+        """Whether less than the tolerance is left to gain."""
+        if not self.current:
+            self.linearize()
+        return 0.5 * float(self.gradient @ self._solve(self.gradient, 0.0)) < self.tolerance
+
+    def step(self, damping: float) -> FloatArray:
+        """Return the damped step."""
+        step = np.zeros_like(self.z)
+        step[self.free] = self._solve(-self.gradient, damping)
+        return step
+
+    def _solve(self, right: FloatArray, damping: float) -> FloatArray:
+        """Solve with the diagonal scaled to one, so that units do not matter."""
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(self.information), 1e-300))
+        matrix = self.information * np.outer(scale, scale)
+        matrix[np.diag_indices_from(matrix)] += max(damping, 1e-12)
+        return np.asarray(scale * np.linalg.solve(matrix, scale * right))
+
+    def evaluate(self, step: FloatArray) -> Trial:
+        """Return the cost after the step."""
+        there = np.clip(self.z + step, self.lower, self.upper)
+        return Trial(there, self.likelihood.cost(there), 0.0)
+
+    def accept(self, trial: Trial, ratio: float) -> None:
+        """Go there."""
+        self.z, self.cost, self.current = trial.point, trial.cost, False
+        self.history.append((float(len(self.history)), trial.cost))
+
+
+@dataclass(frozen=True, eq=False)
+class Ascent:
+    """Where scoring ended."""
+
+    likelihood: Likelihood  #: with the gains of this ascent
+    z: FloatArray  #: (k,)
+    cost: float  #: twice the negative logarithm of the posterior
+    status: Status
+    history: FloatArray  #: (i, 2), iterations and cost
+
+    @property
+    def usable(self) -> bool:
+        """Whether to go on from here."""
+        return self.status != "interrupted" and bool(np.isfinite(self.cost))
+
+
+def ascend(likelihood: Likelihood, z: FloatArray, tolerance: float) -> Ascent:
+    """Ascend from z until so much of -ln L is left to gain; Ctrl-C keeps the best so far."""
+    model = ScoringModel(likelihood, z, tolerance)
+    damping = TenfoldDamping(1e-3, growth=4.0, smallest=1e-9)
+    try:
+        found = levenberg_marquardt(model, damping, max_steps=MAX_ITERATIONS)
+        status: Status = "converged" if found.ending == "converged" else "generations"
+    except KeyboardInterrupt:
+        status = "interrupted"
+    return Ascent(likelihood, model.z, model.cost, status, np.array(model.history))
+
+
+@dataclass(frozen=True)
+class FilterError:
+    """Filter error with one kind of gain."""
+
+    gain: Gain
+
+    def __call__(
+        self,
+        vehicle: Vehicle,
+        flights: Mapping[str, Flight],
+        windows: Sequence[Window],
+        options: Options = DEFAULTS,
+        callback: Callable[[Any], None] | None = None,
+        state: Any = None,
+    ) -> Fit:
+        """Maximize the likelihood of the innovations, see :mod:`stoop.estimate.methods`."""
+        problem, prepared = estimation_problem(vehicle, flights, windows, options)
+        with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
+            problem = with_gusts(problem)
+            given = options.covariance
+            variances = np.diag(given) if given is not None and given.ndim == 2 else given
+            noise, shifted = (
+                Noise(vehicle, first_guess(vehicle, problem.pieces), variances),
+                undelayed(problem),
+            )
+            ascents = []
+            for x in starts(problem):
+                z = np.concatenate([x, np.zeros(problem.extra), noise.start])
+                best = ascend(Likelihood.of(shifted, noise, self.gain, z), z, TOLERANCES.first)
+                if best.usable:  # once more with gains that suit where that led
+                    best = ascend(best.likelihood.along(best.z), best.z, TOLERANCES.first)
+                ascents.append(best)
+            best = min(ascents, key=lambda a: a.cost)
+            for _ in range(MAX_LINEARIZATIONS):
+                if not best.usable:
+                    break
+                before, best = best.cost, ascend(best.likelihood.along(best.z), best.z, TOLERANCES.last)
+                if 0.5 * abs(before - best.cost) < TOLERANCES.linearization:
+                    break
+            if not np.isfinite(best.cost):
+                raise IdentificationError(
+                    f"{vehicle.where}: the filter diverges from every start; check values, bounds and units, or shorten "
+                    "the maneuver"
+                )
+            return _fit(problem, prepared, best, sorted(a.cost for a in ascents))
+
+
+def with_gusts(problem: Misfit) -> Misfit:
+    """Return the problem with the gusts at the beginning of each piece among the nuisances."""
+    vehicle = problem.layout.vehicle
+    gusts = [
+        Nuisance(name, piece.maneuver, i, 0.0, share * vehicle.value(f"turbulence.{axis}.intensity"))
+        for i, piece in enumerate(problem.pieces)
+        for axis in vehicle.gusts
+        for name, share in zip(GUST_STATES[axis], GUST_SHARES[axis], strict=True)
+    ]
+    own = problem.layout.nuisances
+    states, biases = [n for n in own if not n.is_bias], [n for n in own if n.is_bias]
+    return replace(problem, layout=Layout(vehicle, problem.layout.parameters, (*states, *gusts, *biases)))
+
+
+def _fit(problem: Misfit, prepared: Prepared, best: Ascent, costs: Sequence[float]) -> Fit:
+    """Return the fit of the best ascent; `costs` are those of the ascents from each start, ascending.
+
+    Its notices are how to read the estimates, what noise was found, and whether starts led to different maxima.
+    """
+    likelihood, status, noise = best.likelihood, best.status, best.likelihood.noise
+    z, tail = best.z[: likelihood.known], best.z[likelihood.known :]
+    iterations = len(best.history) - 1
+    runs = float(iterations * (likelihood.size + 2) * len(costs))
+    at = likelihood.score(best.z)
+    correlations = [float(np.mean(p.white[1:] * p.white[:-1]) / np.mean(p.white**2)) for p in at.pieces]
+    notices = [
+        notice("filter-error"),
+        notice("innovation-correlation", correlation=float(np.mean(correlations))),
+    ]
+    if noise.disturbed:
+        intensities = tuple(float(np.exp(x)) for x in tail[: len(noise.disturbed)])
+        notices.append(notice("process-noise", states=noise.disturbed, intensities=intensities))
+    if len(costs) > 1 and not 0.5 * (costs[1] - costs[0]) < TOLERANCES.agreement:
+        notices.append(notice("starts-disagree"))
+    variances = noise.variances(tail[None, :])[0]
+    return Fit(
+        problem,
+        prepared,
+        z,
+        optimize.Outcome(
+            z, best.cost, runs, iterations, status, ADVICE[status], best.history, None, "scoring"
+        ),
+        best.cost,
+        runs,
+        tuple(notices),
+        noise=np.diag(np.where(np.isfinite(variances), variances, np.nan)),
+        own_evidence=_evidence(likelihood, best.z, at),
+        local_problem=partial(FrozenFilter.of, likelihood, best.z),
+    )
+
+
+def _evidence(likelihood: Likelihood, z: FloatArray, at: Score) -> Evidence:
+    """Return innovations and sensitivities per SI unit (of logarithms, for the noise)."""
+    layout, known = likelihood.problem.layout, likelihood.known
+    scales = np.concatenate([layout.scales, np.ones(likelihood.noise.size)])
+    pieces, prior = [], likelihood.prior(z)[1]
+    for piece, found in zip(likelihood.problem.pieces, at.pieces, strict=True):
+        jacobian = np.zeros((*found.white.shape, likelihood.size))
+        jacobian[:, :, found.entries] = -found.slopes
+        residual = np.where(np.isfinite(piece.measured), found.white, np.nan)
+        pieces.append(PieceEvidence(residual, jacobian / scales))
+        prior[np.ix_(found.entries, found.entries)] += found.spread_information
+    intensities = [Unknown(f"noise {i}", "noise", float(x), 1.0) for i, x in enumerate(z[known:])]
+    unknowns = (*unknowns_of(layout, z[:known]), *intensities)
+    return Evidence(unknowns, tuple(pieces), prior / np.outer(scales, scales))
+
+
+steady = FilterError(Steady())
+varying = FilterError(Varying())

@@ -1,0 +1,180 @@
+"""Linear models of one sample at points of a flight, by central differences of the vehicle's own equations.
+
+A piece is linearized at what was measured, or at the states that a filter found.
+
+Axes: b = candidate, r = point, e = number of a perturbation (:attr:`stoop.kernels.SymbolicModel.moves`), i = reading.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray, IntArray
+from stoop.base.rotations import quaternions_of
+from stoop.base.variables import WRAPPED
+from stoop.errors import IdentificationError
+from stoop.kernels import filtering
+from stoop.problem import Misfit, Piece
+from stoop.simulation import initial_states, parameter_rows
+from stoop.simulation.delays import delayed, output_delays
+from stoop.vehicle import Vehicle
+from stoop.vehicle.vehicle import noise_input
+
+
+@dataclass(frozen=True, eq=False)
+class LinearModels:
+    """How a small perturbation propagates over one sample."""
+
+    transition: FloatArray  #: (B, r, n_e, n_e)
+    readings: FloatArray  #: (B, r, n_y, n_e), by a perturbation that has not propagated
+    drive: FloatArray  #: (B, r, n_e, n_w), perturbation by one unit of noise, held over the sample
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Points of linearization of a piece: states (n_x, r) and inputs (n_u, r)."""
+
+    states: FloatArray
+    inputs: FloatArray
+
+
+def linearized(
+    vehicle: Vehicle, rows: FloatArray, states: FloatArray, inputs: FloatArray, dt: float
+) -> LinearModels:
+    """Return the linear models of every candidate at every point.
+
+    Kernel parameters `rows` are (n_p, B), states (n_x, r, B), inputs (n_u, r); `dt` is in s.
+    """
+    kernel, steps = vehicle.kernel(), perturbation_steps(vehicle)
+    noise = [vehicle.inputs.index(noise_input(a)) for a in vehicle.gusts]
+    nx, r, count = states.shape
+    ne, nw = len(steps), len(noise)
+    changes = np.concatenate([np.zeros((ne, 1)), np.diag(steps), -np.diag(steps), np.zeros((ne, nw))], axis=1)
+    many = changes.shape[1]
+    shape = (many, r, count)
+    x = np.broadcast_to(states[:, None], (nx, *shape)).reshape(nx, -1)
+    d = np.broadcast_to(changes[:, :, None, None], (ne, *shape)).reshape(ne, -1)
+    u = np.repeat(np.broadcast_to(inputs[:, None, :, None], (len(inputs), many, r, 1)), count, axis=3)
+    u[noise, np.arange(1 + 2 * ne, many)] = 1.0
+    u = u.reshape(len(inputs), -1)
+    p = np.broadcast_to(rows[:, None, None, :], (len(rows), *shape)).reshape(len(rows), -1)
+    after, readings = filtering.step(kernel, p, filtering.move(kernel, x, d), u, u, dt)
+    after, readings = after.reshape(nx, *shape), readings.reshape(-1, *shape)
+    inverse = perturbations_of(vehicle, after[:, 0])
+    up, down = (slice(None), slice(1, 1 + ne)), (slice(None), slice(1 + ne, 1 + 2 * ne))
+    state_slopes = (after[up] - after[down]) / (2.0 * steps[:, None, None])
+    reading_slopes = (readings[up] - readings[down]) / (2.0 * steps[:, None, None])
+    driven = after[:, 1 + 2 * ne :] - after[:, :1]
+    return LinearModels(
+        np.einsum("exrb,xfrb->bref", inverse, state_slopes),
+        np.ascontiguousarray(np.transpose(reading_slopes, (3, 2, 0, 1))),
+        np.einsum("exrb,xwrb->brew", inverse, driven),
+    )
+
+
+def perturbation_steps(vehicle: Vehicle) -> FloatArray:
+    """Return the size (n_e,) of the differences: 0.01 m/s, 1e-4 rad or rad/s."""
+    speeds = [name in ("u", "v", "w") or name.startswith("gust.") for name in vehicle.moves]
+    return np.where(speeds, 1e-2, 1e-4)
+
+
+def perturbations_of(vehicle: Vehicle, states: FloatArray) -> FloatArray:
+    """Return what makes perturbations (n_e, n_x, ...) of small differences of states (n_x, ...).
+
+    The columns by which single perturbations change a state are orthogonal.
+    """
+    kernel, steps, (nx, *shape) = vehicle.kernel(), perturbation_steps(vehicle), states.shape
+    flat = states.reshape(nx, -1)
+    out = np.empty((len(steps), *flat.shape))
+    for e, step in enumerate(steps):
+        change = np.zeros((len(steps), flat.shape[1]))
+        change[e] = step
+        column = (filtering.move(kernel, flat, change) - filtering.move(kernel, flat, -change)) / (2.0 * step)
+        out[e] = column / np.sum(column**2, axis=0)
+    return out.reshape(len(steps), nx, *shape)
+
+
+def undelayed(problem: Misfit) -> Misfit:
+    """Shift the readings of late sensors to when they were true: a filter corrects the state of its own time.
+
+    Raises
+    ------
+    IdentificationError
+        The delay of a sensor is free.
+    """
+    vehicle, pieces = problem.layout.vehicle, []
+    late = [(column, vehicle.parameters[row].name, row) for column, row in output_delays(vehicle)]
+    free = {p.name for p in problem.layout.parameters}
+    for name in (name for _, name, _ in late if name in free):
+        raise IdentificationError(
+            f"{vehicle.where}: {name}: this method shifts readings by a delay that is known; use --fix {name}"
+        )
+    for piece in problem.pieces:
+        measured, rows = piece.measured.copy(), parameter_rows(vehicle, piece.changes)
+        for column, _, row in late:
+            values = measured[:, column]
+            if np.isfinite(values).any() and rows[row, 0] != 0.0:
+                whole = unwrapped(values) if vehicle.outputs[column] in WRAPPED else values
+                measured[:, column] = delayed(whole, -float(rows[row, 0]) / piece.dt)
+        pieces.append(replace(piece, measured=measured))
+    return replace(problem, pieces=tuple(pieces))
+
+
+def unwrapped(column: FloatArray) -> FloatArray:
+    """Return an angle (n,) without jumps; NaN where it was not measured."""
+    out, present = column.copy(), np.isfinite(column)
+    out[present] = np.unwrap(column[present])
+    return out
+
+
+def interpolated(values: FloatArray) -> FloatArray:
+    """Return values (n,) with straight lines where nothing was measured."""
+    present = np.flatnonzero(np.isfinite(values))
+    return np.interp(np.arange(len(values)), present, values[present])
+
+
+def measured_points(problem: Misfit, piece: Piece, points: IntArray) -> Points:
+    """Return mean measured states around each point, where `points` (n,) is that of each sample; else the start."""
+    vehicle = problem.layout.vehicle
+    start = {name: np.full(len(points), value) for name, value in piece.start.items()}
+    for i, channel in enumerate(vehicle.outputs):
+        if channel in start and np.isfinite(piece.measured[:, i]).any():
+            start[channel] = interpolated(unwrapped(piece.measured[:, i]))
+
+    def mean(values: FloatArray) -> FloatArray:
+        return np.bincount(points, values) / np.bincount(points)
+
+    rows = parameter_rows(vehicle, piece.changes)
+    means = {name: mean(values) for name, values in start.items()}
+    inputs = np.array([mean(column) for column in piece.inputs.T])
+    states = [
+        initial_states(vehicle, {n: m[r] for n, m in means.items()}, rows, inputs[:, r])
+        for r in range(inputs.shape[1])
+    ]
+    return Points(np.concatenate(states, axis=1), inputs)
+
+
+def averaged(vehicle: Vehicle, states: FloatArray, points: IntArray) -> FloatArray:
+    """Return the mean states (n_x, r, B) around each point of states (B, n, n_x).
+
+    Quaternions on the way do not average to an attitude, but where down is does; the heading does not matter to a
+    linear model in body axes.
+    """
+    first = np.flatnonzero(np.diff(points, prepend=-1))
+    counts = np.diff(np.append(first, len(points)))[:, None]
+    at = {name: i for i, name in enumerate(vehicle.states)}
+    with np.errstate(over="ignore", invalid="ignore"):  # a candidate that diverges is a value
+        zero = np.zeros(states.shape[:2])
+        e0, e1, e2, e3 = (states[:, :, at[n]] if n in at else zero for n in ("e0", "e1", "e2", "e3"))
+        downs = [2 * (e1 * e3 - e0 * e2), 2 * (e2 * e3 + e0 * e1), e0**2 - e1**2 - e2**2 + e3**2]
+        out, (x, y, z) = (
+            np.moveaxis(np.add.reduceat(columns, first, axis=1) / counts, 2, 0)
+            for columns in (states, np.stack(downs, axis=2))
+        )
+        phi, theta = np.arctan2(y, z), np.arctan2(-x, np.hypot(y, z))
+        level = quaternions_of(np.stack([phi, theta, np.zeros_like(phi)], axis=-1))
+        for i in (i for i in range(4) if f"e{i}" in at):
+            out[at[f"e{i}"]] = level[..., i]
+        return np.ascontiguousarray(np.swapaxes(out, 1, 2))

@@ -1,0 +1,369 @@
+"""Multiple shooting: short windows with states of their own, which meet as the fit converges.
+
+An unstable vehicle cannot be flown open loop from a wrong start, and in the long run not even from the right one:
+the simulation runs away long before its end, and no gradient is left to follow. Over a window of a second it
+cannot run far. Each window begins in a state of its own, first as measured; that each ends where the next begins is
+demanded ever more strictly. The end is that of output error: windows that meet are one flight.
+
+Gauss-Newton alternates with noise-covariance estimation. Where no start of a vehicle with rotors is near enough for
+Gauss-Newton, an optimizer first searches windows that begin as they were measured: each is then a piece of its own, so that
+even a wrong candidate can be simulated to their end.
+
+References
+----------
+H. G. Bock, "Recent advances in parameter identification techniques for ordinary differential equations", in
+P. Deuflhard and E. Hairer (eds.), *Numerical Treatment of Inverse Problems in Differential and Integral Equations*,
+Birkhaeuser, 1983, pp. 95-121.
+R. V. Jategaonkar, *Flight Vehicle System Identification*, 2nd ed., AIAA, 2015, section 9 (unstable aircraft).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from itertools import pairwise
+from typing import Any, ClassVar, Final
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from stoop import optimize
+from stoop.base.arrays import FloatArray
+from stoop.base.notices import notice
+from stoop.errors import IdentificationError
+from stoop.estimate.fit import ALTERNATION, DEFAULTS, Fit, LocalProblem, Options, estimation_problem, starts
+from stoop.estimate.linearization import undelayed
+from stoop.estimate.noise import effective_variance, first_variance, noise_variance
+from stoop.estimate.shooting_problem import Iterate, Reduced, ShootingProblem, Weighted, reduced
+from stoop.estimate.shooting_windows import WINDOW_LENGTH, Shots, window_model
+from stoop.flight import Flight
+from stoop.optimize.levenberg_marquardt import LinearModel, TenfoldDamping, Trial, levenberg_marquardt
+from stoop.optimize.minimize import Status
+from stoop.optimize.normal_equations import solve_damped
+from stoop.problem import Layout, Misfit, Weights
+from stoop.problem.prepare import Prepared
+from stoop.problem.windows import Window
+from stoop.vehicle import Vehicle
+
+MAX_ITERATIONS: Final = 60
+TOLERANCE: Final = 1e-4  #: of half the cost that is left to gain
+MIN_DAMPING: Final = 1e-10
+SECOND_BUDGET: Final = (
+    3000.0  #: trajectories of a search after Gauss-Newton from a fair start did not converge
+)
+POOR: Final = 0.7  #: of the cost of constant readings: a start that is no better is none
+ADVICE: Final[dict[Status, str]] = {
+    "converged": "",
+    "generations": "the windows do not meet at an optimum; begin nearer, or fix what the data cannot tell",
+    "interrupted": "stopped by the user",
+}
+
+
+class GaussNewtonModel(LinearModel):
+    """The windows of a problem about an iterate, their states eliminated; parameters stay in the unit box."""
+
+    def __init__(self, problem: ShootingProblem, at: Iterate) -> None:
+        self.problem, self.at, self.cost = problem, at, at.cost
+
+    def linearize(self) -> None:
+        """Take the derivatives of every window."""
+        self.windows: list[list[Weighted]] = [
+            self.problem.weigh(shots) for shots in self.problem.linearize(self.at)
+        ]
+        self.current = self.exact = True
+
+    @property
+    def optimal(self) -> bool:
+        """Whether less than the tolerance is left to gain."""
+        if self.current:  # an optimum was looked for when the derivatives were taken
+            return False
+        self.linearize()
+        return 0.5 * self._solve(MIN_DAMPING)[2] < TOLERANCE
+
+    def step(self, damping: float) -> tuple[FloatArray, list[Reduced]]:
+        """Return the damped step of the search vector, and the eliminated states."""
+        return self._solve(damping)[:2]
+
+    def _solve(self, damping: float) -> tuple[FloatArray, list[Reduced], float]:
+        """Return the step of the search vector, the eliminated states, and what both take off the cost."""
+        normal, gradient, found = self.problem.reduce(self.at, self.windows, damping)
+        d = self.problem.problem.dimension
+        x, slope = self.at.z[:d], gradient[:d]
+        at_bound = np.zeros(len(gradient), dtype=np.bool_)
+        at_bound[:d] = ((x <= 0.0) & (slope > 0.0)) | ((x >= 1.0) & (slope < 0.0))
+        free = np.flatnonzero(~at_bound)
+        step = np.zeros_like(gradient)
+        step[free] = solve_damped(normal[np.ix_(free, free)], -gradient[free], damping)
+        return step, found, sum(r.gain for r in found) - float(gradient @ step)
+
+    def evaluate(self, step: tuple[FloatArray, list[Reduced]]) -> Trial:
+        """Simulate the windows after the step."""
+        z, d = self.at.z + step[0], self.problem.problem.dimension
+        z[:d] = np.clip(z[:d], 0.0, 1.0)
+        nodes = [
+            shots.perturbed(own, r.moves(z - self.at.z).T) if r.nodes else own
+            for shots, own, r in zip(self.problem.shots, self.at.nodes, step[1], strict=True)
+        ]
+        there = self.problem.iterate(z, nodes)
+        return Trial(there, there.cost, 0.0)
+
+    def accept(self, trial: Trial, ratio: float) -> None:
+        """Go there."""
+        self.at, self.cost, self.current = trial.point, trial.cost, False
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """Where the alternation of Gauss-Newton and noise estimate ended."""
+
+    problem: ShootingProblem
+    at: Iterate
+    iterations: int
+    status: Status
+    noise_converged: bool = False
+
+
+def refined(problem: ShootingProblem, at: Iterate, options: Options) -> Refined:
+    """Alternate Gauss-Newton, with gaps that count ever more, and noise-covariance estimation until both converge."""
+    schedule = window_model(problem.problem.layout.vehicle).strictness
+    iterations, before = 0, np.inf
+    status: Status = "generations"
+    noise_converged = False
+    problem = replace(problem, strictness=schedule[-1])
+    end = at
+    try:
+        for _ in range(ALTERNATION.rounds):
+            for strictness in schedule if np.isinf(before) else schedule[-1:]:
+                stricter = replace(problem, strictness=strictness)
+                model = GaussNewtonModel(stricter, stricter.leveled(at))
+                damping = TenfoldDamping(1e-4, growth=8.0, acceleration=1.0, smallest=MIN_DAMPING)
+                found = levenberg_marquardt(model, damping, max_steps=MAX_ITERATIONS)
+                at, iterations = model.at, iterations + found.steps + (found.ending == "stalled")
+            end, status = at, "converged" if found.ending == "converged" else "generations"
+            weights = problem.problem.weights
+            noise_converged = options.covariance is not None or ALTERNATION.converged(before, weights)
+            if noise_converged:
+                break
+            variance = effective_variance(problem.problem, problem.residuals(at))
+            before, problem = weights.logdet, problem.weighted(Weights.of(variance))
+            problem = problem.with_likeliest_wind_steps(at)
+            end = at = problem.iterate(at.z, at.nodes)
+    except KeyboardInterrupt:
+        status = "interrupted"
+    return Refined(problem, end, iterations, status, noise_converged)
+
+
+def windowed_problem(shooting: ShootingProblem) -> Misfit:
+    """Return the least-squares problem in which every window is a piece that begins as measured, for a global search.
+
+    Its unknowns are the free parameters and the biases; initial states are not among them.
+    """
+    problem, pieces = shooting.problem, []
+    biases = tuple(n for n in problem.layout.nuisances if n.is_bias)
+    layout = Layout(problem.layout.vehicle, problem.layout.parameters, biases)
+    for shots in shooting.shots:
+        states = shots.measured_starts()
+        for w, (a, b) in enumerate(pairwise(shots.edges)):
+            start = {name: float(values[w]) for name, values in states.items()}
+            pieces.append(shots.piece.part(a, b, start))
+    return Misfit(layout, tuple(pieces), problem.weights, (tuple(len(p.time) for p in pieces),))
+
+
+@dataclass(frozen=True)
+class MultipleShooting:
+    """Multiple shooting in windows of a length, s."""
+
+    length: float = WINDOW_LENGTH
+
+    def __call__(
+        self,
+        vehicle: Vehicle,
+        flights: Mapping[str, Flight],
+        windows: Sequence[Window],
+        options: Options = DEFAULTS,
+        callback: Callable[[Any], None] | None = None,
+        state: Any = None,
+    ) -> Fit:
+        """Fit windows, see :mod:`stoop.estimate.methods`.
+
+        `callback` and `state` are those of the global search of vehicles with rotors.
+        """
+        problem, prepared = estimation_problem(vehicle, flights, windows, options)
+        shifted, model = undelayed(problem), window_model(vehicle)
+        with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
+            if options.covariance is None:
+                shifted = shifted.weighted(Weights.of(first_variance(shifted)))
+            shooting, guesses = ShootingProblem.of(shifted, self.length), starts(shifted)
+            padded, start = list(np.pad(guesses, [(0, 0), (0, problem.extra)])), None
+
+            def search(budget: float) -> optimize.Outcome:
+                """Return how a global search ended, its vector that of the whole problem."""
+                stop = replace(options, budget=budget).stop(0.0, len(guesses))
+                found = optimize.minimize(
+                    optimize.create(options.optimizer, stop.budget), windowed, seed=options.seed, starts=guesses,
+                    stop=stop, callback=callback, state=state,
+                )  # fmt: skip
+                if not np.isfinite(found.cost):
+                    raise IdentificationError(f"{vehicle.where}: {found.advice}")
+                d, extra = problem.dimension, problem.extra - windowed.extra
+                return replace(found, z=np.concatenate([found.z[:d], np.zeros(extra), found.z[d:]]))
+
+            if model.global_start:  # where no start explains more than constant readings do
+                windowed = windowed_problem(shooting)
+                poor = POOR * windowed.reference(0)
+                if state is not None or not float(np.min(windowed.costs(guesses, 0))) < poor:
+                    start = search(options.budget)
+            found = self._from(shooting, padded if start is None else [start.z], options, start)
+            if start is None and found.status == "generations" and model.global_start:
+                start = search(min(SECOND_BUDGET, options.budget))
+                again = self._from(shooting, [start.z], options, start)
+                found = again if again.status == "converged" else found
+            return self._fit(problem, prepared, found, start)
+
+    def _from(
+        self,
+        problem: ShootingProblem,
+        begins: Sequence[FloatArray],
+        options: Options,
+        start: optimize.Outcome | None,
+    ) -> Refined:
+        """Return the solution from the best of some vectors (D + E,); an interrupted search is not refined."""
+        nodes = tuple(shots.measured_nodes() for shots in problem.shots)
+        at = min((problem.iterate(z, nodes) for z in begins), key=lambda p: p.cost)
+        if not np.isfinite(at.cost):
+            raise IdentificationError(
+                f"{problem.problem.layout.vehicle.where}: not even windows of {self.length:g} s can be flown from the "
+                "start; check values and units"
+            )
+        if start is not None and start.status == "interrupted":
+            return Refined(problem, at, 0, "interrupted")
+        return refined(problem, at, options)
+
+    def _fit(
+        self, problem: Misfit, prepared: Prepared, found: Refined, start: optimize.Outcome | None
+    ) -> Fit:
+        at, status, windowed = found.at, found.status, found.problem
+        many = float(found.iterations * (problem.dimension + problem.extra + 2))
+        code = window_model(problem.layout.vehicle).notice
+        notices = [notice(code, length=self.length, gap=max(at.gap, 1e-15))]
+        history, state, optimizer = np.empty((0, 2)), None, "gauss-newton"
+        if start is not None:
+            searched, optimizer = start.trajectories, start.optimizer
+            many, history, state = searched + many, start.history, start.state
+            notices.append(notice("global-start", optimizer=optimizer, trajectories=searched))
+        if not found.noise_converged and status != "interrupted":
+            notices.append(notice("noise-not-converged"))
+        residuals = windowed.residuals(at)
+        measured = np.any([np.isfinite(r).any(axis=0) for r in residuals], axis=0)
+        return Fit(
+            problem,
+            prepared,
+            at.z,
+            optimize.Outcome(
+                at.z, at.cost, many, found.iterations, status, ADVICE[status], history, state, optimizer
+            ),
+            at.cost,
+            many,
+            tuple(notices),
+            noise=np.diag(np.where(measured, noise_variance(windowed.problem, residuals), np.nan)),
+            own_evidence=windowed.evidence(at),
+            local_problem=partial(FollowingWindows.of, windowed, at),
+            simulated=windowed.simulated(at),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class FollowingWindows(LocalProblem):
+    """Readings of windows and gaps between them as residuals, the states that windows begin with following.
+
+    They follow parameters and nuisances as the linear model at the estimate has them, so residuals and gaps are functions
+    of the search vector alone. Where gaps count strictly, a Gauss-Newton step of these states alone closes what the
+    curvature opens.
+    """
+
+    kind: ClassVar = "windows"
+    problem: Misfit  #: layout, weights, priors and pieces, late readings shifted
+    edges: tuple[tuple[int, ...], ...]  #: first sample of each window, then the number of samples
+    gap_weights: FloatArray  #: (e,), what a gap is multiplied with
+    center: FloatArray  #: (D + E,), the estimate
+    nodes: tuple[FloatArray, ...]  #: (n_x, w), states with which the windows of each piece begin there
+    follow: tuple[FloatArray, ...]  #: (w, e, D + E), how they change with the search vector
+    strict: bool = False  #: whether windows are to meet, so that states must follow to the second order
+
+    @classmethod
+    def of(cls, problem: ShootingProblem, at: Iterate) -> FollowingWindows:
+        """Return the problem about the iterate where a search ended."""
+        ones, edges = np.ones(len(at.z)), tuple(shots.edges for shots in problem.shots)
+        left = [reduced(problem.weigh(windows), 0.0) for windows in problem.linearize(at)]
+        follow = tuple(np.stack(one.following(ones)) for one in left)
+        strict = problem.strictness > 1.0
+        return cls(problem.problem, edges, problem.gap_weights, at.z, at.nodes, follow, strict)
+
+    @classmethod
+    def restored(cls, problem: Misfit, arrays: Mapping[str, Any]) -> FollowingWindows:
+        """Return the problem from its `arrays`."""
+        each = range(len(problem.pieces))
+        edges = tuple(tuple(arrays[f"edges.{i}"].tolist()) for i in each)
+        nodes, follow = (tuple(arrays[f"{n}.{i}"] for i in each) for n in ("nodes", "follow"))
+        center, strict = arrays["center"], bool(arrays["strict"])
+        return cls(problem, edges, arrays["gap_weights"], center, nodes, follow, strict)
+
+    @property
+    def arrays(self) -> dict[str, Any]:
+        """What :meth:`restored` needs beside `problem`."""
+        out: dict[str, Any] = {"gap_weights": self.gap_weights, "center": self.center}
+        out["strict"] = np.array(self.strict)
+        for i, (edges, nodes, follow) in enumerate(zip(self.edges, self.nodes, self.follow, strict=True)):
+            out |= {f"edges.{i}": np.array(edges), f"nodes.{i}": nodes, f"follow.{i}": follow}
+        return out
+
+    @cached_property
+    def shots(self) -> tuple[Shots, ...]:
+        """The windows of each piece."""
+        return tuple(Shots(self.problem, i, edges) for i, edges in enumerate(self.edges))
+
+    @cached_property
+    def _shooting(self) -> ShootingProblem:
+        return ShootingProblem(self.problem, self.shots, 1.0 / self.gap_weights, 1.0)
+
+    def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
+        """Return whitened simulated minus measured readings, gaps, and the residuals of the priors, (B, n_r)."""
+        rows = []
+        for z in Z:
+            pieces = zip(*self._shooting.whitened(z, self._nodes(z)), strict=True)
+            rows.append(np.concatenate([part.ravel() for parts in pieces for part in parts]))
+        return np.concatenate([np.array(rows), self.problem.layout.prior_residuals(Z)], axis=1)
+
+    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
+        """Return the derivative of the residuals, the states following, and the trajectories it took."""
+        at, readings, gaps = Iterate(z, tuple(self._nodes(z)), 0.0, 0.0), [], []
+        for windows in self._shooting.linearize(at):
+            by_window, slopes = self._shooting.sensitivities(windows, np.ones(len(z)))
+            readings += [one.reshape(-1, len(z)) for one in by_window]
+            gaps.append(slopes.reshape(-1, len(z)))
+        return np.concatenate([*readings, *gaps, self.problem.layout.prior_jacobian()]), float(len(z))
+
+    def in_units(self, white: Sequence[FloatArray]) -> list[FloatArray]:
+        """Return whitened values (n, n_y) of each piece in the channels' units."""
+        present = [np.isfinite(w) for w in white]
+        colored = self.problem.weights.colored
+        return [colored(np.where(there, w, 0.0), there) for w, there in zip(white, present, strict=True)]
+
+    def _nodes(self, z: FloatArray) -> list[FloatArray]:
+        """Return the states that the windows of each piece begin with, following the search vector."""
+        found = [
+            shots.perturbed(nodes, (follow @ (z - self.center)).T)
+            for shots, nodes, follow in zip(self.shots, self.nodes, self.follow, strict=True)
+        ]
+        if not self.strict or not (z - self.center).any():
+            return found
+        out, still = [], np.zeros(len(z))
+        linear = self._shooting.linearize(Iterate(z, tuple(found), 0.0, 0.0))
+        for shots, nodes, windows in zip(self.shots, found, linear, strict=True):
+            left = reduced(self._shooting.weigh(windows), 0.0)
+            out.append(shots.perturbed(nodes, left.moves(still).T) if left.nodes else nodes)
+        return out
+
+
+fit = MultipleShooting()

@@ -1,0 +1,337 @@
+"""The least-squares problem of windows that do not meet yet.
+
+The states of the windows couple to their neighbors and to the search vector only, so they are eliminated one after the other
+(a Schur complement), and a step costs in proportion to the number of windows. The gaps' scale in winds, which decides how
+much of a velocity a gust explains, is estimated by maximum likelihood of the linearized problem, states, winds and search
+vector integrated out (the Laplace approximation); in calm air it goes to zero and the winds are one.
+
+Axes: j = unknown of the search vector, e = number of a perturbation of a window's state, w = window.
+
+References
+----------
+H. E. Rauch, F. Tung and C. T. Striebel, "Maximum likelihood estimates of linear dynamic systems", AIAA Journal 3(8), 1965.
+D. J. C. MacKay, "Bayesian interpolation", Neural Computation 4(3), 1992, section 4 (the evidence for a scale).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from stoop.base.arrays import FloatArray
+from stoop.estimate.shooting_windows import AIRCRAFT, Shot, Shots, residual, window_model
+from stoop.optimize.normal_equations import gram, project
+from stoop.problem import Misfit, Weights
+from stoop.problem.evidence import Evidence, PieceEvidence, unknowns_of
+from stoop.simulation import parameter_rows
+from stoop.simulation.initial import commanded
+
+GUST_SCALE: Final = 1.0  #: m/s, of a gap of a gust state
+SPIN_SCALE: Final = 1e-3  #: of a rotor's largest x, of a gap of its lag: no gust changes that
+FIRST_WIND_STEP: Final = 0.2  #: m/s from one window to the next, before it is estimated
+WIND_STEPS: Final = (1e-3, 3.0)  #: m/s: bounds
+WIND_COMPONENTS: Final = ((-3, -2), (-1,))  #: of the scales: level, vertical
+MIN_GAPS: Final = 3  #: below which nothing tells the size of wind steps
+ROUNDING: Final = 1e-12  #: of the greatest eigenvalue
+
+
+@dataclass(frozen=True, eq=False)
+class Weighted:
+    """A window, whitened: residual and gap are in standard deviations."""
+
+    residual: FloatArray  #: (n n_y,)
+    by_unknown: FloatArray  #: (j, n n_y)
+    by_state: FloatArray  #: (e, n n_y)
+    gap: FloatArray  #: (e,), empty for the last window
+    gap_by_unknown: FloatArray  #: (e, j)
+    gap_by_state: FloatArray  #: (e, e)
+    closing: FloatArray  #: (e,), what a perturbation of the next window's state takes off the gap
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """A window's state, eliminated: its step is - (own + unknowns dz + before times the step of the one before).
+
+    Shapes are (e,), (e, j), (e, e).
+    """
+
+    own: FloatArray
+    unknowns: FloatArray
+    before: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """What is left of a piece."""
+
+    normal: FloatArray  #: (j, j), of half the cost, the windows' states at their best
+    gradient: FloatArray  #: (j,), of half the cost, the windows' states at their best
+    nodes: tuple[Node, ...]  #: the eliminated states, first to last
+    states: int  #: number e of perturbations of a state
+    gain: float  #: what the steps of the windows' states alone take off the cost
+    logdet: float  #: of the information about the states
+
+    def moves(self, step: FloatArray) -> FloatArray:
+        """Return the steps (w, e) of the windows' states for a step (j,); the first window's is zero."""
+        out = [np.zeros(self.states)]
+        for node in self.nodes:
+            out.append(-(node.own + node.unknowns @ step + node.before @ out[-1]))
+        return np.array(out)
+
+    def following(self, scales: FloatArray) -> list[FloatArray]:
+        """Return how the state of each window changes with the search vector, (e, j) each, per unit of `scales`."""
+        out = [np.zeros((self.states, len(scales)))]
+        for node in self.nodes:
+            out.append(-(node.unknowns / scales + node.before @ out[-1]))
+        return out
+
+
+def reduced(windows: Sequence[Weighted], damping: float) -> Reduced:
+    """Eliminate the states of all windows but the first, whose state is the search vector's."""
+    j, e = len(windows[0].by_unknown), len(windows[0].by_state)
+    normal, gradient = np.zeros((j, j)), np.zeros(j)
+    blocks = []  # of each state: by state (e, e), by unknown (e, j), gradient (e,), by the state before (e, e)
+    for w, window in enumerate(windows):
+        normal += gram(window.by_unknown) + window.gap_by_unknown.T @ window.gap_by_unknown
+        gradient += project(window.by_unknown, window.residual) + window.gap_by_unknown.T @ window.gap
+        if w > 0:
+            last = windows[w - 1]
+            A = gram(window.by_state) + window.gap_by_state.T @ window.gap_by_state
+            B = window.by_state @ window.by_unknown.T + window.gap_by_state.T @ window.gap_by_unknown
+            c = project(window.by_state, window.residual) + window.gap_by_state.T @ window.gap
+            A += np.diag(last.closing**2)
+            B -= last.closing[:, None] * last.gap_by_unknown
+            c -= last.closing * last.gap
+            blocks.append((A, B, c, -last.closing[:, None] * last.gap_by_state))
+    nodes: list[Node] = []
+    gain = logdet = 0.0
+    while blocks:
+        A, B, c, before = blocks.pop()
+        A = A + damping * np.diag(np.diag(A))
+        solved: FloatArray = np.asarray(np.linalg.solve(A, np.column_stack([c, B, before])), dtype=np.float64)
+        own, unknowns, back = solved[:, 0], solved[:, 1 : 1 + j], solved[:, 1 + j :]
+        normal, gradient, gain = normal - B.T @ unknowns, gradient - B.T @ own, gain + float(c @ own)
+        if blocks:
+            a, b, d, further = blocks[-1]
+            blocks[-1] = (a - before.T @ back, b - before.T @ unknowns, d - before.T @ own, further)
+        logdet += float(np.linalg.slogdet(A)[1])
+        nodes.append(Node(own, unknowns, back if blocks else np.zeros_like(A)))
+    return Reduced(0.5 * (normal + normal.T), gradient, tuple(reversed(nodes)), e, gain, logdet)
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """A point of the search."""
+
+    z: FloatArray  #: (D + E,)
+    nodes: tuple[FloatArray, ...]  #: (n_x, w) or, with winds, (n_x + 3, w): begin of each window
+    cost: float  #: gaps included, as strictly as the problem takes them
+    gap: float  #: largest gap, in its scale
+
+
+@dataclass(frozen=True, eq=False)
+class ShootingProblem:
+    """The least-squares problem of all windows of all pieces."""
+
+    problem: Misfit
+    shots: tuple[Shots, ...]  #: one per piece
+    scales: FloatArray  #: (e,), of a gap that counts as one standard deviation at strictness one
+    strictness: float  #: a gap counts so many times its scale
+
+    @classmethod
+    def of(cls, problem: Misfit, length: float) -> ShootingProblem:
+        """Return the problem in windows of about so many seconds, with gaps that count as strictly as any."""
+        vehicle, model = problem.layout.vehicle, window_model(problem.layout.vehicle)
+        rows, scales = parameter_rows(vehicle), []
+        for name in vehicle.moves:
+            rotor = name.removesuffix(".lag")
+            if rotor in vehicle.rotors:
+                spins = [
+                    np.max(commanded(vehicle, rotor, np.repeat(rows, len(p.inputs), axis=1), p.inputs.T))
+                    for p in problem.pieces
+                ]
+                scales.append(SPIN_SCALE * (float(np.nanmax(spins)) or 1.0))
+            else:
+                usual = model.gap_scales.get(name, model.angle_scale)
+                scales.append(GUST_SCALE if name.startswith("gust.") else usual)
+        scales += [FIRST_WIND_STEP for _ in model.winds]
+        shots = tuple(Shots.of(problem, i, length) for i in range(len(problem.pieces)))
+        return cls(problem, shots, np.array(scales), AIRCRAFT.strictness[-1])
+
+    def weighted(self, weights: Weights) -> ShootingProblem:
+        """Return the same windows with another Q."""
+        problem = self.problem.weighted(weights)
+        return replace(self, problem=problem, shots=tuple(replace(s, problem=problem) for s in self.shots))
+
+    @cached_property
+    def gap_weights(self) -> FloatArray:
+        """What a gap (e,) is multiplied with."""
+        return self.strictness / self.scales
+
+    def whitened(self, z: FloatArray, nodes: Sequence[FloatArray]) -> list[tuple[FloatArray, FloatArray]]:
+        """Return whitened simulated less measured readings (n, n_y) and weighted gaps (w - 1, e) of each piece."""
+        out = []
+        with np.errstate(over="ignore", invalid="ignore"):
+            for shots, own in zip(self.shots, nodes, strict=True):
+                readings, gaps, _ = shots.simulate(z, own)
+                measured = shots.piece.measured
+                left = residual(self.problem, readings, measured)
+                white = self.problem.weights.whiten(left, np.isfinite(measured))
+                out.append((white, gaps * self.gap_weights))
+        return out
+
+    def iterate(self, z: FloatArray, nodes: Sequence[FloatArray]) -> Iterate:
+        """Simulate all windows."""
+        total = float(np.sum(self.problem.layout.prior_residuals(z[None, :]) ** 2))
+        worst = 0.0
+        with np.errstate(over="ignore", invalid="ignore"):
+            for white, gaps in self.whitened(z, nodes):
+                total += float(np.sum(white**2))
+                total += float(np.sum(gaps**2))
+                worst = max(worst, float(np.max(np.abs(gaps), initial=0.0)))
+        return Iterate(z, tuple(nodes), total if np.isfinite(total) else np.inf, worst / self.strictness)
+
+    def leveled(self, at: Iterate) -> Iterate:
+        """Return the iterate with altitudes taken from where the window before ended.
+
+        Not at every step: an altitude that follows its window says nothing of its own, but changes the cost.
+        """
+        row, leveled = self.problem.layout.vehicle.states.index("h"), []
+        for shots, own in zip(self.shots, at.nodes, strict=True):
+            ends, nodes = shots.simulate(at.z, own)[2], own.copy()
+            nodes[row, 1:] = ends[row]
+            leveled.append(nodes)
+        return self.iterate(at.z, leveled)
+
+    def simulated(self, at: Iterate) -> tuple[FloatArray, ...]:
+        """Return the readings (n, n_y) of each piece."""
+        return tuple(shots.simulate(at.z, own)[0] for shots, own in zip(self.shots, at.nodes, strict=True))
+
+    def residuals(self, at: Iterate) -> list[FloatArray]:
+        """Return measured less simulated (n, n_y) of each piece, NaN where nothing was measured."""
+        out = []
+        for piece, readings in zip(self.problem.pieces, self.simulated(at), strict=True):
+            left = -residual(self.problem, readings, piece.measured)
+            out.append(np.where(np.isfinite(piece.measured), left, np.nan))
+        return out
+
+    def linearize(self, at: Iterate) -> list[list[Shot]]:
+        """Return the windows of every piece with their derivatives, residuals whitened."""
+        whiten, out = self.problem.weights.whiten, []
+        for shots, own in zip(self.shots, at.nodes, strict=True):
+            found = []
+            for i, shot in enumerate(shots.linearize(at.z, own)):
+                present = np.isfinite(shots.piece.measured[shots.edges[i] : shots.edges[i + 1]])
+                by_unknown, by_state = (
+                    np.moveaxis(whiten(np.moveaxis(slopes, 2, 0) * present, present), 0, 2)
+                    for slopes in (shot.by_unknown, shot.by_state)
+                )
+                left = whiten(shot.residual, present)
+                found.append(replace(shot, residual=left, by_unknown=by_unknown, by_state=by_state))
+            out.append(found)
+        return out
+
+    def weigh(self, windows: Sequence[Shot]) -> list[Weighted]:
+        """Return the whitened windows of a piece as rows of a least-squares problem."""
+        out = []
+        for shot in windows:
+            weights = self.gap_weights if len(shot.gap) else np.empty(0)
+            by_unknown, by_state = (
+                np.ascontiguousarray(slopes.reshape(-1, slopes.shape[2]).T)
+                for slopes in (shot.by_unknown, shot.by_state)
+            )
+            gap, column = weights * shot.gap, weights[:, None]
+            slopes = column * shot.gap_by_unknown, column * shot.gap_by_state
+            out.append(Weighted(shot.residual.ravel(), by_unknown, by_state, gap, *slopes, weights))
+        return out
+
+    def reduce(
+        self, at: Iterate, pieces: Sequence[Sequence[Weighted]], damping: float
+    ) -> tuple[FloatArray, FloatArray, list[Reduced]]:
+        """Return normal matrix (j, j) and gradient (j,) of half the cost, the states of the windows eliminated."""
+        layout = self.problem.layout
+        prior = layout.prior_jacobian()
+        normal, gradient = prior.T @ prior, prior.T @ layout.prior_residuals(at.z[None, :])[0]
+        found = [reduced(windows, damping) for windows in pieces]
+        return normal + sum(r.normal for r in found), gradient + sum(r.gradient for r in found), found
+
+    def sensitivities(
+        self, windows: Sequence[Shot], scales: FloatArray
+    ) -> tuple[list[FloatArray], FloatArray]:
+        """Return the derivatives (n, n_y, j) of each window's readings and (w - 1, e, j) of the gaps, states following.
+
+        The states that windows begin with follow the search vector as suits them best, so this is what is left of the whole
+        problem once its states are eliminated.
+        """
+        follow = reduced(self.weigh(windows), 0.0).following(scales)
+        readings = [w.by_unknown / scales + w.by_state @ own for w, own in zip(windows, follow, strict=True)]
+        slopes = np.empty((len(windows) - 1, len(self.gap_weights), len(scales)))
+        for i, w in enumerate(windows[:-1]):
+            gap = w.gap_by_unknown / scales + w.gap_by_state @ follow[i] - follow[i + 1]
+            slopes[i] = self.gap_weights[:, None] * gap
+        return readings, slopes
+
+    def evidence(self, at: Iterate) -> Evidence:
+        """Return residuals and sensitivities of the search vector, the states that windows begin with left free."""
+        layout, model = self.problem.layout, window_model(self.problem.layout.vehicle)
+        rows = layout.prior_jacobian() / layout.scales
+        information, pieces = rows.T @ rows, []
+        for shots, windows in zip(self.shots, self.linearize(at), strict=True):
+            jacobian, slopes = self.sensitivities(windows, layout.scales)
+            rows = slopes.reshape(-1, len(layout.scales))
+            information = information + rows.T @ rows
+            left = -np.concatenate([shot.residual for shot in windows])
+            residual = np.where(np.isfinite(shots.piece.measured), left, np.nan)
+            piece = PieceEvidence(residual, np.concatenate(jacobian))
+            if len(model.strictness) == 1:  # windows that need not meet
+                gaps = np.array([-self.gap_weights * s.gap for s in windows[:-1]]).reshape(slopes.shape[:2])
+                piece = replace(piece, edges=shots.edges, gaps=gaps, gap_jacobian=slopes)
+            pieces.append(piece)
+        return Evidence(unknowns_of(layout, at.z), tuple(pieces), information)
+
+    def with_likeliest_wind_steps(self, at: Iterate) -> ShootingProblem:
+        """Return the problem with the likeliest size of the steps of the wind from window to window, if there are any."""
+        count = sum(shots.count - 1 for shots in self.shots)
+        if not window_model(self.problem.layout.vehicle).winds or count < MIN_GAPS:
+            return self
+        problem, windows = self, self.linearize(at)
+        for part in (*WIND_COMPONENTS, *WIND_COMPONENTS):
+            found = minimize_scalar(
+                lambda x, p, part: p.rescaled(part, x).wind_cost(at, windows, count),
+                args=(problem, part), bounds=np.log(WIND_STEPS).tolist(), method="bounded", options={"xatol": 0.05},
+            )  # fmt: skip
+            problem = problem.rescaled(part, float(found.x))
+        return problem
+
+    def rescaled(self, part: Sequence[int], logarithm: float) -> ShootingProblem:
+        """Return the problem with another scale of the gaps in some components."""
+        scales = self.scales.copy()
+        scales[list(part)] = float(np.exp(logarithm))
+        return replace(self, scales=scales)
+
+    def wind_cost(self, at: Iterate, linear: Sequence[Sequence[Shot]], gaps: int) -> float:
+        """Return twice the negative logarithm of the likelihood, less what does not depend on the wind."""
+        normal, gradient, _ = self.reduce(at, (), 0.0)
+        cost = logdet = 0.0
+        for weighted in map(self.weigh, linear):
+            found = reduced(weighted, 0.0)
+            cost += sum(float(w.gap @ w.gap) for w in weighted) - found.gain
+            normal, gradient, logdet = (
+                normal + found.normal,
+                gradient + found.gradient,
+                logdet + found.logdet,
+            )
+        observed = np.diag(normal) > 0.0  # what no window observes has no part in it
+        normal, gradient = normal[np.ix_(observed, observed)], gradient[observed]
+        size = np.sqrt(np.diag(normal))
+        values, vectors = np.linalg.eigh(normal / np.outer(size, size))
+        kept = np.maximum(values, ROUNDING * values[-1])
+        along = vectors.T @ (gradient / size)
+        total = logdet + float(np.sum(np.log(kept))) + 2.0 * float(np.sum(np.log(size)))
+        steps = 2.0 * gaps * float(np.sum(np.log(self.scales[-3:])))
+        return cost - float(np.sum(along**2 / kept)) + total + steps

@@ -1,0 +1,339 @@
+"""Windows of a piece: what each one reads, where it ends, and how both depend on what it begins with.
+
+Axes: k = sample, i = reading, e = number of a perturbation of the state, j = unknown of the search vector, w = window.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray, IntArray
+from stoop.base.variables import EULER
+from stoop.estimate.linearization import interpolated, perturbation_steps, perturbations_of, unwrapped
+from stoop.estimate.regression.rotors import lagged_command
+from stoop.kernels import filtering
+from stoop.kernels.windows import windows
+from stoop.problem import Misfit, Piece, on_circle
+from stoop.problem.observation import (
+    AIR_FRAME,
+    GROUND_FRAME,
+    observation_model,
+    state_channels,
+    through_air,
+    true_value,
+)
+from stoop.simulation import initial_states, parameter_rows
+from stoop.simulation.delays import input_delays, late_inputs
+from stoop.simulation.initial import commanded
+from stoop.vehicle import Vehicle
+from stoop.vehicle.schema import WIND
+
+WINDOW_LENGTH: Final = 1.0  #: s: no vehicle leaves its record far in that
+STEP: Final = 1e-7  #: of the search vector
+STATE_STEP: Final = 1e-2  #: of the steps of a linearization
+SMOOTHING_TIME: Final = 0.1  #: s on either side of a window's start over which readings are smoothed
+MAX_LANES: Final = 4096  #: simulated side by side; more would only take memory
+
+
+@dataclass(frozen=True, eq=False)
+class WindowModel:
+    """How the windows of a kind of vehicle begin and meet."""
+
+    winds: tuple[str, ...]  #: readings to which each window adds a wind of its own
+    #: a gap counts so many times its scale, one after the other; one entry where windows need not meet
+    strictness: tuple[float, ...]
+    gap_scales: Mapping[str, float]  #: of a gap, m/s, rad/s; `angle_scale`, rad, for what is not named
+    angle_scale: float
+    notice: str  #: code of the notice that explains the method
+    global_start: bool  #: whether an optimizer searches where no start is near enough
+    #: gives a complete column (n,) at a sample, smoothed over so many samples on either side
+    smoothed: Callable[[FloatArray, int, int], float]
+    #: gives the states (w,) that smoothed readings (w,) of a vehicle and piece tell
+    states: Callable[[Vehicle, Piece, Mapping[str, FloatArray]], dict[str, FloatArray]]
+
+
+def _mean(column: FloatArray, at: int, width: int) -> float:
+    first, stop = max(0, at - width), min(len(column), at + width + 1)
+    before, behind = first - (at - width), at + width + 1 - stop
+    return float(np.pad(column[first:stop], (before, behind), mode="edge").mean())
+
+
+def _parabola(column: FloatArray, at: int, width: int) -> float:
+    """Return a parabola at a sample: rates of a multirotor turn within a tenth of a second."""
+    first = max(0, at - width)
+    near = column[first : at + width + 1]
+    if len(near) < 6:  # twice the coefficients
+        return float(near.mean())
+    powers = np.vander(np.arange(len(near)) - float(at - first), 3)
+    return float(np.linalg.lstsq(powers, near, rcond=None)[0][-1])
+
+
+def _through_air(vehicle: Vehicle, piece: Piece, readings: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Return the motion through the air, body axes: bias and scale of the piece undone, the wind taken off."""
+    rows = parameter_rows(vehicle, piece.changes)[:, 0]
+    true = {c: true_value(vehicle, c, y, rows) for c, y in readings.items()}
+    if not set(WIND) & set(true):
+        return true
+    zero = np.zeros(len(next(iter(true.values()))))
+    attitude = {n: zero + piece.start.get(n, 0.0) for n in EULER}
+    return through_air({**dict.fromkeys(WIND, zero), **attitude, **true})
+
+
+#: windows that meet: the end is that of output error
+AIRCRAFT: Final = WindowModel(
+    winds=(),
+    strictness=(1.0, 10.0, 100.0, 1e3, 1e4),
+    gap_scales={"u": 1.0, "v": 1.0, "w": 1.0, "p": 0.1, "q": 0.1, "r": 0.1},
+    angle_scale=0.05,
+    notice="multiple-shooting",
+    global_start=False,
+    smoothed=_mean,
+    states=lambda vehicle, piece, readings: dict(readings),
+)
+#: windows in winds of their own: the effect of a gust within a window is not carried into the next
+ROTORCRAFT: Final = WindowModel(
+    winds=WIND,
+    strictness=(1.0,),
+    gap_scales={"u": 2.0, "v": 2.0, "w": 2.0, "p": 0.5, "q": 0.5, "r": 0.5},
+    angle_scale=0.2,
+    notice="multiple-shooting-rotors",
+    global_start=True,
+    smoothed=_parabola,
+    states=_through_air,
+)
+_MODELS: Final = {AIR_FRAME: AIRCRAFT, GROUND_FRAME: ROTORCRAFT}
+
+
+def window_model(vehicle: Vehicle) -> WindowModel:
+    """Return how the windows of a vehicle begin and meet."""
+    return _MODELS[observation_model(vehicle)]
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """One window, simulated and linearized."""
+
+    residual: FloatArray  #: (n, n_y), simulated less measured, zero where nothing was measured
+    by_unknown: FloatArray  #: (n, n_y, j), its derivative by the search vector
+    by_state: FloatArray  #: (n, n_y, e), by a perturbation of the state that the window begins with
+    gap: FloatArray  #: (e,), end of this window less start of the next; empty for the last
+    gap_by_unknown: FloatArray  #: (e, j)
+    gap_by_state: FloatArray  #: (e, e)
+
+
+@dataclass(frozen=True, eq=False)
+class Shots:
+    """The windows of one piece.
+
+    Nodes are what the windows begin with: states (n_x, w), and below them, where windows have winds, by how much the wind
+    of each differs, m/s north, east, down; winds are perturbed like states.
+    """
+
+    problem: Misfit
+    index: int  #: of the piece
+    edges: tuple[int, ...]  #: first sample of each window, then the number of samples
+
+    @classmethod
+    def of(cls, problem: Misfit, index: int, length: float = WINDOW_LENGTH) -> Shots:
+        """Return the windows, about so many seconds long, of one piece."""
+        piece = problem.pieces[index]
+        return cls(problem, index, edges(len(piece.time), max(2, round(length / piece.dt))))
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The vehicle."""
+        return self.problem.layout.vehicle
+
+    @property
+    def piece(self) -> Piece:
+        """The piece."""
+        return self.problem.pieces[self.index]
+
+    @property
+    def count(self) -> int:
+        """Number of windows."""
+        return len(self.edges) - 1
+
+    @property
+    def wind_columns(self) -> tuple[int, ...]:
+        """Readings to which the wind of a window adds, by column."""
+        return tuple(self.vehicle.outputs.index(c) for c in window_model(self.vehicle).winds)
+
+    def measured_nodes(self) -> FloatArray:
+        """Return the nodes as they were measured, without winds."""
+        at = np.array(self.edges[:-1])
+        rows = np.repeat(parameter_rows(self.vehicle, self.piece.changes), len(at), axis=1)
+        inputs = np.ascontiguousarray(self.piece.inputs[at].T)
+        states = initial_states(self.vehicle, self.measured_starts(), rows, inputs)
+        return np.pad(states, [(0, len(self.wind_columns)), (0, 0)])
+
+    def measured_starts(self) -> dict[str, FloatArray]:
+        """Return what :func:`~stoop.simulation.initial_states` takes of every window, (w,) each."""
+        piece, vehicle, model = self.piece, self.vehicle, window_model(self.vehicle)
+        at, width = list(self.edges[:-1]), max(1, round(SMOOTHING_TIME / piece.dt))
+        readings = {}
+        for i, channel in enumerate(vehicle.outputs):
+            column = piece.measured[:, i]
+            if channel in state_channels(vehicle) and np.isfinite(column).any():
+                complete = interpolated(unwrapped(column))
+                readings[channel] = np.array([model.smoothed(complete, a, width) for a in at])
+        default = {n: np.full(len(at), piece.start.get(n, 0.0)) for n in vehicle.start_names}
+        starts = default | model.states(vehicle, piece, readings)
+        rows = parameter_rows(vehicle, piece.changes)
+        for state in (s for s in vehicle.states if s.endswith(".lag")):
+            name = state.removesuffix(".lag")  # by how much it is off its command, with the lag of the file
+            command = commanded(vehicle, name, np.repeat(rows, len(at), axis=1), piece.inputs[at].T)
+            starts[state] = lagged_command(vehicle, piece, name, rows)[at] - command
+        return starts
+
+    def perturbed(self, nodes: FloatArray, steps: FloatArray) -> FloatArray:
+        """Return nodes after perturbations (e, w)."""
+        kernel, nx = self.vehicle.kernel(), len(self.vehicle.states)
+        states, own = np.ascontiguousarray(nodes[:nx]), np.ascontiguousarray(steps[: kernel.moves])
+        return np.concatenate([filtering.move(kernel, states, own), nodes[nx:] + steps[kernel.moves :]])
+
+    def simulate(self, z: FloatArray, nodes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return readings (n, n_y), gaps (w - 1, e), and ends (n_x, w - 1), for nodes.
+
+        The first node is the search vector's.
+        """
+        rows, start = self.problem.candidates(z[None, :], self.index)
+        nodes = nodes.copy()
+        nodes[: len(start), :1] = start
+        return self._simulate(rows, nodes)
+
+    def _simulate(self, rows: FloatArray, nodes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        nx = len(self.vehicle.states)
+        begins, winds = np.ascontiguousarray(nodes[:nx]), nodes[nx:]
+        out, last = self.integrate(np.repeat(rows, self.count, axis=1), begins, np.arange(self.count))
+        ends, after = np.ascontiguousarray(last[:, :-1]), np.ascontiguousarray(begins[:, 1:])
+        gaps = np.einsum("exw,xw->we", perturbations_of(self.vehicle, after), ends - after)
+        out[:, :, self.wind_columns] += winds.T[:, None, :]
+        readings = np.concatenate([own[:n] for own, n in zip(out, np.diff(self.edges), strict=True)])
+        return readings, np.concatenate([gaps, -np.diff(winds, axis=1).T], axis=1), ends
+
+    def linearize(self, z: FloatArray, nodes: FloatArray) -> list[Shot]:
+        """Return every window with its derivatives, by differences."""
+        own, nx = self.problem.own[self.index], len(self.vehicle.states)
+        first = np.array([*range(self.problem.dimension), *(j for j, _ in own)], dtype=np.int64)
+        starts = [j for j, n in own if not n.is_bias]
+        later = np.array([j for j in first if j not in starts], dtype=np.int64)
+        states, winds = np.ascontiguousarray(nodes[:nx]), nodes[nx:]
+        inverse = perturbations_of(self.vehicle, np.ascontiguousarray(states[:, 1:]))
+        out = self.linearize_some(z, states, inverse, range(1), first)
+        together = max(1, MAX_LANES // (1 + len(later) + len(self.vehicle.moves)))
+        for w in range(1, self.count, together):
+            out += self.linearize_some(z, states, inverse, range(w, min(w + together, self.count)), later)
+        return [self._with_wind(shot, winds, w) for w, shot in enumerate(out)] if self.wind_columns else out
+
+    def linearize_some(
+        self, z: FloatArray, nodes: FloatArray, inverse: FloatArray, which: range, entries: IntArray
+    ) -> list[Shot]:
+        """Return some windows, simulated side by side; `inverse` as :func:`perturbations_of` of later nodes gives it."""
+        d = self.problem.dimension
+        steps = np.where((entries < d) & (z[entries] + STEP > 1.0), -STEP, STEP)
+        Z = np.repeat(z[None, :], 1 + len(entries), axis=0)
+        Z[1 + np.arange(len(entries)), entries] += steps
+        rows, begin = self.problem.candidates(Z, self.index)
+        sizes = STATE_STEP * perturbation_steps(self.vehicle)
+        rows = np.concatenate([rows, np.repeat(rows[:, :1], len(sizes), axis=1)], axis=1)
+        lanes = rows.shape[1]
+        own = begin if which[0] == 0 else nodes[:, which]
+        perturbed = filtering.move(
+            self.vehicle.kernel(),
+            np.repeat(own[:, : len(which)], len(sizes), axis=1),
+            np.tile(np.diag(sizes), len(which)),
+        ).reshape(len(nodes), len(which), -1)
+        fixed = begin[:, None] if which[0] == 0 else np.repeat(own[:, :, None], 1 + len(entries), axis=2)
+        begins = np.concatenate([fixed, perturbed], axis=2).reshape(len(nodes), -1)
+        out, last = self.integrate(np.tile(rows, len(which)), begins, np.repeat(which, lanes))
+        out, last = out.reshape(len(which), lanes, *out.shape[1:]), last.reshape(len(nodes), -1, lanes)
+        changes, shots, j = np.concatenate([steps, sizes]), [], len(entries)
+        for i, w in enumerate(which):
+            readings = out[i][:, : self.edges[w + 1] - self.edges[w]]
+            slopes = np.moveaxis(readings[1:] - readings[:1], 0, 2) / changes
+            measured = self.piece.measured[self.edges[w] : self.edges[w + 1]]
+            gaps = np.empty((0, lanes))
+            if w + 1 < self.count:
+                gaps = inverse[:, :, w] @ (last[:, i] - nodes[:, w + 1 : w + 2])
+            gap_slopes = (gaps[:, 1:] - gaps[:, :1]) / changes
+            by_unknown, gap_by_unknown = np.zeros((*readings[0].shape, len(z))), np.zeros((len(gaps), len(z)))
+            by_unknown[:, :, entries], gap_by_unknown[:, entries] = slopes[:, :, :j], gap_slopes[:, :j]
+            left, by_state = (
+                residual(self.problem, readings[0], measured),
+                np.ascontiguousarray(slopes[:, :, j:]),
+            )
+            shots.append(Shot(left, by_unknown, by_state, gaps[:, 0], gap_by_unknown, gap_slopes[:, j:]))
+        return shots
+
+    def _with_wind(self, shot: Shot, winds: FloatArray, w: int) -> Shot:
+        """Return a window in its own wind, whose components count as further perturbations of its state."""
+        m, columns, e = len(self.wind_columns), self.wind_columns, shot.by_state.shape[2]
+        present = np.isfinite(self.piece.measured[self.edges[w] : self.edges[w + 1]])
+        by_state = np.pad(shot.by_state, [(0, 0), (0, 0), (0, m)])
+        by_state[:, columns, e + np.arange(m)] = 1.0
+        left = shot.residual.copy()
+        left[:, columns] += winds[:, w] * present[:, columns]
+        gap, by_unknown, gap_by_state = shot.gap, shot.gap_by_unknown, np.empty((0, e + m))
+        if w + 1 < self.count:
+            gap = np.concatenate([gap, winds[:, w] - winds[:, w + 1]])
+            by_unknown = np.pad(by_unknown, [(0, m), (0, 0)])
+            gap_by_state = np.pad(shot.gap_by_state, [(0, m), (0, m)])
+            gap_by_state[e:, e:] = np.eye(m)
+        return Shot(left, shot.by_unknown, by_state, gap, by_unknown, gap_by_state)
+
+    def integrate(
+        self, rows: FloatArray, begin: FloatArray, which: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Simulate windows side by side, inputs of different delays in records one below the other.
+
+        Parameters
+        ----------
+        rows, begin : (n_p, B), (n_x, B)
+        which : (B,) of int
+            Window of each lane.
+
+        Returns
+        -------
+        readings : (B, n, n_y)
+            Those of a short window go on into the next.
+        last : (n_x, B)
+            States at the first sample of the next window; of the last window, at its last sample.
+        """
+        vehicle, inputs, dt = self.vehicle, self.piece.inputs, self.piece.dt
+        late, copy = rows[[row for _, row in input_delays(vehicle)]], np.zeros(rows.shape[1], dtype=np.int64)
+        if len(late) and np.ptp(late, axis=1).any():
+            _, at, copy = np.unique(late, axis=1, return_index=True, return_inverse=True)
+            lanes = late_inputs(vehicle, inputs, np.ascontiguousarray(rows[:, at]), dt)
+            record, copy = np.concatenate(list(np.moveaxis(lanes, 2, 0))), copy.ravel()
+        else:
+            record = late_inputs(vehicle, inputs, rows[:, :1], dt)
+        n, edges = len(self.piece.time), np.array(self.edges)
+        steps = np.minimum(edges[which + 1], n - 1) - edges[which]
+        first, behind = copy * n + edges[which], (copy + 1) * n
+        return windows(vehicle.kernel(), rows, begin, record, first, behind, steps, dt)
+
+
+def residual(problem: Misfit, readings: FloatArray, measured: FloatArray) -> FloatArray:
+    """Return simulated less measured (n, n_y), zero where nothing was measured."""
+    present = np.isfinite(measured)
+    with np.errstate(invalid="ignore"):
+        difference = (readings - np.where(present, measured, 0.0)) * present
+    return on_circle(difference, problem.layout.vehicle.outputs)
+
+
+def edges(samples: int, length: int) -> tuple[int, ...]:
+    """Return where windows of about so many samples begin, and the number of samples."""
+    count = max(1, round(samples / length))
+    return tuple(int(e) for e in np.linspace(0, samples, count + 1).round())
+
+
+def outputs_by_window(problem: Misfit, index: int) -> FloatArray:
+    """Return simulated readings (n, n_y) of a piece without unknowns, in windows that each begin as measured."""
+    shots = Shots.of(problem, index)
+    rows, _ = problem.candidates(np.empty((1, 0)), index)
+    return shots._simulate(rows, shots.measured_nodes())[0]

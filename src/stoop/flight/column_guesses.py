@@ -1,0 +1,332 @@
+"""What a column of any log may hold: which variable by its name, which unit and sign by what it reads.
+
+The names are in ``data/column_names.toml``. Numbers are judged by the edits of `stoop.checks.units`, applied to a guess.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib.resources import files
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray
+from stoop.base.text import enumerated
+from stoop.base.units import DEGREE, FACTORS, KINDS, PULSE_FACTORS, ZEROS
+from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
+from stoop.checks.engine import Finding, Line, Range, search
+from stoop.checks.units import (
+    LARGEST,
+    MEDIANS,
+    PULSES,
+    UNITS,
+    Factors,
+    Signal,
+    UnitModel,
+    largest_size,
+    median_size,
+    unit_edits,
+)
+
+LONGEST_NAME: Final = 200  #: letters; no longer name tells anything, and matching takes the square of it
+MIN_ANGLE: Final = 3.0 * DEGREE  #: rad; no flight stays below
+_BRACKETS: Final = re.compile(r"\s*[(\[]\s*([^)\]]*?)\s*[)\]]\s*$")
+_ASKED: Final = re.compile(
+    r"\b(des|desired|sp|setpoint|target|ref|reference|demand|dem|nav|raw|err|error|bias|std|var|cov)\b"
+    r"|delta (?:heading|q|v|x|z|angle)"
+)  #: what was asked for, or left over: not what was measured
+_AXES: Final = (("x", "0", "r(?:oll)?"), ("y", "1", "p(?:itch)?"), ("z", "2", "y(?:aw)?"))
+_REASONS: Final = {
+    "size": "its size", "median": "its size", "weight": "its weight", "z-axis": "its weight",
+    "noise": "noise beside the other axes", "growth": "the change of angles", "gravity": "the change of velocity",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class DraftLine:
+    """One line of a drafted mapping: what is found where."""
+
+    variable: str
+    stream: str
+    column: str
+    unit: str = ""  #: empty while it is not known
+    scale: float = 1.0  #: factor, for example -1
+    stated: bool = False  #: whether name or file state the unit
+    doubts: tuple[str, ...] = ()  #: why it may be wrong
+    remarks: tuple[str, ...] = ()  #: what the numbers show
+
+    def doubted(self, why: str) -> DraftLine:
+        """Return the line with one more doubt."""
+        return replace(self, doubts=(*self.doubts, why))
+
+    def remarked(self, what: str) -> DraftLine:
+        """Return the line with one more remark."""
+        return replace(self, remarks=(*self.remarks, what))
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether there is a reason for the unit, or a doubt already."""
+        return self.stated or bool(self.remarks) or bool(self.doubts)
+
+    def values(self, x: FloatArray) -> FloatArray:
+        """Return a column as the line maps it: SI."""
+        factor = PULSE_FACTORS[self.unit] if self.variable.startswith("pwm_") else FACTORS[self.unit or "1"]
+        return x * factor * self.scale + ZEROS.get(self.unit, 0.0)
+
+
+class _Rule(NamedTuple):
+    variable: str
+    pattern: re.Pattern[str]
+    scale: float
+    doubts: tuple[str, ...]
+
+
+class _Names(NamedTuple):
+    units: Mapping[str, str]  #: as files and people write them -> as stoop does
+    suffix: re.Pattern[str]
+    rules: tuple[_Rule, ...]
+
+
+@functools.cache
+def _names() -> _Names:
+    """Read the names."""
+    content = tomllib.loads((files("stoop.data") / "column_names.toml").read_text("utf-8"))
+    units = {text: unit for unit, texts in content["units"].items() for text in texts}
+    longest = sorted(map(re.escape, units.keys() - {"1", "-"}), key=len, reverse=True)  # motor_1 is a number
+    rules = []
+    for row in content["rules"]:
+        scale, doubts = row.get("scale", 1.0), (row["doubt"],) if "doubt" in row else ()
+        start = "^" if row.get("alone") else "(?:^| )"
+        what = f"(?:{row['words']})"
+        patterns = [[f"{start}{what}$"]]
+        if len(row["variables"]) > 1:
+            patterns = [
+                [
+                    rf"(?:^| )(?:{what}(?: xyz)? ?(?:{x}|{turn}|at {i}))$",
+                    rf"(?:^| )(?:(?:{x}|{turn}) {what})$",
+                ]
+                for x, i, turn in _AXES
+            ]
+        for variable, texts in zip(row["variables"], patterns, strict=True):
+            rules += [_Rule(variable, re.compile(text), scale, doubts) for text in texts]
+    suffix = re.compile(rf"[_ .]({'|'.join(longest)})(\[\d+\])?$", re.IGNORECASE)
+    return _Names(units, suffix, tuple(rules))
+
+
+def recognized(column: str, stated: str = "", stream: str = "") -> DraftLine | None:
+    """Return what a column holds by its name and the unit that the file states; None where the name tells nothing."""
+    if len(column) > LONGEST_NAME:
+        return None
+    bare, unit = without_unit(column)
+    unit = _names().units.get(stated.strip().lower(), "") or unit
+    for name in (bare, column) if len(unit) == 1 else (bare,):
+        found = _by_words(name)
+        if found is None:
+            continue
+        variable, scale, doubts = found
+        if unit == "rpm" and variable.startswith("motor_"):
+            variable = variable.replace("motor", "rotor")
+        kind, known = KINDS[unit or "1"], KINDS[VARIABLES[variable].unit]
+        if (kind, known) == ("an angle", "a rate of turn"):
+            unit, kind = f"{unit}/s", known  # written short, as gyro_rad is
+        line = DraftLine(variable, stream, column, unit, scale, bool(unit), doubts)
+        return line if kind in (known, KINDS["1"]) else None
+    return None
+
+
+def _by_words(name: str) -> tuple[str, float, tuple[str, ...]] | None:
+    """Find variable, scale and doubts by the plain words of a name."""
+    text = re.sub(r"\[(\d+)\]", r" at \1 ", name)
+    for pattern in (r"([a-z])([A-Z])", r"([A-Za-z])(\d)", r"(\d)([A-Za-z])"):
+        text = re.sub(pattern, r"\1 \2", text)
+    text = " ".join(re.findall(r"[a-z]+|\d+", text.lower()))
+    if _ASKED.search(text):
+        return None
+    for rule in _names().rules:
+        found = rule.pattern.search(text)
+        if found is None:
+            continue
+        if "{n}" not in rule.variable:
+            return rule.variable, rule.scale, rule.doubts
+        number = next((int(n) for n in found.groups() if n is not None and n.isdecimal()), None)
+        first = (
+            1 if " at " in text or number == 0 else 0
+        )  # elements of arrays count from zero, names from one
+        variable = rule.variable.format(n=(number or 0) + first)
+        known = number is not None and variable in VARIABLES
+        return (variable, rule.scale, rule.doubts) if known else None
+    return None
+
+
+def without_unit(column: str) -> tuple[str, str]:
+    """Split a unit off a name, whether in brackets or as an ending; the unit is empty when there is none."""
+    units = _names().units
+    if len(column) > LONGEST_NAME:
+        return column, ""
+    found = _BRACKETS.search(column)
+    if found and found.group(1).lower() in units and not found.group(1).isdigit():
+        return column[: found.start()], units[found.group(1).lower()]
+    found = _names().suffix.search(column)
+    if found and found.start() > 0:
+        return column[: found.start()] + (found.group(2) or ""), units[found.group(1).lower()]
+    return column, ""
+
+
+def with_units(lines: Sequence[DraftLine], columns: Mapping[str, Signal]) -> list[DraftLine]:
+    """Choose units, and turn signs, by what the numbers say.
+
+    Parameters
+    ----------
+    lines : one for each variable
+    columns : variable -> samples of its column, as recorded
+    """
+    known: dict[str, DraftLine] = {}
+    for line in lines:
+        new = line
+        if VARIABLES[line.variable].kind == "command":
+            new = _command(line, columns[line.variable][1])
+        elif not line.unit and line.variable.startswith("rotor_"):
+            new = replace(line, unit="rpm").doubted("rpm or rad/s: nothing tells")
+        elif not line.unit:
+            new = replace(line, unit=VARIABLES[line.variable].unit)
+        known.setdefault(new.variable, new)
+    for _ in range(2):  # once sizes have shown degrees, headings can be compared with the yaw rate
+        model = _model(known, columns)
+        as_mapped: Factors = {}
+        units = {name: Line("", name, known[name].unit) for name in model.signals}
+        edits = [  # what a file states is not changed, but signs are
+            edit
+            for edit in unit_edits(model.signals, units, signs=True)
+            if edit.kind == "sign" or not any(known[name].stated for name in edit.lines)
+        ]
+        found, _ = search(as_mapped, lambda _, edits=edits: edits, model, UNITS)  # type: ignore[misc]
+        violated = [
+            key[1:] for key, one in model({}, None).items() if isinstance(one, Range) and one.violated
+        ]
+        contradicted = frozenset(name for names in violated for name in names)
+        for one in found:
+            known = {**known, **{line.variable: line for line in _applied(known, one, contradicted)}}
+    model = _model(known, columns)
+    known = {**known, **{line.variable: line for line in _agreeing(known, model, columns)}}
+    for name in (*EULER, *RATES, "alpha", "beta"):
+        if name in known and not known[name].is_sure:
+            size = largest_size(columns[name][1])
+            known[name] = known[name].doubted(f"{known[name].unit} by its size only: up to {size:.3g}")
+    for key, evidence in model({}, None).items():
+        if isinstance(evidence, Range) and evidence.violated and key[0] in ("size", "median", "growth"):
+            name = key[1]
+            size = median_size(columns[name][1]) if key[0] == "median" else largest_size(columns[name][1])
+            known[name] = known[name].doubted(f"{size:.3g} is no {name} in {known[name].unit}")
+    return list(known.values())
+
+
+def _model(known: Mapping[str, DraftLine], columns: Mapping[str, Signal]) -> UnitModel:
+    """Return the statistics of the measured columns as the draft maps them."""
+    measured = [n for n in known if n in columns and VARIABLES[n].kind != "command"]
+    return UnitModel({n: (columns[n][0], known[n].values(columns[n][1])) for n in measured}, signs=True)
+
+
+def _applied(
+    known: Mapping[str, DraftLine], found: Finding[Factors], contradicted: frozenset[str]
+) -> Iterator[DraftLine]:
+    """Yield the lines with an edit, and why; `contradicted` are variables whose own numbers speak against their lines."""
+    edit, key = found.best, found.edits[0].channel
+    if edit.kind == "sign":
+        line = known[edit.lines[0]]
+        turned, name = replace(line, scale=-line.scale), line.variable
+        if key[0] == "turns":
+            others = [enumerated(one.edit.lines) for one in found.edits[1:]]
+            rival = f"; or is it {' or '.join(others)} that is to be turned?" if others else ""
+            yield turned.doubted(
+                f"turned, as {key[1] if name == key[2] else key[2]} changes against it{rival}"
+            )
+        elif name == "az":
+            yield turned.remarked("its z points up: turned")
+            if "ay" in known:
+                yield known["ay"].doubted("z points up, so y may point to the left: then scale = -1")
+        else:
+            yield turned.remarked("counts down, as the altitude shows: turned")
+        return
+    shown = [name for name in edit.lines if name in contradicted or name in SPECIFIC_FORCE]
+    shown = shown or list(edit.lines)
+    for name in edit.lines:
+        line = replace(known[name], unit=edit.value)
+        by = f"{edit.value} by {_REASONS[key[0]]}"
+        yield line.remarked(by) if name in shown else line.doubted(f"{edit.value} as {enumerated(shown)}")
+
+
+def _agreeing(
+    given: Mapping[str, DraftLine], model: UnitModel, columns: Mapping[str, Signal]
+) -> Iterator[DraftLine]:
+    """Yield lines that others confirm: a rate that is the derivative of its angle, gravity, the altitude."""
+    known = dict(given)
+    for (angle, rate), factor in model.growth.items():
+        x = columns[angle][1]
+        small = float(np.max(np.abs(x), where=np.isfinite(x), initial=0.0))
+        if not factor or (not (known[angle].is_sure or known[rate].is_sure) and small < MIN_ANGLE):
+            continue  # both may be in degrees
+        if 0.5 < abs(factor) < 2.0:
+            known[angle] = known[angle].remarked(f"{rate} is its derivative")
+            known[rate] = known[rate].remarked(f"the derivative of {angle}")
+        else:
+            known[angle] = known[angle].doubted(f"changes {abs(factor):.3g} times as fast as {rate} says")
+    force = [name for name in SPECIFIC_FORCE if name in known and name in columns]
+    weight = model.weight({}) if "az" in force else 0.0
+    for name in force:
+        line = known[name]
+        if "az" not in force:
+            doubt = "m/s2 or g: without az gravity cannot tell"
+            known[name] = line if line.stated else line.doubted(doubt)
+            continue
+        text = f"gravity reads {weight / FACTORS[known['az'].unit]:.3g}"
+        if MEDIANS["az"].low <= weight <= MEDIANS["az"].high:
+            known[name] = replace(line, remarks=(text, *(r for r in line.remarks if " by " not in r)))
+        else:
+            known[name] = line.doubted(f"{text}: no weight; gravity left out?")
+    for vertical, rise in model.rises.items():
+        if rise and not known[vertical].remarks:
+            known[vertical] = known[vertical].remarked("counts down, as the altitude shows")
+    yield from known.values()
+
+
+def _command(line: DraftLine, x: FloatArray) -> DraftLine:
+    """Tell pulses, percents, normalized commands and deflections apart."""
+    name, size, middle = line.variable, largest_size(x), median_size(x)
+    stem, _, number = name.partition("_")
+    if stem == "pwm":
+        if line.unit in PULSE_FACTORS:
+            return line
+        units = [unit for unit, us in PULSE_FACTORS.items() if PULSES[0] <= middle * us <= PULSES[1]]
+        if units:
+            return replace(line, unit=units[0])
+        servo = replace(line, variable=f"servo_{number}", unit="1")
+        if middle <= 1.5:
+            return servo.doubted("no pulses, rather normalized: servo or motor?")
+        return replace(line, unit="us").doubted(f"{middle:.3g} in the median is no pulse in us")
+    if PULSES[0] <= middle <= PULSES[1]:
+        if number.isdigit():
+            return replace(line, variable=f"pwm_{number}", unit="us").remarked("pulses")
+        return replace(line, unit="1").doubted("these are pulses: name them pwm_N and add a calibration")
+    if stem in ("elevator", "aileron", "rudder", "flap"):
+        return _surface(line, size)
+    if size > 2500.0:
+        return replace(line, unit="1", scale=1.0 / 65535.0).doubted(f"up to {size:.5g}: 16 bits?")
+    if size > 1.5 and not line.unit:
+        return replace(line, unit="percent").remarked(f"up to {size:.3g}: percent")
+    return replace(line, unit=line.unit or VARIABLES[name].unit)
+
+
+def _surface(line: DraftLine, size: float) -> DraftLine:
+    if line.unit and KINDS[line.unit] == "an angle":
+        return line
+    if line.unit == "1" or 0.8 < size <= 1.01:
+        return replace(line, unit="1").doubted("normalized, no angle: name it servo_N and add a calibration")
+    if size > LARGEST.get(line.variable, math.inf):
+        return replace(line, unit="deg").remarked(f"up to {size:.3g}: degrees")
+    return replace(line, unit="rad").doubted(f"up to {size:.3g}: rad, or a normalized command?")

@@ -1,0 +1,279 @@
+"""Windows of a flight that could be fitted, what is excited in them, and windows of a planned maneuver."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from stoop.base.arrays import BoolArray, FloatArray, run_slices
+from stoop.base.variables import RATES
+from stoop.estimate.shooting_windows import WINDOW_LENGTH
+from stoop.flight import Flight, Maneuver, find_maneuvers
+from stoop.flight.airborne import flying
+from stoop.flight.maneuvers import MOTION, Axis, by_axis, commands, moving_average, usual_deviation
+from stoop.problem import Piece
+from stoop.problem.observation import guess_start, observation_model, state_channels
+from stoop.simulation import Maneuver as PlannedManeuver
+from stoop.vehicle import Vehicle
+
+LENGTHS: Final = (4.0, 8.0)  #: s, of windows that are tried all along the flight
+STRIDE: Final = 2.0  #: s from one such window to the next
+SHORTEST: Final = 2.0  #: s
+MIN_USABLE: Final = 0.6  #: share of a window; pieces between holes are fitted separately
+LIMIT_MARGIN: Final = 0.002  #: of its range, within which a command is at its limit
+MIN_SATURATED: Final = 5  #: samples in a row at the limit
+MAX_LEVELS: Final = 20  #: different values of a switch, which has no limits
+LIMITED: Final = ("motor_", "pwm_", "rotor_")  #: outputs that end at full power and at idle
+SENSORS: Final = ("p", "q", "r", "ax", "ay", "az", "phi", "theta", "V", "alpha", "beta")
+SMOOTH: Final = 0.2  #: s
+SLOW: Final = 5.0  #: s; slower is trim
+MIN_MOTION: Final = 0.05  #: of the strongest signal; weaker ones do not count for the condition number
+MIN_USUAL: Final = 0.02  #: of the largest excursion: the least usual size of a signal
+BEFORE: Final = 1.0  #: s of the steady flight before an input
+MIN_STRETCHES: Final = 3  #: of which one can be left for validation
+MAX_GAP: Final = 5.0  #: s of rest between two stretches that are fitted as one window
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A stretch of a flight, s on the log's own clock, and the maneuver that its activity shows there, if any."""
+
+    flight: str
+    start: float
+    stop: float
+    maneuver: Maneuver | None = None
+
+    @property
+    def seconds(self) -> float:
+        """Length."""
+        return self.stop - self.start
+
+    def meets(self, other: Candidate) -> bool:
+        """Whether they share samples."""
+        return self.flight == other.flight and self.start < other.stop and other.start < self.stop
+
+
+def candidates(flight: Flight, channels: Sequence[str]) -> list[Candidate]:
+    """Return maneuvers, and windows of fixed lengths all along, without unusable ends; ``channels`` must be recorded.
+
+    Windows that are too short, or have too many holes, are left out.
+    """
+    good, time = usable(flight, channels), flight.time
+    spans: list[tuple[float, float, Maneuver | None]] = [(m.start, m.stop, m) for m in find_maneuvers(flight)]
+    if good.any():
+        first, last = float(time[good][0]), float(time[good][-1])
+        for length in LENGTHS:
+            tiles = np.arange(first, max(last - length, first) + 1e-6, STRIDE)
+            spans += [(float(start), float(start + length), None) for start in tiles]
+    out: dict[tuple[float, float], Candidate] = {}
+    for start, stop, maneuver in spans:
+        inside = np.flatnonzero(good & (time >= start - 1e-9) & (time <= stop + 1e-9))
+        if not inside.size:
+            continue
+        first, last = float(time[inside[0]]), float(time[inside[-1]])
+        if last - first < SHORTEST or inside.size / (inside[-1] - inside[0] + 1) < MIN_USABLE:
+            continue
+        low, high = np.ceil(first * 10.0 - 1e-6) / 10.0, np.floor(last * 10.0 + 1e-6) / 10.0
+        low, high = float(low) + 0.0, float(high)  # no -0.0
+        out.setdefault((low, high), Candidate(flight.name, low, high, maneuver))
+    return list(out.values())
+
+
+def usable(flight: Flight, channels: Sequence[str]) -> BoolArray:
+    """Tell at which samples (n,) a window may lie: flying, commands there, nothing stuck or at its limit."""
+    good = flying(flight)
+    for name in (*channels, *(rate for rate in RATES if rate in flight.data)):
+        good &= np.isfinite(flight.column(name))
+    for name in channels:
+        if name.startswith(LIMITED):
+            good &= ~saturated(flight.column(name), flying(flight))
+    for fault in flight.faults:
+        if fault.kind == "stuck" and fault.variable in (*SENSORS, *channels):
+            good &= (flight.time < fault.start) | (flight.time > fault.stop)
+    return np.asarray(good)
+
+
+def saturated(x: FloatArray, up: BoolArray) -> BoolArray:
+    """Tell where a command (n,) is held by the end of its range while the vehicle flies.
+
+    One that mostly rests at its lower end is off there, as the pusher of a quadplane; one of a few levels is a switch.
+    """
+    seen = x[up & np.isfinite(x)]
+    out = np.zeros(x.size, dtype=bool)
+    if np.unique(seen).size <= MAX_LEVELS:
+        return out
+    near = LIMIT_MARGIN * float(np.ptp(seen))
+    ends = [x >= seen.max() - near]
+    if np.median(seen) > seen.min() + near:
+        ends.append(x <= seen.min() + near)
+    for held in ends:
+        for run in run_slices(held & up):
+            if run.stop - run.start >= MIN_SATURATED:
+                out[run] = True
+    return out
+
+
+def with_motors(flight: Flight, vehicle: Vehicle | None) -> Flight:
+    """Return a flight with a motor_N (rotor_N where pulses set a speed) for each pulse of a rotor that lifts.
+
+    Motors show when the vehicle is airborne and what was commanded about an axis; pulses alone may be surfaces.
+    """
+    if vehicle is None or vehicle.file.rotors is None:
+        return flight
+    kind = "motor" if vehicle.file.rotors.drive == "command" else "rotor"
+    if any(str(name).startswith(f"{kind}_") for name in flight.data):
+        return flight
+    gain, idle = vehicle.value("rotors.gain"), vehicle.value("rotors.idle")
+    made = {}
+    for rotor in vehicle.file.rotor.values():
+        forward, right, down = (
+            (0.0, 0.0, -1.0) if rotor.axis is None else (number.value for number in rotor.axis)
+        )
+        lifts, channel = -down > math.hypot(forward, right), rotor.channel
+        if lifts and channel.startswith("pwm_") and channel in flight.data:
+            command = np.maximum(gain * (flight.column(channel) - idle), 0.0)
+            made[channel.replace("pwm", kind)] = ("time", command)
+    return replace(flight, data=flight.data.assign(made)) if made else flight
+
+
+@dataclass(frozen=True, eq=False)
+class Excitation:
+    """Commands and rates (n, m) of a flight, by name and axis, without their slow part, in units of their usual size.
+
+    Without a vehicle they stand for information: in any model the derivative of a rate depends on the rates and on the
+    commands, and the information about its coefficients is the matrix of products of commands and rates: large where they
+    move, singular where they move together, as in a closed loop.
+    """
+
+    names: tuple[str, ...]
+    axes: tuple[Axis, ...]
+    values: FloatArray
+
+    def only(self, names: Sequence[str]) -> Excitation:
+        """Return some of the signals."""
+        kept = [self.names.index(n) for n in names]
+        return Excitation(tuple(names), tuple(self.axes[i] for i in kept), self.values[:, kept])
+
+    @classmethod
+    def of(cls, flight: Flight) -> Excitation | None:
+        """Return those of a flight; None where no command or no rate was recorded."""
+        by_command = by_axis(commands(flight))
+        rates = {axis: name for axis, name in MOTION.items() if name in RATES and name in flight.data}
+        if not by_command or not rates:
+            return None
+        columns = [*(c.u for c in by_command.values()), *(flight.column(name) for name in rates.values())]
+        names = (*(f"{axis} command" for axis in by_command), *(f"{axis} rate" for axis in rates))
+        x, up = np.column_stack(columns), flying(flight)
+        x = moving_average(x, round(SMOOTH * flight.rate)) - moving_average(x, round(SLOW * flight.rate), 0.3)
+        sizes = []
+        for column in x.T:  # where a signal usually rests, a share of its largest excursion
+            seen = column[up & np.isfinite(column)]
+            largest = float(np.max(np.abs(seen))) if seen.size else 0.0
+            sizes.append(max(usual_deviation(column, up), MIN_USUAL * largest) or 1.0)
+        return cls(names, (*by_command, *rates), x / np.array(sizes))
+
+    def inside(self, flight: Flight, one: Candidate) -> FloatArray:
+        """Return the complete samples (k, m) of a window, about their mean."""
+        rows = self.values[(flight.time >= one.start) & (flight.time <= one.stop)]
+        rows = rows[np.isfinite(rows).all(axis=1)]
+        return rows - rows.mean(axis=0) if len(rows) else rows
+
+    def strengths(self, flight: Flight, one: Candidate) -> Mapping[Axis, float]:
+        """Return how many times the usual the command of each axis moves in a window."""
+        rows = self.inside(flight, one)
+        sizes = np.sqrt(np.mean(rows**2, axis=0)) if len(rows) else np.zeros(len(self.names))
+        pairs = zip(self.axes, self.names, sizes, strict=True)
+        return {axis: float(size) for axis, name, size in pairs if name.endswith("command")}
+
+    def condition(self, flight: Flight, one: Candidate) -> float:
+        """Return the condition number of the correlations of commands and rates: 1 is independent."""
+        rows = self.inside(flight, one)
+        if len(rows) <= len(self.names):
+            return float("inf")
+        size = np.sqrt(np.sum(rows**2, axis=0))
+        moved = size > MIN_MOTION * float(size.max())
+        if not moved.any():
+            return float("inf")
+        values = np.linalg.svd(rows[:, moved] / size[moved], compute_uv=False)
+        return float((values[0] / max(values[-1], 1e-12)) ** 2)
+
+
+@dataclass(frozen=True)
+class ManeuverWindows:
+    """Windows of a flight, as the command line takes them; empty where nothing moves."""
+
+    fit: tuple[str, ...] = ()
+    validate: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class FitStyle:
+    """How flights of a kind of vehicle are fitted.
+
+    ``rest`` is how long after an input the response is fitted, s; ``cut`` gives the pieces that each begin anew.
+    """
+
+    rest: float
+    cut: Callable[[Vehicle, Piece], list[Piece]]
+
+
+def _short_pieces(vehicle: Vehicle, piece: Piece) -> list[Piece]:
+    """Cut a piece into windows of about a second, of those that begin where the state was measured."""
+    out, count = [], max(1, round((piece.time[-1] - piece.time[0]) / WINDOW_LENGTH))
+    for a, b in pairwise(np.linspace(0, len(piece.time), count + 1).astype(int)):
+        columns = dict(zip(vehicle.outputs, piece.measured[a:b].T, strict=True))
+        readings = {c: columns[c] for c in state_channels(vehicle) if c in columns}
+        start, missing = guess_start(vehicle, piece.time[a:b], readings, "")
+        if not missing:
+            out.append(piece.part(a, b, {**start, "h": piece.start.get("h", 0.0)}))
+    return out
+
+
+ON_WINGS: Final = FitStyle(
+    20.0, lambda _, piece: [piece]
+)  #: from one start, with the phugoid after the last input
+ON_ROTORS: Final = FitStyle(1.0, _short_pieces)  #: unstable: by short windows that restart
+
+
+def fit_style(vehicle: Vehicle) -> FitStyle:
+    """Return how flights of a vehicle are fitted."""
+    return ON_WINGS if observation_model(vehicle).open_loop else ON_ROTORS
+
+
+def maneuver_windows(maneuver: PlannedManeuver, style: FitStyle) -> ManeuverWindows:
+    """Return the stretches of a simulated flight in which controls move, from its maneuver file.
+
+    The shortest one whose controls move elsewhere too is for validation: by short windows that restart, one input less
+    costs little. Stretches near each other are one window, with one wind and one set of biases.
+    """
+    moves = np.array([signal != 0.0 for signal in maneuver.deflections().values()])
+    if not moves.any():
+        return ManeuverWindows()
+    rate, time, moving = maneuver.rate, maneuver.time, np.any(moves, axis=0)
+    inside = np.zeros(moving.size, dtype=bool)
+    for run in run_slices(moving):
+        inside[max(run.start - round(BEFORE * rate), 0) : run.stop + round(style.rest * rate)] = True
+    found, held_out = run_slices(inside), None
+    if len(found) >= MIN_STRETCHES:
+        moved = np.array([moves[:, one].any(axis=1) for one in found])
+        spare = [i for i in range(len(found)) if (moved[i] <= np.delete(moved, i, axis=0).any(axis=0)).all()]
+        held_out = min(spare, key=lambda i: found[i].stop - found[i].start, default=None)
+    kept: list[slice] = []
+    for i, one in enumerate(found):
+        near = kept and held_out != i - 1 and one.start - kept[-1].stop <= round(MAX_GAP * rate)
+        if i != held_out and near:
+            kept[-1] = slice(kept[-1].start, one.stop)
+        elif i != held_out:
+            kept.append(one)
+
+    def text(one: slice) -> str:
+        start, stop = time[one.start], time[min(one.stop, time.size - 1)]
+        return f"{round(float(start), 2):g}:{round(float(stop), 2):g}"
+
+    validate = () if held_out is None else (text(found[held_out]),)
+    return ManeuverWindows(tuple(map(text, kept)), validate)

@@ -1,0 +1,244 @@
+"""Fisher information of windows about the free numbers of a vehicle, from the sensitivities of its simulation.
+
+The simulation starts from the file's values, or from those of a regression where they fit better. One linear step from
+there, in parameters, initial states and biases, leaves residuals from which the noise of this flight is estimated, gusts
+and what the model lacks included.
+
+A vehicle with rotors is unstable: its windows are cut into short ones that each restart, as they will be fitted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from stoop.assessment.covariance import invert, marked, standard_errors
+from stoop.base.arrays import FloatArray
+from stoop.errors import FlightError, IdentificationError
+from stoop.estimate.fit import starts
+from stoop.estimate.noise import correlation_times
+from stoop.flight import Flight
+from stoop.input_design.candidates import Candidate, fit_style
+from stoop.input_design.information import BOX_INFORMATION, sensor_noise
+from stoop.problem import Layout, Misfit, Weights
+from stoop.problem.prepare import Prepared, nuisances, prepare, without_stuck_channels
+from stoop.problem.windows import Window
+from stoop.vehicle import Vehicle
+
+NOISE_WINDOWS: Final = 8  #: from which the noise is estimated
+NOISE_ROUNDS: Final = 2  #: of linear step and noise
+MAX_RESIDUAL: Final = (
+    4.0  #: times the usual rms of a piece, beyond which the simulation does not follow the flight
+)
+NOISE_FLOOR: Final = 0.1  #: of the noise that the vehicle file gives a sensor
+
+
+@dataclass(frozen=True, eq=False)
+class CandidateProblem:
+    """A candidate as a least-squares problem, and how many of its pieces make each stretch without a hole."""
+
+    prepared: Prepared
+    counts: tuple[int, ...]
+
+    def misfit(self, vehicle: Vehicle, weights: Weights) -> Misfit:
+        """Return the problem with this window's nuisances."""
+        pieces = self.prepared.pieces
+        layout = Layout.of(vehicle, nuisances(vehicle, self.prepared))
+        return Misfit(layout, pieces, weights, (tuple(len(p.time) for p in pieces),))
+
+
+def candidate_problem(vehicle: Vehicle, flight: Flight, one: Candidate) -> CandidateProblem | None:
+    """Prepare a candidate as for a fit; None where the vehicle's state or its inputs were not measured."""
+    window = Window(one.flight, one.start, one.stop)
+    try:
+        prepared = prepare(vehicle, {flight.name: flight}, [window])
+    except FlightError:
+        return None
+    prepared, style = without_stuck_channels(vehicle, prepared), fit_style(vehicle)
+    cut = [parts for piece in prepared.pieces if (parts := style.cut(vehicle, piece))]
+    if not cut:
+        return None
+    pieces = tuple(p for parts in cut for p in parts)
+    return CandidateProblem(replace(prepared, pieces=pieces), tuple(len(parts) for parts in cut))
+
+
+@dataclass(frozen=True, eq=False)
+class VehicleInformation:
+    """A vehicle, and where its windows are linearized: free numbers (D,) in the unit box, noise of the flight.
+
+    ``usual`` is the root mean square of the whitened residuals of a piece, before any step.
+    """
+
+    vehicle: Vehicle
+    unit: FloatArray
+    weights: Weights
+    usual: float
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Free numbers alone."""
+        return Layout.of(self.vehicle, ())
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Free numbers."""
+        return tuple(p.name for p in self.layout.parameters)
+
+    @property
+    def values(self) -> FloatArray:
+        """Where the sensitivities are taken (D,), SI."""
+        return np.asarray(self.layout.physical(self.unit[None, :])[0])
+
+    @property
+    def prior(self) -> FloatArray:
+        """Information of the file's priors (D, D), in the unit box."""
+        index, _, sigma = self.layout.priors
+        out = np.zeros(len(self.unit))
+        out[index] = sigma**-2.0
+        return np.diag(out)
+
+    @property
+    def weak_prior(self) -> FloatArray:
+        """Information of the priors and of the box (D, D)."""
+        return self.prior + BOX_INFORMATION * np.eye(len(self.unit))
+
+    def errors(self, matrices: Sequence[FloatArray]) -> FloatArray:
+        """Return the standard errors (D,), SI, of windows together; infinite where they are not identifiable."""
+        inverse = invert(self.prior + sum(matrices, np.zeros_like(self.prior)))
+        return standard_errors(marked(inverse.matrix, inverse.determined)) * self.layout.width
+
+    def information(self, candidate: CandidateProblem) -> FloatArray | None:
+        """Return the information (D, D) of a window, in the unit box; None where the simulation diverges.
+
+        Initial states are eliminated piece by piece, then biases; every nuisance has a prior of one, so that no
+        elimination is singular. A piece that the simulation does not follow is left out: where it tumbles its
+        sensitivities are huge and mean nothing.
+        """
+        problem = candidate.misfit(self.vehicle, self.weights)
+        r, J = _linearized(problem, self.unit)
+        if not np.isfinite(r).all():
+            return None
+        d, every = problem.dimension, problem.layout.nuisances
+        shared = [*range(d), *(d + j for j, n in enumerate(every) if n.is_bias)]
+        total = np.zeros((len(shared), len(shared)))
+        for i, block in enumerate(_blocks(problem)):
+            if _rms(r[block]) < MAX_RESIDUAL * self.usual:
+                own = [d + j for j, n in enumerate(every) if n.piece == i]
+                rows = J[block][:, [*shared, *own]]
+                rows = rows[np.isfinite(rows).all(axis=1)]
+                total += _eliminated(rows.T @ rows, len(shared))
+        return _eliminated(total, d)
+
+
+def _blocks(problem: Misfit) -> list[slice]:
+    """Return the rows of each piece."""
+    channels = len(problem.layout.vehicle.outputs)
+    edges = np.cumsum([0, *(channels * len(p.time) for p in problem.pieces)])
+    return [slice(int(a), int(b)) for a, b in pairwise(edges)]
+
+
+def _rms(r: FloatArray) -> float:
+    return float(np.sqrt(np.mean(r**2)))
+
+
+def _eliminated(information: FloatArray, kept: int) -> FloatArray:
+    """Return the information about the first unknowns when the others are estimated too, with priors of one."""
+    others = information[kept:, kept:] + np.eye(len(information) - kept)
+    cross = information[kept:, :kept]
+    out = information[:kept, :kept] - cross.T @ np.linalg.solve(others, cross)
+    return np.asarray(0.5 * (out + out.T))
+
+
+def _linearized(problem: Misfit, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return residuals and sensitivities at parameters (D,) in the unit box, nuisances at their guess."""
+    z = np.concatenate([unit, np.zeros(problem.extra)])
+    with np.errstate(invalid="ignore", over="ignore"):
+        r = problem.residuals(z[None, :], 0)[0]
+        J, _ = problem.jacobian(z, 0, r) if np.isfinite(r).all() else (np.empty((0, len(z))), 0.0)
+    return r, J
+
+
+def linearization_point(vehicle: Vehicle, candidates: Sequence[CandidateProblem]) -> VehicleInformation:
+    """Find where to take the sensitivities, and the noise of the flight, from some of its windows.
+
+    Raises
+    ------
+    IdentificationError
+        Nothing is free, or the simulation diverges in all windows.
+    """
+    sample = candidates[:NOISE_WINDOWS]
+    if not Layout.of(vehicle, ()).dimension:
+        raise IdentificationError(f"{vehicle.where}: no number is free; set free = true or use --free NAME")
+    weights = Weights.of(np.diag(sensor_noise(vehicle)))
+    unit = _start(vehicle, sample, weights)
+    linear = [(one, p, *_linearized(p, unit)) for one in sample for p in [one.misfit(vehicle, weights)]]
+    linear = [one for one in linear if np.isfinite(one[2]).all()]
+    if not linear:
+        raise IdentificationError(
+            f"{vehicle.where}: the simulation diverges in every window from the values in its file; "
+            "check values and units, or find windows without --vehicle"
+        )
+    for _ in range(NOISE_ROUNDS):
+        weights = Weights.of(_noise(vehicle, linear, weights))
+    rms = []
+    for one, *_ in linear:
+        problem = one.misfit(vehicle, weights)
+        r, _ = _linearized(problem, unit)
+        rms += [_rms(r[block]) for block in _blocks(problem)]
+    return VehicleInformation(vehicle, unit, weights, float(np.median(rms)))
+
+
+def _start(vehicle: Vehicle, sample: Sequence[CandidateProblem], weights: Weights) -> FloatArray:
+    """Return the start (D,) with the least cost from measured states: the file's, or that of a regression."""
+    pieces = tuple(replace(p, maneuver=0) for one in sample for p in one.prepared.pieces)
+    prepared = Prepared(sample[0].prepared.windows, pieces, ())  # as one maneuver: biases are shared
+    biases = [n for n in nuisances(vehicle, prepared) if n.is_bias]
+    problem = Misfit(Layout.of(vehicle, biases), pieces, weights, (tuple(len(p.time) for p in pieces),))
+    with np.errstate(all="ignore"):
+        guesses = starts(problem)
+        costs = problem.costs(guesses, 0)
+    return np.asarray(guesses[int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))])
+
+
+def _noise(
+    vehicle: Vehicle,
+    linear: Sequence[tuple[CandidateProblem, Misfit, FloatArray, FloatArray]],
+    weights: Weights,
+) -> FloatArray:
+    """Return the variance (n_y,) of the residuals after a linear step, times their correlation time in samples."""
+    stated = np.diag(sensor_noise(vehicle))
+    ratio = np.sqrt(stated / np.diag(weights.covariance))
+    left = [e for one in linear for e in _residuals_after_step(*one, ratio, np.sqrt(stated))]
+    errors = np.concatenate(left)
+    seen = np.isfinite(errors).any(axis=0)
+    variance = stated.copy()
+    variance[seen] = np.nanmean(errors[:, seen] ** 2, axis=0)
+    variance = np.maximum(variance, NOISE_FLOOR**2 * stated)
+    dt = linear[0][1].pieces[0].dt
+    common = float(np.median(correlation_times(left, dt)[seen])) if seen.any() else 1.0
+    return np.asarray(variance * common)
+
+
+def _residuals_after_step(
+    one: CandidateProblem, problem: Misfit, r: FloatArray, J: FloatArray, ratio: FloatArray, sigma: FloatArray
+) -> list[FloatArray]:
+    """Return the residuals (n, n_y), SI, of each stretch after a linear step; NaN where nothing was measured."""
+    channels, d = len(ratio), problem.dimension
+    samples = sum(len(p.time) for p in problem.pieces)
+    rows = samples * channels
+    scale = np.concatenate([np.tile(ratio, samples), np.ones(len(r) - rows)])
+    A, b = J * scale[:, None], r * scale
+    finite = np.isfinite(A).all(axis=1)
+    normal = A[finite].T @ A[finite]
+    normal[np.arange(d), np.arange(d)] += BOX_INFORMATION  # parameters stay in their box
+    step = np.linalg.solve(normal + 1e-9 * np.eye(len(normal)), -(A[finite].T @ b[finite]))
+    after = (r + np.nan_to_num(J) @ step)[:rows].reshape(-1, channels) * sigma
+    measured = np.concatenate([p.measured for p in problem.pieces])
+    lengths = np.cumsum([0, *(len(p.time) for p in problem.pieces)])
+    ends = lengths[np.cumsum(one.counts)]
+    return np.split(np.where(np.isfinite(measured), after, np.nan), ends[:-1])

@@ -1,0 +1,426 @@
+"""Find windows of flights for fitting and for validation, with reasons: by excitation and by information."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice, notice
+from stoop.base.variables import RATES
+from stoop.checks.vehicle import check_vehicle, require_channels
+from stoop.errors import FlightError, listed
+from stoop.flight import Flight
+from stoop.flight.airborne import flying, lift_command, motors_ran
+from stoop.flight.maneuvers import Axis, commands, output_families
+from stoop.input_design.candidates import Candidate, Excitation, candidates, with_motors
+from stoop.input_design.sensitivity import (
+    CandidateProblem,
+    VehicleInformation,
+    candidate_problem,
+    linearization_point,
+)
+from stoop.problem.windows import whole
+from stoop.vehicle import Vehicle
+
+PRIOR_SPAN: Final = 8.0  #: s of usual flight that count as prior information
+MIN_GAIN: Final = 0.05  #: per parameter, below which a window is not worth fitting: error bars 5 % smaller
+MAX_WINDOWS: Final = 8  #: to fit; each has an initial state and biases of its own
+WINDOW_COST: Final = 2.0  #: s that a window costs besides its length
+MANEUVER_WEIGHT: Final = 1.5  #: of a whole maneuver, over a window that may cut one
+REDUNDANT: Final = 0.25  #: loss per parameter at which a fitted window may be held out instead
+VALIDATION_WORTH: Final = 0.5  #: of the fitted windows' gain, at which a window that is left is held out
+Use = Literal["fit", "validate"]
+MAX_CANDIDATES: Final = 100  #: of a flight, the most excited ones
+MIN_EXCITATION: Final = 2.0  #: times the usual; a window with less is of no axis
+NO_AXIS: Final = "motion"  #: of windows in which no command stands out
+SHARPER: Final = 0.8  #: ratio of standard errors, below which a parameter is named as a reason
+MAX_NAMED: Final = 3
+MAX_DECLINED: Final = 6  #: windows that are shown beside those that are proposed
+MAX_UNKNOWN: Final = (
+    0.5  #: share of the free numbers, unknown to their own size, that leaves a calm flight nothing to fit
+)
+
+
+@dataclass(frozen=True, eq=False)
+class CandidateInformation:
+    """Fisher information (D, D) before any flight, and of each candidate alone."""
+
+    prior: FloatArray
+    matrices: tuple[FloatArray, ...]
+
+    def gain(self, base: FloatArray, index: int) -> float:
+        """Return by how much the mean logarithm of the error bars falls when a candidate is added."""
+        after, before = (float(np.linalg.slogdet(m)[1]) for m in (base + self.matrices[index], base))
+        return (after - before) / (2.0 * len(base))
+
+    def total(self, chosen: Sequence[int]) -> FloatArray:
+        """Return the information (D, D) with some candidates."""
+        return np.asarray(self.prior + sum((self.matrices[i] for i in chosen), np.zeros_like(self.prior)))
+
+    def gain_alone(self, index: int) -> float:
+        """Return the gain of a candidate alone."""
+        return self.gain(self.prior, index)
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Candidates to fit in the order of selection, with the gain of each, and the one to validate with, if any."""
+
+    fitted: tuple[int, ...]
+    gains: tuple[float, ...]
+    held_out: int | None
+
+
+def select(found: Sequence[Candidate], information: CandidateInformation) -> Selection:
+    """Select windows until one more adds little; hold one out.
+
+    D-optimality: each step takes the window that shrinks the uncertainty ellipsoid most for its length. For a sum of
+    information matrices log det is submodular, so the greedy selection is within 1 - 1/e of the best of its size.
+
+    References
+    ----------
+    V. V. Fedorov, *Theory of Optimal Experiments*, Academic Press, 1972. G. L. Nemhauser, L. A. Wolsey and M. L. Fisher,
+    "An analysis of approximations for maximizing submodular set functions", *Mathematical Programming* 14, 1978.
+    """
+
+    def weight(one: Candidate) -> float:
+        return (1.0 if one.maneuver is None else MANEUVER_WEIGHT) / (one.seconds + WINDOW_COST)
+
+    fitted: list[int] = []
+    gains: list[float] = []
+    base = information.prior
+    while len(fitted) < MAX_WINDOWS:
+        free = [i for i in range(len(found)) if not any(found[i].meets(found[j]) for j in fitted)]
+        rated = {i: information.gain(base, i) for i in free}
+        rated = {i: g for i, g in rated.items() if g >= MIN_GAIN}
+        if not rated:
+            break
+        best = max(rated, key=lambda i: rated[i] * weight(found[i]))
+        fitted.append(best)
+        gains.append(rated[best])
+        base = base + information.matrices[best]
+    held = _held_out(found, information, fitted)
+    left = [(i, g) for i, g in zip(fitted, gains, strict=True) if i != held]
+    return Selection(tuple(i for i, _ in left), tuple(g for _, g in left), held)
+
+
+def _held_out(
+    found: Sequence[Candidate], information: CandidateInformation, fitted: Sequence[int]
+) -> int | None:
+    """Return the window to validate with: a maneuver that is left, else one whose axis is fitted twice, else the cheapest."""
+    free = [i for i in range(len(found)) if not any(found[i].meets(found[j]) for j in fitted)]
+    usual = float(np.median([information.gain_alone(i) for i in fitted])) if fitted else np.inf
+    eligible = [i for i in free if information.gain_alone(i) >= VALIDATION_WORTH * usual]
+    losses = {i: information.gain(information.total([j for j in fitted if j != i]), i) for i in fitted}
+    spare = [i for i in fitted if losses[i] < REDUNDANT] if len(fitted) > 1 else []
+    flown = [i for i in eligible if found[i].maneuver is not None]
+    axes = [m.axis for i in fitted if (m := found[i].maneuver) is not None]
+    twice = [i for i in spare if (m := found[i].maneuver) is not None and axes.count(m.axis) > 1]
+    for group in (flown, eligible if not twice else []):
+        if group:
+            return max(group, key=information.gain_alone)
+    for group in (twice, spare):
+        if group:
+            return min(group, key=lambda i: losses[i])
+    best = max(free, key=information.gain_alone, default=None)
+    return best if best is not None and information.gain_alone(best) > MIN_GAIN else None
+
+
+def excitation_information(
+    flights: Mapping[str, Flight], excitations: Mapping[str, Excitation], found: Sequence[Candidate]
+) -> CandidateInformation:
+    """Return the information of windows about any vehicle that responds linearly to commands and rates.
+
+    All flights have the same commands.
+    """
+    out = []
+    for one in found:
+        flight = flights[one.flight]
+        rows = excitations[one.flight].inside(flight, one)
+        out.append(rows.T @ rows / (PRIOR_SPAN * flight.rate))
+    size = len(next(iter(excitations.values())).names)
+    return CandidateInformation(np.eye(size), tuple(out))
+
+
+@dataclass(frozen=True)
+class Proposed:
+    """A window of a flight, s on the log's own clock, proposed or declined.
+
+    Attributes
+    ----------
+    axis : which was excited, or "motion"
+    information : mean logarithm by which it alone shrinks the error bars
+    gain : likewise, beside the windows that were selected before it; 0 for those that are predicted or declined
+    accept : whether it is proposed
+    """
+
+    flight: str
+    start: float
+    stop: float
+    axis: str
+    why: str
+    information: float
+    gain: float
+    accept: bool
+    use: Use
+
+
+@dataclass(frozen=True)
+class Expected:
+    """A free number at its first guess, and its standard error predicted for the proposed windows together, SI.
+
+    The error is infinite where the number is not identifiable.
+    """
+
+    name: str
+    value: float
+    std_error: float
+
+    @property
+    def relative(self) -> float:
+        """Standard error over the size of the value."""
+        return self.std_error / abs(self.value) if self.value else float("inf")
+
+
+@dataclass(frozen=True)
+class Found:
+    """Windows in order of flight and time, and the expected errors of the vehicle's free numbers (none without one)."""
+
+    windows: tuple[Proposed, ...]
+    expected: tuple[Expected, ...] = ()
+    notices: tuple[Notice, ...] = ()
+
+    def texts(self, use: Use) -> list[str]:
+        """Return the accepted windows of a kind, as the command line takes them."""
+        return [f"{w.flight}@{w.start:g}:{w.stop:g}" for w in self.windows if w.accept and w.use == use]
+
+
+def doubts(flights: Mapping[str, Flight], vehicle: Vehicle) -> list[Notice]:
+    """Return why a flight is hardly of this vehicle; quick, before any search.
+
+    Raises
+    ------
+    FlightError
+        A flight lacks an input of the vehicle.
+    """
+    for flight in flights.values():
+        _check_inputs(flight, vehicle)
+    return check_vehicle(vehicle, {n: with_motors(f, vehicle) for n, f in flights.items()}, whole(flights))
+
+
+def find_windows(
+    flights: Mapping[str, Flight],
+    vehicle: Vehicle | None = None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Found:
+    """Propose windows by excitation and by the information in them.
+
+    Parameters
+    ----------
+    flights : name -> flight, of one vehicle
+    vehicle : whose free numbers are to be estimated; without one, windows that excite each axis by itself
+    tell : called with what is being done
+
+    Raises
+    ------
+    FlightError
+        No window can be used, with the reason.
+    """
+    for flight in flights.values():
+        _check_inputs(flight, vehicle)
+    flights = {name: with_motors(flight, vehicle) for name, flight in flights.items()}
+    excitations = {name: e for name, flight in flights.items() if (e := Excitation.of(flight)) is not None}
+    found = [c for f in flights.values() for c in _candidates(f, vehicle, excitations.get(f.name))]
+    if not found:
+        raise _nothing_found(flights, vehicle)
+    model: VehicleInformation | None = None
+    if vehicle is None:
+        first = next(iter(excitations.values()))
+        shared = [n for n in first.names if all(n in e.names for e in excitations.values())]
+        common = {name: e.only(shared) for name, e in excitations.items()}
+        information = excitation_information(flights, common, found)
+    else:
+        found, information, model = _about_vehicle(vehicle, flights, found, tell)
+    selection = select(found, information)
+    if not selection.fitted:
+        raise _nothing_found(flights, vehicle)
+    report = _Report(flights, excitations, found, information, model)
+    expected = report.expected(selection)
+    unknown = [e.name for e in expected if not e.relative < 1.0]
+    if report.calm() and len(unknown) >= MAX_UNKNOWN * len(expected):
+        share = (
+            f", and {len(unknown)} of {len(expected)} free numbers would not be known to their own size "
+            f"({listed(unknown, MAX_NAMED)})"
+        )
+        raise FlightError(
+            f"{', '.join(flights)}: no maneuver here: no command moves out of the usual{share if unknown else ''}; fly doublets "
+            "about each axis (stoop design proposes them), or name windows yourself: --maneuver START:STOP"
+        )
+    notices = (notice("no-validation-window"),) if selection.held_out is None else ()
+    return Found(tuple(report.windows(selection)), tuple(expected), notices)
+
+
+def _candidates(flight: Flight, vehicle: Vehicle | None, excitation: Excitation | None) -> list[Candidate]:
+    """Return the candidates of a flight, the most excited first, and at most `MAX_CANDIDATES`."""
+    if vehicle is not None:
+        channels = list(vehicle.recorded)
+    else:
+        direct = [c.variable for c in commands(flight) if c.variable in flight.data]
+        channels = direct or next(iter(output_families(flight)), [])
+    found = candidates(flight, channels)
+    if excitation is None:
+        return found[:: max(1, len(found) // MAX_CANDIDATES)]
+    information = excitation_information({flight.name: flight}, {flight.name: excitation}, found)
+    order = sorted(range(len(found)), key=lambda i: -information.gain_alone(i))
+    return [found[i] for i in order[:MAX_CANDIDATES]]
+
+
+def _about_vehicle(
+    vehicle: Vehicle,
+    flights: Mapping[str, Flight],
+    found: Sequence[Candidate],
+    tell: Callable[[str], None],
+) -> tuple[list[Candidate], CandidateInformation, VehicleInformation]:
+    """Return the candidates that can be simulated, and their information about the vehicle's free numbers."""
+    problems = [(c, p) for c in found if (p := candidate_problem(vehicle, flights[c.flight], c)) is not None]
+    if not problems:
+        raise _nothing_found(flights, vehicle)
+    disjoint: list[tuple[Candidate, CandidateProblem]] = []
+    for one in problems:
+        if not any(one[0].meets(other) for other, _ in disjoint):
+            disjoint.append(one)
+    model = linearization_point(vehicle, [p for _, p in disjoint])
+    kept, matrices = [], []
+    for i, (candidate, problem) in enumerate(problems, 1):
+        tell(f"information of window {i} of {len(problems)}")
+        matrix = model.information(problem)
+        if matrix is not None:
+            kept.append(candidate)
+            matrices.append(matrix)
+    if not kept:
+        raise _nothing_found(flights, vehicle)
+    return kept, CandidateInformation(model.weak_prior, tuple(matrices)), model
+
+
+@dataclass(frozen=True, eq=False)
+class _Report:
+    """Turns a selection into proposed windows with reasons."""
+
+    flights: Mapping[str, Flight]
+    excitations: Mapping[str, Excitation]
+    found: Sequence[Candidate]
+    information: CandidateInformation
+    model: VehicleInformation | None
+
+    def windows(self, selection: Selection) -> list[Proposed]:
+        """Return the windows to fit, the one to predict, and maneuvers that were declined, in order of time."""
+        out = []
+        for k, (index, gain) in enumerate(zip(selection.fitted, selection.gains, strict=True)):
+            why = self._why(index, self.information.total(selection.fitted[:k]))
+            out.append(self._proposed(index, why, gain, True, "fit"))
+        if selection.held_out is not None:
+            why = f"{self._excited(selection.held_out)}; held out, to be predicted"
+            out.append(self._proposed(selection.held_out, why, 0.0, True, "validate"))
+        taken = [*selection.fitted, *([] if selection.held_out is None else [selection.held_out])]
+        declined = 0
+        for i in sorted(range(len(self.found)), key=self.information.gain_alone, reverse=True):
+            one = self.found[i]
+            if i not in taken and one.maneuver is not None and declined < MAX_DECLINED:
+                clash = any(one.meets(self.found[j]) for j in taken)
+                reason = (
+                    "shares samples with a proposed window" if clash else "adds little to the windows chosen"
+                )
+                out.append(self._proposed(i, f"{self._excited(i)}; {reason}", 0.0, False, "fit"))
+                declined += 1
+        return sorted(out, key=lambda w: (w.flight, w.start))
+
+    def expected(self, selection: Selection) -> list[Expected]:
+        """Return the predicted standard errors of the windows to fit."""
+        if self.model is None:
+            return []
+        errors = self.model.errors([self.information.matrices[i] for i in selection.fitted])
+        rows = zip(self.model.names, self.model.values, errors, strict=True)
+        return [Expected(name, float(value), float(error)) for name, value, error in rows]
+
+    def calm(self) -> bool:
+        """Whether nothing anywhere in the flights is a maneuver or looks like one."""
+        return not any(self._axes(i) for i in range(len(self.found)))
+
+    def _proposed(self, index: int, why: str, gain: float, accept: bool, use: Use) -> Proposed:
+        one, alone = self.found[index], self.information.gain_alone(index)
+        axis = next(iter(self._axes(index)), NO_AXIS)
+        return Proposed(one.flight, one.start, one.stop, axis, why, alone, gain, accept, use)
+
+    def _axes(self, index: int) -> dict[Axis, float]:
+        """Return how many times the usual the excited axes move, that of a maneuver first, then the strongest."""
+        one = self.found[index]
+        excitation = self.excitations.get(one.flight)
+        sizes = {} if excitation is None else excitation.strengths(self.flights[one.flight], one)
+        strongest = [a for a in sorted(sizes, key=lambda a: -sizes[a])[:1] if sizes[a] > MIN_EXCITATION]
+        own: list[Axis] = [one.maneuver.axis] if one.maneuver is not None else []
+        return {a: sizes.get(a, 0.0) for a in (*own, *strongest)}
+
+    def _excited(self, index: int) -> str:
+        axes = self._axes(index).items()
+        parts = [f"{a} command {f'{x:.1f}' if x < 100.0 else 'over 100'}" for a, x in axes]
+        return f"{', '.join(parts)} times the usual" if parts else "no command stands out"
+
+    def _why(self, index: int, base: FloatArray) -> str:
+        words = self._excited(index)
+        if self.model is None:
+            one = self.found[index]
+            condition = self.excitations[one.flight].condition(self.flights[one.flight], one)
+            return f"{words}; condition of commands and rates {condition:.3g}"
+        after = base + self.information.matrices[index]
+        before, then = (np.sqrt(np.diag(np.linalg.inv(m))) for m in (base, after))
+        ratio = then / before
+        best = [int(i) for i in np.argsort(ratio)[:MAX_NAMED] if ratio[i] < SHARPER]
+        names = ", ".join(self.model.names[i] for i in best)
+        return f"{words}; tells {names}" if names else words
+
+
+def _check_inputs(flight: Flight, vehicle: Vehicle | None) -> None:
+    """Refuse a flight that lacks an input of the vehicle's equations; without a vehicle, rates or commands of any kind."""
+    missing = [r for r in RATES if r not in flight.data or not np.isfinite(flight.column(r)).any()]
+    if vehicle is not None:
+        require_channels(vehicle, flight)
+    elif missing:
+        raise FlightError(
+            f"{flight.name}: {', '.join(missing)} {'was' if len(missing) == 1 else 'were'} not recorded, and without "
+            "body rates no maneuver shows; log the gyros, or name their columns in a mapping ([variables] p, q, r)"
+        )
+    if (vehicle is None or vehicle.rotors) and not motors_ran(flight):
+        command = lift_command(flight)
+        most = 0.0 if command is None else float(np.nanmax(np.append(command, 0.0)))
+        raise FlightError(
+            f"{flight.name}: the motors never ran (their commands reach {100.0 * most:.0f} % at most): nothing flew in this "
+            "log; give a log of a flight, or check the scale of the motor channels in the mapping"
+        )
+    if vehicle is None and not commands(flight):
+        raise FlightError(
+            f"{flight.name}: no command was recorded that moves (surfaces, control_roll/pitch/yaw, motor_n, servo_n, "
+            "pwm_n); log them, or name their columns in a mapping (stoop map drafts one)"
+        )
+
+
+def _nothing_found(flights: Mapping[str, Flight], vehicle: Vehicle | None) -> FlightError:
+    """Return the error for flights in which no window can be used."""
+    name, flight = next(iter(flights.items()))
+    airborne = float(flying(flight).sum()) / flight.rate
+    other = "or name windows yourself: --maneuver START:STOP"
+    if airborne < 2.0:
+        return FlightError(
+            f"{name}: the vehicle is in the air for {airborne:.1f} s only, as speed and commands show; give a log of a "
+            f"flight, {other}"
+        )
+    if vehicle is None:
+        reason = "no window moves the vehicle out of the usual"
+    else:
+        reason = f"no window in which the inputs ({', '.join(vehicle.recorded)}) and the state were measured is informative"
+    return FlightError(
+        f"{name}: {reason}; fly doublets about each axis (stoop design proposes them), {other}"
+    )

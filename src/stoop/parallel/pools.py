@@ -1,0 +1,523 @@
+"""Where tasks are computed: a caller's executor, processes on this machine, or a Dask cluster (extra `distributed`)."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import logging
+import multiprocessing
+import os
+import re
+import signal
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
+from queue import SimpleQueue
+from typing import Any, Final, Protocol, TypeAlias, final
+
+from stoop.errors import CampaignError, StoopError
+from stoop.parallel.plan import Task
+from stoop.parallel.worker import Report, perform
+
+_SAFE: Final = "what is done is safe"
+
+
+class Workers(Protocol):
+    """Workers of an open pool."""
+
+    def capacity(self) -> int:
+        """Return how many tasks should be under way: few, for each takes memory."""
+
+    def submit(self, task: Task) -> Future[Report]:
+        """Begin a task."""
+
+    def failure(self, error: BaseException) -> StoopError | None:
+        """Return why a task that has no report ends the campaign; None to submit it once more."""
+
+    def status(self) -> str:
+        """Return why nothing advances; empty if all is well.
+
+        Raises
+        ------
+        CampaignError
+            It never will.
+        """
+
+
+class Pool(Protocol):
+    """A place to compute tasks."""
+
+    def open(self) -> AbstractContextManager[Workers]:
+        """Return the workers for the length of a campaign; tasks under way at its end are dropped."""
+
+
+def processors() -> int:
+    """Return how many processors this process may use."""
+    affinity = getattr(os, "sched_getaffinity", None)
+    return len(affinity(0)) if affinity else os.cpu_count() or 1
+
+
+@final
+@dataclass(frozen=True)
+class Given:
+    """An executor of the caller (threads, processes, MPI), who also shuts it down.
+
+    Attributes
+    ----------
+    executor : concurrent.futures.Executor
+    ahead : int, optional
+        How many tasks are submitted at once; twice the processors when absent.
+    """
+
+    executor: Executor
+    ahead: int | None = None
+
+    @contextmanager
+    def open(self) -> Iterator[Workers]:
+        """Return the workers."""
+        workers = _ExecutorWorkers(self.executor, self.ahead or 2 * processors())
+        try:
+            yield workers
+        finally:
+            for future in list(workers.begun):
+                future.cancel()
+
+
+@final
+class _ExecutorWorkers:
+    def __init__(self, executor: Executor, ahead: int) -> None:
+        self._executor, self._ahead = executor, ahead
+        self.begun: set[Future[Report]] = set()
+
+    def capacity(self) -> int:
+        return self._ahead
+
+    def submit(self, task: Task) -> Future[Report]:
+        try:
+            future = self._executor.submit(perform, task.work, task.text, task.stops)
+        except RuntimeError as error:  # broken, or shut down
+            raise self.failure(error) from None
+        self.begun.add(future)
+        future.add_done_callback(self.begun.discard)
+        return future
+
+    def failure(self, error: BaseException) -> StoopError:
+        if isinstance(error, BrokenExecutor):
+            return CampaignError(
+                "the executor broke: one of its workers died; make a new one and start again"
+            )
+        if isinstance(error, CancelledError):
+            return CampaignError("the executor was shut down; make a new one and start again")
+        return CampaignError(
+            f"the executor failed ({type(error).__name__}: {error}); start again with another"
+        )
+
+    def status(self) -> str:
+        return ""
+
+
+# Processes on this machine. Each worker has a thread and a pipe of its own in the driver. A worker that is killed, in
+# whatever it is doing, so leaves nothing locked and nothing half sent that another one waits for: its pipe ends, its task
+# is lost, the others work on. (`concurrent.futures.ProcessPoolExecutor` shares one pipe and one lock among all workers,
+# and ends them all.)
+
+_Call: TypeAlias = tuple["Future[Report]", Task]
+ONE_THREAD: Final = (
+    "STOOP_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS",
+)  # fmt: skip
+
+
+class WorkerLostError(Exception):
+    """A worker ended in the middle of a task, which may well succeed on another one."""
+
+
+@final
+@dataclass(frozen=True)
+class LocalProcesses:
+    """Processes on this machine, with one thread each for kernels and for linear algebra.
+
+    Attributes
+    ----------
+    workers : int
+        As many as there are processors by default; one is a process, too.
+    """
+
+    workers: int = field(default_factory=processors)
+
+    @contextmanager
+    def open(self) -> Iterator[Workers]:
+        """Return the workers; each starts with its first task."""
+        workers = _LocalWorkers(self.workers)
+        try:
+            yield workers
+        finally:
+            workers.close()
+
+
+@final
+class _LocalWorkers:
+    def __init__(self, count: int) -> None:
+        if hasattr(signal, "pthread_sigmask"):
+            # multiprocessing's helper process: starting it later would let Ctrl-C through to a worker
+            from multiprocessing import resource_tracker
+
+            resource_tracker.ensure_running()
+        self._calls: SimpleQueue[_Call | None] = SimpleQueue()
+        self._threads = [_WorkerThread(self._calls) for _ in range(count)]
+        for thread in self._threads:
+            thread.start()
+
+    def capacity(self) -> int:
+        return 2 * len(self._threads)
+
+    def submit(self, task: Task) -> Future[Report]:
+        future: Future[Report] = Future()
+        self._calls.put((future, task))
+        return future
+
+    def failure(self, error: BaseException) -> StoopError | None:
+        if isinstance(error, WorkerLostError):
+            return None
+        if isinstance(error, StoopError):
+            return error
+        return CampaignError(f"the workers cannot be reached ({type(error).__name__}: {error}); start again")
+
+    def status(self) -> str:
+        return ""
+
+    def close(self) -> None:
+        """Let idle workers end and kill the others."""
+        for thread in self._threads:
+            thread.leave()
+        for _ in self._threads:
+            self._calls.put(None)
+        for thread in self._threads:
+            thread.join()
+
+
+class _WorkerThread(threading.Thread):
+    """Passes tasks on to one process, and starts a new one when it dies."""
+
+    def __init__(self, calls: SimpleQueue[_Call | None]) -> None:
+        super().__init__(daemon=True, name="stoop-campaign")
+        self._calls = calls
+        self._process: _Process | None = None
+        self._busy = self._leaving = False
+        self._lock = threading.Lock()
+
+    def run(self) -> None:
+        """Pass tasks on until there are no more."""
+        if hasattr(signal, "pthread_sigmask"):  # inherited by the workers: Ctrl-C is the driver's business
+            signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        while (call := self._calls.get()) is not None:
+            future, task = call
+            try:
+                future.set_result(self._start().compute(task))
+            except (EOFError, OSError) as error:
+                with self._lock:
+                    process, self._process = self._process, None
+                future.set_exception(
+                    WorkerLostError(str(error)) if process is None else process.cause_of_death()
+                )
+            except Exception as error:
+                future.set_exception(error)
+            with self._lock:
+                self._busy = False
+        if self._process is not None:
+            self._process.close()
+
+    def leave(self) -> None:
+        """End the task under way and begin none."""
+        with self._lock:
+            self._leaving = True
+            if self._busy and self._process is not None:
+                self._process.kill()
+
+    def _start(self) -> _Process:
+        """Return the process, a new one if need be."""
+        with self._lock:
+            if self._leaving:
+                raise EOFError
+            self._busy = True
+            if self._process is None:
+                self._process = _Process()
+            return self._process
+
+
+class _Process:
+    """One process and the pipe to it."""
+
+    def __init__(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._pipe, other = context.Pipe()
+        self._process: SpawnProcess = context.Process(target=serve, args=(other,), daemon=True)
+        self._ready = False
+        try:
+            self._process.start()
+        finally:
+            other.close()
+
+    def compute(self, task: Task) -> Report:
+        """Return the report of a task; EOFError or OSError when the process dies over it."""
+        if not self._ready:
+            self._ready = bool(self._pipe.recv())
+        self._pipe.send((task.work, task.text, task.stops))
+        report: Report = self._pipe.recv()
+        return report
+
+    def close(self) -> None:
+        """Let an idle process end by itself, so that it cleans up; it has 5 s."""
+        self._pipe.close()
+        self._process.join(5.0)
+        self.kill()
+        self._process.join()
+
+    def kill(self) -> None:
+        """End the process in whatever it is doing."""
+        with suppress(OSError):
+            self._process.kill()
+
+    def cause_of_death(self) -> Exception:
+        """Return what a pipe that has ended means: a process that was killed is replaced, one that cannot start is not."""
+        self._process.join(1.0)
+        self.kill()
+        self._process.join()
+        code = self._process.exitcode
+        if not self._ready and code is not None and code > 0:
+            return CampaignError(
+                f"worker processes do not start (exit code {code}); "
+                "a script must call execute under if __name__ == '__main__'"
+            )
+        return WorkerLostError(f"exit code {code}")
+
+
+def serve(pipe: Connection) -> None:
+    """Compute tasks as a worker, on one thread: they come, and reports go, through the pipe, until it is closed."""
+    threading.Thread(target=_end_with_driver, daemon=True).start()
+    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+    if "numpy" in sys.modules:  # the main script has imported it: too late for the above
+        import threadpoolctl
+
+        threadpoolctl.threadpool_limits(1)
+    pipe.send(True)
+    while True:
+        try:
+            task = pipe.recv()
+        except (EOFError, OSError):
+            return
+        pipe.send(perform(*task))
+
+
+def _end_with_driver() -> None:
+    """End this process when the driver ends, even if it is killed."""
+    driver = multiprocessing.parent_process()
+    if driver is not None:
+        driver.join()
+        os._exit(1)
+
+
+# A Dask cluster. Futures are passed on by hand: those of `Client.get_executor` stay undone for ever when the connection
+# breaks while a result is being fetched, and the bare ones are not for `concurrent.futures.wait`.
+
+_ADDRESS: Final = re.compile(r"(tcp|tls|ws|wss)://(?:\[([^\s/\[\]]+)\]|([^\s/:\[\]]+)):(\d{1,5})")
+
+
+@final
+@dataclass(frozen=True)
+class Dask:
+    """The workers of a Dask scheduler.
+
+    Attributes
+    ----------
+    address : str
+        "tcp://host:port"
+    timeout : float, s
+        How long to wait for the scheduler.
+
+    Raises
+    ------
+    CampaignError
+        It is no such address.
+    """
+
+    address: str
+    timeout: float = 10.0
+
+    def __post_init__(self) -> None:
+        found = _ADDRESS.fullmatch(self.address)
+        if found is None or not 0 < int(found[4]) < 1 << 16:
+            raise CampaignError(
+                f"scheduler {self.address!r}: is no address; give tcp://HOST:PORT as dask scheduler prints it"
+            )
+
+    @contextmanager
+    def open(self) -> Iterator[Workers]:
+        """Return the workers.
+
+        Raises
+        ------
+        CampaignError
+            The scheduler cannot be reached, or the extra is not installed.
+        """
+        try:
+            from distributed import Client
+        except ImportError:
+            raise CampaignError(
+                "a Dask scheduler needs the package distributed; pip install 'stoop[distributed]'"
+            ) from None
+        # the campaign reports a lost scheduler in one line: the log of Dask's client is switched off
+        loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
+        levels = [logger.level for logger in loggers]
+        for logger in loggers:
+            logger.setLevel(logging.CRITICAL)
+        try:
+            client = self._connect(Client)
+            try:
+                yield _DaskWorkers(client, self.address, self.timeout)
+            finally:
+                with contextlib.suppress(Exception):  # in any state: the campaign's own error counts
+                    client.close(timeout=self.timeout)
+        finally:
+            for logger, level in zip(loggers, levels, strict=True):
+                logger.setLevel(level)
+
+    def _connect(self, make: type[Any]) -> Any:
+        """Return a client, once the scheduler answers.
+
+        A client that fails leaves threads behind, which complain later, and waits for ever where something else than
+        a scheduler listens; so none is made before.
+        """
+        end, pause = time.monotonic() + self.timeout, 0.2  # s between attempts
+        try:
+            while True:
+                try:
+                    self._greet(max(end - time.monotonic(), pause))
+                    break
+                except OSError:
+                    if time.monotonic() + pause > end:
+                        raise
+                time.sleep(pause)
+            client: Any = object.__new__(make)
+            try:
+                client.__init__(self.address, timeout=self.timeout, set_as_default=False)
+            except BaseException:
+                client.status = "closed"  # else it tries to close itself when it is collected
+                raise
+            return client
+        except Exception as error:  # a stranger's answer may be anything, a lack of memory included
+            raise CampaignError(
+                f"scheduler {self.address}: cannot be reached ({_first_line(error)}); check the address, and that "
+                "dask scheduler runs there"
+            ) from error
+
+    def _greet(self, patience: float) -> None:
+        """Connect once; over plain TCP a scheduler speaks first."""
+        found = _ADDRESS.fullmatch(self.address)
+        assert found is not None  # noqa: S101 - see above
+        with socket.create_connection((found[2] or found[3], int(found[4])), patience) as connection:
+            if found[1] == "tcp" and not connection.recv(1):
+                raise ConnectionResetError("what listens there hangs up")
+
+
+@final
+class _DaskWorkers:
+    def __init__(self, client: Any, address: str, timeout: float) -> None:
+        self._client, self._address, self._timeout = client, address, timeout
+        self._link = (
+            client.scheduler_comm
+        )  # another one after a reconnection, and then our tasks are forgotten
+        self._perform = _portable_perform()
+        self._checked, self._threads, self._silent = -2.0, 0, False
+
+    def capacity(self) -> int:
+        self._count_threads()
+        return 2 * max(self._threads, 1)
+
+    def submit(self, task: Task) -> Future[Report]:
+        self._check()
+        theirs = self._client.submit(self._perform, task.work, task.text, task.stops, pure=False)
+        future: Future[Report] = Future()
+        theirs.add_done_callback(functools.partial(_settle, future))
+        return future
+
+    def failure(self, error: BaseException) -> StoopError | None:
+        from distributed import KilledWorker
+
+        if isinstance(error, KilledWorker):
+            return None
+        if isinstance(error, CancelledError) or self._is_gone():
+            return self._lost()
+        if isinstance(error, OSError):  # the connection broke while the result was fetched
+            return None
+        return CampaignError(f"cluster {self._address}: {_first_line(error)}; {_SAFE}, start again")
+
+    def status(self) -> str:
+        self._check()
+        self._count_threads()
+        if self._silent:
+            return f"waiting for the scheduler {self._address} to answer"
+        return "" if self._threads else f"waiting for a worker to join {self._address}"
+
+    def _is_gone(self) -> bool:
+        return self._client.status != "running" or self._client.scheduler_comm is not self._link
+
+    def _check(self) -> None:
+        if self._is_gone():
+            raise self._lost()
+
+    def _count_threads(self) -> None:
+        """Count the threads of the workers, every 2 s."""
+        now = time.monotonic()
+        if now - self._checked < 2.0 and self._threads:
+            return
+        self._checked = now
+        try:
+            self._threads = sum(self._client.nthreads(callback_timeout=self._timeout).values())
+            self._silent = False
+        except TimeoutError:
+            self._silent = True
+        except Exception as error:
+            raise self._lost() from error
+
+    def _lost(self) -> CampaignError:
+        return CampaignError(
+            f"scheduler {self._address}: lost; {_SAFE}: start the same command again when it is back"
+        )
+
+
+def _settle(future: Future[Report], theirs: Any) -> None:
+    """Settle a future as Dask's one was settled, whatever fetching its result raises."""
+    try:
+        future.set_result(theirs.result())
+    except Exception as error:
+        future.set_exception(error)
+    except BaseException:  # asyncio's cancellation is none of the driver's exceptions
+        future.set_exception(CancelledError())
+
+
+def _portable_perform() -> Callable[[str, str, list[int | None]], Report]:
+    """Return a function that is sent whole, as an inner one is, not as the name of something to import.
+
+    A worker without the package cannot even unpickle such a name: it dies, and its successor, too.
+    """
+
+    def call(work: str, text: str, stops: list[int | None]) -> Report:
+        try:
+            from stoop.parallel.worker import perform
+        except (ImportError, AttributeError) as error:
+            what = f"its worker has no stoop, or another version ({error}); install the same as here"
+            return {"worker": "", "environment": {}, "results": [], "failure": what, "trace": ""}
+        return perform(work, text, stops)
+
+    return call
+
+
+def _first_line(error: BaseException) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]

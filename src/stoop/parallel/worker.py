@@ -1,0 +1,240 @@
+"""What a worker does with one task, and what its results depend on beside the plan: versions, processor, sources.
+
+The sources of a work function are its module and what that imports; they are hashed without importing any of it, by
+driver and workers, each where it runs. A worker with other sources is refused, and so is a store that other sources made.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import hashlib
+import importlib
+import importlib.util
+import os
+import socket
+import traceback
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final, TypedDict
+
+from stoop.errors import CampaignError, StoopError
+from stoop.parallel.plan import from_text, to_text
+
+LIBRARIES: Final = (
+    "stoop",
+    "numpy",
+    "scipy",
+    "xarray",
+    "pydantic",
+    "pymoo",
+    "cma",
+    "ioh",
+    "pygmo",
+)  #: that compute numbers
+ROOMS: Final = (
+    "assessment", "base", "data", "estimate", "flight", "kernels", "logs", "optimize", "problem", "results", "simulation",
+    "vehicle",
+)  # fmt: skip  #: folders and files of stoop that compute numbers; those of a work function's own count by `work_sources`
+EXCLUDED: Final = frozenset(
+    f"stoop.{name}" for name in (*ROOMS, "parallel", "cli", "report", "errors", "base.files")
+)  #: of stoop, what every environment has, or what computes no numbers
+Roots = Mapping[str, list[Path]]  #: top-level package or module -> its folders, or its file
+
+
+class Report(TypedDict):
+    """Result of a task; built-in types only, so that it can be read whatever the worker is."""
+
+    worker: str
+    environment: dict[str, str]
+    results: list[str]  #: canonical texts, one per stop
+    failure: str  #: why there are none
+    trace: str
+
+
+def perform(work: str, text: str, stops: Sequence[int | None]) -> Report:
+    """Compute one task; an exception is a failure in the report.
+
+    Parameters
+    ----------
+    work : str
+        "package.module:function"
+    text : str
+        The arguments.
+    stops : sequence of int or None
+    """
+    name = f"process {os.getpid()} on {socket.gethostname()}"
+    # hashed once, before the module is imported: those are the sources that this process runs
+    report = Report(
+        worker=name, environment={**environment(), **_own_sources(work)}, results=[], failure="", trace=""
+    )
+
+    def first_line(error: BaseException) -> str:
+        return "".join(map(str, error.args[:1])).partition("\n")[0]
+
+    try:
+        module, _, function = work.partition(":")
+        results = getattr(importlib.import_module(module), function)(from_text(text), list(stops))
+        if not isinstance(results, list) or len(results) != len(stops):
+            raise CampaignError(f"{work} must return a list of {len(stops)} results, one for each stop")
+        report["results"] = [to_text(result, f"result {i}") for i, result in enumerate(results)]
+    except StoopError as error:
+        report["failure"] = first_line(error) or type(error).__name__
+    except (Exception, SystemExit) as error:
+        report["failure"] = f"{type(error).__name__}: {first_line(error)}"
+        report["trace"] = traceback.format_exc()
+    return report
+
+
+@functools.cache
+def _own_sources(work: str) -> Mapping[str, str]:
+    return work_sources([work])
+
+
+@functools.cache
+def environment() -> Mapping[str, str]:
+    """Return name and value of everything that results depend on beside the plan.
+
+    A library that is not installed is left out: runs that need it report this themselves.
+    """
+    from importlib import metadata
+
+    from stoop.kernels import environment as compiled
+
+    found = dict(compiled())
+    for name in LIBRARIES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    found["sources of stoop"] = source_digest(*(Path(__file__).parents[1] / room for room in ROOMS))
+    return MappingProxyType(found)
+
+
+def source_digest(*places: Path) -> str:
+    """Return one hash of Python and TOML files, and of those in folders; a plan may keep it among its settings.
+
+    Parameters
+    ----------
+    places : files or folders
+    """
+    digest = hashlib.sha256()
+    for place in places:
+        files = [place] if place.is_file() else [p for p in place.rglob("*") if p.suffix in (".py", ".toml")]
+        for path in sorted(files):
+            digest.update(f"{path.relative_to(place.parent).as_posix()}\n".encode())
+            digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def differences(here: Mapping[str, str], there: Mapping[str, str]) -> str:
+    """Return where two environments differ in what both have, long values by name only; empty if they agree."""
+    unlike = [name for name in here if name in there and here[name] != there[name]]
+    return ", ".join(
+        name
+        if max(len(here[name]), len(there[name])) > 40
+        else f"{name} {here[name]} here, {there[name]} there"
+        for name in unlike
+    )
+
+
+def work_sources(works: Iterable[str]) -> dict[str, str]:
+    """Return one entry for an environment per module of some work functions: its name and a hash of its sources.
+
+    Counted are the module, the modules of the same top-level package and of `stoop` that it imports wherever in its
+    text, what they import, and the ``__init__.py`` above each (what only that imports is not). A package that is imported
+    as such counts with all of its files: it may import them by names that it computes. Rooms of `stoop` that every
+    environment has, or that compute no numbers, are left out. A module without a source file has no entry.
+
+    Parameters
+    ----------
+    works : iterable of str
+        Each "package.module:function".
+    """
+    found = {}
+    for module in sorted({work.partition(":")[0] for work in works}):
+        files = sorted(source_files(module).items())
+        text = "".join(f"{name}\n{hashlib.sha256(content).hexdigest()}\n" for name, content in files)
+        if text:
+            found[f"sources of {module}"] = hashlib.sha256(text.encode()).hexdigest()
+    return found
+
+
+def source_files(module: str) -> dict[str, bytes]:
+    """Return name and content of each file of a module and of what it imports."""
+    roots = {top: found for top in (module.partition(".")[0], "stoop") if (found := _roots(top))}
+    files: dict[str, bytes] = {}
+    queue, visited = [module], {*EXCLUDED}
+    while queue:
+        name = queue.pop()
+        if name in visited or any(name.startswith(f"{other}.") for other in EXCLUDED):
+            continue
+        visited.add(name)
+        place = _place(name, roots)
+        if place is not None and place.is_file():
+            own = [(f"{name}.py", place)]
+        else:
+            paths = place.rglob("*") if place is not None else ()
+            inner = (p for p in paths if p.suffix in (".py", ".toml") and p.is_file())
+            own = (
+                [(".".join((name, *p.relative_to(place).parts)), p) for p in inner]
+                if place is not None
+                else []
+            )
+        for key, path in own:
+            files[key] = path.read_bytes()
+            queue += _imported(key, files[key], roots)
+        parts = name.split(".")
+        for count in range(1, len(parts)):  # importing a module runs the packages above it
+            above = ".".join(parts[:count])
+            folder = _place(above, roots)
+            if folder is not None and (path := folder / "__init__.py").is_file():
+                files.setdefault(f"{above}.__init__.py", path.read_bytes())
+    return files
+
+
+def _roots(top: str) -> list[Path]:
+    """Return the file of a top-level module, or the folders of a package."""
+    if top in ("", "__main__"):  # the latter is another one in each process
+        return []
+    try:
+        spec = importlib.util.find_spec(top)
+    except (ImportError, ValueError):
+        return []
+    if spec is None:
+        return []
+    if spec.submodule_search_locations is not None:
+        return [Path(folder) for folder in spec.submodule_search_locations]
+    return [Path(spec.origin)] if spec.origin and spec.origin.endswith(".py") else []
+
+
+def _place(name: str, roots: Roots) -> Path | None:
+    """Return the folder of a package or the file of a module; None: it is neither, or of another package."""
+    top, *parts = name.split(".")
+    for root in roots.get(top, ()):
+        folder = root.joinpath(*parts)
+        if not parts or folder.is_dir():
+            return folder
+        if (file := folder.with_suffix(".py")).is_file():
+            return file
+    return None
+
+
+def _imported(key: str, content: bytes, roots: Roots) -> list[str]:
+    """Return the modules of the roots that a file imports; of a package, the module that is named, or all of it."""
+    try:
+        tree = ast.parse(content if key.endswith(".py") else b"")
+    except (SyntaxError, ValueError):  # importing it reports this
+        return []
+    package = key.removesuffix(".py").split(".")[:-1]
+    found: list[str] = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            near = package[: len(package) - node.level + 1] if node.level else []
+            base = ".".join((*near, *filter(None, [node.module])))
+            inner = [f"{base}.{alias.name}" for alias in node.names]
+            found += [name if _place(name, roots) else base for name in inner]
+    return [name for name in found if name.partition(".")[0] in roots]

@@ -1,0 +1,186 @@
+"""Pages of a model structure that was determined, and of an aircraft that was exported to JSBSim."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray
+from stoop.base.numbers import NOTHING, factor_and_unit
+from stoop.base.variables import VARIABLES, WRAPPED
+from stoop.estimate.regression.least_squares import TimeDomain
+from stoop.estimate.regression.structure import Structure
+from stoop.exporters.comparison import Comparison
+from stoop.exporters.jsbsim_aircraft import PLANET, relative_errors
+from stoop.exporters.jsbsim_flight import FRAME_RATE
+from stoop.exporters.jsbsim_model import delays
+from stoop.exporters.record import differences, relative_differences
+from stoop.report.plots import Series, Strip, plot, stacked_plots
+from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table, render_sheet
+from stoop.vehicle import Vehicle
+
+STRUCTURE_LEAD: Final = """\
+Nondimensional coefficients were computed sample by sample from measured accelerations and rates, with the mass \
+properties and the thrust of the vehicle file; terms were then chosen among candidates. A constant is always there. \
+The estimates are those of a regression: a start for stoop identify, not its result."""
+EXPORT_PAGE: Final = "export.html"
+EXPLANATION: Final = """\
+What is left on the flat planet is integration and rounding:
+- our Runge-Kutta takes one step per sample, JSBSim {rate:g} Adams-Bashforth steps a second or a few more, and a surface's \
+lag is a bilinear filter there;
+- JSBSim's standard atmosphere is 8·10⁻⁶ denser than ours at sea level (its constants are rounded), where the vehicle \
+file asks for the standard density;
+- a delay that is no whole number of samples is interpolated with a cubic through the samples in our simulation and with \
+a line through the frames in JSBSim; in the column "on JSBSim's frames" both use the same points.
+
+JSBSim's Earth, here at 45 degrees of latitude, is round and turns by 0.09 degrees of heading in 30 s, and its gravity
+is not the vehicle file's. That is a difference between two worlds, not between two models of the aircraft.
+"""
+SCRIPT: Final = """\
+import jsbsim
+
+fdm = jsbsim.FGFDMExec(".")  # this folder
+fdm.load_planet("{planet}", False)  # leave this line and the gravity model out for the Earth
+fdm.load_script("scripts/{name}.xml")
+fdm["simulation/gravity-model"] = 0
+fdm.run_ic()
+while fdm.run():
+    print(fdm.get_sim_time(), fdm["velocities/vt-fps"])"""
+
+
+def structure_sheet(
+    structure: Structure,
+    vehicle: Vehicle,
+    names: Mapping[str, Mapping[str, str]],
+    estimates: Mapping[str, tuple[float, float]],
+    command: str,
+) -> Sheet:
+    """Return the page: chosen terms, the steps to them, and the coefficients over time.
+
+    Parameters
+    ----------
+    structure : Structure
+        Terms by coefficient, with the steps in which they were chosen.
+    vehicle : Vehicle
+        With the chosen terms.
+    names : mapping
+        Coefficient -> term -> parameter.
+    estimates : mapping of str to (float, float)
+        Estimate and standard error by parameter.
+    command : str
+    """
+    sections, steps_head = (
+        [],
+        ("step", "action", "term", "partial F", "threshold", "terms", "R²", "PRESS", "PSE"),
+    )
+    for coefficient, chosen in structure.chosen.items():
+        constants = [("1", n) for n, t in vehicle.terms[coefficient].items() if t.strip() == "1"]
+        rows = []
+        for term, name in (*constants, *names[coefficient].items()):
+            value, std = estimates.get(name, (np.nan, np.nan))
+            shown = [f"{v:.4g}".replace("-", "−") if np.isfinite(value) else NOTHING for v in (value, std)]
+            rows.append((term, name, *shown))
+        table = Table("Chosen terms", ("term", "parameter", "estimate", "std. error"), tuple(rows))
+        share = 100.0 * chosen.selection.model.r2
+        summary = f"{len(chosen.terms)} of {len(chosen.candidates)} candidates; they explain {share:.1f} % of the variation."
+        steps = tuple(
+            (
+                str(i), s.action, chosen.candidates[s.column], f"{s.f:.1f}", f"{s.threshold:.3g}", str(s.terms),
+                f"{s.r2:.4f}", f"{s.press:.3e}", f"{s.pse:.3e}",
+            )
+            for i, s in enumerate(chosen.selection.steps, 1)
+        )  # fmt: skip
+        caption = "Steps; F of the term, R², PRESS and PSE of the model after the step"
+        figure = _coefficient(structure, vehicle, coefficient)
+        parts = (Prose(summary), table, figure, Table(caption, steps_head, steps))
+        sections.append(Section(coefficient, parts))
+    notes = [n for chosen in structure.chosen.values() for n in chosen.notices] + list(structure.notices)
+    first = [Section("Notes", (Bullets(notes),))] if notes else []
+    made = Section("Made by", (Code(command),))
+    return Sheet(f"Model structure of {vehicle.name}", STRUCTURE_LEAD, (*first, *sections, made))
+
+
+def _coefficient(structure: Structure, vehicle: Vehicle, coefficient: str) -> Figure:
+    """Draw the measured coefficient, smoothed, and the chosen terms."""
+    smooth, curves = TimeDomain(), list[Series]()
+    for history in structure.histories:
+        terms = vehicle.terms[coefficient].items()
+        nothing = np.zeros(len(history.time))
+        modeled = sum((vehicle.value(n) * history.regressor(t) for n, t in terms), nothing)
+        rows = np.column_stack([history.coefficients[coefficient], modeled, history.time])
+        measured, modeled, time = smooth.rows(rows, history.dt).T
+        if len(time):
+            curves += [Series("measured", time, measured), Series("chosen terms", time, modeled)]
+    caption = f"{coefficient} as it was flown, smoothed over {smooth.span:g} s, and the chosen terms"
+    return Figure(caption, plot(curves, "time, s", coefficient, caption))
+
+
+def export_page(
+    vehicle: Vehicle, aircraft: str, name: str, flown: Sequence[Comparison], notes: Sequence[str]
+) -> str:
+    """Return the page of an exported aircraft as HTML: the flight, our simulation and JSBSim, channel by channel."""
+    read = relative_errors(vehicle, aircraft)
+    lead = (
+        f"The aircraft in aircraft/{name} says in JSBSim's terms what the vehicle file says, and flies the same. "
+        f"Read back, {len(read)} numbers differ from the vehicle's by at most {max(read.values()):.0e} of themselves."
+    )
+    sections = []
+    for one in flown:
+        title = one.maneuver.title
+        drawing = stacked_plots(_strips(one), "time, s", f"{title}: every channel as flown and simulated")
+        measured = "Measured, by" if one.maneuver.measured is not None else "By"
+        figure = Figure(f"{measured} our simulation and by JSBSim", drawing)
+        sections.append(Section(title, (_differences(one), figure)))
+    sections.append(Section("Why they differ at all", (Prose(EXPLANATION.format(rate=FRAME_RATE)),)))
+    sections += [Section("Notes", (Bullets(notes),))] if notes else []
+    sections.append(Section("Fly it", (Code(SCRIPT.format(planet=PLANET, name=name)),)))
+    return render_sheet(Sheet(f"{vehicle.name} in JSBSim", lead, tuple(sections)))
+
+
+def _differences(flown: Comparison) -> Table:
+    vehicle, measured = flown.maneuver.record.vehicle, flown.maneuver.measured
+    columns = {"JSBSim, flat planet": flown.relative}
+    if delays(vehicle):
+        columns["on JSBSim's frames"] = relative_differences(vehicle, flown.fine, flown.flat)
+    columns["JSBSim, Earth"] = relative_differences(vehicle, flown.own, flown.earth)
+    head = ["channel", "largest magnitude", *columns]
+    errors: list[FloatArray] = []
+    if measured is not None:
+        head += ["flight less simulation, rms", "flight less JSBSim, rms"]
+        errors = [differences(vehicle, y, measured) for y in (flown.own, flown.flat)]
+    rows = []
+    for i, channel in enumerate(vehicle.outputs):
+        factor, unit = factor_and_unit(VARIABLES[channel].unit)
+        sizes = [float(np.abs(flown.own[:, i]).max())]
+        for error in errors:  # NaN where nothing was measured
+            known = error[np.isfinite(error[:, i]), i]
+            sizes.append(float(np.sqrt(np.mean(known**2))) if known.size else np.nan)
+        largest, *rms = (f"{x * factor:.4g} {unit}" if np.isfinite(x) else NOTHING for x in sizes)
+        rows.append((channel, largest, *(f"{column[channel]:.1e}" for column in columns.values()), *rms))
+    caption = "Largest difference from our simulation, as a fraction of the channel's largest magnitude"
+    return Table(caption, tuple(head), tuple(rows))
+
+
+def _strips(flown: Comparison) -> list[Strip]:
+    record, measured = flown.maneuver.record, flown.maneuver.measured
+    out = []
+    for i, channel in enumerate(record.vehicle.outputs):
+        factor, unit = factor_and_unit(VARIABLES[channel].unit)
+        curves = {"stoop": flown.own[:, i], "JSBSim": flown.flat[:, i]}
+        if measured is not None:
+            curves = {"flight": measured[:, i], **curves}
+        series = [Series(n, record.time, factor * _unwrapped(channel, y)) for n, y in curves.items()]
+        out.append(Strip(f"{channel}, {unit}", tuple(series)))
+    return out
+
+
+def _unwrapped(channel: str, y: FloatArray) -> FloatArray:
+    """Return an angle without jumps, near zero where it begins."""
+    known = np.isfinite(y)
+    if channel not in WRAPPED or not known.any():
+        return y
+    out = y.copy()
+    out[known] = np.unwrap(y[known])
+    return np.asarray(out - 2.0 * np.pi * np.round(out[known][0] / (2.0 * np.pi)))

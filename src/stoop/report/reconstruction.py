@@ -1,0 +1,189 @@
+"""Pages of a reconstructed flight path: the compatibility of the sensors, and the drag polar."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from stoop.assessment.covariance import NORMAL_95
+from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice, of_severity
+from stoop.base.numbers import NOTHING, factor_and_unit, number, rounded_to_error, window
+from stoop.base.units import DEGREE
+from stoop.reconstruction.compatibility import Compatibility
+from stoop.reconstruction.polar import Polar
+from stoop.report.plots import Series, Strip, plot, stacked_plots
+from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table
+
+GROUPS: Final = (
+    ("Attitude", ("phi", "theta", "psi")),
+    ("Velocity over ground", ("vn", "ve", "vd")),
+    ("Position", ("pn", "pe", "pd")),
+    ("Air data", ("V", "airspeed_pitot", "alpha", "beta")),
+)
+COMPATIBILITY_LEAD: Final = """\
+Accelerations and rates were integrated from one initial state per piece; the readings of the other sensors were compared
+with that. Biases, scales, delays, positions and a steady wind were estimated such that all agree as well as they can; the
+standard errors count the color of what is left."""
+READING: Final = """\
+An unknown that is not identifiable keeps its prior: it is listed with the reason, and says nothing about the sensor.
+Delays are against the accelerometers; positions are relative to the point whose velocity over ground was logged."""
+MEANINGS: Final = {
+    "CD0": "least drag coefficient",
+    "K": "CD = CD0 + K (CL - CL0)²",
+    "CL0": "lift coefficient of least drag",
+    "best glide": "greatest CL / CD, propeller effects on drag in it",
+    "airspeed": "true airspeed over that of the flight file",
+    "efficiency": "motor, controller and blades, without induced loss",
+    "diameter": "of the propeller's disc, m",
+}
+POLAR_LEAD: Final = """\
+Drag by the energy-rate method, lift from the accelerometers, both over blocks of some seconds; a parabola by robust
+regression. The intervals count the color of what is left, the error of the airspeed, and that of the propulsion."""
+LIFT: Final = (
+    "Lift coefficient over angle of attack, blocks. An angle of attack that was reconstructed with a steady wind holds "
+    "vertical gusts, which spread the points sideways: no slope is fitted, it would come out too low."
+)
+
+
+def compatibility_sheet(result: Compatibility, command: str) -> Sheet:
+    """Return the page: contradictions, errors of each sensor, measured over reconstructed."""
+    estimates, channels = [], []
+    for name, one in result.findings.items():
+        factor, unit = factor_and_unit(one.unit)
+        value, error = rounded_to_error(factor * one.estimate, factor * one.std_error)
+        white = number(factor * one.cramer_rao, 2)
+        prior = f"{number(factor * one.prior_mean, 2)} ± {number(factor * one.prior_std, 2)}"
+        identifiable = "yes" if one.identifiable else f"no: {one.reason}"
+        estimates.append((name, value, error, white, prior, unit or NOTHING, one.meaning, identifiable))
+    for name, left in result.channels.items():
+        factor, unit = factor_and_unit(left.unit)
+        channels.append((name, number(factor * left.rms, 3), number(factor * left.movement, 3), unit))
+    head = ("unknown", "estimate", "std error", "if white", "prior", "unit", "what it is", "identifiable")
+    caption = "Measured minus reconstructed, beside how much the channel moves within the pieces"
+    sensors = (
+        Prose(READING),
+        Table("Estimates with standard errors", head, tuple(estimates)),
+        Table(caption, ("channel", "rms left", "rms movement", "unit"), tuple(channels)),
+    )
+    sections = [
+        Section(
+            "What is inconsistent", (Bullets(of_severity(result.notices, "warning") or ["nothing evident"]),)
+        ),
+        Section("Sensors", sensors),
+        Section("Measured and reconstructed", _figures(result, residual=False)),
+        Section("What is left", _figures(result, residual=True)),
+    ]
+    notes = of_severity(result.notices, "info")
+    sections += [Section("Notes", (Bullets(notes),))] if notes else []
+    sections.append(Section("Made by", (Code(command),)))
+    return Sheet(f"Data compatibility of {result.flight}", COMPATIBILITY_LEAD, tuple(sections))
+
+
+def _figures(result: Compatibility, *, residual: bool) -> list[Figure]:
+    what = "measured minus reconstructed"
+    what = what if residual else "measured (first) and reconstructed from rates and accelerations"
+    spans = ", ".join(window(float(t.time[0]), float(t.time[-1])) for t in result.traces)
+    out = []
+    for title, names in GROUPS:
+        strips = [_strip(result, name, residual) for name in names if name in result.channels]
+        if strips:
+            caption = f"{title}: {what}."
+            out.append(Figure(f"{caption} Pieces: {spans}.", stacked_plots(strips, "time, s", caption)))
+    return out
+
+
+def _strip(result: Compatibility, name: str, residual: bool) -> Strip:
+    """Return a channel, pieces joined; the reconstruction where it was compared: outside, a delayed reading has no past."""
+
+    def joined(parts: list[FloatArray]) -> FloatArray:
+        """Join pieces with a NaN between them, which breaks the curve."""
+        return np.concatenate([np.append(part, np.nan) for part in parts])
+
+    factor, unit = factor_and_unit(result.channels[name].unit)
+    time = joined([t.time for t in result.traces])
+    measured = factor * joined([t.measured[name] for t in result.traces])
+    compared = [np.where(np.isfinite(t.measured[name]), t.reconstructed[name], np.nan) for t in result.traces]
+    simulated = factor * joined(compared)
+    series: tuple[Series, ...] = (
+        Series("measured", time, measured),
+        Series("reconstructed", time, simulated),
+    )
+    if residual:
+        left = measured - simulated
+        if name in ("phi", "psi"):
+            turn = factor * 2.0 * np.pi
+            left = left - turn * np.round(left / turn)
+        series = (Series("measured minus reconstructed", time, left),)
+    return Strip(f"{name}, {unit}", series)
+
+
+def polar_sheet(name: str, polar: Polar, notices: Sequence[Notice], command: str) -> Sheet:
+    """Return the page of the polar of a flight of this name."""
+    prior, rows = dict(zip(polar.names, polar.prior_std, strict=True)), []
+    for unknown, (value, error) in polar.summary.items():
+        known = number(prior.get(unknown, np.nan), 2)
+        known = "log " + known if unknown == "diameter" else known
+        rows.append((unknown, *rounded_to_error(value, error), known, MEANINGS[unknown]))
+    numbers = Table("Estimates", ("", "estimate", "std error", "prior std", "what it is"), tuple(rows))
+
+    CL = lift_grid(polar)
+    drag, std = polar.drag(CL)
+    cells = tuple(
+        (number(c, 2), number(v, 3), number(v - NORMAL_95 * s, 3), number(v + NORMAL_95 * s, 3))
+        for c, v, s in zip(CL, drag, std, strict=True)
+    )
+    table = Table("Drag coefficient with 95 % intervals", ("CL", "CD", "from", "to"), cells)
+    found = polar.bins()
+    medians = tuple((number(b.CL, 3), number(b.CD, 3), number(b.spread, 2), str(b.count)) for b in found)
+    bins = Table("Medians of blocks of similar lift", ("CL", "CD", "spread (68 %)", "blocks"), medians)
+
+    CL = np.linspace(*polar.valid, 61)
+    drag, std = polar.drag(CL)
+    series = [
+        Series("blocks", polar.CD, polar.CL, "points"),
+        Series("medians of bins", np.array([b.CD for b in found]), np.array([b.CL for b in found]), "points"),
+        Series("parabola", drag, CL),
+        Series("95 % interval, low", drag - NORMAL_95 * std, CL),
+        Series("95 % interval, high", drag + NORMAL_95 * std, CL),
+    ]
+    high = float(max(np.max(drag + NORMAL_95 * std), np.quantile(polar.CD, 0.9)))
+    caption = "Lift coefficient over drag coefficient."
+    axes = ("drag coefficient CD", "lift coefficient CL", caption)
+    figure = Figure(caption, plot(series, *axes, x_range=(0.0, 1.1 * high)))
+    blocks = [Series("blocks", polar.blocks.alpha / DEGREE, polar.CL, "points")]
+    lift = Figure(LIFT, plot(blocks, "angle of attack, deg", "lift coefficient CL", LIFT))
+    sections = [
+        Section("Drag", (numbers, table, figure, bins)),
+        Section("Lift against angle of attack", (lift,)),
+        Section("What it rests on", (Bullets(notices),)),
+        Section("Made by", (Code(command),)),
+    ]
+    if polar.blocks.powered:
+        sections.insert(1, Section("Power of steady level flight", (_power(polar),)))
+    return Sheet(f"Drag polar of {name}", POLAR_LEAD, tuple(sections))
+
+
+def lift_grid(polar: Polar) -> FloatArray:
+    """Return the lift coefficients in tenths that the blocks cover."""
+    low, high = polar.valid
+    return np.round(np.arange(np.ceil(10.0 * low), np.floor(10.0 * high) + 1.0) / 10.0, 10)
+
+
+def _power(polar: Polar) -> Figure:
+    low, high = np.quantile(polar.blocks.speed, [0.05, 0.95])
+    speed = np.linspace(low, high, 61)
+    value, std = polar.level_power(speed)
+    series = [
+        Series("electric power", speed, value),
+        Series("95 % interval, low", speed, value - NORMAL_95 * std),
+        Series("95 % interval, high", speed, value + NORMAL_95 * std),
+    ]
+    best, shown = int(np.argmin(value)), (0.0, 1.1 * float(np.max(value + std)))
+    caption = (
+        f"Least power {value[best]:.0f} ± {std[best]:.0f} W at {speed[best]:.1f} m/s (one standard error), from the "
+        "parabola and the propulsion."
+    )
+    return Figure(caption, plot(series, "true airspeed, m/s", "electric power, W", caption, y_range=shown))

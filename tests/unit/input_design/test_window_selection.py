@@ -1,0 +1,94 @@
+"""The greedy choice, on information that is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stoop.flight import Maneuver
+from stoop.input_design.candidates import Candidate, saturated
+from stoop.input_design.windows import CandidateInformation, Selection, select
+
+SPAN = 8.0
+
+
+def at(start: float, seconds: float = SPAN, axis: str = "") -> Candidate:
+    found = Maneuver(axis, "u", start, start + seconds, 1.0, 2, 9.0, 1.0) if axis else None  # type: ignore[arg-type]
+    return Candidate("f", start, start + seconds, found)
+
+
+def chosen(found: list[Candidate], *told: np.ndarray) -> Selection:
+    return select(found, CandidateInformation(np.eye(len(told[0])), tuple(told)))
+
+
+def test_windows_that_tell_different_things_are_taken_and_doubles_held_out() -> None:
+    first, second = np.diag([100.0, 0.0]), np.diag([0.0, 50.0])
+    choice = chosen([at(0.0), at(20.0), at(40.0)], first, 1.02 * first, second)
+    assert set(choice.fitted) == {1, 2}
+    assert choice.held_out == 0
+    assert choice.gains[0] == pytest.approx(0.25 * np.log(103.0))
+
+
+def test_overlapping_windows_are_not_both_taken() -> None:
+    choice = chosen([at(0.0), at(4.0)], np.diag([100.0, 0.0]), np.diag([0.0, 99.0]))
+    assert choice.fitted == (0,)
+    assert choice.held_out is None
+
+
+def test_the_shorter_of_two_equals_is_better() -> None:
+    told = 30.0 * np.eye(2)
+    assert chosen([at(0.0), at(1.0, 4.0)], told, told).fitted == (1,)
+
+
+def test_a_whole_maneuver_goes_before_a_window_that_cuts_it() -> None:
+    told = 30.0 * np.eye(2)
+    assert chosen([at(0.0, 4.0), at(0.5, 5.0, "roll")], told, told).fitted == (1,)
+
+
+def test_a_maneuver_flown_twice_is_predicted_once() -> None:
+    told = [np.diag([60.0, 0.0]), np.diag([0.0, 60.0]), np.diag([40.0, 0.0])]
+    found = [at(0.0, 5.0, "roll"), at(10.0, 5.0, "pitch"), at(20.0, 5.0, "roll")]
+    choice = chosen(found, *told)
+    assert set(choice.fitted) == {0, 1}
+    assert choice.held_out == 2
+
+
+def test_what_tells_little_is_left() -> None:
+    assert chosen([at(0.0)], 0.05 * np.eye(3)).fitted == ()
+
+
+def test_greedy_is_near_the_best_of_its_size() -> None:
+    """Submodular: no worse than 1 - 1/e of the best; here against all pairs."""
+    rng = np.random.default_rng(0)
+    told = [(v := rng.normal(size=(4, 2)) * rng.uniform(1, 9)) @ v.T for _ in range(9)]
+    found = [at(10.0 * i) for i in range(9)]
+    information = CandidateInformation(np.eye(4), tuple(told))
+    both = select(found, information).fitted[:2]
+
+    def total(pair: tuple[int, ...]) -> float:
+        return float(np.linalg.slogdet(information.total(pair))[1])
+
+    best = max(total((i, j)) for i in range(9) for j in range(i))
+    assert total(both) > (1.0 - 1.0 / np.e) * best
+
+
+def test_a_command_that_rests_at_its_end_is_saturated_and_a_peak_is_not() -> None:
+    x = 0.5 + 0.3 * np.sin(np.arange(400) / 20.0)
+    assert not saturated(x, np.ones(400, dtype=bool)).sum() > 16
+    held = np.minimum(x, 0.7)
+    found = saturated(held, np.ones(400, dtype=bool))
+    assert found[held == 0.7].all()
+    assert not found[np.abs(held - 0.5) < 0.1].any()
+
+
+def test_a_pusher_that_rests_or_is_pulsed_is_not_saturated() -> None:
+    flying = np.ones(400, dtype=bool)
+    rng = np.random.default_rng(0)
+    pulse = np.zeros(400)
+    pulse[100:200] = 0.4
+    assert not saturated(pulse, flying).any()
+    ridden = np.zeros(400)
+    ridden[100:200] = 0.3 + 0.1 * rng.random(100)
+    assert not saturated(ridden, flying).any()
+    starved = np.maximum(0.5 + 0.3 * np.sin(np.arange(400) / 20.0), 0.3)
+    assert saturated(starved, flying)[starved == 0.3].all()
