@@ -13,8 +13,9 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.variables import WRAPPED
 from stoop.errors import SimulationError
-from stoop.simulation import Maneuver, Trim, initial_states, parameter_rows
+from stoop.simulation import Trim, initial_states, parameter_rows
 from stoop.simulation.delays import late_inputs, late_outputs
+from stoop.simulation.maneuver import Maneuver
 from stoop.simulation.trim import inputs_about
 from stoop.vehicle import Vehicle
 
