@@ -9,8 +9,9 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.kernels import Kernel
-from stoop.simulation import Maneuver, initial_states, parameter_rows
+from stoop.simulation import initial_states, parameter_rows
 from stoop.simulation.fly import Flown, fly
+from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 

@@ -14,8 +14,8 @@ from benchmarks.case import MANEUVER, Case, full
 from benchmarks.clock import FloatArray, interleave, ratio
 from benchmarks.table import Row
 from stoop.kernels.lanes import WIDTH
-from stoop.simulation import Maneuver
 from stoop.simulation.fly import fly
+from stoop.simulation.maneuver import Maneuver
 
 PART = "engine"
 COUNTS = (64, 512)

@@ -11,7 +11,8 @@ from stoop.estimate.linearization import perturbations_of
 from stoop.estimate.shooting_windows import Shots
 from stoop.problem import Misfit
 from stoop.problem.windows import Window
-from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow import demo
 

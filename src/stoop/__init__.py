@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 
 _PLACES = {
     **dict.fromkeys(("assess", "check", "design", "export", "fit", "predict", "reconstruct"), "stoop.api"),
-    **dict.fromkeys(
-        ("linearize", "load_maneuver", "simulate", "simulate_flight", "trim"), "stoop.simulation"
-    ),
+    **dict.fromkeys(("linearize", "trim"), "stoop.simulation"),
+    **dict.fromkeys(("simulate", "simulate_flight"), "stoop.simulation.fly"),
+    "load_maneuver": "stoop.simulation.maneuver",
     **dict.fromkeys(("Bootstrap", "Posterior", "Profile"), "stoop.workflow"),
     "Flight": "stoop.flight",
     "Notice": "stoop.base.notices",

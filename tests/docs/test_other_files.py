@@ -18,7 +18,9 @@ from stoop.flight import OUTPUTS, VARIABLES, load, save
 from stoop.flight.alignment import QUANTITIES
 from stoop.flight.conversion import MIXERS
 from stoop.flight.mapping import READY, GroupTable, SourceTable, TimeUnit, VariableTable, read_flight_mapping
-from stoop.simulation import maneuver, parse_maneuver, simulate_flight
+from stoop.simulation import maneuver
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import resolve_vehicle
 
 INPUTS = [maneuver.Steps, maneuver.Levels, maneuver.Pulse, maneuver.Multisine, maneuver.Harmonics]

@@ -7,7 +7,9 @@ import pytest
 
 from stoop.errors import VehicleError
 from stoop.estimate.fit import Options
-from stoop.simulation import parse_maneuver, simulate_flight, trim
+from stoop.simulation import trim
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_text
 from stoop.workflow import identify

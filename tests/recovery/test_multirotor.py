@@ -20,7 +20,8 @@ from stoop.assessment.error_bars import error_bars
 from stoop.estimate.fit import Fit, Options
 from stoop.estimate.multiple_shooting import fit
 from stoop.problem.windows import Window
-from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 

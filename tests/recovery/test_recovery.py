@@ -17,7 +17,9 @@ import pytest
 from stoop.errors import IdentificationError, VehicleError
 from stoop.estimate.fit import Fit, Options, fit
 from stoop.problem.windows import Window
-from stoop.simulation import Maneuver, simulate_flight, trim
+from stoop.simulation import trim
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 
 LEFT_OUT = {

@@ -18,7 +18,8 @@ from stoop.flight import Flight
 from stoop.flight.flight import dataset
 from stoop.flight.gridding import Channels, grid_channels
 from stoop.problem.windows import Window
-from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 

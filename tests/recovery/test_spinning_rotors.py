@@ -6,7 +6,8 @@ import pytest
 
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
-from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.workflow import identify
 

@@ -8,7 +8,8 @@ import pytest
 
 from stoop.estimate.effectiveness import Balance, Reference, assess, hover, judge
 from stoop.flight import Flight
-from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 
 TEXT = (files("stoop.data") / "quad_x.toml").read_text(encoding="utf-8")

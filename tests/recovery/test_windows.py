@@ -8,7 +8,8 @@ import pytest
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
 from stoop.input_design.windows import Found, find_windows
-from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow import identify

@@ -11,8 +11,9 @@ import pytest
 from scipy.integrate import DOP853
 
 from stoop.kernels import Kernel
-from stoop.simulation import Maneuver, initial_states, parameter_rows, trim
+from stoop.simulation import initial_states, parameter_rows, trim
 from stoop.simulation.fly import fly
+from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
 
 PAPER = Maneuver.model_validate(

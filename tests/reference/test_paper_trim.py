@@ -51,8 +51,8 @@ def test_the_reconstruction_itself() -> None:
 
 
 def test_start_of_a_maneuver_stays_where_it_is(twin_boom: Vehicle) -> None:
-    from stoop.simulation import Maneuver
     from stoop.simulation.fly import fly
+    from stoop.simulation.maneuver import Maneuver
 
     flown = fly(twin_boom, Maneuver(duration=20.0))
     drift = abs(flown.outputs - flown.outputs[0]).max(axis=0)

@@ -12,7 +12,8 @@ from stoop import optimize
 from stoop.errors import FlightError, IdentificationError, VehicleError
 from stoop.flight.load import save
 from stoop.optimize.problem import forward_jacobian
-from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.demo import MANEUVER
 from stoop_studies.problems import Posed, pose

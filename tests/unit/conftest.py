@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from stoop.flight import Flight
-from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.demo import MANEUVER, misled

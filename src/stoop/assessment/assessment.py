@@ -22,7 +22,7 @@ from typing import Any, Final, Literal, Protocol
 import numpy as np
 
 from stoop.assessment.covariance import Inverse, invert
-from stoop.assessment.error_bars import ErrorBars, Uncertainty, error_bars
+from stoop.assessment.error_bars import ErrorBars, error_bars
 from stoop.assessment.uncertainty import method_agreement
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.errors import IdentificationError
@@ -58,19 +58,6 @@ class AssessedFit:
     def bars(self) -> ErrorBars:
         """Error bars, for the noise behind the residuals and for identifiability."""
         return error_bars(self.fit)
-
-    @property
-    def uncertainty(self) -> Uncertainty:
-        """Covariances of the estimated unknowns that are at no bound.
-
-        Raises
-        ------
-        IdentificationError
-            The fit is a regression.
-        """
-        if self.bars.uncertainty is None:
-            raise IdentificationError("the fit has no sensitivities to assess; it is a regression")
-        return self.bars.uncertainty
 
     @cached_property
     def problem(self) -> Refittable:
@@ -144,7 +131,7 @@ def assess(
         found = assessment(assessed, watch)
         uncertainty[assessment.name] = found.intervals
         files |= found.files
-    agreement = method_agreement(result.parameters, uncertainty)
+    agreement = tuple(map(str, method_agreement(result.parameters, uncertainty)))
     return replace(result, uncertainty=uncertainty, trust=agreement), files
 
 
@@ -210,26 +197,13 @@ def unpack(text: str) -> tuple[Refittable, dict[str, Any]]:
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """The end of a search, linearized.
+    """The end of a search, linearized."""
 
-    Attributes
-    ----------
-    problem : Problem
-        Weights as in the last fit, priors included; nuisances behind the parameters.
-    z : (D + E,)
-        The optimum in the problem's own units.
-    free : (f,) int
-        Entries that no bound holds; the others stay where they are.
-    residual : (n_r,)
-        Weighted residuals there, those of the priors last.
-    jacobian : (n_r, f)
-    """
-
-    problem: Problem
-    z: FloatArray
-    free: IntArray
-    residual: FloatArray
-    jacobian: FloatArray
+    problem: Problem  #: weights as in the last fit, priors included; nuisances behind the parameters
+    z: FloatArray  #: (D + E,); the optimum in the problem's own units
+    free: IntArray  #: (f,) int; entries that no bound holds; the others stay where they are
+    residual: FloatArray  #: (n_r,); weighted residuals there, those of the priors last
+    jacobian: FloatArray  #: (n_r, f)
 
     @property
     def rung(self) -> int:

@@ -45,18 +45,10 @@ START: Final = 0.2  #: s; a prediction starts from the mean of these first measu
 
 @dataclass(frozen=True, eq=False)
 class BaselineSegment:
-    """One segment of a maneuver.
+    """One segment of a maneuver."""
 
-    Attributes
-    ----------
-    commands : mapping of str to (n,)
-        What the pilot or autopilot commanded, or the surfaces; complete; the same names in every segment.
-    measured : mapping of str to (n,)
-        The channels; NaN where missing; angles unwrapped.
-    """
-
-    commands: Mapping[str, FloatArray]
-    measured: Mapping[str, FloatArray]
+    commands: Mapping[str, FloatArray]  #: (n,), or surfaces; complete; the same names in every segment
+    measured: Mapping[str, FloatArray]  #: (n,), by channel; NaN where missing; angles unwrapped
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,21 +75,10 @@ class BaselineManeuver:
 def baseline_matches(
     maneuvers: Sequence[BaselineManeuver], channels: Sequence[str]
 ) -> tuple[dict[str, Match], ...]:
-    """Return what the lag makes of every channel of every maneuver.
+    """Return what the lag makes of every channel of every maneuver; a channel without enough measurements is left out.
 
-    Parameters
-    ----------
-    maneuvers : sequence of BaselineManeuver
-        Fit and validation maneuvers in any order. What predicts learns from the fit maneuvers sampled as the first
-        of them is; a lag is continuous in time, so it predicts at any rate.
-    channels : sequence of str
-        Channels wanted; one without enough measurements is left out.
-
-    Returns
-    -------
-    tuple of dict of str to Match
-        For each maneuver its curves, segments joined by one NaN as in `stoop.assessment.goodness_of_fit.join`. Without
-        any fit maneuver the validation maneuvers have none.
+    What predicts learns from the fit maneuvers sampled as the first of them is; a lag is continuous in time, so it predicts
+    at any rate. Segments are joined by one NaN. Without any fit maneuver the validation maneuvers have no curves.
     """
     found: tuple[dict[str, Match], ...] = tuple({} for _ in maneuvers)
     fitted = [m for m in maneuvers if m.role == "fit"]
@@ -123,47 +104,23 @@ def baseline_matches(
 
 @dataclass(frozen=True, eq=False)
 class LagRecord:
-    """One segment for one channel.
+    """One segment for one channel."""
 
-    Attributes
-    ----------
-    commands : (n, m)
-        What drives the lag; complete.
-    measured : (n,), the channel's unit
-        NaN where missing.
-    maneuver : int
-        Segments with the same number share one bias.
-    """
-
-    commands: FloatArray
-    measured: FloatArray
-    maneuver: int = 0
+    commands: FloatArray  #: (n, m); what drives the lag; complete
+    measured: FloatArray  #: (n,), the channel's unit; NaN where missing
+    maneuver: int = 0  #: segments with the same number share one bias
 
 
 @dataclass(frozen=True, eq=False)
 class Lag:
-    """A fitted lag.
+    """A fitted lag."""
 
-    Attributes
-    ----------
-    time_constant, dead_time : float, s
-        tau and the delay of the commands; to the nearest sample.
-    gains : (m,), channel unit per command
-        K.
-    biases : mapping of int to float, the channel's unit
-        b by maneuver.
-    initial : tuple of float, the channel's unit
-        Value at the first sample of every record fitted.
-    rate : float, Hz
-        Sample rate.
-    """
-
-    time_constant: float
-    dead_time: float
-    gains: FloatArray
-    biases: Mapping[int, float]
-    initial: tuple[float, ...]
-    rate: float
+    time_constant: float  #: tau, s
+    dead_time: float  #: delay of the commands, s; to the nearest sample
+    gains: FloatArray  #: K (m,), channel unit per command
+    biases: Mapping[int, float]  #: b by maneuver, the channel's unit
+    initial: tuple[float, ...]  #: at the first sample of every record fitted, the channel's unit
+    rate: float  #: Hz
 
     def respond(self, commands: FloatArray, bias: float, initial: float) -> FloatArray:
         """Return the answer (n,) to `commands` (n, m), starting at `initial`."""
@@ -235,19 +192,9 @@ class Lag:
 
 
 def fit_lag(records: Sequence[LagRecord], rate: float) -> Lag | None:
-    """Fit one lag to all records of a channel, least squares over the measured samples.
+    """Fit one lag to all records of a channel at one rate, Hz, least squares over the measured samples.
 
-    Parameters
-    ----------
-    records : sequence of LagRecord
-        Segments with the same commands in the same order.
-    rate : float, Hz
-        Sample rate of all of them.
-
-    Returns
-    -------
-    Lag or None
-        None when there are fewer measured samples than unknowns.
+    They have the same commands in the same order. None when there are fewer measured samples than unknowns.
     """
     search = _Search(records, rate)
     commands, maneuvers = records[0].commands.shape[1], search.maneuvers

@@ -97,26 +97,15 @@ class NoiseSource(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ColoredBlocks:
-    """Blocks of innovations, colored again.
+    """Blocks of innovations, colored again."""
 
-    Attributes
-    ----------
-    noise : ColoredNoise
-        Color and strength of the weighted noise.
-    pools : tuple of (m_i, ny)
-        Innovations of each segment, scaled to the strength of the noise; NaN where a reading they need is missing.
-    present : tuple of (n_i, ny) bool
-        Where each segment was measured.
-    block : int
-        Samples of one block.
-    rest : int
-        Residuals behind those of the readings, which have no noise (gaps between windows that meet).
-    """
-
-    noise: ColoredNoise
-    pools: tuple[FloatArray, ...]
-    present: tuple[BoolArray, ...]
-    block: int
+    noise: ColoredNoise  #: color and strength of the weighted noise
+    pools: tuple[
+        FloatArray, ...
+    ]  #: (m_i, ny), innovations of each segment, of the noise's strength; NaN if unknown
+    present: tuple[BoolArray, ...]  #: (n_i, ny) bool; where each segment was measured
+    block: int  #: samples of one block
+    #: residuals behind those of the readings, which have no noise (gaps between windows that meet)
     rest: int = 0
 
     @classmethod
@@ -177,24 +166,14 @@ def whitened(segments: Sequence[FloatArray], order: int) -> list[FloatArray]:
 
 @dataclass(frozen=True, eq=False)
 class WholeWindows:
-    """Residuals of whole windows, with the gaps behind them, each of random sign in the place of another.
+    """Residuals of whole windows, with the gaps behind them, each of random sign in the place of another."""
 
-    Attributes
-    ----------
-    windows : tuple of (w_i, n_i, ny)
-        Residuals of the windows of each piece, as a fit to all others would leave them; as long as the longest window.
-    gaps : tuple of (w_i, e)
-        From each window to the next; zero for the last.
-    edges : tuple of tuple of int
-        First sample of each window, then the number of samples.
-    present : tuple of (m_i, ny) bool
-        Where each piece was measured.
-    """
-
-    windows: tuple[FloatArray, ...]
-    gaps: tuple[FloatArray, ...]
-    edges: tuple[tuple[int, ...], ...]
-    present: tuple[BoolArray, ...]
+    windows: tuple[
+        FloatArray, ...
+    ]  #: (w_i, n_i, ny), as a fit to all others would leave them; as long as the longest
+    gaps: tuple[FloatArray, ...]  #: (w_i, e); from each window to the next; zero for the last
+    edges: tuple[tuple[int, ...], ...]  #: first sample of each window, then the number of samples
+    present: tuple[BoolArray, ...]  #: (m_i, ny) bool; where each piece was measured
 
     @classmethod
     def of(cls, problem: FollowingWindows, optimum: Optimum) -> WholeWindows:
@@ -272,19 +251,11 @@ def percentiles(estimate: FloatArray, values: FloatArray) -> Percentiles:
 
 @dataclass(frozen=True)
 class Bootstrap:
-    """Refit the fit to its own curves with noise like its residuals, many times.
-
-    Attributes
-    ----------
-    replicates : int
-    pool : Pool
-        Where they are refitted.
-    store : Path, optional
-        What is done is kept there, and not done again; in a temporary folder when absent.
-    """
+    """Refit the fit to its own curves with noise like its residuals, many times."""
 
     replicates: int = 1000
-    pool: Pool = field(default_factory=LocalProcesses)
+    pool: Pool = field(default_factory=LocalProcesses)  #: where they are refitted
+    #: what is done is kept there, and not done again; in a temporary folder when absent
     store: Path | None = None
 
     name: str = field(default="bootstrap", init=False)
@@ -303,7 +274,7 @@ class Bootstrap:
 
 def bootstrap_plan(fit: AssessedFit, count: int) -> Plan:
     """Return the campaign: `count` replicates, rounded up to whole chunks."""
-    noise = fit.uncertainty.noise
+    noise = fit.bars.uncertainty.noise
     whole = sum(len(p.edges) - 1 for p in fit.fit.evidence.pieces if p.edges) >= MIN_WINDOWS
     problem = fit.packed(
         {"color": noise.coefficients, "innovation": noise.innovation, "whole_windows": np.array(whole)}
@@ -317,18 +288,9 @@ def bootstrap_plan(fit: AssessedFit, count: int) -> Plan:
 
 
 def refit_chunk(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> list[Json]:
-    """Refit one chunk of replicates: the work of a run.
+    """Refit one chunk of replicates, `first` and `count`, of a packed problem: the work of a run.
 
-    Parameters
-    ----------
-    arguments : mapping
-        ``problem``: see :func:`stoop.assessment.assessment.pack`; ``seed``; ``first``, ``count``: which replicates.
-    stops : sequence of None
-
-    Returns
-    -------
-    list of dict, one per stop
-        ``values``: parameters of each replicate, SI; ``endings``.
+    One per stop: ``values``, the parameters of each replicate, SI, and ``endings``.
     """
     given: Any = arguments
     first, count, seed = (int(given[name]) for name in ("first", "count", "seed"))

@@ -64,15 +64,7 @@ class FreeResponse:
 
 
 def free_response(time: FloatArray, controls: FloatArray, channels: Mapping[str, FloatArray]) -> FreeResponse:
-    """Return what follows the last motion of the controls.
-
-    Parameters
-    ----------
-    time : (n,), s
-    controls : (n, m)
-        Recorded commands or surfaces, of like units.
-    channels : mapping of str to (n,)
-    """
+    """Return what follows the last motion of the controls (n, m), recorded commands or surfaces of like units."""
     largest = float(np.max(np.ptp(controls, axis=0), initial=0.0))
     away = np.any(np.abs(controls - np.median(controls[-5:], axis=0)) > REST * largest, axis=1)
     first = int(np.flatnonzero(away)[-1]) + 1 if away.any() else 0
@@ -84,16 +76,8 @@ def measured_mode(
 ) -> MeasuredMode:
     """Return frequency and damping of a mode as the free response shows them, or why it does not.
 
-    Parameters
-    ----------
-    name : str
-        Of the mode.
-    maneuver : int
-    free : FreeResponse
-    expected : float, rad/s
-        Of the model, which decides only how long a response is used, and whether there is enough of it.
-    airspeed : float, m/s
-        Of the condition that the mode shall be one of, see :func:`elsewhere`; NaN where that does not matter.
+    The frequency `expected` of the model, rad/s, decides only how long a response is used, and whether there is enough of it;
+    `airspeed`, m/s, is that of the flight condition, see :func:`elsewhere`; NaN where it does not matter.
     """
     if not len(free.time):
         return MeasuredMode(maneuver, remark="not identified: the controls never rest")

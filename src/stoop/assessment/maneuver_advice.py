@@ -63,24 +63,13 @@ _ROTORS: Final = {
 
 @dataclass(frozen=True, eq=False)
 class Term:
-    """A term of one aerodynamic coefficient as it was flown.
-
-    Attributes
-    ----------
-    name, coefficient : str
-    variables : frozenset of str
-        What it is made of: alpha, beta, p, q, r, V, and controls.
-    value : float
-        Its parameter's estimate.
-    flown : (n,)
-        What the parameter multiplies, over all fitted samples.
-    """
+    """A term of one aerodynamic coefficient as it was flown."""
 
     name: str
     coefficient: str
-    variables: frozenset[str]
-    value: float
-    flown: FloatArray
+    variables: frozenset[str]  #: what it is made of: alpha, beta, p, q, r, V, and controls
+    value: float  #: its parameter's estimate
+    flown: FloatArray  #: what the parameter multiplies, over all fitted samples (n,)
 
     @property
     def nonlinear(self) -> bool:
@@ -95,24 +84,14 @@ class Term:
 
 @dataclass(frozen=True, eq=False)
 class FlownModel:
-    """What advice needs to know of vehicle and flight.
+    """What advice needs to know of vehicle and flight."""
 
-    Attributes
-    ----------
-    terms : mapping of str to Term
-        By parameter.
-    pitch, roll, yaw, power : str
-        Names of the controls that do most about each axis; empty where there is none.
-    frequencies : mapping of str to float
-        Natural frequency of modes by name, rad/s.
-    """
-
-    terms: Mapping[str, Term]
-    pitch: str = ""
+    terms: Mapping[str, Term]  #: by parameter
+    pitch: str = ""  #: the control that does most about the axis; empty where there is none
     roll: str = ""
     yaw: str = ""
     power: str = ""
-    frequencies: Mapping[str, float] = field(default_factory=dict)
+    frequencies: Mapping[str, float] = field(default_factory=dict)  #: of modes by name, natural, rad/s
 
     @property
     def controls(self) -> set[str]:
@@ -123,12 +102,7 @@ class FlownModel:
 def advice(name: str, stand_ins: Sequence[str], flown: FlownModel) -> str:
     """Return what to fly, or to measure, for one parameter.
 
-    Parameters
-    ----------
-    name : str
-    stand_ins : sequence of str
-        Parameters strongly correlated with it, or moving with it along a direction that the data do not see.
-    flown : FlownModel
+    `stand_ins` are strongly correlated with it, or change with it along a direction that the data do not see.
     """
     term = flown.terms.get(name)
     if term is None:

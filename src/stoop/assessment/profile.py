@@ -86,34 +86,18 @@ class Pinned(Derived):
 
 @dataclass(frozen=True, eq=False)
 class ProfileLikelihood:
-    """The profile of one parameter, in the unit box.
+    """The profile of one parameter, in the unit box."""
 
-    Attributes
-    ----------
-    lower, upper : float
-        Ends of the 95 % interval; NaN where the cost has not risen enough up to the bound: the data leave it open.
-    points : (m, 2)
-        Values tried, ascending, and the signed root of the (corrected) likelihood-ratio statistic there.
-    better : float
-        By how much a refit fell below the optimum, statistic; 0 for an optimum that was one.
-    """
-
-    lower: float
+    lower: float  #: end of the 95 % interval; NaN where the data leave it open up to the bound
     upper: float
-    points: FloatArray
-    better: float
+    points: FloatArray  #: (m, 2): values tried, ascending, and signed root of the likelihood-ratio statistic
+    better: float  #: by how much a refit fell below the optimum, statistic; 0 for an optimum that was one
 
 
 def profile_likelihood(optimum: Optimum, entry: int, factor: float = 1.0) -> ProfileLikelihood:
-    """Return the profile of one parameter.
+    """Return the profile of the parameter at an entry of the problem's vector.
 
-    Parameters
-    ----------
-    optimum : Optimum
-    entry : int
-        Of the parameter in the problem's vector.
-    factor : float
-        By which its error bar is corrected for the color of the residuals, as the weights see it.
+    `factor` is that by which its error bar is corrected for the color of the residuals, as the weights have it.
     """
     profile = _Profile(optimum, entry, factor)
     lower, upper = (profile.end(direction) for direction in (-1.0, 1.0))
@@ -202,19 +186,12 @@ def _cross(below: tuple[float, float], above: tuple[float, float]) -> float:
 
 @dataclass(frozen=True)
 class Profile:
-    """Hold one parameter after the other on a row of values and refit the others.
+    """Hold one parameter after the other on a row of values and refit the others."""
 
-    Attributes
-    ----------
-    parameters : tuple of str
-        Names; ``doubtful`` stands for all whose identifiability is in doubt, or that lie at a bound.
-    pool : Pool
-    store : Path, optional
-        What is done is kept there, and not done again; in a temporary folder when absent.
-    """
-
+    #: names; ``doubtful`` stands for all whose identifiability is in doubt, or that lie at a bound
     parameters: tuple[str, ...] = (DOUBTFUL,)
     pool: Pool = field(default_factory=LocalProcesses)
+    #: what is done is kept there, and not done again; in a temporary folder when absent
     store: Path | None = None
 
     name: str = field(default="profile", init=False)
@@ -258,7 +235,7 @@ def profile_plan(fit: AssessedFit, names: Sequence[str]) -> Plan:
     """Return the campaign: one run a parameter."""
     problem = fit.packed({})
     digest = hashlib.sha256(problem.encode()).hexdigest()
-    free, plain = fit.free, np.sqrt(np.diag(fit.uncertainty.cramer_rao))
+    free, plain = fit.free, np.sqrt(np.diag(fit.bars.uncertainty.cramer_rao))
     with np.errstate(invalid="ignore"):
         factors = dict(zip(free.tolist(), (fit.bars.std[free] / plain[: len(free)]).tolist(), strict=True))
     runs = []

@@ -124,8 +124,8 @@ def simulate(arguments: argparse.Namespace) -> int:
     from stoop.exporters.flight_logs import OWN, check_ending, save_flight_as
     from stoop.input_design.candidates import fit_style, maneuver_windows
     from stoop.logs.csv_tables import mapping_beside
-    from stoop.simulation import load_maneuver, numbers_set, simulate_flight
-    from stoop.simulation.fly import flown_trim
+    from stoop.simulation.fly import flown_trim, numbers_set, simulate_flight
+    from stoop.simulation.maneuver import load_maneuver
     from stoop.vehicle.builtin import resolve_vehicle
 
     target: Path = arguments.output

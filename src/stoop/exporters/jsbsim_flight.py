@@ -23,9 +23,10 @@ from stoop.base.units import FOOT, POUND_FORCE, SLUG
 from stoop.base.variables import EULER, WRAPPED
 from stoop.errors import SimulationError, StoopError
 from stoop.exporters.jsbsim_model import channel, channel_start, constant_thrust, delays, lag_start, lagged
-from stoop.simulation import Maneuver, Trim, initial_states, parameter_rows
+from stoop.simulation import Trim, initial_states, parameter_rows
 from stoop.simulation.delays import late_inputs, late_outputs
 from stoop.simulation.initial import commanded, rigid_states
+from stoop.simulation.maneuver import Maneuver
 from stoop.simulation.trim import inputs_about
 from stoop.vehicle import Vehicle
 

@@ -18,7 +18,7 @@ from stoop.flight.airborne import flying
 from stoop.flight.maneuvers import MOTION, Axis, by_axis, commands, moving_average, usual_deviation
 from stoop.problem import Piece
 from stoop.problem.observation import guess_start, observation_model, state_channels
-from stoop.simulation import Maneuver as PlannedManeuver
+from stoop.simulation.maneuver import Maneuver as PlannedManeuver
 from stoop.vehicle import Vehicle
 
 LENGTHS: Final = (4.0, 8.0)  #: s, of windows that are tried all along the flight

@@ -8,7 +8,8 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.estimate.fit import Options
-from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.identification import Job, finish, search

@@ -20,7 +20,7 @@ from stoop.input_design.information import sensor_noise
 from stoop.input_design.optimization import PriorModel, Proposal
 from stoop.input_design.windows import Found
 from stoop.problem.windows import NAME, Entry, written
-from stoop.simulation import Maneuver
+from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.identified import Identified, read_identified

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stoop.cli.arguments import at_least_one, count, positive
+from stoop.cli.campaign import add_campaign_arguments, run_campaign
 from stoop.cli.page import page
-from stoop.cli.progress import add_campaign_arguments, run_campaign
 from stoop.errors import IdentificationError
 
 if TYPE_CHECKING:

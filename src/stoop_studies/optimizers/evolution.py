@@ -65,8 +65,8 @@ def placed(X: FloatArray, starts: FloatArray) -> FloatArray:
     return np.concatenate([first, X[len(first) :]])
 
 
-def clip(mutants: FloatArray, parents: FloatArray) -> FloatArray:
-    """Return mutants set on the bound of the unit box that they crossed."""
+def clip(mutants: FloatArray, parents: FloatArray | None = None) -> FloatArray:
+    """Return points set on the bound of the unit box that they crossed."""
     inside: FloatArray = np.minimum(np.maximum(mutants, 0.0), 1.0)
     return inside
 
@@ -74,13 +74,7 @@ def clip(mutants: FloatArray, parents: FloatArray) -> FloatArray:
 def first_population(
     problem: Problem, seed: int, starts: FloatArray, members: int, initialization: Initialization = uniform
 ) -> tuple[Ledger, Generator, FloatArray, FloatArray]:
-    """Evaluate a first population, in which the user's own values take the first places.
-
-    Returns
-    -------
-    ledger, generator : after it
-    X, F : (n, D) and (n,)
-    """
+    """Evaluate a first population, X (n, D) and F (n,), in which the user's own values take the first places."""
     ledger = Ledger.at(problem, Evaluations.none(problem))
     generator = RandomStream.from_seed(seed).generator()
     X = placed(initialization(members, problem.dimension, generator), starts)
@@ -102,11 +96,9 @@ def advanced(state: S, ledger: Ledger, generator: Generator | None = None, **fie
 
 @dataclass(frozen=True)
 class Islands:
-    """Several populations side by side: members breed on their own island only.
+    """A number of populations side by side, neighbors in the order of members, that breed on their own island only.
 
-    Attributes
-    ----------
-    number : of islands, neighbors in the order of members; fewer where they would be smaller than `SMALLEST`
+    There are fewer where they would be smaller than `SMALLEST`.
 
     References
     ----------
@@ -153,10 +145,7 @@ AfterSelection = Callable[[Selected, Ledger, Generator], tuple[FloatArray, Float
 class RingMigration:
     """The best of each island replaces a random member, not the best, of the next one in a ring.
 
-    Attributes
-    ----------
-    islands : the islands
-    probability : that there is a migration after a generation (the migration constant)
+    There is a migration after a generation with this probability (the migration constant).
     """
 
     islands: Islands
@@ -182,11 +171,7 @@ class Acceleration:
     """Where a generation did not improve the best, the best takes a step down its gradient, halved until it descends.
 
     The publication steps by the gradient times a factor that begins at 1. A gradient has the unit of the cost, so
-    here the first step is as long as the population's mean distance from its best.
-
-    Attributes
-    ----------
-    halvings : of the step at most; then the best stays where it is
+    here the first step is as long as the population's mean distance from its best. After so many halvings the best stays.
 
     References
     ----------

@@ -27,7 +27,7 @@ from stoop.optimize.ledger import Ledger
 from stoop.optimize.population import MEMBERS
 from stoop.optimize.problem import Problem
 from stoop.optimize.state import Event
-from stoop_studies.optimizers.evolution import PopulationState, advanced, begun, first_population
+from stoop_studies.optimizers.evolution import PopulationState, advanced, begun, clip, first_population
 
 CROSSED_OVER: Final = 0.9  #: share of couples that cross over, and of children that may mutate
 
@@ -60,8 +60,8 @@ class SimulatedBinary:
         u = generator.random(int(cross.sum()))
         low, high = parents[:, cross].min(axis=0), parents[:, cross].max(axis=0)
         gap, both = high - low, low + high
-        below = _inside(0.5 * (both - self._spread(u, 1.0 + 2.0 * low / gap) * gap))
-        above = _inside(0.5 * (both + self._spread(u, 1.0 + 2.0 * (1.0 - high) / gap) * gap))
+        below = clip(0.5 * (both - self._spread(u, 1.0 + 2.0 * low / gap) * gap))
+        above = clip(0.5 * (both + self._spread(u, 1.0 + 2.0 * (1.0 - high) / gap) * gap))
         swap = generator.random(len(below)) < self.swapped
         children = parents.copy()
         children[0, cross] = np.where(swap, above, below)
@@ -96,7 +96,7 @@ class Polynomial:
         chosen = generator.random(children.shape) < min(0.5, 1.0 / dimension)
         mutants = children.copy()
         x = children[chosen]
-        mutants[chosen] = _inside(x + self._step(x, generator.random(len(x))))
+        mutants[chosen] = clip(x + self._step(x, generator.random(len(x))))
         spared = generator.random(number) > self.mutated
         mutants[spared] = children[spared]
         return mutants
@@ -113,15 +113,7 @@ class Polynomial:
 
 @dataclass(frozen=True)
 class GeneticAlgorithm:
-    """The genetic algorithm; it never claims convergence.
-
-    Attributes
-    ----------
-    name : registered name
-    members : of the population
-    crossover : from couples to children
-    mutation : of children
-    """
+    """The genetic algorithm; it never claims convergence."""
 
     name: str = "ga"
     members: int = MEMBERS
@@ -181,9 +173,3 @@ def repeated(new: FloatArray, *others: FloatArray) -> BoolArray:
         if len(other):
             known |= (cdist(new, other, "sqeuclidean") <= least).any(axis=1)
     return known
-
-
-def _inside(x: FloatArray) -> FloatArray:
-    """Return x in the unit box; only rounding takes it out."""
-    inside: FloatArray = np.minimum(np.maximum(x, 0.0), 1.0)
-    return inside

@@ -26,24 +26,12 @@ SPREAD: Final = 1e-8  #: of the costs, relative, at which a population of pygmo 
 
 
 def pymoo_ga() -> Library:
-    """Return pymoo's genetic algorithm.
-
-    Raises
-    ------
-    IdentificationError
-        The package is not installed.
-    """
+    """Return pymoo's genetic algorithm; an `IdentificationError` where the package is not installed, as all here."""
     return _pymoo("pymoo-ga", "pymoo.algorithms.soo.nonconvex.ga", "GA")
 
 
 def pymoo_pso() -> Library:
-    """Return pymoo's particle swarm, which adapts its constants.
-
-    Raises
-    ------
-    IdentificationError
-        The package is not installed.
-    """
+    """Return pymoo's particle swarm, which adapts its constants."""
     return _pymoo("pymoo-pso", "pymoo.algorithms.soo.nonconvex.pso", "PSO")
 
 
@@ -52,29 +40,25 @@ def _pymoo(name: str, module: str, algorithm: str) -> Library:
     require("pymoo")
 
     def search(ledger: Ledger, start: FloatArray, generator: Generator) -> None:
-        population = uniform(MEMBERS, ledger.dimension, generator)
+        base: Any = require("pymoo.core.problem").Problem
+        D = ledger.dimension
+
+        class Box(base):  # type: ignore[misc] # pymoo has no types
+            """The problem as pymoo defines it."""
+
+            def __init__(self) -> None:
+                super().__init__(n_var=D, n_obj=1, xl=np.zeros(D), xu=np.ones(D))
+
+            def _evaluate(self, x: FloatArray, out: dict[str, Any], *_: Any, **__: Any) -> None:
+                out["F"] = finite_costs(ledger, x)[:, None]
+
+        population = uniform(MEMBERS, D, generator)
         population[0] = start
         made = getattr(require(module), algorithm)(pop_size=MEMBERS, sampling=population)
-        require("pymoo.optimize").minimize(
-            _pymoo_problem(ledger), made, seed=draw_seed(generator), copy_algorithm=False, verbose=False
-        )
+        run = require("pymoo.optimize").minimize
+        run(Box(), made, seed=draw_seed(generator), copy_algorithm=False, verbose=False)
 
     return Library(name, search)
-
-
-def _pymoo_problem(ledger: Ledger) -> Any:
-    """Return the problem as pymoo defines it."""
-    base: Any = require("pymoo.core.problem").Problem
-
-    class Box(base):  # type: ignore[misc] # pymoo has no types
-        def __init__(self) -> None:
-            D = ledger.dimension
-            super().__init__(n_var=D, n_obj=1, xl=np.zeros(D), xu=np.ones(D))
-
-        def _evaluate(self, x: FloatArray, out: dict[str, Any], *_: Any, **__: Any) -> None:
-            out["F"] = finite_costs(ledger, x)[:, None]
-
-    return Box()
 
 
 class _PygmoProblem:
@@ -94,25 +78,18 @@ class _PygmoProblem:
 
 
 def pygmo_sade() -> Library:
-    """Return pygmo's self-adaptive differential evolution (jDE); a run ends when its costs have become equal.
-
-    Raises
-    ------
-    IdentificationError
-        The package is not installed.
-    """
+    """Return pygmo's self-adaptive differential evolution (jDE); a run ends when its costs have become equal."""
     require("pygmo")
-    return Library("pygmo-sade", _pygmo_search)
 
-
-def _pygmo_search(ledger: Ledger, start: FloatArray, generator: Generator) -> None:
-    """Run once; `start` takes the last place of the population."""
-    pygmo, escape, seed = require("pygmo"), Escape(ledger), draw_seed(generator)
-    problem = pygmo.problem(_PygmoProblem(escape, ledger.dimension))
-    population = pygmo.population(problem, MEMBERS - 1, seed=seed)
-    population.push_back(start)
-    algorithm = pygmo.algorithm(pygmo.sade(gen=CHUNK, ftol=0.0, xtol=0.0, memory=True, seed=seed))
-    escape.check()
-    while np.ptp(costs := population.get_f()[:, 0]) > SPREAD * abs(float(costs.mean())):
-        population = algorithm.evolve(population)
+    def search(ledger: Ledger, start: FloatArray, generator: Generator) -> None:
+        pygmo, escape, seed = require("pygmo"), Escape(ledger), draw_seed(generator)
+        problem = pygmo.problem(_PygmoProblem(escape, ledger.dimension))
+        population = pygmo.population(problem, MEMBERS - 1, seed=seed)
+        population.push_back(start)
+        algorithm = pygmo.algorithm(pygmo.sade(gen=CHUNK, ftol=0.0, xtol=0.0, memory=True, seed=seed))
         escape.check()
+        while np.ptp(costs := population.get_f()[:, 0]) > SPREAD * abs(float(costs.mean())):
+            population = algorithm.evolve(population)
+            escape.check()
+
+    return Library("pygmo-sade", search)

@@ -20,7 +20,7 @@ from stoop.optimize.ledger import Ledger
 from stoop.optimize.population import MEMBERS
 from stoop.optimize.problem import Problem
 from stoop.optimize.state import Event, State
-from stoop_studies.optimizers.evolution import advanced, begun, first_population
+from stoop_studies.optimizers.evolution import advanced, begun, clip, first_population
 
 PHI: Final = 2.05  #: weight of a particle's own best, and of the swarm's
 CHI: Final = 2.0 / abs(2.0 - 2 * PHI - sqrt((2 * PHI) ** 2 - 8 * PHI))  #: constriction, 0.7298
@@ -69,7 +69,7 @@ class ParticleSwarm:
         V = CHI * (state.V + PHI * own * (state.B - state.X) + PHI * all_ * (leader - state.X))
         V = np.minimum(np.maximum(V, -FASTEST), FASTEST)
         ahead = state.X + V
-        X = np.minimum(np.maximum(ahead, 0.0), 1.0)
+        X = clip(ahead)
         costs = ledger.costs(X, ledger.full)
         better = costs < state.F
         V = np.where(ahead == X, V, -0.5 * V)

@@ -136,6 +136,9 @@ class LinearShade(ABC):
         """Return the memory at the start."""
 
     @abstractmethod
+    def learnt(self, memory: ParameterMemory, scale: float, rate: float, ended: bool) -> ParameterMemory:
+        """Return the memory with the means of what won; `ended` where no rate that won is above zero."""
+
     def learn(
         self,
         memory: ParameterMemory,
@@ -145,6 +148,9 @@ class LinearShade(ABC):
         won: BoolArray,
     ) -> ParameterMemory:
         """Return the memory after a generation; scales, rates, gains and `won` are (n,)."""
+        if not won.any():
+            return memory
+        return self.learnt(memory, *success_means(scales, rates, gains, won), bool(rates[won].max() <= 0.0))
 
     def limit(self, scales: FloatArray, rates: FloatArray, progress: float) -> tuple[FloatArray, FloatArray]:
         """Return scales and rates, (n,) each, bounded at a progress in [0, 1]."""
@@ -157,10 +163,8 @@ class LinearShade(ABC):
     def init(self, problem: Problem, seed: int, starts: FloatArray) -> ShadeState:
         """Evaluate the first population; the user's own values take the first places."""
         ledger, generator, X, F = first_population(problem, seed, starts, self.members(problem.dimension))
-        archive, memory = np.empty((0, problem.dimension)), self.memory()
-        return begun(
-            ShadeState, self.name, ledger, generator, X=X, F=F, archive=archive, memory=memory, first=len(X)
-        )
+        fields = {"archive": np.empty((0, problem.dimension)), "memory": self.memory(), "first": len(X)}
+        return begun(ShadeState, self.name, ledger, generator, X=X, F=F, **fields)
 
     def step(self, state: ShadeState, problem: Problem) -> tuple[ShadeState, Event]:
         """Do one generation; a trial as good as its parent replaces it but teaches nothing."""
@@ -210,20 +214,9 @@ class LShade(LinearShade):
         """Return six entries of 0.5."""
         return ParameterMemory.fresh(6, scale=0.5, rate=0.5)
 
-    def learn(
-        self,
-        memory: ParameterMemory,
-        scales: FloatArray,
-        rates: FloatArray,
-        gains: FloatArray,
-        won: BoolArray,
-    ) -> ParameterMemory:
-        """Return the memory after a generation; a rate that has come down to zero stays there."""
-        if not won.any():
-            return memory
-        scale, rate = success_means(scales, rates, gains, won)
-        ended = memory.rates[memory.slot] < 0.0 or rates[won].max() <= 0.0
-        return memory.renewed(scale, TERMINAL if ended else rate)
+    def learnt(self, memory: ParameterMemory, scale: float, rate: float, ended: bool) -> ParameterMemory:
+        """Return the memory with the means; a rate that has come down to zero stays there."""
+        return memory.renewed(scale, TERMINAL if ended or memory.rates[memory.slot] < 0.0 else rate)
 
 
 class JSO(LinearShade):
@@ -243,26 +236,14 @@ class JSO(LinearShade):
         """Return four entries of scale 0.3 and rate 0.8, and the fixed one."""
         return ParameterMemory(np.array([0.3] * 4 + [FIXED]), np.array([0.8] * 4 + [FIXED]), 0)
 
-    def learn(
-        self,
-        memory: ParameterMemory,
-        scales: FloatArray,
-        rates: FloatArray,
-        gains: FloatArray,
-        won: BoolArray,
-    ) -> ParameterMemory:
-        """Return the memory after a generation: halfway from the old entry to what won.
-
-        The turn of the last entry comes round as any other's, but it stays at 0.9.
-        """
-        if not won.any():
-            return memory
-        scale, rate = success_means(scales, rates, gains, won)
-        rate = rate if rates[won].max() > 0.0 else TERMINAL
-        if memory.slot == len(memory.scales) - 1:
+    def learnt(self, memory: ParameterMemory, scale: float, rate: float, ended: bool) -> ParameterMemory:
+        """Return the memory halfway from the old entry to the means; the turn of the last entry comes, but it stays at 0.9."""
+        slot, rate = memory.slot, TERMINAL if ended else rate
+        if slot == len(memory.scales) - 1:
             return memory.renewed(FIXED, FIXED)
-        old_scale, old_rate = float(memory.scales[memory.slot]), float(memory.rates[memory.slot])
-        return memory.renewed(0.5 * (scale + old_scale), 0.5 * (rate + old_rate))
+        return memory.renewed(
+            0.5 * (scale + float(memory.scales[slot])), 0.5 * (rate + float(memory.rates[slot]))
+        )
 
     def limit(self, scales: FloatArray, rates: FloatArray, progress: float) -> tuple[FloatArray, FloatArray]:
         """Return scales and rates, (n,) each, that are kept from extremes early in the search."""
@@ -311,17 +292,9 @@ class OrderedShade:
     def init(self, problem: Problem, seed: int, starts: FloatArray) -> HerdState:
         """Evaluate the first population; the user's own values take the first places."""
         ledger, generator, X, F = first_population(problem, seed, starts, self.members, latin_hypercube)
-        population, optima = Population.first(X, F), np.empty((0, problem.dimension))
-        size = self.strategy.grown(self.members)
-        return begun(
-            HerdState,
-            self.name,
-            ledger,
-            generator,
-            population=population,
-            optima=optima,
-            population_size=size,
-        )
+        fields = {"population": Population.first(X, F), "population_size": self.strategy.grown(self.members)}
+        optima = np.empty((0, problem.dimension))
+        return begun(HerdState, self.name, ledger, generator, optima=optima, **fields)
 
     def step(self, state: HerdState, problem: Problem) -> tuple[HerdState, Event]:
         """Do what is next: a new population, a generation or a local search."""
@@ -330,10 +303,8 @@ class OrderedShade:
         if population.exhausted:
             # a larger population, independent of all earlier results
             X = latin_hypercube(state.population_size, ledger.dimension, generator)
-            population, text = (
-                Population.first(X, ledger.costs(X, ledger.full)),
-                f"new population of {len(X)}",
-            )
+            population = Population.first(X, ledger.costs(X, ledger.full))
+            text = f"new population of {len(X)}"
             size = self.strategy.grown(state.population_size)
             state = replace(state, optima=state.optima[:0], population_size=size)
         else:
@@ -364,6 +335,5 @@ class OrderedShade:
             x, cost = (y, lower) if lower < cost else (x, cost)
         population = population.with_refined(member, x, cost, cost < best * (1.0 - 1e-12))
         optima = np.concatenate([state.optima, x[None, :]])
-        return advanced(state, ledger, population=population, optima=optima), Event(
-            "refinement", cost, ledger.full
-        )
+        after = advanced(state, ledger, population=population, optima=optima)
+        return after, Event("refinement", cost, ledger.full)

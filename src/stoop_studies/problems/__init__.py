@@ -20,16 +20,11 @@ from stoop.errors import IdentificationError
 
 __all__ = ["Posed", "data_text", "names", "pose", "take_none"]
 
-
+#: first part of a name -> the module that poses it; imported when asked for
 _FAMILIES: Final = {
-    "paper": "paper",
-    "longitudinal": "paper",
-    "lateral": "paper",
-    "bbob": "bbob",
-    "flight": "flight",
-    "multirotor": "multirotor",
-    "hexacopter": "hexacopter",
-}  #: first part of a name -> the module that poses it; imported when asked for
+    "paper": "paper", "longitudinal": "paper", "lateral": "paper", "bbob": "bbob", "flight": "flight",
+    "multirotor": "multirotor", "hexacopter": "hexacopter",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -46,7 +41,6 @@ class Posed:
     truth : (D,) or None
         The answer in physical values, where it is known.
     parameters : tuple of str
-        Names of the variables.
     values : callable
         From a point of the unit box, (D,), to physical values, (D,).
     """
@@ -83,19 +77,14 @@ def pose(name: str, seed: int, **arguments: Any) -> Posed:
     """
     module = _FAMILIES.get(re.split("[-+]", name)[0])
     if module is None or name not in _module(module).names():
-        raise IdentificationError(f"problem {name}: there is none of that name; use one of {_listed()}")
+        listed = ", ".join([*(n for n in names() if not n.startswith("bbob-")), "bbob-01 to bbob-24"])
+        raise IdentificationError(f"problem {name}: there is none of that name; use one of {listed}")
     posed: Posed = _module(module).pose(name, seed, **arguments)
     return posed
 
 
 def take_none(name: str, arguments: Mapping[str, object]) -> None:
-    """Refuse arguments that a problem does not have.
-
-    Raises
-    ------
-    IdentificationError
-        There are some.
-    """
+    """Refuse arguments, of which a problem has none, with an `IdentificationError`."""
     if arguments:
         raise IdentificationError(f"problem {name}: knows no {', '.join(sorted(arguments))}; leave it out")
 
@@ -107,9 +96,3 @@ def data_text(name: str) -> str:
 
 def _module(name: str) -> Any:
     return importlib.import_module(f"stoop_studies.problems.{name}")
-
-
-def _listed() -> str:
-    """Return the names in short: the test functions as a range."""
-    listed = [n for n in names() if not n.startswith("bbob-")]
-    return ", ".join([*listed, "bbob-01 to bbob-24"])

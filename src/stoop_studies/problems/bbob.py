@@ -24,19 +24,10 @@ from stoop_studies.problems import Posed, take_none
 
 FUNCTIONS: Final = 24
 DIMENSION: Final = 10
-LOW: Final = -5.0
-HIGH: Final = 5.0
-TARGET: Final = 1e-8  #: above the optimum, as BBOB's own last target
 
 
 class Bbob(ScalarProblem):
-    """One instance of one function, on the unit box.
-
-    Parameters
-    ----------
-    function : 1 to 24
-    instance : 1 or more
-    dimension : number of variables
+    """One instance (1 or more) of one function (1 to 24), on the unit box.
 
     Raises
     ------
@@ -45,15 +36,19 @@ class Bbob(ScalarProblem):
     """
 
     def __init__(self, function: int, instance: int, dimension: int = DIMENSION) -> None:
+        try:
+            import ioh
+        except ImportError:
+            raise IdentificationError(
+                "problem bbob: needs the package ioh; install it with: pip install 'stoop[compare]'"
+            ) from None
         self.dimension = dimension
-        self.function = _evaluator(function, instance, dimension)
+        self.function: Any = ioh.get_problem(function, instance, dimension, ioh.ProblemClass.BBOB)
         self.least = float(self.function.optimum.y)
 
     def costs(self, X: FloatArray, rung: int) -> FloatArray:
         """Return the values above the optimum, (B,), of X, (B, D) in the unit box."""
-        values = np.asarray(self.function(physical(X)), dtype=np.float64)
-        above: FloatArray = values - self.least
-        return above
+        return np.asarray(self.function(physical(X)), dtype=np.float64) - self.least
 
     @property
     def optimum(self) -> FloatArray:
@@ -63,7 +58,7 @@ class Bbob(ScalarProblem):
 
 def physical(x: FloatArray) -> FloatArray:
     """Return what points of the unit box, (..., D), mean in [-5, 5]."""
-    return LOW + x * (HIGH - LOW)
+    return -5.0 + x * 10.0
 
 
 def names() -> tuple[str, ...]:
@@ -86,20 +81,9 @@ def pose(name: str, seed: int, **arguments: object) -> Posed:
     center = np.full((1, DIMENSION), 0.5)
     return Posed(
         problem=problem,
-        target=TARGET,
+        target=1e-8,  # above the optimum, as BBOB's own last target
         reference=float(problem.costs(center, 0)[0]),
         truth=problem.optimum,
         parameters=tuple(f"x{k + 1}" for k in range(DIMENSION)),
         values=physical,
     )
-
-
-def _evaluator(function: int, instance: int, dimension: int) -> Any:
-    """Return the function; it takes many points at once."""
-    try:
-        import ioh
-    except ImportError:
-        raise IdentificationError(
-            "problem bbob: needs the package ioh; install it with: pip install 'stoop[compare]'"
-        ) from None
-    return ioh.get_problem(function, instance, dimension, ioh.ProblemClass.BBOB)

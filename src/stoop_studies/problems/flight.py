@@ -14,7 +14,6 @@ more. Nobody is given those values: every optimizer begins blind.
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -41,13 +40,7 @@ LEGS: Final = 2.0 * REACH  #: prior standard deviations from one end of the box 
 
 @dataclass(frozen=True, eq=False)
 class Joined:
-    """A misfit whose nuisances are searched as its parameters are, in the unit box.
-
-    Attributes
-    ----------
-    apart : Misfit
-        With D parameters and E nuisances.
-    """
+    """A misfit, `apart`, whose D parameters and E nuisances are searched alike, in the unit box."""
 
     apart: Misfit
 
@@ -130,46 +123,27 @@ def pose(name: str, seed: int, **arguments: object) -> Posed:
 
 @functools.cache
 def posed(flights: tuple[str, ...], vehicle: str, maneuvers: tuple[str, ...]) -> Posed:
-    """Pose the problem; once in a process for the same words."""
-    apart, guesses = _settled(flights, vehicle, maneuvers)
-    problem, layout = Joined(apart), apart.layout
-    states = tuple(f"{n.name} of maneuver {n.maneuver + 1}" for n in layout.nuisances)
-    centers = np.array([n.center for n in layout.nuisances])
-    scales = np.array([n.scale for n in layout.nuisances])
+    """Pose the problem; once in a process for the same words.
 
-    def values(x: FloatArray) -> FloatArray:
-        own = layout.physical(x[None, : layout.dimension])[0]
-        return np.concatenate([own, centers + scales * LEGS * (x[layout.dimension :] - 0.5)])
-
-    return Posed(
-        problem=problem,
-        target=least(problem, guesses) * (1.0 + NEAR),
-        reference=problem.reference(len(problem.prices) - 1),
-        truth=None,
-        parameters=(*(p.name for p in layout.parameters), *states),
-        values=values,
-    )
-
-
-def least(problem: Joined, guesses: FloatArray) -> float:
-    """Return the least cost that long searches from the file's own values (k, D) find.
-
-    They have the nuisances apart, as `stoop identify`, which is the stronger treatment; only a point inside the
-    box of the joined problem counts.
+    What counts as solved is the least cost of searches with the nuisances apart, as `stoop identify`, which is the stronger
+    treatment; only a point inside the box of the joined problem counts.
 
     Raises
     ------
     IdentificationError
         No search was confirmed.
     """
+    loaded = [load(Path(path)) for path in flights]
+    by_name = {flight.name: flight for flight in loaded}
+    if len(by_name) < len(loaded):
+        raise FlightError("flights: two of them have the same name; rename one of the files")
+    windows = [parse_window(text, by_name) for text in maneuvers]
+    whole, _ = estimation_problem(resolve_vehicle(vehicle), by_name, windows, Options())
+    settled = settle(whole, starts(whole))
+    guesses = np.concatenate([settled.z[None, : whole.dimension], starts(whole)])
+    apart, stop = settled.problem, optimize.Stop(budget=REFERENCE_BUDGET)
     ends = [
-        optimize.minimize(
-            optimize.create(),
-            problem.apart,
-            seed=seed,
-            starts=guesses,
-            stop=optimize.Stop(budget=REFERENCE_BUDGET),
-        )
+        optimize.minimize(optimize.create(), apart, seed=seed, starts=guesses, stop=stop)
         for seed in REFERENCE_SEEDS
     ]
     if not any(end.status == "converged" for end in ends):
@@ -177,21 +151,24 @@ def least(problem: Joined, guesses: FloatArray) -> float:
             f"problem {NAME}: no optimum was confirmed, so nothing says what counts as solved; "
             f"choose other maneuvers, or free fewer numbers"
         )
-    points = np.array([problem.join(end.z) for end in ends])
-    return float(problem.costs(points, len(problem.prices) - 1).min())
+    problem, layout, full = Joined(apart), apart.layout, len(apart.prices) - 1
+    least = float(problem.costs(np.array([problem.join(end.z) for end in ends]), full).min())
+    centers = np.array([n.center for n in layout.nuisances])
+    scales = np.array([n.scale for n in layout.nuisances])
 
+    def values(x: FloatArray) -> FloatArray:
+        own = layout.physical(x[None, : layout.dimension])[0]
+        return np.concatenate([own, centers + scales * LEGS * (x[layout.dimension :] - 0.5)])
 
-def _settled(flights: Sequence[str], vehicle: str, maneuvers: Sequence[str]) -> tuple[Misfit, FloatArray]:
-    """Return the misfit with its weights settled, and where to begin from, (k, D)."""
-    loaded = [load(Path(path)) for path in flights]
-    by_name = {flight.name: flight for flight in loaded}
-    if len(by_name) < len(loaded):
-        raise FlightError("flights: two of them have the same name; rename one of the files")
-    windows = [parse_window(text, by_name) for text in maneuvers]
-    problem, _ = estimation_problem(resolve_vehicle(vehicle), by_name, windows, Options())
-    settled = settle(problem, starts(problem))
-    guesses = np.concatenate([settled.z[None, : problem.dimension], starts(problem)])
-    return settled.problem, guesses
+    states = tuple(f"{n.name} of maneuver {n.maneuver + 1}" for n in layout.nuisances)
+    return Posed(
+        problem=problem,
+        target=least * (1.0 + NEAR),
+        reference=problem.reference(full),
+        truth=None,
+        parameters=(*(p.name for p in layout.parameters), *states),
+        values=values,
+    )
 
 
 def _texts(value: object) -> tuple[str, ...]:

@@ -35,20 +35,16 @@ NAME: Final = "hexacopter"
 FOLDER: Final = "altlnt-hexacopter-px4"
 SOURCE: Final = "https://github.com/altlnt/id_mod_helice (logs/copter/vol2/log_18_2019-7-26-10-48-46)"
 WINDOW: Final = "140:214"
-LENGTH: Final = (
-    0.25  #: s, of a window; the rates of this vehicle, shaken by its rotors, are not followed for longer
-)
+#: s, of a window; the rates of this vehicle, shaken by its rotors, are not followed for longer
+LENGTH: Final = 0.25
 RATE: Final = 50.0  #: Hz, of the grid
-NEAR: Final = 1e-3  #: of the reference's cost
-ROUNDS: Final = 5  #: of refinements and noise estimates
 SIGMA: Final = {
     "vn": 0.3, "ve": 0.3, "vd": 0.3, "p": 0.1, "q": 0.1, "r": 0.05, "phi": 0.03, "theta": 0.03, "psi": 0.03,
     "ax": 0.3, "ay": 0.3, "az": 0.6,
 }  # fmt: skip
 """First guess of what a model leaves, m/s, rad/s, rad, m/s2; Q is estimated from there."""
 
-IDLE: Final = 1075.0  #: us (authors)
-SPAN: Final = 875.0  #: us from idle to full (authors)
+IDLE, SPAN = 1075.0, 875.0  #: us, and us from idle to full (authors)
 _H: Final = float(np.sqrt(0.75))
 MIXER: Final = np.array(
     [[-1, 0, -1], [1, 0, 1], [0.5, _H, -1], [-0.5, -_H, 1], [-0.5, _H, 1], [0.5, -_H, -1]]
@@ -85,15 +81,22 @@ def pose(name: str, seed: int, **arguments: object) -> Posed:
 @functools.cache
 def settled(data: str) -> Posed:
     """Pose the problem with the Q after refinements and noise estimates from the file's own values; once in a process."""
-    problem = _posed(vehicle(), mixed(_flight(Path(data))))
+    model, flight = vehicle(), mixed(_flight(Path(data)))
+    pieces = prepare(model, {flight.name: flight}, [parse_window(WINDOW, {flight.name: flight})]).pieces
+    cut = [w for p in pieces for w in windows(model, p, LENGTH, motors_behind(model, p))]
+    problem = windowed(model, cut, Weights.of(np.array([SIGMA[c] for c in model.outputs]) ** 2))
+
+    def refined(problem: Misfit, z: FloatArray) -> FloatArray:
+        return optimize.refine(optimize.Ledger(problem, Evaluations.none(problem)), z, 0, FULL).z
+
     z = problem.layout.unit(np.array([p.value for p in problem.layout.parameters]))
-    for _ in range(ROUNDS):
-        z = _refined(problem, z)
+    for _ in range(5):
+        z = refined(problem, z)
         problem = problem.weighted(Weights.of(effective_variance(problem, channel_residuals(problem, z))))
-    z = _refined(problem, z)
+    z = refined(problem, z)
     return Posed(
         problem=problem,
-        target=float(problem.costs(z[None], 0)[0]) * (1.0 + NEAR),
+        target=float(problem.costs(z[None], 0)[0]) * (1.0 + 1e-3),
         reference=problem.reference(0),
         truth=None,
         parameters=tuple(p.name for p in problem.layout.parameters),
@@ -107,13 +110,7 @@ def vehicle() -> Vehicle:
 
 
 def _flight(data: Path) -> Flight:
-    """Read the log.
-
-    Raises
-    ------
-    FlightError
-        It is not there.
-    """
+    """Read the log; a `FlightError` where it is not there."""
     place = next((p for p in (data / FOLDER, data) if any(p.glob("*_actuator_controls_0_0.csv*"))), None)
     if place is None:
         raise FlightError(f"{data}: holds no log of the hexacopter; fetch {SOURCE} and name its folder")
@@ -130,14 +127,3 @@ def mixed(flight: Flight) -> Flight:
     pulses[:, ~np.isfinite(recorded).all(axis=0)] = np.nan  # moments are held across them
     kept = {f"pwm_{i}": ("time", p, flight.data[f"pwm_{i}"].attrs) for i, p in enumerate(pulses, 1)}
     return replace(flight, data=flight.data.assign(kept))
-
-
-def _posed(vehicle: Vehicle, flight: Flight) -> Misfit:
-    pieces = prepare(vehicle, {flight.name: flight}, [parse_window(WINDOW, {flight.name: flight})]).pieces
-    cut = [w for p in pieces for w in windows(vehicle, p, LENGTH, motors_behind(vehicle, p))]
-    sigma = np.array([SIGMA[c] for c in vehicle.outputs])
-    return windowed(vehicle, cut, Weights.of(sigma**2))
-
-
-def _refined(problem: Misfit, z: FloatArray) -> FloatArray:
-    return optimize.refine(optimize.Ledger(problem, Evaluations.none(problem)), z, 0, FULL).z

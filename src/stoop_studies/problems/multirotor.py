@@ -25,17 +25,17 @@ from stoop.estimate.linearization import interpolated, unwrapped
 from stoop.estimate.shooting_windows import edges
 from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.observation import through_air
-from stoop.simulation import initial_states, parameter_rows, parse_maneuver
+from stoop.simulation import initial_states, parameter_rows
 from stoop.simulation.delays import first_order_lag
 from stoop.simulation.fly import Flown, fly
 from stoop.simulation.initial import commanded
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.simulation.trajectories import readings_along, states_flown
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.problems import Posed, data_text, take_none
 from stoop_studies.problems.paper import box, freed, of_known_truth
 
-RATES: Final = ("p", "q", "r")
 NAMES: Final = ("multirotor", "multirotor+noise")
 SOUGHT: Final = (
     "rotors.T1", "rotors.T2", "rotors.torque_ratio", "rotors.inflow", "rotors.drag", "rotors.lag",
@@ -56,21 +56,14 @@ MANEUVER: Final = data_text("quad_maneuver.toml")
 
 
 def windows(vehicle: Vehicle, piece: Piece, length: float, beside: Mapping[str, FloatArray]) -> list[Piece]:
-    """Return the windows of a piece.
+    """Return the windows, `length` s each, of a piece of a rotorcraft's flight without wind.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-        Its outputs are those of a rotorcraft; there is no wind.
-    piece : Piece
-    length : float, s
-    beside : mapping
-        What is known of the state at every sample (n,) beside the readings: ``NAME.lag``, by how much each rotor is off
-        its command, in units of x; the altitude ``h``, m.
+    `beside` is what is known of the state at every sample (n,) beside the readings: ``NAME.lag``, by how much each rotor is
+    off its command, in units of x; the altitude ``h``, m.
     """
     read = {c: interpolated(unwrapped(piece.measured[:, i])) for i, c in enumerate(vehicle.outputs)}
     state = through_air({n: read[n] for n in ("vn", "ve", "vd", "phi", "theta", "psi")})
-    state |= {n: read[n] for n in RATES} | dict(beside)
+    state |= {n: read[n] for n in ("p", "q", "r")} | dict(beside)
     cuts = edges(len(piece.time), max(2, round(length / piece.dt)))
     begins = ({**piece.start, **{n: float(values[a]) for n, values in state.items()}} for a in cuts[:-1])
     return [piece.part(a, b, start) for (a, b), start in zip(pairwise(cuts), begins, strict=True)]
@@ -158,20 +151,7 @@ def names() -> tuple[str, ...]:
 
 
 def pose(name: str, seed: int, box: str = "N", **arguments: object) -> Posed:
-    """Return one of these problems; the seed draws box and noise.
-
-    Parameters
-    ----------
-    name : str
-    seed : int
-    box : str
-        N, S or W.
-
-    Raises
-    ------
-    IdentificationError
-        Another argument than ``box``, or another box.
-    """
+    """Return one of these problems; the seed draws noise and box, of kind N, S or W."""
     take_none(name, arguments)
     case, noise = quad(), name.endswith("+noise")
     return of_known_truth(case.vehicle, case.problem(box, seed, noise), noise)

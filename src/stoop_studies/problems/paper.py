@@ -25,8 +25,8 @@ from stoop.optimize.ledger import Evaluations
 from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.layout import Nuisance
 from stoop.problem.misfit import horizon_ladder
-from stoop.simulation import parse_maneuver
 from stoop.simulation.fly import Flown, fly
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.demo import MANEUVER, TABLE_1
@@ -54,9 +54,6 @@ LATERAL: Final = (
 BOXES: Final = ("N", "S", "W")
 FEW: Final = ("V", "q", "theta")
 NEAR: Final = 1e-6  #: of J0 without noise; of the maximum-likelihood cost with it
-PATIENT: Final = optimize.Settings(
-    iterations=200, gain=1e-14, predicted=1e-14, stall=0, stall_damping=np.inf
-)  #: a refinement that stops at rounding only
 
 
 def sigma_of(channels: Iterable[str]) -> FloatArray:
@@ -69,17 +66,7 @@ SIGMA: Final = sigma_of(("V", "alpha", "q", "theta", "ax", "az"))  #: of the lon
 
 @dataclass(frozen=True)
 class Paper:
-    """A vehicle, the flight of its truth, and which numbers are to be found.
-
-    Attributes
-    ----------
-    vehicle : Vehicle
-        The model; its values are the truth.
-    flown : Flown
-        What its sensors would read without noise.
-    names : tuple of str
-        The free numbers; all others are known.
-    """
+    """A vehicle whose values are the truth, what its sensors would read without noise, and the numbers that are to be found."""
 
     vehicle: Vehicle
     flown: Flown
@@ -95,18 +82,7 @@ class Paper:
         return Layout.of(freed(self.vehicle, self.names, low, high), nuisances)
 
     def problem(self, kind: str, seed: int, noise: bool, channels: Iterable[str] | None = None) -> Misfit:
-        """Pose the least-squares problem of one box.
-
-        Parameters
-        ----------
-        kind : str
-            N, S or W, as `box`.
-        seed : int
-            Of the box and of the noise.
-        noise : bool
-        channels : iterable of str, optional
-            Those that are measured; all when absent.
-        """
+        """Pose the least-squares problem of one box, N, S or W; the seed draws box and noise, `channels` are measured."""
         layout = self.bounded(*box(kind, seed, self.truth))
         return self.misfit(layout, self.measured(seed, noise, channels))
 
@@ -169,8 +145,10 @@ def of_known_truth(vehicle: Vehicle, problem: Misfit, noise: bool) -> Posed:
 def optimum(problem: Misfit, truth: FloatArray) -> float:
     """Return the cost where a refinement from the truth (D,), SI, in the problem's own order, ends."""
     z = np.concatenate([problem.layout.unit(truth), np.zeros(problem.extra)])
+    # stops at rounding only
+    patient = optimize.Settings(iterations=200, gain=1e-14, predicted=1e-14, stall=0, stall_damping=np.inf)
     ledger = optimize.Ledger(problem, Evaluations.none(problem))
-    return optimize.refine(ledger, z, len(problem.prices) - 1, PATIENT).cost
+    return optimize.refine(ledger, z, len(problem.prices) - 1, patient).cost
 
 
 def box(kind: str, seed: int, truth: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -232,17 +210,7 @@ def names() -> tuple[str, ...]:
 def pose(name: str, seed: int, **arguments: object) -> Posed:
     """Return a problem, such as ``paper-N+noise`` or ``lateral``; the seed draws box and noise.
 
-    Parameters
-    ----------
-    name : str
-    seed : int
-    **arguments
-        ``box``: N (default), S or W; of problems that do not name theirs.
-
-    Raises
-    ------
-    IdentificationError
-        Another argument, or another box.
+    Problems that do not name their box take the argument ``box``: N (default), S or W.
     """
     kind, *more = name.split("+")
     noise = "noise" in more

@@ -16,8 +16,8 @@ from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.parallel import Run
 from stoop.report.sheet import Prose, Section, Table
-from stoop.simulation import parse_maneuver
 from stoop.simulation.fly import fly
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.schema import ConstantThrust, Propeller
 from stoop.workflow.demo import MANEUVER, TABLE_1

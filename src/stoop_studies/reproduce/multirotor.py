@@ -18,8 +18,8 @@ from stoop.parallel import Run
 from stoop.problem.windows import Window
 from stoop.report.plots import HUES, Series, plot
 from stoop.report.sheet import Code, Figure, Prose, Section, Table
-from stoop.simulation import parse_maneuver
 from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number
 from stoop_studies.problems import pose
 from stoop_studies.problems.multirotor import LENGTH, MANEUVER, NOISE, quad

@@ -17,7 +17,9 @@ from stoop.input_design.optimization import Plan, mean_ratio, textbook_maneuver
 from stoop.problem.windows import Window
 from stoop.report.plots import Series, Strip, plot, stacked_plots
 from stoop.report.sheet import Figure, Prose, Section
-from stoop.simulation import Maneuver, simulate_flight, trim
+from stoop.simulation import trim
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
 from stoop_studies.findings import Claim, Findings, Setting, holds, number
 from stoop_studies.verify.scenes import aircraft

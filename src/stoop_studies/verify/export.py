@@ -24,7 +24,8 @@ from stoop.exporters.jsbsim_flight import (
     relative_differences,
 )
 from stoop.report.sheet import Prose, Section
-from stoop.simulation import Maneuver, Trim, trim
+from stoop.simulation import Trim, trim
+from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop_studies.findings import Findings, Setting, holds, number

@@ -18,6 +18,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from stoop.assessment.error_bars import error_bars
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of, to_body
 from stoop.base.units import FACTORS
@@ -170,11 +171,6 @@ def read_log(folder: Path | None, mapped: bool = True) -> Log:
     """Read the log and the authors' table in a folder, or in its folder ``altlnt-hexacopter-px4``.
 
     With ``mapped`` the mapping brings the attitude to the clock of the gyros; else the log is read as PX4 logs are.
-
-    Raises
-    ------
-    StoopError
-        A file is not there, or cannot be read.
     """
     log, *_ = published_files(
         "hexacopter",
@@ -218,6 +214,11 @@ class Fitted:
         return fit
 
     @cached_property
+    def std(self) -> FloatArray:
+        """Standard errors of parameters and nuisances."""
+        return error_bars(self.fit).std
+
+    @cached_property
     def vehicle(self) -> Vehicle:
         """With its estimates."""
         return identified_vehicle(self.fit)
@@ -228,10 +229,7 @@ class Fitted:
     def error(self, name: str) -> float:
         """Return the standard error of an estimate; zero of what was fixed."""
         names = [p.name for p in self.fit.problem.layout.parameters]
-        if name not in names or self.fit.covariance is None:
-            return 0.0
-        i = names.index(name)
-        return float(np.sqrt(self.fit.covariance[i, i]))
+        return float(self.std[names.index(name)]) if name in names else 0.0
 
     def curves(self, span: Span) -> ForceCurves:
         """Return measured and modelled specific force below 5 Hz."""

@@ -15,7 +15,7 @@ from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.report.plots import Series, Strip, stacked_plots
 from stoop.report.sheet import Figure, Prose, Section
-from stoop.simulation import simulate_flight
+from stoop.simulation.fly import simulate_flight
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.findings import Findings, Setting, holds, number

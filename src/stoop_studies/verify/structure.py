@@ -20,7 +20,9 @@ from stoop.estimate.regression.structure import (
 )
 from stoop.problem.windows import Window
 from stoop.report.sheet import Prose, Section, Table
-from stoop.simulation import Maneuver, simulate_flight, trim
+from stoop.simulation import trim
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.load import parse_vehicle

@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 
 from stoop import optimize
 from stoop.errors import FlightError, IdentificationError
-from stoop.simulation import parse_maneuver
 from stoop.simulation.fly import fly
+from stoop.simulation.maneuver import parse_maneuver
 from stoop_studies.problems import Posed, hexacopter, pose
 from stoop_studies.problems.multirotor import MANEUVER, NOISE, SOUGHT, names, quad
 from stoop_studies.problems.paper import NEAR

@@ -11,7 +11,8 @@ from stoop.assessment.assessment import AssessedFit, check_method, pack, unpack
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import Options
 from stoop.parallel import Given
-from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow import Bootstrap, Job, Profile, identify
 

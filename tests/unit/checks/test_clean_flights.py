@@ -10,7 +10,8 @@ from stoop.base.variables import VARIABLES
 from stoop.checks.engine import Line
 from stoop.checks.kinematics import check_motion
 from stoop.checks.units import check_units
-from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 

@@ -12,7 +12,8 @@ from stoop.base.notices import Notice
 from stoop.checks.motors import check_motors
 from stoop.flight import Flight, from_columns
 from stoop.problem.windows import whole
-from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 

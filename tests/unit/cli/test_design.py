@@ -9,7 +9,7 @@ import pytest
 
 from stoop.cli.main import main
 from stoop.cli.planning import design_arguments
-from stoop.simulation import load_maneuver, parse_maneuver
+from stoop.simulation.maneuver import load_maneuver, parse_maneuver
 from stoop.workflow.design import DESIGN_FILES, maneuver_toml, prior_model
 
 QUICK = (

@@ -16,7 +16,9 @@ from stoop.flight import Flight
 from stoop.problem import Misfit
 from stoop.problem.observation import first_complete, guess_start
 from stoop.problem.windows import Window
-from stoop.simulation import START_NAMES, parse_maneuver, simulate_flight
+from stoop.simulation import START_NAMES
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.demo import MANEUVER, TABLE_1

@@ -13,7 +13,8 @@ from stoop.estimate.fit import Options, estimation_problem
 from stoop.flight import Flight
 from stoop.problem import Misfit
 from stoop.problem.windows import Window
-from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 

@@ -17,7 +17,8 @@ from stoop.errors import OutputError
 from stoop.exporters.flight_logs import ENDINGS, TABLES, WRITERS, save_flight_as
 from stoop.flight import Flight, from_columns, load
 from stoop.logs.csv_tables import mapping_beside
-from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import BUILT_IN, resolve_vehicle
 
 MANEUVER = """

@@ -11,7 +11,8 @@ import pytest
 from stoop.base.arrays import FloatArray
 from stoop.flight.mapping_draft import Outputs, draft_of
 from stoop.logs import Recording, Stream
-from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import resolve_vehicle
 
 INPUT = '[[input]]\ncontrol = "{}"\nshape = "doublet"\nstart = {}\nstep = 0.2\namplitude = 8.0\n'

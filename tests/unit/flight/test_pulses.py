@@ -8,7 +8,8 @@ import pytest
 from stoop.base.arrays import FloatArray
 from stoop.flight import Flight, find_maneuvers, from_columns
 from stoop.flight.airborne import carried_by_rotors, flying, lift_command, rotor_pulses
-from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import resolve_vehicle
 
 INPUT = '[[input]]\ncontrol = "{}"\nshape = "doublet"\nstart = {}\nstep = 0.2\namplitude = {}\n'

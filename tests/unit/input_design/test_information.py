@@ -12,7 +12,9 @@ from stoop.input_design import Knowledge, Limits, Setup
 from stoop.input_design.information import marginal, sensor_noise
 from stoop.input_design.optimization import Plan, design, mean_ratio, robustness, textbook_maneuver
 from stoop.problem.windows import Window
-from stoop.simulation import Maneuver, simulate_flight, trim
+from stoop.simulation import trim
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle.builtin import resolve_vehicle
 
 PLAN = Plan(duration=8.0, rate=50.0, evaluations=60, seed=1)

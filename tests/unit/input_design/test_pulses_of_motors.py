@@ -9,7 +9,8 @@ from stoop.flight import Flight
 from stoop.flight.airborne import carried_by_rotors, flying
 from stoop.input_design.candidates import with_motors
 from stoop.input_design.windows import doubts, find_windows
-from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 

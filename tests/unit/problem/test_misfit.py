@@ -11,8 +11,8 @@ from naive import march
 
 from stoop.problem import Layout, Misfit, Nuisance, Piece, Weights
 from stoop.problem.misfit import horizon_ladder
-from stoop.simulation import Maneuver
 from stoop.simulation.fly import fly
+from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 
 SPEC = {"duration": 3.0, "rate": 50.0}

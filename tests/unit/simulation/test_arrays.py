@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from stoop.errors import ManeuverError
-from stoop.simulation import parse_maneuver, simulate, simulate_flight, trim
+from stoop.simulation import trim
+from stoop.simulation.fly import simulate, simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import builtin_vehicle
 
 MANEUVER = (

@@ -9,10 +9,11 @@ import pytest
 
 from stoop.base.notices import notice
 from stoop.errors import ManeuverError, SimulationError
-from stoop.simulation import Maneuver, initial_states, parameter_rows, simulate_flight, trim
+from stoop.simulation import initial_states, parameter_rows, trim
 from stoop.simulation.delays import delayed
-from stoop.simulation.fly import fly
+from stoop.simulation.fly import fly, simulate_flight
 from stoop.simulation.initial import commanded, rigid_states
+from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
 
 

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stoop.errors import ManeuverError
-from stoop.simulation import load_maneuver, maneuver, parse_maneuver
+from stoop.simulation import maneuver
+from stoop.simulation.maneuver import load_maneuver, parse_maneuver
 
 WHERE = "folder/bad.toml"
 

@@ -10,18 +10,11 @@ import pytest
 
 from stoop.errors import ManeuverError, SimulationError
 from stoop.flight import load, save
-from stoop.simulation import (
-    initial_states,
-    load_maneuver,
-    parameter_rows,
-    parse_maneuver,
-    simulate_flight,
-    trim,
-)
+from stoop.simulation import initial_states, parameter_rows, trim
 from stoop.simulation.autopilot import linear_errors
 from stoop.simulation.delays import late_inputs, late_outputs
-from stoop.simulation.fly import Flown, fly
-from stoop.simulation.maneuver import Maneuver
+from stoop.simulation.fly import Flown, fly, simulate_flight
+from stoop.simulation.maneuver import Maneuver, load_maneuver, parse_maneuver
 from stoop.simulation.rotors import accelerations, channel_range
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle, resolve_vehicle

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 
-from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.simulation.trajectories import finer
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.load import parse_vehicle

@@ -14,7 +14,9 @@ from stoop.errors import SimulationError
 from stoop.estimate.fit import fit
 from stoop.flight import Flight
 from stoop.problem.windows import Window
-from stoop.simulation import linearize, parse_maneuver, simulate_flight, trim
+from stoop.simulation import linearize, trim
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
 from stoop.workflow import Job
 from stoop.workflow.demo import MANEUVER as DEMO

@@ -11,7 +11,8 @@ from stoop.estimate.fit import Options
 from stoop.flight import Flight
 from stoop.report.identification import render
 from stoop.results.uncertainty import Repeatability, SingleEstimate
-from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.identification import Job, finish, search

@@ -20,7 +20,9 @@ from stoop.estimate.regression.structure import (
 )
 from stoop.flight import Flight, save
 from stoop.problem.windows import Window
-from stoop.simulation import parse_maneuver, simulate_flight, trim
+from stoop.simulation import trim
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.load import load_vehicle, parse_vehicle

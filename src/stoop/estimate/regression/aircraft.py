@@ -24,9 +24,8 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from stoop.base.arrays import BoolArray, FloatArray, IntArray, runs
-from stoop.base.notices import Notice
 from stoop.base.variables import RATES, SPECIFIC_FORCE
-from stoop.estimate.regression.least_squares import Bounds, Domain, Estimates, Priors, Rows
+from stoop.estimate.regression.least_squares import Equations, Rows
 from stoop.flight.flight import MIN_SEGMENT
 from stoop.problem import Layout, Piece
 from stoop.problem.observation import at_center_of_gravity, true_value
@@ -220,17 +219,17 @@ def _constants(vehicle: Vehicle) -> list[str]:
 
 
 @dataclass(frozen=True, eq=False)
-class AircraftEquations:
+class AircraftEquations(Equations):
     """The coefficients of an aircraft as a linear regression on its free terms; other free numbers keep the file's values."""
 
-    layout: Layout
     histories: tuple[History, ...]
 
-    linear: ClassVar[bool] = True
+    linear = True
     explanations: ClassVar[Mapping[str, str]] = {
-        "time": "equation-error-aircraft", "frequency": "frequency-domain-aircraft",
-    }  #: domain -> code of the notice that explains the method  # fmt: skip
-    needed: ClassVar[str] = (
+        "time": "equation-error-aircraft",
+        "frequency": "frequency-domain-aircraft",
+    }
+    needed = (
         "a term must be free, and airspeed, flow angles, rates, attitude and accelerations measured together for some "
         "seconds; use --method output-error"
     )
@@ -257,24 +256,6 @@ class AircraftEquations:
     def names(self) -> tuple[str, ...]:
         """The free terms (k,)."""
         return tuple(self.layout.parameters[i].name for i in self.places)
-
-    @property
-    def priors(self) -> Priors:
-        """Prior means and standard deviations of the terms (k,)."""
-        own = [self.layout.parameters[i] for i in self.places]
-        sigma = [np.inf if p.prior is None else p.prior for p in own]
-        return Priors(np.array([p.value for p in own]), np.array(sigma))
-
-    @property
-    def bounds(self) -> Bounds:
-        """Bounds of the file (k,)."""
-        own = [self.layout.parameters[i] for i in self.places]
-        return np.array([p.lower for p in own]), np.array([p.upper for p in own])
-
-    @property
-    def scales(self) -> FloatArray:
-        """Widths of the bounds (k,)."""
-        return np.asarray(self.layout.width[list(self.places)])
 
     def rows(self, values: FloatArray) -> list[Rows]:
         """Return the rows of every coefficient and stretch, at all samples; `values` do not matter."""
@@ -310,16 +291,3 @@ class AircraftEquations:
         names = {name: k for k, name in enumerate(self.names)}
         every = ((c, n, t) for c, group in self.layout.vehicle.terms.items() for n, t in group.items())
         return {c: names[n] for c, n, t in every if n in names and t.strip() == "1"}
-
-    def r2(self, estimates: Estimates, _: Domain) -> dict[str, float]:
-        """Return the coefficient of determination of each coefficient, free terms only."""
-        return estimates.r2
-
-    @staticmethod
-    def notices(_: Estimates) -> list[Notice]:
-        """Return what the estimates do not rest on: no equation was left out."""
-        return []
-
-    def reduced(self, _: Estimates) -> AircraftEquations:
-        """Return the equations that determine the estimates: all of them."""
-        return self

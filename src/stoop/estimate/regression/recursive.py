@@ -31,7 +31,7 @@ from stoop.estimate.regression.aircraft import (
     coefficients,
     states_of,
 )
-from stoop.estimate.regression.least_squares import FrequencyDomain, Rows, solve, unbounded
+from stoop.estimate.regression.least_squares import Rows, solve, unbounded
 from stoop.problem import Layout
 from stoop.problem.observation import AIR_FRAME
 from stoop.simulation import parameter_rows
@@ -135,7 +135,7 @@ class RealTime:
         freedom = count / repetition - most - NUISANCES  # of independent rows
         if freedom < 1.0:
             return {}
-        found = solve(rows, unbounded(self._equations), self._equations.priors, FrequencyDomain())
+        found = solve(rows, unbounded(self._equations), self._equations.priors)
         variance = np.nan_to_num(np.diag(found.covariance), nan=np.inf)
         std = np.sqrt(np.maximum(variance, 0.0) * (count - most) / freedom)
         return {

@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
@@ -222,16 +222,6 @@ class Selection:
     steps: tuple[Step, ...]
 
 
-class Criterion(Protocol):
-    """Whether a model needs a term."""
-
-    def needs(self, model: Model, column: int) -> bool:
-        """Whether a model needs one of its columns."""
-
-    def threshold(self, model: Model) -> float:
-        """Return the threshold of the criterion's statistic."""
-
-
 @dataclass(frozen=True)
 class PartialF:
     """The partial F-ratio exceeds what the largest of so many needless candidates reaches by chance."""
@@ -261,6 +251,9 @@ class Press:
     def needs(self, model: Model, column: int) -> bool:
         """Whether PRESS would rise without the term."""
         return model.press < model.without(column).press
+
+
+Criterion = PartialF | Press  #: whether a model needs a term
 
 
 def stepwise(regression: Regression, criterion: Criterion = PartialF()) -> Selection:

@@ -10,7 +10,8 @@ from stoop.errors import IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.fit import Options
 from stoop.problem.windows import Window
-from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.workflow import identify
 
 from .conftest import MANEUVER

@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 
 from stoop.flight import Flight
-from stoop.simulation import Maneuver, parse_maneuver, simulate_flight, trim
+from stoop.simulation import trim
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import Maneuver, parse_maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 

@@ -11,8 +11,9 @@ from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.aircraft import History, Motion, balance, histories
 from stoop.flight import Flight
 from stoop.problem.windows import Window
-from stoop.simulation import parse_maneuver, simulate_flight
 from stoop.simulation.delays import first_order_lag
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.load import parse_vehicle
 

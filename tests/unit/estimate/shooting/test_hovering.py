@@ -14,7 +14,8 @@ from stoop.estimate.excitation import in_ratio, ratios
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.flight import from_columns
 from stoop.problem.windows import Window
-from stoop.simulation import parse_maneuver, simulate_flight
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow import identify

@@ -12,7 +12,9 @@ from stoop.estimate.multiple_shooting import MultipleShooting
 from stoop.flight import from_columns
 from stoop.kernels import filtering
 from stoop.problem.windows import Window
-from stoop.simulation import initial_states, parameter_rows, parse_maneuver, simulate_flight, trim
+from stoop.simulation import initial_states, parameter_rows, trim
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow import demo, identify
 
