@@ -113,7 +113,7 @@ def simulate(arguments: argparse.Namespace) -> int:
     """Fly from trim, write what the instruments would record, and print what to do next."""
     from stoop.base.text import nearest
     from stoop.base.variables import VARIABLES
-    from stoop.exporters.flight_file import OWN, check_ending, save_flight_as
+    from stoop.exporters.flight_logs import OWN, check_ending, save_flight_as
     from stoop.input_design.candidates import fit_style, maneuver_windows
     from stoop.logs.csv_tables import mapping_beside
     from stoop.simulation.fly import flown_trim, numbers_set, simulate_flight

@@ -12,11 +12,9 @@ from stoop.base.numbers import NOTHING, factor_and_unit
 from stoop.base.variables import VARIABLES, WRAPPED
 from stoop.estimate.regression.least_squares import TimeDomain
 from stoop.estimate.regression.structure import Structure
-from stoop.exporters.comparison import Comparison
-from stoop.exporters.jsbsim_aircraft import PLANET, relative_errors
-from stoop.exporters.jsbsim_flight import FRAME_RATE
+from stoop.exporters.jsbsim_aircraft import relative_errors
+from stoop.exporters.jsbsim_flight import FRAME_RATE, PLANET, Comparison, differences, relative_differences
 from stoop.exporters.jsbsim_model import delays
-from stoop.exporters.record import differences, relative_differences
 from stoop.report.plots import Series, Strip, plot, stacked_plots
 from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table, render_sheet
 from stoop.vehicle import Vehicle
