@@ -171,11 +171,6 @@ def read_log(folder: Path | None, mapped: bool = True) -> Log:
     """Read the log and the authors' table in a folder, or in its folder ``altlnt-hexacopter-px4``.
 
     With ``mapped`` the mapping brings the attitude to the clock of the gyros; else the log is read as PX4 logs are.
-
-    Raises
-    ------
-    StoopError
-        A file is not there, or cannot be read.
     """
     log, *_ = published_files(
         "hexacopter",
