@@ -164,12 +164,7 @@ def hover(flight: Flight, balance: Balance) -> Hover:
     """Return the mean commands of a flight near hover.
 
     Between start and end of a stretch near hover the velocity hardly changes, so mean forces and moments are those of rest,
-    whatever the motion in between.
-
-    Raises
-    ------
-    FlightError
-        A command is missing, the flight is too short or too fast.
+    whatever the motion in between. A FlightError says that a command is missing, the flight too short or too fast.
     """
     recorded = {str(name) for name in flight.data.data_vars}
     needed = [*balance.channels, *(["voltage"] if balance.needs_voltage else [])]

@@ -14,7 +14,7 @@ from pyulog import ULog
 from stoop.base.variables import QUATERNION
 from stoop.cli.main import main
 from stoop.errors import OutputError
-from stoop.exporters.flight_file import ENDINGS, TABLES, WRITERS, save_flight_as
+from stoop.exporters.flight_logs import ENDINGS, TABLES, WRITERS, save_flight_as
 from stoop.flight import Flight, from_columns, load
 from stoop.logs.csv_tables import mapping_beside
 from stoop.simulation.fly import simulate_flight

@@ -164,14 +164,8 @@ def coefficients(
 ) -> dict[str, FloatArray]:
     """Return the coefficients that explain measured accelerations.
 
-    Parameters
-    ----------
-    base, gains : (a, n), (a, c, n)
-        See :func:`balance`.
-    angular : (r, n), rad/s2
-        Angular accelerations about the axes that the vehicle observes.
-    felt : mapping
-        ``ax``, ``ay``, ``az`` -> (n,), m/s2, as read.
+    `base` (a, n) and `gains` (a, c, n) are those of :func:`balance`, `angular` (r, n), rad/s2, the angular accelerations about
+    the axes that the vehicle observes, `felt` the readings ``ax``, ``ay``, ``az`` -> (n,), m/s2.
     """
     wanted = np.concatenate([angular, [felt[c] for c in SPECIFIC_FORCE if c in vehicle.outputs]]) - base
     solved = np.linalg.solve(gains.transpose(2, 0, 1), wanted.T[:, :, None])[:, :, 0]

@@ -52,13 +52,7 @@ class Stretch:
     ) -> FloatArray:
         """Return the accelerations (n, i) of the equations at the measured motion.
 
-        Parameters
-        ----------
-        vehicle : Vehicle
-        rows : (n_p, 1)
-            Kernel parameters, biases and wind among them.
-        cache : dict, optional
-            Lagged commands that were computed before.
+        Kernel parameters `rows` (n_p, 1) contain biases and wind; `cache` holds lagged commands computed before.
         """
         piece, motion = self.piece, {}
         late = at_samples(vehicle, late_inputs(vehicle, piece.inputs, rows, piece.dt))
