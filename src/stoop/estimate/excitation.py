@@ -28,9 +28,8 @@ from stoop.problem import Misfit
 from stoop.simulation import parameter_rows
 from stoop.simulation.initial import commanded
 from stoop.vehicle import Parameter, Vehicle
-from stoop.vehicle.rotor_numbers import AERODYNAMIC
+from stoop.vehicle.defaults import ROTOR_AERODYNAMICS, WIND_NUMBERS
 from stoop.vehicle.schema import WIND
-from stoop.vehicle.vehicle import WIND_NUMBERS
 
 AXES: Final = (("V", "alpha", "q"), ("beta", "p", "r"))  #: motions that the terms of one plane multiply
 MIN_DEFLECTION: Final = 0.2 * DEGREE  #: rad rms, below which a deflection is no input
@@ -139,7 +138,7 @@ def in_ratio(vehicle: Vehicle) -> tuple[Parameter, ...]:
     """Return the free numbers that are known in ratio to the mass only; none where something determines the mass."""
     if not vehicle.rotors or vehicle.file.propulsion is not None or any(vehicle.terms.values()):
         return ()
-    forces = AERODYNAMIC - {"rotors.torque_ratio"} | {"rotors.inertia"}
+    forces = ROTOR_AERODYNAMICS - {"rotors.torque_ratio"} | {"rotors.inertia"}
     group = [
         p
         for p in vehicle.parameters

@@ -17,7 +17,7 @@ from stoop.base.variables import WRAPPED
 from stoop.problem.layout import Layout, Nuisance
 from stoop.simulation import parameter_rows
 from stoop.simulation.delays import input_delays, late_inputs, late_outputs, output_delays
-from stoop.simulation.initial import kernel_states, rigid_states
+from stoop.simulation.initial import initial_states, rigid_states
 
 STEP = 1e-7  #: of a forward difference
 
@@ -273,7 +273,7 @@ class Misfit:
                 start = {**start, n.name: value}
         if varied:
             rigid = rigid_states(start)
-        return rows, kernel_states(vehicle, rigid, start, rows, self.pieces[index].inputs[0])
+        return rows, initial_states(vehicle, start, rows, self.pieces[index].inputs[0], rigid)
 
     @cached_property
     def _late(self) -> bool:
