@@ -10,12 +10,15 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.exporters import jsbsim_aircraft
-from stoop.exporters.jsbsim_flight import FRAME_RATE, frames_per_sample, jsbsim_readings
-from stoop.exporters.record import (
+from stoop.exporters.jsbsim_flight import (
     AMPLITUDE,
+    FRAME_RATE,
+    PLANET,
     RATE,
     every_control,
     file_name,
+    frames_per_sample,
+    jsbsim_readings,
     maneuver_record,
     own_readings,
     relative_differences,
@@ -109,7 +112,7 @@ def compare(vehicle_name: str, inputs: str) -> list[dict[str, Any]]:
         for place, text in jsbsim_aircraft.folder(record.vehicle, None).items():
             (root / place).parent.mkdir(parents=True, exist_ok=True)
             (root / place).write_text(text, encoding="utf-8")
-        planet, name = root / jsbsim_aircraft.PLANET, file_name(vehicle.name)
+        planet, name = root / PLANET, file_name(vehicle.name)
         flat = jsbsim_readings(root, name, record, planet)
         faster = jsbsim_readings(root, name, record, planet, FASTER * FRAME_RATE)
         earth = jsbsim_readings(root, name, record, None)
