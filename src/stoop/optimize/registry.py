@@ -24,14 +24,10 @@ class Entry:
 
     Attributes
     ----------
-    make : str
-        ``module:function`` that returns the optimizer.
-    residuals : bool
-        Whether it asks for residuals, not only for costs.
-    plans : bool
-        Whether `make` takes the number of planned evaluations, None where it is not known.
-    state : str
-        ``module:class`` of its state, so that saved ones can be loaded; empty for the states of this package.
+    make : ``module:function`` that returns the optimizer
+    residuals : whether it asks for residuals, not only for costs
+    plans : whether `make` takes the number of planned evaluations, None where it is not known
+    state : ``module:class`` of its state, so that saved ones can be loaded; empty for the states of this package
     """
 
     make: str
@@ -95,13 +91,7 @@ def create(name: str = DEFAULT, budget: float | None = None) -> Optimizer[Any]:
 
 
 def needs_residuals(name: str) -> bool:
-    """Whether an optimizer asks for residuals; such a one cannot be run on a problem that has only costs.
-
-    Raises
-    ------
-    IdentificationError
-        If there is none of that name.
-    """
+    """Whether an optimizer asks for residuals; such a one cannot be run on a problem that has only costs."""
     return _entry(name).residuals
 
 
