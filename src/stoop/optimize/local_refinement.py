@@ -61,22 +61,15 @@ RUNG: Final = Settings(25, 1e-3, 0.0, 4, 0.0)  #: on a shortened record: near en
 
 @dataclass(frozen=True)
 class Refinement:
-    """Where a local refinement ended.
+    """Where a local refinement ended."""
 
-    Attributes
-    ----------
-    z : (D + E,)
-    cost : on its rung
-    ending : "converged", "agreed" (above the known optimum by less than AGREE, with less than that to gain),
-        "stalled" (no longer falling), "hopeless" (above the incumbent and falling too
-        slowly), "limit" (iterations used up) or "diverged" (no finite cost at the start)
-    iterations : trial steps taken
-    """
-
-    z: FloatArray
-    cost: float
+    z: FloatArray  #: (D + E,)
+    cost: float  #: on its rung
+    #: "converged", "agreed" (above the known optimum by less than AGREE, with less than that to gain), "stalled" (no longer
+    #: falling), "hopeless" (above the incumbent and falling too slowly), "limit" (iterations used up) or "diverged" (no
+    #: finite cost at the start)
     ending: Ending
-    iterations: int
+    iterations: int  #: trial steps taken
 
     @property
     def converged(self) -> bool:

@@ -20,19 +20,12 @@ GROUP: Final = "stoop.optimizers"  #: each entry point names a mapping from opti
 
 @dataclass(frozen=True)
 class Entry:
-    """One optimizer; its module is imported when it is created.
+    """One optimizer; its module is imported when it is created."""
 
-    Attributes
-    ----------
-    make : ``module:function`` that returns the optimizer
-    residuals : whether it asks for residuals, not only for costs
-    plans : whether `make` takes the number of planned evaluations, None where it is not known
-    state : ``module:class`` of its state, so that saved ones can be loaded; empty for the states of this package
-    """
-
-    make: str
-    residuals: bool = False
-    plans: bool = False
+    make: str  #: ``module:function`` that returns the optimizer
+    residuals: bool = False  #: whether it asks for residuals, not only for costs
+    plans: bool = False  #: whether `make` takes the number of planned evaluations, None where it is not known
+    #: ``module:class`` of its state, so that saved ones can be loaded; empty for the states of this package
     state: str = ""
 
 
