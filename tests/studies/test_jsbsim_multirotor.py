@@ -5,18 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from stoop.base.units import FOOT
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle
 from stoop_studies.verify import multirotor
 from stoop_studies.verify.jsbsim_flight import Recording
 from stoop_studies.verify.multirotor import (
+    CLIMB,
     COMMANDS,
     FOOT_POUND,
     KNOWN,
     LIFTS,
     MOTORS,
+    NOTCH,
     RATE,
     SPEEDS,
+    THRUST,
     TURNS,
     TWISTS,
     Quadrotor,
@@ -25,8 +29,7 @@ from stoop_studies.verify.multirotor import (
     fly,
     lagged,
     motor_curve,
-    step_response,
-    torque_ratio,
+    rotor_coefficients,
     truth,
     vehicle_of,
 )
@@ -80,6 +83,23 @@ def test_hubs_move_as_the_body_turns(craft: Quadrotor, flown: Recording) -> None
         assert np.std(seen + known["w"]) > 0.03 * np.std(climb), "the turning counts"
 
 
+def step_response(quadrotor: Quadrotor, command: float) -> float:
+    """Return the time constant of the thrust after a small step of the command, s; mean of up and down."""
+    quadrotor.set({"atmosphere/wind-down-fps": CLIMB / FOOT})
+    areas = []
+    for step in (NOTCH, -NOTCH):
+        quadrotor.settle([command - step] * 4)
+        thrust = [quadrotor[THRUST.format(0)]]
+        quadrotor.command([command + step] * 4)
+        for _ in range(round(0.8 * RATE)):
+            quadrotor.run(1.0 / RATE)
+            thrust.append(quadrotor[THRUST.format(0)])
+        y = np.array(thrust)
+        missing = (y[-1] - y) / (y[-1] - y[0])
+        areas.append(float(np.sum(missing[1:] + missing[:-1]) / (2.0 * RATE)))
+    return float(np.mean(areas))
+
+
 def test_the_lag_is_that_of_a_step(craft: Quadrotor, flown: Recording) -> None:
     middle = float(np.mean([flown.columns[c].mean() for c in MOTORS]))
     motor = motor_curve(craft, middle)
@@ -91,7 +111,7 @@ def test_the_lag_is_that_of_a_step(craft: Quadrotor, flown: Recording) -> None:
 
 def test_the_rotor_is_as_heavy_as_its_file_says(craft: Quadrotor, flown: Recording) -> None:
     turns = np.stack([flown.columns[c] for c in TURNS])
-    found = torque_ratio(craft, flown, turns, climbs(craft, flown))
+    found = rotor_coefficients(craft, flown, turns, climbs(craft, flown))
     assert found["rotors.inertia"] == pytest.approx(6.05e-5, rel=2e-3)
     lift, twist = (np.stack([flown.columns[c] for c in names]) for names in (LIFTS, TWISTS))
     signs = np.array([1.0 if craft.sense(i) == "ccw" else -1.0 for i in range(4)])

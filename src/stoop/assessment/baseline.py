@@ -5,10 +5,8 @@ value of every segment enter linearly and are solved for (variable projection: G
 Anal. 10, 1973), which leaves a search in two dimensions. A flight-dynamics model that does not beat it has learned nothing
 but how late and how strongly the aircraft answers.
 
-In a fit maneuver the lag is given its own axis's command and fitted to that very maneuver: more commands would make it a
-regression that can match anything once. In a validation maneuver it is given all commands, its gains and times come from
-the fit maneuvers, and only its bias is its own: that favors the lag, for the model under test gets nothing from the window
-but its initial state.
+In a fit maneuver the lag is given its own axis's command and fitted to that very maneuver. In a validation maneuver it is
+given all commands, its gains and times come from the fit maneuvers, and only its bias is its own, for a lag knows no trim.
 """
 
 from __future__ import annotations
@@ -45,18 +43,10 @@ START: Final = 0.2  #: s; a prediction starts from the mean of these first measu
 
 @dataclass(frozen=True, eq=False)
 class BaselineSegment:
-    """One segment of a maneuver.
+    """One segment of a maneuver."""
 
-    Attributes
-    ----------
-    commands : mapping of str to (n,)
-        What the pilot or autopilot commanded, or the surfaces; complete; the same names in every segment.
-    measured : mapping of str to (n,)
-        The channels; NaN where missing; angles unwrapped.
-    """
-
-    commands: Mapping[str, FloatArray]
-    measured: Mapping[str, FloatArray]
+    commands: Mapping[str, FloatArray]  #: (n,), or surfaces; complete; the same names in every segment
+    measured: Mapping[str, FloatArray]  #: (n,), by channel; NaN where missing; angles unwrapped
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,21 +73,10 @@ class BaselineManeuver:
 def baseline_matches(
     maneuvers: Sequence[BaselineManeuver], channels: Sequence[str]
 ) -> tuple[dict[str, Match], ...]:
-    """Return what the lag makes of every channel of every maneuver.
+    """Return what the lag makes of every channel of every maneuver; a channel without enough measurements is left out.
 
-    Parameters
-    ----------
-    maneuvers : sequence of BaselineManeuver
-        Fit and validation maneuvers in any order. What predicts learns from the fit maneuvers sampled as the first
-        of them is; a lag is continuous in time, so it predicts at any rate.
-    channels : sequence of str
-        Channels wanted; one without enough measurements is left out.
-
-    Returns
-    -------
-    tuple of dict of str to Match
-        For each maneuver its curves, segments joined by one NaN as in `stoop.assessment.goodness_of_fit.join`. Without
-        any fit maneuver the validation maneuvers have none.
+    What predicts learns from the fit maneuvers sampled as the first of them is; a lag is continuous in time, so it predicts
+    at any rate. Segments are joined by one NaN. Without any fit maneuver the validation maneuvers have no curves.
     """
     found: tuple[dict[str, Match], ...] = tuple({} for _ in maneuvers)
     fitted = [m for m in maneuvers if m.role == "fit"]
@@ -123,47 +102,23 @@ def baseline_matches(
 
 @dataclass(frozen=True, eq=False)
 class LagRecord:
-    """One segment for one channel.
+    """One segment for one channel."""
 
-    Attributes
-    ----------
-    commands : (n, m)
-        What drives the lag; complete.
-    measured : (n,), the channel's unit
-        NaN where missing.
-    maneuver : int
-        Segments with the same number share one bias.
-    """
-
-    commands: FloatArray
-    measured: FloatArray
-    maneuver: int = 0
+    commands: FloatArray  #: (n, m); what drives the lag; complete
+    measured: FloatArray  #: (n,), the channel's unit; NaN where missing
+    maneuver: int = 0  #: segments with the same number share one bias
 
 
 @dataclass(frozen=True, eq=False)
 class Lag:
-    """A fitted lag.
+    """A fitted lag."""
 
-    Attributes
-    ----------
-    time_constant, dead_time : float, s
-        tau and the delay of the commands; to the nearest sample.
-    gains : (m,), channel unit per command
-        K.
-    biases : mapping of int to float, the channel's unit
-        b by maneuver.
-    initial : tuple of float, the channel's unit
-        Value at the first sample of every record fitted.
-    rate : float, Hz
-        Sample rate.
-    """
-
-    time_constant: float
-    dead_time: float
-    gains: FloatArray
-    biases: Mapping[int, float]
-    initial: tuple[float, ...]
-    rate: float
+    time_constant: float  #: tau, s
+    dead_time: float  #: delay of the commands, s; to the nearest sample
+    gains: FloatArray  #: K (m,), channel unit per command
+    biases: Mapping[int, float]  #: b by maneuver, the channel's unit
+    initial: tuple[float, ...]  #: at the first sample of every record fitted, the channel's unit
+    rate: float  #: Hz
 
     def respond(self, commands: FloatArray, bias: float, initial: float) -> FloatArray:
         """Return the answer (n,) to `commands` (n, m), starting at `initial`."""
@@ -179,11 +134,7 @@ class Lag:
         )
 
     def predicted(self, records: Sequence[LagRecord]) -> tuple[FloatArray, ...]:
-        """Return the curves (n_i,) of records of one maneuver not fitted; only their own bias is fitted.
-
-        The initial value is the mean of the first 0.2 s. The bias is granted because a lag knows no trim:
-        without it the lag would be no opponent.
-        """
+        """Return the curves (n_i,) of records of one maneuver not fitted, with their own bias, from the first 0.2 s."""
         starts = []
         for measured in (r.measured for r in records):
             seen, first = np.isfinite(measured), max(1, round(START * self.rate))
@@ -217,11 +168,7 @@ class Lag:
         return np.column_stack([search.design(tau, delay)[:, : -len(records)], by_tau, by_delay])
 
     def left_out(self, records: Sequence[LagRecord]) -> tuple[FloatArray, ...]:
-        """Return the residuals (n_i,) of the very records that the lag was fitted to, each second left out in turn.
-
-        About the optimum; gains, biases, time constant and dead time count as unknowns, see
-        :func:`stoop.assessment.goodness_of_fit.left_out`.
-        """
+        """Return the residuals (n_i,) of the very records that the lag was fitted to, each second left out in turn."""
         sizes = np.cumsum([len(record.measured) for record in records])[:-1]
         residuals = [r.measured - y for r, y in zip(records, self.matched(records), strict=True)]
         sensitivities = np.split(self.sensitivities(records), sizes)
@@ -235,19 +182,9 @@ class Lag:
 
 
 def fit_lag(records: Sequence[LagRecord], rate: float) -> Lag | None:
-    """Fit one lag to all records of a channel, least squares over the measured samples.
+    """Fit one lag to all records of a channel at one rate, Hz, least squares over the measured samples.
 
-    Parameters
-    ----------
-    records : sequence of LagRecord
-        Segments with the same commands in the same order.
-    rate : float, Hz
-        Sample rate of all of them.
-
-    Returns
-    -------
-    Lag or None
-        None when there are fewer measured samples than unknowns.
+    They have the same commands in the same order. None when there are fewer measured samples than unknowns.
     """
     search = _Search(records, rate)
     commands, maneuvers = records[0].commands.shape[1], search.maneuvers
@@ -321,10 +258,9 @@ def _free(size: int, tau: float, rate: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _forced(commands: FloatArray, tau: float, delay: int, rate: float) -> FloatArray:
-    """Return the answer (n, m) of a unit lag to each command (n, m) alone, from zero.
+    """Return the answer (n, m) of a unit lag to each command (n, m), linear between samples, alone, from zero.
 
-    Commands run straight between samples (exact for that hold). Before the first sample, where the delayed
-    command would come from, it is taken to have stood still.
+    Before the first sample, where the delayed command would come from, it is taken to have stood still.
     """
     change = commands - commands[0]
     ratio = np.exp(-1.0 / (rate * tau))

@@ -1,11 +1,10 @@
 """The bootstrap of a fit: refits to the model's own curves with noise like that of the residuals.
 
-The residuals of a fit are colored, often over hundreds of samples. Blocks cut from them directly would break that color at
-every joint, and the fit has absorbed part of it. So their color is taken off first, by the autoregression that also corrects
-the covariance (what the fit absorbed added back); blocks of what is left are drawn, all channels together, and colored again.
-Blocks keep what the autoregression does not explain: the remaining correlation, heavy tails, and channels that are disturbed
-at the same time. Residuals of windows that each begin in a state of their own are no stationary noise: whole windows are
-drawn, with the gaps behind them. Replicates are refitted in chunks, on any pool, into a store that survives kills.
+The color of the residuals is taken off by the autoregression that also corrects the covariance (what the fit absorbed added
+back); blocks of what is left are drawn, all channels together, and colored again. Blocks keep what the autoregression does not
+explain: the remaining correlation, heavy tails, and channels that are disturbed at the same time. Residuals of windows that
+each begin in a state of their own are no stationary noise: whole windows are drawn, with the gaps behind them. Replicates are
+refitted in chunks, on any pool, into a store that survives kills.
 
 References
 ----------
@@ -24,13 +23,12 @@ A. C. Cameron, J. B. Gelbach and D. L. Miller, "Bootstrap-based improvements for
 from __future__ import annotations
 
 import hashlib
-import tempfile
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 from scipy.signal import lfilter
@@ -44,6 +42,7 @@ from stoop.assessment.assessment import (
     Refittable,
     Watch,
     refit,
+    refits,
     simulated,
     unpacked_optimum,
 )
@@ -52,7 +51,7 @@ from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.estimate.multiple_shooting import FollowingWindows
 from stoop.estimate.noise import lagged_products
-from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run, Tally, execute
+from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run
 from stoop.results.uncertainty import Interval, MethodIntervals
 
 LONGEST_BLOCK: Final = 0.25  #: of a segment: fewer than four blocks would repeat the record
@@ -87,36 +86,17 @@ def block_length(series: FloatArray) -> float:
     return max(1.0, float(np.cbrt(2.0 * slope**2 / (4.0 / 3.0 * level**2) * n))) if level > 0.0 else 1.0
 
 
-class NoiseSource(Protocol):
-    """Draws noise like that behind the residuals of a fit."""
-
-    def draw(self, random: np.random.Generator) -> FloatArray:
-        """Return noise (m,) for all residuals but those of the priors."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
 class ColoredBlocks:
-    """Blocks of innovations, colored again.
+    """Blocks of innovations, colored again."""
 
-    Attributes
-    ----------
-    noise : ColoredNoise
-        Color and strength of the weighted noise.
-    pools : tuple of (m_i, ny)
-        Innovations of each segment, scaled to the strength of the noise; NaN where a reading they need is missing.
-    present : tuple of (n_i, ny) bool
-        Where each segment was measured.
-    block : int
-        Samples of one block.
-    rest : int
-        Residuals behind those of the readings, which have no noise (gaps between windows that meet).
-    """
-
-    noise: ColoredNoise
-    pools: tuple[FloatArray, ...]
-    present: tuple[BoolArray, ...]
-    block: int
+    noise: ColoredNoise  #: color and strength of the weighted noise
+    pools: tuple[
+        FloatArray, ...
+    ]  #: (m_i, ny), innovations of each segment, of the noise's strength; NaN if unknown
+    present: tuple[BoolArray, ...]  #: (n_i, ny) bool; where each segment was measured
+    block: int  #: samples of one block
+    #: residuals behind those of the readings, which have no noise (gaps between windows that meet)
     rest: int = 0
 
     @classmethod
@@ -177,24 +157,14 @@ def whitened(segments: Sequence[FloatArray], order: int) -> list[FloatArray]:
 
 @dataclass(frozen=True, eq=False)
 class WholeWindows:
-    """Residuals of whole windows, with the gaps behind them, each of random sign in the place of another.
+    """Residuals of whole windows, with the gaps behind them, each of random sign in the place of another."""
 
-    Attributes
-    ----------
-    windows : tuple of (w_i, n_i, ny)
-        Residuals of the windows of each piece, as a fit to all others would leave them; as long as the longest window.
-    gaps : tuple of (w_i, e)
-        From each window to the next; zero for the last.
-    edges : tuple of tuple of int
-        First sample of each window, then the number of samples.
-    present : tuple of (m_i, ny) bool
-        Where each piece was measured.
-    """
-
-    windows: tuple[FloatArray, ...]
-    gaps: tuple[FloatArray, ...]
-    edges: tuple[tuple[int, ...], ...]
-    present: tuple[BoolArray, ...]
+    windows: tuple[
+        FloatArray, ...
+    ]  #: (w_i, n_i, ny), as a fit to all others would leave them; as long as the longest
+    gaps: tuple[FloatArray, ...]  #: (w_i, e); from each window to the next; zero for the last
+    edges: tuple[tuple[int, ...], ...]  #: first sample of each window, then the number of samples
+    present: tuple[BoolArray, ...]  #: (m_i, ny) bool; where each piece was measured
 
     @classmethod
     def of(cls, problem: FollowingWindows, optimum: Optimum) -> WholeWindows:
@@ -230,6 +200,9 @@ class WholeWindows:
             readings.append(np.where(mask, np.concatenate(parts), 0.0).ravel())
             gaps.append((signs[:-1, None] * behind[chosen[:-1]]).ravel())
         return np.concatenate([*readings, *gaps])
+
+
+NoiseSource = ColoredBlocks | WholeWindows
 
 
 def shifts(optimum: Optimum, noise: NoiseSource, numbers: Sequence[int], seed: int) -> FloatArray:
@@ -272,19 +245,11 @@ def percentiles(estimate: FloatArray, values: FloatArray) -> Percentiles:
 
 @dataclass(frozen=True)
 class Bootstrap:
-    """Refit the fit to its own curves with noise like its residuals, many times.
-
-    Attributes
-    ----------
-    replicates : int
-    pool : Pool
-        Where they are refitted.
-    store : Path, optional
-        What is done is kept there, and not done again; in a temporary folder when absent.
-    """
+    """Refit the fit to its own curves with noise like its residuals, many times."""
 
     replicates: int = 1000
-    pool: Pool = field(default_factory=LocalProcesses)
+    pool: Pool = field(default_factory=LocalProcesses)  #: where they are refitted
+    #: what is done is kept there, and not done again; in a temporary folder when absent
     store: Path | None = None
 
     name: str = field(default="bootstrap", init=False)
@@ -292,18 +257,13 @@ class Bootstrap:
     def __call__(self, fit: AssessedFit, watch: Watch) -> Finding:
         """Return standard errors and bias-corrected percentile intervals."""
         plan = bootstrap_plan(fit, self.replicates)
-
-        def report(done: Tally) -> None:
-            watch(f"bootstrap: {done.done * CHUNK} of {done.total * CHUNK} replicates {done.note}".rstrip())
-
-        with tempfile.TemporaryDirectory(prefix="stoop-") as folder:
-            store = self.store or Path(folder) / "bootstrap.sqlite"
-            return Finding(_intervals(fit, execute(plan, store, self.pool, report)))
+        found = refits(plan, self.store, self.pool, "bootstrap: {} of {} replicates", CHUNK, watch)
+        return Finding(_intervals(fit, found))
 
 
 def bootstrap_plan(fit: AssessedFit, count: int) -> Plan:
     """Return the campaign: `count` replicates, rounded up to whole chunks."""
-    noise = fit.uncertainty.noise
+    noise = fit.bars.uncertainty.noise
     whole = sum(len(p.edges) - 1 for p in fit.fit.evidence.pieces if p.edges) >= MIN_WINDOWS
     problem = fit.packed(
         {"color": noise.coefficients, "innovation": noise.innovation, "whole_windows": np.array(whole)}
@@ -317,18 +277,9 @@ def bootstrap_plan(fit: AssessedFit, count: int) -> Plan:
 
 
 def refit_chunk(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> list[Json]:
-    """Refit one chunk of replicates: the work of a run.
+    """Refit one chunk of replicates, `first` and `count`, of a packed problem: the work of a run.
 
-    Parameters
-    ----------
-    arguments : mapping
-        ``problem``: see :func:`stoop.assessment.assessment.pack`; ``seed``; ``first``, ``count``: which replicates.
-    stops : sequence of None
-
-    Returns
-    -------
-    list of dict, one per stop
-        ``values``: parameters of each replicate, SI; ``endings``.
+    One per stop: ``values``, the parameters of each replicate, SI, and ``endings``.
     """
     given: Any = arguments
     first, count, seed = (int(given[name]) for name in ("first", "count", "seed"))

@@ -5,10 +5,9 @@ weight of white noise has the covariance
 
     C = D^-1 [ sum_i sum_j S_i' R^-1 Rvv(i - j) R^-1 S_j ] D^-1
 
-(Morelli and Klein); D^-1 alone, the Cramer-Rao bound of white noise, is far too small for colored residuals. The double sum
-is a product of spectra. Two refinements over the sample autocovariance of the paper, without which nominal 95 % intervals
-cover 80 to 90 %: what the fit absorbed of the noise on average is added back to the autocovariance of the residuals, and an
-autoregression continues the autocovariance where its long lags are noise themselves.
+(Morelli and Klein); D^-1 alone is the Cramer-Rao bound of white noise. The double sum is a product of spectra. Two refinements
+over the paper's sample autocovariance, without which nominal 95 % intervals cover 80 to 90 %: what the fit absorbed of the
+noise is added back, and an autoregression continues the autocovariance where its long lags are noise themselves.
 
 Windows that begin anew leave residuals that grow along each window: not stationary, but alike from window to window. Their
 covariance is the mean over all windows, every window's residuals with every window's sensitivities,
@@ -66,21 +65,11 @@ MAX_SHARE: Final = (
 
 @dataclass(frozen=True, eq=False)
 class Inverse:
-    """Inverse of an information matrix on the directions that it determines.
+    """Inverse of an information matrix on the directions that it determines."""
 
-    Attributes
-    ----------
-    factor : (k, r)
-        Its product with its own transpose is the pseudo-inverse, in the unknowns' units; r directions are determined.
-    determined : (k,) bool
-        Which unknowns have no part in a direction without information.
-    eigenvalues : (k,)
-        Of the information scaled to a unit diagonal, ascending; their ratio is the condition.
-    """
-
-    factor: FloatArray
-    determined: BoolArray
-    eigenvalues: FloatArray
+    factor: FloatArray  #: (k, r); factor @ factor.T is the pseudo-inverse; r directions are determined
+    determined: BoolArray  #: (k,) bool; which unknowns have no part in a direction without information
+    eigenvalues: FloatArray  #: (k,), of the information scaled to a unit diagonal, ascending
 
     @property
     def matrix(self) -> FloatArray:
@@ -151,24 +140,13 @@ def intervals_95(estimate: FloatArray, sigma: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class ColoredNoise:
-    """One autoregression per channel, driven by innovations that may be correlated between channels.
+    """An autoregression per channel: v[n] = sum_i coefficients[:, i] v[n - 1 - i] + w[n], cov(w) = innovation."""
 
-    ``v[n] = sum_i coefficients[:, i] v[n - 1 - i] + w[n]``, ``cov(w) = innovation``.
-
-    Attributes
-    ----------
-    coefficients : (ny, order)
-    innovation : (ny, ny)
-    """
-
-    coefficients: FloatArray
-    innovation: FloatArray
+    coefficients: FloatArray  #: (ny, order)
+    innovation: FloatArray  #: (ny, ny)
 
     def spectrum(self, size: int) -> ComplexArray:
-        """Return the power spectrum (size // 2 + 1, ny, ny) at the frequencies of an FFT of `size`.
-
-        Its inverse transform is the autocovariance E[v(i + l) v(i)'], wrapped at `size`.
-        """
+        """Return the power spectrum (size // 2 + 1, ny, ny) of an FFT of `size`, transform of E[v(i + l) v(i)']."""
         gain = self._gain(size)
         return np.asarray(gain[:, :, None] * self.innovation * gain.conj()[:, None, :])
 
@@ -184,8 +162,7 @@ class ColoredNoise:
 def autocorrelation(residuals: Sequence[FloatArray], lags: int) -> FloatArray:
     """Return the residual autocorrelation (ny, lags + 1) over segments (n_i, ny) with NaN where missing.
 
-    White residuals stay within 1.96 / sqrt(N) beyond lag 0. Normalized by the variance over all samples, which keeps it
-    between -1 and 1; NaN for a channel without residuals.
+    Normalized by the variance over all samples; NaN for a channel without residuals.
     """
     present = [np.isfinite(residual) for residual in residuals]
     filled = [np.where(mask, residual, 0.0) for residual, mask in zip(residuals, present, strict=True)]
@@ -234,20 +211,11 @@ def _levinson(autocovariance: FloatArray) -> tuple[FloatArray, float]:
 
 @dataclass(frozen=True, eq=False)
 class Coloring:
-    """The sensitivities and residuals of a fit in the frequency domain, in coordinates of unit information.
-
-    Attributes
-    ----------
-    segments : tuple of PieceEvidence
-    inverse : Inverse
-        Of the information that the fit used, priors included.
-    prior : (k, k)
-        Information of the priors.
-    """
+    """The sensitivities and residuals of a fit in the frequency domain, in coordinates of unit information."""
 
     segments: tuple[PieceEvidence, ...]
-    inverse: Inverse
-    prior: FloatArray
+    inverse: Inverse  #: of the information that the fit used, priors included
+    prior: FloatArray  #: (k, k); information of the priors
 
     def noise(self) -> ColoredNoise:
         """Return the noise behind the residuals: their color, with what the fit absorbed added back.
@@ -303,11 +271,10 @@ class _Block:
         size = next_fast_len(2 * len(jacobian), real=True)  # the autocovariance does not wrap around
         spectrum = np.asarray(rfft(jacobian[:, :, active] @ (left * stretch), size, axis=0))
         twice = np.full(len(spectrum), 2.0)
-        twice[0] = 1.0
-        if size % 2 == 0:
-            twice[-1] = 1.0
-        parts = np.stack([spectrum.real, spectrum.imag])
-        return cls(size, basis, parts * np.sqrt(twice / size)[:, None, None])
+        twice[[0, -1] if size % 2 == 0 else 0] = 1.0
+        return cls(
+            size, basis, np.stack([spectrum.real, spectrum.imag]) * np.sqrt(twice / size)[:, None, None]
+        )
 
     def middle(self, noise: ColoredNoise) -> FloatArray:
         """Return the double sum (a, a) over this segment: S' V S."""
@@ -321,16 +288,12 @@ class _Block:
 
     def lagged(self, noise: ColoredNoise, spread: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
         """Return the lagged products (ny, order + 1) of S d with v, both ways, and of S d with itself."""
-        crossed = self._power * noise.power(self.size)
+        crossed = np.einsum("cfya,cfya->fy", self.parts, self.parts) * noise.power(self.size)
         rows = self.parts.reshape(-1, self.parts.shape[-1])  # one large product, not one per frequency
         power = np.einsum("na,na->n", rows @ (self.basis @ spread @ self.basis.T), rows)
         squared = power.reshape(self.parts.shape[:3]).sum(axis=0)
         wave = np.cos(2.0 * np.pi / self.size * np.outer(np.arange(len(crossed)), np.arange(order + 1)))
         return 2.0 * crossed.T @ wave, squared.T @ wave
-
-    @cached_property
-    def _power(self) -> FloatArray:
-        return np.asarray(np.einsum("cfya,cfya->fy", self.parts, self.parts))
 
 
 def _symmetric_product(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -345,18 +308,10 @@ def windowed_covariance(
     gaps: Sequence[tuple[FloatArray, FloatArray]],
     prior: FloatArray,
 ) -> FloatArray | None:
-    """Return the covariance (k, k) of the estimates; None where there are too few windows.
+    """Return the covariance (k, k) of the estimates from the windows of each piece; None where they are too few.
 
-    Parameters
-    ----------
-    segments : sequence of PieceEvidence
-        One per piece.
-    edges : sequence of sequence of int
-        First sample of each window of a piece, then the number of its samples.
-    gaps : sequence of ((w - 1, e), (w - 1, e, k))
-        Of each piece, whitened: from each window to the next, and its derivatives.
-    prior : (k, k)
-        Information of the priors and of the gaps.
+    `edges` are the first sample of each window of a piece, then the number of its samples; `gaps` ((w - 1, e), (w - 1, e, k))
+    from each window to the next, whitened, and their derivatives; `prior` (k, k) is the information of priors and gaps.
     """
     if sum(len(e) - 1 for e in edges) < MIN_WINDOWS:
         return None
@@ -378,10 +333,7 @@ def windowed_covariance(
 
 
 def leave_window_out(r: FloatArray, S: FloatArray, factor: FloatArray) -> FloatArray:
-    """Return the residuals (m,) of a window as a fit to all other windows leaves them.
-
-    With `factor` (k, d) the unknowns are d such that the whole information is the unit matrix.
-    """
+    """Return the residuals (m,) of a window as a fit to all others leaves them; `factor` (k, d) is the inverse's."""
     own = S @ factor
     share, along = np.linalg.eigh(own.T @ own)
     others = np.where(share < MAX_SHARE, 1.0 / (1.0 - np.minimum(share, MAX_SHARE)), 0.0)
@@ -402,10 +354,7 @@ def _score_covariance(r: FloatArray, S: FloatArray) -> FloatArray:
 
 
 def widened(covariance: FloatArray, other: FloatArray) -> FloatArray:
-    """Return a covariance (k, k) with each standard error at least that of another; correlations stay.
-
-    A mean over few windows may be too small by chance, and stationary noise has many samples to tell it.
-    """
+    """Return a covariance (k, k) with each standard error at least that of another; correlations stay."""
     own, least = (np.sqrt(np.diag(c)) for c in (covariance, other))
     with np.errstate(invalid="ignore", divide="ignore"):
         stretch = np.where(least > own, least / own, 1.0)

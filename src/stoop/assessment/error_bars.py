@@ -33,7 +33,6 @@ from stoop.results.uncertainty import CorrelatedPair, NearNullDirection
 CORRELATION_LAGS: Final = 200  #: samples over which the residual autocorrelation is shown
 CONDITIONAL_RATIO: Final = 2.0  #: of error bars, from which one is conditional on parameters at a bound
 NOT_ESTIMATED: Final = "the method does not estimate it"
-NOT_DETERMINED: Final = "the data do not see it, alone or apart from others"
 COMBINED: Final = "known only in combination with others: they can almost take its place"
 PRIOR_SHARE: Final = (
     0.95  #: of the prior's standard deviation left by the fit: the data added next to nothing
@@ -51,48 +50,22 @@ MIN_COMPONENT: Final = (
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Covariances of the k unknowns that were estimated.
+    """Covariances of the k unknowns that were estimated."""
 
-    Attributes
-    ----------
-    information : (k, k)
-        Fisher's, for white residuals, priors included.
-    cramer_rao : (k, k)
-        Its inverse: right if the residuals are white, else too small.
-    corrected : (k, k)
-        After Morelli and Klein: right for colored residuals.
-    noise : ColoredNoise
-        The color found, of the weighted residuals.
-    autocorrelation : (ny, lags + 1)
-        Of the residuals.
-    """
-
-    information: FloatArray
-    cramer_rao: FloatArray
-    corrected: FloatArray
-    noise: ColoredNoise
-    autocorrelation: FloatArray
+    information: FloatArray  #: (k, k); Fisher's, for white residuals, priors included
+    cramer_rao: FloatArray  #: (k, k); its inverse: right if the residuals are white, else too small
+    corrected: FloatArray  #: (k, k); after Morelli and Klein: right for colored residuals
+    noise: ColoredNoise  #: the color found, of the weighted residuals
+    autocorrelation: FloatArray  #: (ny, lags + 1); of the residuals
 
 
 def estimate_uncertainty(
     pieces: Sequence[PieceEvidence], prior: FloatArray, white: bool = False
 ) -> Uncertainty:
-    """Return the uncertainty of a fit from its residuals and sensitivities.
+    """Return the uncertainty of a fit from its residuals and sensitivities, and the information (k, k) of the priors.
 
-    Parameters
-    ----------
-    pieces : sequence of PieceEvidence
-        All pieces of all fit maneuvers, with initial states and biases among the unknowns. Unknowns at a bound should
-        be left out: they are not estimated.
-    prior : (k, k)
-        Information of the priors, see `stoop.problem.evidence.prior_information`; zeros without any.
-    white : bool
-        Whether the residuals are uncorrelated by construction: then nothing is corrected.
-
-    Notes
-    -----
-    The covariance of the parameters alone is the block of the parameters: initial states and biases are then
-    unknown, not fixed. Without a prior an unknown that the data do not determine gets infinite variance.
+    Initial states and biases are among the unknowns, those at a bound are not. Without a prior an unknown that the data
+    do not determine gets infinite variance. Residuals that are `white` by construction are not corrected.
     """
     information = data_information(pieces) + prior
     inverse = invert(information)
@@ -111,33 +84,17 @@ def estimate_uncertainty(
 
 @dataclass(frozen=True, eq=False)
 class ErrorBars:
-    """Uncertainty of the parameters and nuisances of a fit, in SI; k = parameters, then nuisances.
+    """Uncertainty of the parameters and nuisances of a fit, in SI; k = parameters, then nuisances."""
 
-    Attributes
-    ----------
-    covariance : (k, k)
-        Corrected for the color of the residuals; zero rows for what is at a bound or not estimated.
-    cramer_rao_std : (k,)
-        Standard errors as if residuals were white; NaN where a method does not use their color.
-    at_bound : (k,) bool
-        Whether the estimate lies at a bound.
-    identifiability : dict
-        By parameter; those at a bound have none.
-    conditional : tuple of str
-        Parameters whose error bar would be more than twice as wide if those at a bound were free.
-    uncertainty : Uncertainty, optional
-        Of the `free` unknowns; absent for a regression that gives a covariance alone.
-    free : (f,)
-        The unknowns that are estimated and not at a bound; noise intensities come last.
-    """
-
-    covariance: FloatArray
-    cramer_rao_std: FloatArray
-    at_bound: BoolArray
-    identifiability: dict[str, Identifiability]
-    conditional: tuple[str, ...]
-    uncertainty: Uncertainty | None
-    free: IntArray
+    covariance: FloatArray  #: (k, k), corrected for color; zero for what is at a bound or not estimated
+    cramer_rao_std: (
+        FloatArray  #: (k,), as if residuals were white; NaN where a method does not use their color
+    )
+    at_bound: BoolArray  #: (k,) bool; whether the estimate lies at a bound
+    identifiability: dict[str, Identifiability]  #: by parameter; those at a bound have none
+    conditional: tuple[str, ...]  #: more than twice as uncertain if the parameters at a bound were free
+    uncertainty: Uncertainty  #: of the `free` unknowns
+    free: IntArray  #: (f,); the unknowns that are estimated and not at a bound; noise intensities come last
 
     @property
     def std(self) -> FloatArray:
@@ -154,15 +111,15 @@ class ErrorBars:
 
 
 def error_bars(fit: Fit) -> ErrorBars:
-    """Return the error bars of a fit, whatever its method; on one BLAS thread, as more would round differently."""
+    """Return the error bars of a fit, whatever its method; on one BLAS thread, as more would round differently.
+
+    Noise intensities take part and are not returned.
+    """
     with threadpool_limits(limits=1, user_api="blas"):
-        if fit.covariance is not None:  # a regression: corrected in its own domain
-            return _of_covariance(fit, fit.covariance)
-        return evidence_error_bars(fit.evidence)
+        return _error_bars(fit.evidence)
 
 
-def evidence_error_bars(evidence: Evidence) -> ErrorBars:
-    """Return the error bars that evidence gives; noise intensities take part and are not returned."""
+def _error_bars(evidence: Evidence) -> ErrorBars:
     unknowns, free = evidence.unknowns, evidence.free
     pieces, prior = [piece.of(free) for piece in evidence.pieces], evidence.prior[np.ix_(free, free)]
     found = estimate_uncertainty(pieces, prior, evidence.white)
@@ -188,8 +145,9 @@ def evidence_error_bars(evidence: Evidence) -> ErrorBars:
     told = identifiability([u.name for u in known], found.information, corrected, scale)
     own = {u.name: j for u, j in zip(known, told, strict=True) if u.kind == "parameter"}
     idle = [u.name for u in unknowns if u.kind == "parameter" and u.fixed == "method"]
-    covariance, white = np.zeros((len(unknowns),) * 2), np.zeros(len(unknowns))
+    covariance = np.zeros((len(unknowns),) * 2)
     covariance[np.ix_(free, free)] = corrected
+    white = np.full(len(unknowns), np.nan if evidence.white else 0.0)  # what is assumed is no finding
     white[free] = np.nan if evidence.white else standard_errors(cramer_rao)
     return ErrorBars(
         covariance=covariance[:k, :k],
@@ -202,60 +160,16 @@ def evidence_error_bars(evidence: Evidence) -> ErrorBars:
     )
 
 
-def _of_covariance(fit: Fit, covariance: FloatArray) -> ErrorBars:
-    """Return the error bars of a regression that gives the covariance of its estimates.
-
-    It has no bounds. What it did not estimate has zero variance; what the data do not determine has an infinite one.
-    """
-    layout = fit.problem.layout
-    d, names = layout.dimension, [p.name for p in layout.parameters]
-    own = covariance[:d, :d]
-    finite = np.isfinite(np.diag(own))
-    known = np.flatnonzero(finite & (np.diag(own) > 0.0))
-    size = np.maximum(np.abs([p.value for p in layout.parameters]), np.abs([fit.estimates[n] for n in names]))
-    scale = ComparisonScale(np.full(len(known), np.inf), layout.width[known], size[known])
-    block = own[np.ix_(known, known)]
-    found = identifiability([names[i] for i in known], invert(block).matrix, block, scale)
-    none = {
-        name: Identifiability.none(name, NOT_ESTIMATED if f else NOT_DETERMINED)
-        for name, f in zip(names, finite, strict=True)
-    }
-    return ErrorBars(
-        covariance=covariance,
-        cramer_rao_std=np.full(len(fit.z), np.nan) if fit.white is None else standard_errors(fit.white),
-        at_bound=np.zeros(len(fit.z), dtype=np.bool_),
-        identifiability=none | {j.name: j for j in found},
-        conditional=(),
-        uncertainty=None,
-        free=np.arange(len(fit.z)),
-    )
-
-
 @dataclass(frozen=True)
 class Identifiability:
-    """What the data say about one parameter.
-
-    Attributes
-    ----------
-    name : str
-    identifiable : bool
-        False when the number is not the data's.
-    reason : str
-        Why; empty without a doubt.
-    conditional_std : float
-        Standard error if everything else were known.
-    marginal_std : float
-        Standard error as it is; infinite when the data leave it free.
-    multiple_correlation : float
-        With all other unknowns together; 1 means that they can take its place.
-    """
+    """What the data say about one parameter."""
 
     name: str
-    identifiable: bool
-    reason: str
-    conditional_std: float
-    marginal_std: float
-    multiple_correlation: float
+    identifiable: bool  #: false when the number is not the data's
+    reason: str  #: why; empty without a doubt
+    conditional_std: float  #: standard error if everything else were known
+    marginal_std: float  #: standard error as it is; infinite when the data leave it free
+    multiple_correlation: float  #: with all other unknowns together; 1 means that they can take its place
 
     @classmethod
     def none(cls, name: str, reason: str) -> Identifiability:
@@ -265,38 +179,17 @@ class Identifiability:
 
 @dataclass(frozen=True, eq=False)
 class ComparisonScale:
-    """Scales (k,) with which standard errors are compared; infinite where there is none.
+    """Scales (k,) with which standard errors are compared; infinite where there is none."""
 
-    Attributes
-    ----------
-    prior_std : (k,)
-        Standard deviation of the prior.
-    box : (k,)
-        Width between the bounds.
-    size : (k,)
-        Magnitude of the parameter: the greater of estimate and starting value.
-    """
-
-    prior_std: FloatArray
-    box: FloatArray
-    size: FloatArray
+    prior_std: FloatArray  #: (k,); standard deviation of the prior
+    box: FloatArray  #: (k,); width between the bounds
+    size: FloatArray  #: (k,); magnitude of the parameter: the greater of estimate and starting value
 
 
 def identifiability(
     names: Sequence[str], information: FloatArray, covariance: FloatArray, scale: ComparisonScale
 ) -> tuple[Identifiability, ...]:
-    """Return the identifiability of the k unknowns.
-
-    Parameters
-    ----------
-    names : sequence of str
-    information : (k, k)
-        Priors included.
-    covariance : (k, k)
-        The covariance that will be published; infinite variance where nothing is known.
-    scale : ComparisonScale
-        Of the same unknowns.
-    """
+    """Return the identifiability of k unknowns from their information, priors included, and published covariance."""
     inverse = invert(information)
     sigma = standard_errors(covariance)
     alone = 1.0 / np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
@@ -363,14 +256,8 @@ def near_null_directions(
 ) -> tuple[NearNullDirection, ...]:
     """Return the directions in which the data hardly change, the least singular value first.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Of the k parameters.
-    information : (k, k)
-        Of the data alone, initial states and biases unknown.
-    sizes : (k,)
-        Magnitude of each parameter: a step for which the cost rises by 1 is cut to one that doubles none.
+    `information` (k, k) is that of the data alone, initial states and biases unknown; a step for which the cost rises by 1
+    is cut to one that doubles no parameter of `sizes` (k,).
     """
     diagonal = np.sqrt(np.maximum(np.diag(information), 0.0))
     seen = np.flatnonzero(diagonal > 0.0)

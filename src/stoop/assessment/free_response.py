@@ -64,15 +64,7 @@ class FreeResponse:
 
 
 def free_response(time: FloatArray, controls: FloatArray, channels: Mapping[str, FloatArray]) -> FreeResponse:
-    """Return what follows the last motion of the controls.
-
-    Parameters
-    ----------
-    time : (n,), s
-    controls : (n, m)
-        Recorded commands or surfaces, of like units.
-    channels : mapping of str to (n,)
-    """
+    """Return what follows the last motion of the controls (n, m), recorded commands or surfaces of like units."""
     largest = float(np.max(np.ptp(controls, axis=0), initial=0.0))
     away = np.any(np.abs(controls - np.median(controls[-5:], axis=0)) > REST * largest, axis=1)
     first = int(np.flatnonzero(away)[-1]) + 1 if away.any() else 0
@@ -84,16 +76,8 @@ def measured_mode(
 ) -> MeasuredMode:
     """Return frequency and damping of a mode as the free response shows them, or why it does not.
 
-    Parameters
-    ----------
-    name : str
-        Of the mode.
-    maneuver : int
-    free : FreeResponse
-    expected : float, rad/s
-        Of the model, which decides only how long a response is used, and whether there is enough of it.
-    airspeed : float, m/s
-        Of the condition that the mode shall be one of, see :func:`elsewhere`; NaN where that does not matter.
+    The frequency `expected` of the model, rad/s, decides only how long a response is used, and whether there is enough of it;
+    `airspeed`, m/s, is that of the flight condition, see :func:`elsewhere`; NaN where it does not matter.
     """
     if not len(free.time):
         return MeasuredMode(maneuver, remark="not identified: the controls never rest")
@@ -134,9 +118,7 @@ def measured_mode(
 def elsewhere(free: FreeResponse, airspeed: float) -> float:
     """Return how far, as a share of `airspeed`, a response was flown from it; 0 where no airspeed was recorded.
 
-    Natural frequencies go with the airspeed or with its inverse, so this is by how much a response at its own
-    airspeeds may differ from the small motion about one: the mean's departure, and the square of the swing, for
-    what swings to both sides cancels in first order.
+    Natural frequencies go with the airspeed or its inverse: the mean's departure counts, and the square of the swing.
     """
     V = free.channels.get("V", np.empty(0))
     V = V[np.isfinite(V)]

@@ -4,9 +4,8 @@ Whiteness is tested by the portmanteau statistic of Ljung and Box, over segments
 
     Q = n (n + 2) sum_k r_k^2 / (n - k),  k = 1 ... m,
 
-chi-square with m degrees of freedom for white residuals. Where the record has holes, n - k is the number of pairs that are
-there; a lag without any, as between the samples of a slow sensor, is no degree of freedom. The mean is not taken off: an
-offset that is left over is not white.
+chi-square with m degrees of freedom for white residuals; with holes, n - k is the number of pairs that are there, and a lag
+without any is no degree of freedom. The mean is not taken off: an offset that is left over is not white.
 
 PRESS, the prediction error sum of squares, leaves each part of the data out in turn and predicts it from the rest. For a fit
 that is linear about its optimum nothing is fitted again: with the whitened residuals e, sensitivities J and information
@@ -14,9 +13,9 @@ M = J'J + priors, leaving the samples B out changes their residuals to
 
 .. math:: e_{(B)} = e_B + J_B (M - J_B' J_B)^{-1} J_B' e_B = (I - H_{BB})^{-1} e_B, \qquad H = J M^{-1} J'.
 
-For single samples this is Allen's e / (1 - h). Residuals of real flights are correlated, and the neighbors of a left-out
-sample have its noise too, so blocks of one second, all channels together, are left out (Burman, Chow and Nolan). Initial
-states are not among the unknowns: like the inputs they are given, for only the beginning of a segment knows them.
+For single samples this is Allen's e / (1 - h). The neighbors of a left-out sample have its noise too, so blocks of one second,
+all channels together, are left out (Burman, Chow and Nolan). Initial states are not among the unknowns: like inputs, they are
+given.
 
 References
 ----------
@@ -109,41 +108,20 @@ def _rms(values: FloatArray) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Match:
-    """What one model makes of one channel of one maneuver.
+    """What one model makes of one channel of one maneuver."""
 
-    Attributes
-    ----------
-    simulated : (n,), the channel's unit
-        Uniform samples; NaN between segments.
-    left_out : (n,), the channel's unit, optional
-        Residuals had their part of the record been left out, see :func:`left_out`; None where nothing was fitted.
-    """
-
-    simulated: FloatArray
-    left_out: FloatArray | None = None
+    simulated: FloatArray  #: (n,), the channel's unit; uniform samples; NaN between segments
+    left_out: FloatArray | None = None  #: (n,), residuals by :func:`left_out`; None where nothing was fitted
 
 
 def channel_figures(
     measured: FloatArray, model: Match, rate: float, baseline: Match | None = None
 ) -> GoodnessOfFit:
-    """Return the figures of one channel of one maneuver.
+    """Return the figures of one channel of one maneuver, beside those of the trivial model where there is one.
 
-    Parameters
-    ----------
-    measured : (n,), the channel's unit
-        Uniform samples; NaN where there is none and between segments. An angle that wraps must be unwrapped as in
-        the simulated curve.
-    model : Match
-    rate : float, Hz
-        Sample rate.
-    baseline : Match, optional
-        The trivial model's.
-
-    Returns
-    -------
-    GoodnessOfFit
-        Theil's coefficients of the curves low-passed at 10 Hz with zero phase, stretch by stretch; all else of the
-        curves as they are.
+    `measured` (n,), the channel's unit, are samples at `rate`, Hz, NaN where there is none and between segments; an angle
+    that wraps is unwrapped as in the simulated curve. Theil's coefficients are of the curves low-passed at 10 Hz with zero
+    phase, stretch by stretch; all else of the curves as they are.
     """
     own = _baseline_fit(measured, model)
     return GoodnessOfFit(
@@ -208,16 +186,9 @@ def join(pieces: Sequence[ArrayLike]) -> FloatArray:
 
 
 def low_pass(values: FloatArray, rate: float, cutoff: float = CUTOFF) -> FloatArray:
-    """Return `values` (n,) without what lies above `cutoff`, without phase shift, each stretch for itself.
+    """Return `values` (n,) sampled at `rate`, Hz, without what lies above `cutoff`, Hz, without phase shift.
 
-    Parameters
-    ----------
-    values : (n,)
-        Uniform samples; NaN separates the stretches and stays.
-    rate : float, Hz
-        Sample rate. At or below twice the cutoff there is nothing to remove.
-    cutoff : float, Hz
-        Where the two passes together have lost 6 dB.
+    Each stretch between NaN for itself. At the cutoff the two passes together have lost 6 dB.
     """
     filtered = np.array(values, dtype=np.float64)
     if rate <= 2.0 * cutoff:
@@ -232,18 +203,10 @@ def low_pass(values: FloatArray, rate: float, cutoff: float = CUTOFF) -> FloatAr
 
 
 def left_out(residual: FloatArray, jacobian: FloatArray, information: FloatArray, block: int) -> FloatArray:
-    """Return the residuals (n, ny) as they would be without their block of samples.
+    """Return the residuals (n, ny) as they would be without their `block` of samples.
 
-    Parameters
-    ----------
-    residual : (n, ny)
-        Whitened measured minus simulated; NaN where nothing was measured.
-    jacobian : (n, ny, k)
-        Whitened sensitivities of the simulated readings.
-    information : (k, k)
-        Of the whole fit: all segments and the priors.
-    block : int
-        Samples that are left out together.
+    `residual` (n, ny) is whitened measured minus simulated, NaN where nothing was measured, `jacobian` (n, ny, k) that of the
+    simulated readings, `information` (k, k) of the whole fit: all segments and the priors.
     """
     out = residual.copy()
     scale = 1.0 / np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
@@ -260,13 +223,12 @@ def left_out(residual: FloatArray, jacobian: FloatArray, information: FloatArray
 
 
 def left_out_residuals(fit: Fit) -> list[FloatArray] | None:
-    """Return measured minus simulated (n, n_y) of every piece, each second left out of the fit in turn.
+    """Return measured minus simulated (n, n_y) of every piece, each second left out of the fit in turn; channel units.
 
-    They are in the channels' units, NaN where nothing was measured, and are the residuals that the method minimizes: of
-    the simulation, of windows, or of a filter's predictions. None for a regression, or where the fit cannot be
-    differentiated.
+    They are the residuals that the method minimizes: of the simulation, of windows, or of a filter's predictions; NaN where
+    nothing was measured. None for a regression, or where the fit cannot be differentiated.
     """
-    if fit.local_problem is None and (fit.own_evidence is not None or fit.covariance is not None):
+    if fit.local_problem is None and fit.own_evidence is not None:
         return None
     evidence, d = fit.evidence, fit.problem.dimension
     if not all(np.isfinite(values).all() for p in evidence.pieces for values in p.filled()):

@@ -56,22 +56,12 @@ NOT_FINITE: Final = "the linear model is not finite there"
 
 @dataclass(frozen=True, eq=False)
 class Linearized:
-    """A and how it depends on the parameters.
+    """A and how it depends on the parameters."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        The n states; heading and altitude are left out.
-    A : (n, n)
-    derivative : (k, n, n), per SI unit of each parameter
-    room : (k,), SI, or a number
-        How far each parameter may sensibly move.
-    """
-
-    names: tuple[str, ...]
-    A: FloatArray
-    derivative: FloatArray
-    room: FloatArray | float = 1.0
+    names: tuple[str, ...]  #: the n states; heading and altitude are left out
+    A: FloatArray  #: (n, n)
+    derivative: FloatArray  #: (k, n, n), per SI unit of each parameter
+    room: FloatArray | float = 1.0  #: (k,), or a number; how far each parameter may sensibly move
 
     @cached_property
     def modes(self) -> tuple[Mode, ...]:
@@ -110,14 +100,9 @@ def differentiated(
     values: Mapping[str, float],
     scales: Mapping[str, float],
 ) -> Linearized:
-    """Return A and its derivatives by central differences.
+    """Return A and its derivatives by central differences at the parameters' values, SI.
 
-    Parameters
-    ----------
-    matrix : callable
-        Returns state names and A for changed parameters.
-    values, scales : mapping of str to float
-        The parameters' estimates, and how far each may sensibly move.
+    `matrix` returns state names and A for changed parameters; `scales` are how far each may sensibly move.
     """
     names, A = matrix({})
     keep = [i for i, n in enumerate(names) if n not in INTEGRATORS]
@@ -135,17 +120,9 @@ def differentiated(
 def mode_estimates(
     linearized: Linearized, parameters: tuple[str, ...], covariance: FloatArray, seed: int = 0
 ) -> tuple[ModeEstimate, ...]:
-    """Return the flight modes, lags of surfaces left out, with their intervals.
+    """Return the flight modes, lags of surfaces left out, with their intervals from the covariance (k, k), SI.
 
-    Parameters
-    ----------
-    linearized : Linearized
-    parameters : tuple of str
-        Names of the k parameters.
-    covariance : (k, k)
-        Of the parameters, SI; one of infinite variance makes a mode unknown that it could move by :data:`MIN_EFFECT`.
-    seed : int
-        Of the draws.
+    A parameter of infinite variance makes a mode unknown that it could change by :data:`MIN_EFFECT`.
     """
     lost = ~np.isfinite(np.diag(covariance))
     known = np.where(lost[:, None] | lost[None, :], 0.0, covariance)
@@ -227,24 +204,12 @@ def _quantities(s: complex) -> dict[str, float]:
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """The mean of some maneuvers: what was flown there.
-
-    Attributes
-    ----------
-    maneuvers : tuple of int
-    loading : mapping of str to float
-        Numbers of the vehicle that differ there.
-    start : mapping of str to float
-        Mean state, SI and rad.
-    inputs : (n_u,)
-        Mean of the recorded channels.
-    samples : int
-    """
+    """The mean of some maneuvers: what was flown there."""
 
     maneuvers: tuple[int, ...]
-    loading: Mapping[str, float]
-    start: Mapping[str, float]
-    inputs: FloatArray
+    loading: Mapping[str, float]  #: numbers of the vehicle that differ there
+    start: Mapping[str, float]  #: mean state, SI and rad
+    inputs: FloatArray  #: (n_u,); mean of the recorded channels
     samples: int
 
     def density(self, vehicle: Vehicle) -> float | None:
@@ -304,12 +269,7 @@ def _condition(fit: Fit, maneuver: int) -> Condition:
 def modes(fit: Fit, parameters: tuple[str, ...], covariance: FloatArray) -> tuple[ConditionModes, ...]:
     """Return the modes at every fitted flight condition; none of a vehicle that no autopilot leaves to itself.
 
-    Parameters
-    ----------
-    fit : Fit
-    parameters : tuple of str
-        Names of the k free parameters.
-    covariance : (k, k), SI
+    `covariance` (k, k), SI, is that of the k free parameters named.
     """
     if not observation_model(fit.problem.layout.vehicle).open_loop:
         return ()

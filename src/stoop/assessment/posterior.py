@@ -6,10 +6,8 @@ closed form (Laplace): at each point they stand where a linear model puts them, 
 
 The fit weighs colored residuals as so many times fewer independent ones, one factor for all. That makes the likelihood
 about right in size but not in shape, so it is stretched about its maximum (curvature adjustment) until its curvature is the
-inverse of the covariance corrected for color. A linear model then has exactly the corrected covariance as its posterior, and
-what the posterior shows beyond that is the model's own: skewness, bounds, ridges. Whitening the residuals by an
-autoregression instead would move the maximum away from the estimate, and onto the high frequencies, where a flight-dynamics
-model knows least.
+inverse of the covariance corrected for color. A linear model then has exactly the corrected covariance as its posterior;
+whitening the residuals instead would move the maximum away from the estimate, and onto the high frequencies.
 
 References
 ----------
@@ -65,18 +63,10 @@ MAX_DENSITY_ERROR: Final = 0.5  #: of the log density, by which it may be off
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """Logarithm of the posterior density of the parameters in the unit box, up to a constant.
+    """Logarithm of the posterior density of the parameters in the unit box, up to a constant."""
 
-    Attributes
-    ----------
-    optimum : Optimum
-        With all entries free.
-    stretch : (k, k)
-        Takes a step of the posterior to one of the likelihood, see :func:`stretch`.
-    """
-
-    optimum: Optimum
-    stretch: FloatArray
+    optimum: Optimum  #: with all entries free
+    stretch: FloatArray  #: (k, k), from a step of the posterior to one of the likelihood, :func:`stretch`
 
     @property
     def size(self) -> int:
@@ -178,17 +168,10 @@ def _roots(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The normal distribution that the posterior would be if the model were linear and the box wide.
+    """The normal distribution that the posterior would be if the model were linear and the box wide."""
 
-    Attributes
-    ----------
-    center : (k,)
-    factor : (k, k)
-        Its product with its own transpose is the covariance.
-    """
-
-    center: FloatArray
-    factor: FloatArray
+    center: FloatArray  #: (k,)
+    factor: FloatArray  #: (k, k); its product with its own transpose is the covariance
 
     def draw(self, count: int, random: np.random.RandomState) -> FloatArray:
         """Return points (count, k) of the box."""
@@ -224,21 +207,12 @@ def reference(target: Target) -> Reference:
 
 @dataclass(frozen=True, eq=False)
 class Chains:
-    """Draws of a posterior.
+    """Draws of a posterior."""
 
-    Attributes
-    ----------
-    draws : (walkers, steps, k)
-        In the unit box, warm-up left out.
-    density : (walkers, steps)
-        Logarithm, up to a constant.
-    figures : dict of str to float
-        Convergence: ``rhat`` (greatest), ``ess_bulk``, ``ess_tail`` (least), ``autocorrelation_time`` (longest,
-        steps), ``acceptance`` (mean), ``walkers``, ``steps``.
-    """
-
-    draws: FloatArray
-    density: FloatArray
+    draws: FloatArray  #: (walkers, steps, k); in the unit box, warm-up left out
+    density: FloatArray  #: (walkers, steps); logarithm, up to a constant
+    #: convergence: ``rhat`` (greatest), ``ess_bulk``, ``ess_tail`` (least), ``autocorrelation_time`` (longest,
+    #: steps), ``acceptance`` (mean), ``walkers``, ``steps``
     figures: dict[str, float]
 
     @property
@@ -260,20 +234,8 @@ def sample(
 ) -> Chains:
     """Walk until R-hat and the effective sample size are good, at most `MAX_STEPS` steps.
 
-    Parameters
-    ----------
-    target : callable
-        Log density (W,) of points (W, k): all walkers at once.
-    reference : Reference
-        Where walkers start and what most of their proposals come from.
-    seed : int
-    watch : callable, optional
-        Receives the number of steps so far.
-
-    Raises
-    ------
-    IdentificationError
-        emcee or arviz is not installed.
+    `target` gives the log density (W,) of points (W, k), all walkers at once; `reference` is where walkers start and what
+    most of their proposals come from; `watch` receives the number of steps so far. Errors are those of :func:`libraries`.
     """
     emcee, arviz = libraries()
     walkers = max(MIN_WALKERS, 2 * len(reference.center) + 2)
@@ -327,13 +289,7 @@ def sample(
 
 
 def libraries() -> tuple[Any, Any]:
-    """Return emcee and arviz.
-
-    Raises
-    ------
-    IdentificationError
-        One of them is not installed.
-    """
+    """Return emcee and arviz; an IdentificationError says that one of them is not installed."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # arviz announces its next version

@@ -15,7 +15,6 @@ pp. 129-148 (the ratio of a likelihood that takes correlated readings as indepen
 from __future__ import annotations
 
 import hashlib
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -31,6 +30,7 @@ from stoop.assessment.assessment import (
     Finding,
     Optimum,
     Watch,
+    refits,
     stationary,
     unpacked_optimum,
 )
@@ -40,7 +40,7 @@ from stoop.base.notices import Notice, notice
 from stoop.base.text import nearest
 from stoop.errors import IdentificationError
 from stoop.optimize import Settings, refine
-from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run, Tally, execute
+from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run
 from stoop.problem import Misfit
 from stoop.results.uncertainty import Interval, MethodIntervals
 
@@ -86,34 +86,18 @@ class Pinned(Derived):
 
 @dataclass(frozen=True, eq=False)
 class ProfileLikelihood:
-    """The profile of one parameter, in the unit box.
+    """The profile of one parameter, in the unit box."""
 
-    Attributes
-    ----------
-    lower, upper : float
-        Ends of the 95 % interval; NaN where the cost has not risen enough up to the bound: the data leave it open.
-    points : (m, 2)
-        Values tried, ascending, and the signed root of the (corrected) likelihood-ratio statistic there.
-    better : float
-        By how much a refit fell below the optimum, statistic; 0 for an optimum that was one.
-    """
-
-    lower: float
+    lower: float  #: end of the 95 % interval; NaN where the data leave it open up to the bound
     upper: float
-    points: FloatArray
-    better: float
+    points: FloatArray  #: (m, 2): values tried, ascending, and signed root of the likelihood-ratio statistic
+    better: float  #: by how much a refit fell below the optimum, statistic; 0 for an optimum that was one
 
 
 def profile_likelihood(optimum: Optimum, entry: int, factor: float = 1.0) -> ProfileLikelihood:
-    """Return the profile of one parameter.
+    """Return the profile of the parameter at an entry of the problem's vector.
 
-    Parameters
-    ----------
-    optimum : Optimum
-    entry : int
-        Of the parameter in the problem's vector.
-    factor : float
-        By which its error bar is corrected for the color of the residuals, as the weights see it.
+    `factor` is that by which its error bar is corrected for the color of the residuals, as the weights have it.
     """
     profile = _Profile(optimum, entry, factor)
     lower, upper = (profile.end(direction) for direction in (-1.0, 1.0))
@@ -202,19 +186,12 @@ def _cross(below: tuple[float, float], above: tuple[float, float]) -> float:
 
 @dataclass(frozen=True)
 class Profile:
-    """Hold one parameter after the other on a row of values and refit the others.
+    """Hold one parameter after the other on a row of values and refit the others."""
 
-    Attributes
-    ----------
-    parameters : tuple of str
-        Names; ``doubtful`` stands for all whose identifiability is in doubt, or that lie at a bound.
-    pool : Pool
-    store : Path, optional
-        What is done is kept there, and not done again; in a temporary folder when absent.
-    """
-
+    #: names; ``doubtful`` stands for all whose identifiability is in doubt, or that lie at a bound
     parameters: tuple[str, ...] = (DOUBTFUL,)
     pool: Pool = field(default_factory=LocalProcesses)
+    #: what is done is kept there, and not done again; in a temporary folder when absent
     store: Path | None = None
 
     name: str = field(default="profile", init=False)
@@ -222,13 +199,8 @@ class Profile:
     def __call__(self, fit: AssessedFit, watch: Watch) -> Finding:
         """Return likelihood-ratio intervals; NaN for an end that the data leave open."""
         plan = profile_plan(fit, selected(fit, self.parameters))
-
-        def report(done: Tally) -> None:
-            watch(f"profile: {done.done} of {done.total} parameters {done.note}".rstrip())
-
-        with tempfile.TemporaryDirectory(prefix="stoop-") as folder:
-            store = self.store or Path(folder) / "profile.sqlite"
-            return Finding(_intervals(fit, execute(plan, store, self.pool, report)))
+        found = refits(plan, self.store, self.pool, "profile: {} of {} parameters", 1, watch)
+        return Finding(_intervals(fit, found))
 
 
 def selected(fit: AssessedFit, wanted: Sequence[str]) -> tuple[str, ...]:
@@ -243,12 +215,7 @@ def selected(fit: AssessedFit, wanted: Sequence[str]) -> tuple[str, ...]:
 
 
 def check_names(free: Sequence[str], wanted: Sequence[str]) -> None:
-    """Refuse a name that is not among the free parameters.
-
-    Raises
-    ------
-    IdentificationError
-    """
+    """Raise an IdentificationError for a name that is not among the free parameters."""
     for name in wanted:
         if name != DOUBTFUL and name not in free:
             raise IdentificationError(f"profile '{name}': no free parameter; {nearest(name, free)}")
@@ -258,7 +225,7 @@ def profile_plan(fit: AssessedFit, names: Sequence[str]) -> Plan:
     """Return the campaign: one run a parameter."""
     problem = fit.packed({})
     digest = hashlib.sha256(problem.encode()).hexdigest()
-    free, plain = fit.free, np.sqrt(np.diag(fit.uncertainty.cramer_rao))
+    free, plain = fit.free, np.sqrt(np.diag(fit.bars.uncertainty.cramer_rao))
     with np.errstate(invalid="ignore"):
         factors = dict(zip(free.tolist(), (fit.bars.std[free] / plain[: len(free)]).tolist(), strict=True))
     runs = []

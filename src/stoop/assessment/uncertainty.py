@@ -5,9 +5,8 @@ Repeatability: with estimates :math:`\theta_i` and standard errors :math:`s_i` o
 .. math:: \bar\theta = \frac{\sum \theta_i / s_i^2}{\sum 1 / s_i^2}, \qquad
           \chi^2 = \sum \frac{(\theta_i - \bar\theta)^2}{s_i^2},
 
-which is chi-square with m - 1 degrees of freedom if the error bars are right. More, and something differs between the
-maneuvers that the error bars do not know: the model, the air, the loading. Estimates that share a prior agree because of
-it, so each one's own prior is taken out: with f the prior's share, the rest is :math:`(\theta - f \theta_0) / (1 - f)`.
+which is chi-square with m - 1 degrees of freedom if the error bars are right. Estimates that share a prior agree because of it,
+so each one's own prior is taken out: with f the prior's share, the rest is :math:`(\theta - f \theta_0) / (1 - f)`.
 
 References
 ----------
@@ -39,6 +38,7 @@ from stoop.assessment.error_bars import (
 )
 from stoop.assessment.maneuver_advice import advice, flown_model
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice, notice
 from stoop.base.text import enumerated
 from stoop.errors import StoopError
 from stoop.estimate import methods
@@ -90,7 +90,7 @@ def with_uncertainty(result: Result, fit: Fit, bars: ErrorBars) -> Result:
     return replace(
         result,
         uncertainty=methods,
-        trust=method_agreement(result.parameters, methods),
+        trust=tuple(map(str, method_agreement(result.parameters, methods))),
         identifiability=IdentifiabilityAnalysis(singular, analyses, worst_pairs(names, related), directions),
     )
 
@@ -109,8 +109,6 @@ def _directions(
     fit: Fit, bars: ErrorBars, names: list[str]
 ) -> tuple[tuple[float, ...], tuple[NearNullDirection, ...]]:
     """Return singular values of all free unknowns, and near-null directions of the parameters, priors left out."""
-    if bars.uncertainty is None:
-        return (), ()
     whole = bars.uncertainty.information
     own = bars.free[bars.free < len(names)]
     prior = np.array([fit.problem.layout.parameters[i].prior or np.inf for i in own])
@@ -124,116 +122,65 @@ def _directions(
 
 def method_agreement(
     parameters: Mapping[str, ParameterEstimate], methods: Mapping[str, MethodIntervals]
-) -> tuple[str, ...]:
-    """Return which method to trust for which parameters, and where the methods disagree.
-
-    Parameters
-    ----------
-    parameters : mapping of str to ParameterEstimate
-    methods : mapping of str to MethodIntervals
-        ``corrected`` at least, without it nothing is said; nothing of color without ``cramer_rao``.
-    """
+) -> tuple[Notice, ...]:
+    """Return which method to trust for which parameters, and where they disagree; nothing without ``corrected``."""
     if "corrected" not in methods:
         return ()
     sure = {name: p for name, p in parameters.items() if p.identifiable and not p.at_bound}
-    out = list[str]()
-
-    def ratios(one: str, other: str) -> dict[str, float]:
-        """Return by how much the standard errors of one method exceed another's, where both have them."""
-        a, b = methods[one].parameters, methods[other].parameters
-        pairs = {n: (a[n].std_error, b[n].std_error) for n in sure if n in a and n in b}
-        return {n: x / y for n, (x, y) in pairs.items() if np.isfinite([x, y]).all() and y > 0.0}
-
-    def skewed(method: str) -> list[str]:
-        """Return the parameters whose interval is no longer symmetric about the estimate."""
-        found, intervals = [], methods[method].parameters
-        for name, p in ((n, p) for n, p in sure.items() if n in intervals):
-            arms = p.estimate - intervals[name].ci95_lower, intervals[name].ci95_upper - p.estimate
-            if np.isfinite(arms).all() and not (min(arms) > 0.0 and max(arms) / min(arms) <= SKEWNESS):
-                found.append(name)
-        return found
-
-    if "cramer_rao" in methods:
-        out += _color_agreement(ratios("corrected", "cramer_rao"))
-    if "bootstrap" in methods:
-        out.append(_bootstrap_agreement(ratios("bootstrap", "corrected")))
-    if "posterior" in methods:
-        rhat = methods["posterior"].figures.get("rhat", np.inf)
-        out += _posterior_agreement(rhat, skewed("posterior"), ratios("posterior", "corrected"))
-    if "profile" in methods:
-        out += _profile_agreement(methods["profile"].parameters, skewed("profile"))
-    if unsure := [name for name in parameters if name not in sure]:
-        out.append(
-            f"{_listed(unsure)}: the data cannot tell, so no interval is to be trusted as the flight's; "
-            "a posterior or profile shows what prior and bounds leave."
-        )
-    return tuple(out)
-
-
-def _color_agreement(ratios: Mapping[str, float]) -> list[str]:
-    if not ratios:
-        return []
-    typical = float(np.median(list(ratios.values())))
-    if typical < COLORED_RATIO:
-        return [
-            "The residuals are white or nearly so: plain Cramer-Rao and corrected errors agree, either may be used."
-        ]
-    return [
-        f"The residuals are colored: plain Cramer-Rao errors are {typical:.1f} times too small (median) and are not to be "
-        "used; trust the corrected ones."
-    ]
-
-
-def _posterior_agreement(rhat: float, skewed: list[str], ratios: Mapping[str, float]) -> list[str]:
-    if rhat > MAX_RHAT:
-        return ["The posterior has not converged: do not use its intervals."]
-    far = [n for n, r in ratios.items() if not 1.0 / DISAGREEMENT <= r <= DISAGREEMENT and n not in skewed]
-    if not skewed and not far:
-        return ["The posterior is nearly normal and agrees with the corrected errors: both may be trusted."]
-    out = []
-    if skewed:
-        out.append(
-            f"The posterior of {_listed(skewed)} is not normal about the estimate (skewed, or cut off by a bound): trust its "
-            "interval there."
-        )
-    if far:
-        out.append(
-            f"Posterior and corrected errors disagree for {_listed(far)}: the model is curved over the interval, "
-            "or a prior holds it; trust the posterior."
-        )
-    return out
-
-
-def _profile_agreement(intervals: Mapping[str, Interval], skewed: list[str]) -> list[str]:
-    out = []
-    if opened := [n for n, s in intervals.items() if not np.isfinite([s.ci95_lower, s.ci95_upper]).all()]:
-        out.append(
-            f"The profile of {_listed(opened)} is open to one side or both: the data give no limit there, whatever "
-            "other methods say."
-        )
-    if skewed:
-        out.append(
-            f"The profile of {_listed(skewed)} is lopsided: trust it rather than a symmetric interval."
-        )
-    return out
-
-
-def _bootstrap_agreement(ratios: Mapping[str, float]) -> str:
-    if not ratios:
-        return "The bootstrap has too few replicates to say anything."
-    wider = [name for name, ratio in ratios.items() if ratio > DISAGREEMENT]
-    narrower = [name for name, ratio in ratios.items() if ratio < 1.0 / DISAGREEMENT]
-    begin = (
-        f"Bootstrap and corrected errors agree (median ratio {float(np.median(list(ratios.values()))):.2f})"
+    color, bootstrap, posterior = (
+        _ratios(sure, methods, *pair)
+        for pair in (("corrected", "cramer_rao"), ("bootstrap", "corrected"), ("posterior", "corrected"))
     )
-    if not wider and not narrower:
-        return f"{begin}: both may be trusted."
-    parts = []
-    if wider:
-        parts.append(f"wider for {_listed(wider)}, where the model is curved: trust the bootstrap there")
-    if narrower:
-        parts.append(f"narrower for {_listed(narrower)}: trust the corrected ones there, the wider")
-    return f"{begin} but not everywhere: the bootstrap is {'; and '.join(parts)}."
+    out = []
+    if color:
+        typical = float(np.median(list(color.values())))
+        out.append(
+            notice("agreement-white" if typical < COLORED_RATIO else "agreement-colored", ratio=typical)
+        )
+    if "bootstrap" in methods and not bootstrap:
+        out.append(notice("agreement-no-bootstrap"))
+    elif bootstrap:
+        wider = [name for name, ratio in bootstrap.items() if ratio > DISAGREEMENT]
+        narrower = [name for name, ratio in bootstrap.items() if ratio < 1.0 / DISAGREEMENT]
+        which = "".join(("-wider" if wider else "", "-narrower" if narrower else "")) or "-agrees"
+        ratio = float(np.median(list(bootstrap.values())))
+        out.append(notice(f"bootstrap{which}", ratio=ratio, wider=_listed(wider), narrower=_listed(narrower)))
+    if "posterior" in methods and methods["posterior"].figures.get("rhat", np.inf) > MAX_RHAT:
+        out.append(notice("agreement-no-posterior"))
+    elif "posterior" in methods:
+        skewed = _skewed(sure, methods["posterior"])
+        close = {n for n, r in posterior.items() if 1.0 / DISAGREEMENT <= r <= DISAGREEMENT}
+        far = [n for n in posterior if n not in close and n not in skewed]
+        found = {"posterior-skewed": skewed, "posterior-disagrees": far}
+        out += [notice(code, _listed(names)) for code, names in found.items() if names]
+        out += [] if skewed or far else [notice("posterior-agrees")]
+    if "profile" in methods:
+        ends = {n: (s.ci95_lower, s.ci95_upper) for n, s in methods["profile"].parameters.items()}
+        opened = [n for n, pair in ends.items() if not np.isfinite(pair).all()]
+        found = {"profiles-open": opened, "profiles-skewed": _skewed(sure, methods["profile"])}
+        out += [notice(code, _listed(names)) for code, names in found.items() if names]
+    unsure = [name for name in parameters if name not in sure]
+    return (*out, *([notice("no-interval-trusted", _listed(unsure))] if unsure else []))
+
+
+def _ratios(
+    sure: Mapping[str, ParameterEstimate], methods: Mapping[str, MethodIntervals], one: str, other: str
+) -> dict[str, float]:
+    """Return by how much the standard errors of one method exceed another's, where both have them."""
+    a, b = (methods[name].parameters if name in methods else {} for name in (one, other))
+    pairs = {n: (a[n].std_error, b[n].std_error) for n in sure if n in a and n in b}
+    return {n: x / y for n, (x, y) in pairs.items() if np.isfinite([x, y]).all() and y > 0.0}
+
+
+def _skewed(sure: Mapping[str, ParameterEstimate], method: MethodIntervals) -> list[str]:
+    """Return the parameters whose closed interval is not symmetric about the estimate."""
+    out = []
+    for name, p in ((n, p) for n, p in sure.items() if n in method.parameters):
+        one = method.parameters[name]
+        arms = p.estimate - one.ci95_lower, one.ci95_upper - p.estimate
+        if np.isfinite(arms).all() and not (min(arms) > 0.0 and max(arms) / min(arms) <= SKEWNESS):
+            out.append(name)
+    return out
 
 
 def _listed(names: list[str]) -> str:
@@ -243,16 +190,9 @@ def _listed(names: list[str]) -> str:
 def without_prior(
     estimate: float, std_error: float, share: float, mean: float, prior: float
 ) -> SingleEstimate:
-    """Return an estimate with its own prior taken out.
+    """Return an estimate without its prior of `mean` and standard deviation `prior`.
 
-    Parameters
-    ----------
-    estimate, std_error : float
-        With the prior.
-    share : float
-        The prior's share in the estimate: its variance in the fit over that of the prior; 0 without one.
-    mean, prior : float
-        The prior and its standard deviation; not used where the share is 0.
+    `share` is the prior's in the estimate: the variance in the fit over that of the prior; 0 without one.
     """
     if not share > 0.0:
         return SingleEstimate(estimate, std_error, math.isfinite(std_error) and std_error > 0.0)
@@ -293,11 +233,9 @@ class SingleFit:
 def fit_each(
     fit: Fit, flights: Mapping[str, Flight], options: Options, watch: Callable[[str], None]
 ) -> list[SingleFit]:
-    """Fit every maneuver of a finished fit by itself.
+    """Fit every maneuver of a finished fit by itself, from the same start, within the same bounds and priors.
 
-    The vehicle is as it was given: the same numbers are free, from the same start, within the same bounds and priors.
-    What a maneuver does not determine stays at its prior and is not counted. Ctrl-C ends the fit at hand and leaves the
-    rest. `watch` receives the maneuver at hand.
+    What a maneuver does not determine is not counted. Ctrl-C ends the fit at hand, which `watch` receives, and the rest.
     """
     vehicle, fitter = fit.problem.layout.vehicle, methods.find(options.method).fitter()
     out, stopped = list[SingleFit](), False
@@ -319,11 +257,10 @@ def fit_each(
 
 def _estimates(fit: Fit, bars: ErrorBars) -> dict[str, SingleEstimate]:
     """Return the estimates by name, each without its own prior."""
-    parameters, shares = fit.problem.layout.parameters, np.zeros(len(fit.z))
-    if bars.uncertainty is not None:
-        entry = dict(zip(bars.free.tolist(), np.diag(bars.uncertainty.cramer_rao).tolist(), strict=True))
-        prior = [np.inf if p.prior is None else p.prior for p in parameters]
-        shares = np.nan_to_num([entry.get(i, np.nan) / s**2 for i, s in enumerate(prior)])
+    parameters = fit.problem.layout.parameters
+    entry = dict(zip(bars.free.tolist(), np.diag(bars.uncertainty.cramer_rao).tolist(), strict=True))
+    prior = [np.inf if p.prior is None else p.prior for p in parameters]
+    shares = np.nan_to_num([entry.get(i, np.nan) / s**2 for i, s in enumerate(prior)])
     out = {}
     for i, p in enumerate(parameters):
         value, std = fit.estimates[p.name], float(bars.std[i])

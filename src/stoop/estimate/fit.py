@@ -105,19 +105,17 @@ class Fit:
     noise: FloatArray | None = (
         None  #: (n_y, n_y), of the measurements; else it is that of the simulation's residuals
     )
-    covariance: FloatArray | None = None  #: (D + E, D + E), SI, where the method gives it with the estimates
     own_evidence: Evidence | None = None  #: where it is not that of the simulation, see :attr:`evidence`
     #: gives the :class:`stoop.optimize.Problem` whose least-squares optimum is the estimate, where `problem` is not that
     local_problem: Callable[[], Any] | None = None
     simulated: tuple[FloatArray, ...] | None = (
         None  #: (n, n_y) of each piece, where not by one simulation from its start
     )
-    white: FloatArray | None = None  #: like `covariance`, as if residuals were white
     noise_given: bool = False  #: whether the covariance of the measurement noise was given and not estimated
 
     @cached_property
     def evidence(self) -> Evidence:
-        """What the estimates rest on, for error bars; a regression that gives none has `covariance`."""
+        """What the estimates rest on, for error bars."""
         return self.own_evidence or simulation_evidence(self.problem, self.z, self.inflation)
 
     @property

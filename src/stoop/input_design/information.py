@@ -127,14 +127,10 @@ class Knowledge:
     @classmethod
     def of_result(cls, result: Result) -> Knowledge:
         """Return the information of an identification about its identifiable parameters."""
-        covariance = result.covariance.matrix
-        known = [
-            i
-            for i, n in enumerate(result.covariance.names)
-            if result.parameters[n].identifiable and 0.0 < float(covariance[i, i]) < np.inf
-        ]
-        names = tuple(result.covariance.names[i] for i in known)
-        return cls(names, invert(covariance[np.ix_(known, known)]).matrix)
+        covariance, names, parameters = result.covariance.matrix, result.covariance.names, result.parameters
+        finite = (np.diag(covariance) > 0.0) & (np.diag(covariance) < np.inf)
+        known = [i for i, n in enumerate(names) if parameters[n].identifiable and finite[i]]
+        return cls(tuple(names[i] for i in known), invert(covariance[np.ix_(known, known)]).matrix)
 
     def among(self, names: tuple[str, ...]) -> FloatArray:
         """Return the information (n, n) about the parameters of a list, zeros for unknown ones."""
@@ -158,16 +154,10 @@ class Knowledge:
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
-    """Predicted readings of a maneuver, and their information.
+    """Predicted readings (n, n_y) of a maneuver without noise, not finite where the flight diverges.
 
-    Attributes
-    ----------
-    readings : (n, n_y)
-        Without noise; not finite where the flight diverges.
-    excess : float
-        By how much they leave the envelope, in its widths; infinite for a flight that diverges.
-    information : (D, D)
-        About the parameters in the unit box, everything else unknown; without what is known already.
+    ``excess`` is by how much they leave the envelope, in its widths, infinite for a flight that diverges; ``information``
+    (D, D) is about the parameters in the unit box, everything else unknown, without prior knowledge.
     """
 
     readings: FloatArray
@@ -190,29 +180,29 @@ class Setup:
     noise: FloatArray
 
     @cached_property
+    def layout(self) -> Layout:
+        """Parameters without priors: prior information stands in `knowledge` alone."""
+        layout = Layout.of(self.vehicle, ())
+        if not layout.parameters:
+            raise IdentificationError(
+                f"{self.vehicle.where}: no number is free; set free = true or use --free NAME"
+            )
+        return replace(layout, parameters=tuple(replace(p, prior=None) for p in layout.parameters))
+
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Return the parameters."""
-        return tuple(p.name for p in self._layout.parameters)
-
-    @cached_property
-    def width(self) -> FloatArray:
-        """Return the widths (D,) of their boxes, SI."""
-        return self._layout.width
-
-    @cached_property
-    def lower(self) -> FloatArray:
-        """Return the lower ends (D,) of their boxes, SI."""
-        return self._layout.lower
+        return tuple(p.name for p in self.layout.parameters)
 
     @cached_property
     def values(self) -> FloatArray:
         """Return their present values (D,), SI."""
-        return np.array([p.value for p in self._layout.parameters])
+        return np.array([p.value for p in self.layout.parameters])
 
     @cached_property
     def known(self) -> FloatArray:
         """Information (D, D) that there is before the flight, in the unit box."""
-        return self.knowledge.among(self.names) * np.outer(self.width, self.width)
+        return self.knowledge.among(self.names) * np.outer(self.layout.width, self.layout.width)
 
     def forecast(self, maneuver: Maneuver, only_inside: bool = False) -> Forecast:
         """Return the predicted readings of a maneuver and their information.
@@ -224,9 +214,9 @@ class Setup:
         blank = np.zeros((len(t), len(vehicle.outputs)))
         piece = Piece(0, t, inputs, blank, self.trim.start, self.trim.changes)
         prepared = Prepared((Window("design", 0.0, float(t[-1])),), (piece,), ())
-        layout = replace(self._layout, nuisances=nuisances(vehicle, prepared))
+        layout = replace(self.layout, nuisances=nuisances(vehicle, prepared))
         problem = Misfit(layout, (piece,), Weights.of(self.noise), ((len(t),),))
-        z = np.concatenate([self._layout.unit(self.values), np.zeros(problem.extra)])
+        z = np.concatenate([self.layout.unit(self.values), np.zeros(problem.extra)])
         with np.errstate(invalid="ignore", over="ignore"):
             readings = problem.outputs(z, 0)
         finite = bool(np.isfinite(readings).all())
@@ -240,7 +230,7 @@ class Setup:
     def std(self, *forecasts: Forecast) -> FloatArray:
         """Return the standard errors (D,), SI, that flights with these forecasts leave, with what is known."""
         inverse = invert(self.known + sum((f.information for f in forecasts), np.zeros_like(self.known)))
-        return standard_errors(marked(inverse.matrix, inverse.determined)) * self.width
+        return standard_errors(marked(inverse.matrix, inverse.determined)) * self.layout.width
 
     def gain(self, forecast: Forecast) -> float:
         """Return the mean logarithm of how much smaller a flight makes the parameters' uncertainty ellipsoid.
@@ -260,16 +250,6 @@ class Setup:
             {n: {"value": float(v)} for n, v in zip(self.names, values, strict=True)}
         )
         return replace(self, vehicle=vehicle, trim=trim(vehicle, self.trim.start["V"], self.trim.start["h"]))
-
-    @cached_property
-    def _layout(self) -> Layout:
-        """Parameters without priors: prior information stands in `knowledge` alone."""
-        layout = Layout.of(self.vehicle, ())
-        if not layout.parameters:
-            raise IdentificationError(
-                f"{self.vehicle.where}: no number is free; set free = true or use --free NAME"
-            )
-        return replace(layout, parameters=tuple(replace(p, prior=None) for p in layout.parameters))
 
 
 def marginal(J: FloatArray, d: int) -> FloatArray:

@@ -200,7 +200,11 @@ class Multisines:
             first += len(point)
             weights, phases = point[1 : 1 + count], 2.0 * np.pi * point[1 + count :]
             phases = _from_zero(harmonics, weights, phases)
-            peak, speed = self._peaks(harmonics, weights, phases)
+            tau = np.arange(16 * int(harmonics[-1])) / (16 * int(harmonics[-1]))  # one period
+            angles = 2.0 * np.pi * np.outer(tau, harmonics) + phases
+            rates = 2.0 * np.pi / self.frame.active * harmonics * weights
+            peak = float(np.abs(np.sin(angles) @ weights).max())
+            speed = max(float(np.abs(np.cos(angles) @ rates).max()), 1e-12)
             share = MIN_AMPLITUDE + (1.0 - MIN_AMPLITUDE) * float(point[0])
             scale = min(share * most / peak, self.frame.slew / speed) if peak > 0.0 else 0.0
             table = {
@@ -219,14 +223,6 @@ class Multisines:
                 "design for longer, or with a higher band"
             )
         return [np.arange(i + 1, most + 1, count) for i in range(count)]
-
-    def _peaks(self, harmonics: IntArray, weights: FloatArray, phases: FloatArray) -> tuple[float, float]:
-        """Return the largest deflection and the largest rate of a sum over one period."""
-        tau = np.arange(16 * int(harmonics[-1])) / (16 * int(harmonics[-1]))
-        angles = 2.0 * np.pi * np.outer(tau, harmonics) + phases
-        rates = 2.0 * np.pi / self.frame.active * harmonics * weights
-        deflection, speed = np.sin(angles) @ weights, np.cos(angles) @ rates
-        return float(np.abs(deflection).max()), max(float(np.abs(speed).max()), 1e-12)
 
 
 def _from_zero(harmonics: IntArray, weights: FloatArray, phases: FloatArray) -> FloatArray:

@@ -90,16 +90,9 @@ def design(
     shape: str = "multisine",
     callback: Callable[[optimize.Progress], None] | None = None,
 ) -> Design:
-    """Return the D-optimal maneuver of a family of inputs.
+    """Return the D-optimal maneuver of a family of inputs, a name of :data:`stoop.input_design.SHAPES`.
 
-    Parameters
-    ----------
-    setup : Setup
-    plan : Plan
-    shape : str
-        A name of :data:`stoop.input_design.SHAPES`.
-    callback : callable, optional
-        Sees an :class:`stoop.optimize.Progress` after each generation.
+    The callback gets an :class:`stoop.optimize.Progress` after each generation.
 
     Raises
     ------
@@ -133,8 +126,8 @@ def design(
 def textbook_maneuver(setup: Setup, plan: Plan) -> Maneuver:
     """Return the textbook maneuver: a 3-2-1-1 on one control after the other.
 
-    With steps as long as the time allows or half as long, whichever has more information. As large as a design may be, and
-    smaller by common steps of 10 % only where it would leave the envelope.
+    Steps are as long as the time allows or half as long, whichever has more information. It is as large as a design may
+    be, and smaller by common steps of 10 % only where it would leave the envelope.
     """
     rows = SHAPES["3-2-1-1"](_frame(setup, plan))
     problem = InformationCost(setup, rows, plan)
@@ -169,15 +162,10 @@ class Robustness:
 
     Attributes
     ----------
-    draws : int
-    untrimmed : int
-        Models without a trim at this speed.
-    outside : int
-        Flights that left the envelope, those that diverged among them.
-    largest_excess : float
-        Of those that did not diverge, in widths of the envelope.
-    ratios : tuple of float
-        Mean standard error over that of the reference maneuver, for each model that stayed inside.
+    untrimmed : models without a trim at this speed
+    outside : flights that left the envelope or diverged
+    largest_excess : of flights that did not diverge, in widths of the envelope
+    ratios : mean standard error over that of the reference maneuver, for each model that stayed inside
     """
 
     draws: int
@@ -192,12 +180,13 @@ def robustness(setup: Setup, maneuver: Maneuver, reference: Maneuver, draws: int
 
     A direction without information is not drawn: the model keeps its file's values there.
     """
-    factor = invert(setup.known).factor * setup.width[:, None]
+    layout = setup.layout
+    factor = invert(setup.known).factor * layout.width[:, None]
     noise = np.random.default_rng(seed).standard_normal((draws, factor.shape[1]))
     untrimmed, excesses, ratios = 0, [], []
     for values in setup.values + noise @ factor.T:
         try:
-            other = setup.with_values(np.clip(values, setup.lower, setup.lower + setup.width))
+            other = setup.with_values(np.clip(values, layout.lower, layout.lower + layout.width))
         except SimulationError:
             untrimmed += 1
             continue
@@ -228,22 +217,14 @@ class PriorModel:
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """What to fly next.
+    """What to fly next: one design per family, the best first, beside the textbook's maneuver.
 
     Attributes
     ----------
-    setup : Setup
-    plan : Plan
-    designs : tuple of Design
-        One per family, the best first.
-    reference : Maneuver
-        The textbook's: a 3-2-1-1 on one control after the other, of the same duration and amplitude.
-    expected : Forecast
-        Of the reference.
-    robustness : Robustness
-        Of the best.
-    source : str
-        What is known of the model comes from there.
+    reference : a 3-2-1-1 on one control after the other, of the same duration and amplitude
+    expected : forecast of the reference
+    robustness : of the best design
+    source : where the knowledge of the model comes from
     """
 
     setup: Setup
@@ -279,17 +260,8 @@ def propose(
 ) -> Proposal:
     """Design the best maneuver of every family, and compare it with the textbook's and for other models.
 
-    Parameters
-    ----------
-    model : PriorModel
-    trim : Trim
-        Where the maneuver begins.
-    limits : Limits
-    plan : Plan
-    shapes : sequence of str
-        Names of :data:`stoop.input_design.SHAPES`.
-    callback : callable, optional
-        Called with the family's name and an :class:`stoop.optimize.Progress` after each generation.
+    The maneuver begins at the trim. Families are names of :data:`stoop.input_design.SHAPES`; the callback gets the name and
+    an :class:`stoop.optimize.Progress` after each generation.
 
     Raises
     ------

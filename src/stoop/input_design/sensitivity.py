@@ -102,11 +102,6 @@ class VehicleInformation:
         out[index] = sigma**-2.0
         return np.diag(out)
 
-    @property
-    def weak_prior(self) -> FloatArray:
-        """Information of the priors and of the box (D, D)."""
-        return self.prior + BOX_INFORMATION * np.eye(len(self.unit))
-
     def errors(self, matrices: Sequence[FloatArray]) -> FloatArray:
         """Return the standard errors (D,), SI, of windows together; infinite where they are not identifiable."""
         inverse = invert(self.prior + sum(matrices, np.zeros_like(self.prior)))
@@ -175,7 +170,15 @@ def linearization_point(vehicle: Vehicle, candidates: Sequence[CandidateProblem]
     if not Layout.of(vehicle, ()).dimension:
         raise IdentificationError(f"{vehicle.where}: no number is free; set free = true or use --free NAME")
     weights = Weights.of(np.diag(sensor_noise(vehicle)))
-    unit = _start(vehicle, sample, weights)
+    # the start with the least cost from measured states: the file's, or that of a regression
+    pieces = tuple(replace(p, maneuver=0) for one in sample for p in one.prepared.pieces)
+    prepared = Prepared(sample[0].prepared.windows, pieces, ())  # as one maneuver: biases are shared
+    biases = [n for n in nuisances(vehicle, prepared) if n.is_bias]
+    problem = Misfit(Layout.of(vehicle, biases), pieces, weights, (tuple(len(p.time) for p in pieces),))
+    with np.errstate(all="ignore"):
+        guesses = starts(problem)
+        costs = problem.costs(guesses, 0)
+    unit = np.asarray(guesses[int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))])
     linear = [(one, p, *_linearized(p, unit)) for one in sample for p in [one.misfit(vehicle, weights)]]
     linear = [one for one in linear if np.isfinite(one[2]).all()]
     if not linear:
@@ -191,18 +194,6 @@ def linearization_point(vehicle: Vehicle, candidates: Sequence[CandidateProblem]
         r, _ = _linearized(problem, unit)
         rms += [_rms(r[block]) for block in _blocks(problem)]
     return VehicleInformation(vehicle, unit, weights, float(np.median(rms)))
-
-
-def _start(vehicle: Vehicle, sample: Sequence[CandidateProblem], weights: Weights) -> FloatArray:
-    """Return the start (D,) with the least cost from measured states: the file's, or that of a regression."""
-    pieces = tuple(replace(p, maneuver=0) for one in sample for p in one.prepared.pieces)
-    prepared = Prepared(sample[0].prepared.windows, pieces, ())  # as one maneuver: biases are shared
-    biases = [n for n in nuisances(vehicle, prepared) if n.is_bias]
-    problem = Misfit(Layout.of(vehicle, biases), pieces, weights, (tuple(len(p.time) for p in pieces),))
-    with np.errstate(all="ignore"):
-        guesses = starts(problem)
-        costs = problem.costs(guesses, 0)
-    return np.asarray(guesses[int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))])
 
 
 def _noise(

@@ -17,6 +17,7 @@ from stoop.flight import Flight
 from stoop.flight.airborne import flying, lift_command, motors_ran
 from stoop.flight.maneuvers import Axis, commands, output_families
 from stoop.input_design.candidates import Candidate, Excitation, candidates, with_motors
+from stoop.input_design.information import BOX_INFORMATION
 from stoop.input_design.sensitivity import (
     CandidateProblem,
     VehicleInformation,
@@ -200,13 +201,7 @@ class Found:
 
 
 def doubts(flights: Mapping[str, Flight], vehicle: Vehicle) -> list[Notice]:
-    """Return why a flight is hardly of this vehicle; quick, before any search.
-
-    Raises
-    ------
-    FlightError
-        A flight lacks an input of the vehicle.
-    """
+    """Return why a flight is hardly of this vehicle; a FlightError where it lacks an input of it."""
     for flight in flights.values():
         _check_inputs(flight, vehicle)
     return check_vehicle(vehicle, {n: with_motors(f, vehicle) for n, f in flights.items()}, whole(flights))
@@ -223,7 +218,7 @@ def find_windows(
     ----------
     flights : name -> flight, of one vehicle
     vehicle : whose free numbers are to be estimated; without one, windows that excite each axis by itself
-    tell : called with what is being done
+    tell : called with the progress
 
     Raises
     ------
@@ -249,9 +244,14 @@ def find_windows(
     if not selection.fitted:
         raise _nothing_found(flights, vehicle)
     report = _Report(flights, excitations, found, information, model)
-    expected = report.expected(selection)
+    expected: list[Expected] = []
+    if model is not None:
+        errors = model.errors([information.matrices[i] for i in selection.fitted])
+        rows = zip(model.names, model.values, errors, strict=True)
+        expected = [Expected(name, float(value), float(error)) for name, value, error in rows]
     unknown = [e.name for e in expected if not e.relative < 1.0]
-    if report.calm() and len(unknown) >= MAX_UNKNOWN * len(expected):
+    calm = not any(report.axes(i) for i in range(len(found)))
+    if calm and len(unknown) >= MAX_UNKNOWN * len(expected):
         share = (
             f", and {len(unknown)} of {len(expected)} free numbers would not be known to their own size "
             f"({listed(unknown, MAX_NAMED)})"
@@ -280,21 +280,17 @@ def _candidates(flight: Flight, vehicle: Vehicle | None, excitation: Excitation 
 
 
 def _about_vehicle(
-    vehicle: Vehicle,
-    flights: Mapping[str, Flight],
-    found: Sequence[Candidate],
-    tell: Callable[[str], None],
+    vehicle: Vehicle, flights: Mapping[str, Flight], found: Sequence[Candidate], tell: Callable[[str], None]
 ) -> tuple[list[Candidate], CandidateInformation, VehicleInformation]:
     """Return the candidates that can be simulated, and their information about the vehicle's free numbers."""
     problems = [(c, p) for c in found if (p := candidate_problem(vehicle, flights[c.flight], c)) is not None]
-    if not problems:
-        raise _nothing_found(flights, vehicle)
     disjoint: list[tuple[Candidate, CandidateProblem]] = []
     for one in problems:
         if not any(one[0].meets(other) for other, _ in disjoint):
             disjoint.append(one)
-    model = linearization_point(vehicle, [p for _, p in disjoint])
     kept, matrices = [], []
+    if problems:
+        model = linearization_point(vehicle, [p for _, p in disjoint])
     for i, (candidate, problem) in enumerate(problems, 1):
         tell(f"information of window {i} of {len(problems)}")
         matrix = model.information(problem)
@@ -303,7 +299,8 @@ def _about_vehicle(
             matrices.append(matrix)
     if not kept:
         raise _nothing_found(flights, vehicle)
-    return kept, CandidateInformation(model.weak_prior, tuple(matrices)), model
+    prior = model.prior + BOX_INFORMATION * np.eye(len(model.unit))
+    return kept, CandidateInformation(prior, tuple(matrices)), model
 
 
 @dataclass(frozen=True, eq=False)
@@ -338,24 +335,12 @@ class _Report:
                 declined += 1
         return sorted(out, key=lambda w: (w.flight, w.start))
 
-    def expected(self, selection: Selection) -> list[Expected]:
-        """Return the predicted standard errors of the windows to fit."""
-        if self.model is None:
-            return []
-        errors = self.model.errors([self.information.matrices[i] for i in selection.fitted])
-        rows = zip(self.model.names, self.model.values, errors, strict=True)
-        return [Expected(name, float(value), float(error)) for name, value, error in rows]
-
-    def calm(self) -> bool:
-        """Whether nothing anywhere in the flights is a maneuver or looks like one."""
-        return not any(self._axes(i) for i in range(len(self.found)))
-
     def _proposed(self, index: int, why: str, gain: float, accept: bool, use: Use) -> Proposed:
         one, alone = self.found[index], self.information.gain_alone(index)
-        axis = next(iter(self._axes(index)), NO_AXIS)
+        axis = next(iter(self.axes(index)), NO_AXIS)
         return Proposed(one.flight, one.start, one.stop, axis, why, alone, gain, accept, use)
 
-    def _axes(self, index: int) -> dict[Axis, float]:
+    def axes(self, index: int) -> dict[Axis, float]:
         """Return how many times the usual the excited axes move, that of a maneuver first, then the strongest."""
         one = self.found[index]
         excitation = self.excitations.get(one.flight)
@@ -365,7 +350,7 @@ class _Report:
         return {a: sizes.get(a, 0.0) for a in (*own, *strongest)}
 
     def _excited(self, index: int) -> str:
-        axes = self._axes(index).items()
+        axes = self.axes(index).items()
         parts = [f"{a} command {f'{x:.1f}' if x < 100.0 else 'over 100'}" for a, x in axes]
         return f"{', '.join(parts)} times the usual" if parts else "no command stands out"
 

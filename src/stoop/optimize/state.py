@@ -112,6 +112,7 @@ CLASSES: Final = {
     "Optima": "stoop.optimize.ladder",
     "Population": "stoop.optimize.population",
     "ParameterMemory": "stoop.optimize.population",
+    "StagesState": "stoop.optimize.levenberg_marquardt",
 }  #: class -> module, of the optimizers of this package; `registry.Entry` names those of others
 FORMER_CLASSES: Final = {
     "PreyState": "PsGdeLmState",

@@ -1,4 +1,8 @@
-"""Data compatibility: which sensors are off, which channels contradict each other, and the result as JSON."""
+"""Data compatibility: which sensors are off, which channels contradict each other, and the flight without these errors.
+
+Noise covariance and instrument errors are estimated alternately, the latter by Levenberg-Marquardt, until both converge;
+error bars count the color of the residuals.
+"""
 
 from __future__ import annotations
 
@@ -8,57 +12,98 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any, Final
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
+from stoop import optimize
 from stoop.assessment.covariance import standard_errors
+from stoop.assessment.error_bars import (
+    ComparisonScale,
+    Identifiability,
+    Uncertainty,
+    estimate_uncertainty,
+    identifiability,
+)
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, distinct, notice, of_severity
+from stoop.base.numbers import finite_or_none
 from stoop.base.units import DEGREE
-from stoop.base.variables import EULER, POSITION, VELOCITY
+from stoop.base.variables import EULER, POSITION, QUATERNION, VELOCITY, WRAPPED
+from stoop.errors import IdentificationError
+from stoop.estimate.noise import correlation_times
 from stoop.flight import VARIABLES, Flight, without_faults
-from stoop.reconstruction.estimate import Estimate, estimate, residuals
-from stoop.reconstruction.kinematics import OUTPUTS
-from stoop.reconstruction.pieces import cut_pieces
+from stoop.flight.air_data import RECONSTRUCTED, flow, with_air
+from stoop.flight.flight import dataset, on_circle, with_attitude
+from stoop.flight.instrument_errors import RATES_DELAY, instrument_errors
+from stoop.problem.evidence import PieceEvidence
+from stoop.reconstruction.kinematics import INPUTS, OUTPUTS
+from stoop.reconstruction.problem import LATE, PIECES, Pieces, Problem, cut_pieces
+from stoop.simulation.delays import delayed
+from stoop.simulation.initial import rigid_states
 
 FORMAT: Final = "stoop-compatibility/1"
 MIN_SIGMAS: Final = 3.0  #: standard errors by which something is off
 USUAL_ERRORS: Final = {
     "m/s2": 0.3, "rad/s": 0.01, "rad": 2.0 * DEGREE, "m/s": 1.0, "s": 0.03, "1": 0.05, "m": 0.3,
 }  #: by unit: less is what good sensors do  # fmt: skip
-USUAL_RESIDUALS: Final = {
-    "V": 2.0, "airspeed_pitot": 2.0, "alpha": 3.0 * DEGREE, "beta": 3.0 * DEGREE,
-    "phi": 2.0 * DEGREE, "theta": 2.0 * DEGREE, "psi": 4.0 * DEGREE,
-    "vn": 0.7, "ve": 0.7, "vd": 0.7, "pn": 2.0, "pe": 2.0, "pd": 2.0,
-}  #: rms that gusts and ordinary sensors leave  # fmt: skip
-_CONTRADICTIONS: Final = {
-    **dict.fromkeys(EULER, "attitude-inconsistent"),
-    **dict.fromkeys(VELOCITY, "velocity-inconsistent"),
-    **dict.fromkeys(POSITION, "position-inconsistent"),
-    **dict.fromkeys(("V", "airspeed_pitot", "alpha", "beta"), "air-data-inconsistent"),
+_AIR: Final = ("V", "airspeed_pitot", "alpha", "beta")
+
+
+@dataclass(frozen=True)
+class ChannelNoise:
+    """What is known of the residual of a channel before the fit, SI, and the notice of one that is too large."""
+
+    least: float  #: no channel is trusted further
+    first: float  #: before anything is known
+    usual: float  #: rms that gusts and ordinary sensors leave
+    code: str
+
+
+CHANNELS: Final = {
+    **dict.fromkeys(_AIR[:2], ChannelNoise(0.05, 1.0, 2.0, "air-data-inconsistent")),
+    **dict.fromkeys(_AIR[2:], ChannelNoise(1e-4, 0.03, 3.0 * DEGREE, "air-data-inconsistent")),
+    **dict.fromkeys(EULER, ChannelNoise(1e-4, 0.03, 2.0 * DEGREE, "attitude-inconsistent")),
+    "psi": ChannelNoise(1e-4, 0.03, 4.0 * DEGREE, "attitude-inconsistent"),
+    **dict.fromkeys(VELOCITY, ChannelNoise(0.01, 0.5, 0.7, "velocity-inconsistent")),
+    **dict.fromkeys(POSITION, ChannelNoise(0.02, 2.0, 2.0, "position-inconsistent")),
 }
+_SETTINGS: Final = optimize.Settings(iterations=60, gain=1e-8, predicted=1e-6, stall=0, stall_damping=np.inf)
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """A finished compatibility fit."""
+
+    pieces: Pieces
+    problem: Problem  #: with the final weights
+    z: FloatArray  #: (E,), the optimum
+    uncertainty: Uncertainty  #: of the whole vector, in prior standard deviations
+    identifiability: tuple[Identifiability, ...]  #: of the instrument errors
+    converged: bool  #: whether noise and estimates converged
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Estimates of the unknowns, SI."""
+        found = self.problem.values(self.z[None, :])[0]
+        return {u.name: float(value) for u, value in zip(self.problem.unknowns, found, strict=True)}
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Standard errors of the unknowns, corrected for color, SI."""
+        sigma = standard_errors(self.uncertainty.corrected)[: self.problem.shared] * self.problem.scales
+        return {u.name: float(value) for u, value in zip(self.problem.unknowns, sigma, strict=True)}
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One instrument error.
-
-    Attributes
-    ----------
-    estimate, std_error, cramer_rao : float
-        The error corrected for colored residuals, and the one that takes them for white.
-    prior_mean, prior_std : float
-    identifiable : bool
-    reason : str
-        Why not, or empty.
-    unit, meaning : str
-    """
+    """One instrument error."""
 
     estimate: float
-    std_error: float
-    cramer_rao: float
+    std_error: float  #: corrected for colored residuals
+    cramer_rao: float  #: standard error that takes them for white
     prior_mean: float
     prior_std: float
     identifiable: bool
-    reason: str
+    reason: str  #: why not, or empty
     unit: str
     meaning: str
 
@@ -89,42 +134,34 @@ class Trace:
 
 @dataclass(frozen=True)
 class Compatibility:
-    """Result of a compatibility check.
-
-    Attributes
-    ----------
-    flight : str
-    findings : mapping of instrument error to Finding
-    channels : mapping of channel to Consistency
-    traces : tuple of Trace
-    notices : tuple of Notice
-        Warnings: what contradicts, the worst first, and faults of the flight; information: all else.
-    """
+    """Result of a compatibility check."""
 
     flight: str
-    findings: Mapping[str, Finding]
+    findings: Mapping[str, Finding]  #: by instrument error
     channels: Mapping[str, Consistency]
     traces: tuple[Trace, ...]
-    notices: tuple[Notice, ...]
+    notices: tuple[
+        Notice, ...
+    ]  #: warnings: what contradicts, the worst first, and faults of the flight; then all else
 
     def document(self, versions: Mapping[str, str], inputs: Mapping[str, str]) -> str:
         """Return the JSON of the result; what is not a finite number is null."""
+
+        def finite(values: Mapping[str, Any]) -> dict[str, Any]:
+            return {k: finite_or_none(v) if isinstance(v, float) else v for k, v in values.items()}
+
         content = {
             "format": FORMAT,
             "flight": self.flight,
             "pieces": [[float(t.time[0]), float(t.time[-1])] for t in self.traces],
-            "unknowns": {name: _finite(asdict(one)) for name, one in self.findings.items()},
-            "channels": {name: _finite(asdict(one)) for name, one in self.channels.items()},
+            "unknowns": {name: finite(asdict(one)) for name, one in self.findings.items()},
+            "channels": {name: finite(asdict(one)) for name, one in self.channels.items()},
             "warnings": [str(found) for found in of_severity(self.notices, "warning")],
             "notes": [str(found) for found in of_severity(self.notices, "info")],
             "versions": dict(versions),
             "inputs": dict(inputs),
         }
         return json.dumps(content, indent=1, allow_nan=False) + "\n"
-
-
-def _finite(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {k: None if isinstance(v, float) and not np.isfinite(v) else v for k, v in values.items()}
 
 
 def check(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> tuple[Compatibility, Estimate]:
@@ -134,57 +171,54 @@ def check(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> tuple[
     ----------
     flight : Flight
     windows : sequence of (start, stop), s on the log's own clock; the airborne part without any
+
+    Raises
+    ------
+    FlightError
+        The flight holds nothing that could be compared.
+    IdentificationError
+        The kinematics cannot be integrated from the recorded inputs.
     """
-    found = estimate(cut_pieces(without_faults(flight), windows))
-    findings, channels = _findings(found), _channels(found)
+    with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
+        found = _estimate(cut_pieces(without_faults(flight), windows))
+    problem, values, errors = found.problem, found.values, found.errors
+    white = standard_errors(found.uncertainty.cramer_rao)[: problem.shared] * problem.scales
+    findings = {}
+    for u, one, plain in zip(problem.unknowns, found.identifiability, white, strict=True):
+        numbers = (values[u.name], errors[u.name], float(plain), u.mean, u.std)
+        findings[u.name] = Finding(*numbers, one.identifiable, one.reason, u.unit, u.meaning)
+    left, moved = np.concatenate(problem.errors(found.z)), []
+    for piece in problem.pieces:
+        known = np.isfinite(piece.measured)
+        mean = np.where(known, piece.measured, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+        moved.append(piece.measured - mean)
+    movement = np.concatenate(moved)
+    channels = {
+        name: Consistency(_rms(left[:, i]), _rms(movement[:, i]), VARIABLES[name].unit)
+        for i, name in enumerate(OUTPUTS)
+        if np.isfinite(left[:, i]).any()
+    }
+    traces = []
+    for i, piece in enumerate(problem.pieces):
+        both = [
+            {name: x[:, OUTPUTS.index(name)] for name in channels}
+            for x in (piece.measured, problem.outputs(found.z, i))
+        ]
+        traces.append(Trace(piece.time[:: piece.every], *both))
     air = () if flight.air is None else flight.air.notices
     faults = [fault.notice for fault in flight.faults]
     of_flight = [one for one in flight.notices if one not in faults and one not in air]
     notices = distinct(
         [
             *_contradictions(channels),
-            *_off(findings),
+            *_errors_found(findings),
             *([] if found.converged else [notice("channel-weights-not-converged")]),
             *(replace(fault, severity="warning") for fault in faults),
             *(replace(one, severity="info") for one in (*of_flight, *found.pieces.notices)),
             *_wind_agreement(found),
         ]
     )
-    return Compatibility(flight.name, findings, channels, _traces(found, tuple(channels)), notices), found
-
-
-def _findings(found: Estimate) -> dict[str, Finding]:
-    values, errors = found.values, found.errors
-    white = standard_errors(found.uncertainty.cramer_rao)[: found.problem.shared] * found.problem.scales
-    return {
-        u.name: Finding(
-            values[u.name],
-            errors[u.name],
-            float(plain),
-            u.mean,
-            u.std,
-            one.identifiable,
-            one.reason,
-            u.unit,
-            u.meaning,
-        )
-        for u, one, plain in zip(found.problem.unknowns, found.identifiability, white, strict=True)
-    }
-
-
-def _channels(found: Estimate) -> dict[str, Consistency]:
-    errors = np.concatenate(residuals(found.problem, found.z))
-    movement = []
-    for piece in found.problem.pieces:
-        known = np.isfinite(piece.measured)
-        mean = np.where(known, piece.measured, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-        movement.append(piece.measured - mean)
-    moved = np.concatenate(movement)
-    return {
-        name: Consistency(_rms(errors[:, i]), _rms(moved[:, i]), VARIABLES[name].unit)
-        for i, name in enumerate(OUTPUTS)
-        if np.isfinite(errors[:, i]).any()
-    }
+    return Compatibility(flight.name, findings, channels, tuple(traces), notices), found
 
 
 def _rms(values: FloatArray) -> float:
@@ -192,29 +226,103 @@ def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
 
 
+def _estimate(pieces: Pieces) -> Estimate:
+    """Estimate everything that the logged channels can tell of each other."""
+    sigma = np.array([CHANNELS[name].first for name in OUTPUTS])
+    problem = Problem(instrument_errors(pieces.logged), pieces.pieces, sigma)
+    # everything at its prior, the wind as the air data reconstruction has it
+    z, converged, air = np.zeros(problem.extra), False, pieces.flight.air
+    for i, unknown in enumerate(problem.unknowns):
+        if air is not None and np.isfinite(air.wind_n) and unknown.name in ("wind.n", "wind.e"):
+            z[i] = ((air.wind_n if unknown.name == "wind.n" else air.wind_e) - unknown.mean) / unknown.std
+    for _ in range(12):
+        end = optimize.refine(problem, z, 0, _SETTINGS)
+        if not np.isfinite(end.cost):
+            raise IdentificationError(
+                f"{pieces.flight.name}: the recorded rates and accelerations cannot be integrated; "
+                "look for wild samples with stoop info"
+            )
+        J, _ = problem.jacobian(end.z, 0, problem.residuals(end.z[None, :], 0)[0])
+        error = np.sqrt(np.diag(np.linalg.inv(J.T @ J)))[: problem.shared]
+        change = np.abs(end.z - z)[: problem.shared] / error
+        z = end.z
+        # new weights may still change an estimate by so many standard errors
+        converged = float(np.max(change, initial=0.0)) < 0.2
+        if converged:
+            break
+        # half of the way, or channels take turns in being believed
+        problem = replace(problem, sigma=np.sqrt(problem.sigma * _sigma(problem, z)))
+    found = estimate_uncertainty(_sensitivities(problem, z), np.eye(problem.extra))
+    names = [u.name for u in problem.unknowns]
+    names += [f"start {i}" for i in range(problem.extra - problem.shared)]
+    ones = np.ones(problem.extra)
+    scale = ComparisonScale(ones, np.full(problem.extra, np.inf), ones)
+    known = []
+    judged = identifiability(names, found.information, found.corrected, scale)[: problem.shared]
+    for one, value in zip(judged, problem.values(z[None, :])[0], strict=True):
+        reason = f"more than the {PIECES.margin:g} s that pieces have to spare at their ends: look at the clocks instead"
+        far = one.name.endswith(".delay") and abs(float(value)) > PIECES.margin
+        known.append(replace(one, identifiable=False, reason=reason) if far else one)
+    return Estimate(pieces, problem, z, found, tuple(known), converged)
+
+
+def _sigma(problem: Problem, z: FloatArray) -> FloatArray:
+    """Return by what each channel is to be weighted: noise times the root of its own correlation time.
+
+    Channels were recorded at different rates and interpolated; one that is sampled ten times between two of
+    its own readings must not count ten times.
+    """
+    errors = problem.errors(z)
+    together = np.concatenate(errors)
+    repeats = correlation_times(errors, problem.pieces[0].dt * problem.pieces[0].every)
+    out = np.ones(len(OUTPUTS))
+    for i, name in enumerate(OUTPUTS):
+        seen = together[np.isfinite(together[:, i]), i]
+        if seen.size:
+            power = max(float(np.mean(seen**2)), CHANNELS[name].least ** 2)
+            out[i] = np.sqrt(power * repeats[i])
+    return out
+
+
+def _sensitivities(problem: Problem, z: FloatArray) -> list[PieceEvidence]:
+    """Return whitened residuals and sensitivities of each piece, channels that were measured only."""
+    r = problem.residuals(z[None, :], 0)[0]
+    J, _ = problem.jacobian(z, 0, r)
+    used = np.flatnonzero(np.any([np.isfinite(p.measured).any(axis=0) for p in problem.pieces], axis=0))
+    out, first = [], 0
+    for piece in problem.pieces:
+        block = slice(first, first + piece.measured.size)
+        shape = (len(piece.measured), len(OUTPUTS))
+        seen = np.isfinite(piece.measured[:, used])
+        residual = np.where(seen, -r[block].reshape(shape)[:, used], np.nan)
+        out.append(PieceEvidence(residual, J[block].reshape(*shape, -1)[:, used]))
+        first = block.stop
+    return out
+
+
 def _contradictions(channels: Mapping[str, Consistency]) -> list[Notice]:
     """Return which kinds of channels contradict the inertial data, the worst first."""
-    over = {n: one.rms / USUAL_RESIDUALS[n] for n, one in channels.items() if one.rms > USUAL_RESIDUALS[n]}
+    over = {n: one.rms / CHANNELS[n].usual for n, one in channels.items() if one.rms > CHANNELS[n].usual}
     by_code: dict[str, list[str]] = {}
     for name in sorted(over, key=lambda n: -over[n]):
-        rms = _shown(channels[name].rms, channels[name].unit)
-        by_code.setdefault(_CONTRADICTIONS[name], []).append(f"{name} by {rms} rms")
+        rms, unit = channels[name].rms, channels[name].unit
+        shown = f"{rms / DEGREE:.3g} deg" if unit == "rad" else f"{rms:.3g} {unit}"
+        by_code.setdefault(CHANNELS[name].code, []).append(f"{name} by {shown} rms")
     found = [notice(code, residuals=tuple(shown)) for code, shown in by_code.items()]
     return [*found, notice("inconsistent-no-calibration")] if found else []
 
 
-def _off(findings: Mapping[str, Finding]) -> list[Notice]:
+def _errors_found(findings: Mapping[str, Finding]) -> list[Notice]:
     """Return the sensors that are evidently off."""
     out = []
     for name, one in findings.items():
         if one.is_evident and not name.startswith("wind"):
-            unit = one.unit.replace("rad", "deg") if one.unit.startswith("rad") else one.unit
-            factor = DEGREE if one.unit.startswith("rad") else 1.0
-            shown = (
-                f"{one.estimate / factor:.3g} +- {one.std_error / factor:.2g} {unit if unit != '1' else ''}"
-            )
+            angle = one.unit.startswith("rad")
+            unit, factor = (one.unit.replace("rad", "deg"), DEGREE) if angle else (one.unit, 1.0)
+            numbers = f"{one.estimate / factor:.3g} +- {one.std_error / factor:.2g}"
+            shown = numbers if unit == "1" else f"{numbers} {unit}"
             values = {"value": one.estimate, "std": one.std_error}
-            out.append(notice("instrument-error", name, meaning=one.meaning, shown=shown.strip(), **values))
+            out.append(notice("instrument-error", name, meaning=one.meaning, shown=shown, **values))
     return out
 
 
@@ -229,24 +337,50 @@ def _wind_agreement(found: Estimate) -> list[Notice]:
         abs(east - air.wind_e) / float(np.hypot(errors["wind.e"], air.wind_e_std)),
     )
     code = "winds-agree" if distance < MIN_SIGMAS else "winds-disagree"
-    return [
-        notice(code, north=north, east=east, other_north=air.wind_n, other_east=air.wind_e, distance=distance)
-    ]
+    others = {"other_north": air.wind_n, "other_east": air.wind_e, "distance": distance}
+    return [notice(code, "", north=north, east=east, **others)]
 
 
-def _shown(value: float, unit: str) -> str:
-    """Return a value with its unit, angles in degrees."""
-    if unit.startswith("rad"):
-        return f"{value / DEGREE:.3g} {unit.replace('rad', 'deg')}"
-    return f"{value:.3g} {'' if unit == '1' else unit}".strip()
+def corrected_flight(found: Estimate) -> Flight:
+    """Return the flight as sensors without the errors that were found would have logged it.
 
-
-def _traces(found: Estimate, channels: Sequence[str]) -> tuple[Trace, ...]:
-    columns = {name: OUTPUTS.index(name) for name in channels}
-    out = []
-    for i, piece in enumerate(found.problem.pieces):
-        simulated = found.problem.outputs(found.z, i)
-        measured = {name: piece.measured[:, j] for name, j in columns.items()}
-        rebuilt = {name: simulated[:, j] for name, j in columns.items()}
-        out.append(Trace(piece.time[:: piece.every], measured, rebuilt))
-    return tuple(out)
+    Biases, scales and positions of vanes are undone together, as they were estimated; delays where they are evident, for
+    shifting smooths. Air data without vanes are reconstructed anew.
+    """
+    flight, values = found.pieces.flight, found.values
+    evident = {one.name for one in found.identifiability if one.identifiable and one.name.endswith(".delay")}
+    delays = {n: values[n] for n in evident if abs(values[n]) > 2.0 * found.errors[n]}
+    columns = {}
+    for name in VARIABLES:
+        if name not in flight.data or flight.sources[name].source == RECONSTRUCTED:
+            continue
+        late = RATES_DELAY if name in ("p", "q", "r") else LATE.get(name, "")
+        x, samples = flight.column(name), -delays.get(late, 0.0) * flight.rate
+        if name in WRAPPED:  # between pi and -pi there is no value: interpolate on the circle
+            x = np.asarray(np.arctan2(delayed(np.sin(x), samples), delayed(np.cos(x), samples)))
+        else:
+            x = delayed(x, samples)
+        if name in (*INPUTS, *EULER, *_AIR):  # reading = scale * truth + bias
+            x = np.asarray((x - values.get(f"{name}.bias", 0.0)) / values.get(f"{name}.scale", 1.0))
+        columns[name] = x
+    vanes = ("V", "alpha", "beta")
+    if set(vanes) <= columns.keys() and "vane.x" in values:  # flow at the reference point
+        moving = rigid_states({name: columns[name] for name in vanes})
+        omega = np.column_stack([columns[name] for name in "pqr"])
+        arm = np.array([values[f"vane.{axis}"] for axis in "xyz"])
+        velocity = np.column_stack([moving[name] for name in "uvw"]) - np.cross(omega, arm)
+        columns |= dict(zip(vanes, flow(velocity), strict=True))
+    for axis in "ne":
+        if f"wind.{axis}" in values and f"wind_{axis}" in columns:
+            columns[f"wind_{axis}"] = np.full(flight.time.size, values[f"wind.{axis}"])
+    whole = with_attitude(on_circle({name: x for name, x in columns.items() if name not in QUATERNION}))
+    ordered = {name: whole[name] for name in VARIABLES if name in whole}
+    of_air = () if flight.air is None else flight.air.notices
+    made = replace(
+        flight,
+        data=dataset(flight.time, ordered),
+        sources={name: flight.sources[name] for name in ordered},
+        air=None,
+        notices=(*(one for one in flight.notices if one not in of_air), notice("corrected", flight.name)),
+    )
+    return with_air(made)

@@ -1,5 +1,13 @@
 """The drag polar CD = CD0 + K (CL - CL0)^2 of a performance flight, with intervals that respect color.
 
+The flight is cut into blocks of some seconds. With the airspeed V, the height h and a steady wind,
+
+    (T - D) V = d/dt [m (V^2 / 2 + g h)]        the energy-rate method
+    L = m (a_x sin(alpha) - a_z cos(alpha))     from the accelerometers, thrust along the flight path
+
+No accelerometer bias enters drag, and what a gust adds within a block it takes away again. What remains is
+vertical wind: a climb of the air of 0.1 m/s is as much as a power of m g 0.1 m/s.
+
 Where only the electric power is known, the useful power follows from momentum theory (Rankine, Froude): an
 actuator disc of diameter d that receives eta P gives
 
@@ -8,49 +16,142 @@ actuator disc of diameter d that receives eta P gives
 with the induced speed v. eta (motor, controller, blades) and d are unknowns with priors; where power varies at
 one lift coefficient the flight itself tells them, and their error is in every interval. So is that of the
 airspeed, as an unknown factor.
+
+References
+----------
+Kimberlin, "Flight Testing of Fixed-Wing Aircraft", AIAA, 2003, chapters on energy methods and drag polars.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from stoop.assessment.covariance import NORMAL_95, prior_information
 from stoop.assessment.error_bars import estimate_uncertainty
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import FloatArray, run_slices
 from stoop.base.robust import huber_weights, robust_std
+from stoop.base.units import STANDARD_GRAVITY
+from stoop.errors import FlightError
+from stoop.flight import Flight
+from stoop.flight.airborne import airborne
 from stoop.problem.evidence import PieceEvidence
-from stoop.reconstruction.performance import Blocks
+from stoop.vehicle.atmosphere import standard_density
 
+MIN_BLOCKS: Final = 12  #: below which no parabola is fitted
+SWITCHED_OFF: Final = 0.02  #: of full throttle
+NEEDED: Final = ("V", "alpha", "ax", "az", "altitude")
 SHAPE: Final = ("c0", "c1", "c2")  #: CD = c0 + c1 CL + c2 CL^2
 MAX_ITERATIONS: Final = 30
 STEP: Final = 1e-6
 DISC: Final = 0.35  #: of the root of the wing area: usual diameter of all propellers' discs together ...
 DISC_SPREAD: Final = float(np.log(1.6))  #: ... within this factor
-MEASURED_DISC: Final = 0.02  #: relative, of a diameter that was measured
-BINS: Final = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """Means over blocks; n = block."""
+
+    time: FloatArray  #: (n,) s, middle
+    stretch: NDArray[np.intp]  #: (n,) number of the contiguous stretch that each belongs to
+    speed: FloatArray  #: (n,) m/s, true airspeed
+    density: FloatArray  #: (n,) kg/m3
+    lift: FloatArray  #: (n,) N
+    kinetic: FloatArray  #: (n,) W, rate of m V^2 / 2
+    potential: FloatArray  #: (n,) W, rate of m g h
+    alpha: FloatArray  #: (n,) rad
+    power: FloatArray  #: (n,) W, electric; zero with the motor off
+    powered: bool  #: whether the power was measured; else all blocks are glides
+
+
+def blocks(
+    flight: Flight, mass: float, windows: Sequence[tuple[float, float]] = (), length: float = 5.0
+) -> Blocks:
+    """Cut the airborne part of a flight, or windows of it, into blocks.
+
+    Parameters
+    ----------
+    flight : Flight
+    mass : float, kg
+    windows : sequence of (start, stop), s on the log's own clock
+    length : float, s: longer than motor and pilot take, shorter than a climb
+
+    Raises
+    ------
+    FlightError
+        A channel is missing, nothing tells the power, or too little is left.
+    """
+    column = {name: flight.column(name) for name in NEEDED if name in flight.data}
+    lacking = [name for name in NEEDED if name not in column or not np.isfinite(column[name]).any()]
+    if lacking:
+        raise FlightError(
+            f"{flight.name}: a drag polar needs {', '.join(NEEDED)}; this flight lacks {', '.join(lacking)}"
+        )
+    # zero where the throttle is closed, and NaN where nothing is known
+    throttles = [flight.column(name) for name in ("throttle", "control_throttle") if name in flight.data]
+    throttle = next((x for x in throttles if np.nanmax(x, initial=0.0) > SWITCHED_OFF), None)
+    powered = {"voltage", "current"} <= flight.names
+    if powered:
+        power = flight.column("voltage") * flight.column("current")
+    elif throttle is not None:
+        power = np.where(throttle <= SWITCHED_OFF, 0.0, np.nan)
+    else:
+        raise FlightError(
+            f"{flight.name}: nothing tells the power: neither voltage and current of the battery, nor a throttle that "
+            "shows where the motor is off; log one of them"
+        )
+    good = airborne(flight) & np.isfinite(np.column_stack([power, *column.values()])).all(axis=1)
+    if windows:
+        good &= np.logical_or.reduce([(flight.time >= a) & (flight.time <= b) for a, b in windows])
+    size = round(length * flight.rate)
+    starts = [
+        (number, at)
+        for number, run in enumerate(run_slices(good))
+        for at in range(run.start, run.stop - size, size)
+    ]
+    if len(starts) < MIN_BLOCKS:
+        raise FlightError(
+            f"{flight.name}: only {len(starts)} blocks of {length:g} s fly with speed, height and "
+            f"{'power' if powered else 'the motor off'} known, at least {MIN_BLOCKS} are needed; give longer windows"
+        )
+    stretch, first = np.array(starts).T
+    V, alpha = column["V"], column["alpha"]
+    lift = mass * (column["ax"] * np.sin(alpha) - column["az"] * np.cos(alpha))
+    logged = flight.column("density") if "density" in flight.data else np.full(V.size, np.nan)
+    if np.isfinite(logged).any():
+        density = np.where(np.isfinite(logged), logged, np.nanmedian(logged))
+    else:
+        density = np.asarray(standard_density(column["altitude"]))
+
+    def mean(x: FloatArray) -> FloatArray:
+        return np.array([np.nanmean(x[at : at + size]) for at in first])
+
+    def rate(x: FloatArray) -> FloatArray:
+        return np.asarray((x[first + size] - x[first]) / (size / flight.rate))
+
+    return Blocks(
+        mean(flight.time), stretch, mean(V), mean(density), mean(lift), rate(0.5 * mass * V**2),
+        rate(mass * STANDARD_GRAVITY * column["altitude"]), mean(alpha), mean(power), powered,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Propulsion:
-    """What is assumed of the propulsion.
+    """What is assumed of the propulsion."""
 
-    Attributes
-    ----------
-    efficiency, efficiency_std : float
-        Of motor, controller and blades together, without the induced loss: electric power to power in the disc.
-    diameter : float or None
-        Of the propeller's disc, m; of several discs that of one with their whole area. None when unknown.
-    """
-
-    efficiency: float = 0.70
+    efficiency: float = (
+        0.70  #: electric power to power in the disc: motor, controller, blades, no induced loss
+    )
     efficiency_std: float = 0.10
-    diameter: float | None = None
+    diameter: float | None = (
+        None  #: m, of the disc; of several that of one with their whole area; None when unknown
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,26 +210,49 @@ class Polar:
     @cached_property
     def summary(self) -> Mapping[str, tuple[float, float]]:
         """Return CD0, K, CL0, best glide and the propulsion: (value, standard error); NaN where K is not positive."""
-        derived = {name: self._derived(function) for name, function in _DERIVED.items()}
-        own = {
-            name: (float(np.exp(v)), float(np.exp(v) * s)) if name == "diameter" else (float(v), float(s))
-            for name, v, s in zip(self.names, self.values, self.std, strict=True)
-            if name not in SHAPE
-        }
-        return {**derived, **own}
+
+        def derived(values: FloatArray) -> FloatArray:
+            c0, c1, c2 = (float(v) for v in values[:3])
+            parabola = (c0 - c1**2 / (4.0 * c2), c2, -c1 / (2.0 * c2)) if c2 > 0.0 else (np.nan,) * 3
+            least = c1 + 2.0 * np.sqrt(c0 * c2) if c0 > 0.0 and c2 > 0.0 else -1.0
+            return np.array(
+                [*parabola, 1.0 / least if least > 0.0 else np.nan]
+            )  # CL / CD at CL = sqrt(c0 / c2)
+
+        found, slopes = self._slopes(derived)
+        names = ("CD0", "K", "CL0", "best glide")
+        stds = (float(np.sqrt(slope @ self.covariance @ slope)) for slope in slopes.T)
+        out = dict(zip(names, zip(found.tolist(), stds, strict=True), strict=True))
+        for name, v, s in zip(self.names, self.values.tolist(), self.std.tolist(), strict=True):
+            if name not in SHAPE:
+                out[name] = (float(np.exp(v)), float(np.exp(v) * s)) if name == "diameter" else (v, s)
+        return out
 
     def level_power(self, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the electric power of steady level flight and its standard error, W, at airspeeds (n,) m/s."""
-        value = self._level(self.values, speed)
-        rows = np.array(
-            [(self._level(self._stepped(i), speed) - value) / STEP for i in range(len(self.values))]
-        )
-        return value, np.sqrt(np.einsum("in,ij,jn->n", rows, self.covariance, rows))
+        rho = float(np.median(self.blocks.density))
+
+        def power(values: FloatArray) -> FloatArray:
+            """Return the power at which useful power and drag balance."""
+            named = dict(zip(self.names, values, strict=True))
+            pressure_area = 0.5 * rho * speed**2 * self.area
+            CL = float(np.median(self.blocks.lift)) / pressure_area
+            drag = pressure_area * (named["c0"] + named["c1"] * CL + named["c2"] * CL**2)
+            disc = 0.25 * np.pi * np.exp(2.0 * named["diameter"])
+            induced = 0.5 * (np.sqrt(speed**2 + 2.0 * drag / (rho * disc)) - speed)
+            return np.asarray(drag * (speed + induced) / named["efficiency"])
+
+        value, slopes = self._slopes(power)
+        return value, np.sqrt(np.einsum("in,ij,jn->n", slopes, self.covariance, slopes))
 
     def bins(self) -> list[Bin]:
-        """Return medians in bins of as many blocks each."""
-        parts = np.array_split(np.argsort(self.CL, kind="stable"), min(BINS, max(1, len(self.CL) // 4)))
-        return [_bin(self.CL[part], self.CD[part]) for part in parts]
+        """Return medians in eight bins, of four blocks and more each."""
+        out = []
+        for part in np.array_split(np.argsort(self.CL, kind="stable"), min(8, max(1, len(self.CL) // 4))):
+            middle = float(np.median(self.CD[part]))
+            spread = robust_std(self.CD[part] - middle)
+            out.append(Bin(float(np.median(self.CL[part])), middle, spread, len(part)))
+        return out
 
     @cached_property
     def valid(self) -> tuple[float, float]:
@@ -141,53 +265,11 @@ class Polar:
         value, std = self.drag(np.array([CL]))
         return float(value[0] - NORMAL_95 * std[0]), float(value[0] + NORMAL_95 * std[0])
 
-    def _derived(self, function: Callable[[FloatArray], float]) -> tuple[float, float]:
-        value = float(function(self.values))
-        slope = np.array(
-            [(float(function(self._stepped(i))) - value) / STEP for i in range(len(self.values))]
-        )
-        return value, float(np.sqrt(slope @ self.covariance @ slope))
-
-    def _stepped(self, i: int) -> FloatArray:
-        out = self.values.copy()
-        out[i] += STEP
-        return out
-
-    def _level(self, values: FloatArray, speed: FloatArray) -> FloatArray:
-        """Return the electric power at which useful power and drag balance."""
-        named = dict(zip(self.names, values, strict=True))
-        rho = float(np.median(self.blocks.density))
-        pressure_area = 0.5 * rho * speed**2 * self.area
-        CL = float(np.median(self.blocks.lift)) / pressure_area
-        drag = pressure_area * (named["c0"] + named["c1"] * CL + named["c2"] * CL**2)
-        disc = 0.25 * np.pi * np.exp(2.0 * named["diameter"])
-        induced = 0.5 * (np.sqrt(speed**2 + 2.0 * drag / (rho * disc)) - speed)
-        return np.asarray(drag * (speed + induced) / named["efficiency"])
-
-
-def _parabola(values: FloatArray) -> tuple[float, float, float]:
-    c0, c1, c2 = values[:3]
-    return (c0 - c1**2 / (4.0 * c2), c2, -c1 / (2.0 * c2)) if c2 > 0.0 else (np.nan, np.nan, np.nan)
-
-
-def _best_glide(values: FloatArray) -> float:
-    """Return the greatest CL / CD, at CL = sqrt(c0 / c2)."""
-    c0, c1, c2 = (float(v) for v in values[:3])
-    least = c1 + 2.0 * np.sqrt(c0 * c2) if c0 > 0.0 and c2 > 0.0 else -1.0
-    return 1.0 / least if least > 0.0 else np.nan
-
-
-_DERIVED: Final[dict[str, Callable[[FloatArray], float]]] = {
-    "CD0": lambda values: _parabola(values)[0],
-    "K": lambda values: _parabola(values)[1],
-    "CL0": lambda values: _parabola(values)[2],
-    "best glide": _best_glide,
-}
-
-
-def _bin(CL: FloatArray, CD: FloatArray) -> Bin:
-    middle = float(np.median(CD))
-    return Bin(float(np.median(CL)), middle, robust_std(CD - middle), len(CL))
+    def _slopes(self, function: Callable[[FloatArray], FloatArray]) -> tuple[FloatArray, FloatArray]:
+        """Return a function (n,) of the values, and its derivatives (k, n) by forward differences."""
+        value = function(self.values)
+        steps = STEP * np.eye(len(self.values))
+        return value, np.array([(function(self.values + step) - value) / STEP for step in steps])
 
 
 def useful_power(
@@ -204,9 +286,8 @@ def useful_power(
     area : float, m2, of the disc
     """
     received = np.maximum(efficiency * power, 0.0)
-    induced = np.cbrt(
-        received / (2.0 * density * area)
-    )  # of a disc at rest: never too small, so Newton comes down
+    # that of a disc at rest: never too small, so Newton comes down
+    induced = np.cbrt(received / (2.0 * density * area))
     for _ in range(MAX_ITERATIONS):
         excess = 2.0 * density * area * (speed + induced) ** 2 * induced - received
         slope = 2.0 * density * area * (speed + induced) * (speed + 3.0 * induced)
@@ -240,13 +321,6 @@ class _Balance:
         c0, c1, c2 = values[:3]
         return np.asarray((CD - (c0 + c1 * CL + c2 * CL**2)) * pressure_area)
 
-    def jacobian(self, values: FloatArray) -> FloatArray:
-        """Return the derivative (n, k) by central differences."""
-        steps = STEP * np.eye(len(values))
-        return np.column_stack(
-            [(self.residual(values + h) - self.residual(values - h)) / (2.0 * STEP) for h in steps]
-        )
-
 
 def fit_polar(
     cut: Blocks, mass: float, area: float, airspeed_std: float, propulsion: Propulsion = Propulsion()
@@ -261,56 +335,42 @@ def fit_polar(
         Relative standard error of the airspeed, common to all blocks.
     propulsion : Propulsion
     """
-    names, mean, std = _priors(cut.powered, area, airspeed_std, propulsion)
-    balance = _Balance(cut, area, names)
+    free = np.nan
+    rows = [("c0", 0.04, free), ("c1", 0.0, free), ("c2", 0.05, free), ("airspeed", 1.0, airspeed_std)]
+    if cut.powered:
+        diameter = propulsion.diameter or DISC * np.sqrt(area)
+        spread = 0.02 if propulsion.diameter is not None else DISC_SPREAD  # one that was measured
+        rows.append(("efficiency", propulsion.efficiency, propulsion.efficiency_std))
+        rows.append(("diameter", float(np.log(diameter)), spread))
+    names = tuple(name for name, _, _ in rows)
+    mean, std = np.array([row[1:] for row in rows]).T.copy()
+    balance, known = _Balance(cut, area, names), np.isfinite(std)
+    scale = np.where(known, std, 1.0)
     values, weights, sigma = mean.copy(), np.ones(len(cut.time)), 1.0
     for _ in range(MAX_ITERATIONS):
-        before = values
-        values = _solved(balance, values, np.sqrt(weights) / sigma, mean, std)
+        before, root = values, np.sqrt(weights) / sigma
+
+        def weighted(x: FloatArray, root: FloatArray = root) -> FloatArray:
+            return np.concatenate([root * balance.residual(x), ((x - mean) / scale)[known]])
+
+        values = np.asarray(least_squares(weighted, values, x_scale=np.where(known, std, 0.05)).x)
         left = balance.residual(values)
         sigma = robust_std(left) or 1.0
         weights = huber_weights(left, sigma)
         if float(np.max(np.abs(values - before))) < 1e-8:
             break
-    covariance = _covariance(balance, values, np.sqrt(weights) / sigma, std)
-    CL, CD, _ = balance.coefficients(values)
-    return Polar(cut, area, mass, names, values, covariance, std, CL, CD, weights)
-
-
-def _solved(
-    balance: _Balance, start: FloatArray, root: FloatArray, mean: FloatArray, std: FloatArray
-) -> FloatArray:
-    """Return the weighted least-squares estimate with priors."""
-    known = np.isfinite(std)
-    spread = np.where(known, std, 1.0)
-
-    def weighted(values: FloatArray) -> FloatArray:
-        return np.concatenate([root * balance.residual(values), ((values - mean) / spread)[known]])
-
-    return np.asarray(least_squares(weighted, start, x_scale=np.where(known, std, 0.05)).x)
-
-
-def _priors(
-    powered: bool, area: float, airspeed_std: float, propulsion: Propulsion
-) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
-    free = np.nan
-    rows = [("c0", 0.04, free), ("c1", 0.0, free), ("c2", 0.05, free), ("airspeed", 1.0, airspeed_std)]
-    if powered:
-        measured = propulsion.diameter is not None
-        diameter = propulsion.diameter or DISC * np.sqrt(area)
-        rows.append(("efficiency", propulsion.efficiency, propulsion.efficiency_std))
-        rows.append(("diameter", float(np.log(diameter)), MEASURED_DISC if measured else DISC_SPREAD))
-    names, mean, std = zip(*rows, strict=True)
-    return names, np.array(mean), np.array(std)
-
-
-def _covariance(balance: _Balance, values: FloatArray, root: FloatArray, std: FloatArray) -> FloatArray:
-    """Return the covariance, corrected for color, stretch by stretch."""
-    left, slopes = balance.residual(values), -balance.jacobian(values)
-    parts = [np.flatnonzero(balance.blocks.stretch == s) for s in np.unique(balance.blocks.stretch)]
+    # the covariance is corrected for color, stretch by stretch
+    root, left = np.sqrt(weights) / sigma, balance.residual(values)
+    steps = STEP * np.eye(len(values))
+    slopes = np.column_stack(
+        [(balance.residual(values + h) - balance.residual(values - h)) / (2.0 * STEP) for h in steps]
+    )
+    parts = [np.flatnonzero(cut.stretch == s) for s in np.unique(cut.stretch)]
     segments = [
-        PieceEvidence((root * left)[part][:, None], (root[:, None] * slopes)[part][:, None, :])
+        PieceEvidence((root * left)[part][:, None], (root[:, None] * -slopes)[part][:, None, :])
         for part in parts
         if part.size > 1
     ]
-    return estimate_uncertainty(segments, prior_information(std)).corrected
+    covariance = estimate_uncertainty(segments, prior_information(std)).corrected
+    CL, CD, _ = balance.coefficients(values)
+    return Polar(cut, area, mass, names, values, covariance, std, CL, CD, weights)

@@ -55,19 +55,8 @@ def identification(
 ) -> Identification:
     """Return the result of a fit with its curves.
 
-    Parameters
-    ----------
-    fit : Fit
-    flights : mapping
-        By name, as they were fitted.
-    predicted : sequence of Window
-        Not fitted; predicted by the model.
-    options : Options
-    inputs : mapping of str to str
-        Names of files to hashes of their content.
-    began : float
-        `time.perf_counter` at the start.
-    command : str
+    `flights` are as they were fitted, `predicted` windows were not; `inputs` are hashes of files by name; `began` is
+    `time.perf_counter` at the start.
     """
     problem, vehicle = fit.problem, fit.problem.layout.vehicle
     color, bars = fit.inflation, error_bars(fit)

@@ -69,12 +69,8 @@ class Job:
     def assess(self, *assessments: Assessment, watch: Callable[[str], None] | None = None) -> Job:
         """Return this job with the uncertainty by further methods.
 
-        Parameters
-        ----------
-        assessments : Assessment
-            :class:`stoop.workflow.Bootstrap`, :class:`stoop.workflow.Posterior`, :class:`stoop.workflow.Profile`, or your own.
-        watch : callable, optional
-            Called with the progress of each.
+        `watch` is called with the progress of each: :class:`stoop.workflow.Bootstrap`, :class:`stoop.workflow.Posterior`,
+        :class:`stoop.workflow.Profile`, or your own.
         """
         from stoop.assessment.assessment import assess
 

@@ -49,17 +49,7 @@ def check_folder(
 ) -> None:
     """Refuse a folder that cannot take the outputs, before any work is done; make it if it is not there.
 
-    Parameters
-    ----------
-    folder : Path
-    flights : sequence of str
-        Names of the flights.
-    overwrite : bool
-        Whether earlier outputs may be replaced.
-    inputs : sequence of Path
-        Files that are read: never written over.
-    more : sequence of str
-        Names of further files that will be written.
+    `flights` and `more` are names of flights and of further files; `inputs` are never written over.
 
     Raises
     ------

@@ -16,10 +16,8 @@ from stoop.base.numbers import finite_or_none
 from stoop.errors import FlightError
 from stoop.flight import Flight, save
 from stoop.flight.air_data import RECONSTRUCTED
-from stoop.reconstruction.compatibility import Compatibility, check
-from stoop.reconstruction.corrected import corrected_flight
-from stoop.reconstruction.performance import blocks
-from stoop.reconstruction.polar import DISC, DISC_SPREAD, Polar, Propulsion, fit_polar
+from stoop.reconstruction.compatibility import Compatibility, check, corrected_flight
+from stoop.reconstruction.polar import DISC, DISC_SPREAD, Polar, Propulsion, blocks, fit_polar
 from stoop.workflow.outputs import file_hashes, flight_files, versions
 from stoop.workflow.summary import data_notices
 
@@ -39,11 +37,7 @@ def check_compatibility(
 ) -> tuple[Compatibility, Flight]:
     """Return the contradictions between the sensors, and the flight with their errors corrected.
 
-    Parameters
-    ----------
-    flight : Flight
-    windows : sequence of (start, stop)
-        s on the log's own clock; the airborne part without any.
+    `windows` are (start, stop) in s on the log's own clock; the airborne part without any.
 
     Raises
     ------
@@ -83,13 +77,7 @@ def drag_polar(
 ) -> tuple[Polar, tuple[Notice, ...]]:
     """Return the polar of a flight, and what it rests on.
 
-    Parameters
-    ----------
-    flight : Flight
-    mass, area : float, kg, m2
-    windows : sequence of (start, stop)
-        s on the log's own clock; the airborne part without any.
-    propulsion : Propulsion
+    Mass in kg, area in m2; `windows` are (start, stop) in s on the log's own clock, the airborne part without any.
 
     Raises
     ------

@@ -27,10 +27,10 @@ from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.observation import through_air
 from stoop.simulation import initial_states, parameter_rows
 from stoop.simulation.delays import first_order_lag
-from stoop.simulation.fly import Flown, fly
+from stoop.simulation.fly import fly
 from stoop.simulation.initial import commanded
 from stoop.simulation.maneuver import parse_maneuver
-from stoop.simulation.trajectories import readings_along, states_flown
+from stoop.simulation.trajectories import Flown, readings_along, states_flown
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.problems import Posed, data_text, take_none

@@ -12,7 +12,7 @@ from stoop.optimize.population import MEMBERS, latin_hypercube
 from stoop.report.plots import Series, Strip, plot, stacked_plots
 from stoop.report.sheet import Figure, Prose, Section, Table
 from stoop.simulation import Mode, linearize
-from stoop.simulation.fly import Flown
+from stoop.simulation.trajectories import Flown
 from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, reproduces
 from stoop_studies.optimizers.evolution import Initialization, chaos, uniform
 from stoop_studies.problems.paper import SAMPLES, paper

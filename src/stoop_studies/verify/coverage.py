@@ -17,27 +17,14 @@ from stoop.estimate.fit import Options
 from stoop.report.sheet import Prose, Section, Table
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.findings import Claim, Findings, Setting, holds
-from stoop_studies.verify.scenes import (
-    AIRCRAFT,
-    BIASES,
-    DURATION,
-    RATE,
-    START_ERROR,
-    STEPS,
-    Scene,
-    in_autoregressive_noise,
-    in_dryden_turbulence,
-    in_white_noise,
-    inputs_table,
-    sensor_noise,
-)
+from stoop_studies.verify import scenes
 from stoop_studies.verify.study import Columns, Samples, Verification, or_none, page_table, percent, work
 
 LEAD: Final = f"""\
-The twin-boom aircraft flies {len(STEPS)} maneuvers of {DURATION:.0f} s at {RATE:.0f} Hz on all six degrees of \
-freedom. Its 32 coefficients are estimated jointly from all twelve channels, from starting values up to \
-{100 * START_ERROR:.0f} % wrong. Each maneuver's nine initial states and {len(BIASES)} sensor biases are unknown and \
-estimated, and so is the covariance of the noise; in turbulence so are the intensities of the gusts. Each seed draws \
+The twin-boom aircraft flies {len(scenes.STEPS)} maneuvers of {scenes.DURATION:.0f} s at {scenes.RATE:.0f} Hz on all six degrees \
+of freedom. Its 32 coefficients are estimated jointly from all twelve channels, from starting values up to \
+{100 * scenes.START_ERROR:.0f} % wrong. Each maneuver's nine initial states and {len(scenes.BIASES)} sensor biases are unknown \
+and estimated, and so is the covariance of the noise; in turbulence so are the intensities of the gusts. Each seed draws \
 biases, noise and starting values. The intervals are those that stoop identify publishes."""
 WORDS: Final = """\
 Coverage is the share of flights in which estimate ± 1.96 standard errors holds the truth. Sharpness is the mean \
@@ -71,35 +58,27 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True)
 class Case:
-    """Flights with one kind of residuals.
+    """Flights with one kind of residuals, and where their coverage must lie.
 
-    Attributes
-    ----------
-    words : str
-        What the residuals are.
-    fly : callable
-        From a seed to a `Scene`.
-    method : str
-        Of `stoop.estimate.methods`.
-    pooled, each : (low, high)
-        Where the coverage over all parameters must lie, and that of each; `each` is None where nothing is asked.
+    ``fly`` turns a seed into a `Scene`; ``pooled`` is the range over all parameters, ``each`` that of every one (None:
+    nothing is asked).
     """
 
     words: str
-    fly: Callable[[int], Scene]
+    fly: Callable[[int], scenes.Scene]
     method: str
     pooled: Range
     each: Range | None = None
 
 
 CASES: Final[Mapping[str, Case]] = {
-    "white": Case("white sensor noise", in_white_noise, "output-error", (0.93, 0.97), (0.91, 0.98)),
+    "white": Case("white sensor noise", scenes.in_white_noise, "output-error", (0.93, 0.97), (0.91, 0.98)),
     "ar1": Case(
-        "AR(1) sensor noise, coefficient 0.95", in_autoregressive_noise, "output-error", (0.90, 0.98)
+        "AR(1) sensor noise, coefficient 0.95", scenes.in_autoregressive_noise, "output-error", (0.90, 0.98)
     ),
     "dryden": Case(
         "Dryden turbulence (MIL-F-8785C, moderate) and white sensor noise",
-        in_dryden_turbulence,
+        scenes.in_dryden_turbulence,
         "filter-error",
         (0.90, 0.98),
     ),
@@ -108,14 +87,7 @@ CASES: Final[Mapping[str, Case]] = {
 
 @work
 def cover(case: str, seed: int) -> dict[str, Any]:
-    """Fly a case and identify it as users do.
-
-    Returns
-    -------
-    dict
-        ``errors`` (estimate less truth), ``sigma`` and ``cramer_rao`` (standard errors; None where a bound holds the
-        parameter) by the order of ``names``, and ``status`` of the search.
-    """
+    """Fly a case and identify it as users do; a standard error is None where a bound holds the parameter."""
     method = CASES[case].method
     scene, options = CASES[case].fly(seed), Options(seed=seed, method=method)
     fit = methods.find(method).fitter()(scene.start, scene.flights, scene.windows, options, None, None)
@@ -177,7 +149,7 @@ def show(setting: Setting, samples: Samples) -> Findings:
         (
             Section("Pooled over the parameters", (page_table(caption, SUMMARY, summary), Prose(WORDS))),
             Section("Each parameter", each),
-            Section("What was flown", (inputs_table(STEPS), _noise())),
+            Section("What was flown", (scenes.inputs_table(scenes.STEPS), _noise())),
         ),
         [record for own in records.values() for record in own],
     )
@@ -204,9 +176,11 @@ def _claims(
 
 
 def _noise() -> Table:
-    vehicle = resolve_vehicle(AIRCRAFT)
-    sigma = dict(zip(vehicle.outputs, sensor_noise(vehicle), strict=True))
-    rows = tuple((c, f"{s:g}", f"{BIASES[c]:g}" if c in BIASES else "–") for c, s in sigma.items())
+    vehicle = resolve_vehicle(scenes.AIRCRAFT)
+    sigma = dict(zip(vehicle.outputs, scenes.sensor_noise(vehicle), strict=True))
+    rows = tuple(
+        (c, f"{s:g}", f"{scenes.BIASES[c]:g}" if c in scenes.BIASES else "–") for c, s in sigma.items()
+    )
     caption = "Standard deviations, SI: of the noise, and of the biases of each maneuver"
     return Table(caption, ("channel", "noise", "bias"), rows)
 

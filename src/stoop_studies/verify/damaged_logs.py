@@ -140,19 +140,10 @@ FORMS: Final[Mapping[str, Form]] = {
 
 @dataclass(frozen=True)
 class Sample:
-    """A small undamaged log.
+    """A small undamaged log: content of its files by name, and the form (key of `FORMS`) of those that are damaged.
 
-    Attributes
-    ----------
-    files : mapping of name to content
-    form : str
-        Key of `FORMS`: how the files that are damaged are built.
-    entry : str
-        The file that is read; empty for their folder.
-    targets : tuple of str
-        Files that are damaged.
-    mapping : str
-        The mapping file; empty where a built-in mapping serves, or none is needed.
+    ``entry`` is the file that is read (empty: their folder), ``targets`` the files that are damaged, ``mapping`` the mapping
+    file (empty where a built-in one serves, or none is needed).
     """
 
     files: Mapping[str, bytes]

@@ -29,19 +29,7 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.load import parse_vehicle
 from stoop_studies.findings import Claim, Findings, Setting, holds
-from stoop_studies.verify.scenes import (
-    AIRCRAFT,
-    BIASES,
-    DURATION,
-    TRUTHS,
-    Scene,
-    inputs_table,
-    step_maneuvers,
-    whole_maneuvers,
-    with_biases,
-    with_trim_thrust,
-    wrong_start,
-)
+from stoop_studies.verify import scenes
 from stoop_studies.verify.study import Columns, Samples, Verification, or_none, page_table, work
 
 RATE: Final = 100.0  #: Hz, as recorded
@@ -80,7 +68,7 @@ LEAD: Final = f"""\
 The twin-boom aircraft is simulated at {SIMULATION_RATE:.0f} Hz and recorded at {RATE:.0f} Hz; each delay is drawn as a \
 whole number of steps of the simulation, {1.0 / SUBSTEPS:g} sample each, up to {MAX_DELAY / SUBSTEPS:g} samples \
 ({MAX_RECEIVER_DELAY / SUBSTEPS:g} for velocity and position). The interpolation by which stoop shifts signals has no part in \
-the data. Each maneuver lasts {DURATION:.0f} s; white noise of the stated size is added to every channel."""
+the data. Each maneuver lasts {scenes.DURATION:.0f} s; white noise of the stated size is added to every channel."""
 WORDS: Final = """\
 An error is estimate less truth, in samples. Coverage is the share of flights in which estimate ± 1.96 standard errors \
 holds the truth. Surfaces move at 1 rad/s: a command that jumps between two samples does not say when, and a zero-order \
@@ -97,35 +85,37 @@ SHOWN: Final[Columns] = {
 @functools.cache
 def maneuvers() -> Mapping[str, Maneuver]:
     """Return the maneuvers by name, at the rate of the simulation."""
-    return step_maneuvers(STEPS, DURATION, SIMULATION_RATE, slew=SLEW)
+    return scenes.step_maneuvers(STEPS, scenes.DURATION, SIMULATION_RATE, slew=SLEW)
 
 
 @functools.cache
 def aircraft() -> Vehicle:
     """Return the twin-boom aircraft with a delay on every control and on every sensor but the inertial ones."""
-    plain = resolve_vehicle(AIRCRAFT)
+    plain = resolve_vehicle(scenes.AIRCRAFT)
     document: Any = tomlkit.parse(plain.text)
     unknown = {"value": 0.0, "free": True, "bounds": list(BOX)}
     for table, names in (("controls", INPUTS), ("sensors", SENSORS)):
         for name in names:
             document.setdefault(table, {}).setdefault(name, {})["delay"] = dict(unknown)
     vehicle = parse_vehicle(tomlkit.dumps(document), plain.where)
-    return with_trim_thrust(vehicle.with_numbers({name: {"value": value} for name, value in TRUTHS.items()}))
+    return scenes.with_trim_thrust(
+        vehicle.with_numbers({name: {"value": value} for name, value in scenes.TRUTHS.items()})
+    )
 
 
-def late_vehicle(seed: int) -> Scene:
+def late_vehicle(seed: int) -> scenes.Scene:
     """Return an identification in which nine delays are unknown beside 32 coefficients."""
     rng = np.random.default_rng(seed)
     delays = {name: int(rng.integers(0, MAX_DELAY + 1)) / SIMULATION_RATE for name in NAMES}
     truth = aircraft().with_numbers({name: {"value": value} for name, value in delays.items()})
     flights = {}
     for name, planned in maneuvers().items():
-        flown = simulate_flight(with_biases(truth, rng), planned, noise=False, name=name)
+        flown = simulate_flight(scenes.with_biases(truth, rng), planned, noise=False, name=name)
         columns = {str(c): flown.column(str(c)) for c in flown.data.data_vars}
         flights[name] = recorded(name, flown.time, columns, rng)
     unknown = {name: {"value": START, "bounds": BOX} for name in delays}
-    start = wrong_start(aircraft(), rng).with_numbers(unknown)
-    return Scene(start, flights, whole_maneuvers(), delays)
+    start = scenes.wrong_start(aircraft(), rng).with_numbers(unknown)
+    return scenes.Scene(start, flights, scenes.whole_maneuvers(), delays)
 
 
 def late_sensors(seed: int) -> tuple[Flight, dict[str, float]]:
@@ -136,8 +126,17 @@ def late_sensors(seed: int) -> tuple[Flight, dict[str, float]]:
     late = {channel: steps[name] for name, channels in GROUPS.items() for channel in channels}
     prompt = aircraft().with_numbers({name: {"value": 0.0} for name in NAMES})
     flown = [simulate_flight(prompt, maneuver, noise=False) for maneuver in maneuvers().values()]
-    biases = {c: sigma * rng.standard_normal() for c, sigma in BIASES.items()}
-    parts = [_over_ground({c: f.column(c) for c in prompt.outputs}) for f in flown]
+    biases = {c: sigma * rng.standard_normal() for c, sigma in scenes.BIASES.items()}
+    parts = []
+    for flight in flown:  # what the vehicle's sensors read, velocity over ground and position
+        columns = {c: flight.column(c) for c in prompt.outputs}
+        body = rigid_states({name: columns[name] for name in ("V", "alpha", "beta")})
+        rotation = matrices_of(quaternions_of(np.column_stack([columns[name] for name in EULER])))
+        air = np.column_stack([body[name] for name in "uvw"])
+        ground = np.einsum("nij,nj->ni", rotation, air) + np.array(WIND)
+        steps_made = np.cumsum(0.5 * (ground[1:] + ground[:-1]), axis=0) / SIMULATION_RATE
+        place = np.concatenate([np.zeros((1, 3)), steps_made])
+        parts.append({**columns, **dict(zip((*VELOCITY, *POSITION), (*ground.T, *place.T), strict=True))})
     gap = np.full(int(SIMULATION_RATE), np.nan)  # a second without a record keeps the maneuvers apart
     whole = {}
     for channel in parts[0]:
@@ -148,17 +147,6 @@ def late_sensors(seed: int) -> tuple[Flight, dict[str, float]]:
         whole[channel] = np.concatenate(pieces)
     time = np.arange(len(whole["V"])) / SIMULATION_RATE
     return recorded(f"late {seed}", time, whole, rng), {n: k / SIMULATION_RATE for n, k in steps.items()}
-
-
-def _over_ground(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Add velocity over ground and position to what a vehicle's sensors read."""
-    body = rigid_states({name: columns[name] for name in ("V", "alpha", "beta")})
-    rotation = matrices_of(quaternions_of(np.column_stack([columns[name] for name in EULER])))
-    air = np.column_stack([body[name] for name in "uvw"])
-    ground = np.einsum("nij,nj->ni", rotation, air) + np.array(WIND)
-    steps = np.cumsum(0.5 * (ground[1:] + ground[:-1]), axis=0) / SIMULATION_RATE
-    place = np.concatenate([np.zeros((1, 3)), steps])
-    return {**columns, **dict(zip((*VELOCITY, *POSITION), (*ground.T, *place.T), strict=True))}
 
 
 def recorded(
@@ -222,7 +210,10 @@ def show(setting: Setting, samples: Samples) -> Findings:
             for i, name in enumerate(names)
         ]
     noise = tuple((channel, f"{sigma:g}") for channel, sigma in NOISE.items())
-    flown = (inputs_table(STEPS), Table("Standard deviation of the noise, SI", ("channel", "noise"), noise))
+    flown = (
+        scenes.inputs_table(STEPS),
+        Table("Standard deviation of the noise, SI", ("channel", "noise"), noise),
+    )
     tables = (page_table(CASES[case], SHOWN, own) for case, own in records.items())
     return Findings.tabulated(
         "Delays of inputs and outputs, fractions of a sample included",

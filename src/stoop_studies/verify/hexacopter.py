@@ -18,6 +18,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from stoop.assessment.error_bars import error_bars
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of, to_body
 from stoop.base.units import FACTORS
@@ -98,7 +99,7 @@ Their thrust is rho A U (ct1 U - ct2 (climb + induced)), U the tip speed; ours i
 inflow = rho A ct2 U1, U1 = 154.8 m/s the tip speed at full pulse. Their U takes 16.8 V always, ours the voltage (15.4 V on \
 average), and their induced velocity is that of axial flight, ours also that of forward flight; and they give to the drag dk \
 of the body what we give to the flow through the discs. So single coefficients differ where what the vehicle feels is alike: \
-the last rows but one. ch2 is held by us: 1.5 ct1 from blade elements without twist, with their sign. We have no drag of the \
+the last rows but one. We fix ch2 at 1.5 ct1, from blade elements without twist, with their sign. We have no drag of the \
 body. The lift lost is that of a climb of 4 m/s."""
 
 
@@ -170,11 +171,6 @@ def read_log(folder: Path | None, mapped: bool = True) -> Log:
     """Read the log and the authors' table in a folder, or in its folder ``altlnt-hexacopter-px4``.
 
     With ``mapped`` the mapping brings the attitude to the clock of the gyros; else the log is read as PX4 logs are.
-
-    Raises
-    ------
-    StoopError
-        A file is not there, or cannot be read.
     """
     log, *_ = published_files(
         "hexacopter",
@@ -218,6 +214,11 @@ class Fitted:
         return fit
 
     @cached_property
+    def std(self) -> FloatArray:
+        """Standard errors of parameters and nuisances."""
+        return error_bars(self.fit).std
+
+    @cached_property
     def vehicle(self) -> Vehicle:
         """With its estimates."""
         return identified_vehicle(self.fit)
@@ -228,10 +229,7 @@ class Fitted:
     def error(self, name: str) -> float:
         """Return the standard error of an estimate; zero of what was fixed."""
         names = [p.name for p in self.fit.problem.layout.parameters]
-        if name not in names or self.fit.covariance is None:
-            return 0.0
-        i = names.index(name)
-        return float(np.sqrt(self.fit.covariance[i, i]))
+        return float(self.std[names.index(name)]) if name in names else 0.0
 
     def curves(self, span: Span) -> ForceCurves:
         """Return measured and modelled specific force below 5 Hz."""
@@ -276,12 +274,12 @@ def show(setting: Setting, samples: Samples) -> Findings:
     ]
     caption = "Residuals of the specific force below 5 Hz, rms, m/s2"
     residuals = page_table(caption, {n: (n.replace("_", " "), _cell) for n in RESIDUALS}, records)
-    caption = "Our numbers as the authors' coefficients; those without an error are held or follow"
+    caption = "Our numbers as the authors' coefficients; those without an error are fixed or follow"
     beside = page_table(caption, COEFFICIENTS, coefficients)
     caption = "Residuals of the prediction, each fitted without one part, rms, m/s2"
     worth = page_table(caption, {"left_out": ("without", str), **{a: (a, ".3f") for a in AXES}}, lacking)
     return Findings.tabulated(
-        "A real hexacopter: hover and climbs tell its sprints",
+        "A real hexacopter: hover and climbs predict its sprints",
         LEAD,
         _claims([r for r in records if r["window"] != "140:214"]),
         (

@@ -38,7 +38,15 @@ from stoop_studies.verify.jsbsim_flight import (
     fly,
     trimmed,
 )
-from stoop_studies.verify.study import Columns, Samples, Verification, noise_table, page_table, work
+from stoop_studies.verify.study import (
+    Columns,
+    Samples,
+    Verification,
+    data_text,
+    noise_table,
+    page_table,
+    work,
+)
 
 SIGMAS: Final = 3.0  #: an estimate agrees within so many standard errors,
 SHARE: Final = 0.02  #: or within this of the true value, whichever is larger
@@ -47,8 +55,8 @@ MEAN_SQUARES: Final = (0.75, 1.5)  #: of the differences in standard errors; 1 w
 LEAD: Final = f"""\
 Aircraft of JSBSim's own package fly {DURATION:.0f} s of multisines on elevator, aileron and rudder together. Their \
 instruments are read at {RATE} Hz, noise is added, and stoop identifies all derivatives from the readings, with known mass \
-properties and from starting values of zero. What it finds is held against JSBSim's own aerodynamic tables at that \
-flight condition, by finite differences through JSBSim."""
+properties and from starting values of zero. The estimates are compared with JSBSim's own aerodynamic tables at that flight \
+condition, by finite differences through JSBSim."""
 WORDS: Final = f"""\
 Estimate, standard error and difference are those of the first flight. An estimate agrees within {SIGMAS:.0f} of its \
 standard errors or {100 * SHARE:.0f} % of the true value, whichever is larger; among many, a few in a thousand do not by \
@@ -58,30 +66,6 @@ NOISE: Final = {
     "V": 0.2, "alpha": 0.005, "beta": 0.005, "p": 0.005, "q": 0.005, "r": 0.005,
     "phi": 0.005, "theta": 0.005, "psi": 0.005, "ax": 0.05, "ay": 0.05, "az": 0.05,
 }  #: one standard deviation of the white noise on each channel: m/s, rad, rad/s, m/s2  # fmt: skip
-FILE: Final = """
-format = "stoop-vehicle/1"
-name = "{title}"
-
-[mass]
-mass = {mass!r}
-center_of_gravity = {center}
-inertia = {{ xx = {xx!r}, yy = {yy!r}, zz = {zz!r}, xz = {xz!r}, xy = {xy!r}, yz = {yz!r} }}
-
-[reference]
-area = {area!r}
-chord = {chord!r}
-span = {span!r}
-airspeed = {airspeed!r}
-alpha = {alpha!r}
-moment_point = {moment_point}
-rate_normalization = "actual"
-
-[environment]
-gravity = {gravity!r}
-
-[sensors]
-accelerometer_position = {eye}
-"""
 VARIABLES: Final = ("V", "alpha", "beta", "p", "q", "r", "elevator", "aileron", "rudder")  #: of the terms
 LEVELS: Final = tuple(map(float, norm.ppf((np.arange(16) + 0.5) / 16)))  #: standard deviations off the trim
 CORNERS: Final = (-1.0, 1.0)  #: likewise, of both factors of a product
@@ -94,7 +78,7 @@ def vehicle_of(aircraft: Aircraft, trim: Trim) -> Vehicle:
     Deflections count from trim, so that the constant terms are the coefficients there.
     """
     stock = aircraft.stock
-    text = FILE.format(
+    text = data_text("jsbsim.toml.in").format(
         title=stock.title, mass=aircraft["inertia/mass-slugs"] * SLUG, center=list(aircraft.point(CENTER)),
         **inertia(aircraft), area=aircraft["metrics/Sw-sqft"] * FOOT**2, chord=aircraft["metrics/cbarw-ft"] * FOOT,
         span=aircraft["metrics/bw-ft"] * FOOT, airspeed=stock.airspeed, alpha=stock.alpha,
@@ -104,9 +88,7 @@ def vehicle_of(aircraft: Aircraft, trim: Trim) -> Vehicle:
     sensors = [f"[sensors.{channel}]\nsigma = {sigma!r}" for channel, sigma in NOISE.items()]
     controls = [f"[controls.{c}]\noffset = {-value!r}" for c, value in trim.deflections.items()]
     parts = [text, *sensors, *controls]
-    if (
-        stock.throttle is not None
-    ):  # thrust is a recorded channel, on the line that force and moment of the engines give
+    if stock.throttle is not None:  # thrust is recorded; it acts on the line of the engines' force and moment
         arm = aircraft["moments/m-prop-lbsft"] / aircraft["forces/fbx-prop-lbs"] * FOOT
         x, y, z = aircraft.point(CENTER)
         parts.append(f'[propulsion]\nkind = "channel"\nposition = {[x, y, z + arm]}')
@@ -211,21 +193,10 @@ def moment_at_reference(aircraft: Aircraft) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A vehicle of JSBSim, flown once without noise.
+    """A vehicle of JSBSim, flown once without noise, and what stoop is given of it.
 
-    Attributes
-    ----------
-    name : str
-        Of its flights.
-    vehicle : Vehicle
-        What stoop is given.
-    flown : Recording
-    truth : mapping of parameter to the value that JSBSim's own vehicle has
-    noise : mapping of channel to standard deviation, SI
-    channels : tuple of str
-        What is recorded.
-    stream : int
-        Begins the seed of the noise: no two cases share it.
+    ``truth`` has JSBSim's own value of each parameter, ``noise`` the standard deviation of each channel, SI, and ``stream``
+    begins the seed of the noise: no two cases share it.
     """
 
     name: str
@@ -259,13 +230,7 @@ class Case:
 
 @functools.cache
 def flown_case(model: str) -> Case:
-    """Fly an aircraft of the fleet, and read its derivatives off.
-
-    Raises
-    ------
-    StoopError
-        JSBSim is not installed, or its data have changed.
-    """
+    """Fly an aircraft of the fleet, and read its derivatives off."""
     stream, stock = next((i, s) for i, s in enumerate(FLEET) if s.model == model)
     aircraft = Aircraft(stock)
     trim = trimmed(aircraft)

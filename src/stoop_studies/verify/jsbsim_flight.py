@@ -60,18 +60,10 @@ class Subject:
 
 @dataclass(frozen=True, kw_only=True)
 class Stock(Subject):
-    """A stock aircraft and its flight condition.
+    """A stock aircraft, trimmed at an airspeed (m/s) and altitude (m); terms count from ``alpha`` (rad), next to the trim's.
 
-    Attributes
-    ----------
-    airspeed, alpha, altitude : m/s, rad, m
-        Trimmed at that airspeed; the angle is where the terms count from, next to the trim's.
-    amplitude : rad, by control
-    throttle : 0 to 1; None with the engines off
-    band : Hz, the highest frequency of the inputs
-    added : text of the terms beside those of eq. (1), as in a vehicle file
-    dropped : terms of eq. (1) that this aircraft is not given
-    surfaces : property by control where it is not that of `SURFACES`
+    Amplitudes are in rad by control, throttle 0 to 1 (None: engines off), band is the highest frequency of the inputs, Hz;
+    ``added`` and ``dropped`` are terms beside those of eq. (1), and of it, and ``surfaces`` the properties of the controls.
     """
 
     airspeed: float
@@ -186,21 +178,7 @@ class Recording:
 
 
 class Executive:
-    """A JSBSim executive with one aircraft in it; properties are read and written by name, in their own units.
-
-    Parameters
-    ----------
-    folder : Path, optional
-        With the aircraft; JSBSim's own data when absent.
-    model : str
-    step : float
-        s.
-
-    Raises
-    ------
-    StoopError
-        JSBSim is not installed, or has no such aircraft.
-    """
+    """JSBSim with one aircraft, perhaps from a folder of ours; properties are read and written in their own units."""
 
     def __init__(self, folder: Path | None, model: str, step: float) -> None:
         self.fdm = simulator(folder)
@@ -223,10 +201,7 @@ class Executive:
         return np.array([self.fdm[name] for name in names])
 
     def point(self, name: str) -> tuple[float, float, float]:
-        """Return a point of the structural frame (inches aft, right, up) in ours (m forward, right, down).
-
-        ``name`` has braces where the axis stands.
-        """
+        """Return a point of the structural frame (inches aft, right, up) in ours (m forward, right, down)."""
         x, y, z = (self[name.format(axis)] * INCH for axis in "xyz")
         return -x, y, -z
 
@@ -276,13 +251,7 @@ class Aircraft(Executive):
 
 
 def trimmed(aircraft: Aircraft) -> Trim:
-    """Return the straight flight at the stock's airspeed; what the thrust leaves over climbs or sinks.
-
-    Raises
-    ------
-    StoopError
-        There is none.
-    """
+    """Return the straight flight at the stock's airspeed; what the thrust leaves over climbs or sinks."""
     stock = aircraft.stock
 
     def point(x: FloatArray) -> Trim:

@@ -36,7 +36,7 @@ from stoop.vehicle.load import parse_vehicle
 from stoop_studies.findings import Findings, Setting
 from stoop_studies.verify.jsbsim import Case, findings
 from stoop_studies.verify.jsbsim_flight import ADAMS_BASHFORTH_2, EARTH_RATE, Executive, Recording, Subject
-from stoop_studies.verify.study import Samples, Verification, work
+from stoop_studies.verify.study import Samples, Verification, data_text, work
 
 STEP: Final = 5e-4  #: s, of JSBSim: its motors are integrated by Euler's rule
 RATE: Final = 100  #: Hz, of the record and of the autopilot
@@ -52,17 +52,6 @@ PARTS: Final = (
     *(f"aircraft/F450/{name}.xml" for name in ("Metrics", "Mass", "Propulsion", "Aero")),
     *(f"engine/{name}.xml" for name in ("DJI_E305", "DJI_9450")),
 )  #: files of JSBSim's package
-AIRCRAFT_XML: Final = """<?xml version="1.0"?>
-<fdm_config name="F450" version="2.0" release="ALPHA">
-  <fileheader/>
-  <metrics file="Metrics.xml"/>
-  <mass_balance file="Mass.xml"/>
-  <ground_reactions/>
-  <propulsion file="Propulsion.xml"/>
-  <flight_control name="none"/>
-  <aerodynamics file="Aero.xml"/>
-</fdm_config>
-"""
 ROTORS: Final = ("front_right", "rear_left", "front_left", "rear_right")  #: in the order of JSBSim's engines
 SPEED, THRUST, TORQUE = (
     f"propulsion/engine[{{}}]/{name}" for name in ("propeller-rpm", "thrust-lbs", "propeller-torque-ftlb")
@@ -72,7 +61,6 @@ FOOT_POUND: Final = FOOT * POUND_FORCE  #: N m
 MOTORS, TURNS, LIFTS, TWISTS = (
     tuple(f"{of}_{i + 1}" for i in range(4)) for of in ("motor", "rotor", "thrust", "torque")
 )  #: channels: command, speed (rad/s), thrust (N) and torque (N m) of each rotor
-AIRFRAME: Final = ("drag_x", "drag_y", "drag_z")
 READ: Final = {
     **dict(zip(VELOCITY, ((f"velocities/v-{a}-fps", FOOT) for a in ("north", "east", "down")), strict=True)),
     **{a: (f"velocities/{a}i-rad_sec", 1.0) for a in RATES},
@@ -96,41 +84,11 @@ NOISE: Final = {
     "vn": 0.1, "ve": 0.1, "vd": 0.1, "p": 0.02, "q": 0.02, "r": 0.02,
     "phi": 0.01, "theta": 0.01, "psi": 0.01, "ax": 0.3, "ay": 0.3, "az": 0.3,
 }  #: one standard deviation of the white noise on each channel: m/s, rad/s, rad, m/s2  # fmt: skip
-STARTS: Final = {"xx": 0.03, "yy": 0.03}  #: kg m2, where the search for the moments of inertia starts
 KNOWN: Final = ("mass.inertia.zz", "body_drag.quadratic.z")  #: the flight cannot separate them from others
-VEHICLE_FILE: Final = """
-format = "stoop-vehicle/1"
-name = "F450 of JSBSim"
-
-[mass]
-mass = {mass!r}
-[mass.inertia]
-xx = {{ value = {xx!r}, free = true, bounds = [0.005, 0.1] }}
-yy = {{ value = {yy!r}, free = true, bounds = [0.005, 0.1] }}
-zz = {zz!r}
-
-[environment]
-gravity = {gravity!r}
-
-[rotors]
-drive = "speed"
-{channel}
-inertia = {{ value = 2e-5, free = true, bounds = [1e-6, 3e-4] }}
-T2 = {T2_start!r}
-inflow = 0.0
-translational = 0.0
-torque_ratio = 0.01
-
-[body_drag]
-linear = [0.0, 0.0, {{ value = 0.0, free = false }}]
-quadratic = [0.0, 0.0, {{ value = {drag!r}, free = false }}]
-rotation = [{turning}, {turning}, {turning}]
-"""
 BY_COMMAND: Final = """\
 lag = {{ value = 0.1, free = true, bounds = [0.005, 0.3] }}
 gain = {gain!r}
 idle = {idle!r}"""
-TURNING: Final = "{ value = 0.0, bounds = [-0.1, 0.1] }"
 NOTCH: Final = 0.03  #: steps of the command on the stand
 LAGS: Final = (0.02, 0.2)  #: s, among which the lag is
 SETTLED: Final = 50  #: samples after which the start of a lag is forgotten
@@ -139,8 +97,8 @@ COMMANDS: Final = "commands"  #: recorded are the commands alone
 LEAD: Final = f"""\
 The F450 of JSBSim's own package, a quadrotor of 1.4 kg with brushless motors and tables of measured propellers, is flown \
 by a simple autopilot that shakes it on all four axes for {DURATION:.0f} s of a climb at {CLIMB:g} m/s. Its instruments are \
-read, noise is added, and stoop identifies rotors, drag and inertia from short windows, mass and geometry known. What it \
-finds is held against what JSBSim's own rotors and body do along that flight, each force for itself."""
+read, noise is added, and stoop identifies rotors, drag and inertia from short windows, mass and geometry known. The \
+estimates are compared with what JSBSim's own rotors and body do along that flight, each force by itself."""
 WORDS: Final = """\
 Estimate, standard error and difference are those of the first flight. An estimate agrees within 3 of its standard errors \
 or 2 % of the true value, whichever is larger. The last column is the difference of the mean over all flights, in standard \
@@ -149,13 +107,13 @@ RECORDS: Final = (
     Subject(
         SPEEDS,
         "Speeds of the rotors recorded",
-        "As an autopilot does that hears its speed controllers: what the motors do is seen, what the propellers do is found.",
+        "As with telemetry of the speed controllers: the motors are observed, the propellers are identified.",
     ),
     Subject(
         COMMANDS,
         "Commands alone recorded",
-        "The lag of the motors is found, too. How fast they turn at a command is told (a straight line from the stand): "
-        "otherwise thrust, torque and inertia of a rotor could be told per command only.",
+        "The lag of the motors is identified, too. Their speed over the command is given (a straight line from the stand): "
+        "otherwise thrust, torque and inertia of a rotor would be known per command only.",
     ),
 )
 
@@ -179,7 +137,7 @@ class Quadrotor(Executive):
                 raise StoopError(
                     f"jsbsim: its package has no whole F450 ({error}); install jsbsim 1.2 or later"
                 ) from error
-            (root / "aircraft/F450/F450.xml").write_text(AIRCRAFT_XML, encoding="utf-8")
+            (root / "aircraft/F450/F450.xml").write_text(data_text("f450.xml"), encoding="utf-8")
             super().__init__(root, "F450", STEP)
         place = {"ic/lat-gc-deg": 0.0, "ic/long-gc-deg": 0.0, "ic/h-sl-ft": ALTITUDE / FOOT}
         self.set({**place, "ic/psi-true-rad": HEADING})
@@ -188,11 +146,6 @@ class Quadrotor(Executive):
         self.set({"simulation/integrator/rate/rotational": ADAMS_BASHFORTH_2})
         self.fdm.get_propulsion().init_running(-1)
         self.set({"forces/hold-down": 1.0})
-
-    def blow(self, wind: Sequence[float]) -> None:
-        """Let a steady wind (north, east, down) blow, m/s."""
-        axes = zip(("north", "east", "down"), wind, strict=True)
-        self.set({f"atmosphere/wind-{a}-fps": v / FOOT for a, v in axes})
 
     def command(self, commands: Sequence[float]) -> None:
         """Set the four motors, 0 to 1."""
@@ -208,17 +161,6 @@ class Quadrotor(Executive):
         self.command(commands)
         self.run(0.8)
 
-    @property
-    def mass(self) -> float:
-        """In kg."""
-        return self["inertia/mass-slugs"] * SLUG
-
-    @property
-    def inertia(self) -> tuple[float, float, float]:
-        """About the body axes, kg m2; it has no products."""
-        x, y, z = (self.read([f"inertia/i{a}{a}-slugs_ft2" for a in "xyz"]) * (SLUG * FOOT**2)).tolist()
-        return x, y, z
-
     def position(self, engine: int) -> tuple[float, float, float]:
         """Return where a rotor is (m forward, right, down)."""
         return self.point(f"propulsion/engine[{engine}]/{{}}-position")
@@ -231,16 +173,20 @@ class Quadrotor(Executive):
 class Pilot:
     """An autopilot of proportional gains that holds a velocity, and excites the vehicle while it does.
 
-    Parameters
-    ----------
-    velocity : (n, 3), m/s
-        Commanded velocity north, east, down.
-    excitation : (n, 4)
-        Added accelerations: roll, pitch, yaw (rad/s2), heave (m/s2).
+    Velocities (n, 3) north, east, down are commanded, m/s, and accelerations (n, 4) added: roll, pitch, yaw (rad/s2), heave
+    (m/s2). Both are sums of sines, a third of an octave apart, of Schroeder's phases; before 0 s it only climbs.
     """
 
-    def __init__(self, velocity: FloatArray, excitation: FloatArray) -> None:
-        self.velocity, self.excitation = velocity, excitation
+    def __init__(self, time: FloatArray) -> None:
+        grown = np.clip(time + 2.0, 0.0, 1.0)
+        self.velocity, self.excitation = np.zeros((len(time), 3)), np.zeros((len(time), 4))
+        self.velocity[:, 2] = -CLIMB * np.clip((time + CLIMB_OUT) / 2.0, 0.0, 1.0)
+        for table, sines in ((self.velocity, COMMANDED), (self.excitation, EXCITED)):
+            for axis, (amplitude, lowest, count, phase) in sines.items():
+                each = np.arange(count)
+                frequency = lowest * 2.0 ** ((each + phase / 6.0) / 3.0)
+                angle = 2.0 * np.pi * frequency * time[:, None] - np.pi * each * (each + phase) / count
+                table[:, axis] += grown * (amplitude * np.sqrt(0.5 / count) * np.sin(angle).sum(axis=1))
         self.climb_error = 0.0  #: integral, m
 
     def __call__(self, k: int, now: Mapping[str, float]) -> FloatArray:
@@ -251,34 +197,11 @@ class Pilot:
         theta = float(np.clip(-1.5 * ahead / GRAVITY, -MAX_ANGLE, MAX_ANGLE))
         phi = float(np.clip(1.5 * right / GRAVITY, -MAX_ANGLE, MAX_ANGLE))
         self.climb_error += down / RATE
-        accelerations = np.array(
-            [
-                40.0 * (phi - now["phi"]) - 9.0 * now["p"],
-                40.0 * (theta - now["theta"]) - 9.0 * now["q"],
-                4.0 * (HEADING - now["psi"]) - 4.0 * now["r"],
-                -2.0 * down - 1.0 * self.climb_error,
-            ]
-        )
+        roll = 40.0 * (phi - now["phi"]) - 9.0 * now["p"]
+        pitch = 40.0 * (theta - now["theta"]) - 9.0 * now["q"]
+        yaw = 4.0 * (HEADING - now["psi"]) - 4.0 * now["r"]
+        accelerations = np.array([roll, pitch, yaw, -2.0 * down - 1.0 * self.climb_error])
         return np.asarray(np.clip(HOVER + SIGNS @ (GAINS * (accelerations + self.excitation[k])), 0.05, 1.0))
-
-
-def multisine(time: FloatArray, amplitude: float, lowest: float, count: int, phase: int) -> FloatArray:
-    """Return a sum of sines (n,), a third of an octave apart, of Schroeder's phases; its standard deviation is a half."""
-    each = np.arange(count)
-    frequency = lowest * 2.0 ** ((each + phase / 6.0) / 3.0)
-    angle = 2.0 * np.pi * frequency * time[:, None] - np.pi * each * (each + phase) / count
-    return np.asarray(amplitude * np.sqrt(0.5 / count) * np.sin(angle).sum(axis=1))
-
-
-def pilot(time: FloatArray) -> Pilot:
-    """Return the autopilot with its maneuver; before 0 s it only climbs."""
-    grown = np.clip(time + 2.0, 0.0, 1.0)
-    velocity, excitation = np.zeros((len(time), 3)), np.zeros((len(time), 4))
-    velocity[:, 2] = -CLIMB * np.clip((time + CLIMB_OUT) / 2.0, 0.0, 1.0)
-    for table, sines in ((velocity, COMMANDED), (excitation, EXCITED)):
-        for axis, (amplitude, lowest, count, phase) in sines.items():
-            table[:, axis] += grown * multisine(time, amplitude, lowest, count, phase)
-    return Pilot(velocity, excitation)
 
 
 def fly(quadrotor: Quadrotor) -> Recording:
@@ -287,7 +210,7 @@ def fly(quadrotor: Quadrotor) -> Recording:
     Commands run on straight lines between the samples, as the record is taken to say.
     """
     time = np.arange(round((CLIMB_OUT + DURATION) * RATE) + 1) / RATE - CLIMB_OUT
-    autopilot, fine = pilot(time), round(1.0 / (RATE * STEP))
+    autopilot, fine = Pilot(time), round(1.0 / (RATE * STEP))
     units = np.array([unit for _, unit in READ.values()])
     commands = np.full((len(time), 4), HOVER)
     quadrotor.settle(commands[0])
@@ -314,11 +237,12 @@ def vehicle_of(
     turning of the Earth takes.
     """
     x = float(np.mean([flown.columns[c].mean() for c in TURNS]))
+    mass = quadrotor["inertia/mass-slugs"] * SLUG
     radius = quadrotor["position/radius-to-vehicle-ft"] * FOOT
-    text = VEHICLE_FILE.format(
-        mass=quadrotor.mass, **STARTS, zz=truth["mass.inertia.zz"], gravity=flown.gravity - EARTH_RATE**2 * radius,
+    text = data_text("f450.toml.in").format(
+        mass=mass, zz=truth["mass.inertia.zz"], gravity=flown.gravity - EARTH_RATE**2 * radius,
         channel="" if motor is None else BY_COMMAND.format(**motor),
-        T2_start=quadrotor.mass * flown.gravity / 4.0 / x**2, drag=truth["body_drag.quadratic.z"], turning=TURNING,
+        T2_start=mass * flown.gravity / 4.0 / x**2, drag=truth["body_drag.quadratic.z"],
     )  # fmt: skip
     channels = TURNS if motor is None else MOTORS
     rotors = [
@@ -332,30 +256,13 @@ def vehicle_of(
 
 def motor_curve(quadrotor: Quadrotor, command: float) -> dict[str, float]:
     """Return the speed over the command at a climb, a straight line: ``gain`` and ``idle`` of a vehicle file."""
-    quadrotor.blow((0.0, 0.0, CLIMB))
+    quadrotor.set({"atmosphere/wind-down-fps": CLIMB / FOOT})
     speeds = []
     for one in (command - NOTCH, command + NOTCH):
         quadrotor.settle([one] * 4)
         speeds.append(quadrotor[SPEED.format(0)] * RPM)
     gain = (speeds[1] - speeds[0]) / (2.0 * NOTCH)
     return {"gain": gain, "idle": command - sum(speeds) / (2.0 * gain)}
-
-
-def step_response(quadrotor: Quadrotor, command: float) -> float:
-    """Return the time constant of the thrust after a small step of the command, s; mean of up and down."""
-    quadrotor.blow((0.0, 0.0, CLIMB))
-    areas = []
-    for step in (NOTCH, -NOTCH):
-        quadrotor.settle([command - step] * 4)
-        thrust = [quadrotor[THRUST.format(0)]]
-        quadrotor.command([command + step] * 4)
-        for _ in range(round(0.8 * RATE)):
-            quadrotor.run(1.0 / RATE)
-            thrust.append(quadrotor[THRUST.format(0)])
-        y = np.array(thrust)
-        missing = (y[-1] - y) / (y[-1] - y[0])
-        areas.append(float(np.sum(missing[1:] + missing[:-1]) / (2.0 * RATE)))
-    return float(np.mean(areas))
 
 
 def truth(quadrotor: Quadrotor, flown: Recording, motor: Mapping[str, float] | None) -> dict[str, float]:
@@ -366,11 +273,11 @@ def truth(quadrotor: Quadrotor, flown: Recording, motor: Mapping[str, float] | N
     else:
         lag = fitted_lag(flown, climb, motor)
         lags, x = {"rotors.lag": lag}, lagged(flown, motor, lag)
-    xx, yy, zz = quadrotor.inertia
+    inertia = quadrotor.read([f"inertia/i{a}{a}-slugs_ft2" for a in "xyz"]) * (SLUG * FOOT**2)
     return {
-        **thrust(flown, x, climb), **torque_ratio(quadrotor, flown, x, climb), **lags, **airframe(flown),
+        **rotor_coefficients(quadrotor, flown, x, climb), **lags, **airframe(flown),
         **{f"body_drag.rotation.{a}": 0.0 for a in "xyz"},
-        "mass.inertia.xx": xx, "mass.inertia.yy": yy, "mass.inertia.zz": zz,
+        **{f"mass.inertia.{a}{a}": value for a, value in zip("xyz", inertia.tolist(), strict=True)},
     }  # fmt: skip
 
 
@@ -415,29 +322,26 @@ def fitted_lag(flown: Recording, climb: FloatArray, motor: Mapping[str, float]) 
     return float(minimize_scalar(misfit, bounds=LAGS, method="bounded", options={"xatol": 1e-7}).x)
 
 
-def thrust(flown: Recording, x: FloatArray, climb: FloatArray) -> dict[str, float]:
-    """Return the coefficients of the thrust over x (4, n)."""
-    T2, inflow = map(float, _solved(_thrust_terms(x, climb), _lifts(flown)))
-    return {"rotors.T2": T2, "rotors.inflow": inflow}
-
-
-def torque_ratio(
+def rotor_coefficients(
     quadrotor: Quadrotor, flown: Recording, x: FloatArray, climb: FloatArray
 ) -> dict[str, float]:
-    """Return torque over thrust, m, and the inertia of a rotor, kg m2, from what four rotors leave over in yaw.
+    """Return the coefficients of the thrust over x (4, n), torque over thrust, m, and the inertia of a rotor, kg m2.
 
-    That is what a flight shows: torques that are alike cancel, so of the tables it is the ratio of slopes over x (4, n).
-    The torque is JSBSim's, and the thrust what our coefficients make of x: where commands are recorded, that rises 2 %
-    less in yaw than JSBSim's, for two coefficients stand for level, command and climb. A motor's torque, which JSBSim
-    says, also speeds its rotor up.
+    The latter two are those of the difference of four rotors in yaw. That is what a flight shows: torques that are alike
+    cancel, so of the tables it is the ratio of slopes over x. The torque is JSBSim's, and the thrust what our coefficients
+    make of x: where commands are recorded, that rises 2 % less in yaw than JSBSim's, for two coefficients stand for level,
+    command and climb. A motor's torque, which JSBSim says, also speeds its rotor up.
     """
+    terms = _thrust_terms(x, climb)
+    T2, inflow = _solved(terms, _lifts(flown)).tolist()
     signs = np.array([1.0 if quadrotor.sense(i) == "ccw" else -1.0 for i in range(4)])
-    own = (_thrust_terms(x, climb) @ list(thrust(flown, x, climb).values())).reshape(4, -1)
+    own = (terms @ [T2, inflow]).reshape(4, -1)
     lift = signs @ own * flown.columns["density"][SETTLED:] / SEA_LEVEL_DENSITY
     twist = -np.sum([flown.columns[c] for c in TWISTS], axis=0)  # JSBSim has the sign of the turning in it
     faster = np.gradient(signs @ x, 1.0 / RATE)
     ratio, inertia = _solved(np.column_stack([lift, faster[SETTLED:]]), twist[SETTLED:])
-    return {"rotors.torque_ratio": float(ratio), "rotors.inertia": float(inertia)}
+    names = ("T2", "inflow", "torque_ratio", "inertia")
+    return {f"rotors.{n}": float(v) for n, v in zip(names, (T2, inflow, ratio, inertia), strict=True)}
 
 
 def airframe(flown: Recording) -> dict[str, float]:
@@ -447,16 +351,14 @@ def airframe(flown: Recording) -> dict[str, float]:
     the thrust has the form of ``rotors.translational``, a quarter of it for each rotor.
     """
     u, v, w = (flown.columns[c] for c in "uvw")
-    ahead, right, down = (-flown.columns[c] for c in AIRFRAME)
+    ahead, right, down = (-flown.columns[c] for c in ("drag_x", "drag_y", "drag_z"))
     x, y = (_solved(np.column_stack([s, np.abs(s) * s]), force) for s, force in ((u, ahead), (v, right)))
     z = _solved(np.column_stack([np.abs(w) * w, u * u + v * v]), down)
     thin = SEA_LEVEL_DENSITY / float(flown.columns["density"].mean())
+    linear, quadratic = {"x": x[0], "y": y[0]}, {"x": x[1], "y": y[1], "z": z[0]}
     return {
-        "body_drag.linear.x": float(x[0]),
-        "body_drag.linear.y": float(y[0]),
-        "body_drag.quadratic.x": float(x[1]),
-        "body_drag.quadratic.y": float(y[1]),
-        "body_drag.quadratic.z": float(z[0]),
+        **{f"body_drag.linear.{a}": float(v) for a, v in linear.items()},
+        **{f"body_drag.quadratic.{a}": float(v) for a, v in quadratic.items()},
         "rotors.translational": thin * float(z[1]) / 4.0,
     }
 
@@ -467,13 +369,7 @@ def _solved(columns: FloatArray, values: FloatArray) -> FloatArray:
 
 @functools.cache
 def flown_case(recorded: str) -> Case:
-    """Fly the vehicle, and measure it on the stand.
-
-    Raises
-    ------
-    StoopError
-        JSBSim is not installed, or its data have changed.
-    """
+    """Fly the vehicle, and measure it on the stand."""
     airborne, clamped = Quadrotor(), Quadrotor()
     flown = fly(airborne)
     by_speed = recorded == SPEEDS

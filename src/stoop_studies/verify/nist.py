@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -110,21 +110,9 @@ def compiled(name: str) -> tuple[Callable[..., Any], ...]:
 
 @dataclass(frozen=True, eq=False)
 class Certified:
-    """What a file says; it is parsed, and nothing is evaluated.
+    """A problem as its file states it: two starts (2, p), certified values and standard deviations (p,), data.
 
-    Attributes
-    ----------
-    name : str
-    level : str
-        Of difficulty: lower, average or higher.
-    starts : (2, p)
-    values, deviations : (p,)
-        Certified parameters and their standard deviations.
-    least : float
-        Certified residual sum of squares.
-    y : (n,)
-    x : (m, n)
-        Predictors.
+    ``least`` is the certified residual sum of squares, ``y`` (n,) the response, ``x`` (m, n) the predictors.
     """
 
     name: str
@@ -138,13 +126,7 @@ class Certified:
 
 
 def read_certified(path: Path) -> Certified:
-    """Read a file.
-
-    Raises
-    ------
-    StoopError
-        It cannot be read, or is not of this format.
-    """
+    """Read a file; one that is not of this format is a StoopError."""
     try:
         text = path.read_text(encoding="ascii")
     except (OSError, UnicodeDecodeError) as error:
@@ -162,13 +144,7 @@ def read_certified(path: Path) -> Certified:
 
 
 def problem_files(folder: Path | None) -> list[Path]:
-    """Return the files of the problems that lie in a folder, or in its folder ``nist-strd``.
-
-    Raises
-    ------
-    StoopError
-        There are none.
-    """
+    """Return the files of the problems that lie in a folder, or in its folder ``nist-strd``."""
     return published_files(
         "nist",
         folder,
@@ -182,15 +158,7 @@ def problem_files(folder: Path | None) -> list[Path]:
 
 @dataclass(frozen=True, eq=False)
 class Regression:
-    """A file of NIST StRD as an `optimize.Problem` without a box: all of its parameters are free.
-
-    Attributes
-    ----------
-    certified : Certified
-        Of which the certified values are not looked at here.
-    scale : (p,)
-        Sizes of the parameters at the start: z = b / scale.
-    """
+    """A file of NIST StRD as an `optimize.Problem` without a box: z = b / scale, with the sizes of its start."""
 
     certified: Certified
     scale: FloatArray
@@ -203,21 +171,20 @@ class Regression:
         """Number of parameters."""
         return len(self.scale)
 
-    def _evaluate(self, functions: Sequence[Callable[..., Any]], z: FloatArray) -> list[FloatArray]:
-        """Return functions (n,) of `compiled` at a point."""
-        c = self.certified
+    def _evaluate(self, part: slice, z: FloatArray) -> FloatArray:
+        """Return some of the functions (k, n) of `compiled` at a point."""
+        c, functions = self.certified, compiled(self.certified.name)[part]
         with np.errstate(all="ignore"):
             values = [np.asarray(f(z * self.scale, c.y, *c.x), dtype=np.float64) for f in functions]
-        return [np.broadcast_to(v, len(c.y)) for v in values]  # some derivatives are constant
+        return np.array([np.broadcast_to(v, len(c.y)) for v in values])  # some derivatives are constant
 
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
         """Return model less response (B, n)."""
-        return np.array([self._evaluate(compiled(self.certified.name)[:1], z)[0] for z in Z])
+        return np.array([self._evaluate(slice(1), z)[0] for z in Z])
 
     def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
         """Return exact derivatives (n, p)."""
-        rows = np.array(self._evaluate(compiled(self.certified.name)[1:], z))
-        return (rows * self.scale[:, None]).T, float(self.extra)
+        return (self._evaluate(slice(1, None), z) * self.scale[:, None]).T, float(self.extra)
 
     def costs(self, X: FloatArray, rung: int) -> FloatArray:
         """Return the sums of squares at the origin: there is no box."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -52,7 +52,7 @@ NAME: Final = (
 )  #: of a file
 LEAD: Final = """\
 Two airframes of one type fly 2 m forth and back: as they are, with the propeller M3 cut at both tips, and with a weight \
-taped near M3. Each flight is held against the normal flights of its airframe; a normal flight against the others. What a \
+taped near M3. Each flight is compared with the normal flights of its airframe; a normal flight with the others. What a \
 rotor is commanded is the firmware's thrust command, which the firmware corrects with the battery's voltage."""
 WORDS: Final = """\
 The factor is thrust and torque of M3 per command, 1 in the normal flights, if M3 alone has changed; its standard error \
@@ -116,13 +116,7 @@ def balance() -> Balance:
 
 
 def read_flights(folder: Path | None) -> tuple[CrazyFlight, ...]:
-    """Read all flights in a folder, or in its folder ``crazypad-propeller-damage``.
-
-    Raises
-    ------
-    StoopError
-        There are none, or one cannot be read.
-    """
+    """Read all flights in a folder, or in its folder ``crazypad-propeller-damage``."""
     advice = (
         "give --data DIR with flights of https://github.com/AerialRoboticsUUST/CrazyPAD "
         "(data/motor_data, '/' in a path become '__')"
@@ -168,13 +162,8 @@ class Assessed:
 
     @property
     def accuses_m3(self) -> bool:
-        """Whether it is said that M3 is weak."""
+        """Whether the verdict is that M3 is weak."""
         return self.verdict.rotors == (CHANGED,)
-
-    @property
-    def undecided(self) -> bool:
-        """Whether it is said that M3 is weak, or a mass near it."""
-        return self.verdict.kind == "weak or mass" and self.accuses_m3
 
 
 def assess_all(flights: Sequence[CrazyFlight]) -> tuple[list[Assessed], list[Assessed], list[Assessed]]:
@@ -214,30 +203,24 @@ def assess_all(flights: Sequence[CrazyFlight]) -> tuple[list[Assessed], list[Ass
     return normal, changed, treatments
 
 
-def _common(a: Assessed) -> dict[str, Any]:
-    """Return what both tables hold of a flight or a treatment: what is suspected, and how strongly."""
-    return {
+def _record(a: Assessed) -> dict[str, Any]:
+    """Return the row of a flight, or of a treatment with its single flights."""
+    flight, mass, factors = a.flight, a.found.mass_near(CHANGED), [m.factor for m in a.members]
+    suspicion = {
         "suspected": a.found.suspected.rotor, "chance": a.found.chance, "factor_m3": a.factor, "std_error": a.m3.std,
     }  # fmt: skip
-
-
-def _flight_record(a: Assessed) -> dict[str, Any]:
-    mass, flight = a.found.mass_near(CHANGED), a.flight
-    return {
-        "airframe": flight.airframe, "condition": flight.condition, "log": flight.log, "voltage": a.found.voltage,
-        **_common(a), "left_if_weak": a.m3.unexplained, "mass_share": mass.size, "mass_std_error": mass.std,
-        "left_if_mass": mass.unexplained, "verdict": str(a.verdict.notice),
-    }  # fmt: skip
-
-
-def _treatment_record(a: Assessed) -> dict[str, Any]:
-    factors = [m.factor for m in a.members]
-    return {
-        "airframe": a.flight.airframe, "condition": a.flight.condition, "length": a.flight.length,
-        "flights": len(factors), **_common(a), "lowest": min(factors), "highest": max(factors),
-        "suspected_m3": sum(m.suspects_m3 for m in a.members), "accused_m3": sum(m.accuses_m3 for m in a.members),
-        "verdict": str(a.verdict.notice),
-    }  # fmt: skip
+    row: dict[str, Any] = {"airframe": flight.airframe, "condition": flight.condition}
+    if factors:
+        row |= {
+            "length": flight.length, "flights": len(factors), **suspicion, "lowest": min(factors), "highest": max(factors),
+            "suspected_m3": sum(m.suspects_m3 for m in a.members), "accused_m3": sum(m.accuses_m3 for m in a.members),
+        }  # fmt: skip
+    else:
+        row |= {
+            "log": flight.log, "voltage": a.found.voltage, **suspicion, "left_if_weak": a.m3.unexplained,
+            "mass_share": mass.size, "mass_std_error": mass.std, "left_if_mass": mass.unexplained,
+        }  # fmt: skip
+    return {**row, "verdict": str(a.verdict.notice)}
 
 
 def _shown(record: Mapping[str, Any]) -> dict[str, Any]:
@@ -254,12 +237,12 @@ def show(setting: Setting, samples: Samples) -> Findings:
     flights = read_flights(setting.data)
     normal, changed, treatments = assess_all(flights)
     single, grouped = (
-        [_flight_record(a) for a in (*normal, *changed)],
-        [_treatment_record(a) for a in treatments],
+        [_record(a) for a in (*normal, *changed)],
+        [_record(a) for a in treatments],
     )
     caption = "The flights after one treatment, taken together as one flight"
     first = page_table(caption, TREATMENTS, map(_shown, grouped))
-    caption = "Each flight; normal ones are held against the other normal ones"
+    caption = "Each flight; normal ones are compared with the other normal ones"
     second = page_table(caption, FLIGHTS, map(_shown, single))
     rounded, conditions = (
         [{k: round(v, DIGITS) if isinstance(v, float) else v for k, v in r.items()} for r in records]
@@ -278,59 +261,51 @@ def show(setting: Setting, samples: Samples) -> Findings:
     )
 
 
-def _claims(normal: Sequence[Assessed], treatments: Sequence[Assessed]) -> tuple[Claim, ...]:
-    cut = [a for a in treatments if not a.flight.weight]
-    weighted = [a for a in treatments if a.flight.weight]
-    cuts, weights = ([m for a in group for m in a.members] for group in (cut, weighted))
-    suspected, accused = [a.suspects_m3 for a in cut], [a.accuses_m3 for a in cut]
+def _claims(normal: Sequence[Assessed], treatments: Sequence[Assessed]) -> Iterator[Claim]:
+    cut, weighted = ([a for a in treatments if bool(a.flight.weight) == weight] for weight in (False, True))
+
+    def shares(group: Sequence[Assessed], what: str, so: Callable[[Assessed], bool]) -> tuple[bool, str]:
+        """Return whether something holds for all treatments of a group, and counts of these and of single flights."""
+        whole, single = [so(a) for a in group], [so(m) for a in group for m in a.members]
+        counts = (counted(sum(found), len(found)) for found in (whole, single))
+        return all(whole), "{} {what}, {} single flights".format(*counts, what=what)
+
+    suspected, figures = shares(cut, "cuts", lambda a: a.suspects_m3)
+    yield holds("The rotor that was cut is the one that explains most, after every cut", suspected, figures)
+    accused, figures = shares(cut, "cuts", lambda a: a.accuses_m3)
     missed = ", ".join(f"{a.flight.airframe} {a.flight.condition}" for a in cut if not a.accuses_m3)
-    undecided = [a.undecided for a in weighted]
-    unhealthy = sum(a.verdict.kind != "healthy" for a in normal)
-    left = [(a.flight.condition, a.m3.unexplained, a.found.mass_near(CHANGED).unexplained) for a in weighted]
-    falling = []
+    yield holds(
+        f"It is accused after every cut, where a healthy flight is accused at most {100.0 * CHANCE:.0f} times in 100",
+        accused,
+        figures + (f"; not {missed}" if missed else ""),
+    )
     for airframe, group in groupby(cut, key=lambda a: a.flight.airframe):
         own = list(group)
         factors, lengths = [1.0, *(a.factor for a in own)], [WHOLE, *(a.flight.length for a in own)]
         steps = ", ".join(f"{n} mm {f:.3f}" for n, f in zip(lengths, factors, strict=True))
-        falling.append(
-            holds(
-                f"{airframe}: the thrust per command falls with every cut",
-                bool(np.all(np.diff(factors) < 0.0)),
-                f"{steps}; standard error {own[-1].m3.std:.3f}",
-            )
+        yield holds(
+            f"{airframe}: the thrust per command falls with every cut",
+            bool(np.all(np.diff(factors) < 0.0)),
+            f"{steps}; standard error {own[-1].m3.std:.3f}",
         )
-    return (
-        holds(
-            "The rotor that was cut is the one that explains most, after every cut",
-            all(suspected),
-            f"{counted(sum(suspected), len(cut))} cuts, "
-            f"{counted(sum(a.suspects_m3 for a in cuts), len(cuts))} single flights",
-        ),
-        holds(
-            f"It is accused after every cut, where a healthy flight is accused at most {100.0 * CHANCE:.0f} times in 100",
-            all(accused),
-            f"{counted(sum(accused), len(cut))} cuts, {counted(sum(a.accuses_m3 for a in cuts), len(cuts))} single flights"
-            + (f"; not {missed}" if missed else ""),
-        ),
-        *falling,
-        holds(
-            "No normal flight is accused, each held against the others",
-            unhealthy == 0,
-            f"{counted(unhealthy, len(normal))} accused; the least chance is {min(a.found.chance for a in normal):.2f}",
-        ),
-        holds(
-            f"Of every weight near {CHANGED} it is said: propeller or mass near {CHANGED}",
-            all(undecided),
-            f"{counted(sum(undecided), len(weighted))} weights, "
-            f"{counted(sum(a.undecided for a in weights), len(weights))} single flights",
-        ),
-        holds(
-            "The yaw balance tells a weight from a weak propeller",
-            all(mass < weak for _, weak, mass in left),
-            "; ".join(
-                f"{what}: left over {number(weak)} if a weak rotor, {number(mass)} if a mass"
-                for what, weak, mass in left
-            ),
+    unhealthy = sum(a.verdict.kind != "healthy" for a in normal)
+    yield holds(
+        "No normal flight is accused, each compared with the others",
+        unhealthy == 0,
+        f"{counted(unhealthy, len(normal))} accused; the least chance is {min(a.found.chance for a in normal):.2f}",
+    )
+    undecided, figures = shares(
+        weighted, "weights", lambda a: a.verdict.kind == "weak or mass" and a.accuses_m3
+    )
+    statement = f"Of every weight near {CHANGED} it is said: propeller or mass near {CHANGED}"
+    yield holds(statement, undecided, figures)
+    left = [(a.flight.condition, a.m3.unexplained, a.found.mass_near(CHANGED).unexplained) for a in weighted]
+    yield holds(
+        "The yaw balance distinguishes a weight from a weak propeller",
+        all(mass < weak for _, weak, mass in left),
+        "; ".join(
+            f"{what}: left over {number(weak)} if a weak rotor, {number(mass)} if a mass"
+            for what, weak, mass in left
         ),
     )
 

@@ -16,6 +16,7 @@ import json
 import os
 import select
 import signal
+import traceback
 import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -51,9 +52,9 @@ GUARDED: Final = {
     "rosbag": "rosbags.rosbag2",
 }  #: what ends in others' code, and in whose  # fmt: skip
 SECONDS: Final = 3  #: of processor time that a case may take
-WALL: Final = 120.0  #: s without a word after which a process is ended
+WALL: Final = 120.0  #: s without an answer after which a process is ended
 ROOM: Final = 2**30  #: bytes of address space beyond what the process has at its beginning
-SWELL: Final = 2**28  #: bytes; a case that takes more is too hungry
+SWELL: Final = 2**28  #: bytes of memory that a case may take
 PAGE: Final = 4096  #: bytes of memory
 MAX_FILE: Final = 2**28  #: bytes of a file that may be written
 LIBRARIES: Final = ("pandas", "scipy.signal", "scipy.io", "stoop.flight.air_data")
@@ -81,12 +82,12 @@ WAYS: Final = {
 LEAD: Final = f"""\
 Small logs of every kind are damaged at random and read. {RUN_CASES} cases are one run: a process is copied, may take \
 {ROOM >> 20} MiB more than it has, and reads one log after the other; when it dies, the log at hand is to blame. Most \
-cases ask the reader (by the door of all, `stoop.logs.read`), one in ten goes the whole way to a flight and what `stoop info` \
-tells of it; of those with a damaged mapping all do."""
+cases call the reader (`stoop.logs.read`), one in ten goes on to a flight and the summary of `stoop info`; all cases with \
+a damaged mapping do."""
 READING: Final = """\
 No log has a checksum over its numbers but that of the Crazyflie, packed ones, and HDF5 and Parquet where asked for: a changed \
-number elsewhere is another measurement, and a log that ends where a message ends is a shorter log. Such cases are the ones \
-that are read without a word."""
+number elsewhere is another measurement, and a log that ends where a message ends is a shorter log. Such cases are read \
+without a notice."""
 PACKED: Final = """\
 What is packed (gzip, variables of MATLAB) is opened, damaged inside and packed again in half of the cases, and a Crazyflie's \
 checksum is made to fit, so that it is the reader that meets the damage. A quarter of all logs is damaged twice."""
@@ -136,14 +137,6 @@ class Tried:
     said: str
 
 
-@dataclass(frozen=True)
-class Content:
-    """What was read of a log: a hash of all of its numbers, and its defects."""
-
-    numbers: str
-    defects: frozenset[str]
-
-
 class BrokenPromiseError(Exception):
     """A recording is not what it promises to be."""
 
@@ -167,10 +160,10 @@ def try_case(case: Case, folder: Path) -> Verdict:
     """Read a damaged log in an empty folder, and leave that empty."""
     try:
         try:
-            found = ask(*case.broken.write(folder), case.way)
+            numbers, defects = ask(*case.broken.write(folder), case.way)
         except MemoryError:  # perhaps of the garbage of the cases before
             gc.collect()
-            found = ask(*case.broken.write(folder), case.way)
+            numbers, defects = ask(*case.broken.write(folder), case.way)
     except StoopError as error:
         message = str(error).replace(str(folder), "")
         if not (message and message.isprintable()):
@@ -181,41 +174,33 @@ def try_case(case: Case, folder: Path) -> Verdict:
     except BrokenPromiseError as error:
         return Verdict("fault", f"broken promise: {error}")
     except Exception as error:
-        return Verdict("fault", _trace(error))
+        own = [f for f in traceback.extract_tb(error.__traceback__) if "stoop" in f.filename]
+        place = f"{Path(own[-1].filename).name}:{own[-1].lineno}"
+        return Verdict("fault", f"{type(error).__name__} at {place}: {' '.join(str(error).split())[:120]}")
     finally:
         for file in folder.iterdir():
             file.unlink()
     sound = _sound(case.series, case.index, FLIGHT if case.way == FLIGHT else READ)
-    if found.defects - (sound.defects if sound else frozenset()):
+    if defects - sound[1]:
         return Verdict("listed")
-    return Verdict("same" if sound and found.numbers == sound.numbers else "unnoticed")
-
-
-def _trace(error: BaseException) -> str:
-    at = error.__traceback__
-    while at is not None and at.tb_next is not None and "stoop" in at.tb_next.tb_frame.f_code.co_filename:
-        at = at.tb_next
-    place = f"{Path(at.tb_frame.f_code.co_filename).name}:{at.tb_lineno}" if at is not None else ""
-    return f"{type(error).__name__} at {place}: {' '.join(str(error).split())[:120]}"
+    return Verdict("same" if numbers == sound[0] else "unnoticed")
 
 
 @cache
-def _sound(series: Series, index: int, way: str) -> Content | None:
-    """Return what is read of the sound log; None where it cannot be read by this way."""
+def _sound(series: Series, index: int, way: str) -> tuple[str, frozenset[str]]:
+    """Return what is read of the sound log; nothing where it cannot be read by this way."""
     with TemporaryDirectory(prefix="stoop-") as name, in_this_process():
         try:
             return ask(*samples(series.reader, series.data)[index].write(Path(name)), way)
         except StoopError:
-            return None
+            return "", frozenset()
 
 
-def ask(path: Path, mapping: Path | None, way: str) -> Content:
-    """Read a log as a recording or to a flight, and check that it is what it promises to be.
+def ask(path: Path, mapping: Path | None, way: str) -> tuple[str, frozenset[str]]:
+    """Read a log as a recording or to a flight; return a hash of its numbers, and its defects.
 
-    Raises
-    ------
-    BrokenPromiseError
-        A stream without a growing clock, columns of another type or length, or a defect of several lines.
+    A stream without a growing clock, a column of another type or length, or a defect of several lines is a
+    `BrokenPromiseError`.
     """
     check = hashlib.blake2b(digest_size=8)
 
@@ -250,7 +235,7 @@ def ask(path: Path, mapping: Path | None, way: str) -> Content:
     for line in defects:
         if not line.isprintable():
             raise BrokenPromiseError(f"a defect of more than one line: {line[:200]!r}")
-    return Content(check.hexdigest(), defects)
+    return check.hexdigest(), defects
 
 
 @contextmanager
@@ -300,13 +285,7 @@ def prepare(reader: str, data: str) -> None:
 
 
 def try_all(series: Series, count: int) -> Iterator[Tried]:
-    """Try the first cases of a series.
-
-    Raises
-    ------
-    StoopError
-        The system cannot copy processes.
-    """
+    """Try the first cases of a series."""
     if not hasattr(os, "fork"):
         raise StoopError("verify readers: needs a system that can copy processes; run it on Linux or macOS")
     number = 0
@@ -331,42 +310,34 @@ def _until_death(series: Series, numbers: range) -> Iterator[Tried]:
             os.close(end)
             _work(begin, series, numbers, Path(place))  # never comes back
         os.close(begin)
-        number = numbers.start
+        number, silent, line = numbers.start, False, b""
         with os.fdopen(end, "rb") as pipe:
-            while number < numbers.stop and (line := _line(pipe.fileno())):
-                yield Tried(**json.loads(line))
-                number += 1
+            while number < numbers.stop:
+                ready, _, _ = select.select([pipe], [], [], WALL)
+                piece = os.read(pipe.fileno(), 1) if ready else b""
+                if not piece:
+                    silent = not ready
+                    break
+                line += piece
+                if piece == b"\n":
+                    yield Tried(**json.loads(line))
+                    number, line = number + 1, b""
             if number < numbers.stop:
                 with contextlib.suppress(ProcessLookupError):
-                    os.kill(child, signal.SIGKILL if line is None else 0)
+                    os.kill(child, signal.SIGKILL if silent else 0)
         _, status = os.waitpid(child, 0)
-        if number < numbers.stop:
-            case, death = make_case(series, number), _death(status, line is None)
-            yield Tried(number, case.way, case.damage, death.outcome, death.said)
-
-
-def _line(pipe: int) -> bytes | None:
-    """Return a line; nothing at the end, None when none came for long."""
-    out = b""
-    while not out.endswith(b"\n"):
-        ready, _, _ = select.select([pipe], [], [], WALL)
-        if not ready:
-            return None
-        piece = os.read(pipe, 1)
-        if not piece:
-            return b""
-        out += piece
-    return out
-
-
-def _death(status: int, silent: bool) -> Verdict:
-    if silent:
-        return Verdict("hang", f"no answer for {WALL:g} s")
-    if not os.WIFSIGNALED(status):
-        return Verdict("crash", f"the process ended with {os.waitstatus_to_exitcode(status)}")
-    if os.WTERMSIG(status) == signal.SIGXCPU:
-        return Verdict("hang", f"more than {SECONDS} s of processor time")
-    return Verdict("crash", f"signal {os.WTERMSIG(status)}")
+    if number < numbers.stop:
+        cause = os.WTERMSIG(status) if os.WIFSIGNALED(status) else None
+        if silent:
+            outcome, said = "hang", f"no answer for {WALL:g} s"
+        elif cause is None:
+            outcome, said = "crash", f"the process ended with {os.waitstatus_to_exitcode(status)}"
+        elif cause == signal.SIGXCPU:
+            outcome, said = "hang", f"more than {SECONDS} s of processor time"
+        else:
+            outcome, said = "crash", f"signal {cause}"
+        case = make_case(series, number)
+        yield Tried(number, case.way, case.damage, outcome, said)
 
 
 def _work(pipe: int, series: Series, numbers: range, folder: Path) -> None:
@@ -510,10 +481,10 @@ def _claims(counts: Counts) -> Iterator[Claim]:
     ):
         yield holds(words, not total[outcome], f"{total[outcome]:,} of {total.total():,}")
     yield holds(
-        "Others' code that dies or runs on takes nobody along",
+        "A library that crashes or runs on does not take the process along",
         not any(counts.outcomes(reader)[outcome] for reader in GUARDED for outcome in BAD),
-        f"{total[CONTAINED]} such cases of {total.total():,}, all of them told in one line, or read, by the reader in its "
-        f"own process; {counts.outcomes(way=GUARD).total():,} further cases were read so from the beginning",
+        f"{total[CONTAINED]} such cases of {total.total():,}, all of them refused in one line, or read, by the reader in "
+        f"its own process; {counts.outcomes(way=GUARD).total():,} further cases were read so from the beginning",
     )
     flights = counts.outcomes(way=FLIGHT)
     safe = not any(flights[outcome] for outcome in BAD)

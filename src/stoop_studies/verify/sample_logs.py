@@ -6,6 +6,7 @@ import gzip
 import io
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
+from importlib.resources import files
 from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -32,83 +33,18 @@ from stoop.exporters.log_bytes import (
 from stoop.flight import load, save
 from stoop_studies.verify.damaged_logs import ULOG_HEAD, Sample, single, ulog_messages
 
+CSV_MAPPING, RICH_MAPPING, ALIGNED, ARRAY_MAPPING, BAG_MAPPING = (
+    files(__package__).joinpath("mappings", f"{name}.toml").read_bytes()
+    for name in ("csv", "px4", "aligned", "arrays", "bag")
+)  #: mappings of the logs; that of PX4 uses what a mapping can say, and the next adds an alignment of clocks
 N: Final = 40  #: samples of the fastest stream
 ALIGNABLE: Final = 400  #: the same where clocks are to be aligned
 REAL_LINES: Final = 12  #: of a published table
 RATE: Final = 50.0  #: Hz
-CSV_MAPPING: Final = b"""\
-[time]
-column = "t_ms"
-unit = "ms"
-
-[variables]
-p = { column = "p", unit = "deg/s" }
-az = { column = "az", unit = "g", scale = -1.0 }
-phi = { column = "phi", unit = "deg" }
-"""
-RICH_MAPPING: Final = b"""\
-extends = "px4"
-
-[time]
-column = "timestamp"
-unit = "us"
-offset = 0.5
-
-[variables]
-airspeed_pitot = { stream = "airspeed", column = "true_airspeed_m_s", unit = "kt", scale = 1.0, optional = true }
-
-[group.specific_force]
-variables = ["ax", "ay", "az"]
-unit = "m/s2"
-frame = "flu"
-sources = [
-  { stream = "sensor_combined", columns = ["accelerometer_m_s2[0]", "accelerometer_m_s2[1]", "accelerometer_m_s2[2]"] },
-]
-
-[group.height]
-variables = ["altitude"]
-choose = "first"
-sources = [{ stream = "vehicle_local_position", columns = [{ ref_alt = 1, z = -1 }] }]
-
-[calibration.motor_1]
-points = [[0.0, -21.0], [0.5, 0.5], [1.0, 20.0]]
-unit = "deg"
-
-[calibration.motor_2]
-points = [[0.0, -0.4], [0.3, -0.2], [0.5, 0.0], [0.7, 0.2], [1.0, 0.38]]
-degree = 3
-
-[surface.aileron]
-from = { motor_1 = 1.0 }
-
-[mixer.tail]
-kind = "v-tail"
-left = "motor_1"
-right = "motor_2"
-"""
-ALIGNED: Final = b"""\
-[align.sensor_combined]
-with = "vehicle_attitude"
-using = ["p"]
-drift = false
-longest = 0.2
-"""
 MESSAGES: Final = 12  #: of a topic
 START: Final = 1_700_000_000 * 10**9  #: ns, of a bag
-ARRAY_MAPPING: Final = b"""\
-[variables]
-p = { column = "gyro.x", unit = "rad/s" }
-q = { column = "q", unit = "rad/s", optional = true }
-"""
 FLAT_MAPPING: Final = b'[variables]\nq = { column = "q[0]", unit = "rad/s" }\n'
 NETCDF_MAPPING: Final = b'[variables]\nq = { column = "q", unit = "rad/s" }\n'
-BAG_MAPPING: Final = b"""\
-[group.rates]
-variables = ["p", "q", "r"]
-unit = "rad/s"
-frame = "flu"
-sources = [{ stream = "/imu", columns = ["angular_velocity.x", "angular_velocity.y", "angular_velocity.z"] }]
-"""
 TIME: Final = 5.0 + 0.02 * np.arange(N)  #: s, of an array
 GYRO: Final = np.random.default_rng(1).normal(size=(N, 3))
 
@@ -267,13 +203,7 @@ def _own_netcdfs() -> list[Sample]:
 
 
 def real_sample(reader: str, data: Path) -> list[Sample]:
-    """Return a published log of a reader, cut small; none for kinds of which there is no published one.
-
-    Raises
-    ------
-    StoopError
-        The folder does not hold them.
-    """
+    """Return a published log of a reader, cut small; none for kinds of which there is no published one."""
     try:
         if reader == "ulog":  # without parameters and hardware, which are half of the beginning
             whole = _begin(data / "px4-ulog-reader-samples" / "sample_log_small.ulg", 70_000)

@@ -18,7 +18,7 @@ from stoop.report.sheet import Table
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
-from stoop.vehicle import Parameter, Vehicle
+from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.schema import Turbulence
 
@@ -46,17 +46,7 @@ Noise = Callable[[np.random.Generator, int, int], FloatArray]
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What is identified.
-
-    Attributes
-    ----------
-    start : Vehicle
-        With wrong values, and what is to be found free.
-    flights : mapping of str to Flight
-    windows : tuple of Window
-    truth : mapping of str to float
-        Of the parameters that are compared, SI.
-    """
+    """What is identified: a vehicle with wrong values, flights, and the truth of the compared parameters, SI."""
 
     start: Vehicle
     flights: Mapping[str, Flight]
@@ -94,13 +84,9 @@ def inputs_table(steps: Mapping[str, tuple[Step, ...]]) -> Table:
 def multisine_maneuver(
     amplitudes: Mapping[str, tuple[float, int]], duration: float, rate: float, band: float
 ) -> Maneuver:
-    """Return multisines on all controls at once that share no frequency.
+    """Return multisines on all controls at once that share no frequency; duration in s, rate and band in Hz.
 
-    Parameters
-    ----------
-    amplitudes : mapping
-        Control to amplitude (rad) and number of its first harmonic.
-    duration, rate, band : s, Hz, Hz
+    ``amplitudes`` maps a control to its amplitude (rad) and the number of its first harmonic.
     """
     common = {
         "shape": "multisine", "start": 0.0, "duration": duration, "band": band, "stride": len(amplitudes),
@@ -150,19 +136,16 @@ def with_biases(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
 
 def wrong_start(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
     """Return a vehicle to start from: coefficients wrong, in boxes that no estimate meets, and biases unknown."""
-    wrong = {
-        p.name: {"value": p.value * rng.uniform(1.0 - START_ERROR, 1.0 + START_ERROR), "bounds": _widened(p)}
-        for p in vehicle.parameters
-        if p.name in coefficients(vehicle)
-    }
+    known, wrong = coefficients(vehicle), {}
+    for p in vehicle.parameters:
+        if p.name in known:
+            value = p.value * rng.uniform(1.0 - START_ERROR, 1.0 + START_ERROR)
+            more = 0.5 * (
+                p.upper - p.lower
+            )  # twice as wide as the vehicle file's: a bound that is met has no error bar
+            wrong[p.name] = {"value": value, "bounds": (p.lower - more, p.upper + more)}
     unknown = {f"sensors.{c}.bias": {"value": 0.0, "free": True, "prior": s} for c, s in BIASES.items()}
     return vehicle.with_numbers({**wrong, **unknown})
-
-
-def _widened(parameter: Parameter) -> tuple[float, float]:
-    """Return a box twice as wide as the vehicle file's: a bound that is met has no error bar."""
-    more = 0.5 * (parameter.upper - parameter.lower)
-    return parameter.lower - more, parameter.upper + more
 
 
 def sensor_noise(vehicle: Vehicle) -> FloatArray:
@@ -183,23 +166,17 @@ def autoregressive(rng: np.random.Generator, samples: int, channels: int) -> Flo
 
 
 def _in_sensor_noise(noise: Noise, seed: int) -> Scene:
-    rng = np.random.default_rng(seed)
-    truth = aircraft()
-    flights = {n: _noisy_flight(with_biases(truth, rng), m, noise, rng, n) for n, m in maneuvers().items()}
+    """Return flights whose (biased) sensors read noise of a kind that the seed draws."""
+    rng, truth, flights = np.random.default_rng(seed), aircraft(), {}
+    for name, maneuver in maneuvers().items():
+        flight = simulate_flight(with_biases(truth, rng), maneuver, noise=False, name=name)
+        errors = sensor_noise(truth) * noise(rng, len(maneuver.time), len(truth.outputs))
+        readings = {
+            channel: (flight.data[channel].dims, flight.data[channel].to_numpy() + error)
+            for channel, error in zip(truth.outputs, errors.T, strict=True)
+        }
+        flights[name] = replace(flight, data=flight.data.assign(readings))
     return Scene(wrong_start(truth, rng), flights, whole_maneuvers(), coefficients(truth))
-
-
-def _noisy_flight(
-    vehicle: Vehicle, maneuver: Maneuver, noise: Noise, rng: np.random.Generator, name: str
-) -> Flight:
-    """Fly, then add noise to what the (biased) sensors would read."""
-    flight = simulate_flight(vehicle, maneuver, noise=False, name=name)
-    errors = sensor_noise(vehicle) * noise(rng, len(maneuver.time), len(vehicle.outputs))
-    readings = {
-        channel: (flight.data[channel].dims, flight.data[channel].to_numpy() + error)
-        for channel, error in zip(vehicle.outputs, errors.T, strict=True)
-    }
-    return replace(flight, data=flight.data.assign(readings))
 
 
 in_white_noise = functools.partial(_in_sensor_noise, white)

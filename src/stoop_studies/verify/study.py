@@ -37,7 +37,10 @@ EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
             "forces of a real hexacopter predicted in sprints, beside its owners' model; reads --data DIR",
         ),
         ("propellers", "cut propellers and added weights on real quadrotors; reads --data DIR"),
-        ("readers", "damaged logs over all readers: no crash, hang or hunger (29 runs of 250 each)"),
+        (
+            "readers",
+            "damaged logs over all readers: no crash, no hang, no excess of memory (29 runs of 250 each)",
+        ),
     )
 }  #: name -> module with an ``EXPERIMENT``, one line of help; in the order in which ``all`` runs them
 SUITE: Final = Suite(
@@ -75,23 +78,11 @@ def load_experiment(name: str) -> Experiment:
 
 @dataclass(frozen=True)
 class Verification:
-    """A study of ``stoop verify``, a `stoop_studies.findings.Experiment`.
+    """A study of ``stoop verify``, a `stoop_studies.findings.Experiment`; its name is that of its module.
 
-    Attributes
-    ----------
-    name : str
-        As on the command line, and of its module.
-    show : callable
-        From the setting and the results of each case to the findings.
-    runs : int
-        Seeds per case when none are asked for.
-    work : str
-        Function of the module that computes the result of one case and seed; empty where nothing takes long.
-    cases : tuple of str
-    parts : tuple of str
-        Names of the further tables that it writes.
-    reads_data : bool
-        Whether its work is given the folder of published data.
+    ``show`` turns the setting and the results of each case into findings. ``work`` names the function of the module that
+    computes the result of one case and seed; it is empty where nothing takes long. ``parts`` are the names of further
+    tables; with ``reads_data`` the work is given the folder of published data.
     """
 
     name: str
@@ -164,9 +155,14 @@ def or_none(values: FloatArray) -> list[float | None]:
     return [float(v) if v - v == 0.0 else None for v in values]
 
 
+def data_text(name: str) -> str:
+    """Return a file of the studies' vehicles."""
+    return files(__package__).joinpath("vehicles", name).read_text(encoding="utf-8")
+
+
 def vehicle_text(name: str) -> str:
     """Return a vehicle file of the studies."""
-    return files(__package__).joinpath("vehicles", f"{name}.toml").read_text(encoding="utf-8")
+    return data_text(f"{name}.toml")
 
 
 def published_files(

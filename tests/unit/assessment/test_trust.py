@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import pytest
+
 from stoop.assessment.uncertainty import method_agreement
+from stoop.base.notices import Notice
 from stoop.results.result import ParameterEstimate
 from stoop.results.uncertainty import Interval, MethodIntervals
 
@@ -20,45 +23,45 @@ def method(
     )
 
 
-def said(**methods: MethodIntervals) -> str:
-    return " ".join(method_agreement(ONE, {"corrected": method(0.1), "cramer_rao": method(0.1), **methods}))
+def found(**methods: MethodIntervals) -> dict[str, Notice]:
+    notices = method_agreement(ONE, {"corrected": method(0.1), "cramer_rao": method(0.1), **methods})
+    return {n.code: n for n in notices}
 
 
 def test_white_residuals() -> None:
-    assert "either may be used" in said()
+    assert list(found()) == ["agreement-white"]
 
 
 def test_colored_residuals() -> None:
-    text = said(cramer_rao=method(0.025))
-    assert "4.0 times too small" in text
-    assert "trust the corrected" in text
+    notices = found(cramer_rao=method(0.025))
+    assert notices["agreement-colored"].values["ratio"] == pytest.approx(4.0)
+    assert "4.0 times too small" in str(notices["agreement-colored"])
 
 
 def test_bootstrap_agrees_or_not() -> None:
-    assert "both may be trusted" in said(bootstrap=method(0.11))
-    assert "wider for a and b" in said(bootstrap=method(0.2))
-    assert "narrower for a and b" in said(bootstrap=method(0.05))
+    assert "bootstrap-agrees" in found(bootstrap=method(0.11))
+    assert found(bootstrap=method(0.2))["bootstrap-wider"].values["wider"] == "a and b"
+    assert found(bootstrap=method(0.05))["bootstrap-narrower"].values["narrower"] == "a and b"
 
 
 def test_a_lopsided_or_unconverged_posterior() -> None:
     good = {"rhat": 1.001}
-    assert "nearly normal" in said(posterior=method(0.1, figures=good))
-    assert "not normal about the estimate" in said(posterior=method(0.1, 1.0, 3.0, good))
-    assert "disagree for a and b" in said(posterior=method(0.3, figures=good))
-    assert "has not converged" in said(posterior=method(0.1, figures={"rhat": 1.2}))
+    assert "posterior-agrees" in found(posterior=method(0.1, figures=good))
+    assert "posterior-skewed" in found(posterior=method(0.1, 1.0, 3.0, good))
+    assert found(posterior=method(0.3, figures=good))["posterior-disagrees"].subject == "a and b"
+    assert "agreement-no-posterior" in found(posterior=method(0.1, figures={"rhat": 1.2}))
 
 
 def test_a_profile_with_an_open_end() -> None:
     opened = MethodIntervals({"a": Interval(float("nan"), float("nan"), 1.4)})
-    assert "profile of a is open" in said(profile=opened)
+    assert found(profile=opened)["profiles-open"].subject == "a"
 
 
-def test_what_cannot_be_told_is_trusted_by_nobody() -> None:
+def test_what_the_data_cannot_tell_is_not_trusted() -> None:
     parameters = ONE | {"c": ParameterEstimate(1.0, 5.0, identifiable=False)}
-    assert "c: the data cannot tell" in " ".join(
-        method_agreement(parameters, {"corrected": method(0.1), "cramer_rao": method(0.1)})
-    )
+    *_, last = method_agreement(parameters, {"corrected": method(0.1), "cramer_rao": method(0.1)})
+    assert (last.code, last.subject) == ("no-interval-trusted", "c")
 
 
-def test_without_methods_nothing_is_said() -> None:
+def test_without_methods_nothing_is_found() -> None:
     assert method_agreement(ONE, {}) == ()

@@ -9,10 +9,9 @@ import pytest
 
 from stoop.errors import FlightError
 from stoop.flight import from_columns
-from stoop.reconstruction.compatibility import check
-from stoop.reconstruction.corrected import corrected_flight
+from stoop.reconstruction.compatibility import check, corrected_flight
 from stoop.reconstruction.kinematics import INPUTS, OUTPUTS, PARAMETERS, SCALED, STATES, kernel
-from stoop.reconstruction.pieces import cut_pieces
+from stoop.reconstruction.problem import cut_pieces
 from stoop_studies.verify.delays import WIND, late_sensors
 
 

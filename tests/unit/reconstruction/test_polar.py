@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from stoop.reconstruction.performance import Blocks
-from stoop.reconstruction.polar import Propulsion, fit_polar, useful_power
+from stoop.reconstruction.polar import Blocks, Propulsion, fit_polar, useful_power
 
 AREA, MASS, GRAVITY, DENSITY = 1.5, 9.4, 9.81, 1.2
 EFFICIENCY, DIAMETER = 0.72, 0.4

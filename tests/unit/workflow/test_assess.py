@@ -126,6 +126,7 @@ def test_the_posterior_is_read_back_by_arviz(job: Job, tmp_path: Path) -> None:
     folder = assessed.save(tmp_path / "out")
     _, arviz = libraries()
     data = arviz.from_netcdf(str(folder / "posterior.nc"), engine="h5netcdf")
+    assert assessed.to_arviz().posterior.equals(data.posterior)
     result = assessed.identification.result
     for name, spread in result.uncertainty["posterior"].parameters.items():
         assert float(data.posterior[name].std()) == pytest.approx(spread.std_error, rel=0.1)

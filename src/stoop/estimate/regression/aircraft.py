@@ -24,15 +24,14 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from stoop.base.arrays import BoolArray, FloatArray, IntArray, runs
-from stoop.base.notices import Notice
 from stoop.base.variables import RATES, SPECIFIC_FORCE
-from stoop.estimate.regression.least_squares import Bounds, Domain, Estimates, Priors, Rows
+from stoop.estimate.regression.least_squares import Equations, Rows
 from stoop.flight.flight import MIN_SEGMENT
 from stoop.problem import Layout, Piece
 from stoop.problem.observation import at_center_of_gravity, true_value
 from stoop.simulation import START_NAMES, parameter_rows
 from stoop.simulation.delays import first_order_lag, late_inputs
-from stoop.simulation.initial import commanded, kernel_states, rigid_states
+from stoop.simulation.initial import commanded, initial_states, rigid_states
 from stoop.vehicle import Vehicle, terms
 from stoop.vehicle.schema import Term
 
@@ -76,7 +75,7 @@ class Motion:
 
     def kernel_states(self, vehicle: Vehicle) -> FloatArray:
         """Return the kernel's states (n_x, n)."""
-        out = kernel_states(vehicle, rigid_states(self.states), {}, self.rows, self.inputs)
+        out = initial_states(vehicle, {}, self.rows, self.inputs, rigid_states(self.states))
         for i, name in enumerate(vehicle.states):
             if name.endswith(".lag"):
                 out[i] = self.deflections[name.removesuffix(".lag")]
@@ -165,14 +164,8 @@ def coefficients(
 ) -> dict[str, FloatArray]:
     """Return the coefficients that explain measured accelerations.
 
-    Parameters
-    ----------
-    base, gains : (a, n), (a, c, n)
-        See :func:`balance`.
-    angular : (r, n), rad/s2
-        Angular accelerations about the axes that the vehicle observes.
-    felt : mapping
-        ``ax``, ``ay``, ``az`` -> (n,), m/s2, as read.
+    `base` (a, n) and `gains` (a, c, n) are those of :func:`balance`, `angular` (r, n), rad/s2, the angular accelerations about
+    the axes that the vehicle observes, `felt` the readings ``ax``, ``ay``, ``az`` -> (n,), m/s2.
     """
     wanted = np.concatenate([angular, [felt[c] for c in SPECIFIC_FORCE if c in vehicle.outputs]]) - base
     solved = np.linalg.solve(gains.transpose(2, 0, 1), wanted.T[:, :, None])[:, :, 0]
@@ -220,17 +213,17 @@ def _constants(vehicle: Vehicle) -> list[str]:
 
 
 @dataclass(frozen=True, eq=False)
-class AircraftEquations:
+class AircraftEquations(Equations):
     """The coefficients of an aircraft as a linear regression on its free terms; other free numbers keep the file's values."""
 
-    layout: Layout
     histories: tuple[History, ...]
 
-    linear: ClassVar[bool] = True
+    linear = True
     explanations: ClassVar[Mapping[str, str]] = {
-        "time": "equation-error-aircraft", "frequency": "frequency-domain-aircraft",
-    }  #: domain -> code of the notice that explains the method  # fmt: skip
-    needed: ClassVar[str] = (
+        "time": "equation-error-aircraft",
+        "frequency": "frequency-domain-aircraft",
+    }
+    needed = (
         "a term must be free, and airspeed, flow angles, rates, attitude and accelerations measured together for some "
         "seconds; use --method output-error"
     )
@@ -257,24 +250,6 @@ class AircraftEquations:
     def names(self) -> tuple[str, ...]:
         """The free terms (k,)."""
         return tuple(self.layout.parameters[i].name for i in self.places)
-
-    @property
-    def priors(self) -> Priors:
-        """Prior means and standard deviations of the terms (k,)."""
-        own = [self.layout.parameters[i] for i in self.places]
-        sigma = [np.inf if p.prior is None else p.prior for p in own]
-        return Priors(np.array([p.value for p in own]), np.array(sigma))
-
-    @property
-    def bounds(self) -> Bounds:
-        """Bounds of the file (k,)."""
-        own = [self.layout.parameters[i] for i in self.places]
-        return np.array([p.lower for p in own]), np.array([p.upper for p in own])
-
-    @property
-    def scales(self) -> FloatArray:
-        """Widths of the bounds (k,)."""
-        return np.asarray(self.layout.width[list(self.places)])
 
     def rows(self, values: FloatArray) -> list[Rows]:
         """Return the rows of every coefficient and stretch, at all samples; `values` do not matter."""
@@ -310,16 +285,3 @@ class AircraftEquations:
         names = {name: k for k, name in enumerate(self.names)}
         every = ((c, n, t) for c, group in self.layout.vehicle.terms.items() for n, t in group.items())
         return {c: names[n] for c, n, t in every if n in names and t.strip() == "1"}
-
-    def r2(self, estimates: Estimates, _: Domain) -> dict[str, float]:
-        """Return the coefficient of determination of each coefficient, free terms only."""
-        return estimates.r2
-
-    @staticmethod
-    def notices(_: Estimates) -> list[Notice]:
-        """Return what the estimates do not rest on: no equation was left out."""
-        return []
-
-    def reduced(self, _: Estimates) -> AircraftEquations:
-        """Return the equations that determine the estimates: all of them."""
-        return self

@@ -15,14 +15,18 @@ matrix", *Econometrica* 55(3), 1987, pp. 703-708.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Protocol, Self
+from typing import ClassVar, Final, Self
 
 import numpy as np
 
 from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
-from stoop.problem import Layout
+from stoop.base.notices import Notice
+from stoop.problem import Layout, Nuisance
+from stoop.problem.evidence import PieceEvidence
+from stoop.vehicle import Parameter, Vehicle
 
 Bounds = tuple[FloatArray, FloatArray]  #: lower and upper, (k,), SI
 MAX_LAG: Final = 2.0  #: s; residuals further apart count as independent
@@ -37,40 +41,14 @@ NULL_EIGENVALUE: Final = 1e-13  #: of the largest scaled eigenvalue; smaller one
 NULL_COMPONENT: Final = 1e-3  #: a parameter with a larger component in the null space is not identifiable
 
 
-class Domain(Protocol):
-    """A linear transform from samples to rows of a regression."""
-
-    @property
-    def name(self) -> str:
-        """``"time"`` or ``"frequency"``."""
-
-    @property
-    def settings(self) -> dict[str, float]:
-        """The numbers that a reader of the estimates wants to know."""
-
-    @property
-    def keeps_constants(self) -> bool:
-        """Whether a constant survives the transform."""
-
-    @property
-    def colored(self) -> bool:
-        """Whether error bars are corrected for the color of the residuals; else residuals count as white."""
-
-    def rows(self, signals: FloatArray, dt: float) -> FloatArray:
-        """Return the rows (m, k) of signals (n, k) sampled every `dt` s; none where the record is too short."""
-
-    def scatter(self, X: FloatArray, v: FloatArray, dt: float) -> FloatArray:
-        """Return the covariance (k, k) of X' v, rows X (m, k) of one stretch, for noise with the color of v (m,)."""
-
-
 @dataclass(frozen=True)
 class TimeDomain:
     """Samples smoothed by a Hann window of `span` s, four rows a window; residuals are colored, by that and the model."""
 
     span: float = 0.2
-    name: str = "time"
-    keeps_constants: bool = True
-    colored: bool = True
+    name: ClassVar[str] = "time"
+    keeps_constants: ClassVar[bool] = True  #: whether a constant survives the transform
+    colored: ClassVar[bool] = True  #: whether error bars are corrected for the color of the residuals
 
     @property
     def settings(self) -> dict[str, float]:
@@ -78,7 +56,7 @@ class TimeDomain:
         return {"span": self.span}
 
     def rows(self, signals: FloatArray, dt: float) -> FloatArray:
-        """Return smoothed samples (m, k)."""
+        """Return smoothed samples (m, k) of signals (n, k) every `dt` s; none where the record is too short."""
         from scipy.signal import oaconvolve
         from scipy.signal.windows import hann
 
@@ -94,7 +72,7 @@ class TimeDomain:
         return max(1, round(self.span / dt / ROWS_PER_WINDOW))
 
     def scatter(self, X: FloatArray, v: FloatArray, dt: float) -> FloatArray:
-        """Return the double sum of the rows with the residuals' autocovariance.
+        """Return the covariance (k, k) of X' v, rows X (m, k) of one stretch, for noise with the color of v (m,).
 
         The autocovariance is estimated up to a lag of 2 s and tapered to zero there, which keeps the result positive
         semidefinite (Newey and West).
@@ -121,9 +99,9 @@ class FrequencyDomain:
 
     low: float = 0.1
     high: float = 2.0
-    name: str = "frequency"
-    keeps_constants: bool = False
-    colored: bool = False
+    name: ClassVar[str] = "frequency"
+    keeps_constants: ClassVar[bool] = False
+    colored: ClassVar[bool] = False
 
     @property
     def settings(self) -> dict[str, float]:
@@ -153,6 +131,9 @@ class FrequencyDomain:
     def scatter(self, X: FloatArray, v: FloatArray, dt: float) -> FloatArray:
         """Return the covariance for residuals that are white within the band."""
         return np.asarray(X.T @ X * float(np.mean(v**2)))
+
+
+Domain = TimeDomain | FrequencyDomain
 
 
 def fourier_transform(signals: FloatArray, frequencies: FloatArray, dt: float) -> ComplexArray:
@@ -203,54 +184,86 @@ class Estimates:
     """Least-squares estimates of k parameters, SI."""
 
     values: FloatArray  #: (k,)
-    covariance: (
-        FloatArray  #: (k, k), corrected for the color of the residuals; NaN for what is not identifiable
-    )
-    white: FloatArray  #: (k, k), as if the residuals were white
+    covariance: FloatArray  #: (k, k), as if the residuals were white; NaN for what is not identifiable
     sigma: dict[str, float]  #: standard deviation of the residuals by equation
     r2: dict[str, float]  #: coefficient of determination by equation
     rows: tuple[Rows, ...]  #: that were solved, in their domain: stretch by stretch, equation by equation
 
+    @property
+    def evidence(self) -> tuple[PieceEvidence, ...]:
+        """Equation errors and regressors of each stretch, weighted by the residuals' deviations; columns are equations."""
+        out, count = [], len(self.sigma)
+        for first in range(0, len(self.rows), count):
+            stretch = self.rows[first : first + count]
+            residual = [(r.y - r.X @ self.values) / self.sigma[r.equation] for r in stretch]
+            jacobian = [r.X / self.sigma[r.equation] for r in stretch]
+            out.append(PieceEvidence(np.stack(residual, axis=1), np.stack(jacobian, axis=1)))
+        return tuple(out)
 
-class Equations(Protocol):
+
+@dataclass(frozen=True, eq=False)
+class Equations(ABC):
     """The equations of a kind of vehicle at measured motion, as regression rows for k unknowns."""
 
-    @property
-    def layout(self) -> Layout:
-        """Free parameters and nuisances."""
+    layout: Layout
+    linear: ClassVar[bool]  #: whether the rows do not depend on where they are linearized
+    explanations: ClassVar[Mapping[str, str]]  #: domain -> code of the notice that explains the method
+    needed: ClassVar[str]  #: what to do where no regression is possible
 
     @property
-    def linear(self) -> bool:
-        """Whether the rows do not depend on where they are linearized."""
-
-    @property
+    @abstractmethod
     def places(self) -> tuple[int, ...]:
         """Where the unknowns stand among free parameters, then nuisances."""
 
-    @property
-    def priors(self) -> Priors:
-        """Prior means and standard deviations (k,), SI; the iteration starts from the means."""
-
-    @property
-    def bounds(self) -> Bounds:
-        """Lower and upper bounds of the vehicle file (k,), SI."""
-
-    @property
-    def scales(self) -> FloatArray:
-        """Typical sizes of the unknowns (k,), SI."""
+    @abstractmethod
+    def rows(self, values: FloatArray) -> list[Rows]:
+        """Return the rows of all samples, linearized about values (k,), SI."""
 
     @property
     def constants(self) -> dict[str, int]:
         """Equation -> its constant term, as a place among the unknowns."""
+        return {}
 
-    def rows(self, values: FloatArray) -> list[Rows]:
-        """Return the rows of all samples, linearized about values (k,)."""
+    @property
+    def _unknowns(self) -> list[Parameter | Nuisance]:
+        every: list[Parameter | Nuisance] = [*self.layout.parameters, *self.layout.nuisances]
+        return [every[i] for i in self.places]
 
-    def r2(self, estimates: Estimates, domain: Domain) -> dict[str, float]:
-        """Return the coefficient of determination of each equation."""
+    @property
+    def priors(self) -> Priors:
+        """Prior means and standard deviations (k,), SI; the iteration starts from the means."""
+        own = [(u.center, u.scale) if isinstance(u, Nuisance) else (u.value, u.prior) for u in self._unknowns]
+        return Priors(np.array([m for m, _ in own]), np.array([np.inf if s is None else s for _, s in own]))
 
-    def reduced(self, estimates: Estimates) -> Self:
+    @property
+    def bounds(self) -> Bounds:
+        """Lower and upper bounds of the vehicle file (k,), SI; none of the biases."""
+        own = [(-np.inf, np.inf) if isinstance(u, Nuisance) else (u.lower, u.upper) for u in self._unknowns]
+        lower, upper = np.array(own).reshape(-1, 2).T
+        return lower, upper
+
+    @property
+    def scales(self) -> FloatArray:
+        """Widths of the bounds, and scales of the biases (k,), SI."""
+        return np.array([u.scale if isinstance(u, Nuisance) else u.upper - u.lower for u in self._unknowns])
+
+    @classmethod
+    def not_estimable(cls, _: Vehicle) -> tuple[str, ...]:
+        """Return the free numbers that no equation has."""
+        return ()
+
+    def r2(self, estimates: Estimates, _: Domain) -> dict[str, float]:
+        """Return the coefficient of determination of each equation, of the free terms only."""
+        return estimates.r2
+
+    def reduced(self, _: Estimates) -> Self:
         """Return the equations that determine the estimates, without those that the data do not explain."""
+        return self
+
+    @staticmethod
+    def notices(_: Estimates) -> list[Notice]:
+        """Return what the estimates do not rest on."""
+        return []
 
 
 def unbounded(equations: Equations) -> Bounds:
@@ -278,41 +291,40 @@ def _gauss_newton(equations: Equations, domain: Domain, bounds: Bounds) -> Estim
         rows = [t for r in samples if (t := r.transformed(domain)).y.size]
         if not rows:
             return None
-        found = solve(rows, bounds, equations.priors, domain)
+        found = solve(rows, bounds, equations.priors)
         before, values = values, found.values
         if not np.isfinite(values).all():
             return None
         if equations.linear or np.max(np.abs(values - before) / equations.scales) < STEP_TOLERANCE:
             break
     found = replace(found, r2=equations.r2(found, domain))
-    return found if domain.keeps_constants else _with_constants(found, samples, equations.constants, bounds)
+    return found if domain.keeps_constants else _with_constants(found, samples, equations, bounds)
 
 
 def _with_constants(
-    found: Estimates, samples: Sequence[Rows], constants: dict[str, int], bounds: Bounds
+    found: Estimates, samples: Sequence[Rows], equations: Equations, bounds: Bounds
 ) -> Estimates:
-    """Find constants from the means that the other terms leave; their errors follow from those of the others."""
-    values, covariance = found.values.copy(), np.nan_to_num(found.covariance)
-    unknown = np.isnan(np.diag(found.covariance))
-    unknown[list(constants.values())] = False
-    lost = unknown.copy()
-    for equation, place in constants.items():
-        own = [r for r in samples if r.equation == equation]
+    """Find constants from the means that the other terms leave; each mean is one more row of its equation."""
+    values, means, priors = found.values.copy(), [], equations.priors.sigma.copy()
+    for equation, sigma in found.sigma.items():
+        place, own = equations.constants.get(equation), [r for r in samples if r.equation == equation]
         y, X = np.concatenate([r.y for r in own]), np.concatenate([r.X for r in own])
-        X[:, place] = 0.0
-        values[place] = np.clip(np.mean(y - X @ values), bounds[0][place], bounds[1][place])
+        if place is None:  # no constant that a mean could tell
+            means.append(Rows(equation, np.zeros(1), np.zeros((1, len(values))), own[0].dt))
+            continue
+        others, priors[place] = X.copy(), np.inf
+        others[:, place] = 0.0
+        left = y - others @ values
+        values[place] = np.clip(np.mean(left), bounds[0][place], bounds[1][place])
         # noise of the mean itself is white noise's: the slow part of it is in the residual of the band
-        mean, noise = X.mean(axis=0), float(np.var(y - X @ values) / len(y))
-        cross = -(covariance @ mean)
-        covariance[place, :], covariance[:, place] = cross, cross
-        covariance[place, place] = mean @ covariance @ mean + noise
-        lost[place] = bool(np.any(mean[unknown] != 0.0))  # a term constant off zero is one with the constant
-    covariance[lost, :] = covariance[:, lost] = np.nan
-    return replace(found, values=values, covariance=covariance)
+        weight = sigma / float(np.std(left) / np.sqrt(len(y)))
+        means.append(Rows(equation, weight * np.mean(y)[None], weight * X.mean(axis=0)[None], own[0].dt))
+    rows = (*found.rows, *means)
+    return replace(found, values=values, rows=rows, covariance=_covariance(rows, priors, found.sigma))
 
 
-def solve(rows: Sequence[Rows], bounds: Bounds, priors: Priors, domain: Domain) -> Estimates:
-    """Estimate parameters from rows in their domain; the equations are weighted by the variances of their residuals."""
+def solve(rows: Sequence[Rows], bounds: Bounds, priors: Priors) -> Estimates:
+    """Estimate parameters from rows in one domain; the equations are weighted by the variances of their residuals."""
     reduced = []
     for r in rows:  # few rows with the same normal equations: the triangle of a QR decomposition
         own = np.flatnonzero(r.used)
@@ -330,9 +342,8 @@ def solve(rows: Sequence[Rows], bounds: Bounds, priors: Priors, domain: Domain) 
         left = {c: np.concatenate([r.y - r.X @ values for r in own]) for c, own in of.items()}
         sigma = {c: float(np.sqrt(np.sum(v**2) / max(len(v) - used[c], 1))) for c, v in left.items()}
     sigma = {c: max(s, floor[c]) for c, s in sigma.items()}
-    white, covariance = _covariances(rows, values, priors, sigma, domain)
     r2 = {c: r_squared(np.concatenate([r.y for r in own]), left[c]) for c, own in of.items()}
-    return Estimates(values, covariance, white, sigma, r2, tuple(rows))
+    return Estimates(values, _covariance(rows, priors.sigma, sigma), sigma, r2, tuple(rows))
 
 
 def r_squared(y: FloatArray, residual: FloatArray) -> float:
@@ -363,28 +374,19 @@ def _weighted(rows: Sequence[Rows], bounds: Bounds, priors: Priors, sigma: dict[
     return out
 
 
-def _covariances(
-    rows: Sequence[Rows], values: FloatArray, priors: Priors, sigma: dict[str, float], domain: Domain
-) -> tuple[FloatArray, FloatArray]:
-    """Return the covariance for white and for colored residuals: M^-1 and M^-1 [sum X' V X] M^-1.
+def _covariance(rows: Sequence[Rows], priors: FloatArray, sigma: dict[str, float]) -> FloatArray:
+    """Return the inverse of the information (k, k) of rows and priors of standard deviations (k,).
 
     NaN for parameters with a component in the null space, where a pseudo-inverse would give zero variance.
     """
-    M = np.diag(1.0 / priors.sigma**2)
-    middle = M.copy()
+    M = np.diag(1.0 / priors**2)
     for r in rows:
-        weight = 1.0 / sigma[r.equation] ** 2
-        own, v = np.flatnonzero(r.used), r.y - r.X @ values
-        X, square = r.X[:, own], np.ix_(own, own)
-        freedom = len(v) / max(len(v) - len(own), 1)
-        M[square] += weight * (X.T @ X)
-        middle[square] += weight**2 * freedom * domain.scatter(X, v, r.dt)
+        own = np.flatnonzero(r.used)
+        M[np.ix_(own, own)] += (r.X[:, own].T @ r.X[:, own]) / sigma[r.equation] ** 2
     diagonal = np.diag(M)
     scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     powers, vectors = np.linalg.eigh(M / np.outer(scale, scale))
     kept = powers > NULL_EIGENVALUE * max(float(powers[-1]), 0.0)
     factor = vectors[:, kept] / np.sqrt(powers[kept]) / scale[:, None]
-    inverse = factor @ factor.T
     known = (diagonal > 0.0) & (np.linalg.norm(vectors[:, ~kept], axis=1) <= NULL_COMPONENT)
-    both = np.outer(known, known)
-    return np.where(both, inverse, np.nan), np.where(both, inverse @ middle @ inverse, np.nan)
+    return np.where(np.outer(known, known), factor @ factor.T, np.nan)

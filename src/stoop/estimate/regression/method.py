@@ -39,26 +39,14 @@ FAIR_R2: Final = 0.5  #: below, the estimates of an equation are doubtful
 def equation_error(
     vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window], options: Options, *_: Any
 ) -> Fit:
-    """Fit the free numbers to measured accelerations on smoothed samples; a method of `stoop.estimate.methods`.
-
-    Raises
-    ------
-    IdentificationError
-        The motion was nowhere measured completely.
-    """
+    """Fit the free numbers to measured accelerations on smoothed samples; a method of `stoop.estimate.methods`."""
     return _fitted(vehicle, flights, windows, options, TimeDomain())
 
 
 def frequency_domain(
     vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window], options: Options, *_: Any
 ) -> Fit:
-    """Fit the free terms of an aircraft to Fourier coefficients of a band; a method of `stoop.estimate.methods`.
-
-    Raises
-    ------
-    IdentificationError
-        The motion was nowhere measured completely, or the vehicle has rotors.
-    """
+    """Fit the free terms of an aircraft to Fourier coefficients of a band; a method of `stoop.estimate.methods`."""
     return _fitted(vehicle, flights, windows, options, FrequencyDomain())
 
 
@@ -69,6 +57,7 @@ def _fitted(
     options: Options,
     domain: Domain,
 ) -> Fit:
+    """Fit; an IdentificationError says where the motion was nowhere measured completely, or what is for aircraft only."""
     kind = kind_of(vehicle)
     if domain.name not in kind.explanations:
         raise IdentificationError(
@@ -112,40 +101,25 @@ def _fitted(
         flown.spent,
         tuple(notices),
         noise=flown.noise,
-        covariance=_covariance(equations, found.covariance, len(flown.z)),
         own_evidence=_evidence(problem, equations, found, flown.z, domain),
-        white=_covariance(equations, found.white, len(flown.z)) if domain.colored else None,
         simulated=flown.readings,
     )
-
-
-def _covariance(equations: Equations, covariance: FloatArray, size: int) -> FloatArray:
-    """Return the covariance (size, size) of the vector, SI: zero where nothing was estimated, infinite where unknown."""
-    unknown = np.isnan(np.diag(covariance))
-    own = np.where(unknown | unknown[:, None], 0.0, covariance)
-    np.fill_diagonal(own, np.where(unknown, np.inf, np.diag(own)))
-    out = np.zeros((size, size))
-    out[np.ix_(equations.places, equations.places)] = own
-    return out
 
 
 def _evidence(
     problem: Misfit, equations: Equations, found: Estimates, z: FloatArray, domain: Domain
 ) -> Evidence:
-    """Return the evidence: equation errors and regressors of each stretch, weighted by the residuals' deviations.
-
-    Columns are equations. A constant that the domain does not keep has no sensitivity.
-    """
-    unknowns, pieces = unknowns_of(problem.layout, z, set(equations.places)), []
-    for first in range(0, len(found.rows), len(found.sigma)):
-        stretch = found.rows[first : first + len(found.sigma)]
-        weights = [1.0 / found.sigma[r.equation] for r in stretch]
-        residual = [w * (r.y - r.X @ found.values) for w, r in zip(weights, stretch, strict=True)]
-        jacobian = np.zeros((len(stretch[0].y), len(stretch), len(unknowns)))
-        for i, (w, r) in enumerate(zip(weights, stretch, strict=True)):
-            jacobian[:, i, list(equations.places)] = w * r.X
-        pieces.append(PieceEvidence(np.column_stack(residual), jacobian))
-    return Evidence(unknowns, tuple(pieces), prior_information(unknowns), white=not domain.colored)
+    """Return the evidence of the regression among all unknowns; a constant that the domain does not keep has no prior."""
+    unknowns, places = unknowns_of(problem.layout, z, set(equations.places)), list(equations.places)
+    prior, pieces = prior_information(unknowns), []
+    if not domain.keeps_constants:
+        means = [places[k] for k in equations.constants.values()]
+        prior[means, means] = 0.0
+    for own in found.evidence:
+        jacobian = np.zeros((*own.residual.shape, len(unknowns)))
+        jacobian[:, :, places] = own.jacobian
+        pieces.append(PieceEvidence(own.residual, jacobian))
+    return Evidence(unknowns, tuple(pieces), prior, white=not domain.colored)
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,13 +21,13 @@ from scipy.interpolate import CubicSpline
 from stoop.base.arrays import FloatArray, runs
 from stoop.base.notices import Notice, notice
 from stoop.base.variables import RATES, SPECIFIC_FORCE
-from stoop.estimate.regression.least_squares import Bounds, Domain, Estimates, Priors, Rows, r_squared
+from stoop.estimate.regression.least_squares import Domain, Equations, Estimates, Rows, r_squared
 from stoop.flight.flight import MIN_SEGMENT
 from stoop.problem import Layout, Nuisance, Piece
 from stoop.problem.observation import through_air, true_value
 from stoop.simulation import parameter_rows
 from stoop.simulation.delays import at_samples, first_order_lag, late_inputs
-from stoop.simulation.initial import commanded, kernel_states, rigid_states
+from stoop.simulation.initial import commanded, initial_states, rigid_states
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND
 
@@ -52,13 +52,7 @@ class Stretch:
     ) -> FloatArray:
         """Return the accelerations (n, i) of the equations at the measured motion.
 
-        Parameters
-        ----------
-        vehicle : Vehicle
-        rows : (n_p, 1)
-            Kernel parameters, biases and wind among them.
-        cache : dict, optional
-            Lagged commands that were computed before.
+        Kernel parameters `rows` (n_p, 1) contain biases and wind; `cache` holds lagged commands computed before.
         """
         piece, motion = self.piece, {}
         late = at_samples(vehicle, late_inputs(vehicle, piece.inputs, rows, piece.dt))
@@ -70,7 +64,7 @@ class Stretch:
         down = piece.measured[self.samples, vehicle.outputs.index("vd")]
         height = float(piece.start.get("h", 0.0)) - cumulative_trapezoid(down, dx=piece.dt, initial=0)
         rigid = rigid_states(through_air(motion) | {"h": height})
-        states = kernel_states(vehicle, rigid, {}, every, inputs)
+        states = initial_states(vehicle, {}, every, inputs, rigid)
         for i, name in enumerate(vehicle.states):
             if name.endswith(".lag"):
                 follower = name.removesuffix(".lag")
@@ -126,24 +120,18 @@ def _sensor_arm(vehicle: Vehicle, rows: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class RotorEquations:
+class RotorEquations(Equations):
     """Accelerations of a vehicle with rotors; unknowns are the free numbers, then biases and wind of every maneuver."""
 
-    layout: Layout
     stretches: tuple[Stretch, ...]
     equations: tuple[str, ...] = ACCELERATIONS  #: those of `ACCELERATIONS` that are used
 
-    linear: ClassVar[bool] = False
+    linear = False
     explanations: ClassVar[Mapping[str, str]] = {"time": "equation-error-rotors"}
-    needed: ClassVar[str] = (
+    needed = (
         "velocity over ground, rates, attitude and accelerations must be measured together for some seconds; use "
         "--method multiple-shooting"
     )
-
-    @classmethod
-    def not_estimable(cls, _: Vehicle) -> tuple[str, ...]:
-        """Return the free numbers that no equation has: none."""
-        return ()
 
     @classmethod
     def of(cls, layout: Layout, pieces: Sequence[Piece]) -> RotorEquations:
@@ -160,30 +148,6 @@ class RotorEquations:
         """Where the unknowns stand among free parameters and nuisances."""
         d = self.layout.dimension
         return (*range(d), *(d + j for j, n in enumerate(self.layout.nuisances) if n.is_bias))
-
-    @property
-    def priors(self) -> Priors:
-        """Prior means, SI, and standard deviations (j,)."""
-        mean = [p.value for p in self.layout.parameters] + [n.center for n in self.biases]
-        sigma = [p.prior or np.inf for p in self.layout.parameters] + [n.scale for n in self.biases]
-        return Priors(np.array(mean), np.array(sigma))
-
-    @property
-    def bounds(self) -> Bounds:
-        """Bounds of the file (j,); none of the biases."""
-        free, wide = self.layout.parameters, np.full(len(self.biases), np.inf)
-        lower, upper = (np.array([getattr(p, side) for p in free]) for side in ("lower", "upper"))
-        return np.concatenate([lower, -wide]), np.concatenate([upper, wide])
-
-    @property
-    def scales(self) -> FloatArray:
-        """Widths of the bounds, and scales of the biases (j,), SI."""
-        return np.concatenate([self.layout.width, [n.scale for n in self.biases]])
-
-    @property
-    def constants(self) -> dict[str, int]:
-        """No equation has a constant term."""
-        return {}
 
     def kernel_parameters(self, piece: Piece, values: FloatArray) -> FloatArray:
         """Return kernel parameters (n_p, 1) of a piece for values (j,)."""
