@@ -50,9 +50,8 @@ WARM_UP: Final = (150, 300)  #: steps thrown away; after each the proposals are 
 STEPS_PER_ROUND: Final = 250  #: steps between looks at convergence
 MAX_STEPS: Final = 8000
 MAX_RHAT: Final = 1.01  #: of every parameter
-MIN_SAMPLE_SIZE: Final = (
-    1000.0  #: independent draws' worth, in the middle and in the tails of every parameter
-)
+#: independent draws' worth, in the middle and in the tails of every parameter
+MIN_SAMPLE_SIZE: Final = 1000.0
 MIN_WALKERS: Final = 32
 MISSING: Final = "the posterior needs emcee and arviz; install them with pip install 'stoop[posterior]'"
 FILE: Final = "posterior.nc"

@@ -48,9 +48,8 @@ SLOPE_STD: Final = 0.3  #: prior of the voltage slope; without a correction thru
 LIFT_STD: Final = 0.01  #: relative scatter of the lift between flights, counted as `LIFT_FLIGHTS` flights
 LIFT_FLIGHTS: Final = 3.0
 CHANCE: Final = 0.05  #: of attributing a loss to any rotor of a healthy flight
-DISTINCT: Final = (
-    6.63  #: difference of squares that separates two explanations (1 % of chi-square, one degree)
-)
+#: difference of squares that separates two explanations (1 % of chi-square, one degree)
+DISTINCT: Final = 6.63
 ODD_CHANCE: Final = 0.01  #: below which the unexplained part counts
 POWER: Final = 0.8  #: how often a loss of the stated least size is detected
 MANY: Final = 8  #: healthy flights after which more bring little
