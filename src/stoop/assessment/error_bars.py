@@ -150,7 +150,8 @@ def _error_bars(evidence: Evidence) -> ErrorBars:
         covariance=covariance[:k, :k],
         cramer_rao_std=white[:k],
         at_bound=at_bound[:k],
-        identifiability=own | {n: Identifiability.none(n, NOT_ESTIMATED) for n in idle},
+        identifiability=own
+        | {n: Identifiability(n, False, NOT_ESTIMATED, np.inf, np.inf, 0.0) for n in idle},
         conditional=conditional,
         uncertainty=found,
         free=free,
@@ -167,11 +168,6 @@ class Identifiability:
     conditional_std: float  #: standard error if everything else were known
     marginal_std: float  #: standard error as it is; infinite when the data leave it free
     multiple_correlation: float  #: with all other unknowns together; 1 means that they can take its place
-
-    @classmethod
-    def none(cls, name: str, reason: str) -> Identifiability:
-        """Return that of a parameter that nothing was learned about."""
-        return cls(name, False, reason, np.inf, np.inf, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
