@@ -1,11 +1,10 @@
 """The bootstrap of a fit: refits to the model's own curves with noise like that of the residuals.
 
-The residuals of a fit are colored, often over hundreds of samples. Blocks cut from them directly would break that color at
-every joint, and the fit has absorbed part of it. So their color is taken off first, by the autoregression that also corrects
-the covariance (what the fit absorbed added back); blocks of what is left are drawn, all channels together, and colored again.
-Blocks keep what the autoregression does not explain: the remaining correlation, heavy tails, and channels that are disturbed
-at the same time. Residuals of windows that each begin in a state of their own are no stationary noise: whole windows are
-drawn, with the gaps behind them. Replicates are refitted in chunks, on any pool, into a store that survives kills.
+The color of the residuals is taken off by the autoregression that also corrects the covariance (what the fit absorbed added
+back); blocks of what is left are drawn, all channels together, and colored again. Blocks keep what the autoregression does not
+explain: the remaining correlation, heavy tails, and channels that are disturbed at the same time. Residuals of windows that
+each begin in a state of their own are no stationary noise: whole windows are drawn, with the gaps behind them. Replicates are
+refitted in chunks, on any pool, into a store that survives kills.
 
 References
 ----------
@@ -24,13 +23,12 @@ A. C. Cameron, J. B. Gelbach and D. L. Miller, "Bootstrap-based improvements for
 from __future__ import annotations
 
 import hashlib
-import tempfile
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 from scipy.signal import lfilter
@@ -44,6 +42,7 @@ from stoop.assessment.assessment import (
     Refittable,
     Watch,
     refit,
+    refits,
     simulated,
     unpacked_optimum,
 )
@@ -52,7 +51,7 @@ from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.estimate.multiple_shooting import FollowingWindows
 from stoop.estimate.noise import lagged_products
-from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run, Tally, execute
+from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run
 from stoop.results.uncertainty import Interval, MethodIntervals
 
 LONGEST_BLOCK: Final = 0.25  #: of a segment: fewer than four blocks would repeat the record
@@ -85,14 +84,6 @@ def block_length(series: FloatArray) -> float:
     smoothed = taper * covariance[np.abs(lags)]
     level, slope = float(smoothed.sum()), float(np.sum(np.abs(lags) * smoothed))
     return max(1.0, float(np.cbrt(2.0 * slope**2 / (4.0 / 3.0 * level**2) * n))) if level > 0.0 else 1.0
-
-
-class NoiseSource(Protocol):
-    """Draws noise like that behind the residuals of a fit."""
-
-    def draw(self, random: np.random.Generator) -> FloatArray:
-        """Return noise (m,) for all residuals but those of the priors."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,6 +202,9 @@ class WholeWindows:
         return np.concatenate([*readings, *gaps])
 
 
+NoiseSource = ColoredBlocks | WholeWindows
+
+
 def shifts(optimum: Optimum, noise: NoiseSource, numbers: Sequence[int], seed: int) -> FloatArray:
     """Return what replicates add to the residuals, (B, n_r).
 
@@ -263,13 +257,8 @@ class Bootstrap:
     def __call__(self, fit: AssessedFit, watch: Watch) -> Finding:
         """Return standard errors and bias-corrected percentile intervals."""
         plan = bootstrap_plan(fit, self.replicates)
-
-        def report(done: Tally) -> None:
-            watch(f"bootstrap: {done.done * CHUNK} of {done.total * CHUNK} replicates {done.note}".rstrip())
-
-        with tempfile.TemporaryDirectory(prefix="stoop-") as folder:
-            store = self.store or Path(folder) / "bootstrap.sqlite"
-            return Finding(_intervals(fit, execute(plan, store, self.pool, report)))
+        found = refits(plan, self.store, self.pool, "bootstrap: {} of {} replicates", CHUNK, watch)
+        return Finding(_intervals(fit, found))
 
 
 def bootstrap_plan(fit: AssessedFit, count: int) -> Plan:

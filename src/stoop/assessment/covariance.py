@@ -5,10 +5,9 @@ weight of white noise has the covariance
 
     C = D^-1 [ sum_i sum_j S_i' R^-1 Rvv(i - j) R^-1 S_j ] D^-1
 
-(Morelli and Klein); D^-1 alone, the Cramer-Rao bound of white noise, is far too small for colored residuals. The double sum
-is a product of spectra. Two refinements over the sample autocovariance of the paper, without which nominal 95 % intervals
-cover 80 to 90 %: what the fit absorbed of the noise on average is added back to the autocovariance of the residuals, and an
-autoregression continues the autocovariance where its long lags are noise themselves.
+(Morelli and Klein); D^-1 alone is the Cramer-Rao bound of white noise. The double sum is a product of spectra. Two refinements
+over the paper's sample autocovariance, without which nominal 95 % intervals cover 80 to 90 %: what the fit absorbed of the
+noise is added back, and an autoregression continues the autocovariance where its long lags are noise themselves.
 
 Windows that begin anew leave residuals that grow along each window: not stationary, but alike from window to window. Their
 covariance is the mean over all windows, every window's residuals with every window's sensitivities,

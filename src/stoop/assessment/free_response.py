@@ -118,9 +118,7 @@ def measured_mode(
 def elsewhere(free: FreeResponse, airspeed: float) -> float:
     """Return how far, as a share of `airspeed`, a response was flown from it; 0 where no airspeed was recorded.
 
-    Natural frequencies go with the airspeed or with its inverse, so this is by how much a response at its own
-    airspeeds may differ from the small motion about one: the mean's departure, and the square of the swing, for
-    what swings to both sides cancels in first order.
+    Natural frequencies go with the airspeed or its inverse: the mean's departure counts, and the square of the swing.
     """
     V = free.channels.get("V", np.empty(0))
     V = V[np.isfinite(V)]

@@ -6,10 +6,8 @@ closed form (Laplace): at each point they stand where a linear model puts them, 
 
 The fit weighs colored residuals as so many times fewer independent ones, one factor for all. That makes the likelihood
 about right in size but not in shape, so it is stretched about its maximum (curvature adjustment) until its curvature is the
-inverse of the covariance corrected for color. A linear model then has exactly the corrected covariance as its posterior, and
-what the posterior shows beyond that is the model's own: skewness, bounds, ridges. Whitening the residuals by an
-autoregression instead would move the maximum away from the estimate, and onto the high frequencies, where a flight-dynamics
-model knows least.
+inverse of the covariance corrected for color. A linear model then has exactly the corrected covariance as its posterior;
+whitening the residuals instead would move the maximum away from the estimate, and onto the high frequencies.
 
 References
 ----------
@@ -237,12 +235,7 @@ def sample(
     """Walk until R-hat and the effective sample size are good, at most `MAX_STEPS` steps.
 
     `target` gives the log density (W,) of points (W, k), all walkers at once; `reference` is where walkers start and what
-    most of their proposals come from; `watch` receives the number of steps so far.
-
-    Raises
-    ------
-    IdentificationError
-        emcee or arviz is not installed.
+    most of their proposals come from; `watch` receives the number of steps so far. Errors are those of :func:`libraries`.
     """
     emcee, arviz = libraries()
     walkers = max(MIN_WALKERS, 2 * len(reference.center) + 2)
@@ -296,13 +289,7 @@ def sample(
 
 
 def libraries() -> tuple[Any, Any]:
-    """Return emcee and arviz.
-
-    Raises
-    ------
-    IdentificationError
-        One of them is not installed.
-    """
+    """Return emcee and arviz; an IdentificationError says that one of them is not installed."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # arviz announces its next version

@@ -5,9 +5,8 @@ Repeatability: with estimates :math:`\theta_i` and standard errors :math:`s_i` o
 .. math:: \bar\theta = \frac{\sum \theta_i / s_i^2}{\sum 1 / s_i^2}, \qquad
           \chi^2 = \sum \frac{(\theta_i - \bar\theta)^2}{s_i^2},
 
-which is chi-square with m - 1 degrees of freedom if the error bars are right. More, and something differs between the
-maneuvers that the error bars do not know: the model, the air, the loading. Estimates that share a prior agree because of
-it, so each one's own prior is taken out: with f the prior's share, the rest is :math:`(\theta - f \theta_0) / (1 - f)`.
+which is chi-square with m - 1 degrees of freedom if the error bars are right. Estimates that share a prior agree because of it,
+so each one's own prior is taken out: with f the prior's share, the rest is :math:`(\theta - f \theta_0) / (1 - f)`.
 
 References
 ----------
@@ -234,11 +233,9 @@ class SingleFit:
 def fit_each(
     fit: Fit, flights: Mapping[str, Flight], options: Options, watch: Callable[[str], None]
 ) -> list[SingleFit]:
-    """Fit every maneuver of a finished fit by itself.
+    """Fit every maneuver of a finished fit by itself, from the same start, within the same bounds and priors.
 
-    The vehicle is as it was given: the same numbers are free, from the same start, within the same bounds and priors.
-    What a maneuver does not determine stays at its prior and is not counted. Ctrl-C ends the fit at hand and leaves the
-    rest. `watch` receives the maneuver at hand.
+    What a maneuver does not determine is not counted. Ctrl-C ends the fit at hand, which `watch` receives, and the rest.
     """
     vehicle, fitter = fit.problem.layout.vehicle, methods.find(options.method).fitter()
     out, stopped = list[SingleFit](), False
