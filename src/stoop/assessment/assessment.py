@@ -126,7 +126,7 @@ def assess(
         found = assessment(assessed, watch)
         uncertainty[assessment.name] = found.intervals
         files |= found.files
-    agreement = tuple(map(str, method_agreement(result.parameters, uncertainty)))
+    agreement = tuple(method_agreement(result.parameters, uncertainty))
     return replace(result, uncertainty=uncertainty, trust=agreement), files
 
 

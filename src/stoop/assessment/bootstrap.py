@@ -324,4 +324,4 @@ def _intervals(fit: AssessedFit, results: Mapping[str, Json]) -> MethodIntervals
     if lost > MAX_LOST * total:
         notices.append(notice("bootstrap-replicates-lost", lost=lost, replicates=total))
     figures = {"replicates": float(total), "dived": float(endings["dived"]), "lost": float(lost)}
-    return MethodIntervals(parameters, figures, tuple(map(str, notices)))
+    return MethodIntervals(parameters, figures, tuple(notices))

@@ -324,7 +324,7 @@ class Posterior:
             notices.append(notice("posterior-not-converged", rhat=rhat, sample_size=size, **limits))
         if error > MAX_DENSITY_ERROR:
             notices.append(notice("posterior-nuisances-nonlinear", error=error))
-        intervals = MethodIntervals(parameters, figures, tuple(map(str, notices)))
+        intervals = MethodIntervals(parameters, figures, tuple(notices))
         return Finding(intervals, {FILE: _file(fit, chains)})
 
 

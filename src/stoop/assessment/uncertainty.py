@@ -89,7 +89,7 @@ def with_uncertainty(result: Result, fit: Fit, bars: ErrorBars) -> Result:
     return replace(
         result,
         uncertainty=methods,
-        trust=tuple(map(str, method_agreement(result.parameters, methods))),
+        trust=tuple(method_agreement(result.parameters, methods)),
         identifiability=IdentifiabilityAnalysis(singular, analyses, worst_pairs(names, related), directions),
     )
 

@@ -171,7 +171,7 @@ def rotors(arguments: argparse.Namespace) -> int:
             raise FlightError(f"{path}: given twice; name each flight once, in question or under --healthy")
     balance = Balance(resolve_vehicle(arguments.vehicle))
 
-    def hovers(paths: Sequence[Path], watch: Watch) -> tuple[Hover, ...]:
+    def read_hover(paths: Sequence[Path], watch: Watch) -> tuple[Hover, ...]:
         out = []
         for path in paths:
             flight = load(path, arguments.mapping)
@@ -181,8 +181,8 @@ def rotors(arguments: argparse.Namespace) -> int:
         return tuple(out)
 
     with Watch("reading the logs") as watch:
-        healthy = hovers(arguments.healthy, watch)
-        flown = hovers(arguments.flight, watch)
+        healthy = read_hover(arguments.healthy, watch)
+        flown = read_hover(arguments.flight, watch)
     one = arguments.together and len(flown) > 1
     reference = Reference(balance, healthy, repeats=(flown,) if one else ())
     out = page()
@@ -222,7 +222,7 @@ def _compare(title: str, found: Sequence[Assessment], chance: float) -> None:
 
 def _notes(reference: Reference, flown: Sequence[Hover], chance: float) -> list[str]:
     lift, roll, pitch, yaw = (100.0 * float(v) ** 0.5 for v in reference.variances)
-    healthy, battery = len(reference.hovers), reference.battery
+    healthy, battery = len(reference.flights), reference.battery
     notes = [
         "suspected: whose loss explains most, and who explains it nearly as well; any: all of them do",
         "factor: thrust and torque per command, against the healthy flights, if the first of them alone has changed",

@@ -60,7 +60,7 @@ def _trimmed(arguments: argparse.Namespace) -> tuple[Vehicle, Trim, str]:
     from stoop.simulation import trim
     from stoop.simulation.trim import flies_on_rotors
     from stoop.vehicle.builtin import resolve_vehicle
-    from stoop.vehicle.quantity import Quantity
+    from stoop.vehicle.schema import Quantity
 
     vehicle, given = resolve_vehicle(arguments.vehicle), arguments.density
     choice = vehicle.file.environment.density

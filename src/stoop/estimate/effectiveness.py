@@ -1,6 +1,6 @@
 """Weak rotors: a flight near hover compared with those of the healthy vehicle, by the loads that its commands imply.
 
-At rest the equations of `stoop.vehicle.symbolic.rotors` leave thrust T(x) along the axis and torque Q(x) about it, lift equals
+At rest the equations of `stoop.vehicle.symbolic.forces` leave thrust T(x) along the axis and torque Q(x) about it, lift equals
 the weight, and the moments balance, whatever the state of the rotors. The excess of the commanded loads over those of the
 healthy flights is therefore what the rotors lose, or what the vehicle weighs more:
 
@@ -202,16 +202,16 @@ def hover(flight: Flight, balance: Balance) -> Hover:
     return Hover(flight.name, *means, covariance, voltage, sums.shape[1] / flight.rate)
 
 
-def pooled(hovers: Sequence[Hover]) -> Hover:
+def pooled(flights: Sequence[Hover]) -> Hover:
     """Return the mean of flights of one configuration as one flight."""
-    count = len(hovers)
+    count = len(flights)
     return Hover(
         f"{count} flights",
-        np.mean([h.thrust for h in hovers], axis=0),
-        np.mean([h.torque for h in hovers], axis=0),
-        np.sum([h.covariance for h in hovers], axis=0) / count**2,
-        float(np.mean([h.voltage for h in hovers])),
-        sum(h.duration for h in hovers),
+        np.mean([h.thrust for h in flights], axis=0),
+        np.mean([h.torque for h in flights], axis=0),
+        np.sum([h.covariance for h in flights], axis=0) / count**2,
+        float(np.mean([h.voltage for h in flights])),
+        sum(h.duration for h in flights),
     )
 
 
@@ -245,7 +245,7 @@ class Reference:
     """Flights of the healthy vehicle, at least one."""
 
     balance: Balance
-    hovers: tuple[Hover, ...]
+    flights: tuple[Hover, ...]
     #: healthy flights of further vehicles of the type: for the scatter, not the level
     others: tuple[tuple[Hover, ...], ...] = ()
     #: flights of one configuration each, whatever it is: for the effect of the voltage on the lift
@@ -253,7 +253,7 @@ class Reference:
 
     def __post_init__(self) -> None:
         """Refuse a reference without flights or loads."""
-        if not self.hovers:
+        if not self.flights:
             raise FlightError(
                 "there is no healthy flight to compare with; give one or more, as --healthy LOG"
             )
@@ -266,36 +266,36 @@ class Reference:
     @cached_property
     def units(self) -> FloatArray:
         """Weight, N, weight times arm (twice), N m, and torque of all rotors, N m, as commanded in the healthy flights."""
-        weight = float(np.mean([self.balance.of_thrust[0] @ h.thrust for h in self.hovers]))
-        torque = float(np.mean([np.abs(self.balance.of_torque[3]) @ h.torque for h in self.hovers]))
+        weight = float(np.mean([self.balance.of_thrust[0] @ h.thrust for h in self.flights]))
+        torque = float(np.mean([np.abs(self.balance.of_torque[3]) @ h.torque for h in self.flights]))
         return np.array([weight, weight * self.balance.arm, weight * self.balance.arm, torque])
 
     @cached_property
     def battery(self) -> Battery:
         """Effect of the voltage on the commanded lift."""
-        groups = (self.hovers, *self.others, *self.repeats)
+        groups = (self.flights, *self.others, *self.repeats)
         lifts = [np.array([self.balance.of_thrust[0] @ h.thrust for h in group]) for group in groups]
         return battery(lifts, [np.array([h.voltage for h in group]) for group in groups])
 
     @cached_property
     def voltage(self) -> float:
         """Mean of the healthy flights, V."""
-        return float(np.mean([h.voltage for h in self.hovers]))
+        return float(np.mean([h.voltage for h in self.flights]))
 
     @cached_property
     def level(self) -> FloatArray:
         """Mean of the healthy flights, (4,), in `units`."""
-        return np.asarray(np.mean([self.sums(h) for h in self.hovers], axis=0))
+        return np.asarray(np.mean([self.sums(h) for h in self.flights], axis=0))
 
     @cached_property
     def degrees(self) -> float:
         """Degrees of freedom of the variances."""
-        return PRIOR_FLIGHTS + sum(len(group) - 1 for group in (self.hovers, *self.others))
+        return PRIOR_FLIGHTS + sum(len(group) - 1 for group in (self.flights, *self.others))
 
     @cached_property
     def variances(self) -> FloatArray:
         """Between flights, (4,), in `units` squared."""
-        groups = [np.array([self.sums(h) for h in group]) for group in (self.hovers, *self.others)]
+        groups = [np.array([self.sums(h) for h in group]) for group in (self.flights, *self.others)]
         squares = sum(((g - g.mean(axis=0)) ** 2).sum(axis=0) for g in groups)
         return np.asarray((PRIOR_FLIGHTS * np.square(USUAL) + squares) / self.degrees)
 
@@ -311,7 +311,7 @@ class Reference:
 
     def covariance(self, hover: Hover) -> FloatArray:
         """Return that of the difference between one more healthy flight and the mean of these, (4, 4)."""
-        return self.between(hover, len(self.hovers)) + self.within(hover)
+        return self.between(hover, len(self.flights)) + self.within(hover)
 
     def between(self, hover: Hover, count: int) -> FloatArray:
         """Return what flights differ by, (4, 4), were there so many healthy ones."""
@@ -321,7 +321,7 @@ class Reference:
 
     def within(self, hover: Hover) -> FloatArray:
         """Return what the scatter within the flights adds, (4, 4)."""
-        scatter = hover.covariance + sum(h.covariance for h in self.hovers) / len(self.hovers) ** 2
+        scatter = hover.covariance + sum(h.covariance for h in self.flights) / len(self.flights) ** 2
         return np.asarray(scatter / np.outer(self.units, self.units))
 
     def _voltage_change(self, hover: Hover) -> float:
@@ -387,10 +387,12 @@ def assess(hover: Hover, reference: Reference) -> Assessment:
 
 def leave_one_out(reference: Reference) -> tuple[Assessment, ...]:
     """Compare each healthy flight with the others; nothing where it is the only one."""
-    hovers = reference.hovers
-    if len(hovers) < 2:
+    flights = reference.flights
+    if len(flights) < 2:
         return ()
-    return tuple(assess(h, replace(reference, hovers=tuple(o for o in hovers if o is not h))) for h in hovers)
+    return tuple(
+        assess(h, replace(reference, flights=tuple(o for o in flights if o is not h))) for h in flights
+    )
 
 
 def _explain(rotor: str, column: FloatArray, d: FloatArray) -> Explanation:
@@ -456,7 +458,7 @@ def _detectable_sigmas(degrees: float, rotors: int, chance: float) -> float:
 
 
 def advice(
-    reference: Reference, hovers: Sequence[Hover], verdicts: Sequence[Verdict], chance: float
+    reference: Reference, flights: Sequence[Hover], verdicts: Sequence[Verdict], chance: float
 ) -> tuple[Notice, ...]:
     """Return what would lower the least detectable loss, for the flight with the largest, each change alone.
 
@@ -470,9 +472,9 @@ def advice(
         smallest = float(squares.max() ** -0.5)
         return _detectable_sigmas(reference.degrees + more, columns.shape[1], chance) * smallest
 
-    every = ((detectable(h, reference.covariance(h)), h) for h in hovers)
+    every = ((detectable(h, reference.covariance(h)), h) for h in flights)
     now, worst = max(every, key=lambda pair: pair[0])
-    count, out = len(reference.hovers), []
+    count, out = len(reference.flights), []
     then = detectable(worst, reference.between(worst, count))
     if then < HELPS * now:
         out.append(notice("rotors-calmer-hover", now=now, then=then))

@@ -64,13 +64,7 @@ class ScalarProblem:
     prices: tuple[float, ...] = (1.0,)
 
     def residuals(self, Z: FloatArray, rung: int) -> NoReturn:
-        """Refuse: there are none.
-
-        Raises
-        ------
-        IdentificationError
-            Always.
-        """
+        """Refuse with an `IdentificationError`: there are none."""
         raise IdentificationError(
             "problem: only its cost is known, there are no residuals; take an optimizer that needs none"
         )

@@ -31,7 +31,7 @@ from stoop.problem import Layout, Piece
 from stoop.problem.observation import at_center_of_gravity, true_value
 from stoop.simulation import START_NAMES, parameter_rows
 from stoop.simulation.delays import first_order_lag, late_inputs
-from stoop.simulation.initial import commanded, kernel_states, rigid_states
+from stoop.simulation.initial import commanded, initial_states, rigid_states
 from stoop.vehicle import Vehicle, terms
 from stoop.vehicle.schema import Term
 
@@ -75,7 +75,7 @@ class Motion:
 
     def kernel_states(self, vehicle: Vehicle) -> FloatArray:
         """Return the kernel's states (n_x, n)."""
-        out = kernel_states(vehicle, rigid_states(self.states), {}, self.rows, self.inputs)
+        out = initial_states(vehicle, {}, self.rows, self.inputs, rigid_states(self.states))
         for i, name in enumerate(vehicle.states):
             if name.endswith(".lag"):
                 out[i] = self.deflections[name.removesuffix(".lag")]

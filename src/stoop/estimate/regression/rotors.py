@@ -27,7 +27,7 @@ from stoop.problem import Layout, Nuisance, Piece
 from stoop.problem.observation import through_air, true_value
 from stoop.simulation import parameter_rows
 from stoop.simulation.delays import at_samples, first_order_lag, late_inputs
-from stoop.simulation.initial import commanded, kernel_states, rigid_states
+from stoop.simulation.initial import commanded, initial_states, rigid_states
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND
 
@@ -64,7 +64,7 @@ class Stretch:
         down = piece.measured[self.samples, vehicle.outputs.index("vd")]
         height = float(piece.start.get("h", 0.0)) - cumulative_trapezoid(down, dx=piece.dt, initial=0)
         rigid = rigid_states(through_air(motion) | {"h": height})
-        states = kernel_states(vehicle, rigid, {}, every, inputs)
+        states = initial_states(vehicle, {}, every, inputs, rigid)
         for i, name in enumerate(vehicle.states):
             if name.endswith(".lag"):
                 follower = name.removesuffix(".lag")

@@ -291,7 +291,7 @@ def test_a_known_slope_is_taken_off(quad: Balance) -> None:
     repeats = tuple(tuple(at(v) for v in (3.2, 3.4, 3.6, 3.8, 4.0)) for _ in range(8))
     reference = Reference(quad, tuple(at(3.6) for _ in range(4)), repeats=repeats)
     assert abs(reference.battery.slope - 0.6) < 3.0 * reference.battery.std
-    blind = Reference(quad, reference.hovers)
+    blind = Reference(quad, reference.flights)
     low = at(3.1)
     assert abs(reference.sums(low)[0] - 1.0) < 0.07 < abs(blind.sums(low)[0] - 1.0) + 0.03
 
