@@ -11,14 +11,17 @@ import numpy as np
 import pytest
 
 from stoop.exporters import jsbsim_aircraft
-from stoop.exporters.jsbsim_flight import fly, jsbsim_readings, sortie, specific_force
-from stoop.exporters.record import (
+from stoop.exporters.jsbsim_flight import (
     Record,
     every_control,
     file_name,
+    fly,
+    jsbsim_readings,
     maneuver_record,
     own_readings,
     relative_differences,
+    sortie,
+    specific_force,
     steady_record,
 )
 from stoop.simulation import initial_states, parameter_rows, trim

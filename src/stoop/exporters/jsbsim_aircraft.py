@@ -12,28 +12,25 @@ from typing import Final
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element, SubElement
 
-from stoop.base.units import FOOT, INCH, SLUG
+from stoop.base.units import FOOT, INCH, POUND_FORCE, SLUG
 from stoop.errors import VehicleError, one_line
-from stoop.exporters.jsbsim_flight import FRAME_RATE, INTEGRATORS, START, sortie
+from stoop.exporters.jsbsim_flight import FRAME_RATE, INTEGRATORS, PLANET, START, Record, file_name, sortie
 from stoop.exporters.jsbsim_model import (
     THRUST,
-    Physics,
     aerodynamics,
     coefficient,
     delays,
     flight_control,
     leaf,
     number,
-    pounds,
+    prop,
+    value,
 )
-from stoop.exporters.record import Record, file_name
 from stoop.vehicle import Vehicle
 
-POUNDS_PER_SLUG: Final = 32.174049  #: what JSBSim takes a weight to a mass with (FGJSBBase)
-Point = tuple[float, float, float]
-RADIUS: Final = 1e10  #: m; over it the air turns by 1e-7 rad in a kilometer, and gravity falls by as much
-PLANET: Final = "flat.xml"
+POUNDS_PER_SLUG: Final = 32.174049  #: with which JSBSim converts a weight to a mass (FGJSBBase)
 STEADY: Final = "steady"
+Point = tuple[float, float, float]
 _AXES: Final = {"x": -1.0, "y": 1.0, "z": -1.0}  #: signs of JSBSim's structural axes
 _METRICS: Final = {
     "wingarea": ("reference.area", FOOT**2, "FT2"),
@@ -53,6 +50,31 @@ _INITIAL: Final = {
 }  #: element and unit of an initialization file  # fmt: skip
 
 
+def folder(vehicle: Vehicle, steady: Record | None) -> dict[str, str]:
+    """Return the files by their place below the root.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    steady : Record, optional
+        A steady flight, of which the start is used.
+
+    Raises
+    ------
+    VehicleError
+        What JSBSim cannot fly.
+    """
+    name = file_name(vehicle.name)
+    out = {
+        f"aircraft/{name}/{name}.xml": aircraft(vehicle),
+        PLANET: flat_planet(vehicle.value("environment.gravity")),
+    }
+    if steady is not None:
+        out[f"aircraft/{name}/{STEADY}.xml"] = initialization(steady, name)
+        out[f"scripts/{name}.xml"] = script(steady, name)
+    return out
+
+
 def aircraft(vehicle: Vehicle) -> str:
     """Return the text of ``aircraft/NAME/NAME.xml``.
 
@@ -63,15 +85,36 @@ def aircraft(vehicle: Vehicle) -> str:
     """
     check(vehicle)
     root = Element("fdm_config", {"name": one_line(vehicle.name), "version": "2.0", "release": "BETA"})
-    physics = Physics.of(vehicle)
-    root.append(_header(vehicle))
-    root.append(_metrics(vehicle))
-    root.append(_mass_balance(vehicle))
+    header = SubElement(root, "fileheader")
+    SubElement(header, "author").text = "stoop"
+    words = "; ".join((f"{vehicle.name}: made by stoop export, see docs/export.md", *vehicle.file.notes))
+    SubElement(header, "description").text = one_line(words)
+    metrics = SubElement(root, "metrics")
+    for tag, (name, size, unit) in _METRICS.items():
+        metrics.append(_quantity(tag, vehicle.value(name) / size, unit))
+    for tag, name in _LOCATIONS.items():
+        metrics.append(location(point(vehicle, name), tag))
+    # JSBSim's products of inertia are elements of the tensor in structural axes
+    masses = SubElement(root, "mass_balance", {"negated_crossproduct_inertia": "true"})
+    for axes, sign in _INERTIA.items():
+        name = f"mass.inertia.{axes}"
+        inertia = vehicle.value(name) if name in vehicle.rows else 0.0
+        masses.append(_quantity(f"i{axes}", sign * inertia / _INERTIA_UNIT + 0.0, "SLUG*FT2"))
+    masses.append(_quantity("emptywt", vehicle.value("mass.mass") / SLUG * POUNDS_PER_SLUG, "LBS"))
+    masses.append(location(point(vehicle, "mass.center_of_gravity"), "CG"))
     root.append(Element("ground_reactions"))
     root.append(flight_control(vehicle))
-    if vehicle.file.propulsion is not None:
-        root.append(_thrust(vehicle))
-    root.append(aerodynamics(vehicle, physics))
+    if vehicle.file.propulsion is not None:  # the thrust as an external force along its line
+        force = SubElement(
+            SubElement(root, "external_reactions"), "force", {"name": "thrust", "frame": "BODY"}
+        )
+        SubElement(SubElement(force, "function"), "product").extend([prop(THRUST), value(1.0 / POUND_FORCE)])
+        force.append(location(point(vehicle, "propulsion.position")))
+        pitch = vehicle.value("propulsion.pitch") if "propulsion.pitch" in vehicle.rows else 0.0
+        along = (math.cos(pitch), 0.0, -math.sin(pitch))
+        direction = SubElement(force, "direction")
+        direction.extend(leaf(a, number(x + 0.0)) for a, x in zip(_AXES, along, strict=True))
+    root.append(aerodynamics(vehicle))
     return document(root)
 
 
@@ -116,15 +159,7 @@ def point(vehicle: Vehicle, name: str) -> Point:
     return 0.0, 0.0, 0.0
 
 
-def _header(vehicle: Vehicle) -> Element:
-    out = Element("fileheader")
-    SubElement(out, "author").text = "stoop"
-    words = "; ".join((f"{vehicle.name}: made by stoop export, see docs/export.md", *vehicle.file.notes))
-    SubElement(out, "description").text = one_line(words)
-    return out
-
-
-def _measured(tag: str, x: float, unit: str) -> Element:
+def _quantity(tag: str, x: float, unit: str) -> Element:
     out = leaf(tag, number(x))
     out.set("unit", unit)
     return out
@@ -137,78 +172,21 @@ def location(where: Point, name: str | None = None) -> Element:
     return out
 
 
-def _metrics(vehicle: Vehicle) -> Element:
-    out = Element("metrics")
-    for tag, (name, size, unit) in _METRICS.items():
-        out.append(_measured(tag, vehicle.value(name) / size, unit))
-    for tag, name in _LOCATIONS.items():
-        out.append(location(point(vehicle, name), tag))
-    return out
-
-
-def _mass_balance(vehicle: Vehicle) -> Element:
-    """Return mass properties; JSBSim's products of inertia are elements of the tensor in structural axes."""
-    out = Element("mass_balance", {"negated_crossproduct_inertia": "true"})
-    for axes, sign in _INERTIA.items():
-        name = f"mass.inertia.{axes}"
-        inertia = vehicle.value(name) if name in vehicle.rows else 0.0
-        out.append(_measured(f"i{axes}", sign * inertia / _INERTIA_UNIT + 0.0, "SLUG*FT2"))
-    out.append(_measured("emptywt", vehicle.value("mass.mass") / SLUG * POUNDS_PER_SLUG, "LBS"))
-    out.append(location(point(vehicle, "mass.center_of_gravity"), "CG"))
-    return out
-
-
-def _thrust(vehicle: Vehicle) -> Element:
-    """Return the thrust as an external force along its line."""
-    out = Element("external_reactions")
-    force = SubElement(out, "force", {"name": "thrust", "frame": "BODY"})
-    force.append(pounds(THRUST))
-    force.append(location(point(vehicle, "propulsion.position")))
-    pitch = vehicle.value("propulsion.pitch") if "propulsion.pitch" in vehicle.rows else 0.0
-    direction = SubElement(force, "direction")
-    along = (math.cos(pitch), 0.0, -math.sin(pitch))
-    direction.extend(leaf(a, number(x + 0.0)) for a, x in zip(_AXES, along, strict=True))
-    return out
-
-
-def folder(vehicle: Vehicle, steady: Record | None) -> dict[str, str]:
-    """Return the files by their place below the root.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-    steady : Record, optional
-        A steady flight, of which the start is used.
-
-    Raises
-    ------
-    VehicleError
-        What JSBSim cannot fly.
-    """
-    name = file_name(vehicle.name)
-    out = {
-        f"aircraft/{name}/{name}.xml": aircraft(vehicle),
-        PLANET: flat_planet(vehicle.value("environment.gravity")),
-    }
-    if steady is not None:
-        out[f"aircraft/{name}/{STEADY}.xml"] = initialization(steady, name)
-        out[f"scripts/{name}.xml"] = script(steady, name)
-    return out
-
-
 def flat_planet(gravity: float) -> str:
-    """Return a planet that does not turn and is too large to be round: constant gravity, m/s2."""
-    radius = RADIUS / FOOT
+    """Return a planet that does not turn and is too large to be round: constant gravity, m/s2.
+
+    Its radius is 1e10 m; over it the air turns by 1e-7 rad in a kilometer, and gravity falls by as much.
+    """
+    radius = 1e10 / FOOT
     out = Element("planet", {"name": "flat"})
     for tag, x, unit in (
         ("semimajor_axis", radius, "FT"),
         ("semiminor_axis", radius, "FT"),
         ("rotation_rate", 0.0, "RAD/SEC"),
         ("GM", gravity / FOOT * radius**2, "FT3/SEC2"),
-        ("J2", 0.0, None),
     ):
-        item = SubElement(out, tag, {} if unit is None else {"unit": unit})
-        item.text = number(x)
+        out.append(_quantity(tag, x, unit))
+    out.append(leaf("J2", number(0.0)))
     return document(out)
 
 
@@ -217,24 +195,21 @@ def initialization(steady: Record, name: str) -> str:
     start = sortie(name, steady, None).start
     out = Element("initialize", {"name": STEADY})
     for key, (tag, unit) in _INITIAL.items():
-        item = leaf(tag, number(start[key] / START[key][1]))
-        item.set("unit", unit)
-        out.append(item)
-    for tag in ("latitude", "longitude"):
-        out.append(leaf(tag, "0.0"))
+        out.append(_quantity(tag, start[key] / START[key][1], unit))
+    out.extend(leaf(tag, "0.0") for tag in ("latitude", "longitude"))
     return document(out)
 
 
 def script(steady: Record, name: str) -> str:
-    """Return a script that holds the steady flight for its time."""
+    """Return a script that flies the steady flight for its time."""
     flown = sortie(name, steady, None)
     out = Element("runscript", {"name": one_line(steady.vehicle.name)})
     SubElement(out, "description").text = "A steady flight; made by stoop export"
     SubElement(out, "use", {"aircraft": name, "initialize": STEADY})
     length = float(steady.time[-1] - steady.time[0])
     run = SubElement(out, "run", {"start": "0.0", "end": number(length), "dt": number(1.0 / FRAME_RATE)})
-    held = {**INTEGRATORS, **flown.held, **{n: float(column[0]) for n, column in flown.inputs.items()}}
-    for place, x in held.items():
+    inputs = {n: float(column[0]) for n, column in flown.inputs.items()}
+    for place, x in {**INTEGRATORS, **flown.constants, **inputs}.items():
         SubElement(run, "property", {"value": number(x)}).text = place
     return document(out)
 
@@ -245,24 +220,24 @@ def read_numbers(text: str) -> dict[str, float]:
     The text is trusted: it is read to check what was written.
     """
     root = ET.fromstring(text)  # noqa: S314 - our own
+
+    def number_at(node: Element, path: str) -> float:
+        return float(node.findtext(path) or "nan")
+
     out = {}
     for term in root.iterfind("aerodynamics/axis/function[product]"):
         # the last but one factor of the product: the last is what it multiplies
         factors = list(term.iterfind("product/*"))
         out[term.get("name", "").removeprefix(coefficient(""))] = float(factors[-2].text or "nan")
     for tag, (name, size, _) in _METRICS.items():
-        out[name] = _value(root, f"metrics/{tag}") * size
-    out["mass.mass"] = _value(root, "mass_balance/emptywt") / POUNDS_PER_SLUG * SLUG
+        out[name] = number_at(root, f"metrics/{tag}") * size
+    out["mass.mass"] = number_at(root, "mass_balance/emptywt") / POUNDS_PER_SLUG * SLUG
     for axes, sign in _INERTIA.items():
-        out[f"mass.inertia.{axes}"] = sign * (_value(root, f"mass_balance/i{axes}") * _INERTIA_UNIT)
+        out[f"mass.inertia.{axes}"] = sign * (number_at(root, f"mass_balance/i{axes}") * _INERTIA_UNIT)
     for place in root.iter("location"):
         if point_name := {**_LOCATIONS, "CG": "mass.center_of_gravity"}.get(place.get("name", "")):
-            out |= {f"{point_name}.{a}": s * _value(place, a) * INCH for a, s in _AXES.items()}
+            out |= {f"{point_name}.{a}": s * number_at(place, a) * INCH for a, s in _AXES.items()}
     return out
-
-
-def _value(root: Element, path: str) -> float:
-    return float(root.findtext(path) or "nan")
 
 
 def relative_errors(vehicle: Vehicle, text: str) -> Mapping[str, float]:

@@ -1,4 +1,4 @@
-"""Fly an exported aircraft in JSBSim: given inputs, open loop, on a planet so large that it is flat.
+"""Maneuvers flown by our own simulation and by JSBSim: given inputs, open loop, on a planet so large that it is flat.
 
 A frame of JSBSim moves the state from t to t + dt with the accelerations found at t, then finds those at t + dt
 from the inputs that stand there: inputs for t + dt are set before the frame. What it reports of accelerations at
@@ -8,32 +8,36 @@ the pilot is a frame old, so forces and angular accelerations are read instead.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice, notice
 from stoop.base.rotations import quaternions_of
 from stoop.base.units import FOOT, POUND_FORCE, SLUG
-from stoop.base.variables import EULER
+from stoop.base.variables import EULER, WRAPPED
 from stoop.errors import SimulationError, StoopError
 from stoop.exporters.jsbsim_model import channel, channel_start, constant_thrust, delays, lag_start, lagged
-from stoop.exporters.record import Record
-from stoop.simulation import parameter_rows
-from stoop.simulation.delays import late_outputs
+from stoop.simulation import Trim, initial_states, parameter_rows
+from stoop.simulation.delays import late_inputs, late_outputs
 from stoop.simulation.initial import commanded, rigid_states
+from stoop.simulation.maneuver import Maneuver
+from stoop.simulation.trim import inputs_about
 from stoop.vehicle import Vehicle
 
-FRAME_RATE: Final = 1000.0  #: Hz at least
-MIDDLE_LATITUDE: Final = math.pi / 4.0  #: rad, where the Earth pulls as the standard gravity does
+AMPLITUDE: Final = 0.03  #: rad, of the inputs of a record
+RATE: Final = 100.0  #: Hz, of the samples of a record
+FRAME_RATE: Final = 1000.0  #: Hz at least, of JSBSim's frames
+PLANET: Final = "flat.xml"
 INTEGRATORS: Final = {
-    "simulation/integrator/rate/rotational": 5.0,
-    "simulation/integrator/rate/translational": 5.0,
-    "simulation/integrator/position/rotational": 5.0,
-    "simulation/integrator/position/translational": 5.0,
+    f"simulation/integrator/{part}/{motion}": 5.0
+    for part in ("rate", "position")
+    for motion in ("rotational", "translational")
 }  #: Adams-Bashforth of order four
 READ: Final[dict[str, tuple[str, float]]] = {
     "u": ("velocities/u-aero-fps", FOOT), "v": ("velocities/v-aero-fps", FOOT), "w": ("velocities/w-aero-fps", FOOT),
@@ -55,8 +59,144 @@ START: Final[dict[str, tuple[str, float]]] = {
 
 
 @dataclass(frozen=True, eq=False)
+class Record:
+    """A maneuver that is simulated open loop.
+
+    Attributes
+    ----------
+    vehicle : Vehicle
+        With the numbers that it is flown with, biases too.
+    start : mapping
+        Initial state by :data:`stoop.simulation.START_NAMES`; ``NAME.lag`` adds to a lagged deflection, rad.
+    time : (n,), s, uniform
+    inputs : (n, n_u)
+        As recorded, in the order of ``vehicle.inputs``.
+    """
+
+    vehicle: Vehicle
+    start: Mapping[str, float]
+    time: FloatArray
+    inputs: FloatArray
+
+    @property
+    def dt(self) -> float:
+        """Sample period, s."""
+        return float(self.time[1] - self.time[0])
+
+
+def own_readings(record: Record, steps: int = 1) -> FloatArray:
+    """Return the readings (n, n_y) of our own simulation.
+
+    Parameters
+    ----------
+    record : Record
+    steps : int
+        Runge-Kutta steps per sample. A delay that is no whole number of steps is interpolated with a cubic
+        through the samples, which overshoots where the input jumps; with more steps the cubic becomes the line.
+
+    Raises
+    ------
+    SimulationError
+        The simulation diverges.
+    """
+    vehicle, count = record.vehicle, len(record.inputs)
+    fine = np.arange((count - 1) * steps + 1) / steps
+    inputs = np.stack([np.interp(fine, np.arange(count), column) for column in record.inputs.T], axis=1)
+    rows, dt = parameter_rows(vehicle), record.dt / steps
+    begin = initial_states(vehicle, record.start, rows, inputs[0])
+    flown = vehicle.kernel().trajectories(rows, begin, late_inputs(vehicle, inputs, rows, dt), dt)
+    out = late_outputs(vehicle, flown[:, ::steps].copy(), rows, record.dt)[0]
+    if not np.isfinite(out).all():
+        last = record.time[int(np.argmin(np.isfinite(out).all(axis=1)))]
+        raise SimulationError(
+            f"{vehicle.where}: the flight diverges at {last:.2f} s; there is nothing to compare"
+        )
+    return np.asarray(out)
+
+
+def differences(vehicle: Vehicle, a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return b - a of readings (n, n_y), angles taken to the nearest turn."""
+    out = b - a
+    for i, name in enumerate(vehicle.outputs):
+        if name in WRAPPED:
+            out[:, i] -= 2.0 * np.pi * np.round(out[:, i] / (2.0 * np.pi))
+    return out
+
+
+def relative_differences(vehicle: Vehicle, ours: FloatArray, theirs: FloatArray) -> dict[str, float]:
+    """Return the largest difference of each channel over the channel's largest magnitude."""
+    difference = np.abs(differences(vehicle, ours, theirs)).max(axis=0)
+    largest = np.abs(ours).max(axis=0)
+    relative = difference / np.where(largest > 0.0, largest, 1.0)
+    return dict(zip(vehicle.outputs, relative.tolist(), strict=True))
+
+
+def every_control(
+    vehicle: Vehicle, point: Trim, duration: float = 30.0, amplitude: float = AMPLITUDE
+) -> Maneuver:
+    """Return a 3-2-1-1 on each control one after the other, then a doublet on each; `amplitude` in rad."""
+    gap = 0.45 * duration / max(len(vehicle.controls), 1)
+    inputs = [
+        {"control": c, "shape": shape, "start": first + i * gap, "step": min(step, gap / 8.0), "amplitude": amplitude}
+        for shape, first, step in (("3-2-1-1", 0.03 * duration, 0.3), ("doublet", 0.53 * duration, 0.6))
+        for i, c in enumerate(vehicle.controls)
+    ]  # fmt: skip
+    start = {"airspeed": point.start["V"], "altitude": point.start["h"]}
+    return Maneuver.model_validate({"duration": duration, "rate": RATE, **start, "input": inputs})
+
+
+def maneuver_record(vehicle: Vehicle, point: Trim, maneuver: Maneuver) -> Record:
+    """Return a maneuver from a steady flight, with the vehicle's thrust set to that of the steady flight."""
+    flown = steady_vehicle(vehicle, point)
+    inputs = inputs_about(flown, point, maneuver.deflections(), len(maneuver.time))
+    return Record(flown, point.start, maneuver.time, inputs)
+
+
+def steady_vehicle(vehicle: Vehicle, point: Trim) -> Vehicle:
+    """Return the vehicle with the numbers that its steady flight sets: a constant thrust."""
+    return vehicle.with_numbers({name: {"value": value} for name, value in point.changes.items()})
+
+
+def steady_record(vehicle: Vehicle, point: Trim, duration: float = 30.0) -> Record:
+    """Return a steady flight."""
+    time = np.arange(round(duration * RATE) + 1) / RATE
+    inputs = np.repeat(point.inputs[None, :], len(time), axis=0)
+    return Record(steady_vehicle(vehicle, point), point.start, time, inputs)
+
+
+def excitation_record(vehicle: Vehicle, point: Trim) -> Record | None:
+    """Return :func:`every_control` in 30, 10 or 3 s, the first in which it does not diverge; None where it always does."""
+    for duration in (30.0, 10.0, 3.0):
+        out = maneuver_record(vehicle, point, every_control(vehicle, point, duration))
+        try:
+            own_readings(out)
+        except SimulationError:
+            continue
+        return out
+    return None
+
+
+def without_turbulence(vehicle: Vehicle) -> tuple[Vehicle, tuple[Notice, ...]]:
+    """Return the vehicle in calm air, and a notice where it had turbulence: gusts are weather, not aircraft."""
+    if getattr(vehicle.file, "turbulence", None) is None:
+        return vehicle, ()
+    loadings = {
+        loading: {name: value for name, value in numbers.items() if not name.startswith("turbulence.")}
+        for loading, numbers in vehicle.file.loadings.items()
+    }
+    file = vehicle.file.model_copy(update={"turbulence": None, "loadings": loadings})
+    return replace(vehicle, file=file), (notice("turbulence-not-exported", vehicle.name),)
+
+
+def file_name(name: str) -> str:
+    """Return a name for files and folders that any system takes."""
+    out = re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-").lower()[:60].strip("-")
+    return out or "vehicle"
+
+
+@dataclass(frozen=True, eq=False)
 class Sortie:
-    """What is flown.
+    """A flight of JSBSim.
 
     Attributes
     ----------
@@ -67,7 +207,7 @@ class Sortie:
     time : (n,), s, uniform
     inputs : mapping of property to (n,)
         Linear between samples.
-    held : mapping of property to value
+    constants : mapping of property to value
         Set for the whole flight.
     planet : Path, optional
         A planet file; JSBSim's Earth when absent.
@@ -79,9 +219,29 @@ class Sortie:
     start: Mapping[str, float]
     time: FloatArray
     inputs: Mapping[str, FloatArray]
-    held: Mapping[str, float]
+    constants: Mapping[str, float]
     planet: Path | None
     frames: int
+
+
+def sortie(name: str, record: Record, planet: Path | None, rate: float = FRAME_RATE) -> Sortie:
+    """Return the flight of JSBSim for a record."""
+    vehicle, rows = record.vehicle, parameter_rows(record.vehicle)
+    rigid = {k: float(v[0]) for k, v in rigid_states(record.start).items() if k in (*"uvwpqr", "h")}
+    start = rigid | {a: float(record.start.get(a, 0.0)) for a in EULER}
+    columns = {n: record.inputs[:, i] for i, n in enumerate(vehicle.inputs) if n != "none"}
+    constants = {channel_start(n): float(columns[n][0]) for n in delays(vehicle)}
+    frames = frames_per_sample(record.dt, rate)
+    for control in lagged(vehicle):
+        # The lag filter y1 = ca (x1 + x0) + cb y0 runs once before the flight, with zeros behind it; so the surface
+        # begins at S + ca (x0 - S) for a start value S and a command x0.
+        step = record.dt / frames / vehicle.value(f"controls.{control}.lag")
+        command = float(commanded(vehicle, control, rows, record.inputs[0])[0])
+        offset = float(record.start.get(f"{control}.lag", 0.0))
+        constants[lag_start(control)] = command + offset * (2.0 + step) / 2.0
+    constants |= constant_thrust(vehicle)
+    inputs = {channel(n): c for n, c in columns.items()}
+    return Sortie(name, start, record.time, inputs, constants, planet, frames)
 
 
 def simulator(root: Path | None) -> Any:
@@ -109,24 +269,42 @@ def frames_per_sample(dt: float, rate: float = FRAME_RATE) -> int:
 
 
 def fly(root: Path, sortie: Sortie) -> dict[str, FloatArray]:
-    """Return what :data:`READ` names at each sample, SI and rad.
+    """Return the quantities of :data:`READ` at each sample, SI and rad.
 
     Raises
     ------
     SimulationError
         JSBSim does not load the aircraft, or the flight diverges.
     """
-    dt = float(sortie.time[1] - sortie.time[0])
-    many = sortie.frames
-    fdm = _ready(simulator(root), sortie, dt / many)
-    nodes = [fdm.get_property_manager().get_node(name) for name in sortie.inputs]
+
+    def check(done: bool, what: str) -> None:
+        if not done:
+            raise SimulationError(f"{sortie.aircraft}: JSBSim does not take {what}; export it again")
+
+    fdm = simulator(root)
+    fdm.set_dt(float(sortie.time[1] - sortie.time[0]) / sortie.frames)
+    if sortie.planet is not None:
+        check(fdm.load_planet(str(sortie.planet), False), "its planet")
+    check(fdm.load_model(sortie.aircraft), "its aircraft file")
+    if sortie.planet is not None:
+        fdm["simulation/gravity-model"] = 0.0
+    first = {name: float(column[0]) for name, column in sortie.inputs.items()}
+    # at a latitude of 45 deg the Earth pulls as the standard gravity does
+    latitude = math.pi / 4.0 if sortie.planet is None else 0.0
+    place = {"ic/lat-geod-rad": latitude, "ic/long-gc-rad": 0.0}
+    start = {name: float(sortie.start.get(n, 0.0)) / unit for n, (name, unit) in START.items()}
+    for name, x in [*{**INTEGRATORS, **sortie.constants, **first}.items(), *place.items(), *start.items()]:
+        fdm[name] = x
+    check(fdm.run_ic(), "its initial conditions")
+    properties = fdm.get_property_manager()
+    nodes = [properties.get_node(name) for name in sortie.inputs]
     columns = np.stack(list(sortie.inputs.values()), axis=1) if nodes else np.zeros((len(sortie.time), 0))
     out = np.full((len(sortie.time), len(READ)), np.nan)
-    watched = [(fdm.get_property_manager().get_node(name), unit) for name, unit in READ.values()]
+    watched = [(properties.get_node(name), unit) for name, unit in READ.values()]
     out[0] = [n.get_double_value() * unit for n, unit in watched]
     for k in range(1, len(sortie.time)):
-        for j in range(1, many + 1):
-            here = columns[k - 1] + (columns[k] - columns[k - 1]) * (j / many)
+        for j in range(1, sortie.frames + 1):
+            here = columns[k - 1] + (columns[k] - columns[k - 1]) * (j / sortie.frames)
             for n, x in zip(nodes, here.tolist(), strict=True):
                 n.set_double_value(x)
             fdm.run()
@@ -136,46 +314,15 @@ def fly(root: Path, sortie: Sortie) -> dict[str, FloatArray]:
     return dict(zip(READ, out.T, strict=True))
 
 
-def _ready(fdm: Any, sortie: Sortie, dt: float) -> Any:
-    """Load, and stand at the start."""
-    fdm.set_dt(dt)
-    if sortie.planet is not None:
-        _insist(fdm.load_planet(str(sortie.planet), False), sortie, "its planet")
-    _insist(fdm.load_model(sortie.aircraft), sortie, "its aircraft file")
-    if sortie.planet is not None:
-        fdm["simulation/gravity-model"] = 0.0
-    first = {name: float(column[0]) for name, column in sortie.inputs.items()}
-    _set(fdm, {**INTEGRATORS, **sortie.held, **first})
-    latitude = MIDDLE_LATITUDE if sortie.planet is None else 0.0
-    _set(fdm, {"ic/lat-geod-rad": latitude, "ic/long-gc-rad": 0.0})
-    _set(fdm, {place: float(sortie.start.get(n, 0.0)) / unit for n, (place, unit) in START.items()})
-    _insist(fdm.run_ic(), sortie, "its initial conditions")
-    return fdm
-
-
-def _set(fdm: Any, values: Mapping[str, float]) -> None:
-    for name, x in values.items():
-        fdm[name] = x
-
-
-def _insist(done: bool, sortie: Sortie, what: str) -> None:
-    if not done:
-        raise SimulationError(f"{sortie.aircraft}: JSBSim does not take {what}; export it again")
-
-
 def specific_force(flown: Mapping[str, FloatArray]) -> FloatArray:
     """Return (3, n) force other than weight over mass, body axes, m/s2."""
     return np.stack([flown[a] / flown["mass"] for a in "XYZ"])
 
 
 def jsbsim_readings(
-    root: Path,
-    name: str,
-    record: Record,
-    planet: Path | None,
-    rate: float = FRAME_RATE,
+    root: Path, name: str, record: Record, planet: Path | None, rate: float = FRAME_RATE
 ) -> FloatArray:
-    """Return what JSBSim flies, read by the same instruments: (n, n_y).
+    """Return the flight of JSBSim, read by the same instruments: (n, n_y).
 
     Parameters
     ----------
@@ -189,63 +336,99 @@ def jsbsim_readings(
     rate : float, Hz
         Of JSBSim's frames, at least.
     """
-    flown = fly(root, sortie(name, record, planet, rate))
+    import sympy as sp
+
+    from stoop.vehicle.symbolic import readings
+    from stoop.vehicle.symbolic.frames import Numbers, air, attitude, vane
+
     vehicle = record.vehicle
-    out = instruments(vehicle)(flown).T[None]
+    n = Numbers.of(vehicle)
+    names = ("u", "v", "w", "p", "q", "r", "pdot", "qdot", "rdot", "X", "Y", "Z", "e0", "e1", "e2", "e3")
+    s = {key: sp.Symbol(f"jsbsim {key}", real=True) for key in names}
+    velocity, omega = (s["u"], s["v"], s["w"]), (s["p"], s["q"], s["r"])
+    specific, omega_rate = (s["X"], s["Y"], s["Z"]), (s["pdot"], s["qdot"], s["rdot"])
+    turned, flow = attitude((s["e0"], s["e1"], s["e2"], s["e3"])), vane(n, velocity, omega)
+    observed = {"V": air(velocity).V, "alpha": flow.alpha, "beta": flow.beta}
+    read = readings(n, observed, turned, specific, omega, omega_rate)
+    numbers = dict(zip(n.symbols, vehicle.values.tolist(), strict=True))
+    expressions = [sp.sympify(read[c]).xreplace(numbers) for c in vehicle.outputs]
+    function = sp.lambdify(list(s.values()), expressions, "numpy")
+
+    flown = fly(root, sortie(name, record, planet, rate))
+    forces = dict(zip("XYZ", specific_force(flown), strict=True))
+    turn = dict(zip(names[-4:], quaternions_of(np.column_stack([flown[a] for a in EULER])).T, strict=True))
+    known = {**flown, **forces, **turn}
+    columns = function(*(known[key] for key in names))
+    out = np.stack([np.broadcast_to(c, flown["u"].shape) for c in columns]).T[None]
     return np.asarray(late_outputs(vehicle, out, parameter_rows(vehicle), record.dt)[0])
 
 
-def sortie(name: str, record: Record, planet: Path | None, rate: float = FRAME_RATE) -> Sortie:
-    """Return what JSBSim is to fly."""
-    vehicle = record.vehicle
-    rigid = {k: float(v[0]) for k, v in rigid_states(record.start).items() if k in (*"uvwpqr", "h")}
-    start = rigid | {a: float(record.start.get(a, 0.0)) for a in EULER}
-    columns = {n: record.inputs[:, i] for i, n in enumerate(vehicle.inputs) if n != "none"}
-    held = {channel_start(n): float(columns[n][0]) for n in delays(vehicle)}
-    frames = frames_per_sample(record.dt, rate)
-    held |= {lag_start(c): _surface_start(record, c, record.dt / frames) for c in lagged(vehicle)}
-    held |= constant_thrust(vehicle)
-    return Sortie(name, start, record.time, {channel(n): c for n, c in columns.items()}, held, planet, frames)
+@dataclass(frozen=True, eq=False)
+class RecordedManeuver:
+    """A stretch of flight.
 
-
-def _surface_start(record: Record, control: str, dt: float) -> float:
-    """Return the start value that makes JSBSim's lag filter begin where the surface of the record does.
-
-    The filter y1 = ca (x1 + x0) + cb y0 runs once before the flight, with zeros behind it; so the surface begins
-    at S + ca (x0 - S) for a start value S and a command x0.
+    Attributes
+    ----------
+    title : str
+    record : Record
+        Vehicle, start and inputs.
+    measured : (n, n_y), optional
+        Readings of the instruments, NaN where there is none.
+    loaded : bool
+        Whether it flew with numbers of a loading in place of the vehicle file's own.
     """
-    vehicle = record.vehicle
-    step = dt / vehicle.value(f"controls.{control}.lag")
-    command = float(commanded(vehicle, control, parameter_rows(vehicle), record.inputs[0])[0])
-    return command + float(record.start.get(f"{control}.lag", 0.0)) * (2.0 + step) / 2.0
+
+    title: str
+    record: Record
+    measured: FloatArray | None = None
+    loaded: bool = False
 
 
-def instruments(vehicle: Vehicle) -> Any:
-    """Return the function that reads (n_y, n) instruments off what JSBSim flew."""
-    import sympy as sp
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """One maneuver, flown by our simulation and by JSBSim.
 
-    from stoop.vehicle.symbolic import instruments as read
-    from stoop.vehicle.symbolic.frames import air, attitude
-    from stoop.vehicle.symbolic.symbols import Numbers
+    Attributes
+    ----------
+    maneuver : RecordedManeuver
+    own, fine : (n, n_y)
+        Our simulation: a step per sample, and a step per frame of JSBSim.
+    flat, earth : (n, n_y)
+        JSBSim on the flat planet and on its Earth.
+    """
 
-    n = Numbers.of(vehicle)
-    names = ("u", "v", "w", "p", "q", "r", "pdot", "qdot", "rdot", "X", "Y", "Z", "e0", "e1", "e2", "e3")
-    s = {name: sp.Symbol(f"jsbsim {name}", real=True) for name in names}
-    velocity, omega = (s["u"], s["v"], s["w"]), (s["p"], s["q"], s["r"])
-    felt = read.accelerometer(n, (s["X"], s["Y"], s["Z"]), omega, (s["pdot"], s["qdot"], s["rdot"]))
-    turned = attitude((s["e0"], s["e1"], s["e2"], s["e3"]))
-    truth = read.truth(air(velocity).V, read.vane(n, velocity, omega), omega, turned, felt)
-    readings = read.readings(n, truth)
-    numbers = dict(zip(n.symbols, vehicle.values.tolist(), strict=True))
-    expressions = [sp.sympify(readings[c]).xreplace(numbers) for c in vehicle.outputs]
-    function = sp.lambdify(list(s.values()), expressions, "numpy")
+    maneuver: RecordedManeuver
+    own: FloatArray
+    fine: FloatArray
+    flat: FloatArray
+    earth: FloatArray
 
-    def apply(flown: Mapping[str, FloatArray]) -> FloatArray:
-        force = dict(zip("XYZ", specific_force(flown), strict=True))
-        angles = np.column_stack([flown[a] for a in EULER])
-        turn = dict(zip(names[-4:], quaternions_of(angles).T, strict=True))
-        known = {**flown, **force, **turn}
-        columns = function(*(known[name] for name in names))
-        return np.stack([np.broadcast_to(c, flown["u"].shape) for c in columns])
+    @property
+    def relative(self) -> dict[str, float]:
+        """Largest difference of each channel over its largest magnitude, JSBSim against our simulation."""
+        return relative_differences(self.maneuver.record.vehicle, self.own, self.flat)
 
-    return apply
+    def __str__(self) -> str:
+        """Return the largest difference of all channels as a sentence."""
+        channel, largest = max(self.relative.items(), key=lambda item: item[1])
+        title = self.maneuver.title
+        return f"{title}: JSBSim within {largest:.1e} of each channel's maximum (largest in {channel})."
+
+
+def compare(root: Path, maneuver: RecordedManeuver) -> Comparison:
+    """Fly a maneuver by our equations and in JSBSim, whose root folder holds the exported aircraft.
+
+    Raises
+    ------
+    StoopError
+        The flight diverges, or JSBSim is not there.
+    """
+    record = maneuver.record
+    name = file_name(record.vehicle.name)
+    return Comparison(
+        maneuver,
+        own_readings(record),
+        own_readings(record, frames_per_sample(record.dt)),
+        jsbsim_readings(root, name, record, root / PLANET),
+        jsbsim_readings(root, name, record, None),
+    )

@@ -23,17 +23,16 @@ from stoop.simulation.delays import input_delays
 from stoop.simulation.initial import commanded
 from stoop.simulation.trim import neutral_inputs
 from stoop.vehicle import Vehicle, terms
-from stoop.vehicle.symbolic import component, forces
-from stoop.vehicle.symbolic.frames import Air
-from stoop.vehicle.symbolic.symbols import Numbers
+from stoop.vehicle.symbolic import forces
+from stoop.vehicle.symbolic.frames import Air, Numbers
 
 AXES: Final = {"CL": "LIFT", "CD": "DRAG", "CQ": "SIDE", "Cl": "ROLL", "Cm": "PITCH", "Cn": "YAW"}
-_LENGTHS: Final = {"Cl": "span", "Cm": "chord", "Cn": "span"}
 AIRSPEED: Final = "stoop/air/V-m_sec"
 DENSITY: Final = "stoop/air/density-kg_m3"
 PRESSURE_AREA: Final = "stoop/air/dynamic-pressure-area-lbs"
 THRUST: Final = "stoop/thrust-N"
-FRAME: Final = "simulation/channel-dt"
+_LENGTHS: Final = {"Cl": "span", "Cm": "chord", "Cn": "span"}
+_FRAME: Final = "simulation/channel-dt"
 
 
 def number(value: float) -> str:
@@ -77,7 +76,7 @@ def function(name: str, body: Element, description: str = "") -> Element:
 
 
 def convert(expr: Any, names: Mapping[Any, str]) -> Element:
-    """Turn an expression into the element that computes it.
+    """Return the element that computes an expression.
 
     Parameters
     ----------
@@ -96,33 +95,34 @@ def convert(expr: Any, names: Mapping[Any, str]) -> Element:
         return value(float(expr))
     if expr.is_Add:
         return node("sum", *(convert(a, names) for a in expr.args))
-    if expr.is_Mul:
-        return _product(expr, names)
+    if expr.is_Mul:  # a denominator as a quotient, so that no reciprocal is rounded
+        above, below = sp.fraction(expr)
+        if below == 1:
+            return node("product", *(convert(a, names) for a in expr.args))
+        return node("quotient", convert(above, names), convert(below, names))
     if expr.is_Pow:
-        return _power(expr, names)
+        base, exponent = expr.args
+        if exponent.is_negative:
+            return node("quotient", value(1.0), convert(base**-exponent, names))
+        return node("pow", convert(base, names), value(float(exponent)))
     if isinstance(expr, sp.Abs):
         return node("abs", convert(expr.args[0], names))
     raise NotImplementedError(f"{type(expr).__name__} has no form in JSBSim")
 
 
-def _product(expr: Any, names: Mapping[Any, str]) -> Element:
-    """Write what is below the line as a quotient, so that no reciprocal is rounded."""
-    above, below = sp.fraction(expr)
-    if below == 1:
-        return node("product", *(convert(a, names) for a in expr.args))
-    return node("quotient", convert(above, names), convert(below, names))
-
-
-def _power(expr: Any, names: Mapping[Any, str]) -> Element:
-    base, exponent = expr.args
-    if exponent.is_negative:
-        return node("quotient", value(1.0), convert(base**-exponent, names))
-    return node("pow", convert(base, names), value(float(exponent)))
-
-
 def channel(name: str) -> str:
     """Return the property that takes a recorded channel."""
     return f"stoop/channel/{name}"
+
+
+def channel_start(name: str) -> str:
+    """Return the property of the value that a delayed channel had before the flight began."""
+    return f"stoop/start/{name}"
+
+
+def lag_start(control: str) -> str:
+    """Return the property of where a lagged surface stood before the flight began, rad."""
+    return f"stoop/start/{control}-rad"
 
 
 def deflection(control: str) -> str:
@@ -151,7 +151,7 @@ class Physics:
     numbers : mapping of symbol to its value, SI
     """
 
-    surroundings: component.Surroundings
+    surroundings: forces.Surroundings
     names: dict[Any, str]
     numbers: dict[Any, float]
 
@@ -174,72 +174,13 @@ class Physics:
         channels = {c: symbol(f"channel {c}", channel(c)) for c in vehicle.inputs}
         n = Numbers.of(vehicle)
         numbers = dict(zip(n.symbols, vehicle.values.tolist(), strict=True))
-        return cls(component.Surroundings(n, air, density, (p, q, r), deflections, channels), names, numbers)
+        return cls(forces.Surroundings(n, air, density, (p, q, r), deflections, channels), names, numbers)
 
     def element(self, expr: Any) -> Element:
         """Return the element that computes an expression with the vehicle's numbers in place."""
         return convert(
             sp.sympify(expr).xreplace({s: sp.Float(v) for s, v in self.numbers.items()}), self.names
         )
-
-
-def air_functions(vehicle: Vehicle) -> Iterator[Element]:
-    """Yield airspeed, density and dynamic pressure times area."""
-    area = vehicle.value("reference.area")
-    yield function(AIRSPEED, node("product", prop("velocities/vt-fps"), value(FOOT)))
-    yield function(DENSITY, _density(vehicle), _DENSITY_WORDS.get(str(vehicle.file.environment.density), ""))
-    squared = (prop(AIRSPEED), prop(AIRSPEED))
-    product = node("product", value(0.5), prop(DENSITY), *squared, value(area), value(1.0 / POUND_FORCE))
-    yield function(PRESSURE_AREA, product)
-
-
-_DENSITY_WORDS: Final = {
-    "standard": "JSBSim's own atmosphere, so that weather set there is felt",
-    "log": "the channel, or JSBSim's own atmosphere while the channel is zero",
-}
-
-
-def _density(vehicle: Vehicle) -> Element:
-    choice = vehicle.file.environment.density
-    own = node("product", prop("atmosphere/rho-slugs_ft3"), value(SLUG / FOOT**3))
-    if choice == "standard":
-        return own
-    if choice == "log":
-        given = channel("density")
-        return node("ifthen", node("gt", prop(given), value(0.0)), prop(given), own)
-    return value(vehicle.value("environment.density"))
-
-
-def variable_functions(physics: Physics) -> Iterator[Element]:
-    """Yield what aerodynamic terms are made of, without the controls."""
-    known = forces.term_variables(physics.surroundings)
-    for name, meaning in terms.STATE_VARIABLES.items():
-        yield function(variable(name), physics.element(known[name]), meaning)
-
-
-def axis_elements(vehicle: Vehicle) -> Iterator[Element]:
-    """Yield one axis per coefficient: pressure x area (x length) x coefficient x what it multiplies."""
-    symbols = {n: sp.Symbol(n, real=True) for n in (*terms.STATE_VARIABLES, *vehicle.file.controls)}
-    names = {s: deflection(n) if n in vehicle.file.controls else variable(n) for n, s in symbols.items()}
-    for name, group in vehicle.terms.items():
-        if not group:
-            continue
-        out = Element("axis", {"name": AXES[name]})
-        length = _LENGTHS.get(name)
-        arms = [] if length is None else [value(vehicle.value(f"reference.{length}") / FOOT)]
-        for parameter, text in group.items():
-            tree = terms.parse(text, symbols, vehicle.where)
-            factor = convert(terms.convert(tree, symbols), names)
-            body = node("product", prop(PRESSURE_AREA), *arms, value(vehicle.value(parameter)), factor)
-            out.append(function(coefficient(parameter), body, f"{name}: {text}"))
-        yield out
-
-
-def thrust_functions(physics: Physics) -> Iterator[Element]:
-    """Yield the thrust in N, where it follows from a channel; a constant one is a property that can be set."""
-    file = physics.surroundings.numbers.vehicle.file.propulsion
-    if file is not None and file.kind != "constant":
-        yield function(THRUST, physics.element(forces.thrust(physics.surroundings)))
 
 
 def constant_thrust(vehicle: Vehicle) -> dict[str, float]:
@@ -249,38 +190,48 @@ def constant_thrust(vehicle: Vehicle) -> dict[str, float]:
     return {THRUST: vehicle.value("propulsion.thrust")} if constant else {}
 
 
-def aerodynamics(vehicle: Vehicle, physics: Physics) -> Element:
-    """Return the aerodynamics section."""
+def aerodynamics(vehicle: Vehicle) -> Element:
+    """Return the aerodynamics section: air, variables of the terms, thrust, and an axis per coefficient."""
+    physics = Physics.of(vehicle)
     out = Element("aerodynamics")
-    out.extend(air_functions(vehicle))
-    out.extend(variable_functions(physics))
-    out.extend(thrust_functions(physics))
-    for axis in axis_elements(vehicle):
-        out.append(axis)
+    out.append(function(AIRSPEED, node("product", prop("velocities/vt-fps"), value(FOOT))))
+    source = str(vehicle.file.environment.density)
+    density = node("product", prop("atmosphere/rho-slugs_ft3"), value(SLUG / FOOT**3))
+    description = ""
+    if source == "standard":
+        description = "JSBSim's own atmosphere, so that weather set there is felt"
+    elif source == "log":
+        given = channel("density")
+        density = node("ifthen", node("gt", prop(given), value(0.0)), prop(given), density)
+        description = "the channel, or JSBSim's own atmosphere while the channel is zero"
+    else:
+        density = value(vehicle.value("environment.density"))
+    out.append(function(DENSITY, density, description))
+    factors = (value(0.5), prop(DENSITY), prop(AIRSPEED), prop(AIRSPEED))
+    area = value(vehicle.value("reference.area"))
+    out.append(function(PRESSURE_AREA, node("product", *factors, area, value(1.0 / POUND_FORCE))))
+    known = forces.term_variables(physics.surroundings)
+    for name, meaning in terms.STATE_VARIABLES.items():
+        out.append(function(variable(name), physics.element(known[name]), meaning))
+    propulsion = vehicle.file.propulsion
+    if (
+        propulsion is not None and propulsion.kind != "constant"
+    ):  # a constant one is a property that can be set
+        out.append(function(THRUST, physics.element(forces.thrust(physics.surroundings))))
+    symbols = {n: sp.Symbol(n, real=True) for n in (*terms.STATE_VARIABLES, *vehicle.file.controls)}
+    names = {s: deflection(n) if n in vehicle.file.controls else variable(n) for n, s in symbols.items()}
+    for name, group in vehicle.terms.items():
+        if not group:
+            continue
+        axis = SubElement(out, "axis", {"name": AXES[name]})
+        length = _LENGTHS.get(name)
+        for parameter, text in group.items():  # pressure x area (x length) x coefficient x what it multiplies
+            arms = [] if length is None else [value(vehicle.value(f"reference.{length}") / FOOT)]
+            tree = terms.parse(text, symbols, vehicle.where)
+            factor = convert(terms.convert(tree, symbols), names)
+            body = node("product", prop(PRESSURE_AREA), *arms, value(vehicle.value(parameter)), factor)
+            axis.append(function(coefficient(parameter), body, f"{name}: {text}"))
     return out
-
-
-def pounds(name: str) -> Element:
-    """Return a function whose value is a property in N, in pounds."""
-    out = Element("function")
-    body = SubElement(out, "product")
-    body.extend([prop(name), value(1.0 / POUND_FORCE)])
-    return out
-
-
-def channel_start(name: str) -> str:
-    """Return the property of the value that a delayed channel had before the flight began."""
-    return f"stoop/start/{name}"
-
-
-def lag_start(control: str) -> str:
-    """Return the property of where a lagged surface stood before the flight began, rad."""
-    return f"stoop/start/{control}-rad"
-
-
-def delayed(name: str) -> str:
-    """Return the property of a channel as the surfaces receive it."""
-    return f"stoop/delayed/{name}"
 
 
 def delays(vehicle: Vehicle) -> dict[str, float]:
@@ -294,34 +245,22 @@ def lagged(vehicle: Vehicle) -> tuple[str, ...]:
 
 
 def flight_control(vehicle: Vehicle) -> Element:
-    """Return the flight control section."""
+    """Return the flight control section: properties of channels and start values, then delays, mixers and lags."""
     out = Element("flight_control", {"name": "controls"})
     neutral = neutral_inputs(vehicle, 0.0)
-    late = delays(vehicle)
+    late, rows = delays(vehicle), parameter_rows(vehicle)
+    declared: list[tuple[str, float]] = []
     for name, x in zip(vehicle.inputs, neutral.tolist(), strict=True):
-        if name != "none":
-            _declare(out, channel(name), x)
-        if name in late:
-            _declare(out, channel_start(name), x)
-    rows = parameter_rows(vehicle)
+        declared += [(channel(name), x)] if name != "none" else []
+        declared += [(channel_start(name), x)] if name in late else []
     for control in lagged(vehicle):
-        _declare(out, lag_start(control), float(commanded(vehicle, control, rows, neutral)[0]))
-    for name, x in constant_thrust(vehicle).items():
-        _declare(out, name, x)
+        declared.append((lag_start(control), float(commanded(vehicle, control, rows, neutral)[0])))
+    for name, x in [*declared, *constant_thrust(vehicle).items()]:
+        SubElement(out, "property", {"value": number(x)}).text = name
     for name, seconds in late.items():
-        out.append(_channel(name, _delay(name, seconds)))
+        SubElement(out, "channel", {"name": name}).extend(_delay(name, seconds))
     for control in vehicle.controls:
-        out.append(_channel(control, _surface(vehicle, control, late)))
-    return out
-
-
-def _declare(parent: Element, name: str, x: float) -> None:
-    SubElement(parent, "property", {"value": number(x)}).text = name
-
-
-def _channel(name: str, components: Iterator[Element]) -> Element:
-    out = Element("channel", {"name": name})
-    out.extend(components)
+        SubElement(out, "channel", {"name": control}).extend(_surface(vehicle, control, late))
     return out
 
 
@@ -331,51 +270,41 @@ def _component(name: str, body: Element) -> Element:
     return out
 
 
-def _late(name: str, source: str, kind: str, amount: str) -> Element:
-    out = Element("actuator", {"name": name})  # the only component of 1.3.3 that minds its delay
-    out.append(leaf("input", source))
-    SubElement(out, "delay", {"type": kind}).text = amount
-    return out
+def _delayed(name: str) -> str:
+    """Return the property of a channel as the surfaces receive it."""
+    return f"stoop/delayed/{name}"
 
 
 def _delay(name: str, seconds: float) -> Iterator[Element]:
-    """Yield what makes a channel late by a time that need not be whole frames."""
-    moved, earlier, middle, later = (f"stoop/late/{name}-{i}" for i in range(4))
-    yield _component(moved, node("difference", prop(channel(name)), prop(channel_start(name))))
-    yield _late(earlier, moved, "time", number(seconds))
-    yield _late(middle, earlier, "frames", "2")
-    yield _late(later, middle, "frames", "2")
-    below = node("lt", value(seconds), prop(FRAME))
-    between = node("ifthen", below, _blend(earlier, middle, seconds), _blend(middle, later, seconds))
-    yield _component(delayed(name), node("sum", prop(channel_start(name)), between))
+    """Yield what delays a channel by a time that need not be whole frames."""
 
+    def actuator(name: str, source: str, kind: str, amount: str) -> Element:
+        out = Element("actuator", {"name": name})  # the only component of 1.3.3 that respects its delay
+        out.append(leaf("input", source))
+        SubElement(out, "delay", {"type": kind}).text = amount
+        return out
 
-def _blend(a: str, b: str, seconds: float) -> Element:
-    """Return a value between one frame and the next: how far is the fraction of the delay in frames."""
-    weight = node("fraction", node("quotient", value(seconds), prop(FRAME)))
-    return node("sum", prop(a), node("product", weight, node("difference", prop(b), prop(a))))
+    def blend(a: str, b: str) -> Element:
+        """Interpolate between one frame and the next by the fraction of the delay in frames."""
+        weight = node("fraction", node("quotient", value(seconds), prop(_FRAME)))
+        return node("sum", prop(a), node("product", weight, node("difference", prop(b), prop(a))))
+
+    deviation, earlier, middle, later = (f"stoop/late/{name}-{i}" for i in range(4))
+    yield _component(deviation, node("difference", prop(channel(name)), prop(channel_start(name))))
+    yield actuator(earlier, deviation, "time", number(seconds))
+    yield actuator(middle, earlier, "frames", "2")
+    yield actuator(later, middle, "frames", "2")
+    short = node("lt", value(seconds), prop(_FRAME))
+    interpolated = node("ifthen", short, blend(earlier, middle), blend(middle, later))
+    yield _component(_delayed(name), node("sum", prop(channel_start(name)), interpolated))
 
 
 def _surface(vehicle: Vehicle, control: str, late: dict[str, float]) -> Iterator[Element]:
-    """Yield mixer and lag of one control."""
-    if control not in lagged(vehicle):
-        yield _component(deflection(control), _mix(vehicle, control, late))
-        return
-    moved, follower, begin = f"stoop/command/{control}-rad", f"stoop/lagged/{control}-rad", lag_start(control)
-    yield _component(moved, node("difference", _mix(vehicle, control, late), prop(begin)))
-    out = Element("lag_filter", {"name": follower})
-    out.append(leaf("input", moved))
-    out.append(leaf("c1", number(1.0 / vehicle.value(f"controls.{control}.lag"))))
-    yield out
-    yield _component(deflection(control), node("sum", prop(begin), prop(follower)))
-
-
-def _mix(vehicle: Vehicle, control: str, late: dict[str, float]) -> Element:
-    """Return offset + sum of gain (channel - center)."""
+    """Yield mixer, offset + sum of gain (channel - center), and lag of one control."""
     base, spec = f"controls.{control}", vehicle.file.controls[control]
     parts = []
     for name in vehicle.channels_of(control):
-        signal = prop(delayed(name) if name in late else channel(name))
+        signal = prop(_delayed(name) if name in late else channel(name))
         center = f"{base}.center.{name}"
         if center in vehicle.rows:
             signal = node("difference", signal, value(vehicle.value(center)))
@@ -383,4 +312,18 @@ def _mix(vehicle: Vehicle, control: str, late: dict[str, float]) -> Element:
         parts.append(node("product", *gain, signal))
     if f"{base}.offset" in vehicle.rows:
         parts.append(value(vehicle.value(f"{base}.offset")))
-    return node("sum", *parts)
+    mixed = node("sum", *parts)
+    if control not in lagged(vehicle):
+        yield _component(deflection(control), mixed)
+        return
+    deviation, follower, start = (
+        f"stoop/command/{control}-rad",
+        f"stoop/lagged/{control}-rad",
+        lag_start(control),
+    )
+    yield _component(deviation, node("difference", mixed, prop(start)))
+    out = Element("lag_filter", {"name": follower})
+    out.append(leaf("input", deviation))
+    out.append(leaf("c1", number(1.0 / vehicle.value(f"{base}.lag"))))
+    yield out
+    yield _component(deflection(control), node("sum", prop(start), prop(follower)))

@@ -12,11 +12,9 @@ from stoop.base.numbers import NOTHING, factor_and_unit
 from stoop.base.variables import VARIABLES, WRAPPED
 from stoop.estimate.regression.least_squares import TimeDomain
 from stoop.estimate.regression.structure import Structure
-from stoop.exporters.comparison import Comparison
-from stoop.exporters.jsbsim_aircraft import PLANET, relative_errors
-from stoop.exporters.jsbsim_flight import FRAME_RATE
+from stoop.exporters.jsbsim_aircraft import relative_errors
+from stoop.exporters.jsbsim_flight import FRAME_RATE, PLANET, Comparison, differences, relative_differences
 from stoop.exporters.jsbsim_model import delays
-from stoop.exporters.record import differences, relative_differences
 from stoop.report.plots import Series, Strip, plot, stacked_plots
 from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table, render_sheet
 from stoop.vehicle import Vehicle
@@ -59,17 +57,7 @@ def structure_sheet(
 ) -> Sheet:
     """Return the page: chosen terms, the steps to them, and the coefficients over time.
 
-    Parameters
-    ----------
-    structure : Structure
-        Terms by coefficient, with the steps in which they were chosen.
-    vehicle : Vehicle
-        With the chosen terms.
-    names : mapping
-        Coefficient -> term -> parameter.
-    estimates : mapping of str to (float, float)
-        Estimate and standard error by parameter.
-    command : str
+    `names` are parameters by coefficient and term; `estimates` are estimate and standard error by parameter.
     """
     sections, steps_head = (
         [],

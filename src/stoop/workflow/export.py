@@ -14,11 +14,19 @@ import numpy as np
 from stoop.base.files import check_targets, make_folder, write_bytes_atomic
 from stoop.base.variables import VARIABLES
 from stoop.errors import SimulationError, StoopError
-from stoop.exporters import jsbsim_aircraft, simulink, state_space
-from stoop.exporters.comparison import Comparison, RecordedManeuver, compare
+from stoop.exporters import jsbsim_aircraft, matlab
+from stoop.exporters.jsbsim_flight import (
+    Comparison,
+    Record,
+    RecordedManeuver,
+    compare,
+    excitation_record,
+    file_name,
+    steady_record,
+    without_turbulence,
+)
 from stoop.exporters.jsbsim_model import THRUST, channel
-from stoop.exporters.record import Record, excitation_record, file_name, steady_record, without_turbulence
-from stoop.exporters.state_space import ParameterCovariance
+from stoop.exporters.matlab import ParameterCovariance
 from stoop.problem import Piece
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
@@ -49,26 +57,13 @@ DEFAULT: Final = Condition()
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """What is exported: a vehicle, and of an identification what is known of its numbers and its flight.
-
-    Attributes
-    ----------
-    vehicle : Vehicle
-    known : ParameterCovariance, optional
-        Its numbers' covariance.
-    maneuvers : tuple of RecordedManeuver
-        Of the flight that it was identified from.
-    altitude : float, m
-    density : float, kg/m3, optional
-        Of that flight.
-    notes : tuple of str
-    """
+    """What is exported: a vehicle, and of an identification what is known of its numbers and its flight."""
 
     vehicle: Vehicle
-    known: ParameterCovariance | None = None
-    maneuvers: tuple[RecordedManeuver, ...] = ()
-    altitude: float = 200.0
-    density: float | None = None
+    known: ParameterCovariance | None = None  #: its numbers' covariance
+    maneuvers: tuple[RecordedManeuver, ...] = ()  #: of the flight that it was identified from
+    altitude: float = 200.0  #: m
+    density: float | None = None  #: kg/m3, of that flight
     notes: tuple[str, ...] = ()
 
 
@@ -144,14 +139,6 @@ def _maneuver(vehicle: Vehicle, result: Result, index: int, segment: int, piece:
 
 def export(subject: Subject, target: str, condition: Condition = DEFAULT) -> Exported:
     """Make the files of a target.
-
-    Parameters
-    ----------
-    subject : Subject
-        See :func:`read_subject`.
-    target : str
-        One of :data:`TARGETS`.
-    condition : Condition
 
     Raises
     ------
@@ -239,11 +226,11 @@ def _flown(
 
 def _state_space(subject: Subject, condition: Condition) -> Exported:
     """Return A, B, C, D as JSON and as ``.mat``."""
-    found = state_space.state_space(subject.vehicle, _steady(subject, condition), subject.known)
+    found = matlab.state_space(subject.vehicle, _steady(subject, condition), subject.known)
     name = file_name(subject.vehicle.name)
     files = {
-        f"{name}.json": state_space.json_text(found).encode("utf-8"),
-        f"{name}.mat": state_space.mat_bytes(state_space.variables(found)),
+        f"{name}.json": matlab.json_text(found).encode("utf-8"),
+        f"{name}.mat": matlab.mat_bytes(matlab.variables(found)),
     }
     return Exported(files, f"{name}.json", (*subject.notes, *left_out(subject.vehicle)))
 
@@ -251,8 +238,8 @@ def _state_space(subject: Subject, condition: Condition) -> Exported:
 def _simulink(subject: Subject, condition: Condition) -> Exported:
     """Return MATLAB functions, the script that builds a Simulink model, and the numbers."""
     vehicle, point = subject.vehicle, _steady(subject, condition)
-    found = simulink.matlab(vehicle, point, state_space.state_space(vehicle, point, subject.known))
-    files = _encoded(found.texts) | {f"{found.name}.mat": state_space.mat_bytes(found.variables)}
+    found = matlab.matlab(vehicle, point, matlab.state_space(vehicle, point, subject.known))
+    files = _encoded(found.texts) | {f"{found.name}.mat": matlab.mat_bytes(found.variables)}
     notes = list(subject.notes)
     if vehicle.sloped:  # who gives the slopes that spin rotors up
         named = ", ".join(map(slope_input, vehicle.sloped))

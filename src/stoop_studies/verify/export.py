@@ -10,12 +10,15 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.exporters import jsbsim_aircraft
-from stoop.exporters.jsbsim_flight import FRAME_RATE, frames_per_sample, jsbsim_readings
-from stoop.exporters.record import (
+from stoop.exporters.jsbsim_flight import (
     AMPLITUDE,
+    FRAME_RATE,
+    PLANET,
     RATE,
     every_control,
     file_name,
+    frames_per_sample,
+    jsbsim_readings,
     maneuver_record,
     own_readings,
     relative_differences,
@@ -44,7 +47,7 @@ the density tables are different. Our simulation takes one Runge-Kutta step of o
 with a step of 1 ms shows what is left of it.
 
 The crooked aircraft has delays that are no whole number of samples: our simulation interpolates those with a cubic \
-through the samples, JSBSim along the line between them, so it is held against our simulation on the same points.
+through the samples, JSBSim along the line between them, so it is compared with our simulation on the same points.
 
 JSBSim's Earth, at 45 degrees of latitude, turns and is round."""
 DIFFERENCES: Final = ("difference", "difference_4000_hz", "difference_on_frames", "difference_earth")
@@ -109,7 +112,7 @@ def compare(vehicle_name: str, inputs: str) -> list[dict[str, Any]]:
         for place, text in jsbsim_aircraft.folder(record.vehicle, None).items():
             (root / place).parent.mkdir(parents=True, exist_ok=True)
             (root / place).write_text(text, encoding="utf-8")
-        planet, name = root / jsbsim_aircraft.PLANET, file_name(vehicle.name)
+        planet, name = root / PLANET, file_name(vehicle.name)
         flat = jsbsim_readings(root, name, record, planet)
         faster = jsbsim_readings(root, name, record, planet, FASTER * FRAME_RATE)
         earth = jsbsim_readings(root, name, record, None)

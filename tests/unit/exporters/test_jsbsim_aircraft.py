@@ -8,7 +8,8 @@ import pytest
 
 from stoop.errors import VehicleError
 from stoop.exporters.jsbsim_aircraft import aircraft, folder, read_numbers, relative_errors
-from stoop.exporters.record import file_name, identifier, steady_record, without_turbulence
+from stoop.exporters.jsbsim_flight import file_name, steady_record, without_turbulence
+from stoop.exporters.matlab import identifier
 from stoop.simulation import Trim
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle

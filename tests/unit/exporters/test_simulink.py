@@ -16,8 +16,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from stoop.exporters.simulink import Matlab, equations, matlab
-from stoop.exporters.state_space import mat_bytes, state_space
+from stoop.exporters.matlab import Matlab, equations, mat_bytes, matlab, state_space
 from stoop.simulation import Trim, initial_states, parameter_rows, trim
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop_studies.verify.export import load

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from stoop.exporters.state_space import (
+from stoop.exporters.matlab import (
     ParameterCovariance,
     StateSpace,
     json_text,

@@ -12,7 +12,7 @@ import pytest
 
 from stoop.errors import OutputError, StoopError
 from stoop.estimate.fit import Options
-from stoop.exporters.comparison import RecordedManeuver
+from stoop.exporters.jsbsim_flight import RecordedManeuver
 from stoop.flight import Flight
 from stoop.report.models import EXPORT_PAGE as PAGE
 from stoop.vehicle import parse_vehicle
@@ -49,7 +49,7 @@ def test_maneuvers_start_where_the_fit_found_them(job: Job, subject: Subject) ->
 
 def test_our_simulation_of_a_maneuver_is_the_one_of_the_report(job: Job, subject: Subject) -> None:
     """Its root mean square error is the figure in result.json."""
-    from stoop.exporters.record import differences, own_readings
+    from stoop.exporters.jsbsim_flight import differences, own_readings
 
     fitted = subject.maneuvers[0]
     vehicle = fitted.record.vehicle

@@ -1,0 +1,436 @@
+"""A flight as a file: stoop's own, the log of an autopilot, or a table, with a mapping beside it where one is needed.
+
+Each writer returns the bytes of the file and the mapping that belongs beside it, empty where the ready mapping reads all.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from stoop.base.arrays import FloatArray
+from stoop.base.files import write_bytes_atomic
+from stoop.base.units import DEGREE, MICROSECOND
+from stoop.base.variables import EULER, QUATERNION
+from stoop.errors import OutputError
+from stoop.exporters.log_bytes import Event, Table, Topic, crazyflie_bytes, dataflash_bytes, ulog
+from stoop.flight import VARIABLES, Flight, save
+from stoop.flight.conversion import MAX_DEFLECTION, SURFACES, rotate_axes
+from stoop.flight.flight import with_other_form
+from stoop.flight.mapping import FlightMapping, Source, ready
+from stoop.logs.csv_tables import mapping_beside
+
+OWN: Final = ".nc"
+CLOCK: Final = "t"  #: name of the column of time of a table, s
+Columns: TypeAlias = dict[str, FloatArray]
+Writer: TypeAlias = Callable[[Flight], tuple[bytes, str]]
+
+
+def check_ending(target: Path) -> None:
+    """Refuse a name by which the file could not be read again.
+
+    Raises
+    ------
+    OutputError
+        With the endings that there are.
+    """
+    if target.suffix.lower() not in ENDINGS:
+        raise OutputError(
+            f"{target}: no kind of flight file; end its name in {', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}"
+        )
+
+
+def save_flight_as(flight: Flight, target: Path) -> Path | None:
+    """Write a flight in the form that the ending of the file names.
+
+    Parameters
+    ----------
+    flight : whose channels share one clock
+    target : ends in one of `ENDINGS`
+
+    Returns
+    -------
+    Path or None : the mapping that was written beside it
+
+    Raises
+    ------
+    OutputError
+        When it cannot be written.
+    """
+    check_ending(target)
+    if target.suffix.lower() == OWN:
+        save(flight, target)
+        return None
+    content, mapping = WRITERS[target.suffix.lower()](flight)
+    place = mapping_beside(target)
+    write_bytes_atomic(target, content)
+    if mapping:
+        write_bytes_atomic(place, mapping.encode())
+        return place
+    place.unlink(missing_ok=True)
+    return None
+
+
+@dataclass
+class LogLayout:
+    """Streams and columns of a log: a mapping, inverted.
+
+    Attributes
+    ----------
+    streams : stream -> column -> (n,) in the unit and the axes of the log
+    unmapped : variable -> (n,) SI, of those that the mapping has no column for
+    """
+
+    streams: dict[str, Columns] = field(default_factory=dict)
+    unmapped: Columns = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, flight: Flight, mapping: FlightMapping, columns: Mapping[str, Collection[str]]) -> LogLayout:
+        """Lay a flight out as a log.
+
+        Parameters
+        ----------
+        flight : whose channels share one clock
+        mapping : by which the log will be read
+        columns : stream -> columns to write; every source of the mapping among them is written
+        """
+        known = {str(name): flight.column(str(name)) for name in flight.data.data_vars}
+        out = cls()
+        placed: set[tuple[str, str]] = set()  # a variable stands once in a stream
+        for source in mapping.sources:
+            there = set(columns.get(source.stream, ()))
+            wanted = [
+                i
+                for i, name in enumerate(source.variables)
+                if name in known and set(source.columns[i]) <= there
+            ]
+            if source.stream not in columns or not wanted:
+                continue
+            if not source.partial and len(wanted) < len(source.variables):
+                continue
+            # a half turn is its own inverse
+            names = [source.variables[i] for i in wanted]
+            rotated = rotate_axes({name: known[name] for name in names}, source.frame)
+            for i, name in zip(wanted, names, strict=True):
+                if (source.stream, name) not in placed:
+                    placed.add((source.stream, name))
+                    out._write(source, i, (rotated[name] - source.offsets[i]) / source.factors[i])
+        either = with_other_form({name for _, name in placed})  # either form of the attitude
+        out.unmapped = {name: x for name, x in known.items() if name not in either}
+        return out
+
+    def _write(self, source: Source, i: int, total: FloatArray) -> None:
+        """Solve a weighted sum of columns for those that are empty; the first of them takes the remainder."""
+        table = self.streams.setdefault(source.stream, {})
+        weights = source.columns[i]
+        if source.valid[i]:
+            table[source.valid[i]] = np.ones(total.size)
+        empty = [column for column in weights if column not in table]
+        for column in empty[1:]:
+            table[column] = np.zeros(total.size)
+        if empty:
+            rest = sum((w * table[c] for c, w in weights.items() if c != empty[0]), np.zeros(total.size))
+            table[empty[0]] = (total - rest) / weights[empty[0]]
+
+
+@dataclass
+class MappingFile:
+    """Text of the mapping beside a log, for what the ready mapping does not read.
+
+    Attributes
+    ----------
+    extends : the ready mapping that reads the rest; empty where there is none
+    clock : name of the column that holds the time in seconds; empty for that of the reader
+    lines : of [variables]
+    tables : after them
+    """
+
+    extends: str = ""
+    clock: str = ""
+    lines: list[str] = field(default_factory=list)
+    tables: list[str] = field(default_factory=list)
+
+    def add(self, variable: str, column: str, unit: str, stream: str = "", more: str = "") -> None:
+        """Add the column of a variable."""
+        where = f'stream = "{stream}", ' if stream else ""
+        self.lines.append(f'{variable} = {{ {where}column = "{column}", unit = "{unit}"{more} }}')
+
+    def calibrate(self, surface: str, output: str, low: float, high: float, travel: float) -> None:
+        """Add the calibration of a surface: -travel at the pulse or command `low`, travel at `high`."""
+        points = f"[[{low:g}, {-travel:g}], [{high:g}, {travel:g}]]"
+        self.tables.append(f"[calibration.{output}]\npoints = {points}\n")
+        self.tables.append(f"[surface.{surface}]\nfrom = {{ {output} = 1.0 }}\n")
+
+    def text(self) -> str:
+        """Return the file; empty where the ready mapping reads all."""
+        if not self.lines and not self.tables:
+            return ""
+        head = [f'extends = "{self.extends}"\n'] if self.extends else []
+        head += [f'[time]\ncolumn = "{self.clock}"\nunit = "s"\n'] if self.clock else []
+        lines = ["\n".join(["[variables]", *self.lines]) + "\n"] if self.lines else []
+        return "\n".join([*head, *lines, *self.tables])
+
+
+def travel(x: FloatArray) -> float:
+    """Return the travel of a surface to either side: 0.5 rad as usual, or as far as it went."""
+    most = float(np.nanmax(np.abs(x), initial=0.0))
+    return min(max(0.5, math.ceil(10.0 * most) / 10.0), MAX_DEFLECTION)
+
+
+def _elements(name: str, size: int) -> tuple[str, ...]:
+    return tuple(f"{name}[{i}]" for i in range(size))
+
+
+DEBUG_ARRAY: Final = "debug_array"  #: for what PX4 has no topic of its own
+ARRAYS: Final = {
+    "vehicle_attitude": _elements("q", 4),
+    "vehicle_angular_velocity": _elements("xyz", 3),
+    "sensor_combined": (*_elements("gyro_rad", 3), *_elements("accelerometer_m_s2", 3)),
+    "vehicle_torque_setpoint": _elements("xyz", 3),
+    "vehicle_thrust_setpoint": _elements("xyz", 3),
+    "actuator_motors": _elements("control", 12),
+    "actuator_servos": _elements("control", 8),
+    "actuator_outputs": _elements("output", 16),
+    DEBUG_ARRAY: _elements("data", 58),
+}  #: topics with arrays, which are written whole
+SINGLE: Final = {
+    "vehicle_local_position": ("x", "y", "z", "vx", "vy", "vz", "ref_alt",
+                               "xy_valid", "z_valid", "v_xy_valid", "v_z_valid"),
+    "airspeed_validated": ("true_airspeed_m_s",),
+    "vehicle_air_data": ("rho", "baro_pressure_pa", "ambient_temperature", "baro_alt_meter"),
+    "battery_status": ("voltage_v", "current_a"),
+    "wind": ("windspeed_north", "windspeed_east", "variance_north"),
+}  # fmt: skip
+STAMPED: Final = frozenset({"vehicle_attitude", "vehicle_angular_velocity", "vehicle_local_position"})
+ZERO: Final = frozenset({"actuator_outputs", DEBUG_ARRAY})  #: topics in which zero, not NaN, means no value
+
+
+def px4_log(flight: Flight) -> tuple[bytes, str]:
+    """Return a ULog and its mapping.
+
+    Deflections go to the servos, as normalized commands; V to the validated airspeed; what else PX4 has no topic for to
+    its array for debugging.
+    """
+    log, mapping = LogLayout.of(flight, ready("px4"), {**ARRAYS, **SINGLE}), MappingFile("px4")
+    streams, unmapped, time = log.streams, log.unmapped, flight.time
+    if "V" in unmapped and "airspeed_validated" not in streams:
+        streams["airspeed_validated"] = {"true_airspeed_m_s": unmapped.pop("V")}
+        mapping.add("V", "true_airspeed_m_s", "m/s", "airspeed_validated")
+    servos, commanded = ARRAYS["actuator_servos"], streams.get("actuator_servos", {})
+    free = [column for column in servos if column not in commanded]
+    for surface, column in zip([n for n in SURFACES if n in unmapped], free, strict=False):
+        full = travel(unmapped[surface])
+        streams.setdefault("actuator_servos", commanded)[column] = unmapped.pop(surface) / full
+        mapping.calibrate(surface, f"servo_{servos.index(column) + 1}", -1.0, 1.0, full)
+    for place, (name, x) in enumerate(unmapped.items()):
+        column = ARRAYS[DEBUG_ARRAY][place]
+        streams.setdefault(DEBUG_ARRAY, {})[column] = x
+        mapping.add(name, column, VARIABLES[name].unit, DEBUG_ARRAY)
+    topics = []
+    for name, columns in streams.items():  # in the types that PX4 gives them
+        nothing = np.full(time.size, 0.0 if name in ZERO else np.nan)
+        written = ARRAYS[name] if name in ARRAYS else [column for column in SINGLE[name] if column in columns]
+        typed: dict[str, npt.NDArray[Any]] = {}
+        if name in STAMPED:
+            typed["timestamp_sample"] = np.rint(time / MICROSECOND).astype(np.uint64)
+        for column in written:
+            kind = bool if column.endswith("_valid") else np.float32
+            typed[column] = columns.get(column, nothing).astype(kind)
+        topics.append(Topic(name, time, typed))
+    texts = [(float(time[0]), "INFO", f"stoop: {found}") for found in flight.notices]
+    return ulog(topics, info={"sys_name": "PX4", "ver_sw": "simulated by stoop"}, texts=texts), mapping.text()
+
+
+@dataclass(frozen=True)
+class Message:
+    """Columns of an ArduPilot message that stoop fills.
+
+    Attributes
+    ----------
+    columns : beside TimeUS and the number of the instance
+    unit, letter, multiplier : of all of them, as ArduPilot's log structures have them
+    instance : name of the column that holds it, which is always the first; empty where there is none
+    whole : columns without values are written too, as zeros
+    """
+
+    columns: tuple[str, ...]
+    unit: str
+    letter: str = "f"
+    multiplier: str = "0"
+    instance: str = ""
+    whole: bool = False
+
+    def table(self, name: str, time: npt.NDArray[np.uint64], columns: Columns) -> Table:
+        """Return the message with its layout."""
+        nothing = np.zeros(time.size)
+        kept = [i for i, column in enumerate(self.columns) if self.whole or column in columns]
+        values: dict[str, npt.NDArray[Any]] = {"TimeUS": time}
+        values |= {self.instance: nothing} if self.instance else {}
+        values |= {self.columns[i]: columns.get(self.columns[i], nothing) for i in kept}
+        one = bool(self.instance)
+        letters = "Q" + "B" * one + self.letter * len(kept)
+        units = "s" + "#" * one + "".join(self.unit[i] for i in kept)
+        return Table(
+            name, ",".join(values), letters, units, "F" + "-" * one + self.multiplier * len(kept), values
+        )
+
+
+_OUTPUTS: Final = tuple(f"C{i}" for i in range(1, 15))
+MESSAGES: Final[Mapping[str, Message]] = {
+    "ATT": Message(("Roll", "Pitch", "Yaw"), "ddh"),
+    "IMU": Message(("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ"), "EEEooo", instance="I"),
+    "XKF1": Message(("VN", "VE", "VD", "PN", "PE", "PD"), "nnnmmm", instance="C"),
+    "XKF2": Message(("VWN", "VWE"), "nn", instance="C"),
+    "POS": Message(("Alt",), "m"),
+    "ARSP": Message(("Airspeed",), "n", instance="I"),
+    "AOA": Message(("AOA", "SSA"), "dd"),
+    "BARO": Message(("Press",), "P", instance="I"),
+    "BAT": Message(("Volt", "Curr"), "vA", instance="Inst"),
+    "AETR": Message(("Ail", "Elev", "Rudd", "Thr"), "----"),
+    "RCOU": Message(_OUTPUTS, "Y" * 14, "H", "-", whole=True),
+    "RCO2": Message(("C15", "C16"), "YY", "H", "-", whole=True),
+}
+
+
+def ardupilot_log(flight: Flight) -> tuple[bytes, str]:
+    """Return a DataFlash log and its mapping.
+
+    Motors and surfaces become pulses, which ArduPilot logs in whole microseconds; a vane becomes AOA, V the airspeed; what
+    else ArduPilot has no message for stands in messages SM00, SM01, ... of its own, as scripts of users write them.
+    """
+    columns = {name: m.columns for name, m in MESSAGES.items()}
+    log, mapping = LogLayout.of(flight, ready("ardupilot"), columns), MappingFile("ardupilot")
+    streams, unmapped = log.streams, log.unmapped
+    for name in ("airspeed_pitot", "V"):
+        if name in unmapped and "ARSP" not in streams:
+            streams["ARSP"] = {"Airspeed": unmapped.pop(name)}
+            mapping.add(name, "Airspeed", "m/s", "ARSP")
+    if {"alpha", "beta"} <= unmapped.keys():
+        streams["AOA"] = {"AOA": unmapped.pop("alpha") / DEGREE, "SSA": unmapped.pop("beta") / DEGREE}
+        mapping.add("alpha", "AOA", "deg", "AOA")
+        mapping.add("beta", "SSA", "deg", "AOA")
+    _add_pulses(streams, unmapped, mapping)
+    if "ATT" in streams:
+        streams["ATT"]["Yaw"] %= 360.0
+    time = np.rint(flight.time / MICROSECOND).astype(np.uint64)
+    tables = [MESSAGES[name].table(name, time, own) for name, own in streams.items()]
+    names = list(unmapped)
+    for k in range(0, len(names), 3):  # the names of the columns of a message share 64 letters
+        part, stream = names[k : k + 3], f"SM{k // 3:02d}"
+        for name in part:
+            mapping.add(name, name[:16], VARIABLES[name].unit, stream)
+        message = Message(tuple(part), "-" * len(part))
+        tables.append(message.table(stream, time, {name: unmapped[name] for name in part}))
+    texts = [f"stoop: {found}"[:64] for found in flight.notices]
+    return dataflash_bytes(tables, messages=texts), mapping.text()
+
+
+def _add_pulses(streams: dict[str, Columns], unmapped: Columns, mapping: MappingFile) -> None:
+    """Send motors (1000 to 2000 us), servos and surfaces (1500 us -+ 500 us) to the free outputs, in their order."""
+    pulses = streams.get("RCOU", {})
+    free = [column for column in _OUTPUTS if column not in pulses]
+    motors, servos = ([n for n in unmapped if n.startswith(kind)] for kind in ("motor_", "servo_"))
+    surfaces = [n for n in SURFACES if n in unmapped]
+    for name, column in zip([*motors, *servos, *surfaces], free, strict=False):
+        x = unmapped.pop(name)
+        table = streams.setdefault("RCOU", pulses)
+        if name in surfaces:
+            full = travel(x)
+            table[column] = 1500.0 + 500.0 * x / full
+            mapping.calibrate(name, f"pwm_{column[1:]}", 1000.0, 2000.0, full)
+            continue
+        span, zero = (1000.0, 1000.0) if name in motors else (500.0, 1500.0)
+        table[column] = zero + span * x
+        mapping.add(name, column, "1", "RCOU", f", scale = {1.0 / span:g}, offset = {-zero / span:g}")
+
+
+CRAZYFLIE_VARIABLES: Final = frozenset(
+    {
+        *(f"stateEstimate.{x}" for x in ("x", "y", "z", "vx", "vy", "vz", "qx", "qy", "qz", "qw")),
+        *(f"{group}.{axis}" for group in ("gyro", "acc") for axis in "xyz"),
+        *(f"{group}.m{i}" for group in ("motor", "rpm") for i in range(1, 5)),
+        "pm.vbat",
+        "baro.pressure",
+    }
+)
+
+
+def crazyflie_log(flight: Flight) -> tuple[bytes, str]:
+    """Return a micro-SD log and its mapping.
+
+    Motor commands have 16 bits. What the firmware has no variable for, such as a fifth motor, stands in a group "sim".
+    """
+    log = LogLayout.of(flight, ready("crazyflie"), {"": CRAZYFLIE_VARIABLES})
+    mapping, columns = MappingFile("crazyflie"), dict[str, npt.NDArray[Any]]()
+    for name, x in sorted(log.streams.get("", {}).items()):
+        motor = name.startswith("motor.")
+        columns[name] = np.rint(np.clip(x, 0, 65535)).astype(np.uint16) if motor else x.astype(np.float32)
+    for name, x in log.unmapped.items():
+        columns[f"sim.{name}"] = x.astype(np.float32)
+        mapping.add(name, f"sim.{name}", VARIABLES[name].unit)
+    return crazyflie_bytes({"fixedFrequency": Event(1, flight.time, columns)}), mapping.text()
+
+
+def csv_table(flight: Flight) -> tuple[bytes, str]:
+    """Return a table of text, and the mapping that names its columns."""
+    columns, mapping = _table(flight)
+    lines, rows = io.StringIO(), np.column_stack([*columns.values()])
+    np.savetxt(lines, rows, fmt="%.9g", delimiter=",", header=",".join(columns), comments="")
+    return lines.getvalue().encode(), mapping
+
+
+def matlab_table(flight: Flight) -> tuple[bytes, str]:
+    """Return a .mat file of version 5 with one structure, and the mapping that names its fields."""
+    from scipy.io import savemat
+
+    (columns, mapping), content = _table(flight), io.BytesIO()
+    savemat(content, {"flight": columns}, oned_as="column")  # type: ignore[arg-type]  # it takes any binary file
+    return content.getvalue(), mapping
+
+
+def parquet_table(flight: Flight) -> tuple[bytes, str]:
+    """Return a Parquet file, and the mapping that names its columns.
+
+    Raises
+    ------
+    OutputError
+        Without pyarrow.
+    """
+    try:
+        import pyarrow as pa
+        from pyarrow import parquet
+    except ImportError:
+        raise OutputError(
+            "Parquet is written by pyarrow, which is not installed: pip install 'stoop[parquet]'"
+        ) from None
+    (columns, mapping), content = _table(flight), io.BytesIO()
+    parquet.write_table(pa.table(columns), content)
+    return content.getvalue(), mapping
+
+
+def _table(flight: Flight) -> tuple[Columns, str]:
+    """Return time and variables by stoop's names and units, the attitude as angles where there are any; and the mapping."""
+    names = [str(name) for name in flight.data.data_vars]
+    angles = set(EULER) <= set(names)
+    kept = [name for name in names if not (angles and name in QUATERNION)]
+    mapping = MappingFile(clock=CLOCK)
+    for name in kept:
+        mapping.add(name, name, VARIABLES[name].unit)
+    return {CLOCK: flight.time, **{name: flight.column(name) for name in kept}}, mapping.text()
+
+
+TABLES: Final[dict[str, Writer]] = {".csv": csv_table, ".mat": matlab_table, ".parquet": parquet_table}
+WRITERS: Final[dict[str, Writer]] = {
+    ".ulg": px4_log,
+    ".bin": ardupilot_log,
+    ".usd": crazyflie_log,
+    **TABLES,
+}  #: ending -> log and mapping
+ENDINGS: Final = (OWN, *WRITERS)
