@@ -273,4 +273,4 @@ def _intervals(fit: AssessedFit, results: Mapping[str, Any]) -> MethodIntervals:
         if found["better"] > BETTER:
             notices.append(notice("profile-better-optimum", name))
     refits = sum(len(found["points"]) - 1 for found in results.values())
-    return MethodIntervals(parameters, {"refits": float(refits)}, tuple(map(str, notices)))
+    return MethodIntervals(parameters, {"refits": float(refits)}, tuple(notices))

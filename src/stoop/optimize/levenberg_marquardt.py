@@ -33,12 +33,8 @@ MAX_DAMPING: Final = 1e8  #: beyond which no step helps any more
 class Damping(ABC):
     """How strongly steps are damped, in parts of the (scaled) diagonal of the normal matrix.
 
-    Attributes
-    ----------
-    value : at present
-    growth : factor after a step that was rejected
-    acceleration : by which the factor grows with each further rejection
-    smallest, largest : limits; beyond the largest the search is exhausted
+    A rejected step multiplies the value by `growth`, which each further rejection multiplies by `acceleration`; beyond the
+    largest value the search is exhausted.
     """
 
     value: float
@@ -92,13 +88,9 @@ class TenfoldDamping(Damping):
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A step that was evaluated.
+    """A step that was evaluated: where it leads (as its model has points), the cost there, and the gain that was predicted.
 
-    Attributes
-    ----------
-    point : where it leads, as its model has points
-    cost : there; infinite or NaN where it diverges
-    predicted : the gain that the linear model predicts; not positive where it predicts none
+    The cost is infinite or NaN where it diverges; the gain is not positive where none is predicted.
     """
 
     point: Any
@@ -107,18 +99,11 @@ class Trial:
 
 
 class LinearModel(ABC):
-    """A sum of squares (or twice a negative log-likelihood) with its linear model about the current point.
-
-    Attributes
-    ----------
-    cost : at the current point
-    current : whether there are derivatives for the current point
-    exact : whether these were taken there, not carried there by an update
-    """
+    """A sum of squares (or twice a negative log-likelihood) with its linear model about the current point."""
 
     cost: float
-    current: bool = False
-    exact: bool = False
+    current: bool = False  #: whether there are derivatives for the current point
+    exact: bool = False  #: whether these were taken there, not carried there by an update
 
     @abstractmethod
     def linearize(self) -> None:

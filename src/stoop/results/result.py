@@ -18,7 +18,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.files import write_text_atomic
-from stoop.base.notices import Notice, as_notice, from_dict, of_severity
+from stoop.base.notices import AS_SENTENCES, Notice, as_notice, from_dict, of_severity
 from stoop.errors import StoopError
 from stoop.results.modes import ConditionModes
 from stoop.results.uncertainty import IdentifiabilityAnalysis, MethodIntervals, Repeatability
@@ -105,7 +105,7 @@ class WindEstimate:
     flight: str
     values: Mapping[str, Quantity]
     residual_rms: float = NAN
-    notes: tuple[str, ...] = ()
+    notes: tuple[Notice, ...] = field(default=(), metadata=AS_SENTENCES)
 
 
 @dataclass(frozen=True)
@@ -211,7 +211,8 @@ class Result:
     repeatability: Repeatability = field(default_factory=Repeatability)  #: empty unless it was asked for
     #: by method: ``corrected``, ``cramer_rao``, and what was asked for of ``bootstrap``, ``posterior``, ``profile``
     uncertainty: Mapping[str, MethodIntervals] = field(default_factory=dict)
-    trust: tuple[str, ...] = ()  #: which of them to trust and why, one sentence each
+    #: which of them to trust and why; sentences in the JSON
+    trust: tuple[Notice, ...] = field(default=(), metadata=AS_SENTENCES)
     identifiability: IdentifiabilityAnalysis = field(default_factory=IdentifiabilityAnalysis)
 
     @property
@@ -366,7 +367,9 @@ def plain(value: Any) -> Any:
     if isinstance(value, Notice):
         return plain(value.to_dict())
     if is_dataclass(value) and not isinstance(value, type):
-        return {item.name: plain(getattr(value, item.name)) for item in fields(value)}
+        found = {item.name: plain(getattr(value, item.name)) for item in fields(value)}
+        spoken = [item.name for item in fields(value) if item.metadata == AS_SENTENCES]
+        return found | {name: [str(one) for one in getattr(value, name)] for name in spoken}
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
@@ -390,6 +393,8 @@ def _decode(kind: Any, value: Any, default: Any = NAN) -> Any:
             f.name for f in fields(kind) if f.default is not MISSING or f.default_factory is not MISSING
         }
         there = [f for f in fields(kind) if f.name in value or f.name not in optional]
+        for spoken in [f.name for f in there if f.metadata == AS_SENTENCES]:
+            value = {**value, spoken: [as_notice(text, "info").to_dict() for text in value[spoken]]}
         return cast("type[Any]", kind)(
             **{f.name: _decode(hints[f.name], value[f.name], f.default) for f in there}
         )

@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
+from stoop.base.notices import AS_SENTENCES, Notice
+
 NAN: Final = math.nan
 
 
@@ -30,7 +32,7 @@ class MethodIntervals:
     parameters: Mapping[str, Interval]
     #: statistics of the method itself: replicates, convergence
     figures: Mapping[str, float] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    notes: tuple[Notice, ...] = field(default=(), metadata=AS_SENTENCES)
 
 
 @dataclass(frozen=True)

@@ -196,5 +196,5 @@ def _wind(flights: Mapping[str, Flight]) -> tuple[WindEstimate, ...]:
         if np.isfinite(air.pitot_scale):
             values["pitot_scale"] = Quantity(air.pitot_scale, air.pitot_scale_std, "1")
             values["pitot_offset"] = Quantity(air.pitot_offset, air.pitot_offset_std, "m/s")
-        out.append(WindEstimate(flight.name, values, air.residual_rms, tuple(map(str, air.notices))))
+        out.append(WindEstimate(flight.name, values, air.residual_rms, tuple(air.notices)))
     return tuple(out)

@@ -67,19 +67,6 @@ def check_folder(
         ) from None
 
 
-def write_outputs(job: Job, folder: Path, overwrite: bool = False) -> Path:
-    """Check the folder, then write result, identified vehicle, flights and report.
-
-    Raises
-    ------
-    OutputError
-        See :func:`check_folder` and :func:`place_outputs`.
-    """
-    names = [flight.name for flight in job.flights]
-    check_folder(folder, names, overwrite, job.files, tuple(job.attachments))
-    return place_outputs(job, folder, overwrite)
-
-
 def place_outputs(job: Job, folder: Path, overwrite: bool = False) -> Path:
     """Write into a folder that was checked, maybe hours ago; all is made first, then moved into place.
 

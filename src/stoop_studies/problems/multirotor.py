@@ -85,23 +85,14 @@ def motors_behind(vehicle: Vehicle, piece: Piece) -> dict[str, FloatArray]:
 
 @dataclass(frozen=True, eq=False)
 class Quad:
-    """The vehicle, its flight, and what is known exactly beside the readings.
+    """The vehicle, its flight, and what is known exactly beside the readings."""
 
-    Attributes
-    ----------
-    vehicle : Vehicle
-        Its values are the truth.
-    flown : Flown
-    readings : (n, 12)
-        What its sensors would read without noise when the recorded commands are flown again: one source, to rounding.
-    beside : mapping
-        What else is known at every sample (n,), exactly: ``NAME.lag``, by how much each rotor is off its command, as
-        controllers that report the speed of their motor tell; the altitude ``h``, m, on which the density depends.
-    """
-
-    vehicle: Vehicle
+    vehicle: Vehicle  #: its values are the truth
     flown: Flown
+    #: (n, 12), what its sensors would read without noise when the recorded commands are flown again: one source, to rounding
     readings: FloatArray
+    #: (n,) each, also known exactly: ``NAME.lag``, by how much each rotor is off its command, as controllers that report the
+    #: speed of their motor tell; the altitude ``h``, m, on which the density depends
     beside: dict[str, FloatArray]
 
     @property

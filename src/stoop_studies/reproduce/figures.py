@@ -45,18 +45,11 @@ DEGREES: Final = 180.0 / np.pi
 
 @dataclass(frozen=True)
 class Measures:
-    """How evenly first populations lie, by seed, (n,) each.
+    """How evenly first populations lie, by seed, (n,) each."""
 
-    Attributes
-    ----------
-    discrepancy : centered L2
-    distance : from random places to the nearest member, unit box
-    empty : share of the tenths of each variable without a member
-    """
-
-    discrepancy: FloatArray
-    distance: FloatArray
-    empty: FloatArray
+    discrepancy: FloatArray  #: centered L2
+    distance: FloatArray  #: from random places to the nearest member, unit box
+    empty: FloatArray  #: share of the tenths of each variable without a member
 
 
 def histogram(orbit: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -116,21 +116,12 @@ def _key(case: str, model: str, noise: bool, seed: int) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Fits:
-    """Fits of all models to one flight.
+    """Fits of all models to one flight."""
 
-    Attributes
-    ----------
-    costs : mapping
-        Model -> J.
-    errors : mapping
-        Model -> (15,) errors of the other coefficients in standard deviations of the noise.
-    values : mapping
-        Model -> estimates.
-    """
-
-    costs: Mapping[str, float]
+    costs: Mapping[str, float]  #: model -> J
+    #: model -> (15,) errors of the other coefficients in standard deviations of the noise
     errors: Mapping[str, FloatArray]
-    values: Mapping[str, Mapping[str, float]]
+    values: Mapping[str, Mapping[str, float]]  #: model -> estimates
 
     @classmethod
     def of(cls, case: str, noise: bool, seed: int, results: Results) -> Fits:

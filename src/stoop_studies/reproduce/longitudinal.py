@@ -134,24 +134,12 @@ def _key(name: str, noise: bool, seed: int) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Fits:
-    """Fits of one model.
+    """Fits of one model."""
 
-    Attributes
-    ----------
-    clean : mapping
-        Estimates without noise.
-    cost : float
-        J without noise: what the model cannot explain.
-    noisy : mapping
-        Name -> (n,) estimates with noise.
-    costs : (n,)
-        J with noise.
-    """
-
-    clean: Mapping[str, float]
-    cost: float
-    noisy: Mapping[str, FloatArray]
-    costs: FloatArray
+    clean: Mapping[str, float]  #: estimates without noise
+    cost: float  #: J without noise: what the model cannot explain
+    noisy: Mapping[str, FloatArray]  #: name -> (n,) estimates with noise
+    costs: FloatArray  #: (n,): J with noise
 
     @classmethod
     def of(cls, name: str, setting: Setting, results: Results) -> Fits:
