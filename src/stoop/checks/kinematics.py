@@ -49,13 +49,8 @@ Columns: TypeAlias = Mapping[str, FloatArray]  #: variable -> (n,) SI, on one un
 def check_motion(data: Columns, rate: float, lines: Lines) -> tuple[list[Notice], dict[str, FloatArray]]:
     """Return the lines of a mapping that other channels contradict, and the columns with these corrected.
 
-    Signs and axes of body rates are examined in any log; all else only where the user wrote the line.
-
-    Parameters
-    ----------
-    data : variable -> (n,), gridded, SI
-    rate : Hz
-    lines : what the user's mapping says of each variable
+    Signs and axes of body rates are examined in any log; all else only where the user wrote the line. The columns are
+    gridded at `rate` [Hz], SI.
     """
     step = max(1, round(rate / LIMITS.rate))
     size, many = next(iter(data.values())).size, LIMITS.longest * step
@@ -185,11 +180,7 @@ def _mean_rates(data: Columns, span: float, rate: float) -> tuple[FloatArray, Fl
 def check_rates(data: Columns, rate: float, lines: Lines) -> list[Notice]:
     """Compare body rates with those that the attitude implies: scale, clipping, lag, or nothing in common.
 
-    Parameters
-    ----------
-    data : variable -> (n,), gridded, signs and axes already corrected
-    rate : Hz
-    lines : what the user's mapping says of each variable
+    The columns are gridded at `rate` [Hz], SI, signs and axes already corrected.
     """
     if not {*RATES, *QUATERNION} <= data.keys():
         return []
