@@ -101,7 +101,7 @@ class Findings:
 
     def sheet(self, command: str, notes: Sequence[Section] = ()) -> Sheet:
         """Return the page; at its end stand the notes and the command that makes it."""
-        table = Table("Each statement held against the numbers below", CLAIMS_HEAD, claim_rows(self.claims))
+        table = Table("Each statement compared with the numbers below", CLAIMS_HEAD, claim_rows(self.claims))
         verdicts = Section("What holds and what does not", (table,))
         made = Section("Made by", (Code(command),))
         return Sheet(self.title, self.lead, (verdicts, *self.sections, *notes, made))

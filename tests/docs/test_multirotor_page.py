@@ -12,7 +12,7 @@ from docs.pages import DOCS, table
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import BUILT_IN, builtin_vehicle
-from stoop.vehicle.rotor_numbers import hover_command, share_of_weight
+from stoop.vehicle.defaults import hover_command, share_of_weight
 from stoop.vehicle.vehicle import leaves
 
 PAGE = DOCS / "multirotor.md"
@@ -60,7 +60,7 @@ def _last() -> list[str]:
 
 def test_templates() -> None:
     rows = table(PAGE, "Templates", "name").rows
-    assert [row[0] for row in rows] == [name for name in BUILT_IN if builtin_vehicle(name).has_rotors]
+    assert [row[0] for row in rows] == [name for name in BUILT_IN if builtin_vehicle(name).rotors]
     for name, rotors, mass, x, _ in rows:
         vehicle = builtin_vehicle(name)
         assert (len(vehicle.rotors), vehicle.value("mass.mass")) == (int(rotors), float(mass))

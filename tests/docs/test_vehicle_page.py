@@ -13,7 +13,7 @@ from pydantic import BaseModel
 from docs.pages import DOCS, Table, blocks, table, tables
 from stoop.vehicle import Vehicle, parse_vehicle, schema
 from stoop.vehicle.defaults import EQUATION_1
-from stoop.vehicle.quantity import Quantity
+from stoop.vehicle.schema import Quantity
 from stoop.vehicle.terms import STATE_VARIABLES
 from stoop.vehicle.vehicle import leaves
 

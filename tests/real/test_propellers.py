@@ -35,7 +35,7 @@ def test_the_cut_rotor_is_suspected_after_every_cut_and_no_healthy_flight_is_acc
 ) -> None:
     verdicts = {claim.statement: claim.verdict for claim in findings.claims}
     assert verdicts["The rotor that was cut is the one that explains most, after every cut"] == "holds"
-    assert verdicts["No normal flight is accused, each held against the others"] == "holds"
+    assert verdicts["No normal flight is accused, each compared with the others"] == "holds"
     assert verdicts["Of every weight near M3 it is said: propeller or mass near M3"] == "holds"
 
 

@@ -59,7 +59,7 @@ def test_splits_at_the_dropout(job: Job) -> None:
 def test_wind_and_pitot_fault_are_reported(job: Job) -> None:
     wind = job.identification.result.wind[0]
     assert wind.values["wind_e"].estimate == pytest.approx(-3.2, abs=0.8)
-    assert any("pitot fault" in note for note in wind.notes)
+    assert any("pitot fault" in str(note) for note in wind.notes)
 
 
 def test_wind_learns_nothing_from_the_predicted_window(shared_data: Path) -> None:

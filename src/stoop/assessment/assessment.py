@@ -14,9 +14,11 @@ from __future__ import annotations
 import base64
 import io
 import json
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Final, Literal, Protocol
 
 import numpy as np
@@ -31,6 +33,7 @@ from stoop.estimate.filter_likelihood import FrozenFilter
 from stoop.estimate.fit import Fit
 from stoop.estimate.multiple_shooting import FollowingWindows
 from stoop.optimize import Problem, refine
+from stoop.parallel import Json, Plan, Pool, Tally, execute
 from stoop.problem import Layout, Misfit, Nuisance, Piece, Weights
 from stoop.results.result import Result
 from stoop.results.uncertainty import MethodIntervals
@@ -40,6 +43,7 @@ from stoop.vehicle.schema import VehicleFile
 Watch = Callable[[str], None]  #: receives the progress of an assessment
 Refittable = Misfit | FrozenFilter | FollowingWindows
 Ending = Literal["arrived", "dived", "lost"]
+PIECE_ARRAYS: Final = ("time", "inputs", "measured")
 SHARED_STEPS: Final = 6  #: at most, with the derivatives at the optimum
 SHARED_TOLERANCE: Final = 0.5  #: standard errors left to go when the shared derivatives have done their work
 OWN_STEPS: Final = 8  #: at most, with the refit's own derivatives
@@ -81,13 +85,7 @@ class AssessedFit:
 
 
 def check_method(method: str) -> None:
-    """Refuse a method whose fits cannot be assessed.
-
-    Raises
-    ------
-    IdentificationError
-        It is a regression.
-    """
+    """Raise an IdentificationError for a method whose fits cannot be assessed, a regression."""
     if not methods.find(method).simulates:
         raise IdentificationError(
             f"bootstrap, posterior and profile refit a simulation, and --method {method} is a regression without one; "
@@ -119,10 +117,7 @@ def assess(
 ) -> tuple[Result, dict[str, bytes]]:
     """Return the result with what the assessments found and which methods agree, and the files that they give.
 
-    Raises
-    ------
-    IdentificationError
-        The fit is of a method that cannot be assessed, or an extra is not installed.
+    An IdentificationError says that the fit is of a method that cannot be assessed, or that an extra is not installed.
     """
     check_method(result.method)
     assessed = AssessedFit(fit, result.seed)
@@ -131,8 +126,20 @@ def assess(
         found = assessment(assessed, watch)
         uncertainty[assessment.name] = found.intervals
         files |= found.files
-    agreement = tuple(map(str, method_agreement(result.parameters, uncertainty)))
+    agreement = tuple(method_agreement(result.parameters, uncertainty))
     return replace(result, uncertainty=uncertainty, trust=agreement), files
+
+
+def refits(
+    plan: Plan, store: Path | None, pool: Pool, progress: str, unit: int, watch: Watch
+) -> Mapping[str, Json]:
+    """Execute a campaign of refits, in a temporary store without a given one; each run counts as `unit` in the progress."""
+
+    def report(done: Tally) -> None:
+        watch(f"{progress.format(done.done * unit, done.total * unit)} {done.note}".rstrip())
+
+    with tempfile.TemporaryDirectory(prefix="stoop-") as folder:
+        return execute(plan, store or Path(folder) / "refits.sqlite", pool, report)
 
 
 def simulated(problem: Refittable) -> Misfit:
@@ -157,11 +164,8 @@ def pack(problem: Refittable, more: Mapping[str, Any]) -> str:
         "ladder": base.ladder,
         "kind": kind,
     }
-    arrays: dict[str, Any] = {
-        f"{name}.{i}": getattr(piece, name)
-        for i, piece in enumerate(base.pieces)
-        for name in ("time", "inputs", "measured")
-    }
+    series = ((f"{n}.{i}", getattr(p, n)) for i, p in enumerate(base.pieces) for n in PIECE_ARRAYS)
+    arrays: dict[str, Any] = dict(series)
     arrays |= {"covariance": base.weights.covariance, "root": base.weights.root, **more, **own}
     arrays["head"] = np.frombuffer(json.dumps(head).encode(), dtype=np.uint8)
     buffer = io.BytesIO()
@@ -177,19 +181,12 @@ def unpack(text: str) -> tuple[Refittable, dict[str, Any]]:
     vehicle = Vehicle(VehicleFile.model_validate(head["vehicle"]), "", head["where"])
     parameters = tuple(Parameter(**p) for p in head["parameters"])
     layout = Layout(vehicle, parameters, tuple(Nuisance(**n) for n in head["nuisances"]))
-    pieces = tuple(
-        Piece(
-            p["maneuver"],
-            arrays[f"time.{i}"],
-            arrays[f"inputs.{i}"],
-            arrays[f"measured.{i}"],
-            p["start"],
-            p["changes"],
-        )
-        for i, p in enumerate(head["pieces"])
-    )
+    pieces = []
+    for i, p in enumerate(head["pieces"]):
+        series = {name: arrays[f"{name}.{i}"] for name in PIECE_ARRAYS}
+        pieces.append(Piece(p["maneuver"], **series, start=p["start"], changes=p["changes"]))
     weights = Weights(arrays["covariance"], arrays["root"])
-    misfit = Misfit(layout, pieces, weights, tuple(tuple(rung) for rung in head["ladder"]))
+    misfit = Misfit(layout, tuple(pieces), weights, tuple(tuple(rung) for rung in head["ladder"]))
     if head["kind"] == "filter":
         return FrozenFilter.restored(misfit, arrays), arrays
     return (FollowingWindows.restored(misfit, arrays) if head["kind"] == "windows" else misfit), arrays
@@ -298,8 +295,7 @@ class Shifted(Derived):
 def stationary(optimum: Optimum) -> Optimum:
     """Return the optimum of the same problem without the part of its residuals that the unknowns still explain.
 
-    A likelihood with further terms (the size of innovations) has its maximum beside that of the sum of squares; taken
-    off, the estimate is the least-squares optimum.
+    A likelihood with further terms (the size of innovations) has its maximum beside that of the sum of squares.
     """
     factor, J = optimum.inverse.factor, optimum.jacobian
     explained = J @ (factor @ (factor.T @ (J.T @ optimum.residual)))

@@ -5,10 +5,8 @@ value of every segment enter linearly and are solved for (variable projection: G
 Anal. 10, 1973), which leaves a search in two dimensions. A flight-dynamics model that does not beat it has learned nothing
 but how late and how strongly the aircraft answers.
 
-In a fit maneuver the lag is given its own axis's command and fitted to that very maneuver: more commands would make it a
-regression that can match anything once. In a validation maneuver it is given all commands, its gains and times come from
-the fit maneuvers, and only its bias is its own: that favors the lag, for the model under test gets nothing from the window
-but its initial state.
+In a fit maneuver the lag is given its own axis's command and fitted to that very maneuver. In a validation maneuver it is
+given all commands, its gains and times come from the fit maneuvers, and only its bias is its own, for a lag knows no trim.
 """
 
 from __future__ import annotations
@@ -136,11 +134,7 @@ class Lag:
         )
 
     def predicted(self, records: Sequence[LagRecord]) -> tuple[FloatArray, ...]:
-        """Return the curves (n_i,) of records of one maneuver not fitted; only their own bias is fitted.
-
-        The initial value is the mean of the first 0.2 s. The bias is granted because a lag knows no trim:
-        without it the lag would be no opponent.
-        """
+        """Return the curves (n_i,) of records of one maneuver not fitted, with their own bias, from the first 0.2 s."""
         starts = []
         for measured in (r.measured for r in records):
             seen, first = np.isfinite(measured), max(1, round(START * self.rate))
@@ -174,11 +168,7 @@ class Lag:
         return np.column_stack([search.design(tau, delay)[:, : -len(records)], by_tau, by_delay])
 
     def left_out(self, records: Sequence[LagRecord]) -> tuple[FloatArray, ...]:
-        """Return the residuals (n_i,) of the very records that the lag was fitted to, each second left out in turn.
-
-        About the optimum; gains, biases, time constant and dead time count as unknowns, see
-        :func:`stoop.assessment.goodness_of_fit.left_out`.
-        """
+        """Return the residuals (n_i,) of the very records that the lag was fitted to, each second left out in turn."""
         sizes = np.cumsum([len(record.measured) for record in records])[:-1]
         residuals = [r.measured - y for r, y in zip(records, self.matched(records), strict=True)]
         sensitivities = np.split(self.sensitivities(records), sizes)
@@ -268,10 +258,9 @@ def _free(size: int, tau: float, rate: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _forced(commands: FloatArray, tau: float, delay: int, rate: float) -> FloatArray:
-    """Return the answer (n, m) of a unit lag to each command (n, m) alone, from zero.
+    """Return the answer (n, m) of a unit lag to each command (n, m), linear between samples, alone, from zero.
 
-    Commands run straight between samples (exact for that hold). Before the first sample, where the delayed
-    command would come from, it is taken to have stood still.
+    Before the first sample, where the delayed command would come from, it is taken to have stood still.
     """
     change = commands - commands[0]
     ratio = np.exp(-1.0 / (rate * tau))

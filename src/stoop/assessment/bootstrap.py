@@ -1,11 +1,10 @@
 """The bootstrap of a fit: refits to the model's own curves with noise like that of the residuals.
 
-The residuals of a fit are colored, often over hundreds of samples. Blocks cut from them directly would break that color at
-every joint, and the fit has absorbed part of it. So their color is taken off first, by the autoregression that also corrects
-the covariance (what the fit absorbed added back); blocks of what is left are drawn, all channels together, and colored again.
-Blocks keep what the autoregression does not explain: the remaining correlation, heavy tails, and channels that are disturbed
-at the same time. Residuals of windows that each begin in a state of their own are no stationary noise: whole windows are
-drawn, with the gaps behind them. Replicates are refitted in chunks, on any pool, into a store that survives kills.
+The color of the residuals is taken off by the autoregression that also corrects the covariance (what the fit absorbed added
+back); blocks of what is left are drawn, all channels together, and colored again. Blocks keep what the autoregression does not
+explain: the remaining correlation, heavy tails, and channels that are disturbed at the same time. Residuals of windows that
+each begin in a state of their own are no stationary noise: whole windows are drawn, with the gaps behind them. Replicates are
+refitted in chunks, on any pool, into a store that survives kills.
 
 References
 ----------
@@ -24,13 +23,12 @@ A. C. Cameron, J. B. Gelbach and D. L. Miller, "Bootstrap-based improvements for
 from __future__ import annotations
 
 import hashlib
-import tempfile
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 from scipy.signal import lfilter
@@ -44,6 +42,7 @@ from stoop.assessment.assessment import (
     Refittable,
     Watch,
     refit,
+    refits,
     simulated,
     unpacked_optimum,
 )
@@ -52,7 +51,7 @@ from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.estimate.multiple_shooting import FollowingWindows
 from stoop.estimate.noise import lagged_products
-from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run, Tally, execute
+from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run
 from stoop.results.uncertainty import Interval, MethodIntervals
 
 LONGEST_BLOCK: Final = 0.25  #: of a segment: fewer than four blocks would repeat the record
@@ -66,9 +65,8 @@ MAX_LOST: Final = 0.02  #: share of replicates without an optimum from which it 
 def block_length(series: FloatArray) -> float:
     """Return the length of moving blocks that suits a series (n,) best, samples; at least 1.
 
-    Politis and White (2004) with the correction of 2009: the length that minimizes the mean square error of the
-    variance of a mean, from the autocovariance up to where it dies away: the lag from which a run of autocorrelations
-    is within chance.
+    Politis and White (2004) with the correction of 2009: it minimizes the mean square error of the variance of a mean, from
+    the autocovariance up to the lag from which a run of autocorrelations is within chance.
     """
     n = len(series)
     centered = series - series.mean()
@@ -87,22 +85,13 @@ def block_length(series: FloatArray) -> float:
     return max(1.0, float(np.cbrt(2.0 * slope**2 / (4.0 / 3.0 * level**2) * n))) if level > 0.0 else 1.0
 
 
-class NoiseSource(Protocol):
-    """Draws noise like that behind the residuals of a fit."""
-
-    def draw(self, random: np.random.Generator) -> FloatArray:
-        """Return noise (m,) for all residuals but those of the priors."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
 class ColoredBlocks:
     """Blocks of innovations, colored again."""
 
     noise: ColoredNoise  #: color and strength of the weighted noise
-    pools: tuple[
-        FloatArray, ...
-    ]  #: (m_i, ny), innovations of each segment, of the noise's strength; NaN if unknown
+    #: (m_i, ny), innovations of each segment, of the noise's strength; NaN if unknown
+    pools: tuple[FloatArray, ...]
     present: tuple[BoolArray, ...]  #: (n_i, ny) bool; where each segment was measured
     block: int  #: samples of one block
     #: residuals behind those of the readings, which have no noise (gaps between windows that meet)
@@ -151,8 +140,8 @@ class ColoredBlocks:
 def whitened(segments: Sequence[FloatArray], order: int) -> list[FloatArray]:
     """Return the innovations of a series, (n_i - order,) for segments (n_i,); NaN where unknown.
 
-    The autoregression is fitted by least squares: one from the autocovariance, as it is used to color, is biased where
-    the spectrum is steep, and what little color it leaves would be amplified when the noise is colored again.
+    By least squares: an autoregression from the autocovariance is biased where the spectrum is steep, and what little color it
+    leaves would be amplified when the noise is colored again.
     """
     window = np.lib.stride_tricks.sliding_window_view
     rows = [window(s, order + 1)[:, ::-1] for s in segments]  # beside its own past, the latest first
@@ -168,9 +157,8 @@ def whitened(segments: Sequence[FloatArray], order: int) -> list[FloatArray]:
 class WholeWindows:
     """Residuals of whole windows, with the gaps behind them, each of random sign in the place of another."""
 
-    windows: tuple[
-        FloatArray, ...
-    ]  #: (w_i, n_i, ny), as a fit to all others would leave them; as long as the longest
+    #: (w_i, n_i, ny), as a fit to all others would leave them; as long as the longest
+    windows: tuple[FloatArray, ...]
     gaps: tuple[FloatArray, ...]  #: (w_i, e); from each window to the next; zero for the last
     edges: tuple[tuple[int, ...], ...]  #: first sample of each window, then the number of samples
     present: tuple[BoolArray, ...]  #: (m_i, ny) bool; where each piece was measured
@@ -209,6 +197,9 @@ class WholeWindows:
             readings.append(np.where(mask, np.concatenate(parts), 0.0).ravel())
             gaps.append((signs[:-1, None] * behind[chosen[:-1]]).ravel())
         return np.concatenate([*readings, *gaps])
+
+
+NoiseSource = ColoredBlocks | WholeWindows
 
 
 def shifts(optimum: Optimum, noise: NoiseSource, numbers: Sequence[int], seed: int) -> FloatArray:
@@ -263,13 +254,8 @@ class Bootstrap:
     def __call__(self, fit: AssessedFit, watch: Watch) -> Finding:
         """Return standard errors and bias-corrected percentile intervals."""
         plan = bootstrap_plan(fit, self.replicates)
-
-        def report(done: Tally) -> None:
-            watch(f"bootstrap: {done.done * CHUNK} of {done.total * CHUNK} replicates {done.note}".rstrip())
-
-        with tempfile.TemporaryDirectory(prefix="stoop-") as folder:
-            store = self.store or Path(folder) / "bootstrap.sqlite"
-            return Finding(_intervals(fit, execute(plan, store, self.pool, report)))
+        found = refits(plan, self.store, self.pool, "bootstrap: {} of {} replicates", CHUNK, watch)
+        return Finding(_intervals(fit, found))
 
 
 def bootstrap_plan(fit: AssessedFit, count: int) -> Plan:
@@ -338,4 +324,4 @@ def _intervals(fit: AssessedFit, results: Mapping[str, Json]) -> MethodIntervals
     if lost > MAX_LOST * total:
         notices.append(notice("bootstrap-replicates-lost", lost=lost, replicates=total))
     figures = {"replicates": float(total), "dived": float(endings["dived"]), "lost": float(lost)}
-    return MethodIntervals(parameters, figures, tuple(map(str, notices)))
+    return MethodIntervals(parameters, figures, tuple(notices))

@@ -5,10 +5,9 @@ weight of white noise has the covariance
 
     C = D^-1 [ sum_i sum_j S_i' R^-1 Rvv(i - j) R^-1 S_j ] D^-1
 
-(Morelli and Klein); D^-1 alone, the Cramer-Rao bound of white noise, is far too small for colored residuals. The double sum
-is a product of spectra. Two refinements over the sample autocovariance of the paper, without which nominal 95 % intervals
-cover 80 to 90 %: what the fit absorbed of the noise on average is added back to the autocovariance of the residuals, and an
-autoregression continues the autocovariance where its long lags are noise themselves.
+(Morelli and Klein); D^-1 alone is the Cramer-Rao bound of white noise. The double sum is a product of spectra. Two refinements
+over the paper's sample autocovariance, without which nominal 95 % intervals cover 80 to 90 %: what the fit absorbed of the
+noise is added back, and an autoregression continues the autocovariance where its long lags are noise themselves.
 
 Windows that begin anew leave residuals that grow along each window: not stationary, but alike from window to window. Their
 covariance is the mean over all windows, every window's residuals with every window's sensitivities,
@@ -50,18 +49,15 @@ NORMAL_95: Final = 1.959963984540054  #: two-sided 95 % quantile of the normal d
 NULL_EIGENVALUE: Final = 1e-13  #: of the greatest scaled eigenvalue; below it is rounding, not information
 NULL_COMPONENT: Final = 1e-3  #: an unknown with a larger component in a null direction is not determined
 MIN_POWER: Final = 1e-3  #: of the variance, at any frequency; bounds how slow the noise can be
-MAX_ORDER: Final = (
-    20  #: of the autoregression: at 100 Hz, slow residuals under white noise still come out right
-)
+#: of the autoregression: at 100 Hz, slow residuals under white noise still come out right
+MAX_ORDER: Final = 20
 SAMPLES_PER_LAG: Final = 50  #: short records get a lower order, or the autoregression fits its own noise
-ROUNDS: Final = (
-    3  #: of what the fit absorbed, which depends on the noise model; afterwards it changes below 1 %
-)
+#: of what the fit absorbed, which depends on the noise model; afterwards it changes below 1 %
+ROUNDS: Final = 3
 NEIGHBORS: Final = 3  #: windows whose residuals may still be correlated
 MIN_WINDOWS: Final = 12  #: below which a mean over windows says little
-MAX_SHARE: Final = (
-    0.5  #: of the information about a direction, in one window; of more, others foresee nothing
-)
+#: of the information about a direction, in one window; of more, others foresee nothing
+MAX_SHARE: Final = 0.5
 
 
 @dataclass(frozen=True, eq=False)

@@ -118,9 +118,7 @@ def measured_mode(
 def elsewhere(free: FreeResponse, airspeed: float) -> float:
     """Return how far, as a share of `airspeed`, a response was flown from it; 0 where no airspeed was recorded.
 
-    Natural frequencies go with the airspeed or with its inverse, so this is by how much a response at its own
-    airspeeds may differ from the small motion about one: the mean's departure, and the square of the swing, for
-    what swings to both sides cancels in first order.
+    Natural frequencies go with the airspeed or its inverse: the mean's departure counts, and the square of the swing.
     """
     V = free.channels.get("V", np.empty(0))
     V = V[np.isfinite(V)]
@@ -173,10 +171,9 @@ class _Oscillation:
         return np.asarray(end.x, dtype=np.float64), float(end.cost)
 
     def drift(self, x: FloatArray) -> FloatArray:
-        """Return by how much (2,) parts of the response give other log w and zeta than the whole, noise apart.
+        """Return by how much (2,) parts of the response give other log w and zeta than the whole.
 
-        Were the response one damped oscillation in noise, a part's estimate would differ from the whole's with the
-        difference of their variances (J. A. Hausman, Econometrica 46(6), 1978); what is beyond that is not noise.
+        Beyond the difference of their variances that is no noise (J. A. Hausman, Econometrica 46(6), 1978).
         """
         whole, beyond = self.errors(x) ** 2, []
         for first, last in PARTS:

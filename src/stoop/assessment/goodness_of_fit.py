@@ -4,9 +4,8 @@ Whiteness is tested by the portmanteau statistic of Ljung and Box, over segments
 
     Q = n (n + 2) sum_k r_k^2 / (n - k),  k = 1 ... m,
 
-chi-square with m degrees of freedom for white residuals. Where the record has holes, n - k is the number of pairs that are
-there; a lag without any, as between the samples of a slow sensor, is no degree of freedom. The mean is not taken off: an
-offset that is left over is not white.
+chi-square with m degrees of freedom for white residuals; with holes, n - k is the number of pairs that are there, and a lag
+without any is no degree of freedom. The mean is not taken off: an offset that is left over is not white.
 
 PRESS, the prediction error sum of squares, leaves each part of the data out in turn and predicts it from the rest. For a fit
 that is linear about its optimum nothing is fitted again: with the whitened residuals e, sensitivities J and information
@@ -14,9 +13,9 @@ M = J'J + priors, leaving the samples B out changes their residuals to
 
 .. math:: e_{(B)} = e_B + J_B (M - J_B' J_B)^{-1} J_B' e_B = (I - H_{BB})^{-1} e_B, \qquad H = J M^{-1} J'.
 
-For single samples this is Allen's e / (1 - h). Residuals of real flights are correlated, and the neighbors of a left-out
-sample have its noise too, so blocks of one second, all channels together, are left out (Burman, Chow and Nolan). Initial
-states are not among the unknowns: like the inputs they are given, for only the beginning of a segment knows them.
+For single samples this is Allen's e / (1 - h). The neighbors of a left-out sample have its noise too, so blocks of one second,
+all channels together, are left out (Burman, Chow and Nolan). Initial states are not among the unknowns: like inputs, they are
+given.
 
 References
 ----------
@@ -57,11 +56,7 @@ BLOCK: Final = 1.0  #: s that are left out together
 
 
 def theil(measured: FloatArray, simulated: FloatArray) -> float:
-    """Return Theil's inequality coefficient over the samples (n,) where both are finite; NaN without any.
-
-    It is rms(z - y) / (rms(z) + rms(y)): 0 perfect, 1 worst. Unlike the coefficient of determination it is bounded, and an
-    output that hardly moves does not blow it up; but it depends on the origin.
-    """
+    """Return Theil's coefficient rms(z - y) / (rms(z) + rms(y)) where both are finite, 0 perfect, 1 worst; NaN without any."""
     z, y = _common(measured, simulated)
     scale = _rms(z) + _rms(y)
     return np.nan if z.size == 0 else _rms(z - y) / scale if scale > 0.0 else 0.0
@@ -70,8 +65,7 @@ def theil(measured: FloatArray, simulated: FloatArray) -> float:
 def theil_shares(measured: FloatArray, simulated: FloatArray) -> TheilShares:
     """Return the shares of bias, variance and covariance in the squared error; NaN for a perfect match.
 
-    They add up to 1: difference of the means (an offset), of the standard deviations (a wrong amplitude), and what does not
-    correlate (noise, phase, missing physics), ideally all of it.
+    An offset, a wrong amplitude, and what does not correlate (noise, phase, missing physics), ideally all of it.
     """
     z, y = _common(measured, simulated)
     error = _rms(z - y)

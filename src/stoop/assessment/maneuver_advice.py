@@ -20,6 +20,7 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import notice
 from stoop.base.units import DEGREE
 from stoop.estimate.fit import Fit
 from stoop.problem import Piece
@@ -35,30 +36,15 @@ TIED: Final = 0.95  #: correlation from which two regressors cannot be told apar
 #: the natural frequency as its step that frequency lies in the upper half of the band
 STEP_ANGLE: Final = 1.6
 AXES: Final = {"pitch": ("Cm", "elevator"), "roll": ("Cl", "aileron"), "yaw": ("Cn", "rudder")}
-GROUND: Final = "Measure it on the ground, and fix it or narrow its prior."
 _ROTORS: Final = {
-    (
-        "T0",
-        "T1",
-        "T2",
-        "gain",
-        "idle",
-    ): "Steps of thrust (heave) between half and full power tell the polynomial's shape.",
-    ("inflow",): "Climbs and descents at several speeds tell it from thrust.",
-    ("drag", "translational", "linear", "quadratic"): (
-        "Flight at several airspeeds, forward, sideways and vertical, tells it."
-    ),
-    ("Q0", "Q1", "Q2", "torque_ratio", "torque_factor"): "Yaw doublets, sharp-edged, tell torque.",
-    (
-        "lag",
-        "delay",
-        "inertia",
-    ): "Sharp-edged inputs (doublets of 0.1 to 0.2 s) logged at 100 Hz or more tell it.",
-    ("factor", "x", "y", "z"): (
-        "Steady hover beside doublets of roll and pitch tells it from the others' and from the center of gravity."
-    ),
-    ("rotation",): "Roll, pitch and yaw doublets of different lengths tell it from inertia.",
-}  #: numbers of rotors and of body drag, by the last part of the name
+    **dict.fromkeys(("T0", "T1", "T2", "gain", "idle"), "advice-thrust"),
+    **dict.fromkeys(("drag", "translational", "linear", "quadratic"), "advice-body-drag"),
+    **dict.fromkeys(("Q0", "Q1", "Q2", "torque_ratio", "torque_factor"), "advice-torque"),
+    **dict.fromkeys(("lag", "delay", "inertia"), "advice-motor-lag"),
+    **dict.fromkeys(("factor", "x", "y", "z"), "advice-rotor"),
+    "inflow": "advice-inflow",
+    "rotation": "advice-rotation",
+}  #: numbers of rotors and of body drag, by the last part of the name -> code of the notice
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,29 +94,25 @@ def advice(name: str, stand_ins: Sequence[str], flown: FlownModel) -> str:
     if term is None:
         return _of_vehicle(name, flown)
     shared = [p for p in stand_ins if p not in flown.terms and not p.startswith("sensors.")]
-    inertia = " and ".join(n for n in shared if ".inertia." in n)
-    spread, sentences = float(np.std(term.flown)), []
+    inertia = tuple(n for n in shared if ".inertia." in n)
+    spread, out = float(np.std(term.flown)), []
     if not term.variables:
-        sentences.append("A constant is told by steady flight at several conditions.")
+        out.append(notice("advice-constant"))
     elif _still(term, flown):
         angle = len(term.variables) == 1 and not term.nonlinear and not term.variables & {"p", "q", "r", "V"}
         amount = f"{spread / DEGREE:.2g} deg" if angle else f"{spread:.2g}"
         amount = f"{100.0 * spread:.2g} %" if term.variables == {"V"} else amount
-        begin = f"{term} varies by {amount} only (rms): {_excitation(term, flown)}."
-        sentences.append(begin[0].upper() + begin[1:])
+        what = f"{str(term)[0].upper()}{str(term)[1:]}"
+        out.append(notice("advice-still", what, amount=amount, maneuver=_excitation(term, flown)))
     elif tied := _tied(term, flown):
-        sentences.append(f"In this flight {term} moves with {tied}: {_separation(term, tied, flown)}.")
+        maneuver = _separation(term, tied, flown)
+        out.append(notice("advice-tied", str(term), other=str(tied), maneuver=maneuver))
     elif not shared:  # else numbers stand in for it that are measured on the ground
-        sentences.append(f"Several others together stand in for it: {_excitation(term, flown)}.")
-    if inertia:
-        sentences.append(
-            f"It is known only in ratio to {inertia}: measure that on the ground (swing test), and fix it or narrow its prior."
-        )
-    elif shared:
-        sentences.append(
-            f"It also trades off against {' and '.join(shared)}: measure that on its own, or narrow its prior."
-        )
-    return " ".join(sentences)
+        out.append(notice("advice-several", maneuver=_excitation(term, flown)))
+    if shared:
+        code = "advice-ratio-to-inertia" if inertia else "advice-shared"
+        out.append(notice(code, " and ".join(inertia or shared)))
+    return " ".join(map(str, out))
 
 
 def _still(term: Term, flown: FlownModel) -> bool:
@@ -216,21 +198,15 @@ def _speed(flown: FlownModel) -> str:
 
 def _of_vehicle(name: str, flown: FlownModel) -> str:
     """Return what to do about a number that is no aerodynamic term."""
-    parts = name.split(".")
+    parts, code = name.split("."), "advice-ground"
     if parts[0] in ("rotors", "rotor", "body_drag"):
         last = parts[-1] if parts[-1] not in ("x", "y", "z") or parts[0] == "rotor" else parts[-2]
-        return next((sentence for names, sentence in _ROTORS.items() if last in names), GROUND)
-    if ".inertia." in name or name.startswith("mass"):
-        return "Maneuvers see moments only in ratio to inertia: weigh and swing the aircraft, and fix it or narrow its prior."
-    if parts[0] == "propulsion":
-        return f"Steps of {flown.power or 'power'} at several airspeeds tell thrust from drag; a static test narrows the prior."
-    if parts[0] == "controls":
-        return f"Sharp-edged inputs of {parts[1]} (doublets), and a measurement of its travel and speed on the ground, tell it."
-    if parts[0] == "sensors":
-        return (
-            "A calibration, or straight flight at several speeds and headings, tells an instrument's error."
-        )
-    return GROUND
+        code = _ROTORS.get(last, code)
+    elif ".inertia." in name or name.startswith("mass"):
+        code = "advice-inertia"
+    elif parts[0] in ("propulsion", "controls", "sensors"):
+        code = f"advice-{parts[0]}"
+    return str(notice(code, parts[1] if len(parts) > 1 else name, power=flown.power or "power"))
 
 
 def flown_model(result: Result, fit: Fit) -> FlownModel:

@@ -15,7 +15,6 @@ pp. 129-148 (the ratio of a likelihood that takes correlated readings as indepen
 from __future__ import annotations
 
 import hashlib
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -31,6 +30,7 @@ from stoop.assessment.assessment import (
     Finding,
     Optimum,
     Watch,
+    refits,
     stationary,
     unpacked_optimum,
 )
@@ -40,7 +40,7 @@ from stoop.base.notices import Notice, notice
 from stoop.base.text import nearest
 from stoop.errors import IdentificationError
 from stoop.optimize import Settings, refine
-from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run, Tally, execute
+from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run
 from stoop.problem import Misfit
 from stoop.results.uncertainty import Interval, MethodIntervals
 
@@ -199,13 +199,8 @@ class Profile:
     def __call__(self, fit: AssessedFit, watch: Watch) -> Finding:
         """Return likelihood-ratio intervals; NaN for an end that the data leave open."""
         plan = profile_plan(fit, selected(fit, self.parameters))
-
-        def report(done: Tally) -> None:
-            watch(f"profile: {done.done} of {done.total} parameters {done.note}".rstrip())
-
-        with tempfile.TemporaryDirectory(prefix="stoop-") as folder:
-            store = self.store or Path(folder) / "profile.sqlite"
-            return Finding(_intervals(fit, execute(plan, store, self.pool, report)))
+        found = refits(plan, self.store, self.pool, "profile: {} of {} parameters", 1, watch)
+        return Finding(_intervals(fit, found))
 
 
 def selected(fit: AssessedFit, wanted: Sequence[str]) -> tuple[str, ...]:
@@ -220,12 +215,7 @@ def selected(fit: AssessedFit, wanted: Sequence[str]) -> tuple[str, ...]:
 
 
 def check_names(free: Sequence[str], wanted: Sequence[str]) -> None:
-    """Refuse a name that is not among the free parameters.
-
-    Raises
-    ------
-    IdentificationError
-    """
+    """Raise an IdentificationError for a name that is not among the free parameters."""
     for name in wanted:
         if name != DOUBTFUL and name not in free:
             raise IdentificationError(f"profile '{name}': no free parameter; {nearest(name, free)}")
@@ -283,4 +273,4 @@ def _intervals(fit: AssessedFit, results: Mapping[str, Any]) -> MethodIntervals:
         if found["better"] > BETTER:
             notices.append(notice("profile-better-optimum", name))
     refits = sum(len(found["points"]) - 1 for found in results.values())
-    return MethodIntervals(parameters, {"refits": float(refits)}, tuple(map(str, notices)))
+    return MethodIntervals(parameters, {"refits": float(refits)}, tuple(notices))

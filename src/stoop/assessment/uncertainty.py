@@ -5,9 +5,8 @@ Repeatability: with estimates :math:`\theta_i` and standard errors :math:`s_i` o
 .. math:: \bar\theta = \frac{\sum \theta_i / s_i^2}{\sum 1 / s_i^2}, \qquad
           \chi^2 = \sum \frac{(\theta_i - \bar\theta)^2}{s_i^2},
 
-which is chi-square with m - 1 degrees of freedom if the error bars are right. More, and something differs between the
-maneuvers that the error bars do not know: the model, the air, the loading. Estimates that share a prior agree because of
-it, so each one's own prior is taken out: with f the prior's share, the rest is :math:`(\theta - f \theta_0) / (1 - f)`.
+which is chi-square with m - 1 degrees of freedom if the error bars are right. Estimates that share a prior agree because of it,
+so each one's own prior is taken out: with f the prior's share, the rest is :math:`(\theta - f \theta_0) / (1 - f)`.
 
 References
 ----------
@@ -63,9 +62,8 @@ DISAGREEMENT: Final = 1.4  #: ratio of standard errors from which two methods di
 SKEWNESS: Final = 1.5  #: ratio of the arms of an interval from which it is no longer normal
 MAX_RHAT: Final = 1.02  #: above it a posterior says nothing yet
 SCATTER_LEVEL: Final = 0.05  #: chance of calling a scatter too large that is not
-MAX_PRIOR_SHARE: Final = (
-    0.5  #: of an estimate: where the prior knows more than the maneuver, it is the prior's
-)
+#: of an estimate: where the prior knows more than the maneuver, it is the prior's
+MAX_PRIOR_SHARE: Final = 0.5
 
 
 def with_uncertainty(result: Result, fit: Fit, bars: ErrorBars) -> Result:
@@ -91,7 +89,7 @@ def with_uncertainty(result: Result, fit: Fit, bars: ErrorBars) -> Result:
     return replace(
         result,
         uncertainty=methods,
-        trust=tuple(map(str, method_agreement(result.parameters, methods))),
+        trust=tuple(method_agreement(result.parameters, methods)),
         identifiability=IdentifiabilityAnalysis(singular, analyses, worst_pairs(names, related), directions),
     )
 
@@ -234,11 +232,9 @@ class SingleFit:
 def fit_each(
     fit: Fit, flights: Mapping[str, Flight], options: Options, watch: Callable[[str], None]
 ) -> list[SingleFit]:
-    """Fit every maneuver of a finished fit by itself.
+    """Fit every maneuver of a finished fit by itself, from the same start, within the same bounds and priors.
 
-    The vehicle is as it was given: the same numbers are free, from the same start, within the same bounds and priors.
-    What a maneuver does not determine stays at its prior and is not counted. Ctrl-C ends the fit at hand and leaves the
-    rest. `watch` receives the maneuver at hand.
+    What a maneuver does not determine is not counted. Ctrl-C ends the fit at hand, which `watch` receives, and the rest.
     """
     vehicle, fitter = fit.problem.layout.vehicle, methods.find(options.method).fitter()
     out, stopped = list[SingleFit](), False

@@ -77,6 +77,10 @@ class Kind:
     text: str
 
 
+#: Metadata of a dataclass field of notices that a JSON document holds as sentences.
+AS_SENTENCES: Mapping[str, Any] = MappingProxyType({"sentences": True})
+
+
 @functools.cache
 def table() -> Mapping[str, Kind]:
     """Return code -> row of ``data/notices.toml``."""

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stoop.cli.arguments import at_least_one
+from stoop.cli.options import at_least_one
 from stoop.cli.progress import INTERRUPTED, QUIET, LiveLine
 
 if TYPE_CHECKING:
@@ -63,13 +63,6 @@ def pool(arguments: argparse.Namespace) -> Pool:
 
 def run_campaign(arguments: argparse.Namespace, plan: Plan, store: Path) -> dict[str, Json]:
     """Run a plan to its end with progress on stderr; Ctrl-C leaves with a line that says how to go on.
-
-    Parameters
-    ----------
-    arguments : Namespace
-        With those of :func:`add_campaign_arguments`.
-    plan : Plan
-    store : Path
 
     Raises
     ------

@@ -7,17 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from stoop.base.files import check_target, write_text_atomic
-from stoop.cli.arguments import (
-    BUILT_IN_HELP,
-    COMPILING,
-    HOVERING,
-    VEHICLE_HELP,
-    add_climb_angle,
-    add_condition,
-    add_flight,
-    add_output,
-    count,
-)
+from stoop.cli import options
 from stoop.cli.page import busy, page, words
 from stoop.errors import ManeuverError, VehicleError
 
@@ -31,7 +21,7 @@ def vehicle_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `stoop vehicle`."""
     name = "name of a built-in vehicle; without it all are listed"
     parser.add_argument("name", metavar="TEMPLATE", nargs="?", help=name)
-    add_output(parser, "where to write it", metavar="FILE.toml", required=False)
+    options.add_output(parser, "where to write it", metavar="FILE.toml", required=False)
 
 
 def vehicle(arguments: argparse.Namespace) -> int:
@@ -57,8 +47,8 @@ def vehicle(arguments: argparse.Namespace) -> int:
 
 def map_log_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `stoop map`."""
-    add_flight(parser, "flight log", several=False, mapping=False)
-    add_output(parser, "where to write it", metavar="M.toml", required=False)
+    options.add_flight(parser, "flight log", several=False, mapping=False)
+    options.add_output(parser, "where to write it", metavar="M.toml", required=False)
 
 
 def map_log(arguments: argparse.Namespace) -> int:
@@ -82,12 +72,14 @@ def map_log(arguments: argparse.Namespace) -> int:
 
 def export_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `stoop export`."""
-    subject = f"folder (or result.json) of stoop identify, or a vehicle file (TOML), or {BUILT_IN_HELP}"
+    subject = (
+        f"folder (or result.json) of stoop identify, or a vehicle file (TOML), or {options.BUILT_IN_HELP}"
+    )
     parser.add_argument("subject", metavar="MODEL", help=subject)
     parser.add_argument("--to", dest="target", choices=TARGETS, required=True, help="which tool")
-    add_output(parser, "the files", "files in DIR")
-    add_condition(parser, f"of the steady flight, m/s (default: {HOVERING})", high=None)
-    add_climb_angle(parser)
+    options.add_output(parser, "the files", "files in DIR")
+    options.add_condition(parser, f"of the steady flight, m/s (default: {options.HOVERING})", high=None)
+    options.add_climb_angle(parser)
 
 
 def export(arguments: argparse.Namespace) -> int:
@@ -97,7 +89,7 @@ def export(arguments: argparse.Namespace) -> int:
 
     subject = read_subject(arguments.subject)
     condition = Condition(arguments.airspeed, arguments.altitude, arguments.climb_angle)
-    with busy(COMPILING):
+    with busy(options.COMPILING):
         found = exported(subject, arguments.target, condition)
     write(found, arguments.output, arguments.overwrite)
     out = page()
@@ -110,11 +102,11 @@ def export(arguments: argparse.Namespace) -> int:
 def simulate_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `stoop simulate`."""
     add = parser.add_argument
-    add("vehicle", metavar="VEHICLE", help=VEHICLE_HELP)
+    add("vehicle", metavar="VEHICLE", help=options.VEHICLE_HELP)
     add("--maneuver", metavar="M.toml", type=Path, required=True, help="what the pilot does (TOML)")
-    add_output(parser, "the flight file to write: .nc, or a log", metavar="FLIGHT")
+    options.add_output(parser, "the flight file to write: .nc, or a log", metavar="FLIGHT")
     add("--no-noise", action="store_true", help="perfect sensors")
-    add("--seed", metavar="N", type=count, default=0, help="of sensor noise and gusts (default: 0)")
+    add("--seed", metavar="N", type=options.count, default=0, help="of sensor noise and gusts (default: 0)")
 
 
 def simulate(arguments: argparse.Namespace) -> int:
@@ -140,7 +132,7 @@ def simulate(arguments: argparse.Namespace) -> int:
         raise VehicleError(f"{vehicle.where}: the input '{lost}' is no variable of stoop; {advice}")
     maneuver = load_maneuver(arguments.maneuver)
     try:
-        with busy(COMPILING):
+        with busy(options.COMPILING):
             flight = simulate_flight(vehicle, maneuver, arguments.seed, not arguments.no_noise, target.stem)
             flown = numbers_set(vehicle, flown_trim(vehicle, maneuver))
     except ManeuverError as error:
@@ -171,16 +163,16 @@ def _freed(vehicle: Vehicle, flown: dict[str, float]) -> list[str]:
 
     Those that have no bounds around that value must be written into the file first; this is printed.
     """
-    options: list[str] = []
+    found: list[str] = []
     for name, value in flown.items():
         own = vehicle.parameters[vehicle.rows[name]]
         if own.free:
             continue
         if own.lower < own.upper and own.lower <= value <= own.upper:
-            options += ["--free", name]
+            found += ["--free", name]
         else:
             page().line(
                 f"first: write {name.rpartition('.')[2]} = {value:.7g} into [{name.partition('.')[0]}] of the vehicle "
                 "file; with its own number the fit puts the difference into the drag"
             )
-    return options
+    return found

@@ -9,16 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stoop.base.files import check_targets
-from stoop.cli.arguments import (
-    add_flight,
-    add_mapping,
-    add_output,
-    add_window,
-    command_line,
-    given_paths,
-    positive,
-    windows,
-)
+from stoop.cli import options
 from stoop.cli.page import busy, fixed, numbers, page, words
 from stoop.cli.progress import Watch
 from stoop.errors import FlightError
@@ -32,10 +23,10 @@ MAX_VOLTAGE_DIFFERENCE = 0.05  #: relative; beyond it a flight is named
 
 def compatibility_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `stoop compatibility`."""
-    add_flight(parser, "flight log", several=False)
-    add_window(parser, "what is compared (default: the airborne part)")
+    options.add_flight(parser, "flight log", several=False)
+    options.add_window(parser, "what is compared (default: the airborne part)")
     files = "compatibility.html, compatibility.json and the corrected flight.nc"
-    add_output(parser, files, "them if they exist", required=False)
+    options.add_output(parser, files, "them if they exist", required=False)
 
 
 def compatibility(arguments: argparse.Namespace) -> int:
@@ -45,13 +36,13 @@ def compatibility(arguments: argparse.Namespace) -> int:
     from stoop.flight import load
     from stoop.workflow.reconstruction import COMPATIBILITY, check_compatibility, write_compatibility
 
-    folder, others = arguments.output, given_paths(arguments.mapping)
+    folder, others = arguments.output, options.given_paths(arguments.mapping)
     if folder is not None:
         check_targets(folder, COMPATIBILITY, arguments.overwrite, [arguments.flight, *others])
     with busy("reading the log"):
         flight = load(arguments.flight, arguments.mapping)
     with busy("integrating and comparing"):
-        result, corrected = check_compatibility(flight, windows(arguments.window))
+        result, corrected = check_compatibility(flight, options.windows(arguments.window))
     out = page()
     out.heading("Sensors")
     rows = []
@@ -69,7 +60,7 @@ def compatibility(arguments: argparse.Namespace) -> int:
     out.bullets(of_severity(result.notices, "warning") or ("nothing evident",), "What is inconsistent")
     out.bullets(of_severity(result.notices, "info"), "Notes")
     if folder is not None:
-        write_compatibility(result, flight, corrected, folder, command_line(), others)
+        write_compatibility(result, flight, corrected, folder, options.command_line(), others)
         out.line(f"page: {folder / COMPATIBILITY[0]}; corrected flight: {folder / COMPATIBILITY[1]}")
     return 0
 
@@ -77,15 +68,28 @@ def compatibility(arguments: argparse.Namespace) -> int:
 def polar_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `stoop polar`."""
     add = parser.add_argument
-    add_flight(parser, "flight log", several=False)
-    add("--mass", metavar="KG", type=positive, required=True, help="of the aircraft as flown")
-    add("--area", metavar="M2", type=positive, required=True, help="of the wing, the reference of CL and CD")
+    options.add_flight(parser, "flight log", several=False)
+    add("--mass", metavar="KG", type=options.positive, required=True, help="of the aircraft as flown")
+    add(
+        "--area",
+        metavar="M2",
+        type=options.positive,
+        required=True,
+        help="of the wing, the reference of CL and CD",
+    )
     efficiency = "of motor, controller and blades, and its standard error (default: 0.7 0.1)"
-    add("--efficiency", metavar=("ETA", "STD"), nargs=2, type=positive, default=(0.7, 0.1), help=efficiency)
+    add(
+        "--efficiency",
+        metavar=("ETA", "STD"),
+        nargs=2,
+        type=options.positive,
+        default=(0.7, 0.1),
+        help=efficiency,
+    )
     disc = "diameter of the propeller's disc (default: unknown, about 0.35 of the root of the area)"
-    add("--disc", metavar="M", type=positive, help=disc)
-    add_window(parser, "what is used (default: the airborne part)")
-    add_output(parser, "polar.html and polar.json", "them if they exist", required=False)
+    add("--disc", metavar="M", type=options.positive, help=disc)
+    options.add_window(parser, "what is used (default: the airborne part)")
+    options.add_output(parser, "polar.html and polar.json", "them if they exist", required=False)
 
 
 def polar(arguments: argparse.Namespace) -> int:
@@ -96,14 +100,14 @@ def polar(arguments: argparse.Namespace) -> int:
     from stoop.report.reconstruction import MEANINGS, lift_grid
     from stoop.workflow.reconstruction import POLAR, drag_polar, write_polar
 
-    folder, others = arguments.output, given_paths(arguments.mapping)
+    folder, others = arguments.output, options.given_paths(arguments.mapping)
     if folder is not None:
         check_targets(folder, POLAR, arguments.overwrite, [arguments.flight, *others])
     with busy("reading the log"):
         flight = load(arguments.flight, arguments.mapping)
     efficiency, spread = arguments.efficiency
     propulsion = Propulsion(efficiency, spread, arguments.disc)
-    used = windows(arguments.window)
+    used = options.windows(arguments.window)
     found, notices = drag_polar(flight, arguments.mass, arguments.area, used, propulsion)
     out, summary = page(), found.summary
     out.heading("Polar")
@@ -117,7 +121,7 @@ def polar(arguments: argparse.Namespace) -> int:
     out.table(fixed("CL", CL, 1), fixed("CD", value, 4), fixed("from", low, 4), fixed("to", high, 4))
     out.bullets(notices, "What it rests on")
     if folder is not None:
-        write_polar(found, notices, flight, folder, command_line(), others)
+        write_polar(found, notices, flight, folder, options.command_line(), others)
         out.line(f"page: {folder / POLAR[0]}")
     return 0
 
@@ -134,8 +138,8 @@ def rotors_arguments(parser: argparse.ArgumentParser) -> None:
     one = "the flights in question are of one and the same configuration"
     add("--together", action="store_true", help=one)
     chance = "how often a healthy flight may be accused (default: 0.05)"
-    add("--chance", metavar="P", type=positive, default=CHANCE, help=chance)
-    add_mapping(parser)
+    add("--chance", metavar="P", type=options.positive, default=CHANCE, help=chance)
+    options.add_mapping(parser)
 
 
 def rotors(arguments: argparse.Namespace) -> int:
@@ -167,7 +171,7 @@ def rotors(arguments: argparse.Namespace) -> int:
             raise FlightError(f"{path}: given twice; name each flight once, in question or under --healthy")
     balance = Balance(resolve_vehicle(arguments.vehicle))
 
-    def hovers(paths: Sequence[Path], watch: Watch) -> tuple[Hover, ...]:
+    def read_hover(paths: Sequence[Path], watch: Watch) -> tuple[Hover, ...]:
         out = []
         for path in paths:
             flight = load(path, arguments.mapping)
@@ -177,8 +181,8 @@ def rotors(arguments: argparse.Namespace) -> int:
         return tuple(out)
 
     with Watch("reading the logs") as watch:
-        healthy = hovers(arguments.healthy, watch)
-        flown = hovers(arguments.flight, watch)
+        healthy = read_hover(arguments.healthy, watch)
+        flown = read_hover(arguments.flight, watch)
     one = arguments.together and len(flown) > 1
     reference = Reference(balance, healthy, repeats=(flown,) if one else ())
     out = page()
@@ -218,7 +222,7 @@ def _compare(title: str, found: Sequence[Assessment], chance: float) -> None:
 
 def _notes(reference: Reference, flown: Sequence[Hover], chance: float) -> list[str]:
     lift, roll, pitch, yaw = (100.0 * float(v) ** 0.5 for v in reference.variances)
-    healthy, battery = len(reference.hovers), reference.battery
+    healthy, battery = len(reference.flights), reference.battery
     notes = [
         "suspected: whose loss explains most, and who explains it nearly as well; any: all of them do",
         "factor: thrust and torque per command, against the healthy flights, if the first of them alone has changed",

@@ -8,21 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from stoop.cli.arguments import (
-    SEVERAL,
-    VEHICLE_HELP,
-    WINDOW,
-    add_flight,
-    add_free_fix,
-    add_output,
-    at_least_one,
-    command_line,
-    count,
-    finite,
-    given_paths,
-    positive,
-    with_free,
-)
+from stoop.cli import options
 from stoop.cli.page import page
 from stoop.cli.progress import INTERRUPTED, Watch
 
@@ -53,22 +39,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     names = "optimizer: ps-gde-lm (default), ps-gde, scipy-least-squares or another of docs/optimizers.md"
     refits = "block bootstrap with N replicates (default: 1000)"
     lines = "profile likelihood of these parameters (default: the doubtful ones)"
-    add_flight(parser)
-    add("--vehicle", metavar="V.toml", required=True, help=VEHICLE_HELP)
-    add("--maneuver", metavar=WINDOW, nargs="+", action="extend", required=True, help=fit)
-    add("--validate", metavar=WINDOW, **SEVERAL, help=predict)
-    add_free_fix(parser)
+    options.add_flight(parser)
+    add("--vehicle", metavar="V.toml", required=True, help=options.VEHICLE_HELP)
+    add("--maneuver", metavar=options.WINDOW, nargs="+", action="extend", required=True, help=fit)
+    add("--validate", metavar=options.WINDOW, **options.SEVERAL, help=predict)
+    options.add_free_fix(parser)
     add("--noise", metavar="Q.csv", type=Path, help=noise)
     add("--method", metavar="NAME", default="", help=methods)
     add("--optimizer", metavar="NAME", default="ps-gde-lm", help=names)
-    add("--seed", metavar="N", type=count, default=0, help="of the search (default: 0)")
-    add("--generations", metavar="N", type=at_least_one, default=2000, help=many.format(2000))
-    add("--budget", metavar="TRAJECTORIES", type=positive, default=100_000.0, help=many.format(100000))
-    add("--target-cost", metavar="J", type=finite, default=-math.inf, help="stop at this cost")
-    add("--bootstrap", metavar="N", nargs="?", const=1000, type=at_least_one, help=refits)
+    add("--seed", metavar="N", type=options.count, default=0, help="of the search (default: 0)")
+    add("--generations", metavar="N", type=options.at_least_one, default=2000, help=many.format(2000))
+    add(
+        "--budget", metavar="TRAJECTORIES", type=options.positive, default=100_000.0, help=many.format(100000)
+    )
+    add("--target-cost", metavar="J", type=options.finite, default=-math.inf, help="stop at this cost")
+    add("--bootstrap", metavar="N", nargs="?", const=1000, type=options.at_least_one, help=refits)
     add("--posterior", action="store_true", help="sample the posterior; writes posterior.nc")
     add("--profile", metavar="NAME", nargs="*", help=lines)
-    add_output(parser, "result, vehicle, flight and report", "a result in DIR")
+    options.add_output(parser, "result, vehicle, flight and report", "a result in DIR")
     add("--repeatability", action="store_true", help="fit each maneuver alone too, and compare")
     add("--resume", action="store_true", help="go on from an unfinished search in DIR")
 
@@ -83,13 +71,13 @@ def run(arguments: argparse.Namespace) -> int:
     from stoop.workflow.outputs import check_folder, file_hashes, flight_files
 
     windows = files_among([*arguments.maneuver, *arguments.validate])
-    others = given_paths(arguments.mapping, arguments.noise)
+    others = options.given_paths(arguments.mapping, arguments.noise)
     inputs = [Path(arguments.vehicle), *arguments.flight, *windows, *others]
     attached = ("posterior.nc",) if arguments.posterior else ()
     names = [flight_name(path) for path in arguments.flight]
     check_folder(arguments.output, names, arguments.overwrite or arguments.resume, inputs, attached)
     arguments.maneuver, arguments.validate = expanded(arguments.maneuver, arguments.validate)
-    vehicle, flights, options = _read(arguments)
+    vehicle, flights, settings = _read(arguments)
     known = {flight.name: flight for flight in flights}
     fitted = [parse_window(text, known) for text in arguments.maneuver]
     assessments = _assessments(arguments)
@@ -97,11 +85,11 @@ def run(arguments: argparse.Namespace) -> int:
         # What contradicts the vehicle comes before a search that may be long; the report holds it too.
         for doubt in check_vehicle(vehicle, known, fitted):
             watch.warn(str(doubt))
-        files = file_hashes([*flight_files(flights), *given_paths(arguments.mapping)])
-        chosen = replace(options, method=choose_method(options.method, vehicle, flights).name)
+        files = file_hashes([*flight_files(flights), *options.given_paths(arguments.mapping)])
+        chosen = replace(settings, method=choose_method(settings.method, vehicle, flights).name)
         problem = identity(vehicle, files, arguments.maneuver, arguments.validate, chosen)
         checkpoint = Checkpoint(arguments.output, problem, watch.warn)
-        job, stopped = _identify(arguments, vehicle, flights, options, checkpoint, watch)
+        job, stopped = _identify(arguments, vehicle, flights, settings, checkpoint, watch)
         if assessments and not stopped:
             job = _assess(job, assessments, arguments, watch)
         if not (assessments and stopped):
@@ -122,11 +110,11 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
     from stoop.optimize import create
     from stoop.vehicle.builtin import resolve_vehicle
 
-    vehicle = with_free(resolve_vehicle(arguments.vehicle), arguments.free, arguments.fix)
+    vehicle = options.with_free(resolve_vehicle(arguments.vehicle), arguments.free, arguments.fix)
     find(arguments.method)
     create(arguments.optimizer)
     given = read_covariance(arguments.noise, vehicle.outputs) if arguments.noise is not None else None
-    options = Options(
+    settings = Options(
         arguments.optimizer, arguments.seed, arguments.generations, arguments.budget, arguments.target_cost, given,
         arguments.method,
     )  # fmt: skip
@@ -136,7 +124,7 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
         if arguments.posterior:
             libraries()
         check_names([p.name for p in vehicle.parameters if p.free], arguments.profile or ())
-    return vehicle, flights, options
+    return vehicle, flights, settings
 
 
 def _assessments(arguments: argparse.Namespace) -> list[Assessment]:
@@ -159,7 +147,7 @@ def _identify(
     arguments: argparse.Namespace,
     vehicle: Vehicle,
     flights: Sequence[Flight],
-    options: Options,
+    settings: Options,
     checkpoint: Checkpoint,
     watch: Watch,
 ) -> tuple[Job, bool]:
@@ -176,9 +164,9 @@ def _identify(
         checkpoint.keep(progress.state)
         watch.see(progress)
 
-    others = given_paths(arguments.mapping, arguments.noise)
+    others = options.given_paths(arguments.mapping, arguments.noise)
     windows = arguments.maneuver, arguments.validate
-    done = search(vehicle, flights, *windows, options, see, state, command_line(), others)
+    done = search(vehicle, flights, *windows, settings, see, state, options.command_line(), others)
     singles = []
     if arguments.repeatability:
         checkpoint.keep_last(done.fit.outcome)  # the search that was done is safe meanwhile

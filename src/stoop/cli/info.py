@@ -8,7 +8,7 @@ from dataclasses import asdict, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from stoop.cli.arguments import add_flight, source_arguments
+from stoop.cli.options import add_flight, source_arguments
 from stoop.cli.page import alike, busy, fixed, numbers, page, points, shown_unit, to_json, words
 
 if TYPE_CHECKING:

@@ -8,17 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from stoop.base.files import check_targets
-from stoop.cli.arguments import (
-    COMPILING,
-    SEVERAL,
-    VEHICLE_HELP,
-    WINDOW,
-    add_flight,
-    add_output,
-    command_line,
-    count,
-    given_paths,
-)
+from stoop.cli import options
 from stoop.cli.page import busy, numbers, page, words
 from stoop.errors import IdentificationError, StoopError
 
@@ -39,7 +29,7 @@ def demo_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     folder, seed = "folder for the results", "of sensor noise, wrong start values and search"
     add("-o", "--output", metavar="DIR", type=Path, default=HERE, help=f"{folder} (default: {HERE})")
-    add("--seed", metavar="N", type=count, default=0, help=f"{seed} (default: 0)")
+    add("--seed", metavar="N", type=options.count, default=0, help=f"{seed} (default: 0)")
     add("--overwrite", action="store_true", help="replace files in DIR that are of no earlier demo")
 
 
@@ -78,13 +68,13 @@ def structure_arguments(parser: argparse.ArgumentParser) -> None:
     terms = (
         "file of candidates, or lines such as 'Cm: alpha, q, alpha^2' (default: those of docs/structure.md)"
     )
-    add("vehicle", metavar="VEHICLE", help=VEHICLE_HELP)
-    add_flight(parser)
-    add("--maneuver", metavar=WINDOW, nargs="+", action="extend", required=True, help=window)
+    add("vehicle", metavar="VEHICLE", help=options.VEHICLE_HELP)
+    options.add_flight(parser)
+    add("--maneuver", metavar=options.WINDOW, nargs="+", action="extend", required=True, help=window)
     add("--candidates", metavar="FILE|LINE", nargs="+", default=[], help=terms)
     add("--criterion", choices=("f", "press", "pse"), default="f", help="how terms are chosen (default: f)")
     add("--band", metavar="LOW:HIGH", default=BAND, help=f"frequencies to use, Hz (default: {BAND})")
-    add_output(parser, "vehicle, table and page", "an earlier structure in DIR")
+    options.add_output(parser, "vehicle, table and page", "an earlier structure in DIR")
 
 
 def structure(arguments: argparse.Namespace) -> int:
@@ -127,11 +117,11 @@ def structure(arguments: argparse.Namespace) -> int:
             candidates[coefficient] = (*candidates.get(coefficient, ()), *terms)
     flights = by_name([load(path, arguments.mapping) for path in arguments.flight], "structure")
     choose = criteria[arguments.criterion]
-    with busy(COMPILING):
+    with busy(options.COMPILING):
         found = determined(
             vehicle, flights, arguments.maneuver, candidates, choose, FrequencyDomain(low, high)
         )
-    write_structure(found, arguments.output, command_line())
+    write_structure(found, arguments.output, options.command_line())
 
     out, nothing = page(), (float("nan"),) * 2
     for coefficient, chosen in found.structure.chosen.items():
@@ -167,9 +157,9 @@ def validate_arguments(parser: argparse.ArgumentParser) -> None:
     windows = "windows to predict (default: the maneuvers that stoop info finds)"
     result = "folder of stoop identify, or its result.json"
     parser.add_argument("result", metavar="RESULT", type=Path, help=result)
-    add_flight(parser, "flight log(s) that were not fitted")
-    parser.add_argument("--maneuver", metavar=WINDOW, **SEVERAL, help=windows)
-    add_output(parser, "page and figures", "a validation in DIR")
+    options.add_flight(parser, "flight log(s) that were not fitted")
+    parser.add_argument("--maneuver", metavar=options.WINDOW, **options.SEVERAL, help=windows)
+    options.add_output(parser, "page and figures", "a validation in DIR")
 
 
 def validate(arguments: argparse.Namespace) -> int:
@@ -179,11 +169,11 @@ def validate(arguments: argparse.Namespace) -> int:
     from stoop.workflow.validation import NAMES
     from stoop.workflow.validation import validate as validated
 
-    inputs = [*arguments.flight, *given_paths(arguments.mapping)]
+    inputs = [*arguments.flight, *options.given_paths(arguments.mapping)]
     check_targets(arguments.output, NAMES, arguments.overwrite, inputs)
     with busy("reading and predicting"):
         flights = [load(path, arguments.mapping) for path in arguments.flight]
-        done = validated(arguments.result, flights, arguments.maneuver, command_line())
+        done = validated(arguments.result, flights, arguments.maneuver, options.command_line())
     done.save(arguments.output)
     out, record = page(), done.record
     out.text(figures_table(record.maneuvers))

@@ -148,10 +148,7 @@ class Page:
 
     Whatever is printed may come from a hostile file: it is made printable and never read as markup.
 
-    Parameters
-    ----------
-    console : Console, optional
-        Of a terminal; without it everything is plain text on stdout.
+    A console is that of a terminal; without it everything is plain text on stdout.
     """
 
     def __init__(self, console: Console | None = None) -> None:

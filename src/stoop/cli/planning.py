@@ -13,22 +13,7 @@ from typing import Any, Final
 from stoop.base.files import check_targets
 from stoop.base.notices import as_notice
 from stoop.base.variables import EULER, RATES
-from stoop.cli.arguments import (
-    COMPILING,
-    SEVERAL,
-    VEHICLE_HELP,
-    add_condition,
-    add_flight,
-    add_free_fix,
-    add_output,
-    at_least_one,
-    command_line,
-    count,
-    given_paths,
-    positive,
-    source_arguments,
-    with_free,
-)
+from stoop.cli import options
 from stoop.cli.page import busy, fixed, numbers, page, points, words
 from stoop.cli.progress import Watch
 from stoop.errors import SimulationError, VehicleError
@@ -40,10 +25,10 @@ IN_DEGREES: Final = ("alpha", "beta", *EULER, *RATES)  #: channels that are give
 def maneuvers_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `stoop maneuvers`."""
     without = "without it windows are chosen that move each axis by itself"
-    add_flight(parser, "flight log(s) of one vehicle")
-    parser.add_argument("--vehicle", metavar="V.toml", default="", help=f"{VEHICLE_HELP}; {without}")
-    add_free_fix(parser)
-    add_output(parser, "windows.toml and windows.html", "earlier windows in DIR")
+    options.add_flight(parser, "flight log(s) of one vehicle")
+    parser.add_argument("--vehicle", metavar="V.toml", default="", help=f"{options.VEHICLE_HELP}; {without}")
+    options.add_free_fix(parser)
+    options.add_output(parser, "windows.toml and windows.html", "earlier windows in DIR")
 
 
 def maneuvers(arguments: argparse.Namespace) -> int:
@@ -57,27 +42,31 @@ def maneuvers(arguments: argparse.Namespace) -> int:
     from stoop.workflow.outputs import by_name
 
     given, free, fix = arguments.vehicle, arguments.free, arguments.fix
-    inputs = [*arguments.flight, *given_paths(arguments.mapping), *([Path(given)] if given else [])]
+    inputs = [*arguments.flight, *options.given_paths(arguments.mapping), *([Path(given)] if given else [])]
     check_targets(arguments.output, WINDOW_FILES, arguments.overwrite, inputs)
     if (free or fix) and not given:
         raise VehicleError("--free and --fix choose numbers of a vehicle file; name it with --vehicle")
-    vehicle = with_free(resolve_vehicle(given), free, fix) if given else None
+    vehicle = options.with_free(resolve_vehicle(given), free, fix) if given else None
     with busy("reading the log"):
         read = [without_faults(load(path, arguments.mapping)) for path in arguments.flight]
         flights = by_name(read, "maneuvers")
-    with Watch(COMPILING if vehicle is not None else "looking for maneuvers") as watch:
+    with Watch(options.COMPILING if vehicle is not None else "looking for maneuvers") as watch:
         warned = doubts(flights, vehicle) if vehicle is not None else []
         for doubt in warned:
             watch.warn(str(doubt))
         found = find_windows(flights, vehicle, watch.turn_to)
     folder = arguments.output
-    options = [("--vehicle", given or "V.toml"), *(("--free", n) for n in free), *(("--fix", n) for n in fix)]
-    options += [("--maneuver", str(folder / NAME)), ("-o", "result")]
-    source = source_arguments(arguments.flight, arguments.mapping)
-    following = ["stoop", "identify", *source, *(word for option in options for word in option)]
+    words_of = [
+        ("--vehicle", given or "V.toml"),
+        *(("--free", n) for n in free),
+        *(("--fix", n) for n in fix),
+    ]
+    words_of += [("--maneuver", str(folder / NAME)), ("-o", "result")]
+    source = options.source_arguments(arguments.flight, arguments.mapping)
+    following = ["stoop", "identify", *source, *(word for pair in words_of for word in pair)]
     every = replace(found, notices=(*map(as_notice, warned), *found.notices))
     name = "" if vehicle is None else vehicle.name
-    write_windows(every, flights, name, folder, command_line(), following)
+    write_windows(every, flights, name, folder, options.command_line(), following)
 
     out, proposed = page(), found.windows
     out.table(
@@ -115,22 +104,22 @@ def design_arguments(parser: argparse.ArgumentParser) -> None:
     limits = "limits of a channel: angles in degrees, rates in degrees per second, all else SI (default: about the trim)"
     evaluations = "maneuvers tried for each family (default: 2000)"
     add("vehicle", metavar="VEHICLE", help=vehicle)
-    add_output(parser, "maneuver, page and numbers", "an earlier design in the folder")
-    add_condition(parser, "m/s (default: the vehicle's reference)")
-    add("--duration", metavar="S", type=positive, default=20.0, help="seconds (default: 20)")
+    options.add_output(parser, "maneuver, page and numbers", "an earlier design in the folder")
+    options.add_condition(parser, "m/s (default: the vehicle's reference)")
+    add("--duration", metavar="S", type=options.positive, default=20.0, help="seconds (default: 20)")
     amplitude = "largest deflection from the trim, degrees (default: 3)"
-    add("--amplitude", metavar="[CONTROL=]DEG", **SEVERAL, help=amplitude)
+    add("--amplitude", metavar="[CONTROL=]DEG", **options.SEVERAL, help=amplitude)
     slew = "largest rate of the controls (default: 60)"
-    add("--slew", metavar="DEG/S", type=positive, default=60.0, help=slew)
-    add("--within", metavar="CHANNEL=LOW:HIGH", **SEVERAL, help=limits)
+    add("--slew", metavar="DEG/S", type=options.positive, default=60.0, help=slew)
+    add("--within", metavar="CHANNEL=LOW:HIGH", **options.SEVERAL, help=limits)
     band = "highest frequency of a multisine (default: 2)"
-    add("--band", metavar="HZ", type=positive, default=2.0, help=band)
+    add("--band", metavar="HZ", type=options.positive, default=2.0, help=band)
     add("--shape", choices=FAMILIES, nargs="+", default=list(FAMILIES), help="families to try (default: all)")
-    add("--free", metavar="NAME", **SEVERAL, help="numbers to estimate besides those of the file")
-    add("--fix", metavar="NAME", **SEVERAL, help="numbers to leave as they are")
+    add("--free", metavar="NAME", **options.SEVERAL, help="numbers to estimate besides those of the file")
+    add("--fix", metavar="NAME", **options.SEVERAL, help="numbers to leave as they are")
     add("--optimizer", metavar="NAME", default="ps-gde", help="see stoop compare --help (default: ps-gde)")
-    add("--evaluations", metavar="N", type=at_least_one, default=2000, help=evaluations)
-    add("--seed", metavar="N", type=count, default=0, help="of the search (default: 0)")
+    add("--evaluations", metavar="N", type=options.at_least_one, default=2000, help=evaluations)
+    add("--seed", metavar="N", type=options.count, default=0, help="of the search (default: 0)")
 
 
 def design(arguments: argparse.Namespace) -> int:
@@ -145,8 +134,8 @@ def design(arguments: argparse.Namespace) -> int:
     folder = arguments.output
     check_targets(folder, DESIGN_FILES, arguments.overwrite)
     model = prior_model(arguments.vehicle)
-    model = replace(model, vehicle=with_free(model.vehicle, arguments.free, arguments.fix))
-    with busy(COMPILING):
+    model = replace(model, vehicle=options.with_free(model.vehicle, arguments.free, arguments.fix))
+    with busy(options.COMPILING):
         steady = trim(model.vehicle, arguments.airspeed, arguments.altitude)
     amplitudes: dict[str, float] = {}
     for text in arguments.amplitude:  # 3 is of all controls, rudder=5 of one

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from stoop.base.files import check_target, write_text_atomic
-from stoop.cli.arguments import COMPILING, HOVERING, VEHICLE_HELP, add_climb_angle, add_condition, within
+from stoop.cli import options
 from stoop.cli.page import blocks, busy, fixed, numbers, page, shown_unit, to_json, words
 from stoop.errors import SimulationError
 
@@ -28,16 +28,16 @@ SEA_LEVEL_DENSITY: Final = 1.225  #: kg/m3, what `stoop.simulation.trim` assumes
 
 def _point_arguments(parser: argparse.ArgumentParser, reductions: list[str], reduced: str) -> None:
     add = parser.add_argument
-    heading = within(-360.0, 360.0, "degrees", math.radians(1.0))
-    three: Any = {"metavar": ("N", "E", "D"), "nargs": 3, "type": within(-200.0, 200.0, "m/s")}
-    add("vehicle", metavar="VEHICLE", help=VEHICLE_HELP)
-    add_condition(parser, f"m/s (default: {HOVERING})")
-    add_climb_angle(parser)
+    heading = options.within(-360.0, 360.0, "degrees", math.radians(1.0))
+    three: Any = {"metavar": ("N", "E", "D"), "nargs": 3, "type": options.within(-200.0, 200.0, "m/s")}
+    add("vehicle", metavar="VEHICLE", help=options.VEHICLE_HELP)
+    options.add_condition(parser, f"m/s (default: {options.HOVERING})")
+    options.add_climb_angle(parser)
     add("--velocity", **three, help="on rotors: m/s over ground, north, east, down (default: 0 0 0)")
     add("--wind", **three, help="on rotors: m/s, blowing north, east, down")
     add("--heading", metavar="DEG", type=heading, default=0.0, help="on rotors: degrees (default: 0)")
     density = "kg/m3, instead of what the vehicle file says"
-    add("--density", metavar="RHO", type=within(1e-6, 10_000.0, "kg/m3"), help=density)
+    add("--density", metavar="RHO", type=options.within(1e-6, 10_000.0, "kg/m3"), help=density)
     add("--reduce", choices=reductions, help=reduced)
 
 
@@ -60,7 +60,7 @@ def _trimmed(arguments: argparse.Namespace) -> tuple[Vehicle, Trim, str]:
     from stoop.simulation import trim
     from stoop.simulation.trim import flies_on_rotors
     from stoop.vehicle.builtin import resolve_vehicle
-    from stoop.vehicle.quantity import Quantity
+    from stoop.vehicle.schema import Quantity
 
     vehicle, given = resolve_vehicle(arguments.vehicle), arguments.density
     choice = vehicle.file.environment.density
@@ -81,7 +81,7 @@ def _trimmed(arguments: argparse.Namespace) -> tuple[Vehicle, Trim, str]:
         )
     # A lateral model holds speed and incidence, so its steady flight is that of the full equations.
     flown = vehicle.reduced("full") if vehicle.reduce == "lateral" else vehicle
-    with busy(COMPILING):
+    with busy(options.COMPILING):
         point = trim(
             flown, arguments.airspeed, arguments.altitude, arguments.climb_angle, given,
             arguments.velocity, arguments.wind, arguments.heading,

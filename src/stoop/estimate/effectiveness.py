@@ -1,6 +1,6 @@
 """Weak rotors: a flight near hover compared with those of the healthy vehicle, by the loads that its commands imply.
 
-At rest the equations of `stoop.vehicle.symbolic.rotors` leave thrust T(x) along the axis and torque Q(x) about it, lift equals
+At rest the equations of `stoop.vehicle.symbolic.forces` leave thrust T(x) along the axis and torque Q(x) about it, lift equals
 the weight, and the moments balance, whatever the state of the rotors. The excess of the commanded loads over those of the
 healthy flights is therefore what the rotors lose, or what the vehicle weighs more:
 
@@ -48,9 +48,8 @@ SLOPE_STD: Final = 0.3  #: prior of the voltage slope; without a correction thru
 LIFT_STD: Final = 0.01  #: relative scatter of the lift between flights, counted as `LIFT_FLIGHTS` flights
 LIFT_FLIGHTS: Final = 3.0
 CHANCE: Final = 0.05  #: of attributing a loss to any rotor of a healthy flight
-DISTINCT: Final = (
-    6.63  #: difference of squares that separates two explanations (1 % of chi-square, one degree)
-)
+#: difference of squares that separates two explanations (1 % of chi-square, one degree)
+DISTINCT: Final = 6.63
 ODD_CHANCE: Final = 0.01  #: below which the unexplained part counts
 POWER: Final = 0.8  #: how often a loss of the stated least size is detected
 MANY: Final = 8  #: healthy flights after which more bring little
@@ -59,7 +58,7 @@ HELPS: Final = 0.9  #: of the least detectable loss, below which an advice is wo
 
 @dataclass(frozen=True)
 class Balance:
-    """The rotors of a vehicle as they act on it at hover; `rotors` are the columns of its arrays."""
+    """The rotors of a vehicle as they act on it at hover; they are the columns of its arrays."""
 
     vehicle: Vehicle
 
@@ -76,38 +75,30 @@ class Balance:
             )
 
     @property
-    def rotors(self) -> tuple[str, ...]:
-        """Names, in the order of the columns."""
-        return self.vehicle.rotors
-
-    @property
     def needs_voltage(self) -> bool:
         """Whether commands are corrected with the measured voltage."""
         return "rotors.nominal_voltage" in self.vehicle.rows
 
     @cached_property
-    def channels(self) -> tuple[str, ...]:
-        """Recorded channel of each rotor."""
-        return tuple(self.vehicle.file.rotor[name].channel for name in self.rotors)
-
-    @cached_property
     def directions(self) -> FloatArray:
         """Shape (3, n): unit vector of each rotor's thrust, body axes."""
-        axes = [self._point(f"rotor.{name}.axis", (0.0, 0.0, -1.0)) for name in self.rotors]
+        axes = [self._point(f"rotor.{name}.axis", (0.0, 0.0, -1.0)) for name in self.vehicle.rotors]
         return np.array([a / np.linalg.norm(a) for a in axes]).T
 
     @cached_property
     def of_thrust(self) -> FloatArray:
         """Shape (4, n): lift and moments (roll, pitch, yaw; m) of a thrust of 1 N of each rotor."""
         center = self._point("mass.center_of_gravity")
-        arms = np.array([self._point(f"rotor.{name}.position") - center for name in self.rotors])
+        arms = np.array([self._point(f"rotor.{name}.position") - center for name in self.vehicle.rotors])
         return np.vstack([-self.directions[2], np.cross(arms, self.directions.T).T])
 
     @cached_property
     def of_torque(self) -> FloatArray:
         """Shape (4, n): what a torque of 1 N m of each rotor does."""
-        turns = np.array([1.0 if self.vehicle.file.rotor[n].spin == "ccw" else -1.0 for n in self.rotors])
-        return np.vstack([np.zeros(len(self.rotors)), -turns * self.directions])
+        turns = np.array(
+            [1.0 if self.vehicle.file.rotor[n].spin == "ccw" else -1.0 for n in self.vehicle.rotors]
+        )
+        return np.vstack([np.zeros(len(self.vehicle.rotors)), -turns * self.directions])
 
     @cached_property
     def arm(self) -> float:
@@ -119,12 +110,12 @@ class Balance:
 
         Commands are those recorded, channel -> (k,), with ``voltage``, V, where the vehicle needs it.
         """
-        recorded = np.array([commands[channel] for channel in self.channels])
+        recorded = np.array([commands[rotor.channel] for rotor in self.vehicle.file.rotor.values()])
         x = self._number("rotors.gain", 1.0) * np.maximum(recorded - self._number("rotors.idle"), 0.0)
         if self.needs_voltage:
             x = x * commands["voltage"] / self._number("rotors.nominal_voltage")
         factor, torque_factor = (
-            np.array([self._number(f"rotor.{name}.{last}", 1.0) for name in self.rotors])[:, None]
+            np.array([self._number(f"rotor.{name}.{last}", 1.0) for name in self.vehicle.rotors])[:, None]
             for last in ("factor", "torque_factor")
         )
         thrust = self._polynomial("T", x)
@@ -164,15 +155,11 @@ def hover(flight: Flight, balance: Balance) -> Hover:
     """Return the mean commands of a flight near hover.
 
     Between start and end of a stretch near hover the velocity hardly changes, so mean forces and moments are those of rest,
-    whatever the motion in between.
-
-    Raises
-    ------
-    FlightError
-        A command is missing, the flight is too short or too fast.
+    whatever the motion in between. A FlightError says that a command is missing, the flight too short or too fast.
     """
     recorded = {str(name) for name in flight.data.data_vars}
-    needed = [*balance.channels, *(["voltage"] if balance.needs_voltage else [])]
+    channels = [rotor.channel for rotor in balance.vehicle.file.rotor.values()]
+    needed = [*channels, *(["voltage"] if balance.needs_voltage else [])]
     if missing := [name for name in needed if name not in recorded]:
         raise FlightError(
             f"{flight.name}: {', '.join(missing)} not recorded; log the commands of all rotors, or name them in a mapping"
@@ -215,16 +202,16 @@ def hover(flight: Flight, balance: Balance) -> Hover:
     return Hover(flight.name, *means, covariance, voltage, sums.shape[1] / flight.rate)
 
 
-def pooled(hovers: Sequence[Hover]) -> Hover:
+def pooled(flights: Sequence[Hover]) -> Hover:
     """Return the mean of flights of one configuration as one flight."""
-    count = len(hovers)
+    count = len(flights)
     return Hover(
         f"{count} flights",
-        np.mean([h.thrust for h in hovers], axis=0),
-        np.mean([h.torque for h in hovers], axis=0),
-        np.sum([h.covariance for h in hovers], axis=0) / count**2,
-        float(np.mean([h.voltage for h in hovers])),
-        sum(h.duration for h in hovers),
+        np.mean([h.thrust for h in flights], axis=0),
+        np.mean([h.torque for h in flights], axis=0),
+        np.sum([h.covariance for h in flights], axis=0) / count**2,
+        float(np.mean([h.voltage for h in flights])),
+        sum(h.duration for h in flights),
     )
 
 
@@ -258,7 +245,7 @@ class Reference:
     """Flights of the healthy vehicle, at least one."""
 
     balance: Balance
-    hovers: tuple[Hover, ...]
+    flights: tuple[Hover, ...]
     #: healthy flights of further vehicles of the type: for the scatter, not the level
     others: tuple[tuple[Hover, ...], ...] = ()
     #: flights of one configuration each, whatever it is: for the effect of the voltage on the lift
@@ -266,7 +253,7 @@ class Reference:
 
     def __post_init__(self) -> None:
         """Refuse a reference without flights or loads."""
-        if not self.hovers:
+        if not self.flights:
             raise FlightError(
                 "there is no healthy flight to compare with; give one or more, as --healthy LOG"
             )
@@ -279,36 +266,36 @@ class Reference:
     @cached_property
     def units(self) -> FloatArray:
         """Weight, N, weight times arm (twice), N m, and torque of all rotors, N m, as commanded in the healthy flights."""
-        weight = float(np.mean([self.balance.of_thrust[0] @ h.thrust for h in self.hovers]))
-        torque = float(np.mean([np.abs(self.balance.of_torque[3]) @ h.torque for h in self.hovers]))
+        weight = float(np.mean([self.balance.of_thrust[0] @ h.thrust for h in self.flights]))
+        torque = float(np.mean([np.abs(self.balance.of_torque[3]) @ h.torque for h in self.flights]))
         return np.array([weight, weight * self.balance.arm, weight * self.balance.arm, torque])
 
     @cached_property
     def battery(self) -> Battery:
         """Effect of the voltage on the commanded lift."""
-        groups = (self.hovers, *self.others, *self.repeats)
+        groups = (self.flights, *self.others, *self.repeats)
         lifts = [np.array([self.balance.of_thrust[0] @ h.thrust for h in group]) for group in groups]
         return battery(lifts, [np.array([h.voltage for h in group]) for group in groups])
 
     @cached_property
     def voltage(self) -> float:
         """Mean of the healthy flights, V."""
-        return float(np.mean([h.voltage for h in self.hovers]))
+        return float(np.mean([h.voltage for h in self.flights]))
 
     @cached_property
     def level(self) -> FloatArray:
         """Mean of the healthy flights, (4,), in `units`."""
-        return np.asarray(np.mean([self.sums(h) for h in self.hovers], axis=0))
+        return np.asarray(np.mean([self.sums(h) for h in self.flights], axis=0))
 
     @cached_property
     def degrees(self) -> float:
         """Degrees of freedom of the variances."""
-        return PRIOR_FLIGHTS + sum(len(group) - 1 for group in (self.hovers, *self.others))
+        return PRIOR_FLIGHTS + sum(len(group) - 1 for group in (self.flights, *self.others))
 
     @cached_property
     def variances(self) -> FloatArray:
         """Between flights, (4,), in `units` squared."""
-        groups = [np.array([self.sums(h) for h in group]) for group in (self.hovers, *self.others)]
+        groups = [np.array([self.sums(h) for h in group]) for group in (self.flights, *self.others)]
         squares = sum(((g - g.mean(axis=0)) ** 2).sum(axis=0) for g in groups)
         return np.asarray((PRIOR_FLIGHTS * np.square(USUAL) + squares) / self.degrees)
 
@@ -324,7 +311,7 @@ class Reference:
 
     def covariance(self, hover: Hover) -> FloatArray:
         """Return that of the difference between one more healthy flight and the mean of these, (4, 4)."""
-        return self.between(hover, len(self.hovers)) + self.within(hover)
+        return self.between(hover, len(self.flights)) + self.within(hover)
 
     def between(self, hover: Hover, count: int) -> FloatArray:
         """Return what flights differ by, (4, 4), were there so many healthy ones."""
@@ -334,7 +321,7 @@ class Reference:
 
     def within(self, hover: Hover) -> FloatArray:
         """Return what the scatter within the flights adds, (4, 4)."""
-        scatter = hover.covariance + sum(h.covariance for h in self.hovers) / len(self.hovers) ** 2
+        scatter = hover.covariance + sum(h.covariance for h in self.flights) / len(self.flights) ** 2
         return np.asarray(scatter / np.outer(self.units, self.units))
 
     def _voltage_change(self, hover: Hover) -> float:
@@ -386,7 +373,7 @@ class Assessment:
 
 def assess(hover: Hover, reference: Reference) -> Assessment:
     """Compare a flight with the healthy ones."""
-    units, rotors = reference.units, reference.balance.rotors
+    units, rotors = reference.units, reference.balance.vehicle.rotors
     whiten = np.linalg.inv(np.linalg.cholesky(reference.covariance(hover)))
     d = whiten @ (reference.sums(hover) - reference.level)
     load = reference.balance.of_thrust * np.array([1.0, 1.0, 1.0, 0.0])[:, None]
@@ -400,10 +387,12 @@ def assess(hover: Hover, reference: Reference) -> Assessment:
 
 def leave_one_out(reference: Reference) -> tuple[Assessment, ...]:
     """Compare each healthy flight with the others; nothing where it is the only one."""
-    hovers = reference.hovers
-    if len(hovers) < 2:
+    flights = reference.flights
+    if len(flights) < 2:
         return ()
-    return tuple(assess(h, replace(reference, hovers=tuple(o for o in hovers if o is not h))) for h in hovers)
+    return tuple(
+        assess(h, replace(reference, flights=tuple(o for o in flights if o is not h))) for h in flights
+    )
 
 
 def _explain(rotor: str, column: FloatArray, d: FloatArray) -> Explanation:
@@ -469,7 +458,7 @@ def _detectable_sigmas(degrees: float, rotors: int, chance: float) -> float:
 
 
 def advice(
-    reference: Reference, hovers: Sequence[Hover], verdicts: Sequence[Verdict], chance: float
+    reference: Reference, flights: Sequence[Hover], verdicts: Sequence[Verdict], chance: float
 ) -> tuple[Notice, ...]:
     """Return what would lower the least detectable loss, for the flight with the largest, each change alone.
 
@@ -483,9 +472,9 @@ def advice(
         smallest = float(squares.max() ** -0.5)
         return _detectable_sigmas(reference.degrees + more, columns.shape[1], chance) * smallest
 
-    every = ((detectable(h, reference.covariance(h)), h) for h in hovers)
+    every = ((detectable(h, reference.covariance(h)), h) for h in flights)
     now, worst = max(every, key=lambda pair: pair[0])
-    count, out = len(reference.hovers), []
+    count, out = len(reference.flights), []
     then = detectable(worst, reference.between(worst, count))
     if then < HELPS * now:
         out.append(notice("rotors-calmer-hover", now=now, then=then))

@@ -28,9 +28,8 @@ from stoop.problem import Misfit
 from stoop.simulation import parameter_rows
 from stoop.simulation.initial import commanded
 from stoop.vehicle import Parameter, Vehicle
-from stoop.vehicle.rotor_numbers import AERODYNAMIC
+from stoop.vehicle.defaults import ROTOR_AERODYNAMICS, WIND_NUMBERS
 from stoop.vehicle.schema import WIND
-from stoop.vehicle.vehicle import WIND_NUMBERS
 
 AXES: Final = (("V", "alpha", "q"), ("beta", "p", "r"))  #: motions that the terms of one plane multiply
 MIN_DEFLECTION: Final = 0.2 * DEGREE  #: rad rms, below which a deflection is no input
@@ -44,11 +43,8 @@ MASS: Final = "mass.mass"
 def excitation_notices(problem: Misfit, z: FloatArray, recorded_rate: float = np.inf) -> list[Notice]:
     """Return what the fitted windows cannot tell, whatever is fitted.
 
-    Parameters
-    ----------
-    problem : Misfit
-    z : (D + E,), the estimate, whose motion stands for the measured one: it has no noise and no holes
-    recorded_rate : Hz, at which the slowest of the compared channels was logged
+    The motion of the estimate z (D + E,) stands for the measured one: it has no noise and no holes. `recorded_rate` is that
+    of the slowest of the compared channels in the log, Hz.
     """
     vehicle = problem.layout.vehicle
     measured, unknowns = _counts(problem, recorded_rate)
@@ -63,9 +59,10 @@ def excitation_notices(problem: Misfit, z: FloatArray, recorded_rate: float = np
     for i, piece in enumerate(problem.pieces):
         rows = np.repeat(parameter_rows(vehicle, piece.changes), len(piece.time), axis=1)
         for name, parts in controls.items():
-            parts.append(_less_mean(commanded(vehicle, name, rows, piece.inputs.T)))
+            x = commanded(vehicle, name, rows, piece.inputs.T)
+            parts.append(np.asarray(x - np.mean(x)))
         for name, column in zip(vehicle.outputs, problem.outputs(z, i).T, strict=True):
-            motions[name].append(_less_mean(column))
+            motions[name].append(np.asarray(column - np.mean(column)))
     deflections = {name: np.concatenate(parts) for name, parts in controls.items()}
     for name, x in list(deflections.items()):
         rms = float(np.sqrt(np.mean(x**2)))
@@ -73,10 +70,6 @@ def excitation_notices(problem: Misfit, z: FloatArray, recorded_rate: float = np
             out.append(notice("control-still", name, rms=rms))
             del deflections[name]
     return [*out, *collinear(deflections, {name: np.concatenate(parts) for name, parts in motions.items()})]
-
-
-def _less_mean(x: FloatArray) -> FloatArray:
-    return np.asarray(x - np.mean(x))
 
 
 def _low_airspeed(problem: Misfit, z: FloatArray) -> Iterator[Notice]:
@@ -113,12 +106,7 @@ def _counts(problem: Misfit, recorded_rate: float) -> tuple[float, int]:
 def collinear(controls: Mapping[str, FloatArray], motions: Mapping[str, FloatArray]) -> Iterator[Notice]:
     """Yield which controls move with each other or with the motion.
 
-    Parameters
-    ----------
-    controls : mapping
-        Control -> deflection (n,), rad, less its mean.
-    motions : mapping
-        Channel of the vehicle's outputs -> (n,), SI, less its mean.
+    Deflections (n,) of controls, rad, and channels (n,) of the vehicle's outputs, SI, have no mean.
     """
     for a, b in combinations(controls, 2):
         r = _correlation(controls[a], controls[b])
@@ -150,7 +138,7 @@ def in_ratio(vehicle: Vehicle) -> tuple[Parameter, ...]:
     """Return the free numbers that are known in ratio to the mass only; none where something determines the mass."""
     if not vehicle.rotors or vehicle.file.propulsion is not None or any(vehicle.terms.values()):
         return ()
-    forces = AERODYNAMIC - {"rotors.torque_ratio"} | {"rotors.inertia"}
+    forces = ROTOR_AERODYNAMICS - {"rotors.torque_ratio"} | {"rotors.inertia"}
     group = [
         p
         for p in vehicle.parameters

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -29,7 +29,7 @@ from stoop.estimate.filter_likelihood import FrozenFilter, Likelihood, Score
 from stoop.estimate.fit import DEFAULTS, Fit, Options, estimation_problem, starts
 from stoop.estimate.linearization import undelayed
 from stoop.flight import Flight
-from stoop.optimize.levenberg_marquardt import LinearModel, TenfoldDamping, Trial, levenberg_marquardt
+from stoop.optimize.levenberg_marquardt import StagedModel, Stages, TenfoldDamping, Trial
 from stoop.optimize.minimize import Status
 from stoop.problem import Layout, Misfit, Nuisance
 from stoop.problem.evidence import Evidence, PieceEvidence, Unknown, unknowns_of
@@ -48,7 +48,7 @@ GUST_SHARES: Final = {
 ADVICE: Final[dict[Status, str]] = {
     "converged": "",
     "generations": f"no maximum of the likelihood after {MAX_ITERATIONS} steps; begin nearer, fix what the data cannot tell",
-    "interrupted": "stopped by the user",
+    "interrupted": "stopped by the user; resume to go on from the last step",
 }
 
 
@@ -65,15 +65,33 @@ class Tolerances:
 TOLERANCES: Final = Tolerances()
 
 
-class ScoringModel(LinearModel):
-    """Fisher's scoring on a likelihood, from z within its bounds, until less than a tolerance of -ln L is left to gain."""
+class ScoringModel(StagedModel):
+    """Fisher's scoring on a likelihood, from z within its bounds, until less than a tolerance of -ln L is left to gain.
+
+    The cost is twice the negative logarithm of the posterior; the history (i, 2) holds iterations and cost.
+    """
+
+    status: Status
+    history: FloatArray
 
     def __init__(self, likelihood: Likelihood, z: FloatArray, tolerance: float) -> None:
         self.likelihood, self.tolerance = likelihood, tolerance
         self.lower, self.upper = likelihood.bounds
-        self.z = np.clip(z, self.lower, self.upper)
-        self.cost = likelihood.cost(self.z)
-        self.history = [(0.0, self.cost)]
+        self.go_to(np.clip(z, self.lower, self.upper))
+
+    @property
+    def point(self) -> FloatArray:
+        """The unknowns, (k,)."""
+        return self.z
+
+    def go_to(self, point: FloatArray) -> None:
+        """Go to a point."""
+        self.z, self.cost, self.current = point, self.likelihood.cost(point), False
+
+    @property
+    def usable(self) -> bool:
+        """Whether to go on from here."""
+        return self.status != "interrupted" and bool(np.isfinite(self.cost))
 
     def linearize(self) -> None:
         """Take gradient and information; unknowns that a bound holds are left out."""
@@ -112,35 +130,19 @@ class ScoringModel(LinearModel):
     def accept(self, trial: Trial, ratio: float) -> None:
         """Go there."""
         self.z, self.cost, self.current = trial.point, trial.cost, False
-        self.history.append((float(len(self.history)), trial.cost))
 
 
-@dataclass(frozen=True, eq=False)
-class Ascent:
-    """Where scoring ended."""
-
-    likelihood: Likelihood  #: with the gains of this ascent
-    z: FloatArray  #: (k,)
-    cost: float  #: twice the negative logarithm of the posterior
-    status: Status
-    history: FloatArray  #: (i, 2), iterations and cost
-
-    @property
-    def usable(self) -> bool:
-        """Whether to go on from here."""
-        return self.status != "interrupted" and bool(np.isfinite(self.cost))
-
-
-def ascend(likelihood: Likelihood, z: FloatArray, tolerance: float) -> Ascent:
+def ascend(stages: Stages, likelihood: Likelihood, z: FloatArray, tolerance: float) -> ScoringModel:
     """Ascend from z until so much of -ln L is left to gain; Ctrl-C keeps the best so far."""
     model = ScoringModel(likelihood, z, tolerance)
-    damping = TenfoldDamping(1e-3, growth=4.0, smallest=1e-9)
     try:
-        found = levenberg_marquardt(model, damping, max_steps=MAX_ITERATIONS)
-        status: Status = "converged" if found.ending == "converged" else "generations"
+        ending = stages.search(model, TenfoldDamping(1e-3, growth=4.0, smallest=1e-9), MAX_ITERATIONS)
+        model.status = "converged" if ending == "converged" else "generations"
     except KeyboardInterrupt:
-        status = "interrupted"
-    return Ascent(likelihood, model.z, model.cost, status, np.array(model.history))
+        model.status = "interrupted"
+    costs = stages.stages[-1].costs
+    model.history = np.column_stack([np.arange(len(costs)), costs])
+    return model
 
 
 @dataclass(frozen=True)
@@ -155,8 +157,8 @@ class FilterError:
         flights: Mapping[str, Flight],
         windows: Sequence[Window],
         options: Options = DEFAULTS,
-        callback: Callable[[Any], None] | None = None,
-        state: Any = None,
+        callback: Callable[[optimize.Progress], None] | None = None,
+        state: optimize.State | None = None,
     ) -> Fit:
         """Maximize the likelihood of the innovations, see :mod:`stoop.estimate.methods`."""
         problem, prepared = estimation_problem(vehicle, flights, windows, options)
@@ -168,18 +170,24 @@ class FilterError:
                 Noise(vehicle, first_guess(vehicle, problem.pieces), variances),
                 undelayed(problem),
             )
-            ascents = []
+            price, ascents = float(problem.dimension + problem.extra + noise.size + 2), []
+            stages = Stages("scoring", price, callback, state)
             for x in starts(problem):
                 z = np.concatenate([x, np.zeros(problem.extra), noise.start])
-                best = ascend(Likelihood.of(shifted, noise, self.gain, z), z, TOLERANCES.first)
+                best = ascend(stages, Likelihood.of(shifted, noise, self.gain, z), z, TOLERANCES.first)
                 if best.usable:  # once more with gains that suit where that led
-                    best = ascend(best.likelihood.along(best.z), best.z, TOLERANCES.first)
+                    best = ascend(stages, best.likelihood.along(best.z), best.z, TOLERANCES.first)
                 ascents.append(best)
+                if best.status == "interrupted":
+                    break
             best = min(ascents, key=lambda a: a.cost)
+            if ascents[-1].status == "interrupted":
+                best.status = "interrupted"
             for _ in range(MAX_LINEARIZATIONS):
                 if not best.usable:
                     break
-                before, best = best.cost, ascend(best.likelihood.along(best.z), best.z, TOLERANCES.last)
+                before = best.cost
+                best = ascend(stages, best.likelihood.along(best.z), best.z, TOLERANCES.last)
                 if 0.5 * abs(before - best.cost) < TOLERANCES.linearization:
                     break
             if not np.isfinite(best.cost):
@@ -187,7 +195,7 @@ class FilterError:
                     f"{vehicle.where}: the filter diverges from every start; check values, bounds and units, or shorten "
                     "the maneuver"
                 )
-            return _fit(problem, prepared, best, sorted(a.cost for a in ascents))
+            return _fit(problem, prepared, best, sorted(a.cost for a in ascents), stages.state)
 
 
 def with_gusts(problem: Misfit) -> Misfit:
@@ -204,7 +212,13 @@ def with_gusts(problem: Misfit) -> Misfit:
     return replace(problem, layout=Layout(vehicle, problem.layout.parameters, (*states, *gusts, *biases)))
 
 
-def _fit(problem: Misfit, prepared: Prepared, best: Ascent, costs: Sequence[float]) -> Fit:
+def _fit(
+    problem: Misfit,
+    prepared: Prepared,
+    best: ScoringModel,
+    costs: Sequence[float],
+    state: optimize.State | None,
+) -> Fit:
     """Return the fit of the best ascent; `costs` are those of the ascents from each start, ascending.
 
     Its notices are how to read the estimates, what noise was found, and whether starts led to different maxima.
@@ -230,7 +244,7 @@ def _fit(problem: Misfit, prepared: Prepared, best: Ascent, costs: Sequence[floa
         prepared,
         z,
         optimize.Outcome(
-            z, best.cost, runs, iterations, status, ADVICE[status], best.history, None, "scoring"
+            z, best.cost, runs, iterations, status, ADVICE[status], best.history, state, "scoring"
         ),
         best.cost,
         runs,

@@ -207,14 +207,8 @@ def steady_covariance(
     By the structure-preserving doubling algorithm: each iteration covers twice as many samples as the one before. P is
     (B, n, n), NaN where there is no such covariance, or it overflows.
 
-    Parameters
-    ----------
-    transition, process : (B, n, n)
-        F and Q.
-    readings : (B, n_y, n)
-        H.
-    information : (B, n_y)
-        Inverse of the diagonal of R; zero for what is never measured.
+    F and Q are (B, n, n), H is (B, n_y, n); the information (B, n_y) is the inverse of the diagonal of R, zero for what is
+    never measured.
     """
     A = np.swapaxes(transition, 1, 2).copy()
     G = np.swapaxes(readings, 1, 2) @ (information[:, :, None] * readings)

@@ -10,7 +10,7 @@
     - ``local_problem``: the least-squares problem for refits near the estimate where it is not ``problem``;
     - ``outcome``: how it ended; ``notices``: how to read it, and what is doubtful.
 
-    `callback` and `state` belong to searches that can be resumed; others ignore them.
+    `callback` gets the state after each step and `state` is one to go on from; regressions ignore both.
 
 To add a method, write its function and add one line to `_METHODS`.
 """

@@ -38,7 +38,7 @@ from stoop.estimate.noise import effective_variance, first_variance, noise_varia
 from stoop.estimate.shooting_problem import Iterate, Reduced, ShootingProblem, Weighted, reduced
 from stoop.estimate.shooting_windows import WINDOW_LENGTH, Shots, window_model
 from stoop.flight import Flight
-from stoop.optimize.levenberg_marquardt import LinearModel, TenfoldDamping, Trial, levenberg_marquardt
+from stoop.optimize.levenberg_marquardt import StagedModel, Stages, StagesState, TenfoldDamping, Trial
 from stoop.optimize.minimize import Status
 from stoop.optimize.normal_equations import solve_damped
 from stoop.problem import Layout, Misfit, Weights
@@ -56,15 +56,28 @@ POOR: Final = 0.7  #: of the cost of constant readings: a start that is no bette
 ADVICE: Final[dict[Status, str]] = {
     "converged": "",
     "generations": "the windows do not meet at an optimum; begin nearer, or fix what the data cannot tell",
-    "interrupted": "stopped by the user",
+    "interrupted": "stopped by the user; resume to go on from the last step",
 }
 
 
-class GaussNewtonModel(LinearModel):
+class GaussNewtonModel(StagedModel):
     """The windows of a problem about an iterate, their states eliminated; parameters stay in the unit box."""
 
     def __init__(self, problem: ShootingProblem, at: Iterate) -> None:
         self.problem, self.at, self.cost = problem, at, at.cost
+
+    @property
+    def point(self) -> FloatArray:
+        """The search vector, then what the windows begin with."""
+        return np.concatenate([self.at.z, *(own.ravel() for own in self.at.nodes)])
+
+    def go_to(self, point: FloatArray) -> None:
+        """Simulate the windows of a point."""
+        sizes = [len(self.at.z), *(own.size for own in self.at.nodes)]
+        z, *nodes = np.split(point, np.cumsum(sizes)[:-1])
+        each = zip(nodes, self.at.nodes, strict=True)
+        self.at = self.problem.iterate(z, [new.reshape(own.shape) for new, own in each])
+        self.cost, self.current = self.at.cost, False
 
     def linearize(self) -> None:
         """Take the derivatives of every window."""
@@ -124,23 +137,40 @@ class Refined:
     noise_converged: bool = False
 
 
-def refined(problem: ShootingProblem, at: Iterate, options: Options) -> Refined:
-    """Alternate Gauss-Newton, with gaps that count ever more, and noise-covariance estimation until both converge."""
-    schedule = window_model(problem.problem.layout.vehicle).strictness
+def refined(
+    problem: ShootingProblem,
+    begins: Sequence[FloatArray],
+    options: Options,
+    stages: Stages,
+    interrupted: bool = False,
+) -> Refined:
+    """Alternate Gauss-Newton, with gaps that count ever more, and noise-covariance estimation until both converge.
+
+    It begins at the best of some vectors (D + E,), and ends there after an interrupted search.
+    """
+    vehicle = problem.problem.layout.vehicle
+    nodes, schedule = [shots.measured_nodes() for shots in problem.shots], window_model(vehicle).strictness
+    at = min((problem.iterate(z, nodes) for z in begins), key=lambda p: p.cost)
+    if not np.isfinite(at.cost):
+        length = problem.shots[0].edges[1] * problem.problem.pieces[0].dt
+        raise IdentificationError(
+            f"{vehicle.where}: not even windows of {length:.2g} s can be flown from the start; check values and units"
+        )
     iterations, before = 0, np.inf
-    status: Status = "generations"
+    status: Status = "interrupted" if interrupted else "generations"
     noise_converged = False
     problem = replace(problem, strictness=schedule[-1])
     end = at
     try:
-        for _ in range(ALTERNATION.rounds):
+        for _ in range(0 if interrupted else ALTERNATION.rounds):
             for strictness in schedule if np.isinf(before) else schedule[-1:]:
                 stricter = replace(problem, strictness=strictness)
                 model = GaussNewtonModel(stricter, stricter.leveled(at))
                 damping = TenfoldDamping(1e-4, growth=8.0, acceleration=1.0, smallest=MIN_DAMPING)
-                found = levenberg_marquardt(model, damping, max_steps=MAX_ITERATIONS)
-                at, iterations = model.at, iterations + found.steps + (found.ending == "stalled")
-            end, status = at, "converged" if found.ending == "converged" else "generations"
+                ending = stages.search(model, damping, MAX_ITERATIONS)
+                steps = len(stages.stages[-1].costs) - 1
+                at, iterations = model.at, iterations + steps + (ending == "stalled")
+            end, status = at, "converged" if ending == "converged" else "generations"
             weights = problem.problem.weights
             noise_converged = options.covariance is not None or ALTERNATION.converged(before, weights)
             if noise_converged:
@@ -182,19 +212,18 @@ class MultipleShooting:
         flights: Mapping[str, Flight],
         windows: Sequence[Window],
         options: Options = DEFAULTS,
-        callback: Callable[[Any], None] | None = None,
-        state: Any = None,
+        callback: Callable[[optimize.Progress], None] | None = None,
+        state: optimize.State | None = None,
     ) -> Fit:
-        """Fit windows, see :mod:`stoop.estimate.methods`.
-
-        `callback` and `state` are those of the global search of vehicles with rotors.
-        """
+        """Fit windows, see :mod:`stoop.estimate.methods`."""
         problem, prepared = estimation_problem(vehicle, flights, windows, options)
         shifted, model = undelayed(problem), window_model(vehicle)
         with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
             if options.covariance is None:
                 shifted = shifted.weighted(Weights.of(first_variance(shifted)))
             shooting, guesses = ShootingProblem.of(shifted, self.length), starts(shifted)
+            price = float(problem.dimension + problem.extra + 2)
+            stages = Stages("gauss-newton", price, callback, state)
             padded, start = list(np.pad(guesses, [(0, 0), (0, problem.extra)])), None
 
             def search(budget: float) -> optimize.Outcome:
@@ -202,8 +231,9 @@ class MultipleShooting:
                 stop = replace(options, budget=budget).stop(0.0, len(guesses))
                 found = optimize.minimize(
                     optimize.create(options.optimizer, stop.budget), windowed, seed=options.seed, starts=guesses,
-                    stop=stop, callback=callback, state=state,
+                    stop=stop, callback=stages.started, state=stages.start,
                 )  # fmt: skip
+                stages.start = found.state
                 if not np.isfinite(found.cost):
                     raise IdentificationError(f"{vehicle.where}: {found.advice}")
                 d, extra = problem.dimension, problem.extra - windowed.extra
@@ -212,45 +242,34 @@ class MultipleShooting:
             if model.global_start:  # where no start explains more than constant readings do
                 windowed = windowed_problem(shooting)
                 poor = POOR * windowed.reference(0)
-                if state is not None or not float(np.min(windowed.costs(guesses, 0))) < poor:
+                begun = state is not None and not isinstance(state, StagesState)
+                if begun or not float(np.min(windowed.costs(guesses, 0))) < poor:
                     start = search(options.budget)
-            found = self._from(shooting, padded if start is None else [start.z], options, start)
+            cut = start is not None and start.status == "interrupted"
+            found = refined(shooting, padded if start is None else [start.z], options, stages, cut)
             if start is None and found.status == "generations" and model.global_start:
                 start = search(min(SECOND_BUDGET, options.budget))
-                again = self._from(shooting, [start.z], options, start)
-                found = again if again.status == "converged" else found
-            return self._fit(problem, prepared, found, start)
-
-    def _from(
-        self,
-        problem: ShootingProblem,
-        begins: Sequence[FloatArray],
-        options: Options,
-        start: optimize.Outcome | None,
-    ) -> Refined:
-        """Return the solution from the best of some vectors (D + E,); an interrupted search is not refined."""
-        nodes = tuple(shots.measured_nodes() for shots in problem.shots)
-        at = min((problem.iterate(z, nodes) for z in begins), key=lambda p: p.cost)
-        if not np.isfinite(at.cost):
-            raise IdentificationError(
-                f"{problem.problem.layout.vehicle.where}: not even windows of {self.length:g} s can be flown from the "
-                "start; check values and units"
-            )
-        if start is not None and start.status == "interrupted":
-            return Refined(problem, at, 0, "interrupted")
-        return refined(problem, at, options)
+                again = refined(shooting, [start.z], options, stages, start.status == "interrupted")
+                if again.status in ("converged", "interrupted"):
+                    found = again if again.status == "converged" else replace(found, status="interrupted")
+            return self._fit(problem, prepared, found, start, stages.state)
 
     def _fit(
-        self, problem: Misfit, prepared: Prepared, found: Refined, start: optimize.Outcome | None
+        self,
+        problem: Misfit,
+        prepared: Prepared,
+        found: Refined,
+        start: optimize.Outcome | None,
+        state: optimize.State | None,
     ) -> Fit:
         at, status, windowed = found.at, found.status, found.problem
         many = float(found.iterations * (problem.dimension + problem.extra + 2))
         code = window_model(problem.layout.vehicle).notice
         notices = [notice(code, length=self.length, gap=max(at.gap, 1e-15))]
-        history, state, optimizer = np.empty((0, 2)), None, "gauss-newton"
+        history, optimizer = np.empty((0, 2)), "gauss-newton"
         if start is not None:
             searched, optimizer = start.trajectories, start.optimizer
-            many, history, state = searched + many, start.history, start.state
+            many, history = searched + many, start.history
             notices.append(notice("global-start", optimizer=optimizer, trajectories=searched))
         if not found.noise_converged and status != "interrupted":
             notices.append(notice("noise-not-converged"))

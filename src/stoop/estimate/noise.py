@@ -94,18 +94,9 @@ def correlation_times(residuals: Sequence[FloatArray], dt: float) -> FloatArray:
 def lagged_products(
     residuals: Sequence[FloatArray], present: Sequence[FloatArray], lags: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the sums over all segments of v(i) v(i + l), and how many products they hold, by Fourier transforms.
+    """Return the sums (ny, lags + 1) over all segments of v(i) v(i + l), l from 0 to `lags`, by Fourier transforms.
 
-    Parameters
-    ----------
-    residuals, present : sequences of (n_i, ny)
-        Residuals with zeros where missing; ones where not.
-    lags : int
-        l runs from 0 to `lags`.
-
-    Returns
-    -------
-    sums, counts : (ny, lags + 1)
+    Likewise how many products they hold. Segments (n_i, ny) have zeros where a residual is missing, `present` ones where not.
     """
 
     def correlate(values: FloatArray) -> FloatArray:

@@ -289,20 +289,10 @@ class Shots:
     def integrate(
         self, rows: FloatArray, begin: FloatArray, which: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Simulate windows side by side, inputs of different delays in records one below the other.
+        """Simulate windows `which` (B,) side by side, from states (n_x, B) with kernel parameters (n_p, B).
 
-        Parameters
-        ----------
-        rows, begin : (n_p, B), (n_x, B)
-        which : (B,) of int
-            Window of each lane.
-
-        Returns
-        -------
-        readings : (B, n, n_y)
-            Those of a short window go on into the next.
-        last : (n_x, B)
-            States at the first sample of the next window; of the last window, at its last sample.
+        Inputs of different delays stand in records one below the other. Return readings (B, n, n_y), those of a short window
+        going on into the next, and states (n_x, B) at the first sample of the next window (of the last one, at its last).
         """
         vehicle, inputs, dt = self.vehicle, self.piece.inputs, self.piece.dt
         late, copy = rows[[row for _, row in input_delays(vehicle)]], np.zeros(rows.shape[1], dtype=np.int64)

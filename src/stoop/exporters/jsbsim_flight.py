@@ -338,21 +338,20 @@ def jsbsim_readings(
     """
     import sympy as sp
 
-    from stoop.vehicle.symbolic import instruments
-    from stoop.vehicle.symbolic.frames import air, attitude
-    from stoop.vehicle.symbolic.symbols import Numbers
+    from stoop.vehicle.symbolic import readings
+    from stoop.vehicle.symbolic.frames import Numbers, air, attitude, vane
 
     vehicle = record.vehicle
     n = Numbers.of(vehicle)
     names = ("u", "v", "w", "p", "q", "r", "pdot", "qdot", "rdot", "X", "Y", "Z", "e0", "e1", "e2", "e3")
     s = {key: sp.Symbol(f"jsbsim {key}", real=True) for key in names}
     velocity, omega = (s["u"], s["v"], s["w"]), (s["p"], s["q"], s["r"])
-    force = instruments.accelerometer(n, (s["X"], s["Y"], s["Z"]), omega, (s["pdot"], s["qdot"], s["rdot"]))
-    turned = attitude((s["e0"], s["e1"], s["e2"], s["e3"]))
-    truth = instruments.truth(air(velocity).V, instruments.vane(n, velocity, omega), omega, turned, force)
-    readings = instruments.readings(n, truth)
+    specific, omega_rate = (s["X"], s["Y"], s["Z"]), (s["pdot"], s["qdot"], s["rdot"])
+    turned, flow = attitude((s["e0"], s["e1"], s["e2"], s["e3"])), vane(n, velocity, omega)
+    observed = {"V": air(velocity).V, "alpha": flow.alpha, "beta": flow.beta}
+    read = readings(n, observed, turned, specific, omega, omega_rate)
     numbers = dict(zip(n.symbols, vehicle.values.tolist(), strict=True))
-    expressions = [sp.sympify(readings[c]).xreplace(numbers) for c in vehicle.outputs]
+    expressions = [sp.sympify(read[c]).xreplace(numbers) for c in vehicle.outputs]
     function = sp.lambdify(list(s.values()), expressions, "numpy")
 
     flown = fly(root, sortie(name, record, planet, rate))

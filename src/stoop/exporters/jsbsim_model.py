@@ -23,9 +23,8 @@ from stoop.simulation.delays import input_delays
 from stoop.simulation.initial import commanded
 from stoop.simulation.trim import neutral_inputs
 from stoop.vehicle import Vehicle, terms
-from stoop.vehicle.symbolic import component, forces
-from stoop.vehicle.symbolic.frames import Air
-from stoop.vehicle.symbolic.symbols import Numbers
+from stoop.vehicle.symbolic import forces
+from stoop.vehicle.symbolic.frames import Air, Numbers
 
 AXES: Final = {"CL": "LIFT", "CD": "DRAG", "CQ": "SIDE", "Cl": "ROLL", "Cm": "PITCH", "Cn": "YAW"}
 AIRSPEED: Final = "stoop/air/V-m_sec"
@@ -152,7 +151,7 @@ class Physics:
     numbers : mapping of symbol to its value, SI
     """
 
-    surroundings: component.Surroundings
+    surroundings: forces.Surroundings
     names: dict[Any, str]
     numbers: dict[Any, float]
 
@@ -175,7 +174,7 @@ class Physics:
         channels = {c: symbol(f"channel {c}", channel(c)) for c in vehicle.inputs}
         n = Numbers.of(vehicle)
         numbers = dict(zip(n.symbols, vehicle.values.tolist(), strict=True))
-        return cls(component.Surroundings(n, air, density, (p, q, r), deflections, channels), names, numbers)
+        return cls(forces.Surroundings(n, air, density, (p, q, r), deflections, channels), names, numbers)
 
     def element(self, expr: Any) -> Element:
         """Return the element that computes an expression with the vehicle's numbers in place."""

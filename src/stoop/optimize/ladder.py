@@ -28,36 +28,21 @@ SIMILAR: Final = 1.2  #: or this many times the least cost that an earlier refin
 
 @dataclass(frozen=True)
 class Climb:
-    """Where a candidate came to on the ladder.
-
-    Attributes
-    ----------
-    z : (D + E,)
-    rung, cost : the last rung tried, and the cost there; inf where it diverged
-    score : that cost over the trivial model's
-    passed : whether it passed every shortened record
-    least : (rungs,), least cost that refinements reached on each rung, this one included
-    """
+    """Where a candidate, (D + E,), came to on the ladder."""
 
     z: FloatArray
-    rung: int
-    cost: float
-    score: float
-    passed: bool
-    least: FloatArray
+    rung: int  #: the last tried
+    cost: float  #: there; inf where it diverged
+    score: float  #: that cost over the trivial model's
+    passed: bool  #: whether it passed every shortened record
+    least: FloatArray  #: (rungs,), least cost that refinements reached on each rung, this one included
 
 
 def climb(ledger: Ledger, z: FloatArray, least: FloatArray, bound: float = np.inf) -> Climb:
     """Refine from z on each shortened record in turn, as long as the gates let it pass.
 
-    Parameters
-    ----------
-    ledger : Ledger
-    z : (D + E,)
-    least : (rungs,), least cost that earlier refinements reached on each rung
-    bound : float
-        What a trusted optimum leaves on the full record: a candidate that leaves more on a part of it is not better,
-        so it must fall fast on the way there.
+    `least`, (rungs,), are the least costs that earlier refinements reached on each rung; `bound` is what a trusted optimum
+    leaves on the full record: a candidate that leaves more on a part of it is not better, so it must fall fast on the way.
     """
     bound = max(bound, NEARLY_EXACT * ledger.reference(ledger.full))
     least = least.copy()
@@ -106,24 +91,14 @@ def relative(ledger: Ledger, cost: float, rung: int) -> float:
 
 @dataclass(frozen=True)
 class Optima:
-    """Where the refinements on the full record ended.
+    """Where m refinements on the full record ended; refinements of one lineage (one population) may depend on each other."""
 
-    Attributes
-    ----------
-    X : (m, D)
-    costs : (m,)
-    lineages : (m,), refinements of one lineage may depend on each other (members of one population)
-    converged : (m,), to an optimum of their own
-    agreed : (m,), stopped as good as an optimum known before
-    unfinished : (m,), still falling when the iterations were used up
-    """
-
-    X: FloatArray
+    X: FloatArray  #: (m, D)
     costs: FloatArray
     lineages: IntArray
-    converged: BoolArray
-    agreed: BoolArray
-    unfinished: BoolArray
+    converged: BoolArray  #: to an optimum of their own
+    agreed: BoolArray  #: stopped as good as an optimum known before
+    unfinished: BoolArray  #: still falling when the iterations were used up
 
     @classmethod
     def none(cls, dimension: int) -> Optima:
@@ -151,13 +126,7 @@ class Optima:
         return float(self.costs[self.converged].min(initial=np.inf))
 
     def confirmed(self, best: float, reference: float) -> bool:
-        """Whether the last end is at the best cost known, with enough of other lineages.
-
-        Parameters
-        ----------
-        best : best cost known on the full record
-        reference : the trivial model's cost there; inf if there is none
-        """
+        """Whether the last end is at the best cost known, with enough of other lineages; reference: the trivial model's cost."""
         if not np.isfinite(best):
             return False
         scale = 1e-12 * reference if np.isfinite(reference) else 0.0  # two exact fits agree

@@ -26,19 +26,12 @@ class Halt(Exception):  # noqa: N818 - not an error: the run ends here
 
 @dataclass(frozen=True)
 class Evaluations:
-    """What has been evaluated and the best of it.
+    """What has been evaluated and the best of it."""
 
-    Attributes
-    ----------
-    trajectories : float, in trajectories of the full record
-    best : (D + E,), best point on the full record; the center of the box before there is one
-    cost : float, its cost; inf before there is one
-    history : (k, 2), trajectories spent and best cost, one row per improvement, in the order of a batch's candidates
-    """
-
-    trajectories: float
-    best: FloatArray
-    cost: float
+    trajectories: float  #: of the full record
+    best: FloatArray  #: (D + E,), best point on the full record; the center of the box before there is one
+    cost: float  #: of the best; inf before there is one
+    #: (k, 2), trajectories spent and best cost, one row per improvement, in the order of a batch's candidates
     history: FloatArray
 
     @classmethod
@@ -49,17 +42,10 @@ class Evaluations:
 
 
 class Ledger:
-    """A problem that counts what it is asked; itself a `Problem`.
+    """A problem that counts what it is asked, from the given evaluations on; itself a `Problem`.
 
-    Parameters
-    ----------
-    problem : Problem
-    evaluations : Evaluations, optional
-        Where to continue from.
-    budget : float
-        Trajectories; a call that would exceed it raises `Halt` ("budget") after spending what is left.
-    target : float
-        A cost on the full record; reaching it raises `Halt` ("target").
+    A call that would exceed the budget, in trajectories, raises `Halt` ("budget") after spending what is left; reaching the
+    target, a cost on the full record, raises `Halt` ("target").
     """
 
     def __init__(

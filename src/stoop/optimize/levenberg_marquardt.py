@@ -13,10 +13,16 @@ Nielsen (1999), Damping parameter in Marquardt's method, IMM-REP-1999-05 (the up
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 import numpy as np
+
+from stoop.base.arrays import FloatArray
+from stoop.optimize.ledger import Evaluations
+from stoop.optimize.minimize import Progress
+from stoop.optimize.state import Event, RandomStream, State
 
 Ending = Literal["converged", "agreed", "stalled", "hopeless", "limit", "diverged"]
 
@@ -27,12 +33,8 @@ MAX_DAMPING: Final = 1e8  #: beyond which no step helps any more
 class Damping(ABC):
     """How strongly steps are damped, in parts of the (scaled) diagonal of the normal matrix.
 
-    Attributes
-    ----------
-    value : at present
-    growth : factor after a step that was rejected
-    acceleration : by which the factor grows with each further rejection
-    smallest, largest : limits; beyond the largest the search is exhausted
+    A rejected step multiplies the value by `growth`, which each further rejection multiplies by `acceleration`; beyond the
+    largest value the search is exhausted.
     """
 
     value: float
@@ -86,13 +88,9 @@ class TenfoldDamping(Damping):
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A step that was evaluated.
+    """A step that was evaluated: where it leads (as its model has points), the cost there, and the gain that was predicted.
 
-    Attributes
-    ----------
-    point : where it leads, as its model has points
-    cost : there; infinite or NaN where it diverges
-    predicted : the gain that the linear model predicts; not positive where it predicts none
+    The cost is infinite or NaN where it diverges; the gain is not positive where none is predicted.
     """
 
     point: Any
@@ -101,18 +99,11 @@ class Trial:
 
 
 class LinearModel(ABC):
-    """A sum of squares (or twice a negative log-likelihood) with its linear model about the current point.
-
-    Attributes
-    ----------
-    cost : at the current point
-    current : whether there are derivatives for the current point
-    exact : whether these were taken there, not carried there by an update
-    """
+    """A sum of squares (or twice a negative log-likelihood) with its linear model about the current point."""
 
     cost: float
-    current: bool = False
-    exact: bool = False
+    current: bool = False  #: whether there are derivatives for the current point
+    exact: bool = False  #: whether these were taken there, not carried there by an update
 
     @abstractmethod
     def linearize(self) -> None:
@@ -197,3 +188,144 @@ def levenberg_marquardt(
         if ending is not None:
             return Search(ending, trials, steps)
     return Search("limit", trials, steps)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StagesState(State):
+    """Successive searches of one fit: where each began, where it stands, and how it ended; the last may be under way."""
+
+    origins: FloatArray  #: (s, n)
+    points: FloatArray  #: (s, n)
+    costs: FloatArray  #: (s, m), at the origin and after each accepted step, NaN behind
+    endings: str  #: of each, separated by commas; empty for one under way
+    damping: FloatArray  #: (s, 2), value and factor
+    start: State | None = None  #: of the search for the origin of the first, where there was one
+
+
+class StagedModel(LinearModel):
+    """A linear model whose point is a vector, so that a search can be saved after every trial."""
+
+    watch: Callable[[Damping], None]
+
+    @property
+    @abstractmethod
+    def point(self) -> FloatArray:
+        """The current point, (n,)."""
+
+    @abstractmethod
+    def go_to(self, point: FloatArray) -> None:
+        """Go to a point; derivatives are not current there."""
+
+    def stopped(self, damping: Damping) -> Ending | None:
+        """Keep where the search stands; it goes on."""
+        self.watch(damping)
+        return None
+
+
+@dataclass(eq=False)
+class Stage:
+    """One of successive searches: as a row of `StagesState`."""
+
+    origin: FloatArray
+    point: FloatArray
+    costs: list[float]
+    damping: tuple[float, float]
+    ending: str = ""
+
+
+class Stages:
+    """Successive searches that are saved after every trial and resumed as if uninterrupted.
+
+    A resumed fit repeats what lies between its searches; a search that begins at the point of a saved one is not repeated.
+
+    Parameters
+    ----------
+    name : str
+        Of the method, in its states.
+    price : float
+        Of a step, in trajectories.
+    callback : callable, optional
+        Called with a `Progress` after each trial.
+    state : State, optional
+        Where to go on from; of another kind, it is the state of the search for a start.
+    """
+
+    def __init__(
+        self, name: str, price: float, callback: Callable[[Progress], None] | None, state: State | None
+    ) -> None:
+        self.name, self.price, self.callback = name, price, callback
+        self.stages: list[Stage] = []
+        self.start, self._saved = state, []
+        if isinstance(state, StagesState):
+            self.start = state.start
+            rows = zip(
+                state.origins, state.points, state.costs, state.damping, state.endings.split(","), strict=True
+            )
+            self._saved = [
+                Stage(origin, point, costs[np.isfinite(costs)].tolist(), (float(d[0]), float(d[1])), ending)
+                for origin, point, costs, d, ending in (rows if len(state.origins) else ())
+            ]
+
+    @property
+    def state(self) -> StagesState | None:
+        """To resume from; None where nothing was searched yet."""
+        if not self.stages and self.start is None:
+            return None
+        steps = sum(len(stage.costs) - 1 for stage in self.stages)
+        spent, generation = self.price * steps, steps
+        if self.start is not None:
+            spent, generation = spent + self.start.evaluations.trajectories, steps + self.start.generation
+        costs = np.full(
+            (len(self.stages), max((len(stage.costs) for stage in self.stages), default=0)), np.nan
+        )
+        for row, stage in zip(costs, self.stages, strict=True):
+            row[: len(stage.costs)] = stage.costs
+        best, cost = (
+            (self.stages[-1].point, self.stages[-1].costs[-1]) if self.stages else (np.empty(0), np.inf)
+        )
+        return StagesState(
+            optimizer=self.name,
+            generation=generation,
+            stream=RandomStream.from_seed(0),
+            evaluations=Evaluations(spent, best, cost, np.empty((0, 2))),
+            origins=np.array([stage.origin for stage in self.stages]),
+            points=np.array([stage.point for stage in self.stages]),
+            costs=costs,
+            endings=",".join(stage.ending for stage in self.stages),
+            damping=np.array([stage.damping for stage in self.stages]),
+            start=self.start,
+        )
+
+    def started(self, progress: Progress) -> None:
+        """Keep the state of the search for a start."""
+        self.start = progress.state
+        self._report(progress.event)
+
+    def search(self, model: StagedModel, damping: Damping, max_steps: int) -> str:
+        """Search from the model's point, or go on where a saved search from there stands; return its ending."""
+        stage = self._saved.pop(0) if self._saved else None
+        if stage is None or not np.array_equal(stage.origin, model.point):
+            self._saved = []  # another start than that of the saved searches
+            stage = Stage(model.point, model.point, [model.cost], (damping.value, damping.factor))
+        self.stages.append(stage)
+        if stage.point is not stage.origin:
+            model.go_to(stage.point)
+        if stage.ending:
+            return stage.ending
+        damping.value, damping.factor = stage.damping
+
+        def watch(now: Damping) -> None:
+            stage.damping = (now.value, now.factor)
+            if model.cost < stage.costs[-1]:
+                stage.point = model.point
+                stage.costs.append(model.cost)
+            self._report(Event("refinement", model.cost, 0))
+
+        model.watch = watch
+        stage.ending = levenberg_marquardt(model, damping, max_steps=max_steps + 1 - len(stage.costs)).ending
+        return stage.ending
+
+    def _report(self, event: Event) -> None:
+        state = self.state
+        if self.callback is not None and state is not None:
+            self.callback(Progress(state, event))

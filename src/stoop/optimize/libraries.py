@@ -40,6 +40,7 @@ from types import ModuleType
 from typing import Any, Final
 
 import numpy as np
+from numpy.random import Generator
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
 from stoop.base.arrays import FloatArray
@@ -84,14 +85,11 @@ class LibraryState(State):
 class Library:
     """A search of another library; it never claims convergence.
 
-    Attributes
-    ----------
-    name : registered name
-    search : one run: from ledger, first point (D,) and random numbers to the library's own end
+    `search` is one run: from ledger, first point (D,) and random numbers to the library's own end.
     """
 
     name: str
-    search: Callable[[Ledger, FloatArray, np.random.Generator], None]
+    search: Callable[[Ledger, FloatArray, Generator], None]
 
     def init(self, problem: Problem, seed: int, starts: FloatArray) -> LibraryState:
         """Keep the user's own values for the first runs; nothing is evaluated yet."""
@@ -162,7 +160,7 @@ def finite_costs(ledger: Ledger, X: FloatArray) -> FloatArray:
     return costs
 
 
-def draw_seed(generator: np.random.Generator) -> int:
+def draw_seed(generator: Generator) -> int:
     """Return a seed for a library that keeps its own random numbers; never 0, which some take for none."""
     return 1 + int(generator.random() * (2**31 - 2))
 
@@ -188,7 +186,7 @@ def require(module: str) -> ModuleType:
 def scipy_de() -> Library:
     """Return SciPy's differential evolution; the start takes the first place of the population."""
 
-    def search(ledger: Ledger, start: FloatArray, generator: np.random.Generator) -> None:
+    def search(ledger: Ledger, start: FloatArray, generator: Generator) -> None:
         from scipy.optimize import differential_evolution
 
         def cost(x: FloatArray) -> Any:
@@ -219,7 +217,7 @@ class _Diverged(Exception):  # noqa: N818 - not an error: this start leads nowhe
 def scipy_least_squares() -> Library:
     """Return SciPy's least squares; nuisances start at zero, and a start that diverges is abandoned."""
 
-    def search(ledger: Ledger, start: FloatArray, generator: np.random.Generator) -> None:
+    def search(ledger: Ledger, start: FloatArray, generator: Generator) -> None:
         from scipy.optimize import least_squares
 
         place, r = np.empty(0), np.empty(0)  # where residuals were simulated last
@@ -259,7 +257,7 @@ def cma() -> Library:
     """
     require("cma")
 
-    def search(ledger: Ledger, start: FloatArray, generator: np.random.Generator) -> None:
+    def search(ledger: Ledger, start: FloatArray, generator: Generator) -> None:
         if ledger.dimension < 2:
             raise IdentificationError(
                 "optimizer cma: cannot search one variable alone; take another optimizer"

@@ -44,26 +44,15 @@ AGREE: Final = 1e-3  #: relative difference of two costs that count as the same 
 
 @dataclass(frozen=True)
 class Settings:
-    """How long a refinement is followed.
+    """How long a refinement is followed."""
 
-    Attributes
-    ----------
-    iterations : at most so many trial steps
-    gain : a relative gain below this, twice running with a fresh Jacobian between, is convergence
-    predicted : a predicted relative gain below this, at low damping, is convergence
-    stall : give up when the last so many steps together gained less than 10 % ...
-    stall_damping : ... and the damping is above this (0: whatever the damping)
-    patience : give up when above the incumbent and not falling threefold in so many steps
-    damping : at the start
-    """
-
-    iterations: int
-    gain: float
-    predicted: float
-    stall: int
-    stall_damping: float
-    patience: int = 8
-    damping: float = 0.03
+    iterations: int  #: at most so many trial steps
+    gain: float  #: a relative gain below this, twice running with a fresh Jacobian between, is convergence
+    predicted: float  #: a predicted relative gain below this, at low damping, is convergence
+    stall: int  #: give up when the last so many steps together gained less than 10 % ...
+    stall_damping: float  #: ... and the damping is above this (0: whatever the damping)
+    patience: int = 8  #: give up when above the incumbent and not falling threefold in so many steps
+    damping: float = 0.03  #: at the start
 
 
 FULL: Final = Settings(80, 1e-10, 1e-7, 6, 1e-3)  #: on the full record: the optimum itself
@@ -72,22 +61,15 @@ RUNG: Final = Settings(25, 1e-3, 0.0, 4, 0.0)  #: on a shortened record: near en
 
 @dataclass(frozen=True)
 class Refinement:
-    """Where a local refinement ended.
+    """Where a local refinement ended."""
 
-    Attributes
-    ----------
-    z : (D + E,)
-    cost : on its rung
-    ending : "converged", "agreed" (above the known optimum by less than AGREE, with less than that to gain),
-        "stalled" (no longer falling), "hopeless" (above the incumbent and falling too
-        slowly), "limit" (iterations used up) or "diverged" (no finite cost at the start)
-    iterations : trial steps taken
-    """
-
-    z: FloatArray
-    cost: float
+    z: FloatArray  #: (D + E,)
+    cost: float  #: on its rung
+    #: "converged", "agreed" (above the known optimum by less than AGREE, with less than that to gain), "stalled" (no longer
+    #: falling), "hopeless" (above the incumbent and falling too slowly), "limit" (iterations used up) or "diverged" (no
+    #: finite cost at the start)
     ending: Ending
-    iterations: int
+    iterations: int  #: trial steps taken
 
     @property
     def converged(self) -> bool:
@@ -108,18 +90,13 @@ def refine(
 
     Parameters
     ----------
-    problem : Problem
+    problem, rung, settings
     z : (D + E,), the first D are kept in [0, 1], the rest are free
-    rung : int
-    settings : Settings
-    incumbent : float
-        Best cost known on this rung; a refinement that stays above it must fall fast or is given up.
-    acceptable : float
-        A refinement below this cost is not given up early (inf: never): near an optimum that noise or an imperfect
-        model keeps far above zero, every one falls slowly.
-    optimum : float
-        Cost of an optimum that another refinement converged to; this one ends as soon as it agrees with it, or falls
-        slowly far above it.
+    incumbent : best cost known on this rung; a refinement that stays above it must fall fast or is given up
+    acceptable : a refinement below this cost is not given up early (inf: never): near an optimum that noise or an imperfect
+        model keeps far above zero, every one falls slowly
+    optimum : cost of an optimum that another refinement converged to; this one ends as soon as it agrees with it, or falls
+        slowly far above it
     """
     model = SecantModel(problem, z, rung, settings)
     model.incumbent, model.acceptable, model.optimum = incumbent, acceptable, optimum
@@ -260,19 +237,9 @@ class SecantModel(LinearModel):
 def descend(problem: Problem, z: FloatArray, rung: int, iterations: int = 10_000) -> Refinement:
     """Minimize the sum of squares from z on one rung, to the last digit.
 
-    Parameters
-    ----------
-    problem : Problem
-        With the best Jacobian that there is: digits of the answer are digits of its gradient.
-    z : (D + E,), the first D are kept in [0, 1], the rest are free
-    rung : int
-    iterations : at most so many
-
-    Returns
-    -------
-    Refinement
-        Ending "converged" (less than 1e-12 of the cost is left to gain), "stalled" (more is left, but no
-        step gains it), "limit" or "diverged".
+    The problem should have the best Jacobian that there is: digits of the answer are digits of its gradient. The first D of z,
+    (D + E,), are kept in [0, 1]. The ending is "converged" (less than 1e-12 of the cost is left to gain), "stalled" (more is
+    left, but no step gains it), "limit" or "diverged".
     """
     model = QRModel(problem, z, rung)
     damping = NielsenDamping(0.01, largest=MAX_DAMPING**2)

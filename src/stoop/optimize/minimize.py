@@ -28,14 +28,9 @@ ADVICE: Final[dict[str, str]] = {
 
 @dataclass(frozen=True)
 class Stop:
-    """When to give up; whatever comes first.
+    """When to give up: steps, trajectories of the full record, a cost that is good enough; whatever comes first.
 
-    Attributes
-    ----------
-    generations : steps
-    budget : trajectories of the full record; exceeded only by columns of a Jacobian that are taken again
-        because they diverged
-    target_cost : a cost on the full record that is good enough
+    The budget is exceeded only by columns of a Jacobian that are taken again because they diverged.
     """
 
     generations: int = 2000
@@ -63,30 +58,19 @@ class Progress:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run ended.
+    """How a run ended."""
 
-    Attributes
-    ----------
-    z : (D + E,), best point; the center of the box if no candidate was finite
-    cost : its cost on the full record
-    trajectories : spent, in trajectories of the full record, whatever was thrown away included
-    generation : whole steps taken
-    status : "converged" (found and confirmed), "target", "budget", "generations" or "interrupted"
-    advice : what to change if it did not converge; empty if it did
-    history : (k, 2), trajectories spent and best cost at each improvement
-    state : after the last whole step, to resume from; None if there was none
-    optimizer : registered name
-    """
-
-    z: FloatArray
-    cost: float
-    trajectories: float
-    generation: int
-    status: Status
-    advice: str
-    history: FloatArray = field(repr=False)
-    state: State | None = field(repr=False)
-    optimizer: str
+    z: FloatArray  #: (D + E,), best point; the center of the box if no candidate was finite
+    cost: float  #: its cost on the full record
+    trajectories: float  #: spent, in trajectories of the full record, whatever was thrown away included
+    generation: int  #: whole steps taken
+    status: Status  #: "converged" is found and confirmed
+    advice: str  #: what to change if it did not converge; empty if it did
+    history: FloatArray = field(repr=False)  #: (k, 2), trajectories spent and best cost at each improvement
+    state: State | None = field(
+        repr=False
+    )  #: after the last whole step, to resume from; None if there was none
+    optimizer: str  #: registered name
 
 
 def minimize(
@@ -106,17 +90,11 @@ def minimize(
 
     Parameters
     ----------
-    optimizer : Optimizer
-    problem : Problem
-    seed : int
-        Ignored when resuming.
-    starts : (k, D) or (k, D + E), optional
-        Own guesses in the unit box, with nuisances where they are known, tried first.
-    stop : Stop
-    callback : callable, optional
-        Called with a `Progress` after each step.
-    state : State, optional
-        Where to go on from.
+    optimizer, problem, stop
+    seed : ignored when resuming
+    starts : (k, D) or (k, D + E), own guesses in the unit box, with nuisances where they are known, tried first
+    callback : called with a `Progress` after each step
+    state : where to go on from
 
     Raises
     ------

@@ -23,20 +23,12 @@ def gram(rows: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class TallMatrix:
-    """A tall, thin matrix (n, v), by stretches of its long axis, each with the variables that have a part there.
+    """A tall, thin matrix (n, v), by stretches of its long axis, each with the variables that have a part there."""
 
-    Attributes
-    ----------
-    shape : (n, v)
-    stretches : slices of the long axis
-    present : variables with a part in each stretch
-    parts : their rows there
-    """
-
-    shape: tuple[int, int]
-    stretches: tuple[slice, ...]
-    present: tuple[IntArray, ...]
-    parts: tuple[FloatArray, ...]
+    shape: tuple[int, int]  #: (n, v)
+    stretches: tuple[slice, ...]  #: slices of the long axis
+    present: tuple[IntArray, ...]  #: variables with a part in each stretch
+    parts: tuple[FloatArray, ...]  #: their rows there
 
     @classmethod
     def of(cls, rows: FloatArray, largest: float = np.inf) -> TallMatrix:

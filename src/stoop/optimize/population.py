@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from numpy.random import Generator
 
 from stoop.base.arrays import BoolArray, Factor, FloatArray, IntArray
 
@@ -24,20 +25,12 @@ PERIOD: Final = 10  #: generations between local refinements
 
 @dataclass(frozen=True)
 class Strategy:
-    """Numbers of a population of ordered SHADE.
+    """Numbers of a population of ordered SHADE."""
 
-    Attributes
-    ----------
-    elite : share of the population that counts as best
-    separation : of the unit box: no refinement starts nearer to the end of an earlier one
-    growth : of the population at each restart
-    largest : population
-    """
-
-    elite: float = 0.11
-    separation: float = 0.02
-    growth: float = 1.5
-    largest: int = 500
+    elite: float = 0.11  #: share of the population that counts as best
+    separation: float = 0.02  #: of the unit box: no refinement starts nearer to the end of an earlier one
+    growth: float = 1.5  #: of the population at each restart
+    largest: int = 500  #: population
 
     def grown(self, size: int) -> int:
         """Return how many members the next population has."""
@@ -47,7 +40,7 @@ class Strategy:
 DEFAULT: Final = Strategy()
 
 
-def latin_hypercube(number: int, dimension: int, generator: np.random.Generator) -> FloatArray:
+def latin_hypercube(number: int, dimension: int, generator: Generator) -> FloatArray:
     """Return points, (number, dimension), of which each variable falls once in each of `number` equal slices."""
     slices = np.argsort(generator.random((number, dimension)), axis=0)
     points: FloatArray = (slices + generator.random((number, dimension))) / number
@@ -60,9 +53,7 @@ def midpoint(mutants: FloatArray, parents: FloatArray) -> FloatArray:
     return np.where(inside > 1.0, 0.5 * (parents + 1.0), inside)
 
 
-def binomial(
-    parents: FloatArray, mutants: FloatArray, rate: Factor, generator: np.random.Generator
-) -> FloatArray:
+def binomial(parents: FloatArray, mutants: FloatArray, rate: Factor, generator: Generator) -> FloatArray:
     """Take each variable of parents, (n, D), from the mutant with probability `rate`, one always (the paper's eq. 7)."""
     number, dimension = parents.shape
     # a draw below any rate at one place per parent is "one always", and saves a second mask
@@ -76,20 +67,12 @@ def binomial(
 def greedy(
     parents: FloatArray, costs: FloatArray, trials: FloatArray, trial_costs: FloatArray
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Let a trial replace its parent where it costs less (the paper's eq. 8).
-
-    Returns
-    -------
-    survivors, survivor_costs : (n, D) and (n,)
-    won : (n,), where the trial replaced the parent
-    """
+    """Return survivors, (n, D), and costs, (n,): a trial replaces its parent where it costs less (the paper's eq. 8), (n,)."""
     won = trial_costs < costs
     return np.where(won[:, None], trials, parents), np.where(won, trial_costs, costs), won
 
 
-def update_archive(
-    archive: FloatArray, losers: FloatArray, most: int, generator: np.random.Generator
-) -> FloatArray:
+def update_archive(archive: FloatArray, losers: FloatArray, most: int, generator: Generator) -> FloatArray:
     """Return the archive, (a, D), with the losers, (k, D), added; beyond `most`, members are removed at random.
 
     The generator advances only where something is removed.
@@ -98,14 +81,14 @@ def update_archive(
     return kept[generator.permutation(len(kept))[:most]] if len(kept) > most else kept
 
 
-def elite(F: FloatArray, share: float, generator: np.random.Generator) -> IntArray:
+def elite(F: FloatArray, share: float, generator: Generator) -> IntArray:
     """Return for each member of costs F, (n,), one of the best `share` of all, two at least."""
     ranks = (generator.random(len(F)) * max(2, round(share * len(F)))).astype(np.intp)
     chosen: IntArray = np.argsort(F, kind="stable")[ranks]
     return chosen
 
 
-def two_others(members: int, pool: int, generator: np.random.Generator) -> tuple[IntArray, IntArray]:
+def two_others(members: int, pool: int, generator: Generator) -> tuple[IntArray, IntArray]:
     """Draw for each member another member, and one of the pool (members first, then archive) that is neither; (n,) each."""
     own = np.arange(members)
     a = (generator.random(members) * (members - 1)).astype(np.intp)
@@ -127,16 +110,14 @@ class OrderedToPBest:
     archive: FloatArray
     share: float = DEFAULT.elite
 
-    def __call__(
-        self, X: FloatArray, F: FloatArray, scale: Factor, generator: np.random.Generator
-    ) -> FloatArray:
+    def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
         """Return mutants, (n, D)."""
         towards, better, worse = self.parents(X, F, generator)
         mutants: FloatArray = X + scale * (towards - X + better - worse)
         return mutants
 
     def parents(
-        self, X: FloatArray, F: FloatArray, generator: np.random.Generator
+        self, X: FloatArray, F: FloatArray, generator: Generator
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return one of the elite, and two others, the better first; (n, D) each."""
         towards = X[elite(F, self.share, generator)]
@@ -154,23 +135,18 @@ class ParameterMemory:
     Between SHADE and L-SHADE: Lehmer means of scales and rates as in L-SHADE (SHADE averages the rates arithmetically),
     but no terminal rate; and rates begin at 0.8 (SHADE and L-SHADE: 0.5), as parameters that act together are better
     crossed over together.
-
-    Attributes
-    ----------
-    scales, rates : (H,); a rate below zero stands for "crossover rate 0 only" (L-SHADE's terminal value)
-    slot : which entry is renewed next
     """
 
-    scales: FloatArray
-    rates: FloatArray
-    slot: int
+    scales: FloatArray  #: (H,)
+    rates: FloatArray  #: (H,); below zero stands for "crossover rate 0 only" (L-SHADE's terminal value)
+    slot: int  #: which entry is renewed next
 
     @classmethod
     def fresh(cls, entries: int = 6, scale: float = 0.5, rate: float = 0.8) -> ParameterMemory:
         """Return the memory before the first generation."""
         return cls(np.full(entries, scale), np.full(entries, rate), 0)
 
-    def sample(self, number: int, generator: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    def sample(self, number: int, generator: Generator) -> tuple[FloatArray, FloatArray]:
         """Return a scale (Cauchy, in (0, 1]) and a rate (normal, in [0, 1]) for each parent, (n,) each."""
         entry = (generator.random(number) * len(self.scales)).astype(np.intp)
         means = self.rates[entry]
@@ -226,42 +202,31 @@ class Population:
     """A population and what it has learnt: ask for trials, tell their costs.
 
     It also names the member from which the next local refinement starts.
-
-    Attributes
-    ----------
-    X, F : (n, D) and (n,), members and their costs with the nuisances at zero
-    refined : (n,), members from which (or near whose end) a local refinement started
-    archive : (a, D), parents that lost, at most n
-    memory : scales and rates that worked
-    age : generations
-    due : age at which the next local refinement starts
-    period : generations between local refinements at present
-    idle : generations without a better best
     """
 
-    X: FloatArray
-    F: FloatArray
-    refined: BoolArray
-    archive: FloatArray
-    memory: ParameterMemory
-    age: int = 0
-    due: int = 0
-    period: int = PERIOD
-    idle: int = 0
+    X: FloatArray  #: (n, D), members
+    F: FloatArray  #: (n,), their costs with the nuisances at zero
+    refined: BoolArray  #: (n,), members from which (or near whose end) a local refinement started
+    archive: FloatArray  #: (a, D), parents that lost, at most n
+    memory: ParameterMemory  #: scales and rates that worked
+    age: int = 0  #: generations
+    due: int = 0  #: age at which the next local refinement starts
+    period: int = PERIOD  #: generations between local refinements at present
+    idle: int = 0  #: generations without a better best
 
     @classmethod
     def first(cls, X: FloatArray, F: FloatArray) -> Population:
         """Return the population of members (n, D) with costs (n,) before its first generation."""
         return cls(X, F, np.zeros(len(X), dtype=np.bool_), np.empty((0, X.shape[1])), ParameterMemory.fresh())
 
-    def ask(self, generator: np.random.Generator, elite: float = DEFAULT.elite) -> Trials:
+    def ask(self, generator: Generator, elite: float = DEFAULT.elite) -> Trials:
         """Return one trial per member; a share of `elite` of the population counts as best."""
         scales, rates = self.memory.sample(len(self.X), generator)
         mutants = OrderedToPBest(self.archive, elite)(self.X, self.F, scales[:, None], generator)
         X = binomial(self.X, midpoint(mutants, self.X), rates[:, None], generator)
         return Trials(X, scales, rates)
 
-    def tell(self, trials: Trials, costs: FloatArray, generator: np.random.Generator) -> Population:
+    def tell(self, trials: Trials, costs: FloatArray, generator: Generator) -> Population:
         """Return the population after selection."""
         X, F, won = greedy(self.X, self.F, trials.X, costs)
         with np.errstate(invalid="ignore"):

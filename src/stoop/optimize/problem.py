@@ -64,13 +64,7 @@ class ScalarProblem:
     prices: tuple[float, ...] = (1.0,)
 
     def residuals(self, Z: FloatArray, rung: int) -> NoReturn:
-        """Refuse: there are none.
-
-        Raises
-        ------
-        IdentificationError
-            Always.
-        """
+        """Refuse with an `IdentificationError`: there are none."""
         raise IdentificationError(
             "problem: only its cost is known, there are no residuals; take an optimizer that needs none"
         )
@@ -94,12 +88,10 @@ def forward_jacobian(
 
     Parameters
     ----------
-    problem : Residuals
+    problem, rung
     z : (D + E,), first D in [0, 1]
-    rung : int
     r : (n_r,), residuals at z
-    step : float
-        Balances truncation against rounding for residuals of order one.
+    step : balances truncation against rounding for residuals of order one
 
     Returns
     -------

@@ -20,39 +20,22 @@ FROM_START: Final = 0  #: lineage of a refinement from the user's own values
 
 @dataclass(frozen=True, kw_only=True)
 class PsGdeLmState(State):
-    """State of a run of the default.
+    """State of a run of the default."""
 
-    Attributes
-    ----------
-    starts : (k, D + E), the user's own values, until they are tried
-    scouts : (rounds * scouts, D), one Latin hypercube for all rounds
-    round : rounds begun
-    queue : (q, D), candidates of this round still to be followed up
-    passed : whether a candidate of this round passed every gate
-    resumed : whether the best, unfinished refinement was continued in this round
-    deferred, scores : (s, D + E) and (s,), candidates that a gate stopped, and their costs over the trivial model's
-    least : (rungs,), least cost that refinements reached on each rung
-    optima : where full refinements ended
-    lineages : how many lineages have begun
-    trusted : the best is a converged refinement from the user's own values that explains the data
-    population : once the scouts are used up
-    population_size : of the next population
-    """
-
-    starts: FloatArray
-    scouts: FloatArray
-    round: int
-    queue: FloatArray
-    passed: bool
-    resumed: bool
-    deferred: FloatArray
-    scores: FloatArray
-    least: FloatArray
-    optima: Optima
-    lineages: int
-    trusted: bool
-    population: Population | None
-    population_size: int
+    starts: FloatArray  #: (k, D + E), the user's own values, until they are tried
+    scouts: FloatArray  #: (rounds * scouts, D), one Latin hypercube for all rounds
+    round: int  #: rounds begun
+    queue: FloatArray  #: (q, D), candidates of this round still to be followed up
+    passed: bool  #: whether a candidate of this round passed every gate
+    resumed: bool  #: whether the best, unfinished refinement was continued in this round
+    deferred: FloatArray  #: (s, D + E), candidates that a gate stopped
+    scores: FloatArray  #: (s,), their costs over the trivial model's
+    least: FloatArray  #: (rungs,), least cost that refinements reached on each rung
+    optima: Optima  #: where full refinements ended
+    lineages: int  #: how many lineages have begun
+    trusted: bool  #: the best is a converged refinement from the user's own values that explains the data
+    population: Population | None  #: once the scouts are used up
+    population_size: int  #: of the next population
 
 
 Step = tuple[PsGdeLmState, Event]
@@ -72,17 +55,12 @@ class PsGdeLm:
       round brought nothing better; a candidate that leaves more on a shortened record than this optimum on the
       full one is not followed up the ladder (`ladder.climb`).
 
-    Attributes
-    ----------
-    scouts : candidates per round
-    tops : candidates followed up per round
-    rounds : at most
     """
 
     name: str = "ps-gde-lm"
-    scouts: int = 20
-    tops: int = 5
-    rounds: int = 5
+    scouts: int = 20  #: candidates per round
+    tops: int = 5  #: of them that are followed up
+    rounds: int = 5  #: at most
 
     def init(self, problem: Problem, seed: int, starts: FloatArray) -> PsGdeLmState:
         """Draw the scouts; nothing is evaluated yet."""
@@ -147,16 +125,9 @@ class PsGdeLm:
         order = np.argsort(F, kind="stable")[: self.tops]
         queue = X[order[np.isfinite(F[order])]]
         event = Event("scouts", float(F.min()), 0, f"{len(X)} scouts, {len(queue)} followed up")
-        keep = slice(0, None if state.round == 0 else 0)
-        return replace(
-            state,
-            queue=queue,
-            round=state.round + 1,
-            passed=False,
-            resumed=False,
-            deferred=state.deferred[keep],
-            scores=state.scores[keep],
-        ), event
+        if state.round:
+            state = replace(state, deferred=state.deferred[:0], scores=state.scores[:0])
+        return replace(state, queue=queue, round=state.round + 1, passed=False, resumed=False), event
 
 
 def _try_starts(state: PsGdeLmState, ledger: Ledger) -> Step:

@@ -20,23 +20,12 @@ GROUP: Final = "stoop.optimizers"  #: each entry point names a mapping from opti
 
 @dataclass(frozen=True)
 class Entry:
-    """One optimizer; its module is imported when it is created.
+    """One optimizer; its module is imported when it is created."""
 
-    Attributes
-    ----------
-    make : str
-        ``module:function`` that returns the optimizer.
-    residuals : bool
-        Whether it asks for residuals, not only for costs.
-    plans : bool
-        Whether `make` takes the number of planned evaluations, None where it is not known.
-    state : str
-        ``module:class`` of its state, so that saved ones can be loaded; empty for the states of this package.
-    """
-
-    make: str
-    residuals: bool = False
-    plans: bool = False
+    make: str  #: ``module:function`` that returns the optimizer
+    residuals: bool = False  #: whether it asks for residuals, not only for costs
+    plans: bool = False  #: whether `make` takes the number of planned evaluations, None where it is not known
+    #: ``module:class`` of its state, so that saved ones can be loaded; empty for the states of this package
     state: str = ""
 
 
@@ -74,12 +63,8 @@ def state_classes() -> dict[str, str]:
 def create(name: str = DEFAULT, budget: float | None = None) -> Optimizer[Any]:
     """Return the optimizer of a name.
 
-    Parameters
-    ----------
-    name : str
-    budget : float, optional
-        Evaluations planned, in trajectories of the full record; for those that plan ahead (they shrink their
-        population towards its end), ignored by all others. Infinity is the same as None.
+    The budget, evaluations planned in trajectories of the full record, is for those that plan ahead (they shrink their
+    population towards its end), and ignored by all others. Infinity is the same as None.
 
     Raises
     ------
@@ -95,13 +80,7 @@ def create(name: str = DEFAULT, budget: float | None = None) -> Optimizer[Any]:
 
 
 def needs_residuals(name: str) -> bool:
-    """Whether an optimizer asks for residuals; such a one cannot be run on a problem that has only costs.
-
-    Raises
-    ------
-    IdentificationError
-        If there is none of that name.
-    """
+    """Whether an optimizer asks for residuals; such a one cannot be run on a problem that has only costs."""
     return _entry(name).residuals
 
 

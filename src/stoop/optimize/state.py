@@ -60,38 +60,23 @@ class RandomStream:
 
 @dataclass(frozen=True, kw_only=True)
 class State:
-    """Everything a run needs to continue bit-identically; optimizers add their own fields.
+    """Everything a run needs to continue bit-identically; optimizers add their own fields."""
 
-    Attributes
-    ----------
-    optimizer : registered name
-    generation : steps taken
-    stream : random numbers
-    evaluations : trajectories spent, best so far, history
-    converged : an optimum was found and confirmed (see the optimizer's docstring for what confirms it)
-    """
-
-    optimizer: str
-    generation: int
+    optimizer: str  #: registered name
+    generation: int  #: steps taken
     stream: RandomStream
     evaluations: Evaluations
-    converged: bool = False
+    converged: bool = (
+        False  #: an optimum was found and confirmed (see the optimizer's docstring for what confirms it)
+    )
 
 
 @dataclass(frozen=True)
 class Event:
-    """What one step did, for the progress display; nothing depends on it.
-
-    Attributes
-    ----------
-    kind : str
-    cost : best cost of this step, on the rung it worked on
-    rung : that rung
-    text : for the display; may be empty
-    """
+    """What one step did, for the progress display; nothing depends on it."""
 
     kind: Literal["evolution", "scouts", "refinement"]
-    cost: float
+    cost: float  #: best of this step, on the rung it worked on
     rung: int
     text: str = ""
 
@@ -127,6 +112,7 @@ CLASSES: Final = {
     "Optima": "stoop.optimize.ladder",
     "Population": "stoop.optimize.population",
     "ParameterMemory": "stoop.optimize.population",
+    "StagesState": "stoop.optimize.levenberg_marquardt",
 }  #: class -> module, of the optimizers of this package; `registry.Entry` names those of others
 FORMER_CLASSES: Final = {
     "PreyState": "PsGdeLmState",
@@ -152,12 +138,7 @@ FORMER_FIELDS: Final = {
 def save_state(path: Path, state: State, tag: str = "") -> None:
     """Write a state, atomically: a killed run leaves the previous state or the new one.
 
-    Parameters
-    ----------
-    path : Path
-    state : State
-    tag : str
-        Kept in the same file: what the state belongs to.
+    The tag is kept in the same file: what the state belongs to.
 
     Raises
     ------

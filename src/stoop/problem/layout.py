@@ -6,13 +6,11 @@ Nuisances differ between maneuvers: initial states of each piece, sensor biases 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import FloatArray, IntArray
 from stoop.vehicle import Parameter, Vehicle
 from stoop.vehicle.schema import CHANNELS, WIND
 
@@ -42,6 +40,14 @@ class Layout:
     vehicle: Vehicle
     parameters: tuple[Parameter, ...]
     nuisances: tuple[Nuisance, ...]
+    dimension: int = field(init=False)  #: number D of free parameters
+    extra: int = field(init=False)  #: number E of nuisances
+    lower: FloatArray = field(init=False)  #: lower bounds (D,), SI
+    width: FloatArray = field(init=False)  #: width of the bounds (D,), SI
+    rows: IntArray = field(init=False)  #: kernel row of each free parameter
+    scales: FloatArray = field(init=False)  #: SI size of one unit of each entry of the vector, (D + E,)
+    #: entries with a prior, its mean and its standard deviation, in units of the vector
+    priors: tuple[IntArray, FloatArray, FloatArray] = field(init=False)
 
     @classmethod
     def of(cls, vehicle: Vehicle, nuisances: Sequence[Nuisance]) -> Layout:
@@ -50,35 +56,23 @@ class Layout:
         free = tuple(p for p in vehicle.parameters if p.free and p.name not in biases)
         return cls(vehicle, free, tuple(nuisances))
 
-    @cached_property
-    def dimension(self) -> int:
-        """Number D of free parameters."""
-        return len(self.parameters)
-
-    @cached_property
-    def extra(self) -> int:
-        """Number E of nuisances."""
-        return len(self.nuisances)
-
-    @cached_property
-    def lower(self) -> FloatArray:
-        """Lower bounds (D,), SI."""
-        return np.array([p.lower for p in self.parameters])
-
-    @cached_property
-    def width(self) -> FloatArray:
-        """Width of the bounds (D,), SI."""
-        return np.array([p.upper - p.lower for p in self.parameters])
-
-    @cached_property
-    def rows(self) -> NDArray[np.intp]:
-        """Kernel row of each free parameter."""
-        return np.array([self.vehicle.rows[p.name] for p in self.parameters], dtype=np.intp)
-
-    @cached_property
-    def scales(self) -> FloatArray:
-        """SI size of one unit of each entry of the vector, (D + E,)."""
-        return np.concatenate([self.width, [n.scale for n in self.nuisances]])
+    def __post_init__(self) -> None:
+        lower = np.array([p.lower for p in self.parameters])
+        width = np.array([p.upper - p.lower for p in self.parameters])
+        index = np.array([i for i, p in enumerate(self.parameters) if p.prior is not None], dtype=np.intp)
+        value = np.array([self.parameters[i].value for i in index])
+        sigma = np.array([self.parameters[i].prior or 1.0 for i in index])
+        with np.errstate(divide="ignore", invalid="ignore"):  # without a width no parameter can be estimated
+            priors = (index, (value - lower[index]) / width[index], sigma / width[index])
+        self.__dict__.update(
+            dimension=len(self.parameters),
+            extra=len(self.nuisances),
+            lower=lower,
+            width=width,
+            rows=np.array([self.vehicle.rows[p.name] for p in self.parameters], dtype=np.intp),
+            scales=np.concatenate([width, [n.scale for n in self.nuisances]]),
+            priors=priors,
+        )
 
     def physical(self, Z: FloatArray) -> FloatArray:
         """Return free parameters (B, D) in SI for vectors (B, D + E) or their first D entries."""
@@ -87,15 +81,6 @@ class Layout:
     def unit(self, values: FloatArray) -> FloatArray:
         """Return a point of the unit box for parameter values (D,) in SI."""
         return np.clip((values - self.lower) / self.width, 0.0, 1.0)
-
-    @cached_property
-    def priors(self) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
-        """Entries with a prior, its mean and its standard deviation, in units of the vector."""
-        some = [(i, p) for i, p in enumerate(self.parameters) if p.prior is not None]
-        index = np.array([i for i, _ in some], dtype=np.intp)
-        mean = np.array([(p.value - p.lower) / (p.upper - p.lower) for _, p in some])
-        sigma = np.array([(p.prior or 1.0) / (p.upper - p.lower) for _, p in some])
-        return index, mean, sigma
 
     def prior_residuals(self, Z: FloatArray) -> FloatArray:
         """Return the residuals of priors (B, n): parameters that have one, then every nuisance."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +17,7 @@ from stoop.base.variables import WRAPPED
 from stoop.problem.layout import Layout, Nuisance
 from stoop.simulation import parameter_rows
 from stoop.simulation.delays import input_delays, late_inputs, late_outputs, output_delays
-from stoop.simulation.initial import kernel_states, rigid_states
+from stoop.simulation.initial import initial_states, rigid_states
 
 STEP = 1e-7  #: of a forward difference
 
@@ -151,7 +150,9 @@ class Misfit:
         for i, (piece, count) in enumerate(zip(self.pieces, self.ladder[rung], strict=True)):
             rows, start = self.candidates(X, i)
             inputs = self._inputs(piece, rows)
-            total += self._kernel.cost(rows, start, inputs, piece.measured, self._quality[i], piece.dt, count)
+            total += self.layout.vehicle.kernel().cost(
+                rows, start, inputs, piece.measured, self._quality[i], piece.dt, count
+            )
         return total
 
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
@@ -207,10 +208,6 @@ class Misfit:
         """Weight (n, n_y) of every sample of each piece, for a diagonal Q."""
         quality = np.diag(self.weights.root) ** 2
         return [np.where(np.isfinite(p.measured), quality, 0.0) for p in self.pieces]
-
-    @cached_property
-    def _kernel(self) -> Any:
-        return self.layout.vehicle.kernel()
 
     def _piece_residuals(self, Z: FloatArray, index: int, count: int) -> FloatArray:
         simulated = self._trajectories(Z, index, count)
@@ -276,7 +273,7 @@ class Misfit:
                 start = {**start, n.name: value}
         if varied:
             rigid = rigid_states(start)
-        return rows, kernel_states(vehicle, rigid, start, rows, self.pieces[index].inputs[0])
+        return rows, initial_states(vehicle, start, rows, self.pieces[index].inputs[0], rigid)
 
     @cached_property
     def _late(self) -> bool:
@@ -289,7 +286,9 @@ class Misfit:
     def _trajectories(self, Z: FloatArray, index: int, count: int) -> FloatArray:
         piece, vehicle = self.pieces[index], self.layout.vehicle
         rows, start = self.candidates(Z, index)
-        out = self._kernel.trajectories(rows, start, self._inputs(piece, rows), piece.dt, count)
+        out = self.layout.vehicle.kernel().trajectories(
+            rows, start, self._inputs(piece, rows), piece.dt, count
+        )
         return late_outputs(vehicle, out, rows, piece.dt)
 
 
@@ -302,11 +301,9 @@ def on_circle(errors: FloatArray, outputs: Sequence[str]) -> FloatArray:
 
 
 def horizon_ladder(pieces: Sequence[Piece]) -> tuple[tuple[int, ...], ...]:
-    """Return samples per piece and rung: up to half of the excitation of each piece, three times as far, all.
+    """Return samples per piece and rung: up to half of the inputs' energy (about their start), three times as far, all.
 
-    A rung that ends before the controls move says nothing. The first ends where half of the inputs' energy
-    (about their start) is spent, within 10 and 50 % of the piece and not before 0.4 s; rungs that would be nearly whole
-    are left out.
+    The first rung ends within 10 and 50 % of the piece, not before 0.4 s; rungs that would be nearly whole are left out.
     """
     firsts = []
     for piece in pieces:

@@ -18,6 +18,7 @@ from stoop.base.variables import EULER, WRAPPED
 from stoop.errors import FlightError
 from stoop.simulation import START_NAMES
 from stoop.vehicle import Vehicle
+from stoop.vehicle import vehicle as vehicle_frames
 from stoop.vehicle.schema import WIND
 
 Number = TypeVar("Number", float, FloatArray)
@@ -107,9 +108,12 @@ GROUND_FRAME: Final = ObservationModel(
 )  #: velocity over ground; its biases are the wind, and the speed through the air is known as well as that
 
 
+_MODELS: Final = {vehicle_frames.AIR_FRAME: AIR_FRAME, vehicle_frames.GROUND_FRAME: GROUND_FRAME}
+
+
 def observation_model(vehicle: Vehicle) -> ObservationModel:
-    """Return the frame of a vehicle: ground frame with rotors, air frame without."""
-    return GROUND_FRAME if vehicle.has_rotors else AIR_FRAME
+    """Return the observation model of a vehicle's frame."""
+    return _MODELS[vehicle.frame]
 
 
 def state_channels(vehicle: Vehicle) -> tuple[str, ...]:
@@ -129,22 +133,9 @@ def guess_start(
 ) -> tuple[dict[str, float], list[str]]:
     """Guess the state at the first sample from a line through the first 0.2 s of each channel.
 
-    Sensor bias, scale and vane position are undone with the vehicle file's values.
-
-    Parameters
-    ----------
-    t : (n,), s
-    readings : mapping
-        Channel of :func:`state_channels` -> (n,), NaN where missing.
-    where : str
-        The maneuver, for messages.
-
-    Returns
-    -------
-    start : dict
-        By the vehicle's ``start_names``, without the altitude.
-    missing : list of str
-        Observed channels that were not recorded: their start is a default.
+    Sensor bias, scale and vane position are undone with the vehicle file's values. Times (n,) are in s, readings those of
+    :func:`state_channels`, (n,), NaN where missing; `where` is the maneuver, for messages. The start has the vehicle's
+    ``start_names``, without the altitude; observed channels that were not recorded are returned too: their start is a default.
     """
     model, missing = observation_model(vehicle), []
     start = model.default_start(vehicle)

@@ -50,8 +50,8 @@ def model() -> SymbolicModel:
     """Return the equations."""
     import sympy as sp
 
-    from stoop.vehicle.symbolic import frames, rigid_body
-    from stoop.vehicle.symbolic.symbols import Vector, add, cross, subtract
+    from stoop.vehicle.symbolic import frames
+    from stoop.vehicle.symbolic.frames import Vector, add, cross, subtract
 
     x = {name: sp.Symbol(f"state {name}", real=True) for name in STATES}
     z = {name: sp.Symbol(f"input {name}", real=True) for name in INPUTS}
@@ -74,7 +74,7 @@ def model() -> SymbolicModel:
         **{name: x[name] for name in ("pn", "pe", "pd")},
     }  # fmt: skip
     rates: tuple[Any, ...] = (
-        *rigid_body.acceleration(force, sp.Float(STANDARD_GRAVITY), turned.down, velocity, omega),
+        *frames.body_acceleration(force, sp.Float(STANDARD_GRAVITY), turned.down, velocity, omega),
         *frames.quaternion_rate(e, omega),
         *ground,
     )
@@ -100,7 +100,7 @@ def _conjugate(e: tuple[Any, Any, Any, Any]) -> tuple[Any, Any, Any, Any]:
 
 def _turn(e: tuple[Any, Any, Any, Any], a: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
     """Turn a vector from body to Earth axes: a + 2 e0 (e x a) + 2 e x (e x a), for a unit quaternion."""
-    from stoop.vehicle.symbolic.symbols import add, cross, scale
+    from stoop.vehicle.symbolic.frames import add, cross, scale
 
     axis = e[1:]
     once = cross(axis, a)
@@ -114,6 +114,5 @@ def kernel() -> Kernel:
 
 def _version() -> str:
     """Return what decides the equations: this file and the symbols that it is made of."""
-    symbolic = Path(__file__).parents[1] / "vehicle" / "symbolic"
-    sources = [Path(__file__), *(symbolic / f"{name}.py" for name in ("frames", "rigid_body", "symbols"))]
+    sources = [Path(__file__), Path(__file__).parents[1] / "vehicle" / "symbolic" / "frames.py"]
     return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()

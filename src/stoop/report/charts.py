@@ -119,14 +119,7 @@ def _band(axes: Axes, low: float, high: float) -> Markup:
 def forest_row(one: ParameterEstimate, drawn: Ends, kind: str, description: str) -> Markup:
     """Return estimate and interval over prior, starting value and bounds, on a scale of the row's own.
 
-    Parameters
-    ----------
-    one : ParameterEstimate
-    drawn : (low, high)
-        Ends of the interval.
-    kind : "sure", "unsure" or "bound"
-        Class of interval and estimate.
-    description : str
+    `drawn` are the ends of the interval; `kind` is the class of interval and estimate: "sure", "unsure" or "bound".
     """
     width, height = 260.0, 26.0
     middle = height / 2

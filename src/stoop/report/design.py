@@ -146,17 +146,7 @@ def windows_sheet(
 ) -> Sheet:
     """Return the page.
 
-    Parameters
-    ----------
-    found : Found
-    flights : mapping
-        By name.
-    vehicle : str
-        Its name, or empty.
-    command : str
-        By which the windows were made.
-    following : sequence of str
-        Words of the command that takes the file.
+    `vehicle` is its name or empty; `following` are the words of the command that takes the file.
     """
     criterion = BY_VEHICLE.format(vehicle=vehicle) if vehicle else BY_COMMAND
     sections = [

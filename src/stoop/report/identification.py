@@ -13,6 +13,7 @@ from markupsafe import Markup
 
 from stoop.base.numbers import NOTHING, count, listed, number, window
 from stoop.errors import StoopError
+from stoop.report import sheet
 from stoop.report.charts import convergence_panel
 from stoop.report.estimates import (
     correlation_section,
@@ -31,24 +32,6 @@ from stoop.report.maneuvers import (
     segments_text,
 )
 from stoop.report.modes import modes_section, repeatability_section
-from stoop.report.sheet import (
-    Bullets,
-    Details,
-    Drawing,
-    Heading,
-    Level,
-    Panel,
-    Panels,
-    Part,
-    Prose,
-    Section,
-    Sheet,
-    Table,
-    Verdict,
-    mathml,
-    render_sheet,
-    write_sheet,
-)
 from stoop.results.result import Identification, Result, Role
 
 MAX_NOT_IDENTIFIABLE: Final = 0.5  #: share of the parameters; above it the estimates are no model
@@ -62,7 +45,7 @@ ENDINGS: Final = {
     "generations": "The search ran out of generations before it converged",
     "interrupted": "The search was interrupted; this is the best it had found",
 }
-HEADLINES: Final[dict[Level, str]] = {
+HEADLINES: Final[dict[sheet.Level, str]] = {
     "good": "The model matches the flight, and its parameters are identifiable.",
     "caution": "Usable, with reservations: read the points below first.",
     "bad": "Do not rely on these numbers yet.",
@@ -85,7 +68,7 @@ def write_report(identification: Identification, path: Path) -> None:
     OutputError
         When the file cannot be written.
     """
-    write_sheet(identification_sheet(identification), path)
+    sheet.write_sheet(identification_sheet(identification), path)
 
 
 def write_validation(identification: Identification, path: Path) -> None:
@@ -96,15 +79,15 @@ def write_validation(identification: Identification, path: Path) -> None:
     OutputError
         When the file cannot be written.
     """
-    write_sheet(validation_sheet(identification), path)
+    sheet.write_sheet(validation_sheet(identification), path)
 
 
 def render(identification: Identification) -> str:
     """Return the report as HTML."""
-    return render_sheet(identification_sheet(identification))
+    return sheet.render_sheet(identification_sheet(identification))
 
 
-def identification_sheet(identification: Identification) -> Sheet:
+def identification_sheet(identification: Identification) -> sheet.Sheet:
     """Return the report."""
     result = identification.result
     roles = [m.role for m in result.maneuvers]
@@ -117,25 +100,28 @@ def identification_sheet(identification: Identification) -> Sheet:
         (maneuver_title(m), m.role, segments_text(m), ", ".join(m.channels)) for m in result.maneuvers
     )
     head = ("Maneuver", "Role", "Data used", "Channels")
-    parts: list[Part] = [Table("", head, rows, ("", "", "wrap", "wrap"), label="Maneuvers")]
-    parts += [Bullets(result.basis, "notes")] if result.basis else []
+    parts: list[sheet.Part] = [sheet.Table("", head, rows, ("", "", "wrap", "wrap"), label="Maneuvers")]
+    parts += [sheet.Bullets(result.basis, "notes")] if result.basis else []
     if identification.equations:
-        formulas = Markup("").join(mathml(latex, "block") for latex in identification.equations)
-        parts += [Heading("Equations"), Drawing("equations", formulas, "Model equations")]
+        formulas = Markup("").join(sheet.mathml(latex, "block") for latex in identification.equations)
+        parts += [sheet.Heading("Equations"), sheet.Drawing("equations", formulas, "Model equations")]
     if result.data_notices:
-        parts += [Heading("Found while preparing the data"), Bullets(result.data_notices, "notes")]
+        parts += [
+            sheet.Heading("Found while preparing the data"),
+            sheet.Bullets(result.data_notices, "notes"),
+        ]
 
     search = None
     convergence = np.asarray(identification.convergence, dtype=np.float64).reshape(-1, 2)
     drawn = convergence_panel(convergence)
     if drawn is not None:
         text = f"Best cost against simulated trajectories. It ended at {number(result.cost, 6)}."
-        panel = Panel("Cost", drawn, meaning="against whole-trajectory equivalents")
-        search = Section("Search", (Prose(text, muted=True), Panels((panel,), "large")))
+        panel = sheet.Panel("Cost", drawn, meaning="against whole-trajectory equivalents")
+        search = sheet.Section("Search", (sheet.Prose(text, muted=True), sheet.Panels((panel,), "large")))
 
     sections = (
-        Section("Warnings", (Bullets(result.warnings, "warnings"),)) if result.warnings else None,
-        Section("What was fitted", parts),
+        sheet.Section("Warnings", (sheet.Bullets(result.warnings, "warnings"),)) if result.warnings else None,
+        sheet.Section("What was fitted", parts),
         estimates_section(identification),
         uncertainty_section(identification),
         role_section(identification, "fit"),
@@ -150,29 +136,33 @@ def identification_sheet(identification: Identification) -> Sheet:
         _provenance_section(identification, validation=False),
     )
     there = tuple(section for section in sections if section is not None)
-    return Sheet(identification.vehicle, lead, there, "identification report", verdict(result))
+    return sheet.Sheet(identification.vehicle, lead, there, "identification report", verdict(result))
 
 
-def validation_sheet(identification: Identification) -> Sheet:
+def validation_sheet(identification: Identification) -> sheet.Sheet:
     """Return the page of a validation."""
     result, maneuvers = identification.result, identification.result.maneuvers
     lead = f"A fitted model predicts {count(len(maneuvers), 'maneuver')} that it was not fitted to"
     sentences = tuple(filter(None, (_match(result, "validation"), *result.warnings)))
-    overview: list[Part] = [Prose(VALIDATION_LEAD, muted=True), comparison_table(maneuvers)]
-    overview += [Bullets(result.basis, "notes")] if result.basis else []
+    overview: list[sheet.Part] = [sheet.Prose(VALIDATION_LEAD, muted=True), comparison_table(maneuvers)]
+    overview += [sheet.Bullets(result.basis, "notes")] if result.basis else []
     if result.data_notices:
         summary = f"Found while preparing the data ({len(result.data_notices)})"
-        overview.append(Details(summary, (Bullets(result.data_notices, "notes"),)))
+        overview.append(sheet.Details(summary, (sheet.Bullets(result.data_notices, "notes"),)))
     pages = [
-        Section(maneuver_title(m), maneuver_parts(identification, m, trace))
+        sheet.Section(maneuver_title(m), maneuver_parts(identification, m, trace))
         for m, trace in zip(maneuvers, identification.traces, strict=True)
     ]
-    sections = (Section("Overview", overview), *pages, _provenance_section(identification, validation=True))
+    sections = (
+        sheet.Section("Overview", overview),
+        *pages,
+        _provenance_section(identification, validation=True),
+    )
     judged = prediction_verdict(maneuvers, sentences)
-    return Sheet(identification.vehicle, lead, sections, "validation", judged)
+    return sheet.Sheet(identification.vehicle, lead, sections, "validation", judged)
 
 
-def _provenance_section(identification: Identification, *, validation: bool) -> Section:
+def _provenance_section(identification: Identification, *, validation: bool) -> sheet.Section:
     """Return command, versions and hashes of the inputs."""
     result = identification.result
     spent = f"{number(result.trajectories, 4)} trajectories, {number(result.seconds, 3)} s"
@@ -184,17 +174,19 @@ def _provenance_section(identification: Identification, *, validation: bool) -> 
         ("Versions", versions or NOTHING),
         *((name, f"sha256 {digest}") for name, digest in result.inputs.items()),
     ]
-    table = Table("", ("", ""), tuple(rows), ("", "wrap mono"), label="Provenance")
-    return Section("Provenance", (table,) if validation else (Prose(SAME_AGAIN, muted=True), table))
+    table = sheet.Table("", ("", ""), tuple(rows), ("", "wrap mono"), label="Provenance")
+    return sheet.Section(
+        "Provenance", (table,) if validation else (sheet.Prose(SAME_AGAIN, muted=True), table)
+    )
 
 
-def verdict(result: Result) -> Verdict:
+def verdict(result: Result) -> sheet.Verdict:
     """Return the verdict on a result, from notices, goodness of fit and identifiability."""
     parameters = result.parameters
     unknown = [name for name, one in parameters.items() if not one.identifiable]
     bounded = [name for name, one in parameters.items() if one.at_bound]
     lost, fitted = _lost(result, "fit"), _compared(result, "fit")
-    level: Level = "good"
+    level: sheet.Level = "good"
     if bool(unknown or bounded or result.warnings or lost or _lost(result, "validation")) or not any(
         m.role == "validation" for m in result.maneuvers
     ):
@@ -219,7 +211,7 @@ def verdict(result: Result) -> Verdict:
     text += f"; {together} of them known only in combination with others." if together else "."
     sentences = (f"{how}, after {spent}. {result.advice}".rstrip(), text, _match(result, "fit"))
     every = (*sentences, _match(result, "validation"))
-    return Verdict(level, HEADLINES[level], tuple(sentence for sentence in every if sentence))
+    return sheet.Verdict(level, HEADLINES[level], tuple(sentence for sentence in every if sentence))
 
 
 def _match(result: Result, role: Role) -> str:
@@ -268,15 +260,15 @@ def _lost(result: Result, role: Role) -> list[str]:
 class Page:
     """A page that works offline; a notebook shows it in a frame of its own."""
 
-    sheet: Sheet
+    content: sheet.Sheet
 
     def save(self, path: str | Path) -> Path:
         """Write the page as HTML, whole or not at all."""
-        write_sheet(self.sheet, Path(path))
+        sheet.write_sheet(self.content, Path(path))
         return Path(path)
 
     def _repr_html_(self) -> str:
-        content = escape(render_sheet(self.sheet), quote=True)
+        content = escape(sheet.render_sheet(self.content), quote=True)
         return f'<iframe srcdoc="{content}" width="100%" height="640" style="border:0"></iframe>'
 
 
@@ -314,7 +306,7 @@ class Plots:
         """Return the whole report."""
         return Page(identification_sheet(self.identification))
 
-    def _page(self, section: Section | None, missing: str) -> Page:
+    def _page(self, section: sheet.Section | None, missing: str) -> Page:
         if section is None:
             raise StoopError(f"plot: {missing} in this result")
-        return Page(Sheet(self.identification.vehicle, "", (section,), "plot"))
+        return Page(sheet.Sheet(self.identification.vehicle, "", (section,), "plot"))

@@ -13,22 +13,9 @@ from stoop.assessment.covariance import autocorrelation
 from stoop.base.arrays import FloatArray, runs
 from stoop.base.numbers import NOTHING, factor_and_unit, number, share, window
 from stoop.base.variables import VARIABLES
+from stoop.report import sheet
 from stoop.report.charts import LARGE, Curves, autocorrelation_panel, channel_panel, plain_panel
 from stoop.report.estimates import label, quantity_table
-from stoop.report.sheet import (
-    Bullets,
-    Details,
-    Heading,
-    Legend,
-    Level,
-    Panel,
-    Panels,
-    Part,
-    Prose,
-    Section,
-    Table,
-    Verdict,
-)
 from stoop.results.result import (
     AirDataTrace,
     GoodnessOfFit,
@@ -100,21 +87,21 @@ def segments_text(maneuver: ManeuverResult) -> str:
     return ", ".join(window(*segment) for segment in maneuver.segments)
 
 
-def role_section(identification: Identification, role: Role) -> Section | None:
+def role_section(identification: Identification, role: Role) -> sheet.Section | None:
     """Return the maneuvers of one role; None without any."""
-    parts: list[Part] = [Prose(LEADS[role], muted=True)]
+    parts: list[sheet.Part] = [sheet.Prose(LEADS[role], muted=True)]
     pairs = zip(identification.result.maneuvers, identification.traces, strict=True)
     for maneuver, trace in pairs:
         if maneuver.role == role:
-            parts.append(Heading(maneuver_title(maneuver), role))
+            parts.append(sheet.Heading(maneuver_title(maneuver), role))
             parts += maneuver_parts(identification, maneuver, trace)
     title, short = TITLES[role]
-    return Section(title, parts, short) if len(parts) > 1 else None
+    return sheet.Section(title, parts, short) if len(parts) > 1 else None
 
 
 def maneuver_parts(
     identification: Identification, maneuver: ManeuverResult, trace: ManeuverTrace
-) -> list[Part]:
+) -> list[sheet.Part]:
     """Return what a maneuver shows: segments, goodness of fit, curves and inputs."""
     segments = segments_text(maneuver)
     each = " Each piece has its own initial state." if ", " in segments else ""
@@ -126,22 +113,22 @@ def maneuver_parts(
         ("", "time in s of the log’s own clock; shaded: no data"),
     )
     names = [name for name in trace.channels if name in maneuver.channels]
-    parts: list[Part] = [Prose(f"Data used: {segments}.{each}", muted=True)] if segments else []
+    parts: list[sheet.Part] = [sheet.Prose(f"Data used: {segments}.{each}", muted=True)] if segments else []
     parts += [
         _goodness(identification, maneuver, names),
         _more_goodness(identification, maneuver),
-        Legend(keys),
-        Panels([_channel(identification, name, maneuver, trace) for name in trace.channels]),
+        sheet.Legend(keys),
+        sheet.Panels([_channel(identification, name, maneuver, trace) for name in trace.channels]),
     ]
     inputs = []
     for name, values in trace.inputs.items():
         factor, unit = _shown_unit(identification, name)
         drawn = plain_panel(trace.time, [("input", finite_part(factor * values))], f"Input {name}.")
-        inputs.append(Panel(label(identification, name), drawn, unit, _meaning(name)))
-    return [*parts, Details("Inputs", (Panels(inputs),), open=True)] if inputs else parts
+        inputs.append(sheet.Panel(label(identification, name), drawn, unit, _meaning(name)))
+    return [*parts, sheet.Details("Inputs", (sheet.Panels(inputs),), open=True)] if inputs else parts
 
 
-def _goodness(identification: Identification, maneuver: ManeuverResult, names: Sequence[str]) -> Table:
+def _goodness(identification: Identification, maneuver: ManeuverResult, names: Sequence[str]) -> sheet.Table:
     """Return the goodness of fit of every channel, Theil's coefficient drawn beside the lag's."""
     found = [v for one in maneuver.channels.values() for v in (one.theil, one.baseline_theil)]
     greatest = max((v for v in found if math.isfinite(v)), default=1.0)
@@ -176,10 +163,10 @@ def _goodness(identification: Identification, maneuver: ManeuverResult, names: S
         "Offset", "Amplitude", "Rest",
     )  # fmt: skip
     kinds = ("", "n", "", "n", "n", "", "", "n", "n", "n", "n")
-    return Table("", head, tuple(rows), kinds, label=f"Goodness of fit, {maneuver_title(maneuver)}")
+    return sheet.Table("", head, tuple(rows), kinds, label=f"Goodness of fit, {maneuver_title(maneuver)}")
 
 
-def _more_goodness(identification: Identification, maneuver: ManeuverResult) -> Details:
+def _more_goodness(identification: Identification, maneuver: ManeuverResult) -> sheet.Details:
     rows = []
     for name, one in maneuver.channels.items():
         factor, unit = _shown_unit(identification, name)
@@ -194,13 +181,13 @@ def _more_goodness(identification: Identification, maneuver: ManeuverResult) -> 
         "Channel", "Of", "RMS error", "Left out", "Unit", "R²", "Offset / amplitude / rest", "Q", "Residuals",
     )  # fmt: skip
     kinds = ("", "", "n", "n", "", "n", "n", "n", "")
-    table = Table("", head, tuple(rows), kinds, label=f"More figures, {maneuver_title(maneuver)}")
-    return Details("More figures, each beside the lag’s", (Prose(MORE_LEAD, muted=True), table))
+    table = sheet.Table("", head, tuple(rows), kinds, label=f"More figures, {maneuver_title(maneuver)}")
+    return sheet.Details("More figures, each beside the lag’s", (sheet.Prose(MORE_LEAD, muted=True), table))
 
 
 def _channel(
     identification: Identification, name: str, maneuver: ManeuverResult, trace: ManeuverTrace
-) -> Panel:
+) -> sheet.Panel:
     factor, unit = _shown_unit(identification, name)
     channel, baseline, one = trace.channels[name], trace.baseline.get(name), maneuver.channels.get(name)
     curves = Curves(
@@ -219,10 +206,10 @@ def _channel(
         lag = f" · lag {_decimals(one.baseline_theil)}{mark}" if mark else ""
         note = f"U {_decimals(one.theil)}{lag} · R² {_decimals(one.r2)}"
     drawn = channel_panel(curves, maneuver.role, f"{description}.")
-    return Panel(label(identification, name), drawn, unit, _meaning(name), note)
+    return sheet.Panel(label(identification, name), drawn, unit, _meaning(name), note)
 
 
-def residuals_section(identification: Identification) -> Section | None:
+def residuals_section(identification: Identification) -> sheet.Section | None:
     """Return the autocorrelation of the residuals of every channel over the fitted maneuvers."""
     found: dict[str, tuple[list[FloatArray], float]] = {}  # channel -> residuals by segment, sample period
     for maneuver, trace in zip(identification.result.maneuvers, identification.traces, strict=True):
@@ -240,7 +227,7 @@ def residuals_section(identification: Identification) -> Section | None:
         if samples < 3 or not np.isfinite(values).all():
             continue
         drawn = autocorrelation_panel(values, period, samples, name)
-        panels.append(Panel(label(identification, name), drawn, meaning=_meaning(name)))
+        panels.append(sheet.Panel(label(identification, name), drawn, meaning=_meaning(name)))
         if lags and abs(values[1]) > COLORED / math.sqrt(samples):
             colored.append(name)
     if not panels:
@@ -255,11 +242,11 @@ def residuals_section(identification: Identification) -> Section | None:
         if colored
         else "No channel clearly leaves it."
     )
-    parts = (Prose(lead, muted=True), Panels(panels, "small"))
-    return Section("Residuals: what the model leaves over", parts, "Residuals")
+    parts = (sheet.Prose(lead, muted=True), sheet.Panels(panels, "small"))
+    return sheet.Section("Residuals: what the model leaves over", parts, "Residuals")
 
 
-def comparison_table(maneuvers: Sequence[ManeuverResult]) -> Table:
+def comparison_table(maneuvers: Sequence[ManeuverResult]) -> sheet.Table:
     """Return Theil's coefficients of all maneuvers and channels, the lag's beneath the model's."""
     channels = tuple(dict.fromkeys(name for m in maneuvers for name in m.channels))
     rows: list[tuple[str, ...]] = []
@@ -270,14 +257,14 @@ def comparison_table(maneuvers: Sequence[ManeuverResult]) -> Table:
         lag = (_decimals(one.baseline_theil) if one else NOTHING for one in found)
         rows += [(maneuver_title(m), "model", *model), ("", "lag", *lag)]
     kinds = ("", "", *("n" for _ in channels))
-    return Table("", ("Maneuver", "Of", *channels), tuple(rows), kinds, label="Theil's coefficients")
+    return sheet.Table("", ("Maneuver", "Of", *channels), tuple(rows), kinds, label="Theil's coefficients")
 
 
-def prediction_verdict(maneuvers: Sequence[ManeuverResult], sentences: tuple[str, ...]) -> Verdict:
+def prediction_verdict(maneuvers: Sequence[ManeuverResult], sentences: tuple[str, ...]) -> sheet.Verdict:
     """Return how well a model predicts, by the share of channels in which it beats the lag."""
     compared = [found for m in maneuvers for one in m.channels.values() if (found := _against_lag(one))]
     better = compared.count("better") / len(compared) if compared else 0.0
-    level: Level
+    level: sheet.Level
     if not compared:
         level, headline = "caution", "There is no trivial model to compare with."
     elif better > PREDICTS:
@@ -289,23 +276,23 @@ def prediction_verdict(maneuvers: Sequence[ManeuverResult], sentences: tuple[str
         level, headline = "caution", "The model predicts some of what it was not fitted to."
     else:
         level, headline = "bad", "A first-order lag predicts as well."
-    return Verdict(level, headline, sentences)
+    return sheet.Verdict(level, headline, sentences)
 
 
-def air_section(identification: Identification) -> Section | None:
+def air_section(identification: Identification) -> sheet.Section | None:
     """Return wind, pitot calibration and air data of all flights; None without any."""
     result = identification.result
-    parts: list[Part] = [Prose(AIR_LEAD, muted=True)]
-    parts += [Bullets(one.notes) for one in result.wind if one.notes]
+    parts: list[sheet.Part] = [sheet.Prose(AIR_LEAD, muted=True)]
+    parts += [sheet.Bullets(one.notes) for one in result.wind if one.notes]
     winds = [(one.flight, one.values) for one in result.wind]
     if winds:
         parts.append(quantity_table(identification, "Wind and pitot calibration", "Flight", winds))
     for air in identification.air_data:
-        parts += [Heading(air.flight), Panels(air_panels(identification, air), "large")]
-    return Section("Wind and pitot", parts) if len(parts) > 1 else None
+        parts += [sheet.Heading(air.flight), sheet.Panels(air_panels(identification, air), "large")]
+    return sheet.Section("Wind and pitot", parts) if len(parts) > 1 else None
 
 
-def air_panels(identification: Identification, air: AirDataTrace) -> list[Panel]:
+def air_panels(identification: Identification, air: AirDataTrace) -> list[sheet.Panel]:
     """Return the drawings of the air data of a flight; curves of no known kind get one each."""
     known = {name for _, _, curves in AIR_GROUPS for name in curves}
     others = [(n, identification.units.get(n, ""), {n: n}) for n in air.curves if n not in known]
@@ -325,7 +312,7 @@ def air_panels(identification: Identification, air: AirDataTrace) -> list[Panel]
             keys.append(Markup('<span class="key {}">{}</span>').format(kind, text))
         # Later curves are drawn over earlier ones: the reconstructed one comes first and is drawn last.
         panel = plain_panel(time, drawn[::-1], f"{title} over the flight.", LARGE, AIR_HEIGHT)
-        panels.append(Panel(title, panel, shown_unit, Markup(" ").join(keys)))
+        panels.append(sheet.Panel(title, panel, shown_unit, Markup(" ").join(keys)))
     return panels
 
 

@@ -57,17 +57,7 @@ def structure_sheet(
 ) -> Sheet:
     """Return the page: chosen terms, the steps to them, and the coefficients over time.
 
-    Parameters
-    ----------
-    structure : Structure
-        Terms by coefficient, with the steps in which they were chosen.
-    vehicle : Vehicle
-        With the chosen terms.
-    names : mapping
-        Coefficient -> term -> parameter.
-    estimates : mapping of str to (float, float)
-        Estimate and standard error by parameter.
-    command : str
+    `names` are parameters by coefficient and term; `estimates` are estimate and standard error by parameter.
     """
     sections, steps_head = (
         [],

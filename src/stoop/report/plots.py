@@ -237,20 +237,12 @@ def _short(value: str | float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """A named curve.
+    """A named curve."""
 
-    Attributes
-    ----------
-    name : str
-        Stands in the legend; series of one name share their looks.
-    x, y : (n,), NaN breaks the curve
-    kind : "line", "steps" (each value holds until the next x) or "points"
-    """
-
-    name: str
-    x: FloatArray
+    name: str  #: stands in the legend; series of one name share their looks
+    x: FloatArray  #: (n,), NaN breaks the curve
     y: FloatArray
-    kind: Kind = "line"
+    kind: Kind = "line"  #: "line", "steps" (each value holds until the next x) or "points"
 
 
 @dataclass(frozen=True, eq=False)
@@ -326,13 +318,7 @@ def stacked_plots(
 ) -> Markup:
     """Return several plots, one below another, over one straight x axis, with one legend.
 
-    Parameters
-    ----------
-    strips : sequence of Strip
-    x_label : str, with unit
-    description : str, for screen readers
-    shades : sequence of Shade
-        Drawn behind the curves of every strip, one that is declined behind the others; named above the first.
+    `shades` are drawn behind the curves of every strip, one that is declined behind the others; named above the first.
     """
     every = [one for strip in strips for one in strip.series]
     looks = _looks([one.name for one in every])

@@ -93,28 +93,15 @@ class Code:
 
 @dataclass(frozen=True)
 class Table:
-    """Ready texts; a column whose cells look like numbers is set flush right.
-
-    Attributes
-    ----------
-    caption : str
-    head : tuple of str, one per column
-    rows : tuple of rows, each as long as the head; the first cell names the row
-    kinds : tuple of str
-        Class of each column ("n": flush right); by default as its cells look.
-    row_kinds : tuple of str
-        Class of each row, if any.
-    label : str
-        For who cannot see it, where there is no caption.
-    """
+    """Ready texts; a column whose cells look like numbers is set flush right."""
 
     template: ClassVar = "table"
     caption: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    kinds: tuple[str, ...] = ()
-    row_kinds: tuple[str, ...] = ()
-    label: str = "Table"
+    head: tuple[str, ...]  #: one per column
+    rows: tuple[tuple[str, ...], ...]  #: each as long as the head; the first cell names the row
+    kinds: tuple[str, ...] = ()  #: class of each column ("n": flush right); by default as its cells look
+    row_kinds: tuple[str, ...] = ()  #: class of each row, if any
+    label: str = "Table"  #: for who cannot see it, where there is no caption
 
     @property
     def numeric(self) -> tuple[bool, ...]:
@@ -236,23 +223,12 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Sheet:
-    """A page.
-
-    Attributes
-    ----------
-    title : str
-    lead : str
-        What the reader should know first; written as `Prose`.
-    sections : tuple of Section
-    kind : str
-        What sort of page it is.
-    verdict : Verdict, optional
-    """
+    """A page."""
 
     title: str
-    lead: str
+    lead: str  #: what the reader should know first; written as `Prose`
     sections: tuple[Section, ...]
-    kind: str = "study"
+    kind: str = "study"  #: what sort of page it is
     verdict: Verdict | None = None
 
 
@@ -294,12 +270,7 @@ def _environment() -> Environment:
 def mathml(latex: str, display: str = "inline") -> Markup:
     """Return `latex` as a MathML element; what cannot be rendered is shown as it was written.
 
-    Parameters
-    ----------
-    latex : str
-        May come from a file: nothing but mathematics gets into the page.
-    display : str
-        ``"inline"`` or ``"block"``.
+    It may come from a file: nothing but mathematics gets into the page. `display` is "inline" or "block".
     """
     from latex2mathml.converter import convert  # it loads large tables
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import io
+import tempfile
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -98,11 +99,12 @@ def to_arviz(attachments: Mapping[str, bytes]) -> Any:
         raise StoopError("no posterior was drawn; assess the result with stoop.Posterior() first")
     try:
         import arviz
-        import xarray as xr
     except ImportError:
         raise StoopError("ArviZ is not installed; pip install 'stoop[posterior]'") from None
-    with xr.open_dataset(io.BytesIO(content), engine="scipy") as file:
-        return arviz.InferenceData(posterior=file.load())
+    with tempfile.TemporaryDirectory(prefix="stoop-") as folder, arviz.rc_context({"data.load": "eager"}):
+        path = Path(folder) / "posterior.nc"
+        path.write_bytes(content)
+        return arviz.from_netcdf(str(path), engine="h5netcdf")
 
 
 def html_table(result: Result) -> str:

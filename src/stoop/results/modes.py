@@ -38,41 +38,21 @@ class MeasuredMode:
 
 @dataclass(frozen=True)
 class ModeEstimate:
-    """One natural mode of the fitted model, with intervals from the covariance of the parameters.
+    """One natural mode of the fitted model, with intervals from the covariance of the parameters."""
 
-    Attributes
-    ----------
-    name : str
-        Short period, phugoid, Dutch roll, roll, spiral, or what it has become.
-    real, imag : Estimate, 1/s
-        The eigenvalue; of a pair the one with the positive imaginary part.
-    frequency : Estimate, rad/s
-        Undamped natural frequency; of a real mode the size of its eigenvalue.
-    damping : Estimate
-        Damping ratio; 1 or -1 for a real mode.
-    time_constant : Estimate, s
-        Minus one over the real part; no interval where that may be zero.
-    method : str
-        ``"delta"``: standard errors by the derivatives of the eigenvalue; ``"sampled"``: percentiles, because the
-        mode changes its character within the uncertainty of the parameters.
-    other_character : float
-        Share of samples of the parameters in which a pair has become two real modes, or the other way around.
-    remark : str
-        What to know about it, in words.
-    measured : tuple of MeasuredMode
-        The same mode in the records, where it is identifiable.
-    """
-
-    name: str
-    real: Estimate
+    name: str  #: short period, phugoid, Dutch roll, roll, spiral, or what it has become
+    real: Estimate  #: 1/s; the eigenvalue; of a pair the one with the positive imaginary part
     imag: Estimate
-    frequency: Estimate
-    damping: Estimate
-    time_constant: Estimate
+    frequency: Estimate  #: rad/s; undamped natural frequency; of a real mode the size of its eigenvalue
+    damping: Estimate  #: damping ratio; 1 or -1 for a real mode
+    time_constant: Estimate  #: s; minus one over the real part; no interval where that may be zero
+    #: ``"delta"``: standard errors by the derivatives of the eigenvalue; ``"sampled"``: percentiles, because the mode
+    #: changes its character within the uncertainty of the parameters
     method: str = "delta"
+    #: share of samples of the parameters in which a pair has become two real modes, or the other way around
     other_character: float = 0.0
-    remark: str = ""
-    measured: tuple[MeasuredMode, ...] = ()
+    remark: str = ""  #: what to know about it, in words
+    measured: tuple[MeasuredMode, ...] = ()  #: the same mode in the records, where it is identifiable
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.files import write_text_atomic
-from stoop.base.notices import Notice, as_notice, from_dict, of_severity
+from stoop.base.notices import AS_SENTENCES, Notice, as_notice, from_dict, of_severity
 from stoop.errors import StoopError
 from stoop.results.modes import ConditionModes
 from stoop.results.uncertainty import IdentifiabilityAnalysis, MethodIntervals, Repeatability
@@ -34,38 +34,20 @@ NAN: Final = math.nan
 
 @dataclass(frozen=True)
 class ParameterEstimate:
-    """One estimated parameter; a number that does not exist is NaN (``null`` in JSON).
+    """One estimated parameter; a number that does not exist is NaN (``null`` in JSON)."""
 
-    Attributes
-    ----------
-    estimate, std_error, ci95_lower, ci95_upper : float, `unit`
-        The estimate, its standard error and 95 % confidence interval.
-    bound_lower, bound_upper : float, `unit`
-        The box that was searched; infinite where unbounded.
-    at_bound : bool
-        The estimate lies on the box: the number is the box's, not the flight's.
-    identifiable : bool
-        False when the data do not determine the parameter; it has no interval then.
-    unit : str
-        ``"1"`` for a pure number.
-    prior_mean, prior_std : float, `unit`
-        The prior used in the fit; NaN without one.
-    start : float, `unit`
-        The vehicle file's value, from which the search began.
-    """
-
-    estimate: float
+    estimate: float  #: in `unit`, as its standard error and 95 % confidence interval
     std_error: float = NAN
     ci95_lower: float = NAN
     ci95_upper: float = NAN
-    bound_lower: float = -math.inf
+    bound_lower: float = -math.inf  #: the box that was searched, `unit`; infinite where unbounded
     bound_upper: float = math.inf
-    at_bound: bool = False
-    identifiable: bool = True
-    unit: str = "1"
-    prior_mean: float = NAN
+    at_bound: bool = False  #: the estimate lies on the box: the number is the box's, not the flight's
+    identifiable: bool = True  #: false when the data do not determine the parameter; it has no interval then
+    unit: str = "1"  #: ``"1"`` for a pure number
+    prior_mean: float = NAN  #: the prior used in the fit, `unit`; NaN without one
     prior_std: float = NAN
-    start: float = NAN
+    start: float = NAN  #: the vehicle file's value, `unit`, from which the search began
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +105,7 @@ class WindEstimate:
     flight: str
     values: Mapping[str, Quantity]
     residual_rms: float = NAN
-    notes: tuple[str, ...] = ()
+    notes: tuple[Notice, ...] = field(default=(), metadata=AS_SENTENCES)
 
 
 @dataclass(frozen=True)
@@ -137,27 +119,14 @@ class TheilShares:
 
 @dataclass(frozen=True)
 class Whiteness:
-    """Whether residuals are white, by the statistic of Ljung and Box.
+    """Whether residuals are white, by the statistic of Ljung and Box."""
 
-    Attributes
-    ----------
-    autocorrelation : float
-        Between neighboring samples (lag 1); NaN where no two are neighbors.
-    statistic : float
-        Q; chi-square with `lags` degrees of freedom if the residuals are white.
-    lags : int
-        How many autocorrelations it sums, those of lags that occur; 0 where there are too few residuals.
-    p_value : float
-        Chance of a statistic as large from white residuals.
-    verdict : str
-        ``"white"`` (not rejected at 5 %) or ``"colored"``; empty where there is none.
-    """
-
-    autocorrelation: float = NAN
-    statistic: float = NAN
+    autocorrelation: float = NAN  #: between neighboring samples (lag 1); NaN where no two are neighbors
+    statistic: float = NAN  #: Q; chi-square with `lags` degrees of freedom if the residuals are white
+    #: how many autocorrelations it sums, those of lags that occur; 0 where there are too few residuals
     lags: int = 0
-    p_value: float = NAN
-    verdict: str = ""
+    p_value: float = NAN  #: chance of a statistic as large from white residuals
+    verdict: str = ""  #: ``"white"`` (not rejected at 5 %) or ``"colored"``; empty where there is none
 
 
 @dataclass(frozen=True)
@@ -173,37 +142,20 @@ class BaselineFit:
 
 @dataclass(frozen=True)
 class GoodnessOfFit:
-    """Goodness of fit of one channel in one maneuver.
+    """Goodness of fit of one channel in one maneuver."""
 
-    Attributes
-    ----------
-    rmse : float, the channel's unit
-        Root mean square of measured minus simulated.
-    theil : float
-        Theil's inequality coefficient, 0 perfect, 1 worst; channels low-passed at 10 Hz, zero phase.
-    r2 : float
-        Coefficient of determination; at most 1, negative when the mean of the data does better.
-    baseline_theil : float
-        The same coefficient of a first-order lag, NaN where no lag applies.
-    press : float, the channel's unit
-        Root mean square of the residuals had each second of the record been left out of the fit in turn (PRESS
-        over the number of samples); NaN where nothing was fitted.
-    theil_shares : TheilShares
-        Bias, variance and covariance in the squared error of the curves as they are.
-    whiteness : Whiteness
-        Of the residuals.
-    baseline : BaselineFit
-        The same figures of the first-order lag.
-    """
-
-    rmse: float
+    rmse: float  #: the channel's unit; root mean square of measured minus simulated
+    #: theil's inequality coefficient, 0 perfect, 1 worst; channels low-passed at 10 Hz, zero phase
     theil: float
-    r2: float
-    baseline_theil: float = NAN
+    r2: float  #: coefficient of determination; at most 1, negative when the mean of the data does better
+    baseline_theil: float = NAN  #: the same coefficient of a first-order lag, NaN where no lag applies
+    #: the channel's unit; root mean square of the residuals had each second of the record been left out of the fit in turn
+    #: (PRESS over the number of samples); NaN where nothing was fitted
     press: float = NAN
+    #: bias, variance and covariance in the squared error of the curves as they are
     theil_shares: TheilShares = TheilShares()
-    whiteness: Whiteness = Whiteness()
-    baseline: BaselineFit = BaselineFit()
+    whiteness: Whiteness = Whiteness()  #: of the residuals
+    baseline: BaselineFit = BaselineFit()  #: the same figures of the first-order lag
 
     @property
     def lost(self) -> bool:
@@ -232,56 +184,35 @@ class ManeuverResult:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What ``result.json`` holds; see ``docs/result-schema.md`` for every key.
+    """What ``result.json`` holds; see ``docs/result-schema.md`` for every key."""
 
-    Attributes
-    ----------
-    parameters : mapping of str to ParameterEstimate
-        The free parameters, in the order of the covariance.
-    cost, trajectories, seconds : float
-        The least cost with the final noise covariance; whole-trajectory equivalents; wall-clock time.
-    status, advice : str
-        How the search ended, and what to change if it ended badly.
-    notices : tuple of Notice
-        Findings about the data and the fit. Those of severity ``"warning"`` make the result doubtful, the most serious
-        first; the others say what the figures rest on. `result.json` also holds the warnings as sentences.
-    versions : mapping of str to str
-        Package name to version.
-    inputs : mapping of str to str
-        File name to the SHA-256 of its content.
-    modes : tuple of ConditionModes
-        Natural modes at the fitted flight conditions.
-    repeatability : Repeatability
-        Empty unless it was asked for.
-    uncertainty : mapping of str to MethodIntervals
-        By method: ``corrected``, ``cramer_rao``, and what was asked for of ``bootstrap``, ``posterior``, ``profile``.
-    trust : tuple of str
-        Which of them to trust and why, one sentence each.
-    identifiability : IdentifiabilityAnalysis
-    """
-
-    parameters: Mapping[str, ParameterEstimate]
+    parameters: Mapping[str, ParameterEstimate]  #: the free parameters, in the order of the covariance
     covariance: Covariance
     noise_covariance: NoiseCovariance
     initial_states: tuple[InitialState, ...]
     biases: tuple[SensorBiases, ...]
     wind: tuple[WindEstimate, ...]
     maneuvers: tuple[ManeuverResult, ...]
+    #: the least cost with the final noise covariance; whole-trajectory equivalents; wall-clock time
     cost: float
     trajectories: float
     seconds: float
     seed: int
     optimizer: str
-    status: str
+    status: str  #: how the search ended, and what to change if it ended badly
     advice: str = ""
+    #: findings about the data and the fit. Those of severity ``"warning"`` make the result doubtful, the most serious first;
+    #: the others say what the figures rest on. `result.json` also holds the warnings as sentences
     notices: tuple[Notice, ...] = ()
-    versions: Mapping[str, str] = field(default_factory=dict)
-    inputs: Mapping[str, str] = field(default_factory=dict)
+    versions: Mapping[str, str] = field(default_factory=dict)  #: package name to version
+    inputs: Mapping[str, str] = field(default_factory=dict)  #: file name to the SHA-256 of its content
     method: str = "output-error"  #: of identification, see :func:`stoop.estimate.methods.names`
-    modes: tuple[ConditionModes, ...] = ()
-    repeatability: Repeatability = field(default_factory=Repeatability)
+    modes: tuple[ConditionModes, ...] = ()  #: natural modes at the fitted flight conditions
+    repeatability: Repeatability = field(default_factory=Repeatability)  #: empty unless it was asked for
+    #: by method: ``corrected``, ``cramer_rao``, and what was asked for of ``bootstrap``, ``posterior``, ``profile``
     uncertainty: Mapping[str, MethodIntervals] = field(default_factory=dict)
-    trust: tuple[str, ...] = ()
+    #: which of them to trust and why; sentences in the JSON
+    trust: tuple[Notice, ...] = field(default=(), metadata=AS_SENTENCES)
     identifiability: IdentifiabilityAnalysis = field(default_factory=IdentifiabilityAnalysis)
 
     @property
@@ -341,23 +272,14 @@ class ChannelTrace:
 
 @dataclass(frozen=True, eq=False)
 class ManeuverTrace:
-    """The curves of `result.maneuvers[i]`.
+    """The curves of `result.maneuvers[i]`."""
 
-    Attributes
-    ----------
-    time : (n,), s
-        The log's own clock; segments follow each other with one NaN sample between them.
-    channels : mapping of str to ChannelTrace
-        The observed channels in the order of eq. (2).
-    inputs : mapping of str to (n,)
-        What drove the simulation: surfaces, throttle, thrust.
-    baseline : mapping of str to (n,)
-        The first-order lag's curve for the channels that have one.
-    """
-
+    #: (n,), s; the log's own clock; segments follow each other with one NaN sample between them
     time: FloatArray
-    channels: Mapping[str, ChannelTrace]
+    channels: Mapping[str, ChannelTrace]  #: the observed channels in the order of eq. (2)
+    #: ); what drove the simulation: surfaces, throttle, thrust
     inputs: Mapping[str, FloatArray] = field(default_factory=dict)
+    #: ); the first-order lag's curve for the channels that have one
     baseline: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
@@ -372,39 +294,20 @@ class AirDataTrace:
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """A result and what the report needs beside it.
+    """A result and what the report needs beside it."""
 
-    Attributes
-    ----------
-    result : Result
-        The numbers.
-    traces : tuple of ManeuverTrace
-        One for each of ``result.maneuvers``, same order.
-    vehicle : str
-        The vehicle's name.
-    equations : tuple of str
-        LaTeX of the coefficient equations and whatever else was fitted.
-    convergence : (k, 2)
-        Trajectories spent and the best cost so far.
-    units : mapping of str to str
-        Unit of every channel and input drawn; rad, rad/s are drawn in degrees.
-    symbols : mapping of str to str
-        LaTeX symbol of a parameter or channel; its plain name is used where there is none.
-    air_data : tuple of AirDataTrace
-        One per flight whose air data were reconstructed.
-    command : str
-        The command line that made this.
-    """
-
-    result: Result
-    traces: tuple[ManeuverTrace, ...]
-    vehicle: str
-    equations: tuple[str, ...] = ()
+    result: Result  #: the numbers
+    traces: tuple[ManeuverTrace, ...]  #: one for each of ``result.maneuvers``, same order
+    vehicle: str  #: the vehicle's name
+    equations: tuple[str, ...] = ()  #: laTeX of the coefficient equations and whatever else was fitted
+    #: (k, 2); trajectories spent and the best cost so far
     convergence: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    #: unit of every channel and input drawn; rad, rad/s are drawn in degrees
     units: Mapping[str, str] = field(default_factory=dict)
+    #: laTeX symbol of a parameter or channel; its plain name is used where there is none
     symbols: Mapping[str, str] = field(default_factory=dict)
-    air_data: tuple[AirDataTrace, ...] = ()
-    command: str = ""
+    air_data: tuple[AirDataTrace, ...] = ()  #: one per flight whose air data were reconstructed
+    command: str = ""  #: the command line that made this
 
 
 def to_json(result: Result) -> str:
@@ -464,7 +367,9 @@ def plain(value: Any) -> Any:
     if isinstance(value, Notice):
         return plain(value.to_dict())
     if is_dataclass(value) and not isinstance(value, type):
-        return {item.name: plain(getattr(value, item.name)) for item in fields(value)}
+        found = {item.name: plain(getattr(value, item.name)) for item in fields(value)}
+        spoken = [item.name for item in fields(value) if item.metadata == AS_SENTENCES]
+        return found | {name: [str(one) for one in getattr(value, name)] for name in spoken}
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
@@ -488,6 +393,8 @@ def _decode(kind: Any, value: Any, default: Any = NAN) -> Any:
             f.name for f in fields(kind) if f.default is not MISSING or f.default_factory is not MISSING
         }
         there = [f for f in fields(kind) if f.name in value or f.name not in optional]
+        for spoken in [f.name for f in there if f.metadata == AS_SENTENCES]:
+            value = {**value, spoken: [as_notice(text, "info").to_dict() for text in value[spoken]]}
         return cast("type[Any]", kind)(
             **{f.name: _decode(hints[f.name], value[f.name], f.default) for f in there}
         )

@@ -10,66 +10,44 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
+from stoop.base.notices import AS_SENTENCES, Notice
+
 NAN: Final = math.nan
 
 
 @dataclass(frozen=True)
 class Interval:
-    """Standard error and 95 % interval of one parameter by one method.
+    """Standard error and 95 % interval of one parameter by one method."""
 
-    Attributes
-    ----------
-    std_error : float, the parameter's unit
-        NaN when the method gives none.
-    ci95_lower, ci95_upper : float, the parameter's unit
-        Ends of the 95 % interval; NaN for an end that the data leave open.
-    """
-
-    std_error: float = NAN
+    std_error: float = NAN  #: the parameter's unit; naN when the method gives none
+    #: the parameter's unit; ends of the 95 % interval; NaN for an end that the data leave open
     ci95_lower: float = NAN
     ci95_upper: float = NAN
 
 
 @dataclass(frozen=True)
 class MethodIntervals:
-    """Intervals of the parameters by one method.
-
-    Attributes
-    ----------
-    parameters : mapping of str to Interval
-    figures : mapping of str to float
-        Statistics of the method itself: replicates, convergence.
-    notes : tuple of str
-    """
+    """Intervals of the parameters by one method."""
 
     parameters: Mapping[str, Interval]
+    #: statistics of the method itself: replicates, convergence
     figures: Mapping[str, float] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    notes: tuple[Notice, ...] = field(default=(), metadata=AS_SENTENCES)
 
 
 @dataclass(frozen=True)
 class ParameterIdentifiability:
-    """Identifiability of one parameter.
+    """Identifiability of one parameter."""
 
-    Attributes
-    ----------
-    conditional_std, marginal_std : float, the parameter's unit
-        Standard error with all other unknowns fixed, and with all of them free; NaN where the data do not determine it.
-    multiple_correlation : float
-        With all other unknowns; 1 where they replace the parameter exactly.
-    partners : tuple of str
-        Parameters that it is most correlated with, then those of the near-null directions that contain it.
-    doubt : str
-        Why the estimate is doubtful; empty otherwise.
-    advice : str
-        The maneuver that would make the parameter identifiable; empty where there is no doubt.
-    """
-
+    #: the parameter's unit; standard error with all other unknowns fixed, and with all of them free; NaN where the data do
+    #: not determine it
     conditional_std: float
     marginal_std: float
-    multiple_correlation: float
+    multiple_correlation: float  #: with all other unknowns; 1 where they replace the parameter exactly
+    #: parameters that it is most correlated with, then those of the near-null directions that contain it
     partners: tuple[str, ...] = ()
-    doubt: str = ""
+    doubt: str = ""  #: why the estimate is doubtful; empty otherwise
+    #: the maneuver that would make the parameter identifiable; empty where there is no doubt
     advice: str = ""
 
 
@@ -84,43 +62,25 @@ class CorrelatedPair:
 
 @dataclass(frozen=True)
 class NearNullDirection:
-    """A direction in the parameter space along which the data hardly change.
+    """A direction in the parameter space along which the data hardly change."""
 
-    Attributes
-    ----------
-    singular_value : float
-        Of the sensitivities with columns scaled to length 1; 0 for a direction without any effect on the data.
-    changes : mapping of str to float
-        Change of each parameter, in its unit, for which the cost rises by 1, or one of them has doubled; small ones left out.
-    words : str
-        The direction in one sentence.
-    """
-
+    #: of the sensitivities with columns scaled to length 1; 0 for a direction without any effect on the data
     singular_value: float
+    #: change of each parameter, in its unit, for which the cost rises by 1, or one of them has doubled; small ones left out
     changes: Mapping[str, float]
-    words: str
+    words: str  #: the direction in one sentence
 
 
 @dataclass(frozen=True)
 class IdentifiabilityAnalysis:
-    """Identifiability of all parameters from the data that were fitted.
+    """Identifiability of all parameters from the data that were fitted."""
 
-    Attributes
-    ----------
-    singular_values : tuple of float
-        Of the sensitivities to the parameters, initial states and biases left free, with columns scaled to length 1;
-        descending.
-    parameters : mapping of str to ParameterIdentifiability
-    pairs : tuple of CorrelatedPair
-        The most correlated first.
-    directions : tuple of NearNullDirection
-        The least singular value first.
-    """
-
+    #: of the sensitivities to the parameters, initial states and biases left free, with columns scaled to length 1;
+    #: descending
     singular_values: tuple[float, ...] = ()
     parameters: Mapping[str, ParameterIdentifiability] = field(default_factory=dict)
-    pairs: tuple[CorrelatedPair, ...] = ()
-    directions: tuple[NearNullDirection, ...] = ()
+    pairs: tuple[CorrelatedPair, ...] = ()  #: the most correlated first
+    directions: tuple[NearNullDirection, ...] = ()  #: the least singular value first
 
 
 @dataclass(frozen=True)
@@ -134,30 +94,15 @@ class SingleEstimate:
 
 @dataclass(frozen=True)
 class ParameterRepeatability:
-    """Whether the maneuvers agree on one parameter.
+    """Whether the maneuvers agree on one parameter."""
 
-    Attributes
-    ----------
-    singles : tuple of SingleEstimate
-        One for each of `Repeatability.maneuvers`.
-    mean, std_error : float, the parameter's unit
-        Weighted mean of what is counted, and its standard error.
-    chi_square : float
-        Of the deviations from the mean, in standard errors.
-    degrees : int
-        Of freedom: maneuvers counted, less one.
-    p_value : float
-        Chance of a scatter as large if the error bars are right.
-    verdict : str
-        ``"agree"``, ``"scatter"`` (more than the error bars explain, at 5 %), or empty where there are not two.
-    """
-
-    singles: tuple[SingleEstimate, ...]
-    mean: float = NAN
+    singles: tuple[SingleEstimate, ...]  #: one for each of `Repeatability.maneuvers`
+    mean: float = NAN  #: the parameter's unit; weighted mean of what is counted, and its standard error
     std_error: float = NAN
-    chi_square: float = NAN
-    degrees: int = 0
-    p_value: float = NAN
+    chi_square: float = NAN  #: of the deviations from the mean, in standard errors
+    degrees: int = 0  #: of freedom: maneuvers counted, less one
+    p_value: float = NAN  #: chance of a scatter as large if the error bars are right
+    #: ``"agree"``, ``"scatter"`` (more than the error bars explain, at 5 %), or empty where there are not two
     verdict: str = ""
 
 

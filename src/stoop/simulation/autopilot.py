@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -46,40 +46,21 @@ COMMAND_SHARE: Final = 0.3  #: of what the rotors can do at once: a command of t
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """Attitude and motion that the autopilot tracks, at each sample.
+    """Attitude and motion that the autopilot tracks, at each sample."""
 
-    Attributes
-    ----------
-    velocity, position : (n, 3), m/s and m
-        North-east-down.
-    quaternion, rotation : (n, 4), (n, 3, 3)
-        Body to Earth.
-    turn_rate : (n,), rad/s
-        Rate of heading.
-    up : (n,), m/s2
-        Specific force in excess of the steady flight.
-    """
-
-    velocity: FloatArray
-    position: FloatArray
-    quaternion: FloatArray
-    rotation: FloatArray
-    turn_rate: FloatArray
-    up: FloatArray
+    velocity: FloatArray  #: (n, 3), north-east-down, m/s
+    position: FloatArray  #: (n, 3), m
+    quaternion: FloatArray  #: (n, 4), body to Earth
+    rotation: FloatArray  #: (n, 3, 3), the same
+    turn_rate: FloatArray  #: (n,), of the heading, rad/s
+    up: FloatArray  #: (n,), specific force in excess of the steady flight, m/s2
 
 
 def reference_motion(signals: Mapping[str, FloatArray], point: Trim, count: int, dt: float) -> Reference:
     """Return the motion that set-points describe, relative to a trim.
 
     The attitude tilts the thrust of the trim into the wanted acceleration and turns about it into the heading.
-
-    Parameters
-    ----------
-    signals : mapping
-        Names of :data:`~stoop.simulation.maneuver.SETPOINTS` -> (n,) changes from the trim.
-    count : int
-        n
-    dt : float, s
+    `signals` are changes (n,) from the trim by name of :data:`~stoop.simulation.maneuver.SETPOINTS`; `dt`, s.
     """
     zero = np.zeros(count)
     turned, turn_rate = _rate_limited(signals.get("heading", zero)[:, None], RATE_LIMITS[3:], dt)
@@ -181,34 +162,18 @@ def _error_rates(vehicle: Vehicle, point: Trim, e: FloatArray, inputs: FloatArra
     return np.vstack([e[:, 3:6].T, accelerated, states[p], rates[p], rates[lags]])
 
 
-@dataclass(frozen=True, eq=False)
-class Gains:
-    """Gains from errors and from commands on their way to a command.
-
-    Attributes
-    ----------
-    errors : (4, n_e)
-    underway : (N, 4, 4)
-        The oldest first.
-    """
+class Gains(NamedTuple):
+    """Gains from errors (4, n_e), and from the N commands on their way (N, 4, 4), the oldest first."""
 
     errors: FloatArray
     underway: FloatArray
 
-    def command(self, e: FloatArray, underway: FloatArray) -> FloatArray:
-        """Return accelerations (4,) for errors (n_e,) and the last commands (N, 4)."""
-        return np.asarray(-(self.errors @ e) - np.einsum("kij,kj->i", self.underway, underway))
-
 
 def design(vehicle: Vehicle, point: Trim, model: LinearErrors, dt: float, delay: int) -> Gains:
-    """Return the gains of the autopilot.
+    """Return the gains of the autopilot about a trim on rotors.
 
     Parameters
     ----------
-    point : Trim
-        On rotors.
-    model : LinearErrors
-        About it.
     dt : float, s
         Sample period.
     delay : int

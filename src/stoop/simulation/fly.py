@@ -4,34 +4,28 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
-from stoop.base.rotations import to_ground
 from stoop.base.text import nearest
 from stoop.errors import ManeuverError, SimulationError
 from stoop.flight import VARIABLES, Flight, from_columns
+from stoop.simulation import trajectories
 from stoop.simulation.delays import late_outputs
 from stoop.simulation.initial import commanded, initial_states, mixed_inputs, parameter_rows, rigid_states
 from stoop.simulation.maneuver import Maneuver, check_maneuver, load_maneuver
 from stoop.simulation.on_rotors import fly_on_rotors
 from stoop.simulation.rotors import channel_range
-from stoop.simulation.trajectories import (
-    gust_start,
-    readings_along,
-    readings_flown,
-    states_flown,
-    traveled,
-)
+from stoop.simulation.trajectories import Flown
 from stoop.simulation.trim import Trim, flies_on_rotors, inputs_about, steady_wind, trim
 from stoop.vehicle import Vehicle
+from stoop.vehicle.defaults import WIND_NUMBERS
 from stoop.vehicle.schema import CHANNELS, WIND
-from stoop.vehicle.vehicle import WIND_NUMBERS
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -39,31 +33,6 @@ if TYPE_CHECKING:
 GROUND_SPEED_NOISE: Final = 0.1  #: m/s, of a velocity over ground that the vehicle file has no noise of
 HEIGHT_PASSES, HEIGHT_TOLERANCE = 50, 1e-9  #: of the fixed point of height and trajectory; m
 _GUSTS, _VELOCITY = 1, 2  #: streams of random numbers
-
-
-@dataclass(frozen=True)
-class Flown:
-    """A simulated flight without sensor noise.
-
-    Attributes
-    ----------
-    time : (n,), s
-    inputs : (n, n_u)
-        Recorded channels.
-    outputs : (n, n_y)
-        Noise-free readings in the order of ``vehicle.outputs``.
-    velocity : (n, 3) or None, m/s
-        Over ground, north-east-down; of aircraft only where the maneuver has a wind.
-    clipped : (n, m) or None
-        On rotors: where a channel reached an end of its range.
-    """
-
-    trim: Trim
-    time: FloatArray
-    inputs: FloatArray
-    outputs: FloatArray
-    velocity: FloatArray | None = None
-    clipped: BoolArray | None = None
 
 
 def simulate(
@@ -81,7 +50,6 @@ def simulate(
 
     Parameters
     ----------
-    vehicle : Vehicle
     inputs : Maneuver, path of a maneuver file, mapping of str to (n,) array, xarray.Dataset, or Flight
         Arrays by recorded channel, as a log holds them, or by control: deflection, rad. Absent inputs keep their
         trimmed values. Open loop; only a maneuver is flown by the autopilot that flight on rotors needs.
@@ -94,7 +62,6 @@ def simulate(
         Of gusts and sensor noise.
     noise : bool
         Of the sensors, with the standard deviations of the vehicle file.
-    name : str
 
     Returns
     -------
@@ -134,13 +101,10 @@ def simulate_flight(
 
     Parameters
     ----------
-    vehicle : Vehicle
-    maneuver : Maneuver
     seed : int
         Of the measurement noise and of the gusts.
     noise : bool
         Of the sensors; there are gusts without it too.
-    name : str
         As in ``FLIGHT@START:STOP``.
     """
     flown = fly(vehicle, maneuver, seed)
@@ -155,14 +119,7 @@ def simulate_flight(
 
 
 def fly(vehicle: Vehicle, maneuver: Maneuver, seed: int = 0) -> Flown:
-    """Fly a maneuver from trim, without sensor noise; through gusts where the vehicle has some.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-    maneuver : Maneuver
-    seed : int
-        Of the gusts.
+    """Fly a maneuver from trim, without sensor noise; `seed` is that of the gusts, where the vehicle has some.
 
     Raises
     ------
@@ -180,12 +137,7 @@ def fly(vehicle: Vehicle, maneuver: Maneuver, seed: int = 0) -> Flown:
         flown = _open_loop(vehicle, maneuver.time, inputs, point, rng, over_ground)
         _check_finite(vehicle, flown, "reduce the amplitude or check the vehicle's stability")
         return flown
-    dt, rows = 1.0 / maneuver.rate, parameter_rows(vehicle, point.changes)
-    flight = fly_on_rotors(vehicle, maneuver, point, gust_start(vehicle, rng), rng)
-    readings = readings_along(vehicle, rows, flight.states, flight.received)
-    outputs = late_outputs(vehicle, readings[None], rows, dt)[0]
-    velocity = _over_ground(vehicle, point, flight.states)
-    flown = Flown(point, maneuver.time, flight.inputs, outputs, velocity, flight.clipped)
+    flown = fly_on_rotors(vehicle, maneuver, point, rng)
     advice = "raise the rate of the maneuver, reduce the amplitude or check the vehicle's stability"
     _check_finite(vehicle, flown, advice)
     return flown
@@ -194,18 +146,13 @@ def fly(vehicle: Vehicle, maneuver: Maneuver, seed: int = 0) -> Flown:
 def flown_trim(vehicle: Vehicle, maneuver: Maneuver) -> Trim:
     """Return the steady flight at the start of a maneuver."""
     if flies_on_rotors(vehicle, maneuver.airspeed):
-        return trim(
-            vehicle,
-            altitude=maneuver.altitude,
-            velocity=maneuver.velocity,
-            wind=maneuver.wind,
-            heading=maneuver.heading,
-        )
+        velocity, wind, heading = maneuver.velocity, maneuver.wind, maneuver.heading
+        return trim(vehicle, None, maneuver.altitude, velocity=velocity, wind=wind, heading=heading)
     point = trim(vehicle, maneuver.airspeed, maneuver.altitude)
-    wind = tuple(steady_wind(vehicle, maneuver.wind).tolist())
-    known = dict(zip(WIND_NUMBERS, wind, strict=True)) if set(WIND_NUMBERS) <= vehicle.rows.keys() else {}
+    steady = tuple(steady_wind(vehicle, maneuver.wind).tolist())
+    known = dict(zip(WIND_NUMBERS, steady, strict=True)) if set(WIND_NUMBERS) <= vehicle.rows.keys() else {}
     start = {**point.start, "psi": maneuver.heading}
-    return replace(point, start=start, changes={**point.changes, **known}, wind=wind)
+    return replace(point, start=start, changes={**point.changes, **known}, wind=steady)
 
 
 def numbers_set(vehicle: Vehicle, point: Trim) -> dict[str, float]:
@@ -264,7 +211,7 @@ def _open_loop(
 ) -> Flown:
     """Fly recorded channels (n, n_u) from a trim; `over_ground` asks for the velocity over ground, too."""
     dt, rows = float(time[1] - time[0]), parameter_rows(vehicle, point.changes)
-    start = initial_states(vehicle, {**point.start, **gust_start(vehicle, rng)}, rows, inputs[0])
+    start = initial_states(vehicle, {**point.start, **trajectories.gust_start(vehicle, rng)}, rows, inputs[0])
     state = rng.bit_generator.state  # set again before each pass: the same gusts
     if (
         vehicle.file.ground_effect is not None
@@ -273,26 +220,20 @@ def _open_loop(
         terrain = inputs[:, column] - start[h, 0]
         for _ in range(HEIGHT_PASSES):
             rng.bit_generator.state = state
-            height = states_flown(vehicle, rows, start, inputs, dt, rng)[:, h] + terrain
+            states = trajectories.states_flown(vehicle, rows, start, inputs, dt, rng)
+            height = states[:, h] + terrain
             change = float(np.max(np.abs(height - inputs[:, column])))
             inputs[:, column] = height
             if not change > HEIGHT_TOLERANCE:
                 break
         rng.bit_generator.state = state
-    readings = readings_flown(vehicle, rows, start, inputs, dt, rng)
+    readings = trajectories.readings_flown(vehicle, rows, start, inputs, dt, rng)
     velocity = None
     if over_ground:
         rng.bit_generator.state = state
-        velocity = _over_ground(vehicle, point, states_flown(vehicle, rows, start, inputs, dt, rng))
+        states = trajectories.states_flown(vehicle, rows, start, inputs, dt, rng)
+        velocity = trajectories.over_ground(vehicle, point, states)
     return Flown(point, time, inputs, late_outputs(vehicle, readings, rows, dt)[0], velocity)
-
-
-def _over_ground(vehicle: Vehicle, point: Trim, states: FloatArray) -> FloatArray:
-    """Return velocities (n, 3) over ground of states (n, n_x), which are relative to the steady wind."""
-    x = dict(zip(vehicle.states, states.T, strict=True))
-    zero = np.zeros(len(states))
-    body, q = ([x.get(name, zero) for name in names] for names in ("uvw", ("e0", "e1", "e2", "e3")))
-    return np.asarray(to_ground(np.column_stack(q), np.column_stack(body)) + np.asarray(point.wind))
 
 
 def _record(
@@ -304,16 +245,9 @@ def _record(
     name: str,
     ground_noise: Mapping[str, float] | None,
 ) -> Flight:
-    """Return the flight as recorded by instruments.
+    """Return the flight as recorded by instruments with noise `sigma` (n_y,), from an altitude, m.
 
-    Parameters
-    ----------
-    sigma : (n_y,)
-        Noise of each output, its own unit.
-    altitude : float, m
-        At the start.
-    ground_noise : mapping, optional
-        Noise, m/s, of velocities over ground that are no outputs, where it is not the usual one; None for no noise.
+    `ground_noise` is that of velocities over ground that are no outputs, m/s, if not the usual one; None for no noise.
     """
     readings = flown.outputs + sigma * np.random.default_rng(seed).standard_normal(flown.outputs.shape)
     columns = dict(zip(vehicle.outputs, readings.T, strict=True))
@@ -335,7 +269,7 @@ def _record(
         steps = 0.5 * (climb[1:] + climb[:-1]) / (1.0 / dt)
         columns["altitude"] = altitude + np.concatenate([[0.0], np.cumsum(steps)])
     else:
-        position = traveled(flown.velocity, dt)
+        position = trajectories.traveled(flown.velocity, dt)
         columns |= dict(zip(("pn", "pe", "pd"), position.T, strict=True))
         columns["altitude"] = altitude - position[:, 2]
         draw = np.random.default_rng([seed, _VELOCITY]).standard_normal(flown.velocity.shape)

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of
 from stoop.vehicle import Vehicle
-from stoop.vehicle.vehicle import AIR_START, GROUND_START
+from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
 
-START_NAMES = AIR_START  #: of a vehicle without rotors; Vehicle.start_names has those of any
+START_NAMES = AIR_FRAME.start  #: of a vehicle without rotors; Vehicle.start_names has those of any
 
 
 def parameter_rows(
@@ -31,7 +31,7 @@ def rigid_states(start: Mapping[str, ArrayLike]) -> dict[str, FloatArray]:
     The velocity is given by V, alpha and beta, or along the body axes by u, v and w.
     """
     ground = any(axis in start for axis in "uvw")
-    names = GROUND_START if ground else AIR_START
+    names = (GROUND_FRAME if ground else AIR_FRAME).start
     shapes = (np.shape(v) for k, v in start.items() if k in names)
     zero = np.zeros(np.broadcast_shapes(*shapes) or (1,))
     g = {name: zero + np.asarray(start.get(name, 0.0), dtype=float) for name in names}
@@ -49,7 +49,11 @@ def rigid_states(start: Mapping[str, ArrayLike]) -> dict[str, FloatArray]:
 
 
 def initial_states(
-    vehicle: Vehicle, start: Mapping[str, ArrayLike], rows: FloatArray, inputs: FloatArray
+    vehicle: Vehicle,
+    start: Mapping[str, ArrayLike],
+    rows: FloatArray,
+    inputs: FloatArray,
+    rigid: Mapping[str, FloatArray] | None = None,
 ) -> FloatArray:
     """Return kernel states (n_x, B).
 
@@ -62,21 +66,10 @@ def initial_states(
         Kernel parameters of each candidate.
     inputs : (n_u,) array
         Recorded channels at the start: a lagged surface or rotor starts at its command.
+    rigid : mapping, optional
+        Rigid-body states, where they are known; those of :func:`rigid_states` when absent.
     """
-    return kernel_states(vehicle, rigid_states(start), start, rows, inputs)
-
-
-def kernel_states(
-    vehicle: Vehicle,
-    rigid: Mapping[str, FloatArray],
-    start: Mapping[str, ArrayLike],
-    rows: FloatArray,
-    inputs: FloatArray,
-) -> FloatArray:
-    """Return kernel states (n_x, B) for known rigid-body states, see :func:`rigid_states`.
-
-    Other parameters as in :func:`initial_states`.
-    """
+    rigid = rigid_states(start) if rigid is None else rigid
     out = np.empty((len(vehicle.states), rows.shape[1]))
     for i, name in enumerate(vehicle.states):
         if name.endswith(".lag"):
@@ -88,14 +81,9 @@ def kernel_states(
 
 
 def commanded(vehicle: Vehicle, control: str, rows: FloatArray, inputs: FloatArray) -> FloatArray:
-    """Return the commanded deflection of a control, rad, or the commanded x of a rotor, in its own unit.
+    """Return the commanded deflection of a control, rad, or the commanded x of a rotor, in its own unit, (B,).
 
-    Parameters
-    ----------
-    rows : (n_p, B) array
-        Kernel parameters.
-    inputs : (n_u,) or (n_u, B) array
-        Recorded channels.
+    `rows` are kernel parameters (n_p, B), `inputs` recorded channels (n_u,) or (n_u, B).
     """
     index = vehicle.rows
     if control in vehicle.file.rotor:
@@ -117,15 +105,7 @@ def commanded(vehicle: Vehicle, control: str, rows: FloatArray, inputs: FloatArr
 
 
 def mixed_inputs(vehicle: Vehicle, deflections: Mapping[str, float], base: FloatArray) -> FloatArray:
-    """Return recorded channels (n_u,) that give the deflections: the smallest change of `base` that does.
-
-    Parameters
-    ----------
-    deflections : mapping
-        Control -> rad.
-    base : (n_u,) array
-        Channels before the change; those that drive no control stay.
-    """
+    """Return recorded channels (n_u,) for deflections by control, rad: the smallest change of `base` (n_u,)."""
     names = vehicle.controls
     if not names:
         return base

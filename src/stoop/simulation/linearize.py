@@ -26,26 +26,13 @@ _MINIMAL = {
 
 @dataclass(frozen=True)
 class Mode:
-    """One eigenvalue (of a pair, the upper half).
+    """One eigenvalue (of a pair, the upper half)."""
 
-    Attributes
-    ----------
-    name : str
-        Short period, phugoid, Dutch roll, roll, spiral, or the states that take part in it.
-    eigenvalue : complex, 1/s
-    frequency : float
-        Undamped natural frequency, rad/s.
-    damping : float
-        Damping ratio.
-    time_constant : float, s
-        Minus one over the real part.
-    """
-
-    name: str
-    eigenvalue: complex
-    frequency: float
-    damping: float
-    time_constant: float
+    name: str  #: short period, phugoid, Dutch roll, roll, spiral, or the states that take part in it
+    eigenvalue: complex  #: 1/s
+    frequency: float  #: undamped natural frequency, rad/s
+    damping: float  #: damping ratio
+    time_constant: float  #: minus one over the real part, s
 
 
 @dataclass(frozen=True)
@@ -143,13 +130,10 @@ def _mode_name(weights: dict[str, float], oscillates: bool) -> str:
     return "roll" if share("p") > share("phi", "r", "beta") else "spiral"
 
 
-def _minimal(vehicle: Vehicle, point: Trim) -> tuple[str, ...]:
-    """Return the minimal rigid-body state; flow angles have no meaning in a hover."""
-    return _MINIMAL[vehicle.reduce] if "V" in point.start else ("u", "v", "w", *_MINIMAL["full"][3:])
-
-
 def _state_names(vehicle: Vehicle, point: Trim) -> tuple[str, ...]:
-    return (*_minimal(vehicle, point), *(s for s in vehicle.states if s.endswith(".lag")))
+    """Return the minimal state; flow angles have no meaning in a hover."""
+    rigid = _MINIMAL[vehicle.reduce] if "V" in point.start else ("u", "v", "w", *_MINIMAL["full"][3:])
+    return (*rigid, *(s for s in vehicle.states if s.endswith(".lag")))
 
 
 _FUNCTIONS: dict[
@@ -159,34 +143,31 @@ _FUNCTIONS: dict[
 
 def _jacobians(vehicle: Vehicle, point: Trim) -> list[FloatArray]:
     """Return G, and the derivatives of G f and of the readings by states and by inputs, at a trim."""
-    minimal = _minimal(vehicle, point)
-    key = (vehicle.structure, *minimal)
+    names = _state_names(vehicle, point)
+    key = (vehicle.structure, *names)
     if key not in _FUNCTIONS:
-        _FUNCTIONS[key] = _jacobian_function(vehicle, minimal)
+        _FUNCTIONS[key] = _jacobian_function(vehicle, names)
     rows = parameter_rows(vehicle, point.changes)
     states = initial_states(vehicle, point.start, rows, point.inputs)
     values = _FUNCTIONS[key](*states[:, 0], *point.inputs, *rows[:, 0])
     return [np.atleast_2d(np.asarray(v, dtype=float)) for v in values]
 
 
-def _jacobian_function(vehicle: Vehicle, minimal: tuple[str, ...]) -> Any:
+def _jacobian_function(vehicle: Vehicle, names: tuple[str, ...]) -> Any:
     import sympy as sp
 
     from stoop.vehicle.symbolic import build_model
     from stoop.vehicle.symbolic.frames import air, attitude
 
     model = build_model(vehicle)
-    x = list(model.states)
-    symbols = dict.fromkeys(("v", "p", "r", "e1", "e3"), sp.Integer(0))
-    symbols |= dict(zip(vehicle.states, model.states, strict=True))
-    flow = air((symbols["u"], symbols["v"], symbols["w"]))
-    turned = attitude((symbols["e0"], symbols["e1"], symbols["e2"], symbols["e3"]))
-    symbols |= {"V": flow.V, "alpha": flow.alpha, "beta": flow.beta}
-    symbols |= {"phi": turned.phi, "theta": turned.theta, "psi": turned.psi}
-    lags = [symbols[s] for s in vehicle.states if s.endswith(".lag")]
-    G = sp.Matrix([*(symbols[name] for name in minimal), *lags]).jacobian(x)
+    x = dict.fromkeys(("v", "p", "r", "e1", "e3"), sp.Integer(0))
+    x |= dict(zip(vehicle.states, model.states, strict=True))
+    flow, turned = air((x["u"], x["v"], x["w"])), attitude((x["e0"], x["e1"], x["e2"], x["e3"]))
+    x |= {"V": flow.V, "alpha": flow.alpha, "beta": flow.beta}
+    x |= {"phi": turned.phi, "theta": turned.theta, "psi": turned.psi}
+    G = sp.Matrix([x[name] for name in names]).jacobian(list(model.states))
     rates, outputs = G * sp.Matrix(model.derivatives), sp.Matrix(model.outputs)
-    blocks = [G, *(of.jacobian(by) for of in (rates, outputs) for by in (x, model.inputs))]
+    blocks = [G, *(of.jacobian(by) for of in (rates, outputs) for by in (list(model.states), model.inputs))]
     smooth = {"DiracDelta": np.zeros_like}  # the second derivative of abs(), away from its kink
     arguments = [*model.states, *model.inputs, *model.parameters]
     return sp.lambdify(arguments, blocks, [smooth, "numpy"], cse=True)

@@ -30,15 +30,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Field,
-    ValidationError,
-    ValidationInfo,
-    model_validator,
-)
+from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, model_validator
 
 from stoop.base.arrays import FloatArray
 from stoop.base.schema_errors import first_complaint
@@ -46,12 +38,10 @@ from stoop.base.toml import parse_source, read_source
 from stoop.errors import ManeuverError
 from stoop.simulation.trim import flies_on_rotors
 from stoop.vehicle import Vehicle
-from stoop.vehicle.quantity import Number
+from stoop.vehicle.schema import Number, Table
 
-MAX_SAMPLES = 5_000_000
-MAX_ROTOR_SAMPLES = 500_000  #: an autopilot takes them one by one
-MAX_HARMONICS = 2000
-MAX_LEVELS = 2000
+MAX_SAMPLES, MAX_ROTOR_SAMPLES = 5_000_000, 500_000  #: on rotors an autopilot takes them one by one
+MAX_HARMONICS = MAX_LEVELS = 2000
 MAX_VALUE = 1e6  #: of any unit
 _EDGE = 1e-9  #: s, so that a step falls on the sample it names
 EXCITATIONS = {"roll": "rad/s2", "pitch": "rad/s2", "yaw": "rad/s2", "heave": "m/s2"}
@@ -93,11 +83,7 @@ Vector = tuple[Speed, Speed, Speed]
 Harmonic = Annotated[int, Field(strict=True, ge=1, le=MAX_HARMONICS)]
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class _Signal(_Table):
+class _Signal(Table):
     control: str
     shape: str
     start: Instant
@@ -181,8 +167,7 @@ class Pulse(_TimedSignal):
 
     def signal(self, t: FloatArray) -> FloatArray:
         """Return the change from the trim (n,) at times (n,), s."""
-        inside = (t >= self.start - _EDGE) & (t < self.start + self.duration - _EDGE)
-        return np.where(inside, self.amplitude, 0.0)
+        return self._inside(t, self.amplitude)
 
 
 class Multisine(_TimedSignal):
@@ -250,7 +235,7 @@ class Harmonics(_TimedSignal):
 Input = Annotated[Steps | Levels | Pulse | Multisine | Harmonics, Field(discriminator="shape")]
 
 
-class Battery(_Table):
+class Battery(Table):
     """How the voltage falls, for rotors that depend on it: start - fall t - sag (x / x of the trim)^2."""
 
     start: Annotated[Number, Field(gt=0.0, le=1000.0)] | None = None  #: V, idle; nominal when absent
@@ -258,7 +243,7 @@ class Battery(_Table):
     sag: Instant = 0.0  #: V, under the current of the steady flight
 
 
-class Maneuver(_Table):
+class Maneuver(Table):
     """A maneuver flown from trim."""
 
     format: Literal["stoop-maneuver/1"] = "stoop-maneuver/1"
@@ -326,8 +311,7 @@ def check_maneuver(vehicle: Vehicle, maneuver: Maneuver) -> None:
     Raises
     ------
     ManeuverError
-        An input that the vehicle does not have, an airspeed without wings, a velocity without rotors, or a battery
-        that no rotor depends on.
+        An input, wings, rotors or a battery that the vehicle does not have.
     """
     on_rotors = flies_on_rotors(vehicle, maneuver.airspeed)
     known = movable(vehicle, on_rotors)

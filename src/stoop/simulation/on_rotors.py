@@ -12,21 +12,14 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray, IntArray
+from stoop.base.arrays import FloatArray, IntArray
 from stoop.base.rotations import to_ground
-from stoop.simulation.autopilot import (
-    LinearErrors,
-    Reference,
-    design,
-    linear_errors,
-    reference_motion,
-    rotor_lags,
-)
-from stoop.simulation.delays import OFFSETS, input_delays, lagrange, with_slopes
+from stoop.simulation import autopilot, trajectories
+from stoop.simulation.delays import OFFSETS, input_delays, lagrange, late_outputs, with_slopes
 from stoop.simulation.initial import initial_states, parameter_rows
 from stoop.simulation.maneuver import EXCITATIONS, SETPOINTS, Battery, Maneuver
 from stoop.simulation.rotors import AXES, channel_range
-from stoop.simulation.trajectories import Stepper, gust_noise
+from stoop.simulation.trajectories import FINER, Flown
 from stoop.simulation.trim import Trim, inputs_about
 from stoop.vehicle import Vehicle
 
@@ -35,55 +28,27 @@ ERROR_LIMITS: Final = np.repeat([1.5, 2.0], 3)  #: of position, m, and velocity,
 EMPTY_BATTERY: Final = 0.05  #: of the nominal voltage, the least there is
 
 
-@dataclass(frozen=True, eq=False)
-class RotorFlight:
-    """A flight on rotors, without instruments.
-
-    Attributes
-    ----------
-    inputs, received : (n, n_u)
-        Channels as recorded, and as they arrive after the delay.
-    states : (n, n_x)
-        NaN after a divergence.
-    clipped : (n, m)
-        Where a rotor channel reached an end of its range.
-    """
-
-    inputs: FloatArray
-    received: FloatArray
-    states: FloatArray
-    clipped: BoolArray
-
-
-def fly_on_rotors(
-    vehicle: Vehicle, maneuver: Maneuver, point: Trim, gusts: dict[str, float], rng: np.random.Generator
-) -> RotorFlight:
-    """Fly a maneuver from a trim on rotors.
-
-    Parameters
-    ----------
-    gusts : dict
-        Gust states at the start, m/s.
-    rng : Generator
-        Of the noise that drives the gusts.
+def fly_on_rotors(vehicle: Vehicle, maneuver: Maneuver, point: Trim, rng: np.random.Generator) -> Flown:
+    """Fly a maneuver from a trim on rotors; `rng` draws the gusts.
 
     Raises
     ------
     SimulationError
         No autopilot holds the vehicle.
     """
-    dt, count = 1.0 / maneuver.rate, len(maneuver.time)
+    dt, count, gusts = 1.0 / maneuver.rate, len(maneuver.time), trajectories.gust_start(vehicle, rng)
     rows = parameter_rows(vehicle, point.changes)
-    delay, model = _Delay.of(vehicle, rows, dt), linear_errors(vehicle, point)
-    gains = design(vehicle, point, model, dt, delay.ahead + delay.arrival)
+    delay, model = _Delay.of(vehicle, rows, dt), autopilot.linear_errors(vehicle, point)
+    gains = autopilot.design(vehicle, point, model, dt, delay.ahead + delay.arrival)
     commands = _Commands(vehicle, maneuver, point, model)
     signals = maneuver.deflections()
-    reference = reference_motion({n: signals[n] for n in SETPOINTS if n in signals}, point, count, dt)
+    setpoints = {n: signals[n] for n in SETPOINTS if n in signals}
+    reference = autopilot.reference_motion(setpoints, point, count, dt)
     for k in range(min(delay.ahead, count)):
         commands.give(k, np.array([0.0, 0.0, 0.0, reference.up[k]]))
     inputs = commands.inputs
     state = initial_states(vehicle, {**point.start, **gusts}, rows, inputs[0])[:, 0]
-    stepper = Stepper(vehicle, rows, dt, gust_noise(vehicle, count, dt, rng))
+    noise = trajectories.gust_noise(vehicle, count, dt, rng)
     loop = _Loop(vehicle, point, reference, state)
     # Height above the ground, an input where the vehicle has a ground effect; the maneuver may move the ground.
     h, table = vehicle.states.index("h"), vehicle.file.ground_effect
@@ -95,22 +60,26 @@ def fly_on_rotors(
     position, velocity = np.zeros(3), loop.velocity(state)
     for k in range(count - 1):
         if k + delay.ahead < count:
-            command = gains.command(
-                loop.errors(k, states[k], position, velocity), delay.underway(commands, k)
-            )
+            underway = np.einsum("kij,kj->i", gains.underway, delay.underway(commands, k))
+            command = -(gains.errors @ loop.errors(k, states[k], position, velocity)) - underway
             command[3] += reference.up[k + delay.ahead]
             commands.give(k + delay.ahead, command)
         if column is not None:  # inputs of a step are known before it
             inputs[k + 1, column] = states[k, h] - dt * velocity[2] + terrain[k + 1]
         received[k + 1] = delay.received(inputs, k + 1)
         with_slopes(vehicle, received[k : k + 2], dt)
-        states[k + 1] = stepper.step(k, states[k], received[k], received[k + 1])
+        driving = noise[FINER * k : FINER * (k + 1) + 1]
+        states[k + 1] = trajectories.next_state(vehicle, rows, states[k], received[k : k + 2], driving, dt)
         if not float(np.abs(states[k + 1]).max()) < DIVERGED:
             states[k + 1] = np.nan
             break
         before, velocity = velocity, loop.velocity(states[k + 1])
         position = position + 0.5 * dt * (before + velocity)
-    return RotorFlight(inputs, received, states, commands.clipped)
+    outputs = late_outputs(
+        vehicle, trajectories.readings_along(vehicle, rows, states, received)[None], rows, dt
+    )[0]
+    ground = trajectories.over_ground(vehicle, point, states)
+    return Flown(point, maneuver.time, inputs, outputs, ground, commands.clipped)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +128,9 @@ class _Commands:
         Where the range ended.
     """
 
-    def __init__(self, vehicle: Vehicle, maneuver: Maneuver, point: Trim, model: LinearErrors) -> None:
+    def __init__(
+        self, vehicle: Vehicle, maneuver: Maneuver, point: Trim, model: autopilot.LinearErrors
+    ) -> None:
         signals, count, area = maneuver.deflections(), len(maneuver.time), channel_range(vehicle)
         zero = np.zeros(count)
         own = {*EXCITATIONS, *SETPOINTS, *area.names}
@@ -201,10 +172,12 @@ class _Commands:
 class _Loop:
     """Errors of a state with respect to the reference motion."""
 
-    def __init__(self, vehicle: Vehicle, point: Trim, reference: Reference, state: FloatArray) -> None:
+    def __init__(
+        self, vehicle: Vehicle, point: Trim, reference: autopilot.Reference, state: FloatArray
+    ) -> None:
         self.reference, self.wind = reference, np.array(point.wind)
         self.u, self.p, self.e0 = (vehicle.states.index(name) for name in ("u", "p", "e0"))
-        self.lags = np.array(rotor_lags(vehicle), dtype=np.intp)
+        self.lags = np.array(autopilot.rotor_lags(vehicle), dtype=np.intp)
         self.trim_lags = state[self.lags]
 
     def velocity(self, x: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from stoop.base.arrays import FloatArray, IntArray
 from stoop.errors import SimulationError
 from stoop.simulation.initial import initial_states, parameter_rows
 from stoop.vehicle import Vehicle
-from stoop.vehicle.rotor_numbers import full_command
+from stoop.vehicle.defaults import full_command
 
 AXES: Final = ("roll", "pitch", "yaw", "heave")
 """Angular accelerations, rad/s2, and specific force up the body, m/s2; the order of every allocation."""
@@ -22,21 +22,12 @@ MIN_AUTHORITY: Final = 1e-7  #: of the strongest axis; a weaker acceleration is 
 
 @dataclass(frozen=True, eq=False)
 class Range:
-    """Range of the rotor channels.
+    """Range of the rotor channels."""
 
-    Attributes
-    ----------
-    names : channels, each once
-    columns : (m,)
-        Of the vehicle's inputs.
-    idle, full : (m,)
-        The rotor does not push at idle; infinite where nothing bounds its speed.
-    """
-
-    names: tuple[str, ...]
-    columns: IntArray
-    idle: FloatArray
-    full: FloatArray
+    names: tuple[str, ...]  #: channels, each once
+    columns: IntArray  #: (m,), among the vehicle's inputs
+    idle: FloatArray  #: (m,); the rotor does not push
+    full: FloatArray  #: (m,); infinite where nothing bounds its speed
 
     def clip(self, commands: FloatArray) -> FloatArray:
         """Return commands (m,) within the range."""
@@ -69,16 +60,9 @@ def accelerations(
 def effects(
     vehicle: Vehicle, start: Mapping[str, ArrayLike], inputs: FloatArray, changes: Mapping[str, ArrayLike]
 ) -> FloatArray:
-    """Return the accelerations `AXES` per unit of each rotor channel, (4, m), after lags have settled.
+    """Return the accelerations `AXES` per unit of each rotor channel about `inputs` (n_u,), (4, m), after all lags.
 
-    Parameters
-    ----------
-    start : mapping
-        As in :func:`~stoop.simulation.initial.initial_states`.
-    inputs : (n_u,) array
-        Channels about which the derivative is taken.
-    changes : mapping
-        Numbers of the vehicle in place of its own.
+    `start` is as in :func:`~stoop.simulation.initial.initial_states`; `changes` replace numbers of the vehicle.
     """
     area = channel_range(vehicle)
     step = 1e-4 * np.maximum(np.abs(inputs[area.columns] - area.idle), 1e-3)

@@ -12,9 +12,11 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import BoolArray, FloatArray
+from stoop.base.rotations import to_ground
 from stoop.kernels.filtering import innovations, step
 from stoop.simulation.delays import late_inputs, with_slopes
+from stoop.simulation.trim import Trim
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import GUST_STATES, noise_input
 
@@ -84,11 +86,8 @@ def states_flown(
         Kernel parameters and states.
     dt : float, s
     """
-    received = late_inputs(vehicle, inputs, rows, dt)
-    if not vehicle.gusts:
-        return states_along(vehicle, rows, start, received, dt)
-    fine = driven(vehicle, received, gust_noise(vehicle, len(received), dt, rng), dt)
-    return np.asarray(states_along(vehicle, rows, start, fine, dt / FINER)[::FINER])
+    fine, times = _driving(vehicle, rows, inputs, dt, rng)
+    return np.asarray(states_along(vehicle, rows, start, fine, dt / times)[::times])
 
 
 def readings_flown(
@@ -100,11 +99,18 @@ def readings_flown(
     rng: np.random.Generator,
 ) -> FloatArray:
     """Return the readings (1, n, n_y), before any delay of a sensor; parameters as in :func:`states_flown`."""
+    fine, times = _driving(vehicle, rows, inputs, dt, rng)
+    return np.ascontiguousarray(vehicle.kernel().trajectories(rows, start, fine, dt / times)[:, ::times])
+
+
+def _driving(
+    vehicle: Vehicle, rows: FloatArray, inputs: FloatArray, dt: float, rng: np.random.Generator
+) -> tuple[FloatArray, int]:
+    """Return inputs as they arrive, with the noise of gusts if there are any, and their steps in a sample."""
     received = late_inputs(vehicle, inputs, rows, dt)
     if not vehicle.gusts:
-        return vehicle.kernel().trajectories(rows, start, received, dt)
-    fine = driven(vehicle, received, gust_noise(vehicle, len(received), dt, rng), dt)
-    return np.ascontiguousarray(vehicle.kernel().trajectories(rows, start, fine, dt / FINER)[:, ::FINER])
+        return received, 1
+    return driven(vehicle, received, gust_noise(vehicle, len(received), dt, rng), dt), FINER
 
 
 def readings_along(
@@ -119,34 +125,50 @@ def readings_along(
     return out
 
 
+@dataclass(frozen=True)
+class Flown:
+    """A simulated flight without sensor noise."""
+
+    trim: Trim
+    time: FloatArray  #: (n,), s
+    inputs: FloatArray  #: (n, n_u), recorded channels
+    outputs: FloatArray  #: (n, n_y), noise-free readings in the order of ``vehicle.outputs``
+    velocity: FloatArray | None = (
+        None  #: (n, 3), over ground, m/s; of aircraft only in the wind of a maneuver
+    )
+    clipped: BoolArray | None = None  #: (n, m), on rotors: where a channel reached an end of its range
+
+
+def over_ground(vehicle: Vehicle, point: Trim, states: FloatArray) -> FloatArray:
+    """Return velocities (n, 3) over ground of states (n, n_x), which are relative to the steady wind."""
+    x = dict(zip(vehicle.states, states.T, strict=True))
+    zero = np.zeros(len(states))
+    body, q = ([x.get(name, zero) for name in names] for names in ("uvw", ("e0", "e1", "e2", "e3")))
+    return np.asarray(to_ground(np.column_stack(q), np.column_stack(body)) + np.asarray(point.wind))
+
+
 def traveled(velocity: FloatArray, dt: float) -> FloatArray:
     """Return positions (n, 3), m, from velocities (n, 3) by the trapezoidal rule, starting at zero."""
     steps = 0.5 * dt * (velocity[1:] + velocity[:-1])
     return np.vstack([np.zeros((1, velocity.shape[1])), np.cumsum(steps, axis=0)])
 
 
-@dataclass(frozen=True, eq=False)
-class Stepper:
-    """Takes states from sample to sample, as the kernel's own time loop does.
+def next_state(
+    vehicle: Vehicle, rows: FloatArray, state: FloatArray, inputs: FloatArray, noise: FloatArray, dt: float
+) -> FloatArray:
+    """Return the state (n_x,) one sample later, as the kernel's own time loop does.
 
-    Attributes
+    Parameters
     ----------
     rows : (n_p, 1)
+    inputs : (2, n_u)
+        As they arrive, at this sample and at the next.
+    noise : (FINER + 1, gusts)
+        Driving the gusts from this sample to the next.
     dt : float, s
-    noise : (FINER (n - 1) + 1, gusts)
-        What drives each of them.
     """
-
-    vehicle: Vehicle
-    rows: FloatArray
-    dt: float
-    noise: FloatArray
-
-    def step(self, k: int, state: FloatArray, now: FloatArray, following: FloatArray) -> FloatArray:
-        """Return the state (n_x,) at sample k + 1; inputs (n_u,) are linear in between."""
-        if not self.vehicle.gusts:
-            points = (state[:, None], now[:, None], following[:, None])
-            return np.asarray(step(self.vehicle.kernel(), self.rows, *points, self.dt)[0][:, 0])
-        noise = self.noise[FINER * k : FINER * (k + 1) + 1]
-        fine = driven(self.vehicle, np.stack([now, following]), noise, self.dt)
-        return np.asarray(states_along(self.vehicle, self.rows, state[:, None], fine, self.dt / FINER)[-1])
+    if not vehicle.gusts:
+        points = (state[:, None], inputs[0][:, None], inputs[1][:, None])
+        return np.asarray(step(vehicle.kernel(), rows, *points, dt)[0][:, 0])
+    fine = driven(vehicle, inputs, noise, dt)
+    return np.asarray(states_along(vehicle, rows, state[:, None], fine, dt / FINER)[-1])

@@ -15,7 +15,7 @@ from stoop.errors import SimulationError
 from stoop.simulation.initial import initial_states, mixed_inputs, parameter_rows
 from stoop.simulation.rotors import accelerations, allocation, channel_range, effects
 from stoop.vehicle import Vehicle
-from stoop.vehicle.vehicle import WIND_NUMBERS
+from stoop.vehicle.defaults import WIND_NUMBERS
 
 TOLERANCE: Final = 1e-7  #: of the accelerations that remain, m/s2 and rad/s2
 OUT_OF_GROUND_EFFECT: Final = 1e4  #: m
@@ -24,41 +24,21 @@ _ROTOR_SCALES: Final = np.array([0.1, 0.1, 1.0, 1.0, 1.0, 1.0])  #: of phi, thet
 
 @dataclass(frozen=True)
 class Trim:
-    """A steady straight flight.
+    """A steady straight flight."""
 
-    Attributes
-    ----------
-    start : dict
-        Initial state, SI and rad: V and flow angles on wings; u, v and w on rotors.
-    deflections : dict
-        Control deflections, rad.
-    thrust : dict
-        The thrust number or channel that holds the speed (N, or the channel's unit); of rotors, all channels.
-    inputs : (n_u,) array
-        Recorded channels of this flight, in the vehicle's order.
-    changes : dict
-        Numbers of the vehicle that the trim sets (a constant thrust, the wind).
-    residual : float
-        Largest acceleration that remains, m/s2 or rad/s2.
-    velocity : (3,), m/s
-        Over ground, north-east-down; on rotors.
-    wind : (3,), m/s
-        Blowing north, east, down.
-    """
-
-    start: dict[str, float]
-    deflections: dict[str, float]
-    thrust: dict[str, float]
-    inputs: FloatArray
-    changes: dict[str, float]
-    residual: float
-    velocity: tuple[float, ...] = (0.0, 0.0, 0.0)
-    wind: tuple[float, ...] = (0.0, 0.0, 0.0)
+    start: dict[str, float]  #: initial state, SI and rad: V and flow angles on wings; u, v and w on rotors
+    deflections: dict[str, float]  #: of the controls, rad
+    thrust: dict[str, float]  #: number or channel that holds the speed, N or its unit; all channels of rotors
+    inputs: FloatArray  #: (n_u,), recorded channels of this flight, in the vehicle's order
+    changes: dict[str, float]  #: numbers of the vehicle that the trim sets (a constant thrust, the wind)
+    residual: float  #: largest acceleration that remains, m/s2 or rad/s2
+    velocity: tuple[float, ...] = (0.0, 0.0, 0.0)  #: on rotors: over ground, north-east-down, m/s
+    wind: tuple[float, ...] = (0.0, 0.0, 0.0)  #: blowing north, east, down, m/s
 
 
 def flies_on_rotors(vehicle: Vehicle, airspeed: float | None) -> bool:
     """Return whether rotors carry the vehicle: it has some, and no airspeed is given."""
-    return vehicle.has_rotors and airspeed is None
+    return bool(vehicle.rotors) and airspeed is None
 
 
 def trim(
@@ -80,7 +60,6 @@ def trim(
 
     Parameters
     ----------
-    vehicle : Vehicle
     airspeed : float, m/s, optional
         The vehicle's V* when absent.
     altitude : float, m
@@ -113,7 +92,10 @@ def trim(
     V = vehicle.value("reference.airspeed") if airspeed is None else airspeed
     for angles in _ANGLES[vehicle.reduce]:
         condition = _OnWings(vehicle, angles, V, altitude, climb_angle, quiet)
-        x, residual = condition.solved()
+        # A propeller at rest has no slope: three starts of its thrust.
+        first = [0.5, 0.5, *[0.0] * (len(condition.unknowns) - len(condition.thrust) - 2)]
+        starts = [[*first, *[power] * len(condition.thrust)] for power in (1.0, 4.0, 16.0)]
+        x, residual = _solved(condition, starts[: 1 + 2 * len(condition.thrust)], 500)
         if residual < TOLERANCE:
             break
     point = condition.point(x)
@@ -139,15 +121,8 @@ def neighbors(
     """Return a function that gives the trim of the vehicle with some numbers slightly changed.
 
     It takes one Newton step from the known trim (the implicit function theorem): its derivative by the numbers is
-    exact, its error of second order. The numbers are among the changes of the returned trim.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-    point : Trim
-        Of this vehicle, from :func:`trim`.
-    climb_angle, density
-        As they were given to :func:`trim`.
+    exact, its error of second order. The numbers are among the changes of the returned trim; climb angle, rad, and
+    density, kg/m3, are those that were given to :func:`trim`.
     """
     if vehicle.reduce == "lateral":
         return neighbors(vehicle.reduced("full"), point, climb_angle, density)
@@ -176,12 +151,7 @@ def neutral_inputs(
 ) -> FloatArray:
     """Return channels (n_u,) at their centers, rotors and their pusher at idle, the battery at its nominal voltage.
 
-    Parameters
-    ----------
-    density : float, kg/m3, optional
-        Of the channel of that name; 1.225 when absent.
-    height : float, m
-        Above the ground.
+    The density, kg/m3, 1.225 when absent, and the height above the ground, m, are those of the channels that have them.
     """
     out = np.zeros(len(vehicle.inputs))
 
@@ -208,14 +178,8 @@ def neutral_inputs(
 def inputs_about(vehicle: Vehicle, point: Trim, signals: Mapping[str, FloatArray], count: int) -> FloatArray:
     """Return recorded channels (n, n_u) of a trim, plus changes of controls and of single channels.
 
-    Mixing is affine, so one column per control is enough.
-
-    Parameters
-    ----------
-    signals : mapping
-        Control, or channel -> (n,) change, rad or the channel's unit.
-    count : int
-        n
+    `signals` are changes (n,) by control, rad, or by channel, its unit; mixing is affine, so one column per control is
+    enough.
     """
     out = np.repeat(point.inputs[None, :], count, axis=0)
     for name, signal in signals.items():
@@ -296,20 +260,6 @@ class _OnWings:
         climb = rates[vehicle.states.index("h"), 0] / self.airspeed - math.sin(self.climb_angle)
         return np.append(rates[balanced, 0], climb)
 
-    def solved(self) -> tuple[FloatArray, float]:
-        """Return the scaled solution and the largest residual, from the first start that converges."""
-        from scipy.optimize import least_squares
-
-        first = np.zeros(len(self.scale))
-        first[:2] = 0.5
-        for power in (1.0, 4.0, 16.0) if self.thrust else (0.0,):  # a propeller at rest has no slope
-            first[len(first) - len(self.thrust) :] = power
-            x = least_squares(self.residuals, first, xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=500).x
-            residual = float(np.max(np.abs(self.residuals(x))))
-            if residual < TOLERANCE:
-                break
-        return x, residual
-
 
 @dataclass(frozen=True, eq=False)
 class OnRotors:
@@ -358,6 +308,24 @@ def trim_equations(vehicle: Vehicle, point: Trim) -> tuple[OnRotors, FloatArray]
     return known, np.array([s["phi"], s["theta"], 0.0, 0.0, 0.0, 0.0]) / _ROTOR_SCALES
 
 
+def _solved(
+    equations: _OnWings | OnRotors, starts: Sequence[Sequence[float]], evaluations: int
+) -> tuple[FloatArray, float]:
+    """Return the scaled solution and the largest residual, from the first start that converges."""
+    from scipy.optimize import least_squares
+
+    tight = 1e-15
+    for start in starts:
+        found = least_squares(
+            equations.residuals, np.array(start), ftol=tight, xtol=tight, gtol=tight, max_nfev=evaluations
+        )
+        x = found.x
+        residual = float(np.max(np.abs(equations.residuals(x))))
+        if residual < TOLERANCE:
+            break
+    return x, residual
+
+
 def steady_wind(vehicle: Vehicle, wind: Sequence[float] | None) -> FloatArray:
     """Return the wind that blows north, east, down, m/s: the given one, else that of the vehicle file, if any."""
     if wind is not None:
@@ -373,16 +341,13 @@ def _trim_on_rotors(
     wind: Sequence[float] | None,
     heading: float,
 ) -> Trim:
-    from scipy.optimize import least_squares
-
     ground = np.array((0.0, 0.0, 0.0) if velocity is None else velocity, dtype=float)
     air = steady_wind(vehicle, wind)
     changes = {} if wind is None else dict(zip(WIND_NUMBERS, air.tolist(), strict=True))
     level = _level(vehicle, quiet, altitude)
     mixing = allocation(vehicle, effects(vehicle, {"h": altitude}, level, changes))
     equations = OnRotors(vehicle, ground, air, heading, altitude, level, mixing, changes)
-    x = least_squares(equations.residuals, np.zeros(6), xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=300).x
-    residual = float(np.max(np.abs(equations.residuals(x))))
+    x, residual = _solved(equations, [[0.0] * 6], 300)
     if not residual < TOLERANCE:
         raise SimulationError(
             f"{vehicle.where}: no steady flight found at {float(np.linalg.norm(ground - air)):g} m/s through the air "

@@ -1,7 +1,6 @@
-"""What we believe the vehicle is: mass, aerodynamics, propulsion, controls, instruments."""
+"""Vehicle files: mass, aerodynamics, propulsion, controls, instruments, and the equations that follow."""
 
 from stoop.vehicle.load import load_vehicle, parse_vehicle
-from stoop.vehicle.quantity import Parameter
-from stoop.vehicle.vehicle import Vehicle
+from stoop.vehicle.vehicle import Parameter, Vehicle
 
 __all__ = ["Parameter", "Vehicle", "load_vehicle", "parse_vehicle"]

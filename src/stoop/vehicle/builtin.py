@@ -12,59 +12,40 @@ from stoop.errors import VehicleError
 from stoop.vehicle.load import load_vehicle, parse_vehicle
 from stoop.vehicle.vehicle import Vehicle
 
-BUILT_IN: Final[dict[str, str]] = {
-    "twin-boom": "twin_boom.toml",
-    "quad-x": "quad_x.toml",
-    "quad-plus": "quad_plus.toml",
-    "hexa-x": "hexa_x.toml",
-    "octo-x": "octo_x.toml",
-    "quadplane": "quadplane.toml",
+BUILT_IN: Final = {
+    name: f"{name.replace('-', '_')}.toml"
+    for name in ("twin-boom", "quad-x", "quad-plus", "hexa-x", "octo-x", "quadplane")
 }  #: name -> file in stoop/data
 
 
 def resolve_vehicle(name_or_path: str | Path) -> Vehicle:
-    """Return a vehicle of the package by its name, or read a vehicle file.
+    """Return a vehicle of the package by its name in :data:`BUILT_IN`, or read a vehicle file.
 
-    A name of the package wins over a file of the same name; write ``./twin-boom`` for the file.
-
-    Parameters
-    ----------
-    name_or_path : str or Path
-        One of :data:`BUILT_IN`, or the path of a TOML file.
-
-    Raises
-    ------
-    VehicleError
-        There is no such vehicle, or its file says something impossible.
+    A name of the package wins over a file of the same name; write ``./twin-boom`` for the file. A
+    :class:`~stoop.errors.VehicleError` says that there is no such vehicle, or what is wrong in its file.
     """
-    if str(name_or_path) in BUILT_IN:
-        return builtin_vehicle(str(name_or_path))
-    path = Path(name_or_path)
-    if not path.exists():
-        raise VehicleError(f"{path}: there is no such vehicle file; {_advice(str(name_or_path))}")
-    return load_vehicle(path)
+    name = str(name_or_path)
+    if name in BUILT_IN:
+        return builtin_vehicle(name)
+    if not Path(name_or_path).exists():
+        raise VehicleError(f"{Path(name_or_path)}: there is no such vehicle file; {_advice(name)}")
+    return load_vehicle(name_or_path)
 
 
 def builtin_vehicle(name: str) -> Vehicle:
-    """Return a vehicle of the package; messages name it, not where the package happens to lie."""
+    """Return a vehicle of the package; messages name it, not its path."""
     return parse_vehicle(builtin_text(name), name)
 
 
 def builtin_text(name: str) -> str:
-    """Return the file of a vehicle of the package as it stands, comments included.
-
-    Raises
-    ------
-    VehicleError
-        There is no such vehicle.
-    """
+    """Return the file of a vehicle of the package with its comments; a VehicleError lists the names."""
     if name not in BUILT_IN:
         raise VehicleError(f"{name}: there is no such built-in vehicle; {_advice(name)}")
     return (files("stoop.data") / BUILT_IN[name]).read_text(encoding="utf-8")
 
 
 def builtin_title(name: str) -> str:
-    """Return in one line what a vehicle of the package is."""
+    """Return a description of a vehicle of the package in one line."""
     return str(tomllib.loads(builtin_text(name))["name"])
 
 

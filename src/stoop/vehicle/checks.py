@@ -1,4 +1,4 @@
-"""What no aircraft can be: zero mass, an inertia that no body has, angles in degrees."""
+"""Plausibility of a vehicle: positive masses, a possible inertia, radians, rotors that can carry and hold it."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ import math
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import VehicleError
-from stoop.vehicle.rotor_checks import check_rotors
+from stoop.vehicle.defaults import full_command, share_of_weight, thrust_at
+from stoop.vehicle.schema import WIND
 from stoop.vehicle.vehicle import Vehicle, leaves
 
 _POSITIVE = (
@@ -15,16 +17,15 @@ _POSITIVE = (
     "reference.span", "reference.airspeed", "environment.gravity", "environment.density",
     "propulsion.diameter", "propulsion.speed_gain", "ground_effect.radius",
     *(f"turbulence.{axis}.{number}" for axis in "uvw" for number in ("intensity", "length")),
+    "rotors.gain", "rotors.nominal_voltage", "rotors.lag", "rotors.inertia", "rotors.radius", "turbulence.airspeed",
 )  # fmt: skip
-_AXES = ("xx", "yy", "zz", "xz", "xy", "yz")
+MAX_POSITION = 20.0  #: m, of a rotor
 
 
 def check(vehicle: Vehicle) -> None:
     """Raise :class:`VehicleError` for the first impossible number, also of a loading."""
-    _check_numbers(vehicle, "")
-    check_rotors(vehicle)
-    _check_angles(vehicle)
-    _check_bounds(vehicle)
+    _check_numbers(vehicle, f"{vehicle.where}: ")
+    _check_angles_and_bounds(vehicle)
     _check_delays(vehicle)
     known = {name for name, _ in leaves(vehicle.file)}
     for loading, numbers in vehicle.file.loadings.items():
@@ -34,62 +35,146 @@ def check(vehicle: Vehicle) -> None:
                     f"{vehicle.where}: loadings.{loading}.{name}: no number has this name; "
                     'write e.g. "mass.mass" = 9.1'
                 )
-        own = {vehicle.parameters[vehicle.rows[name]].name: value for name, value in numbers.items()}
-        loaded = vehicle.with_numbers({name: {"value": value} for name, value in own.items()})
-        _check_numbers(loaded, f"loadings.{loading}: ")
-        check_rotors(loaded, f"loadings.{loading}: ")
+        own = {vehicle.parameters[vehicle.rows[name]].name: {"value": v} for name, v in numbers.items()}
+        _check_numbers(vehicle.with_numbers(own), f"{vehicle.where}: loadings.{loading}: ")
 
 
-def _check_numbers(vehicle: Vehicle, place: str) -> None:
-    lags = tuple(f"controls.{c}.lag" for c in vehicle.file.controls)
-    for name in (*_POSITIVE, *lags):
-        if name in vehicle.rows and not vehicle.value(name) > 0.0:
-            raise VehicleError(
-                f"{vehicle.where}: {place}{name}: {vehicle.value(name):g} is not positive; "
-                + ("remove it for no lag" if name in lags else "write its true value in SI units")
-            )
-    _check_inertia(vehicle, place)
-
-
-def inertia_tensor(vehicle: Vehicle) -> np.ndarray:
-    """Return the (3, 3) inertia tensor about the centre of gravity, kg m2, body axes."""
-
-    def get(axis: str) -> float:
-        name = f"mass.inertia.{axis}"
-        return vehicle.value(name) if name in vehicle.rows else 0.0
-
-    xx, yy, zz, xz, xy, yz = (get(a) for a in _AXES)
+def inertia_tensor(vehicle: Vehicle) -> FloatArray:
+    """Return the (3, 3) inertia tensor about the center of gravity, kg m2, body axes."""
+    axes = ("xx", "yy", "zz", "xz", "xy", "yz")
+    xx, yy, zz, xz, xy, yz = (vehicle.value(f"mass.inertia.{a}", 0.0) for a in axes)
     return np.array([[xx, -xy, -xz], [-xy, yy, -yz], [-xz, -yz, zz]])
 
 
-def _check_inertia(vehicle: Vehicle, place: str) -> None:
-    """Hold the principal moments to the triangle inequality, which every body of mass obeys."""
-    where = f"{vehicle.where}: {place}mass.inertia"
+def _check_numbers(vehicle: Vehicle, where: str) -> None:
+    """Check what a loading can change."""
+    for name in (*_POSITIVE, *(f"controls.{c}.lag" for c in vehicle.file.controls)):
+        if not vehicle.value(name, 1.0) > 0.0:
+            advice = "remove it for no lag" if name.endswith(".lag") else "write its true value in SI units"
+            raise VehicleError(f"{where}{name}: {vehicle.value(name):g} is not positive; {advice}")
+    # The principal moments of every body satisfy the triangle inequality.
     small, middle, large = np.linalg.eigvalsh(inertia_tensor(vehicle))
     if not small > 0.0:
         raise VehicleError(
-            f"{where}: a principal moment is {small:.3g} kg m2; "
+            f"{where}mass.inertia: a principal moment is {small:.3g} kg m2; "
             "products of inertia are too large, check xz, xy, yz"
         )
     if large > (small + middle) * (1.0 + 1e-9):
         raise VehicleError(
-            f"{where}: the largest principal moment {large:.4g} exceeds the sum of the others "
+            f"{where}mass.inertia: the largest principal moment {large:.4g} exceeds the sum of the others "
             f"{small + middle:.4g} kg m2, which no body can have; measure xx, yy, zz again"
+        )
+    _check_tables(vehicle, where)
+    drive = vehicle.file.rotors.drive if vehicle.file.rotors is not None else ""
+    signed = ("rotors.delay",) if drive == "speed" else ()  # a measured speed may be recorded late
+    for name in vehicle.rows:
+        sized = name.endswith(("factor", "torque_ratio", "rotors.delay")) and name not in signed
+        if sized and vehicle.value(name) < 0.0:
+            raise VehicleError(
+                f"{where}{name}: {vehicle.value(name):g} is negative; write its size, spin gives the sign"
+            )
+    if vehicle.rotors:
+        _check_rotors(vehicle, where)
+
+
+def _check_tables(vehicle: Vehicle, where: str) -> None:
+    """Check that the tables of the file go together."""
+    file = vehicle.file
+    if file.turbulence is not None and file.reference is None and file.turbulence.airspeed is None:
+        raise VehicleError(
+            f"{where}turbulence.airspeed: missing, and there is no [reference] to take it from; "
+            "write the speed at which the gusts pass (flight or wind), m/s"
+        )
+    for channel in WIND if not vehicle.rotors else ():
+        if getattr(file.sensors, channel) is not None:
+            raise VehicleError(
+                f"{where}sensors.{channel}: only a vehicle with rotors is observed by it; remove it"
+            )
+    if vehicle.rotors and vehicle.reduce != "full":
+        raise VehicleError(
+            f'{where}model.reduce: a vehicle with rotors takes all equations; write reduce = "full"'
+        )
+    if file.reference is None and any(vehicle.terms.values()):
+        raise VehicleError(
+            f"{where}reference: missing, and aerodynamics needs it; add area, chord, span and airspeed"
+        )
+    clash = set(file.controls) & set(file.rotor)
+    if clash:
+        raise VehicleError(f"{where}rotor.{min(clash)}: the name is taken by a control; choose another")
+
+
+def _check_rotors(vehicle: Vehicle, where: str) -> None:
+    """Check positions, axes and spins of the rotors, and their thrust."""
+
+    def point(name: str, default: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> FloatArray:
+        return np.array([vehicle.value(f"{name}.{axis}", d) for axis, d in zip("xyz", default, strict=True)])
+
+    axes = np.array([point(f"rotor.{name}.axis", (0.0, 0.0, -1.0)) for name in vehicle.rotors])
+    lengths = np.linalg.norm(axes, axis=1)
+    positions = np.array([point(f"rotor.{name}.position") for name in vehicle.rotors])
+    for name, length, position in zip(vehicle.rotors, lengths, positions, strict=True):
+        if length < 1e-6:
+            raise VehicleError(
+                f"{where}rotor.{name}.axis: has no length; write the direction of the thrust, up is [0, 0, -1]"
+            )
+        if np.max(np.abs(position)) > MAX_POSITION:
+            raise VehicleError(
+                f"{where}rotor.{name}.position: {np.max(np.abs(position)):g} m looks like millimeters; write meters"
+            )
+    axes = axes / lengths[:, None]
+    if len(positions) > 2 and np.max(np.ptp(positions, axis=0)) < 1e-3:
+        raise VehicleError(
+            f"{where}rotor: all {len(positions)} rotors are on one spot, so none of them can roll or pitch; "
+            "write position = [forward, right, down] of each, m"
+        )
+    spins = {rotor.spin for rotor in vehicle.file.rotor.values()}
+    if len(axes) > 3 and len(spins) == 1 and np.max(np.ptp(axes, axis=0)) < 1e-3:
+        raise VehicleError(
+            f'{where}rotor: all {len(axes)} rotors turn {min(spins)}, so nothing holds the yaw; write spin = "ccw" or "cw" '
+            "of each, as seen from above"
+        )
+    _check_thrust(vehicle, axes, where)
+
+
+def _check_thrust(vehicle: Vehicle, axes: FloatArray, where: str) -> None:
+    """Check that thrust rises with the command, and carries a vehicle without wings; `axes` are (n, 3)."""
+    full = []  # x at full command
+    for channel in (rotor.channel for rotor in vehicle.file.rotor.values()):
+        command = full_command(channel)
+        if command is None:
+            return
+        full.append(vehicle.value("rotors.gain") * (command - vehicle.value("rotors.idle")))
+        if not (full[-1] > 0.0 and math.isfinite(full[-1])):
+            raise VehicleError(
+                f"{vehicle.where}: rotors.idle: {vehicle.value('rotors.idle'):g} is not below full command of {channel} "
+                f"({command:g}); write the value at which the motor stands still"
+            )
+    numbers, top = dict(leaves(vehicle.file)), max(full)
+    half, most = thrust_at(numbers, 0.5 * top), thrust_at(numbers, top)
+    if not most > max(half, thrust_at(numbers, 0.0)):
+        raise VehicleError(
+            f"{where}rotors.T2: thrust does not rise with the command ({half:.3g} N at half, {most:.3g} N at full); "
+            f"write a first guess, e.g. T2 = {4.0 * share_of_weight(numbers) / top**2:.2g}"
+        )
+    factors = [vehicle.value(f"rotor.{name}.factor", 1.0) for name in vehicle.rotors]
+    upward = sum(max(-float(axis[2]), 0.0) * factor for axis, factor in zip(axes, factors, strict=True))
+    weight = vehicle.value("mass.mass") * vehicle.value("environment.gravity")
+    if vehicle.file.reference is None and upward * most < weight:
+        raise VehicleError(
+            f"{where}rotors.T2: at full command the rotors lift {upward * most:.3g} N, and the vehicle weighs {weight:.3g} N; "
+            "correct T0, T1, T2, gain, idle or mass (thrust in N per rotor, x as drive defines it)"
         )
 
 
-def _check_angles(vehicle: Vehicle) -> None:
+def _check_angles_and_bounds(vehicle: Vehicle) -> None:
     offsets = tuple(f"controls.{c}.offset" for c in vehicle.file.controls)
     for name in ("reference.alpha", "propulsion.pitch", *offsets):
-        if name in vehicle.rows and abs(vehicle.value(name)) > math.pi / 2.0:
-            value = vehicle.value(name)
+        value = vehicle.value(name, 0.0)
+        if abs(value) > math.pi / 2.0:
             raise VehicleError(
                 f"{vehicle.where}: {name}: {value:g} looks like degrees; "
                 f"write radians ({math.radians(value):.4g})"
             )
-
-
-def _check_bounds(vehicle: Vehicle) -> None:
     for p in vehicle.parameters:
         if p.free and not 0.0 < p.upper - p.lower < math.inf:
             raise VehicleError(
@@ -99,16 +184,16 @@ def _check_bounds(vehicle: Vehicle) -> None:
 
 
 def _check_delays(vehicle: Vehicle) -> None:
-    """Refuse a channel that would have to be late for one control and not for another."""
-    rows: dict[str, tuple[str, str]] = {}
+    """Check that all controls and rotors of a channel have one delay."""
     driven = [
         (f"controls.{c}.delay", c, channel) for c in vehicle.controls for channel in vehicle.channels_of(c)
     ]
     driven += [("rotors.delay", name, rotor.channel) for name, rotor in vehicle.file.rotor.items()]
-    for delay, moved, channel in driven:
-        first, other = rows.setdefault(channel, (delay, moved))
-        if vehicle.rows.get(first) != vehicle.rows.get(delay):
+    first: dict[str, tuple[str, str]] = {}
+    for delay, name, channel in driven:
+        other_delay, other = first.setdefault(channel, (delay, name))
+        if vehicle.rows.get(other_delay) != vehicle.rows.get(delay):
             raise VehicleError(
                 f"{vehicle.where}: {delay}: channel {channel} also moves {other}, whose delay "
-                f'is another; tie them, e.g. delay = "={first}"'
+                f'is another; tie them, e.g. delay = "={other_delay}"'
             )

@@ -1,4 +1,4 @@
-"""LaTeX symbols of the numbers of a vehicle file; the equations themselves are printed by `vehicle.symbolic.latex`."""
+"""LaTeX symbols of the numbers of a vehicle file; `vehicle.symbolic.latex` prints the equations."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from stoop.vehicle.vehicle import Vehicle
 
 GREEK: Final = ("alpha", "beta", "phi", "theta", "psi")
 SURFACES: Final = {"elevator": r"\delta_e", "aileron": r"\delta_a", "rudder": r"\delta_r"}
-ROTOR_NUMBERS: Final = {
+BODY_DRAG: Final = {"linear": "d", "quadratic": "D", "rotation": "c"}
+EACH_ROTOR: Final = {"factor": "f", "torque_factor": "f_Q"}
+_ROTORS: Final = {
     "T0": "T_{0}", "T1": "T_{1}", "T2": "T_{2}", "inflow": "k_{v}", "translational": "k_{h}", "drag": "k_{d}",
     "drag_inflow": "k_{n}", "radius": "R",
     "Q0": "Q_{0}", "Q1": "Q_{1}", "Q2": "Q_{2}", "torque_ratio": "c_{Q}", "inertia": "J", "lag": r"\tau", "gain": "g",
     "idle": r"u_{\mathrm{idle}}", "nominal_voltage": "U_{0}", "delay": "t_{d}",
 }  # fmt: skip
-BODY_DRAG: Final = {"linear": "d", "quadratic": "D", "rotation": "c"}
-GROUND_EFFECT: Final = {"rotor": "k_{g}", "lift": r"k_{\ell}", "radius": "R"}
-EACH_ROTOR: Final = {"factor": "f", "torque_factor": "f_Q"}
+_GROUND_EFFECT: Final = {"rotor": "k_{g}", "lift": r"k_{\ell}", "radius": "R"}
 
 
 def symbols(vehicle: Vehicle) -> dict[str, str]:
@@ -26,10 +26,10 @@ def symbols(vehicle: Vehicle) -> dict[str, str]:
     for name in vehicle.rows:
         table, _, rest = name.partition(".")
         first, _, last = rest.partition(".")
-        if table == "rotors" and first in ROTOR_NUMBERS:
-            found[name] = ROTOR_NUMBERS[first]
+        if table == "rotors" and first in _ROTORS:
+            found[name] = _ROTORS[first]
         elif table == "ground_effect":
-            found[name] = GROUND_EFFECT[first]
+            found[name] = _GROUND_EFFECT[first]
         elif table == "body_drag":
             found[name] = f"{BODY_DRAG[first]}_{{{last}}}"
         elif table == "rotor":

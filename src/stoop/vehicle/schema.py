@@ -1,26 +1,85 @@
-"""What a vehicle file may say: one pydantic model per table.
+"""Vehicle files: one pydantic model per table.
 
-Lengths in m, masses in kg, angles in rad; body axes forward-right-down from an origin of the file's own
-choice (the nose, the wing's leading edge, the centre of gravity itself).
+Lengths in m, masses in kg, angles in rad; body axes forward-right-down from an origin of the file's own choice (the
+nose, the leading edge of the wing, the center of gravity).
 """
 
 from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, field_validator, model_validator
-
-from stoop.vehicle.quantity import Number, Quantity, Switch
-from stoop.vehicle.rotors_schema import MOST_ROTORS, BodyDrag, Rotor, Rotors
-from stoop.vehicle.table import Name, Point, Table
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 CHANNELS = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "ax", "ay", "az")
 WIND = ("vn", "ve", "vd")  #: velocity over ground, north, east, down
-GROUND = (*WIND, *CHANNELS[3:])  #: what a vehicle with rotors is observed by
+
+Switch = Annotated[bool, Field(strict=True)]  #: true or false, not "no" or 0
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]  #: no text, no true or false, no nan
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=40)]
+
+
+class Table(BaseModel):
+    """A table of the file: no unknown keys, immutable."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Quantity(BaseModel):
+    """One number: ``0.3``, a tie ``"=other.number"``, or a table with bounds, freedom and prior."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    value: Number = 0.0  #: SI units and radians
+    bounds: tuple[Number, Number] | None = None  #: of the estimate
+    free: Switch | None = None  #: true to estimate, false to fix; by the kind of number when absent
+    prior: Annotated[Number, Field(gt=0.0)] | None = None  #: standard deviation around the value
+    tie: str | None = None  #: name of the number that this one equals
+
+    @model_validator(mode="before")
+    @classmethod
+    def _short_forms(cls, data: Any) -> Any:
+        if isinstance(data, bool):
+            raise ValueError("write a number here, not true or false")
+        if isinstance(data, int | float):
+            return {"value": data}
+        if isinstance(data, str):
+            return {"tie": tied(data)}
+        if not isinstance(data, dict | Quantity):
+            raise ValueError(
+                'write a number, "=name", or a table such as { value = 0.3, bounds = [0.1, 0.5] }'
+            )
+        return data
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Quantity:
+        others = self.model_fields_set & {"value", "bounds", "free", "prior"}
+        if self.tie is not None and others:
+            raise ValueError(f"a tied number takes all from '{self.tie}'; remove {min(others)}")
+        if self.bounds is not None:
+            low, high = self.bounds
+            if not low < high:
+                raise ValueError(
+                    f"bounds [{low:g}, {high:g}] are reversed or empty; write the lower one first"
+                )
+            if not low <= self.value <= high:
+                raise ValueError(
+                    f"value {self.value:g} lies outside its bounds [{low:g}, {high:g}]; widen them"
+                )
+        return self
+
+
+def tied(text: str) -> str:
+    """Return the name in a tie ``"=name"``."""
+    if not text.startswith("=") or not text[1:].strip():
+        raise ValueError('write a number, or "=name" to tie it to another number')
+    return text[1:].strip()
+
+
+Point = tuple[Quantity, Quantity, Quantity]
 
 
 class Inertia(Table):
-    """Moments and products of inertia about the centre of gravity, kg m2 (Ixz = integral of x z dm)."""
+    """Moments and products of inertia about the center of gravity, kg m2 (Ixz = integral of x z dm)."""
 
     xx: Quantity
     yy: Quantity
@@ -46,12 +105,12 @@ class Reference(Table):
     span: Quantity  #: m
     airspeed: Quantity  #: V*, m/s
     alpha: Quantity = Quantity(value=0.0)  #: alpha*, rad
-    moment_point: Point | None = None  #: m; the centre of gravity when absent
+    moment_point: Point | None = None  #: m; the center of gravity when absent
     rate_normalization: Literal["reference", "actual"] = "reference"  #: qc/2V* (the paper) or qc/2V
 
 
 class Environment(Table):
-    """Where it flies."""
+    """Gravity and air density."""
 
     gravity: Quantity = Quantity(value=9.80665)  #: m/s2
     density: Quantity | Literal["standard", "log"] = "standard"  #: kg/m3
@@ -71,7 +130,7 @@ class Term(Quantity):
 
 
 class Aerodynamics(Table):
-    """Terms per coefficient; with ``default = true`` those of eq. (1) are there unless set to false."""
+    """Terms per coefficient; with ``default = true`` those of eq. (1) are included unless set to false."""
 
     default: Switch = True
     CL: dict[Name, Term] = Field(default_factory=dict)
@@ -83,7 +142,7 @@ class Aerodynamics(Table):
 
 
 class ConstantThrust(Table):
-    """A thrust that does not change."""
+    """A constant thrust."""
 
     kind: Literal["constant"]
     thrust: Quantity  #: N
@@ -92,7 +151,7 @@ class ConstantThrust(Table):
 
 
 class ThrustChannel(Table):
-    """A thrust that the flight holds as a channel, times a factor."""
+    """A thrust that is a channel of the flight, times a factor."""
 
     kind: Literal["channel"]
     channel: Name = "thrust"
@@ -122,8 +181,8 @@ Propulsion = Annotated[ConstantThrust | ThrustChannel | Propeller, Field(discrim
 class Control(Table):
     """A control surface: deflection = offset + sum of gain * (channel - center), then delay and lag.
 
-    ``mix`` takes recorded channels (PWM or normalized commands) to the deflection in rad, so V-tail, elevon
-    and flaperon mixers are sums of several channels. Without ``mix`` the flight holds the deflection itself.
+    ``mix`` takes recorded channels (PWM or normalized commands) to the deflection in rad, so V-tail, elevon and
+    flaperon mixers are sums of several channels. Without ``mix`` the channel is the deflection itself.
     """
 
     mix: dict[Name, Quantity] | None = None  #: rad per unit of the channel
@@ -134,14 +193,14 @@ class Control(Table):
 
     @model_validator(mode="after")
     def _centers(self) -> Control:
-        stray = set(self.center) - set(self.mix or {})
-        if stray:
-            raise ValueError(f"center names {sorted(stray)[0]}, which is not in mix")
+        unknown = set(self.center) - set(self.mix or {})
+        if unknown:
+            raise ValueError(f"center names {min(unknown)}, which is not in mix")
         return self
 
 
 class Sensor(Table):
-    """What an instrument makes of the truth: scale * truth + bias, late by delay."""
+    """An instrument: reading = scale * truth + bias, late by delay."""
 
     bias: Quantity = Quantity(value=0.0)
     scale: Quantity | None = None
@@ -150,7 +209,7 @@ class Sensor(Table):
 
 
 class Sensors(Table):
-    """Instruments and where they sit."""
+    """Instruments and their positions."""
 
     V: Sensor = Sensor()
     alpha: Sensor = Sensor()
@@ -164,7 +223,7 @@ class Sensors(Table):
     ax: Sensor = Sensor()
     ay: Sensor = Sensor()
     az: Sensor = Sensor()
-    estimate_biases: Switch = True  #: whether rate and acceleration biases are free unless said otherwise
+    estimate_biases: Switch = True  #: whether rate and acceleration biases are free by default
     accelerometer_position: Point | None = None  #: m
     vane_position: Point | None = None  #: m
     vn: Sensor | None = None  #: of vehicles with rotors; the bias is the wind
@@ -180,12 +239,76 @@ class Gust(Table):
 
 
 class Turbulence(Table):
-    """Gusts along the body axes, of vehicles with rotors north, east and down; an axis that is left out is calm."""
+    """Gusts along the body axes, of vehicles with rotors north, east and down; an absent axis is calm."""
 
     u: Gust | None = None
     v: Gust | None = None
     w: Gust | None = None
     airspeed: Quantity | None = None  #: at which the gusts pass, m/s; V* when absent
+
+
+class Rotors(Table):
+    """What all rotors share; x is the normalized command or the speed of rotation, rad/s.
+
+    x = gain (channel - idle) >= 0, times voltage / nominal_voltage where that is given, then the lag.
+    Thrust = density/1.225 (T0 + T1 x + T2 x^2 - inflow x v_axial + translational v_inplane^2). With a radius, the
+    induced velocity of the disc adds to v_axial.
+    """
+
+    drive: Literal["command", "speed"] = "command"  #: what x is: 1, or rad/s
+    gain: Quantity = Quantity(value=1.0)  #: x per unit of the channel
+    idle: Quantity = Quantity(value=0.0)  #: of the channel
+    nominal_voltage: Quantity | None = None  #: V
+    voltage_average: Annotated[float, Field(gt=0.0, le=3600.0)] | None = (
+        None  #: s, of the voltage that counts
+    )
+    lag: Quantity | None = None  #: s, first order
+    delay: Quantity | None = None  #: s, of the recorded channels
+    T0: Quantity | None = None  #: N
+    T1: Quantity | None = None  #: N per unit of x
+    T2: Quantity | None = None  #: N per unit of x squared
+    inflow: Quantity | None = None  #: N s/m per unit of x
+    translational: Quantity | None = None  #: N s2/m2
+    radius: Quantity | None = None  #: of the disc, m
+    drag: Quantity | None = None  #: N s/m per unit of x, in the plane of the disc
+    drag_inflow: Quantity | None = None  #: N s2/m2, in the plane of the disc
+    Q0: Quantity | None = None  #: N m
+    Q1: Quantity | None = None  #: N m per unit of x
+    Q2: Quantity | None = None  #: N m per unit of x squared
+    torque_ratio: Quantity | None = None  #: torque over thrust, m
+    inertia: Quantity | None = None  #: of one rotor about its axis, kg m2
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Rotors:
+        if self.T0 is None and self.T1 is None and self.T2 is None:
+            raise ValueError("there is no thrust; write T2 (and T1, T0), e.g. T2 = 30.0")
+        own = next((q for q in ("Q0", "Q1", "Q2") if getattr(self, q) is not None), None)
+        if own is not None and self.torque_ratio is not None:
+            raise ValueError(f"{own} and torque_ratio both give the torque; remove one of them")
+        if self.inertia is not None and self.drive != "speed":
+            raise ValueError(
+                'inertia needs the speed of rotation; write drive = "speed" and gain in rad/s per unit, or remove it'
+            )
+        return self
+
+
+class Rotor(Table):
+    """One rotor: its channel, position, axis and sense of rotation."""
+
+    channel: Name
+    position: Point  #: m
+    axis: Point | None = None  #: direction of its thrust, any length; up when absent
+    spin: Literal["ccw", "cw"]  #: seen from the tip of the axis: from above for an axis that points up
+    factor: Quantity | None = None  #: of all its aerodynamic loads
+    torque_factor: Quantity | None = None  #: of its torque alone
+
+
+class BodyDrag(Table):
+    """Force -(linear v + quadratic |v| v) and moment -(rotation omega), each per body axis."""
+
+    linear: Point | None = None  #: N s/m
+    quadratic: Point | None = None  #: N s2/m2
+    rotation: Point | None = None  #: N m s
 
 
 class GroundEffect(Table):
@@ -208,7 +331,7 @@ class GroundEffect(Table):
 
 
 class Model(Table):
-    """Which equations are kept."""
+    """Reduction of the equations of motion."""
 
     reduce: Literal["full", "longitudinal", "lateral"] = "full"
 
@@ -221,16 +344,16 @@ class VehicleFile(Table):
     notes: tuple[str, ...] = ()
     model: Model = Model()
     mass: Mass
-    reference: Reference | None = None  #: only a vehicle with rotors goes without
+    reference: Reference | None = None  #: only a vehicle with rotors can omit it
     environment: Environment = Environment()
     aerodynamics: Aerodynamics = Aerodynamics()
     propulsion: Propulsion | None = None
     controls: dict[Name, Control] = Field(default_factory=dict)
     sensors: Sensors = Sensors()
     turbulence: Turbulence | None = None
-    loadings: dict[Name, dict[str, Number]] = Field(default_factory=dict)  #: what differs per maneuver
+    loadings: dict[Name, dict[str, Number]] = Field(default_factory=dict)  #: numbers that differ per maneuver
     rotors: Rotors | None = None
-    rotor: Annotated[dict[Name, Rotor], Field(max_length=MOST_ROTORS)] = Field(default_factory=dict)
+    rotor: Annotated[dict[Name, Rotor], Field(max_length=16)] = Field(default_factory=dict)
     body_drag: BodyDrag | None = None
     ground_effect: GroundEffect | None = None
 

@@ -1,25 +1,22 @@
 """Aerodynamic terms: a line of text such as ``alpha^2`` or ``alpha*elevator``, never evaluated.
 
-The text is parsed to Python's syntax tree and only what is on the white list is taken from it: numbers,
-known variables, ``+ - * /``, whole powers from 0 to 6, and ``abs(...)``.
-
-Powers of powers multiply, so a short text can ask for a number that fills the memory: the product of all
-powers above a variable is held to 12.
+The text is parsed to Python's syntax tree and checked against a white list: numbers, known variables, ``+ - * /``,
+whole powers from 0 to 6, and ``abs(...)``. The product of nested powers is at most 12, because powers of powers
+multiply and a short text could otherwise fill the memory.
 """
 
 from __future__ import annotations
 
 import ast
 import math
+import operator
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from stoop.errors import TermError
 
-MAX_LENGTH = 200
-MAX_POWER = 6
-MAX_DEGREE = 12
+MAX_LENGTH, MAX_POWER, MAX_DEGREE = 200, 6, 12
 STATE_VARIABLES = {
     "alpha": "angle of attack less its reference value, rad",
     "beta": "sideslip angle, rad",
@@ -27,30 +24,19 @@ STATE_VARIABLES = {
     "q": "pitch rate times chord over twice the airspeed",
     "r": "yaw rate times span over twice the airspeed",
     "V": "(airspeed - reference airspeed) / reference airspeed",
-}  #: what a term can be made of, beside the controls
+}  #: variables of a term, beside the controls
 _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
-    ast.Add: lambda a, b: a + b,
-    ast.Sub: lambda a, b: a - b,
-    ast.Mult: lambda a, b: a * b,
-    ast.Div: lambda a, b: a / b,
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
 }
 
 
 def parse(text: str, names: Iterable[str], where: str) -> ast.expr:
-    """Parse a term and check it against the white list.
+    """Parse a term and check it against the white list; a :class:`TermError` names `where`, file and key.
 
-    Parameters
-    ----------
-    text : str
-    names : iterable of str
-        Variables that the vehicle has (:data:`STATE_VARIABLES` and its controls).
-    where : str
-        File and key, for the message.
-
-    Raises
-    ------
-    TermError
-        Unknown variable, forbidden syntax, power out of range.
+    `names` are the variables of the vehicle: :data:`STATE_VARIABLES` and its controls.
     """
     if len(text) > MAX_LENGTH:
         raise TermError(f"{where}: the term is longer than {MAX_LENGTH} characters; split it into several")
@@ -61,7 +47,13 @@ def parse(text: str, names: Iterable[str], where: str) -> ast.expr:
             f"{where}: cannot read the term '{text}'; write it like alpha^2 or alpha*elevator"
         ) from None
     _check(tree, frozenset(names), where, text)
-    _check_value(tree, where, text)
+    # A value at some point, to find terms without one at any: 1e999, 1/0, 1/(alpha - alpha)
+    try:
+        value = float(convert(tree, {n: 0.37 + 0.11 * i for i, n in enumerate(sorted(variables(tree)))}))
+    except ArithmeticError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise TermError(f"{where}: the term '{text}' has no finite value; look for a division by zero")
     return tree
 
 
@@ -112,21 +104,9 @@ def _check(node: ast.expr, names: frozenset[str], where: str, text: str) -> None
 def _height(node: ast.AST) -> int:
     """Return the largest product of nested powers."""
     inner = max((_height(child) for child in ast.iter_child_nodes(node)), default=1)
-    match node:
-        case ast.BinOp(op=ast.Pow(), right=ast.Constant(value=int(power))):
-            return max(inner * power, 1)
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
+        return max(inner * int(node.right.value), 1)  # type: ignore[attr-defined]
     return inner
-
-
-def _check_value(tree: ast.expr, where: str, text: str) -> None:
-    """Evaluate a term at some point, to see what has no value at any: 1e999, 1/0, 1/(alpha - alpha)."""
-    somewhere = {name: 0.37 + 0.11 * i for i, name in enumerate(sorted(variables(tree)))}
-    try:
-        value = float(convert(tree, somewhere))
-    except ArithmeticError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise TermError(f"{where}: the term '{text}' has no finite value; look for a division by zero")
 
 
 def convert(node: ast.expr, symbols: Mapping[str, Any]) -> Any:
@@ -152,16 +132,15 @@ def convert(node: ast.expr, symbols: Mapping[str, Any]) -> Any:
 def values(
     number: Callable[[str], Any], actual: bool, V: Any, alpha: Any, beta: Any, omega: Sequence[Any]
 ) -> dict[str, Any]:
-    """Return what terms are made of, eq. (1), less the controls; symbols or (n,) arrays, as they are given.
+    """Return the variables of terms, eq. (1), less the controls, as symbols or (n,) arrays.
 
     Parameters
     ----------
     number : callable
-        From the name of a number of the vehicle file to its value or symbol.
+        Name of a number of the vehicle file -> value or symbol.
     actual : bool
         Rates are made dimensionless with the actual airspeed, not with the reference one.
-    V, alpha, beta : m/s, rad
-    omega : p, q, r, rad/s
+    V, alpha, beta, omega : m/s, rad, rad/s
     """
     reference = number("reference.airspeed")
     speed = V if actual else reference

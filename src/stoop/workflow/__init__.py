@@ -4,6 +4,5 @@ from stoop.assessment.bootstrap import Bootstrap
 from stoop.assessment.posterior import Posterior
 from stoop.assessment.profile import Profile
 from stoop.workflow.identification import Job, identify
-from stoop.workflow.outputs import write_outputs
 
-__all__ = ["Bootstrap", "Job", "Posterior", "Profile", "identify", "write_outputs"]
+__all__ = ["Bootstrap", "Job", "Posterior", "Profile", "identify"]

@@ -34,15 +34,8 @@ def identity(
 ) -> str:
     """Return what decides the problem and its search, in one hash; when to give up may differ.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-        With what was freed and fixed; comments and order of its file do not matter.
-    files : mapping
-        Name of each flight and mapping to the hash of its content.
-    maneuvers, validate : sequence of str
-        Windows; nothing is learned about the wind where something is predicted.
-    options : Options
+    `files` are hashes by name of each flight and mapping. Windows to predict count: nothing is learned about the wind
+    there. Of the vehicle count what was freed and fixed, not comments and order of its file.
     """
     noise = None if options.covariance is None else options.covariance.tolist()
     parts = [

@@ -35,12 +35,7 @@ def maneuver_curves(
 ) -> tuple[tuple[ManeuverResult, ...], tuple[ManeuverTrace, ...]]:
     """Return figures and curves of all maneuvers, each beside the trivial lag.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    groups : sequence of Simulated
-    fitted : sequence of BaselineManeuver
-        Fitted maneuvers that are not among the groups; the lag learns from them.
+    The lag also learns from `fitted` maneuvers that are not among the groups.
     """
     flown = [
         (g, index, g.prepared.of_maneuver(index)) for g in groups for index in range(len(g.prepared.windows))

@@ -34,10 +34,7 @@ WINDOW_FILES: Final = (NAME, "windows.html")
 def prior_model(name_or_path: str | Path) -> PriorModel:
     """Return the model to design for: a vehicle with its priors, or the result of stoop identify.
 
-    Parameters
-    ----------
-    name_or_path : str or Path
-        A built-in vehicle, a vehicle file, a result.json, or the folder that holds it.
+    It is a built-in vehicle, a vehicle file, a result.json, or the folder that holds it.
 
     Raises
     ------
@@ -185,11 +182,7 @@ def write_windows(
 ) -> None:
     """Write `windows.toml` and `windows.html` into a folder; each whole or not at all.
 
-    Parameters
-    ----------
-    vehicle : name of the vehicle, or empty
-    command : by which they were made
-    following : words of the command that takes the file
+    `vehicle` is its name or empty; `following` are the words of the command that takes the file.
     """
     from stoop.report.design import windows_sheet
     from stoop.report.sheet import write_sheet

@@ -57,26 +57,13 @@ DEFAULT: Final = Condition()
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """What is exported: a vehicle, and of an identification what is known of its numbers and its flight.
-
-    Attributes
-    ----------
-    vehicle : Vehicle
-    known : ParameterCovariance, optional
-        Its numbers' covariance.
-    maneuvers : tuple of RecordedManeuver
-        Of the flight that it was identified from.
-    altitude : float, m
-    density : float, kg/m3, optional
-        Of that flight.
-    notes : tuple of str
-    """
+    """What is exported: a vehicle, and of an identification what is known of its numbers and its flight."""
 
     vehicle: Vehicle
-    known: ParameterCovariance | None = None
-    maneuvers: tuple[RecordedManeuver, ...] = ()
-    altitude: float = 200.0
-    density: float | None = None
+    known: ParameterCovariance | None = None  #: its numbers' covariance
+    maneuvers: tuple[RecordedManeuver, ...] = ()  #: of the flight that it was identified from
+    altitude: float = 200.0  #: m
+    density: float | None = None  #: kg/m3, of that flight
     notes: tuple[str, ...] = ()
 
 
@@ -152,14 +139,6 @@ def _maneuver(vehicle: Vehicle, result: Result, index: int, segment: int, piece:
 
 def export(subject: Subject, target: str, condition: Condition = DEFAULT) -> Exported:
     """Make the files of a target.
-
-    Parameters
-    ----------
-    subject : Subject
-        See :func:`read_subject`.
-    target : str
-        One of :data:`TARGETS`.
-    condition : Condition
 
     Raises
     ------

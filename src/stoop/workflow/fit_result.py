@@ -55,19 +55,8 @@ def identification(
 ) -> Identification:
     """Return the result of a fit with its curves.
 
-    Parameters
-    ----------
-    fit : Fit
-    flights : mapping
-        By name, as they were fitted.
-    predicted : sequence of Window
-        Not fitted; predicted by the model.
-    options : Options
-    inputs : mapping of str to str
-        Names of files to hashes of their content.
-    began : float
-        `time.perf_counter` at the start.
-    command : str
+    `flights` are as they were fitted, `predicted` windows were not; `inputs` are hashes of files by name; `began` is
+    `time.perf_counter` at the start.
     """
     problem, vehicle = fit.problem, fit.problem.layout.vehicle
     color, bars = fit.inflation, error_bars(fit)
@@ -207,5 +196,5 @@ def _wind(flights: Mapping[str, Flight]) -> tuple[WindEstimate, ...]:
         if np.isfinite(air.pitot_scale):
             values["pitot_scale"] = Quantity(air.pitot_scale, air.pitot_scale_std, "1")
             values["pitot_offset"] = Quantity(air.pitot_offset, air.pitot_offset_std, "m/s")
-        out.append(WindEstimate(flight.name, values, air.residual_rms, tuple(map(str, air.notices))))
+        out.append(WindEstimate(flight.name, values, air.residual_rms, tuple(air.notices)))
     return tuple(out)

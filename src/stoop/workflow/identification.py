@@ -24,7 +24,7 @@ from stoop.results.result import Identification, ParameterEstimate, Result
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.fit_result import identification
-from stoop.workflow.outputs import by_name, flight_files, input_hashes, write_outputs
+from stoop.workflow.outputs import by_name, check_folder, flight_files, input_hashes, place_outputs
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -69,12 +69,8 @@ class Job:
     def assess(self, *assessments: Assessment, watch: Callable[[str], None] | None = None) -> Job:
         """Return this job with the uncertainty by further methods.
 
-        Parameters
-        ----------
-        assessments : Assessment
-            :class:`stoop.workflow.Bootstrap`, :class:`stoop.workflow.Posterior`, :class:`stoop.workflow.Profile`, or your own.
-        watch : callable, optional
-            Called with the progress of each.
+        `watch` is called with the progress of each: :class:`stoop.workflow.Bootstrap`, :class:`stoop.workflow.Posterior`,
+        :class:`stoop.workflow.Profile`, or your own.
         """
         from stoop.assessment.assessment import assess
 
@@ -87,7 +83,9 @@ class Job:
 
     def save(self, folder: str | Path, overwrite: bool = False) -> Path:
         """Write ``result.json``, ``vehicle.toml``, ``flight.nc`` and ``report.html`` into a folder."""
-        return write_outputs(self, Path(folder), overwrite)
+        names, place = [flight.name for flight in self.flights], Path(folder)
+        check_folder(place, names, overwrite, self.files, tuple(self.attachments))
+        return place_outputs(self, place, overwrite)
 
     @property
     def result(self) -> Result:

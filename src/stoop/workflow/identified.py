@@ -22,21 +22,12 @@ from stoop.workflow.outputs import RESULT, file_hashes, flight_file, flight_file
 
 @dataclass(frozen=True, eq=False)
 class Identified:
-    """The output folder of stoop identify.
-
-    Attributes
-    ----------
-    folder : Path
-    result : Result
-    vehicle : Vehicle
-        With its free numbers at their estimates, to the last digit.
-    hashes : mapping of str to str
-        SHA-256 of every fitted flight, and of its copy in the folder, to the flight's name.
-    """
+    """The output folder of stoop identify."""
 
     folder: Path
     result: Result
-    vehicle: Vehicle
+    vehicle: Vehicle  #: with its free numbers at their estimates, to the last digit
+    #: SHA-256 of every fitted flight, and of its copy in the folder, to the flight's name
     hashes: Mapping[str, str]
 
     def biases(self, flight: str | None) -> dict[str, float]:

@@ -49,17 +49,7 @@ def check_folder(
 ) -> None:
     """Refuse a folder that cannot take the outputs, before any work is done; make it if it is not there.
 
-    Parameters
-    ----------
-    folder : Path
-    flights : sequence of str
-        Names of the flights.
-    overwrite : bool
-        Whether earlier outputs may be replaced.
-    inputs : sequence of Path
-        Files that are read: never written over.
-    more : sequence of str
-        Names of further files that will be written.
+    `flights` and `more` are names of flights and of further files; `inputs` are never written over.
 
     Raises
     ------
@@ -75,19 +65,6 @@ def check_folder(
         raise OutputError(
             f"{folder}: cannot be written ({error.strerror}); name another folder with -o"
         ) from None
-
-
-def write_outputs(job: Job, folder: Path, overwrite: bool = False) -> Path:
-    """Check the folder, then write result, identified vehicle, flights and report.
-
-    Raises
-    ------
-    OutputError
-        See :func:`check_folder` and :func:`place_outputs`.
-    """
-    names = [flight.name for flight in job.flights]
-    check_folder(folder, names, overwrite, job.files, tuple(job.attachments))
-    return place_outputs(job, folder, overwrite)
 
 
 def place_outputs(job: Job, folder: Path, overwrite: bool = False) -> Path:

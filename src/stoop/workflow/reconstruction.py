@@ -37,11 +37,7 @@ def check_compatibility(
 ) -> tuple[Compatibility, Flight]:
     """Return the contradictions between the sensors, and the flight with their errors corrected.
 
-    Parameters
-    ----------
-    flight : Flight
-    windows : sequence of (start, stop)
-        s on the log's own clock; the airborne part without any.
+    `windows` are (start, stop) in s on the log's own clock; the airborne part without any.
 
     Raises
     ------
@@ -81,13 +77,7 @@ def drag_polar(
 ) -> tuple[Polar, tuple[Notice, ...]]:
     """Return the polar of a flight, and what it rests on.
 
-    Parameters
-    ----------
-    flight : Flight
-    mass, area : float, kg, m2
-    windows : sequence of (start, stop)
-        s on the log's own clock; the airborne part without any.
-    propulsion : Propulsion
+    Mass in kg, area in m2; `windows` are (start, stop) in s on the log's own clock, the airborne part without any.
 
     Raises
     ------

@@ -30,24 +30,12 @@ HEAD: Final = ("coefficient", "step", "action", "term", "F", "threshold", "terms
 
 @dataclass(frozen=True, eq=False)
 class Determined:
-    """A structure and the vehicle that has it.
-
-    Attributes
-    ----------
-    structure : Structure
-    vehicle : Vehicle
-        With the chosen terms at their estimates.
-    names : mapping
-        Coefficient -> term -> parameter, of what was chosen.
-    estimates : mapping of str to (float, float)
-        Estimate and standard error by parameter.
-    domain : Domain
-    """
+    """A structure and the vehicle that has it."""
 
     structure: Structure
-    vehicle: Vehicle
-    names: Mapping[str, Mapping[str, str]]
-    estimates: Mapping[str, tuple[float, float]]
+    vehicle: Vehicle  #: with the chosen terms at their estimates
+    names: Mapping[str, Mapping[str, str]]  #: coefficient -> term -> parameter, of what was chosen
+    estimates: Mapping[str, tuple[float, float]]  #: estimate and standard error by parameter
     domain: Domain
 
 

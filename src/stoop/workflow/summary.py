@@ -91,12 +91,7 @@ def fit_warnings(
 def basis_notices(vehicle: Vehicle, flights: Mapping[str, Flight], correlation: float) -> list[Notice]:
     """Return what the figures rest on.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    flights : mapping
-    correlation : float
-        Correlation time of the residuals, samples.
+    `correlation` is the correlation time of the residuals, samples.
     """
     found = [notice("vehicle-file-note", text=text) for text in vehicle.file.notes]
     for flight in flights.values():

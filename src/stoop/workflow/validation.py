@@ -28,36 +28,19 @@ NAMES = ("validation.html", "validation.json")
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """What ``validation.json`` holds (schema ``stoop-validation/1``, see ``docs/validation.md``).
+    """What ``validation.json`` holds (schema ``stoop-validation/1``, see ``docs/validation.md``)."""
 
-    Attributes
-    ----------
-    vehicle : str
-        Its name.
-    result : str
-        SHA-256 of the ``result.json`` that was validated.
-    maneuvers : tuple of ManeuverResult
-        With the same figures as in ``result.json``.
-    compared, better : int
-        Channels that have a figure of the trivial model, and in how many of them the model beats it.
-    warnings, notes : tuple of str
-        What is doubtful, and what was found while preparing the data.
-    versions, inputs : mapping of str to str
-        As in ``result.json``.
-    command : str
-        How it was made.
-    """
-
-    vehicle: str
-    result: str
-    maneuvers: tuple[ManeuverResult, ...]
+    vehicle: str  #: its name
+    result: str  #: SHA-256 of the ``result.json`` that was validated
+    maneuvers: tuple[ManeuverResult, ...]  #: with the same figures as in ``result.json``
+    #: channels that have a figure of the trivial model, and in how many of them the model beats it
     compared: int
     better: int
-    warnings: tuple[str, ...]
+    warnings: tuple[str, ...]  #: what is doubtful, and what was found while preparing the data
     notes: tuple[str, ...]
-    versions: Mapping[str, str]
+    versions: Mapping[str, str]  #: as in ``result.json``
     inputs: Mapping[str, str]
-    command: str = ""
+    command: str = ""  #: how it was made
 
     def to_json(self) -> str:
         """Return the validation as JSON text; NaN and infinities become ``null``."""
@@ -93,15 +76,8 @@ def validate(
 ) -> Validated:
     """Predict windows of flights with a fitted model.
 
-    Parameters
-    ----------
-    source : Path
-        The folder of stoop identify, or the ``result.json`` in it.
-    flights : sequence of Flight
-    maneuvers : sequence of str
-        ``[FLIGHT@]START:STOP[#LOADING]``; the candidate maneuvers of each flight when empty.
-    command : str
-        For the record.
+    `source` is the folder of stoop identify, or the ``result.json`` in it; `maneuvers` are
+    ``[FLIGHT@]START:STOP[#LOADING]``, or the candidate maneuvers of each flight when empty.
 
     Raises
     ------

@@ -7,8 +7,8 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stoop.cli.arguments import at_least_one, count, positive
 from stoop.cli.campaign import add_campaign_arguments, run_campaign
+from stoop.cli.options import at_least_one, count, positive
 from stoop.cli.page import page
 from stoop.errors import IdentificationError
 

@@ -24,29 +24,17 @@ FLIGHT: Final = "flight"
 
 @dataclass(frozen=True)
 class Field:
-    """Optimizers, problems and seeds of a comparison.
-
-    Attributes
-    ----------
-    optimizers, problems : tuple of str
-    seeds : range
-        The same for every pair; each draws the problem and begins the search.
-    budget : float
-        Evaluations that a run may take.
-    flight : mapping
-        Arguments of the problem ``flight``: flight, vehicle and maneuvers; empty without it.
-    files : mapping of str to str
-        Digests of the files behind it: a store holds runs on the same files only.
-    absent : mapping of str to str
-        Optimizers that were not asked for by name and cannot run here, with the reason.
-    """
+    """Optimizers, problems and seeds of a comparison."""
 
     optimizers: tuple[str, ...]
     problems: tuple[str, ...]
-    seeds: range
-    budget: float
+    seeds: range  #: the same for every pair; each draws the problem and begins the search
+    budget: float  #: evaluations that a run may take
+    #: arguments of the problem ``flight``: flight, vehicle and maneuvers; empty without it
     flight: Mapping[str, Any] = field(default_factory=dict)
+    #: digests of the files behind it: a store holds runs on the same files only
     files: Mapping[str, str] = field(default_factory=dict)
+    #: optimizers that were not asked for by name and cannot run here, with the reason
     absent: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property

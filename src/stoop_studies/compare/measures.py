@@ -41,36 +41,21 @@ class Span:
 
 @dataclass(frozen=True)
 class Score:
-    """How an optimizer did on a problem.
-
-    Attributes
-    ----------
-    problem, optimizer : str
-    runs, successes, wrong, short : int
-        Runs; those that reached the target; those that claimed another optimum; those that claimed the right
-        one, but a little above the target.
-    ert : Span, evaluations
-    median : float
-        Evaluations of the successful runs; nan without any.
-    evaluations : float
-        Of all runs.
-    baseline : str
-        Whom the ratio refers to.
-    ratio : Span
-        Expected running time over the baseline's, the same seeds drawn for both.
-    """
+    """How an optimizer did on a problem."""
 
     problem: str
     optimizer: str
+    #: runs, those that reached the target, those that claimed another optimum, those that claimed the right one, but a little
+    #: above the target
     runs: int
     successes: int
     wrong: int
     short: int
-    ert: Span
-    median: float
-    evaluations: float
-    baseline: str
-    ratio: Span
+    ert: Span  #: evaluations
+    median: float  #: evaluations of the successful runs; nan without any
+    evaluations: float  #: of all runs
+    baseline: str  #: whom the ratio refers to
+    ratio: Span  #: expected running time over the baseline's, the same seeds drawn for both
 
     @property
     def ahead(self) -> bool:
@@ -149,26 +134,18 @@ def _span(value: float, resampled: FloatArray) -> Span:
 
 @dataclass(frozen=True)
 class Duel:
-    """Two optimizers on the same instances.
-
-    Attributes
-    ----------
-    optimizer, baseline : str
-    both, only_own, only_other, neither : int
-        Instances solved by both, by one of them, by none.
-    probability : float
-        That chance parts those solved by one alone as unevenly, or more (two-sided sign test).
-    ratio : float
-        Geometric mean over the instances both solved of evaluations over the baseline's; nan without any.
-    """
+    """Two optimizers on the same instances."""
 
     optimizer: str
     baseline: str
+    #: both, only_own, only_other, neither: instances solved by both, by one of them, by none
     both: int
     only_own: int
     only_other: int
     neither: int
+    #: that chance parts those solved by one alone as unevenly, or more (two-sided sign test)
     probability: float
+    #: geometric mean over the instances both solved of evaluations over the baseline's; nan without any
     ratio: float
 
 

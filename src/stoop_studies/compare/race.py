@@ -20,34 +20,18 @@ ROWS: Final = 10_000  #: of a history from which times are read
 
 @dataclass(frozen=True)
 class Race:
-    """How one optimizer did on one problem with one seed.
-
-    Attributes
-    ----------
-    problem, optimizer : str
-    seed : int
-    hit : float or None
-        Evaluations up to the target; None: never reached.
-    hits : tuple of float or None
-        Evaluations up to each level, the highest cost first; the last is `hit`.
-    evaluations : float
-        Spent until the run ended: at the target, at the end of the budget, or when it claimed convergence.
-    cost : float
-        The least that was found; inf where nothing was.
-    status : str
-        "target", "budget", "converged" or "generations".
-    target, reference : float
-        The cost that counts as solved, and the trivial model's.
-    """
+    """How one optimizer did on one problem with one seed."""
 
     problem: str
     optimizer: str
     seed: int
-    hit: float | None
-    hits: tuple[float | None, ...]
+    hit: float | None  #: evaluations up to the target; None: never reached
+    hits: tuple[float | None, ...]  #: evaluations up to each level, the highest cost first; the last is `hit`
+    #: spent until the run ended: at the target, at the end of the budget, or when it claimed convergence
     evaluations: float
-    cost: float
-    status: str
+    cost: float  #: the least that was found; inf where nothing was
+    status: str  #: "target", "budget", "converged" or "generations"
+    #: target, reference: the cost that counts as solved, and the trivial model's
     target: float
     reference: float
 
@@ -65,17 +49,7 @@ class Race:
 def race(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> list[Json]:
     """Run an optimizer on a problem to the target, its own end, or the end of the budget.
 
-    Parameters
-    ----------
-    arguments : mapping
-        As of `stoop_studies.search.search`.
-    stops : sequence
-        Generations, as there.
-
-    Returns
-    -------
-    list of dict, one per stop
-        The fields of `Race` that the run decides.
+    Arguments and stops are those of `stoop_studies.search.search`; returned are the fields of `Race` that the run decides.
     """
     posed, kept = posed_by(arguments), list[Json]()
     for result in searched(posed, {**arguments, "to_target": True, "history": ROWS}, stops):

@@ -208,18 +208,13 @@ class Migration:
     diverse variables falls below `tolerance`, every other member is drawn anew: each variable between the best's
     and one end of the box, the end with a probability that is the best's distance from it.
 
-    Attributes
-    ----------
-    tolerance : share of diverse variables below which there is a migration
-    width : of the box; below it two values are the same
-
     References
     ----------
     Chiou and Wang (1999), Comput. Chem. Eng. 23, 1277-1291; there the width is relative to the best's value.
     """
 
-    tolerance: float = 0.1
-    width: float = 1e-5
+    tolerance: float = 0.1  #: share of diverse variables below which there is a migration
+    width: float = 1e-5  #: of the box; below it two values are the same
 
     def __call__(self, now: Selected, ledger: Ledger, generator: Generator) -> tuple[FloatArray, FloatArray]:
         """Return members and costs; a migration takes n - 1 evaluations."""
@@ -247,17 +242,11 @@ class SecondMutation:
     Where the variance of the costs, relative to their mean squared, falls below `threshold`, each member but the
     best is replaced, with a probability that grows from 0 there to `probability` at no variance, by a Gaussian
     step from itself.
-
-    Attributes
-    ----------
-    threshold : relative variance below which members are mutated
-    probability : of a member, where all costs are equal
-    spread : standard deviation of the step, in the unit box
     """
 
-    threshold: float = 1e-8
-    probability: float = 0.3
-    spread: float = 0.25
+    threshold: float = 1e-8  #: relative variance below which members are mutated
+    probability: float = 0.3  #: of a member, where all costs are equal
+    spread: float = 0.25  #: standard deviation of the step, in the unit box
 
     def __call__(self, now: Selected, ledger: Ledger, generator: Generator) -> tuple[FloatArray, FloatArray]:
         """Return members and costs; each mutated member takes one evaluation."""
@@ -297,32 +286,18 @@ class DifferentialEvolution:
     """Differential evolution on the full record; it never claims convergence.
 
     A step is a generation: evolution, or where the schedule says so, local search from the best members.
-
-    Attributes
-    ----------
-    name : registered name
-    mutation : from a population to mutants
-    control : scale and rate of each generation
-    initialization : first population
-    crossover : from parents and mutants to trials
-    mend : brings mutants back into the box
-    selection : of the survivors
-    structure : which members may breed with each other
-    after_selection : done one after the other before the next generation
-    members : of the population
-    prey : schedule of local search, or None
     """
 
-    name: str
-    mutation: Mutation
-    control: Control = field(default_factory=Fixed)
-    initialization: Initialization = uniform
-    crossover: Crossover = binomial
-    mend: Callable[[FloatArray, FloatArray], FloatArray] = clip
-    selection: Selection = greedy
-    structure: Islands = field(default_factory=lambda: Islands(1))
-    after_selection: tuple[AfterSelection, ...] = ()
-    members: int = MEMBERS
+    name: str  #: registered name
+    mutation: Mutation  #: from a population to mutants
+    control: Control = field(default_factory=Fixed)  #: scale and rate of each generation
+    initialization: Initialization = uniform  #: first population
+    crossover: Crossover = binomial  #: from parents and mutants to trials
+    mend: Callable[[FloatArray, FloatArray], FloatArray] = clip  #: brings mutants back into the box
+    selection: Selection = greedy  #: of the survivors
+    structure: Islands = field(default_factory=lambda: Islands(1))  #: which members may breed with each other
+    after_selection: tuple[AfterSelection, ...] = ()  #: done one after the other before the next generation
+    members: int = MEMBERS  #: of the population
     prey: PreySchedule | None = None
 
     def init(self, problem: Problem, seed: int, starts: FloatArray) -> PopulationState:

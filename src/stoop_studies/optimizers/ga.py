@@ -34,20 +34,12 @@ CROSSED_OVER: Final = 0.9  #: share of couples that cross over, and of children 
 
 @dataclass(frozen=True)
 class SimulatedBinary:
-    """Simulated binary crossover: children lie about their parents as those of one-point crossover of bits do.
+    """Simulated binary crossover: children lie about their parents as those of one-point crossover of bits do."""
 
-    Attributes
-    ----------
-    eta : distribution index; the larger, the nearer to the parents
-    mated : share of couples that cross over
-    crossed : share of a couple's variables that do
-    swapped : share of these that change places between the children
-    """
-
-    eta: float = 15.0
-    mated: float = CROSSED_OVER
-    crossed: float = 0.5
-    swapped: float = 0.5
+    eta: float = 15.0  #: distribution index; the larger, the nearer to the parents
+    mated: float = CROSSED_OVER  #: share of couples that cross over
+    crossed: float = 0.5  #: share of a couple's variables that do
+    swapped: float = 0.5  #: share of these that change places between the children
 
     def __call__(self, parents: FloatArray, generator: Generator) -> FloatArray:
         """Return two children, (2, n, D), of each of n couples, (2, n, D)."""
@@ -79,16 +71,10 @@ class SimulatedBinary:
 
 @dataclass(frozen=True)
 class Polynomial:
-    """Polynomial mutation: a small step, cut off at the bounds, of one variable in D on average.
+    """Polynomial mutation: a small step, cut off at the bounds, of one variable in D on average."""
 
-    Attributes
-    ----------
-    eta : distribution index; the larger, the smaller the step
-    mutated : share of children that may mutate
-    """
-
-    eta: float = 20.0
-    mutated: float = CROSSED_OVER
+    eta: float = 20.0  #: distribution index; the larger, the smaller the step
+    mutated: float = CROSSED_OVER  #: share of children that may mutate
 
     def __call__(self, children: FloatArray, generator: Generator) -> FloatArray:
         """Return the children, (n, D), after mutation."""

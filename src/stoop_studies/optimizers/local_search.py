@@ -27,19 +27,12 @@ LocalSearch = Callable[[Ledger, FloatArray, float], tuple[FloatArray, float]]
 
 @dataclass(frozen=True)
 class PreySchedule:
-    """When the best members are the starts of a local search, in place of a generation.
+    """When the best members are the starts of a local search, in place of a generation."""
 
-    Attributes
-    ----------
-    search : the local search
-    period : generations from one local search to the next (the paper's NC)
-    share : of the members from which it starts (the paper's pr)
-    swapped : evolve every `period` generations and search locally in all others: the paper's steps 4 and 5 as printed
-    """
-
-    search: LocalSearch
-    period: int = 20
-    share: float = 0.05
+    search: LocalSearch  #: the local search
+    period: int = 20  #: generations from one local search to the next (the paper's NC)
+    share: float = 0.05  #: of the members from which it starts (the paper's pr)
+    #: evolve every `period` generations and search locally in all others: the paper's steps 4 and 5 as printed
     swapped: bool = False
 
     def due(self, generation: int) -> bool:
@@ -98,16 +91,10 @@ def steepest_line(ledger: Ledger, x: FloatArray, cost: float) -> Callable[[float
 
 @dataclass(frozen=True)
 class SteepestDescent:
-    """The paper's local search (section IV.C): one golden-section step down the gradient, kept if it improves.
+    """The paper's local search (section IV.C): one golden-section step down the gradient, kept if it improves."""
 
-    Attributes
-    ----------
-    reach : length of the line along the unit negative gradient, in the unit box
-    tolerance : of the search, relative to the reach
-    """
-
-    reach: float = 0.1
-    tolerance: float = 0.1
+    reach: float = 0.1  #: length of the line along the unit negative gradient, in the unit box
+    tolerance: float = 0.1  #: of the search, relative to the reach
 
     def __call__(self, ledger: Ledger, x: FloatArray, cost: float) -> tuple[FloatArray, float]:
         """Return the end of the step from x, and the cost there."""
@@ -152,25 +139,19 @@ class QuasiNewton:
     Forward differences first. Where they lead below the incumbent, central ones go on from there: in a narrow
     valley a forward difference is no longer accurate enough.
 
-    Attributes
-    ----------
-    iterations : at most
-    patience : iterations after which a descent above the incumbent must show that it will get there
-    fall : share of the way that is left to the incumbent which it must gain in so many iterations
-    step : of the forward differences, in the unit box
-    wide : of the central differences
-
     References
     ----------
     Byrd, Lu, Nocedal and Zhu (1995), A limited memory algorithm for bound constrained optimization, SIAM J. Sci.
     Comput. 16, 1190-1208; the implementation is SciPy's.
     """
 
-    iterations: int = 200
+    iterations: int = 200  #: at most
+    #: iterations after which a descent above the incumbent must show that it will get there
     patience: int = 8
+    #: share of the way that is left to the incumbent which it must gain in so many iterations
     fall: float = 0.05
-    step: float = 1e-8
-    wide: float = 1e-7
+    step: float = 1e-8  #: of the forward differences, in the unit box
+    wide: float = 1e-7  #: of the central differences
 
     def __call__(
         self, ledger: Ledger, x: FloatArray, cost: float, incumbent: float = np.inf

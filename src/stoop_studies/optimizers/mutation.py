@@ -94,17 +94,13 @@ class Trigonometric:
     With p the share of each pick in the sum of the three absolute costs, the trigonometric mutant is
     (a + b + c) / 3 + (p_b - p_a) (a - b) + (p_c - p_b) (b - c) + (p_a - p_c) (c - a).
 
-    Attributes
-    ----------
-    probability : of the trigonometric mutant
-
     References
     ----------
     Fan and Lampinen (2003), A trigonometric mutation operation to differential evolution, J. Global Optim. 27,
     105-129.
     """
 
-    probability: float = 0.05
+    probability: float = 0.05  #: of the trigonometric mutant
 
     def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
         """Return mutants, (n, D)."""
@@ -127,17 +123,13 @@ class ScaledByCost:
 
     F = lowest + (scale - lowest) (f_middle - f_best) / (f_worst - f_best); the scale where that is not defined.
 
-    Attributes
-    ----------
-    lowest : scale where the middle costs as little as the best
-
     References
     ----------
     Wu, Wang and Zhou (2007), Self-adapting control parameters modified differential evolution for trajectory
     planning of manipulators, J. Control Theory Appl. 5, 365-373.
     """
 
-    lowest: float = 0.1
+    lowest: float = 0.1  #: scale where the middle costs as little as the best
 
     def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
         """Return mutants, (n, D)."""

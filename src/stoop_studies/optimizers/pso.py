@@ -29,16 +29,12 @@ FASTEST: Final = 0.5  #: largest velocity, in boxes per generation
 
 @dataclass(frozen=True, kw_only=True)
 class SwarmState(State):
-    """State of a swarm.
+    """State of a swarm."""
 
-    Attributes
-    ----------
-    X, V : (n, D) each, places and velocities
-    B, F : (n, D) and (n,), the best place of each particle so far, and its cost
-    """
-
+    #: X, V: (n, D) each, places and velocities
     X: FloatArray
     V: FloatArray
+    #: B, F: (n, D) and (n,), the best place of each particle so far, and its cost
     B: FloatArray
     F: FloatArray
 

@@ -57,20 +57,12 @@ Choice = Callable[[FloatArray, float, Generator], IntArray]
 
 @dataclass(frozen=True)
 class CurrentToPBest:
-    """Current-to-pbest/1: x + scale (pull (p - x) + a - b), b of the members and the archive together.
+    """Current-to-pbest/1: x + scale (pull (p - x) + a - b), b of the members and the archive together."""
 
-    Attributes
-    ----------
-    archive : (m, D), may be empty
-    share : of the members that count as elite
-    pull : weight of the step towards the elite (jSO's Fw over F)
-    choose : who of the elite is p
-    """
-
-    archive: FloatArray
-    share: float = 0.11
-    pull: float = 1.0
-    choose: Choice = elite
+    archive: FloatArray  #: (m, D), may be empty
+    share: float = 0.11  #: of the members that count as elite
+    pull: float = 1.0  #: weight of the step towards the elite (jSO's Fw over F)
+    choose: Choice = elite  #: who of the elite is p
 
     def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
         """Return mutants, (n, D)."""
@@ -93,21 +85,14 @@ def elite_but_self(F: FloatArray, share: float, generator: Generator) -> IntArra
 
 @dataclass(frozen=True, kw_only=True)
 class ShadeState(State):
-    """State of a shrinking population.
+    """State of a shrinking population."""
 
-    Attributes
-    ----------
-    X, F : (n, D) and (n,), members and their costs
-    archive : (a, D), parents that lost
-    memory : scales and rates that worked
-    first : members of the first population
-    """
-
+    #: X, F: (n, D) and (n,), members and their costs
     X: FloatArray
     F: FloatArray
-    archive: FloatArray
-    memory: ParameterMemory
-    first: int
+    archive: FloatArray  #: (a, D), parents that lost
+    memory: ParameterMemory  #: scales and rates that worked
+    first: int  #: members of the first population
 
 
 @dataclass(frozen=True)
@@ -116,16 +101,11 @@ class LinearShade(ABC):
 
     It plans over its budget, in trajectories (None: 10,000 per variable, as in the competitions): where the run is given
     another one, it is not at its best. After the planned budget its last four members go on. It never claims convergence.
-
-    Attributes
-    ----------
-    name : registered name
-    archived : size of the archive, in members
     """
 
     budget: float | None = None
-    name: ClassVar[str]
-    archived: ClassVar[float]
+    name: ClassVar[str]  #: registered name
+    archived: ClassVar[float]  #: size of the archive, in members
 
     @abstractmethod
     def members(self, dimension: int) -> int:
@@ -275,18 +255,12 @@ class OrderedShade:
     A step is a generation, a local search, or a new population in place of one that has collapsed or stagnates. Local
     searches start from its prey: Levenberg-Marquardt where the problem has residuals, else L-BFGS-B on differences of the
     cost. It plans over no budget and never claims convergence.
-
-    Attributes
-    ----------
-    name : registered name
-    members : of the first population
-    strategy : numbers of the population
-    quasi_newton : local search where only the cost is known
     """
 
-    name: str = "ordered-shade"
-    members: int = MEMBERS
-    strategy: Strategy = STRATEGY
+    name: str = "ordered-shade"  #: registered name
+    members: int = MEMBERS  #: of the first population
+    strategy: Strategy = STRATEGY  #: numbers of the population
+    #: local search where only the cost is known
     quasi_newton: QuasiNewton = field(default_factory=QuasiNewton)
 
     def init(self, problem: Problem, seed: int, starts: FloatArray) -> HerdState:

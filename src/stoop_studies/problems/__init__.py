@@ -29,27 +29,14 @@ _FAMILIES: Final = {
 
 @dataclass(frozen=True)
 class Posed:
-    """A problem and what is known of its answer.
-
-    Attributes
-    ----------
-    problem : optimize.Problem
-    target : float
-        A cost on the full record that counts as solved.
-    reference : float
-        The trivial model's cost.
-    truth : (D,) or None
-        The answer in physical values, where it is known.
-    parameters : tuple of str
-    values : callable
-        From a point of the unit box, (D,), to physical values, (D,).
-    """
+    """A problem and what is known of its answer."""
 
     problem: optimize.Problem
-    target: float
-    reference: float
-    truth: FloatArray | None
+    target: float  #: a cost on the full record that counts as solved
+    reference: float  #: the trivial model's cost
+    truth: FloatArray | None  #: the answer in physical values, where it is known
     parameters: tuple[str, ...]
+    #: from a point of the unit box, (D,), to physical values, (D,)
     values: Callable[[FloatArray], FloatArray]
 
 
@@ -59,16 +46,7 @@ def names() -> tuple[str, ...]:
 
 
 def pose(name: str, seed: int, **arguments: Any) -> Posed:
-    """Pose a problem.
-
-    Parameters
-    ----------
-    name : str
-        One of `names`.
-    seed : int
-        Draws what a problem leaves open: box, noise, instance.
-    **arguments
-        Of the problem itself; most have none.
+    """Pose a problem, one of `names`; the seed draws what it leaves open (box, noise, instance), most take no arguments.
 
     Raises
     ------

@@ -27,10 +27,10 @@ from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.observation import through_air
 from stoop.simulation import initial_states, parameter_rows
 from stoop.simulation.delays import first_order_lag
-from stoop.simulation.fly import Flown, fly
+from stoop.simulation.fly import fly
 from stoop.simulation.initial import commanded
 from stoop.simulation.maneuver import parse_maneuver
-from stoop.simulation.trajectories import readings_along, states_flown
+from stoop.simulation.trajectories import Flown, readings_along, states_flown
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.problems import Posed, data_text, take_none
@@ -85,23 +85,14 @@ def motors_behind(vehicle: Vehicle, piece: Piece) -> dict[str, FloatArray]:
 
 @dataclass(frozen=True, eq=False)
 class Quad:
-    """The vehicle, its flight, and what is known exactly beside the readings.
+    """The vehicle, its flight, and what is known exactly beside the readings."""
 
-    Attributes
-    ----------
-    vehicle : Vehicle
-        Its values are the truth.
-    flown : Flown
-    readings : (n, 12)
-        What its sensors would read without noise when the recorded commands are flown again: one source, to rounding.
-    beside : mapping
-        What else is known at every sample (n,), exactly: ``NAME.lag``, by how much each rotor is off its command, as
-        controllers that report the speed of their motor tell; the altitude ``h``, m, on which the density depends.
-    """
-
-    vehicle: Vehicle
+    vehicle: Vehicle  #: its values are the truth
     flown: Flown
+    #: (n, 12), what its sensors would read without noise when the recorded commands are flown again: one source, to rounding
     readings: FloatArray
+    #: (n,) each, also known exactly: ``NAME.lag``, by how much each rotor is off its command, as controllers that report the
+    #: speed of their motor tell; the altitude ``h``, m, on which the density depends
     beside: dict[str, FloatArray]
 
     @property

@@ -12,7 +12,7 @@ from stoop.optimize.population import MEMBERS, latin_hypercube
 from stoop.report.plots import Series, Strip, plot, stacked_plots
 from stoop.report.sheet import Figure, Prose, Section, Table
 from stoop.simulation import Mode, linearize
-from stoop.simulation.fly import Flown
+from stoop.simulation.trajectories import Flown
 from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, reproduces
 from stoop_studies.optimizers.evolution import Initialization, chaos, uniform
 from stoop_studies.problems.paper import SAMPLES, paper
@@ -45,18 +45,11 @@ DEGREES: Final = 180.0 / np.pi
 
 @dataclass(frozen=True)
 class Measures:
-    """How evenly first populations lie, by seed, (n,) each.
+    """How evenly first populations lie, by seed, (n,) each."""
 
-    Attributes
-    ----------
-    discrepancy : centered L2
-    distance : from random places to the nearest member, unit box
-    empty : share of the tenths of each variable without a member
-    """
-
-    discrepancy: FloatArray
-    distance: FloatArray
-    empty: FloatArray
+    discrepancy: FloatArray  #: centered L2
+    distance: FloatArray  #: from random places to the nearest member, unit box
+    empty: FloatArray  #: share of the tenths of each variable without a member
 
 
 def histogram(orbit: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

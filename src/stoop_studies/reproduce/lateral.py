@@ -62,15 +62,10 @@ def measured(case: str, seed: int, noise: bool) -> FloatArray:
 
 
 def work(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Any]:
-    """Fit one model to one flight, with the default optimizer to its end.
+    """Fit one model to one flight, with the default optimizer to its end; one result per stop, of which each is None.
 
-    Parameters
-    ----------
-    arguments : mapping
-        ``case``: of `CASES`; ``model``: of `MODELS`; ``seed``: of box, noise and search; ``noise``: whether there
-        is any.
-    stops : sequence
-        One None per result.
+    Arguments are ``case``: of `CASES`; ``model``: of `MODELS`; ``seed``: of box, noise and search; ``noise``: whether there
+    is any.
     """
     model, seed = str(arguments["model"]), int(arguments["seed"])
     case = replace(truth(), names=LATERAL) if model == FREE else truth()
@@ -116,21 +111,12 @@ def _key(case: str, model: str, noise: bool, seed: int) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Fits:
-    """Fits of all models to one flight.
+    """Fits of all models to one flight."""
 
-    Attributes
-    ----------
-    costs : mapping
-        Model -> J.
-    errors : mapping
-        Model -> (15,) errors of the other coefficients in standard deviations of the noise.
-    values : mapping
-        Model -> estimates.
-    """
-
-    costs: Mapping[str, float]
+    costs: Mapping[str, float]  #: model -> J
+    #: model -> (15,) errors of the other coefficients in standard deviations of the noise
     errors: Mapping[str, FloatArray]
-    values: Mapping[str, Mapping[str, float]]
+    values: Mapping[str, Mapping[str, float]]  #: model -> estimates
 
     @classmethod
     def of(cls, case: str, noise: bool, seed: int, results: Results) -> Fits:

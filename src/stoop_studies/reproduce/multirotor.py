@@ -94,26 +94,14 @@ PARAMETERS_HEAD: Final = (
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """One of the three problems.
+    """One of the three problems."""
 
-    Attributes
-    ----------
-    name : str
-        ``clean``, ``noise`` or ``real``.
-    parameters : tuple of str
-    values : (D,)
-        The truth; of the real flight the values of least cost in any run.
-    sigma : (D,)
-        Standard deviation that noise must cause (Cramer-Rao); of the real flight the standard error.
-    groups : dict
-        Method -> its runs by iterations.
-    """
-
-    name: str
+    name: str  #: ``clean``, ``noise`` or ``real``
     parameters: tuple[str, ...]
-    values: FloatArray
+    values: FloatArray  #: (D,), the truth; of the real flight the values of least cost in any run
+    #: (D,), standard deviation that noise must cause (Cramer-Rao); of the real flight the standard error
     sigma: FloatArray
-    groups: dict[str, list[Group]]
+    groups: dict[str, list[Group]]  #: method -> its runs by iterations
 
     @property
     def known(self) -> bool:

@@ -54,21 +54,11 @@ RECOVERY_HEAD: Final = (
 
 @dataclass(frozen=True, eq=False)
 class Scatter:
-    """Scatter of the estimates of one method about the truth.
+    """Scatter of the estimates of one method about the truth."""
 
-    Attributes
-    ----------
-    ratios : (D,)
-        Root-mean-square error over the bound's standard deviation.
-    bias : (D,)
-        Mean error in its own standard errors.
-    pooled : float
-        The ratio of all together.
-    """
-
-    ratios: FloatArray
-    bias: FloatArray
-    pooled: float
+    ratios: FloatArray  #: (D,), root-mean-square error over the bound's standard deviation
+    bias: FloatArray  #: (D,), mean error in its own standard errors
+    pooled: float  #: the ratio of all together
 
 
 def scatter(values: FloatArray, truth: FloatArray, sigma: FloatArray) -> Scatter:
@@ -195,18 +185,12 @@ def _rows(
 
 @dataclass(frozen=True, eq=False)
 class Recovery:
-    """Estimates of both methods of the parameters of a problem, whose truth and Cramer-Rao bound are (D,).
-
-    Attributes
-    ----------
-    groups : dict
-        Method and whether there is noise -> its runs.
-    """
+    """Estimates of both methods of the parameters of a problem, whose truth and Cramer-Rao bound are (D,)."""
 
     parameters: tuple[str, ...]
     truth: FloatArray
     sigma: FloatArray
-    groups: dict[tuple[str, bool], Group]
+    groups: dict[tuple[str, bool], Group]  #: method and whether there is noise -> its runs
 
     @staticmethod
     def searches(problem: str, setting: Setting) -> list[Run]:

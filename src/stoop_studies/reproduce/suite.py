@@ -67,24 +67,12 @@ One iteration is one generation of 50 members; every trajectory counts as one ev
 
 
 class PaperExperiment(ABC):
-    """An experiment on the paper's problem.
+    """An experiment on the paper's problem."""
 
-    Attributes
-    ----------
-    name : str
-        As on the command line.
-    runs : int
-        Seeds per case when none are asked for.
-    box : str
-        Which bounds when none are asked for.
-    parts : tuple of str
-        Names of the further tables that it writes.
-    """
-
-    name: str
-    runs: int
-    box: str = "N"
-    parts: tuple[str, ...] = ()
+    name: str  #: as on the command line
+    runs: int  #: seeds per case when none are asked for
+    box: str = "N"  #: which bounds when none are asked for
+    parts: tuple[str, ...] = ()  #: names of the further tables that it writes
 
     def plan(self, setting: Setting) -> Plan | None:
         """Return all runs, None without any; a store of another box is refused."""
@@ -149,25 +137,13 @@ SUITE: Final = Suite(
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """The runs of one method up to one number of iterations.
-
-    Attributes
-    ----------
-    method : str
-    iterations : int or None
-        None: to its own end.
-    truth : (D,)
-        Of a real flight the best values known.
-    values : (n, D)
-        Best of each run.
-    costs, hits, evaluations : (n,)
-        Fitness J of each, evaluations up to the target (inf where that was not reached), and evaluations spent.
-    """
+    """The runs of one method up to one number of iterations."""
 
     method: str
-    iterations: int | None
-    truth: FloatArray
-    values: FloatArray
+    iterations: int | None  #: none: to its own end
+    truth: FloatArray  #: (D,), of a real flight the best values known
+    values: FloatArray  #: (n, D), best of each run
+    #: (n,) each: fitness J, evaluations up to the target (inf where that was not reached), and evaluations spent
     costs: FloatArray
     hits: FloatArray
     evaluations: FloatArray
@@ -253,13 +229,8 @@ def hits_of(results: Sequence[Mapping[str, Any]]) -> FloatArray:
 def bound_deviations(posed: Posed, values: FloatArray | None = None) -> FloatArray:
     """Return the standard deviations (D,) of the Cramer-Rao bound in physical units.
 
-    Residuals are in units of the noise, so their Jacobian J has the information J'J; nuisances are part of it.
-
-    Parameters
-    ----------
-    posed : Posed
-    values : (D,), optional
-        Where the bound is taken; the problem's truth when absent.
+    Residuals are in units of the noise, so their Jacobian J has the information J'J; nuisances are part of it. The bound is
+    taken at the values (D,), the problem's truth when absent.
 
     Raises
     ------

@@ -32,7 +32,8 @@ INPUTS: Final = ("textbook", "designed")
 RATIO_LIMIT: Final = 0.7  #: of the textbook's mean standard error is what a design must come down to
 LEAD: Final = """\
 The twin-boom aircraft flies {duration:.0f} s on all six degrees of freedom, twice: with a 3-2-1-1 on elevator, aileron and \
-rudder one after the other (steps as long as the time allows, or half as long, whichever tells more), and with the input that \
+rudder one after the other (steps as long as the time allows, or half as long, whichever has more information), and with \
+the input that \
 stoop design proposes ({family}: levels of alternating sign on all controls at once, their lengths searched with {evaluations} \
 trials of {optimizer}). Both keep to {amplitude:.1f} deg, {slew:.0f} deg/s and the default envelope. Of each, many flights with \
 other noise are identified: 32 coefficients, initial state, noise covariance. Achieved is the root-mean-square error of the \

@@ -47,7 +47,7 @@ the density tables are different. Our simulation takes one Runge-Kutta step of o
 with a step of 1 ms shows what is left of it.
 
 The crooked aircraft has delays that are no whole number of samples: our simulation interpolates those with a cubic \
-through the samples, JSBSim along the line between them, so it is held against our simulation on the same points.
+through the samples, JSBSim along the line between them, so it is compared with our simulation on the same points.
 
 JSBSim's Earth, at 45 degrees of latitude, turns and is round."""
 DIFFERENCES: Final = ("difference", "difference_4000_hz", "difference_on_frames", "difference_earth")

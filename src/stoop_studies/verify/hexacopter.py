@@ -99,7 +99,7 @@ Their thrust is rho A U (ct1 U - ct2 (climb + induced)), U the tip speed; ours i
 inflow = rho A ct2 U1, U1 = 154.8 m/s the tip speed at full pulse. Their U takes 16.8 V always, ours the voltage (15.4 V on \
 average), and their induced velocity is that of axial flight, ours also that of forward flight; and they give to the drag dk \
 of the body what we give to the flow through the discs. So single coefficients differ where what the vehicle feels is alike: \
-the last rows but one. ch2 is held by us: 1.5 ct1 from blade elements without twist, with their sign. We have no drag of the \
+the last rows but one. We fix ch2 at 1.5 ct1, from blade elements without twist, with their sign. We have no drag of the \
 body. The lift lost is that of a climb of 4 m/s."""
 
 
@@ -274,12 +274,12 @@ def show(setting: Setting, samples: Samples) -> Findings:
     ]
     caption = "Residuals of the specific force below 5 Hz, rms, m/s2"
     residuals = page_table(caption, {n: (n.replace("_", " "), _cell) for n in RESIDUALS}, records)
-    caption = "Our numbers as the authors' coefficients; those without an error are held or follow"
+    caption = "Our numbers as the authors' coefficients; those without an error are fixed or follow"
     beside = page_table(caption, COEFFICIENTS, coefficients)
     caption = "Residuals of the prediction, each fitted without one part, rms, m/s2"
     worth = page_table(caption, {"left_out": ("without", str), **{a: (a, ".3f") for a in AXES}}, lacking)
     return Findings.tabulated(
-        "A real hexacopter: hover and climbs tell its sprints",
+        "A real hexacopter: hover and climbs predict its sprints",
         LEAD,
         _claims([r for r in records if r["window"] != "140:214"]),
         (

@@ -55,8 +55,8 @@ MEAN_SQUARES: Final = (0.75, 1.5)  #: of the differences in standard errors; 1 w
 LEAD: Final = f"""\
 Aircraft of JSBSim's own package fly {DURATION:.0f} s of multisines on elevator, aileron and rudder together. Their \
 instruments are read at {RATE} Hz, noise is added, and stoop identifies all derivatives from the readings, with known mass \
-properties and from starting values of zero. What it finds is held against JSBSim's own aerodynamic tables at that \
-flight condition, by finite differences through JSBSim."""
+properties and from starting values of zero. The estimates are compared with JSBSim's own aerodynamic tables at that flight \
+condition, by finite differences through JSBSim."""
 WORDS: Final = f"""\
 Estimate, standard error and difference are those of the first flight. An estimate agrees within {SIGMAS:.0f} of its \
 standard errors or {100 * SHARE:.0f} % of the true value, whichever is larger; among many, a few in a thousand do not by \

@@ -97,8 +97,8 @@ COMMANDS: Final = "commands"  #: recorded are the commands alone
 LEAD: Final = f"""\
 The F450 of JSBSim's own package, a quadrotor of 1.4 kg with brushless motors and tables of measured propellers, is flown \
 by a simple autopilot that shakes it on all four axes for {DURATION:.0f} s of a climb at {CLIMB:g} m/s. Its instruments are \
-read, noise is added, and stoop identifies rotors, drag and inertia from short windows, mass and geometry known. What it \
-finds is held against what JSBSim's own rotors and body do along that flight, each force for itself."""
+read, noise is added, and stoop identifies rotors, drag and inertia from short windows, mass and geometry known. The \
+estimates are compared with what JSBSim's own rotors and body do along that flight, each force by itself."""
 WORDS: Final = """\
 Estimate, standard error and difference are those of the first flight. An estimate agrees within 3 of its standard errors \
 or 2 % of the true value, whichever is larger. The last column is the difference of the mean over all flights, in standard \
@@ -107,13 +107,13 @@ RECORDS: Final = (
     Subject(
         SPEEDS,
         "Speeds of the rotors recorded",
-        "As an autopilot does that hears its speed controllers: what the motors do is seen, what the propellers do is found.",
+        "As with telemetry of the speed controllers: the motors are observed, the propellers are identified.",
     ),
     Subject(
         COMMANDS,
         "Commands alone recorded",
-        "The lag of the motors is found, too. How fast they turn at a command is told (a straight line from the stand): "
-        "otherwise thrust, torque and inertia of a rotor could be told per command only.",
+        "The lag of the motors is identified, too. Their speed over the command is given (a straight line from the stand): "
+        "otherwise thrust, torque and inertia of a rotor would be known per command only.",
     ),
 )
 

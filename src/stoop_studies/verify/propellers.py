@@ -52,7 +52,7 @@ NAME: Final = (
 )  #: of a file
 LEAD: Final = """\
 Two airframes of one type fly 2 m forth and back: as they are, with the propeller M3 cut at both tips, and with a weight \
-taped near M3. Each flight is held against the normal flights of its airframe; a normal flight against the others. What a \
+taped near M3. Each flight is compared with the normal flights of its airframe; a normal flight with the others. What a \
 rotor is commanded is the firmware's thrust command, which the firmware corrects with the battery's voltage."""
 WORDS: Final = """\
 The factor is thrust and torque of M3 per command, 1 in the normal flights, if M3 alone has changed; its standard error \
@@ -242,7 +242,7 @@ def show(setting: Setting, samples: Samples) -> Findings:
     )
     caption = "The flights after one treatment, taken together as one flight"
     first = page_table(caption, TREATMENTS, map(_shown, grouped))
-    caption = "Each flight; normal ones are held against the other normal ones"
+    caption = "Each flight; normal ones are compared with the other normal ones"
     second = page_table(caption, FLIGHTS, map(_shown, single))
     rounded, conditions = (
         [{k: round(v, DIGITS) if isinstance(v, float) else v for k, v in r.items()} for r in records]
@@ -290,7 +290,7 @@ def _claims(normal: Sequence[Assessed], treatments: Sequence[Assessed]) -> Itera
         )
     unhealthy = sum(a.verdict.kind != "healthy" for a in normal)
     yield holds(
-        "No normal flight is accused, each held against the others",
+        "No normal flight is accused, each compared with the others",
         unhealthy == 0,
         f"{counted(unhealthy, len(normal))} accused; the least chance is {min(a.found.chance for a in normal):.2f}",
     )
@@ -301,7 +301,7 @@ def _claims(normal: Sequence[Assessed], treatments: Sequence[Assessed]) -> Itera
     yield holds(statement, undecided, figures)
     left = [(a.flight.condition, a.m3.unexplained, a.found.mass_near(CHANGED).unexplained) for a in weighted]
     yield holds(
-        "The yaw balance tells a weight from a weak propeller",
+        "The yaw balance distinguishes a weight from a weak propeller",
         all(mass < weak for _, weak, mass in left),
         "; ".join(
             f"{what}: left over {number(weak)} if a weak rotor, {number(mass)} if a mass"

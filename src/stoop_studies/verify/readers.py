@@ -52,9 +52,9 @@ GUARDED: Final = {
     "rosbag": "rosbags.rosbag2",
 }  #: what ends in others' code, and in whose  # fmt: skip
 SECONDS: Final = 3  #: of processor time that a case may take
-WALL: Final = 120.0  #: s without a word after which a process is ended
+WALL: Final = 120.0  #: s without an answer after which a process is ended
 ROOM: Final = 2**30  #: bytes of address space beyond what the process has at its beginning
-SWELL: Final = 2**28  #: bytes; a case that takes more is too hungry
+SWELL: Final = 2**28  #: bytes of memory that a case may take
 PAGE: Final = 4096  #: bytes of memory
 MAX_FILE: Final = 2**28  #: bytes of a file that may be written
 LIBRARIES: Final = ("pandas", "scipy.signal", "scipy.io", "stoop.flight.air_data")
@@ -82,12 +82,12 @@ WAYS: Final = {
 LEAD: Final = f"""\
 Small logs of every kind are damaged at random and read. {RUN_CASES} cases are one run: a process is copied, may take \
 {ROOM >> 20} MiB more than it has, and reads one log after the other; when it dies, the log at hand is to blame. Most \
-cases ask the reader (by the door of all, `stoop.logs.read`), one in ten goes the whole way to a flight and what `stoop info` \
-tells of it; of those with a damaged mapping all do."""
+cases call the reader (`stoop.logs.read`), one in ten goes on to a flight and the summary of `stoop info`; all cases with \
+a damaged mapping do."""
 READING: Final = """\
 No log has a checksum over its numbers but that of the Crazyflie, packed ones, and HDF5 and Parquet where asked for: a changed \
-number elsewhere is another measurement, and a log that ends where a message ends is a shorter log. Such cases are the ones \
-that are read without a word."""
+number elsewhere is another measurement, and a log that ends where a message ends is a shorter log. Such cases are read \
+without a notice."""
 PACKED: Final = """\
 What is packed (gzip, variables of MATLAB) is opened, damaged inside and packed again in half of the cases, and a Crazyflie's \
 checksum is made to fit, so that it is the reader that meets the damage. A quarter of all logs is damaged twice."""
@@ -481,10 +481,10 @@ def _claims(counts: Counts) -> Iterator[Claim]:
     ):
         yield holds(words, not total[outcome], f"{total[outcome]:,} of {total.total():,}")
     yield holds(
-        "Others' code that dies or runs on takes nobody along",
+        "A library that crashes or runs on does not take the process along",
         not any(counts.outcomes(reader)[outcome] for reader in GUARDED for outcome in BAD),
-        f"{total[CONTAINED]} such cases of {total.total():,}, all of them told in one line, or read, by the reader in its "
-        f"own process; {counts.outcomes(way=GUARD).total():,} further cases were read so from the beginning",
+        f"{total[CONTAINED]} such cases of {total.total():,}, all of them refused in one line, or read, by the reader in "
+        f"its own process; {counts.outcomes(way=GUARD).total():,} further cases were read so from the beginning",
     )
     flights = counts.outcomes(way=FLIGHT)
     safe = not any(flights[outcome] for outcome in BAD)

@@ -37,7 +37,10 @@ EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
             "forces of a real hexacopter predicted in sprints, beside its owners' model; reads --data DIR",
         ),
         ("propellers", "cut propellers and added weights on real quadrotors; reads --data DIR"),
-        ("readers", "damaged logs over all readers: no crash, hang or hunger (29 runs of 250 each)"),
+        (
+            "readers",
+            "damaged logs over all readers: no crash, no hang, no excess of memory (29 runs of 250 each)",
+        ),
     )
 }  #: name -> module with an ``EXPERIMENT``, one line of help; in the order in which ``all`` runs them
 SUITE: Final = Suite(

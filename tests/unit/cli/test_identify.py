@@ -16,8 +16,8 @@ from typing import Any
 
 import pytest
 
-from stoop.cli.arguments import with_free
 from stoop.cli.main import main
+from stoop.cli.options import with_free
 from stoop.cli.progress import Watch
 from stoop.errors import IdentificationError
 from stoop.flight import Flight, save

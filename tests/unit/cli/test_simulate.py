@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.cli.arguments import with_free
 from stoop.cli.main import main, parser_for
+from stoop.cli.options import with_free
 from stoop.flight import Flight, load
 from stoop.vehicle import load_vehicle
 

@@ -72,6 +72,7 @@ maneuver = st.builds(
     st.lists(st.tuples(number, number), max_size=3).map(tuple),
     st.dictionaries(name, figures, max_size=3),
 )
+notices = st.lists(name.map(as_notice), max_size=2).map(tuple)
 result = st.builds(
     Result,
     parameters=st.dictionaries(name, parameter, max_size=3),
@@ -83,9 +84,7 @@ result = st.builds(
         st.builds(InitialState, st.integers(0, 9), st.integers(0, 9), number, quantities), max_size=2
     ).map(tuple),
     biases=st.lists(st.builds(SensorBiases, st.integers(0, 9), quantities), max_size=2).map(tuple),
-    wind=st.lists(
-        st.builds(WindEstimate, name, quantities, number, st.lists(name, max_size=2).map(tuple)), max_size=2
-    ).map(tuple),
+    wind=st.lists(st.builds(WindEstimate, name, quantities, number, notices), max_size=2).map(tuple),
     maneuvers=st.lists(maneuver, max_size=2).map(tuple),
     cost=number,
     trajectories=number,
@@ -94,7 +93,8 @@ result = st.builds(
     optimizer=name,
     status=name,
     advice=name,
-    notices=st.lists(name.map(as_notice), max_size=2).map(tuple),
+    trust=notices,
+    notices=notices,
     versions=st.dictionaries(name, name, max_size=2),
     inputs=st.dictionaries(name, name, max_size=2),
 )

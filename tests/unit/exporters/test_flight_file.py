@@ -40,8 +40,8 @@ STEPS = {".bin": PULSE / 500.0, ".usd": 0.5 / 65535.0}  #: of a command, half
 @cache
 def flown(name: str) -> Flight:
     vehicle = resolve_vehicle(name)
-    control, amplitude = ("roll", 8.0) if vehicle.has_rotors else ("elevator", 0.05)
-    wind = "wind = [3.0, -2.0, 0.0]" if vehicle.has_rotors else ""
+    control, amplitude = ("roll", 8.0) if vehicle.rotors else ("elevator", 0.05)
+    wind = "wind = [3.0, -2.0, 0.0]" if vehicle.rotors else ""
     maneuver = parse_maneuver(MANEUVER.format(control=control, amplitude=amplitude, wind=wind), "m.toml")
     return simulate_flight(vehicle, maneuver, seed=1)
 

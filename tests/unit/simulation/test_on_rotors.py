@@ -13,9 +13,10 @@ from stoop.flight import load, save
 from stoop.simulation import initial_states, parameter_rows, trim
 from stoop.simulation.autopilot import linear_errors
 from stoop.simulation.delays import late_inputs, late_outputs
-from stoop.simulation.fly import Flown, fly, simulate_flight
+from stoop.simulation.fly import fly, simulate_flight
 from stoop.simulation.maneuver import Maneuver, load_maneuver, parse_maneuver
 from stoop.simulation.rotors import accelerations, channel_range
+from stoop.simulation.trajectories import Flown
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle, resolve_vehicle
 

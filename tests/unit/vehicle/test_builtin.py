@@ -14,7 +14,7 @@ from stoop.vehicle.builtin import BUILT_IN, resolve_vehicle
 def test_built_in_vehicle_loads(name: str) -> None:
     vehicle = resolve_vehicle(name)
     assert vehicle.where == name
-    assert len([p for p in vehicle.parameters if p.free]) >= (16 if vehicle.has_rotors else 32)
+    assert len([p for p in vehicle.parameters if p.free]) >= (16 if vehicle.rotors else 32)
 
 
 def test_file_is_read(twin_boom: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

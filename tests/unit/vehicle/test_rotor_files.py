@@ -28,13 +28,13 @@ CHANGES = [
     ("lag = 0.05", "lagg = 0.05", "rotors.lagg", "did you mean lag?"),
     ("lag = 0.05", "idle = 1.0", "rotors.idle", "not below full command of motor_1 (1)"),
     ("lag = 0.05", "inertia = 1e-5", "rotors", 'write drive = "speed"'),
-    ("lag = 0.05", "Q2 = 0.1", "rotors", "Q2 and torque_ratio both say the torque; remove one"),
+    ("lag = 0.05", "Q2 = 0.1", "rotors", "Q2 and torque_ratio both give the torque; remove one"),
     ("T1 = 2.5\nT2 = 6.0", "", "rotors", "there is no thrust; write T2"),
     ("T1 = 2.5\nT2 = 6.0", "T2 = 0.0", "rotors.T2", "thrust does not rise with the command"),
     ("T1 = 2.5\nT2 = 6.0", "T2 = -6.0", "rotors.T2", "write a first guess, e.g. T2 = 15"),
     ("T1 = 2.5\nT2 = 6.0", "T2 = 0.6", "rotors.T2", "the rotors lift 2.4 N, and the vehicle weighs 14.7 N"),
     ("mass = 1.5", "mass = 1500.0", "rotors.T2", "correct T0, T1, T2, gain, idle or mass"),
-    ("torque_ratio = 0.016", "torque_ratio = -0.016", "rotors.torque_ratio", "spin says the sign"),
+    ("torque_ratio = 0.016", "torque_ratio = -0.016", "rotors.torque_ratio", "spin gives the sign"),
     (FIRST, FIRST.replace('"ccw"', '"left"'), "rotor.m1.spin", "it must be 'ccw' or 'cw'"),
     (FIRST, FIRST + "\naxis = [0.0, 0.0, 0.0]", "rotor.m1.axis", "has no length"),
     (FIRST, FIRST + "\nfactor = -0.5", "rotor.m1.factor", "negative"),
@@ -104,7 +104,7 @@ def test_a_delay_is_shared_with_a_control_of_the_channel() -> None:
     late = QUAD.replace("lag = 0.05", "delay = 0.02") + REFERENCE + "[aerodynamics]\n[controls.elevator]\n"
     said = complaint(late + "mix = { motor_1 = 0.1 }\n")
     assert "rotors.delay: channel motor_1 also moves elevator" in said
-    assert parse_vehicle(late + 'mix = { motor_1 = 0.1 }\ndelay = "=rotors.delay"\n', "tied").has_rotors
+    assert parse_vehicle(late + 'mix = { motor_1 = 0.1 }\ndelay = "=rotors.delay"\n', "tied").rotors
 
 
 def test_only_a_measured_speed_may_be_told_late() -> None:
@@ -123,7 +123,7 @@ def test_loadings_are_held_to_the_same() -> None:
 def test_a_poor_guess_of_thrust_is_no_fault_on_speed() -> None:
     """Full speed is not known where the speed is measured."""
     text = QUAD.replace('drive = "command"', 'drive = "speed"').replace('"motor_', '"rotor_')
-    assert parse_vehicle(text.replace("T1 = 2.5\nT2 = 6.0", "T2 = 1e-9"), "speed").has_rotors
+    assert parse_vehicle(text.replace("T1 = 2.5\nT2 = 6.0", "T2 = 1e-9"), "speed").rotors
 
 
 @pytest.mark.parametrize("name", [n for n in BUILT_IN if n != "twin-boom"])

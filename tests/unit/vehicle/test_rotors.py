@@ -15,7 +15,7 @@ from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.atmosphere import standard_density
 from stoop.vehicle.builtin import BUILT_IN, builtin_vehicle
-from stoop.vehicle.vehicle import WIND_NUMBERS
+from stoop.vehicle.defaults import WIND_NUMBERS
 
 TEMPLATES = [name for name in BUILT_IN if name != "twin-boom"]
 GRAVITY = 9.80665
@@ -328,5 +328,5 @@ def test_vehicles_without_rotors_know_nothing_of_them(twin_boom: str) -> None:
     assert not {"vn", "ve", "vd"} & set(said["sensors"])
     assert not [p.name for p in vehicle.parameters if "rotor" in p.name or "vn" in p.name]
     assert vehicle.outputs[:3] == ("V", "alpha", "beta") == vehicle.start_names[:3]
-    assert not vehicle.has_rotors
+    assert not vehicle.rotors
     assert vehicle.rotors == ()

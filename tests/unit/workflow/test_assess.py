@@ -50,7 +50,7 @@ def test_the_bootstrap_agrees_with_corrected_errors_on_white_noise(bootstrapped:
     ]
     assert 0.85 < float(np.median(ratios)) < 1.15
     assert methods["bootstrap"].figures == {"replicates": 100.0, "dived": 0.0, "lost": 0.0}
-    assert any("Bootstrap" in s for s in bootstrapped.identification.result.trust)
+    assert any("Bootstrap" in str(s) for s in bootstrapped.identification.result.trust)
 
 
 @pytest.mark.slow
@@ -73,7 +73,7 @@ def test_a_profile_of_what_the_data_tell_is_the_corrected_interval(job: Job) -> 
     profile, corrected = (found.uncertainty[m].parameters["Cmq"] for m in ("profile", "corrected"))
     assert profile.std_error == pytest.approx(corrected.std_error, rel=0.03)
     assert set(found.uncertainty["profile"].parameters) == {"Cmq"}
-    assert found.uncertainty["profile"].notes[0].startswith("only the doubtful")
+    assert str(found.uncertainty["profile"].notes[0]).startswith("only the doubtful")
 
 
 def test_a_name_that_is_not_free_is_refused(job: Job) -> None:
@@ -91,7 +91,7 @@ def test_the_result_says_all_of_it_in_json(bootstrapped: Job) -> None:
     result = bootstrapped.identification.result
     again = from_json(result.to_json())
     assert again.uncertainty.keys() == {"corrected", "cramer_rao", "bootstrap"}
-    assert again.trust == result.trust
+    assert [*map(str, again.trust)] == [*map(str, result.trust)]
     assert again.identifiability.singular_values == result.identifiability.singular_values
     assert again.identifiability.parameters["Cmq"] == result.identifiability.parameters["Cmq"]
 
@@ -126,6 +126,7 @@ def test_the_posterior_is_read_back_by_arviz(job: Job, tmp_path: Path) -> None:
     folder = assessed.save(tmp_path / "out")
     _, arviz = libraries()
     data = arviz.from_netcdf(str(folder / "posterior.nc"), engine="h5netcdf")
+    assert assessed.to_arviz().posterior.equals(data.posterior)
     result = assessed.identification.result
     for name, spread in result.uncertainty["posterior"].parameters.items():
         assert float(data.posterior[name].std()) == pytest.approx(spread.std_error, rel=0.1)

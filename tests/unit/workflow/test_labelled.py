@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +66,20 @@ def test_labelled_arrays(job: Job) -> None:
 def test_no_draws_without_a_posterior(job: Job) -> None:
     with pytest.raises(StoopError, match="Posterior"):
         job.to_arviz()
+
+
+def test_draws_are_read_as_inference_data(job: Job, tmp_path: Path) -> None:
+    arviz = pytest.importorskip("arviz")
+    draws = np.random.default_rng(0).normal(4.8, 0.1, (4, 50))
+    arviz.from_dict(posterior={"CLalpha": draws}, sample_stats={"lp": -(draws**2)}).to_netcdf(
+        str(tmp_path / "posterior.nc"), engine="h5netcdf"
+    )
+    content = (tmp_path / "posterior.nc").read_bytes()
+    data = replace(job, attachments={"posterior.nc": content}).to_arviz()
+    assert isinstance(data, arviz.InferenceData)
+    np.testing.assert_array_equal(data.posterior["CLalpha"], draws)
+    assert data.posterior["CLalpha"].dims == ("chain", "draw")
+    np.testing.assert_array_equal(data.sample_stats["lp"], -(draws**2))
 
 
 def test_short_texts_and_tables_for_notebooks(job: Job, tmp_path: Path) -> None:

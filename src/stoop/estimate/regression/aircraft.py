@@ -31,7 +31,7 @@ from stoop.problem import Layout, Piece
 from stoop.problem.observation import at_center_of_gravity, true_value
 from stoop.simulation import START_NAMES, parameter_rows
 from stoop.simulation.delays import first_order_lag, late_inputs
-from stoop.simulation.initial import commanded, kernel_states, rigid_states
+from stoop.simulation.initial import commanded, initial_states, rigid_states
 from stoop.vehicle import Vehicle, terms
 from stoop.vehicle.schema import Term
 
@@ -75,7 +75,7 @@ class Motion:
 
     def kernel_states(self, vehicle: Vehicle) -> FloatArray:
         """Return the kernel's states (n_x, n)."""
-        out = kernel_states(vehicle, rigid_states(self.states), {}, self.rows, self.inputs)
+        out = initial_states(vehicle, {}, self.rows, self.inputs, rigid_states(self.states))
         for i, name in enumerate(vehicle.states):
             if name.endswith(".lag"):
                 out[i] = self.deflections[name.removesuffix(".lag")]
@@ -117,9 +117,8 @@ class History:
     time: FloatArray  #: (n,), s, the log's own clock
     dt: float  #: s
     coefficients: Mapping[str, FloatArray]  #: ``CL`` ... -> (n,)
-    variables: Mapping[
-        str, FloatArray
-    ]  #: of terms (:data:`stoop.vehicle.terms.STATE_VARIABLES`, controls) -> (n,)
+    #: of terms (:data:`stoop.vehicle.terms.STATE_VARIABLES`, controls) -> (n,)
+    variables: Mapping[str, FloatArray]
 
     def regressor(self, term: str) -> FloatArray:
         """Return the values (n,) of a term."""
@@ -164,14 +163,8 @@ def coefficients(
 ) -> dict[str, FloatArray]:
     """Return the coefficients that explain measured accelerations.
 
-    Parameters
-    ----------
-    base, gains : (a, n), (a, c, n)
-        See :func:`balance`.
-    angular : (r, n), rad/s2
-        Angular accelerations about the axes that the vehicle observes.
-    felt : mapping
-        ``ax``, ``ay``, ``az`` -> (n,), m/s2, as read.
+    `base` (a, n) and `gains` (a, c, n) are those of :func:`balance`, `angular` (r, n), rad/s2, the angular accelerations about
+    the axes that the vehicle observes, `felt` the readings ``ax``, ``ay``, ``az`` -> (n,), m/s2.
     """
     wanted = np.concatenate([angular, [felt[c] for c in SPECIFIC_FORCE if c in vehicle.outputs]]) - base
     solved = np.linalg.solve(gains.transpose(2, 0, 1), wanted.T[:, :, None])[:, :, 0]

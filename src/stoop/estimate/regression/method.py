@@ -39,26 +39,14 @@ FAIR_R2: Final = 0.5  #: below, the estimates of an equation are doubtful
 def equation_error(
     vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window], options: Options, *_: Any
 ) -> Fit:
-    """Fit the free numbers to measured accelerations on smoothed samples; a method of `stoop.estimate.methods`.
-
-    Raises
-    ------
-    IdentificationError
-        The motion was nowhere measured completely.
-    """
+    """Fit the free numbers to measured accelerations on smoothed samples; a method of `stoop.estimate.methods`."""
     return _fitted(vehicle, flights, windows, options, TimeDomain())
 
 
 def frequency_domain(
     vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window], options: Options, *_: Any
 ) -> Fit:
-    """Fit the free terms of an aircraft to Fourier coefficients of a band; a method of `stoop.estimate.methods`.
-
-    Raises
-    ------
-    IdentificationError
-        The motion was nowhere measured completely, or the vehicle has rotors.
-    """
+    """Fit the free terms of an aircraft to Fourier coefficients of a band; a method of `stoop.estimate.methods`."""
     return _fitted(vehicle, flights, windows, options, FrequencyDomain())
 
 
@@ -69,6 +57,7 @@ def _fitted(
     options: Options,
     domain: Domain,
 ) -> Fit:
+    """Fit; an IdentificationError says where the motion was nowhere measured completely, or what is for aircraft only."""
     kind = kind_of(vehicle)
     if domain.name not in kind.explanations:
         raise IdentificationError(

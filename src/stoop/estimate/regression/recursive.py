@@ -45,15 +45,10 @@ NUISANCES: Final = 2  #: bias and drift of each coefficient
 
 
 class RecursiveTransform:
-    """Finite Fourier transforms of signals; memory and cost of a sample do not depend on the record.
+    """Finite Fourier transforms of signals at frequencies (f,), Hz, sampled every `dt` s.
 
-    Parameters
-    ----------
-    frequencies : (f,), Hz
-    signals : int
-    dt : float, s
-    memory : float, s
-        Time constant of exponential forgetting; infinite keeps all.
+    The time constant of exponential forgetting is `memory`, s; infinite keeps all. Memory and cost of a sample do not depend on
+    the record.
     """
 
     def __init__(self, frequencies: FloatArray, signals: int, dt: float, memory: float = np.inf) -> None:
@@ -78,22 +73,11 @@ class Estimate:
 
 
 class RealTime:
-    """The free aerodynamic terms of a vehicle, estimated while it flies.
+    """The free aerodynamic terms of a vehicle, estimated while it flies from transforms at frequencies (f,), Hz.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-        Its free terms are estimated; all else is known.
-    dt : float, s
-        Sample period.
-    frequencies : (f,), Hz
-    memory : float, s
-        Time constant of exponential forgetting; infinite keeps all.
-
-    Notes
-    -----
-    It keeps the last few samples, as many as the difference formula and the control delays need, the states of the
-    control lags, and one complex number per frequency and signal.
+    All else of the vehicle is known. It is sampled every `dt` s; `memory`, s, is the time constant of exponential forgetting.
+    Kept are as many samples as the difference formula and the control delays need, the states of the control lags, and one
+    complex number per frequency and signal.
     """
 
     def __init__(self, vehicle: Vehicle, dt: float, frequencies: FloatArray, memory: float = np.inf) -> None:

@@ -27,7 +27,7 @@ from stoop.problem import Layout, Nuisance, Piece
 from stoop.problem.observation import through_air, true_value
 from stoop.simulation import parameter_rows
 from stoop.simulation.delays import at_samples, first_order_lag, late_inputs
-from stoop.simulation.initial import commanded, kernel_states, rigid_states
+from stoop.simulation.initial import commanded, initial_states, rigid_states
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND
 
@@ -52,13 +52,7 @@ class Stretch:
     ) -> FloatArray:
         """Return the accelerations (n, i) of the equations at the measured motion.
 
-        Parameters
-        ----------
-        vehicle : Vehicle
-        rows : (n_p, 1)
-            Kernel parameters, biases and wind among them.
-        cache : dict, optional
-            Lagged commands that were computed before.
+        Kernel parameters `rows` (n_p, 1) contain biases and wind; `cache` holds lagged commands computed before.
         """
         piece, motion = self.piece, {}
         late = at_samples(vehicle, late_inputs(vehicle, piece.inputs, rows, piece.dt))
@@ -70,7 +64,7 @@ class Stretch:
         down = piece.measured[self.samples, vehicle.outputs.index("vd")]
         height = float(piece.start.get("h", 0.0)) - cumulative_trapezoid(down, dx=piece.dt, initial=0)
         rigid = rigid_states(through_air(motion) | {"h": height})
-        states = kernel_states(vehicle, rigid, {}, every, inputs)
+        states = initial_states(vehicle, {}, every, inputs, rigid)
         for i, name in enumerate(vehicle.states):
             if name.endswith(".lag"):
                 follower = name.removesuffix(".lag")

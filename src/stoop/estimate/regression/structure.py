@@ -1,12 +1,10 @@
 """Model structure determination: candidate terms of each coefficient, and those that flights need.
 
-Stepwise regression adds the candidate that explains most and removes what has become needless; multivariate orthogonal
-functions order the candidates by what each explains beyond those before it. A product or power enters after the
-variables that it is made of, which stay as long as it does (marginality: J. A. Nelder, "A reformulation of linear
-models", Journal of the Royal Statistical Society A 140(1), 1977).
+A product or power enters after the variables that it is made of, which stay as long as it does (marginality).
 
 References
 ----------
+J. A. Nelder, "A reformulation of linear models", Journal of the Royal Statistical Society A 140(1), 1977 (marginality).
 V. Klein and E. A. Morelli, *Aircraft System Identification: Theory and Practice*, 2nd ed., Sunflyte, 2016,
 sections 5.4 and 5.5.
 E. A. Morelli, "Global nonlinear aerodynamic modeling using multivariate orthogonal functions", *Journal of
@@ -123,20 +121,13 @@ class Model:
 
     @property
     def press(self) -> float:
-        """Prediction sum of squares: each row predicted by a fit to all others.
-
-        e_i / (1 - h_ii), with the residual and the leverage of the whole fit, is the residual of the row left
-        out (D. M. Allen, Technometrics 16(1), 1974).
-        """
+        """Prediction sum of squares of e_i / (1 - h_ii), each row left out (D. M. Allen, Technometrics 16(1), 1974)."""
         leverage = np.sum(self.basis**2, axis=1) + self.regression.spent / max(self.regression.count, 1)
         return float(np.sum((self.residual / np.maximum(1.0 - leverage, 1e-12)) ** 2))
 
     @property
     def pse(self) -> float:
-        """Predicted squared error: fit error plus a penalty per term for the largest possible noise, the variance of y.
-
-        Barron's criterion as Morelli uses it (J. Aircraft 32(6), 1995, eqs. 27 to 29).
-        """
+        """Predicted squared error: a penalty per term for the largest noise (J. Aircraft 32(6), 1995, eqs. 27 to 29)."""
         max_noise = self.regression.total / max(self.regression.count, 1)
         return (self.rss + max_noise * len(self.columns)) / self.regression.count
 
@@ -158,12 +149,6 @@ class Model:
         parents = set(self.regression.parents_of(column))
         return parents <= set(self.columns) and self.tolerance(column) >= MIN_TOLERANCE
 
-    @property
-    def removable(self) -> tuple[int, ...]:
-        """Columns that are no parents of another column of the model."""
-        needed = {parent for column in self.columns for parent in self.regression.parents_of(column)}
-        return tuple(column for column in self.columns if column not in needed)
-
     def with_column(self, column: int) -> Model:
         """Return the model with one more term."""
         return Model(self.regression, (*self.columns, column))
@@ -173,10 +158,9 @@ class Model:
         return Model(self.regression, tuple(c for c in self.columns if c != column))
 
     def partial_f(self, column: int) -> float:
-        """Return the partial F-ratio of a column of the model.
+        """Return the partial F-ratio of a column of the model: the squared estimate over its variance.
 
-        It is the squared estimate over its variance, which equals (RSS without - RSS with) over the residual
-        variance where residuals are white; colored ones raise the variance (Klein and Morelli, section 5.4).
+        It is (RSS without - RSS with) over the residual variance where residuals are white (Klein and Morelli, section 5.4).
         """
         r = self.regression
         x = self.without(column).orthogonal_part(column)
@@ -259,9 +243,8 @@ Criterion = PartialF | Press  #: whether a model needs a term
 def stepwise(regression: Regression, criterion: Criterion = PartialF()) -> Selection:
     """Add the candidate that explains most, remove what is no longer needed, until nothing changes.
 
-    Twice: from no term, and from all candidates, needless ones removed first. Terms that cancel each other - static
-    stability, damping and elevator in a slow pitching moment - explain nothing one by one, so forward selection misses
-    them; backward elimination does not. The end with the lower PRESS is kept.
+    From no term, and from all candidates: forward selection misses terms that cancel each other (static stability, damping and
+    elevator in a slow pitching moment), backward elimination does not. The end with the lower PRESS is kept.
     """
     everything = Model(regression, ())
     ends = [_stepped(everything, criterion)]
@@ -294,7 +277,8 @@ def _pruned(model: Model, criterion: Criterion) -> tuple[Model, list[Step]]:
     """Remove needless terms, the weakest first."""
     steps = list[Step]()
     while model.columns:
-        weakest = min(model.removable, key=model.partial_f)
+        needed = {parent for column in model.columns for parent in model.regression.parents_of(column)}
+        weakest = min((c for c in model.columns if c not in needed), key=model.partial_f)
         if criterion.needs(model, weakest):
             break
         smaller, f = model.without(weakest), model.partial_f(weakest)
@@ -304,11 +288,7 @@ def _pruned(model: Model, criterion: Criterion) -> tuple[Model, list[Step]]:
 
 
 def orthogonal(regression: Regression) -> Selection:
-    """Order candidates by what each explains beyond those before it; cut where the predicted squared error is least.
-
-    Gram-Schmidt orthogonalization makes what each function explains independent of those that follow, so the
-    order is found one by one and the error falls by a known amount at each.
-    """
+    """Order candidates by what each explains beyond those before it; cut where the predicted squared error is least."""
     model, steps = Model(regression, ()), list[Step]()
     best, kept = model.pse, 0
     while (column := model.best_candidate()) is not None and len(steps) < MAX_STEPS:
@@ -324,12 +304,7 @@ Choose = Callable[[Regression], Selection]
 
 
 def standard_candidates(vehicle: Vehicle) -> dict[str, tuple[str, ...]]:
-    """Return the candidates by coefficient that are tried unless others are given.
-
-    Lift, drag and pitching moment: angle of attack up to the third power, pitch rate, speed, every control,
-    their products with angle of attack, and the even part of sideslip. Side force, rolling and yawing moment:
-    sideslip, roll and yaw rate, every control, their products with angle of attack, and sideslip cubed.
-    """
+    """Return the candidates by coefficient that are tried unless others are given."""
     controls, products = vehicle.controls, tuple(f"alpha*{c}" for c in vehicle.controls)
     even = ("beta^2",) if vehicle.reduce == "full" else ()
     longitudinal = ("alpha", "q", "V", *controls, "alpha^2", "alpha^3", "alpha*q", *products, *even)
@@ -340,12 +315,7 @@ def standard_candidates(vehicle: Vehicle) -> dict[str, tuple[str, ...]]:
 def parse_candidates(lines: Iterable[str], vehicle: Vehicle, where: str) -> dict[str, tuple[str, ...]]:
     """Return candidates written as ``Cm: alpha, q, alpha^2``; coefficients not named have none.
 
-    Raises
-    ------
-    IdentificationError
-        A line of another form, or a coefficient that does not exist.
-    TermError
-        A term that cannot be read.
+    An IdentificationError names a line of another form or an unknown coefficient, a TermError a term that cannot be read.
     """
     names = {*terms.STATE_VARIABLES, *vehicle.file.controls}
     out: dict[str, tuple[str, ...]] = {}
@@ -383,9 +353,8 @@ def parameter_name(coefficient: str, term: str, taken: Iterable[str] = ()) -> st
 def parents(trees: Sequence[ast.expr]) -> tuple[tuple[int, ...], ...]:
     """Return for each term the places of the plain variables that it is a product or power of (marginality).
 
-    `alpha^3` without `alpha` would become a model with both at another reference angle. Variables that are no candidates
-    are not asked for, so an even function stays possible: `beta^2` in lift. What is no monomial, such as `abs(beta)`,
-    has none.
+    Variables that are no candidates are not asked for, so an even function stays possible: `beta^2` in lift. What is no
+    monomial, such as `abs(beta)`, has none.
     """
     plain = {tree.id: i for i, tree in enumerate(trees) if isinstance(tree, ast.Name)}
     powers = [_powers(tree) for tree in trees]
@@ -444,25 +413,11 @@ def determine(
     choose: Choose,
     domain: Domain,
 ) -> Structure:
-    """Choose terms among candidates; a constant is always there.
+    """Choose terms among candidates (coefficient -> terms) with `choose`, such as `stepwise`; a constant is always there.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-        Mass, geometry, thrust, controls and instruments count; of its terms only those of coefficients that a
-        reduced model takes as they are.
-    flights, windows
-        As for `stoop.estimate.fit.fit`.
-    candidates : mapping of str to sequence of str
-        Coefficient -> terms; those of coefficients that are not estimated are ignored.
-    choose : callable
-        From a regression to a selection, such as `stepwise`.
-    domain : Domain
-
-    Raises
-    ------
-    IdentificationError
-        The motion was not measured, or for too short a time.
+    Of the vehicle, mass, geometry, thrust, controls and instruments count, and the terms of coefficients that a reduced model
+    takes as they are. Candidates of coefficients that are not estimated are ignored. An IdentificationError says that the
+    motion was not measured, or for too short a time.
     """
     prepared = without_stuck_channels(vehicle, prepare(vehicle, flights, windows))
     found = tuple(h for piece in prepared.pieces for h in histories(vehicle, piece))

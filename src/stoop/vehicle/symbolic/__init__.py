@@ -1,5 +1,188 @@
-"""The equations, written once: SymPy expressions from which kernel, derivatives and LaTeX come."""
+"""The equations of a vehicle in SymPy, from which kernel, derivatives and LaTeX are printed.
 
-from stoop.vehicle.symbolic.assemble import build_model
+Reduced models follow by substitution in the same equations.
+"""
 
-__all__ = ["build_model"]
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import sympy as sp
+
+from stoop.kernels import SymbolicModel
+from stoop.vehicle.atmosphere import polynomial_density
+from stoop.vehicle.symbolic import frames
+from stoop.vehicle.symbolic.forces import Surroundings, spins, total
+from stoop.vehicle.symbolic.frames import Air, Attitude, Numbers, Quaternion, Vector, add, cross, scale
+from stoop.vehicle.symbolic.latex import equations
+from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME, RIGID_STATES, Frame, Vehicle, slope_input
+
+_ZERO_STATES = {"full": (), "longitudinal": ("v", "p", "r", "e1", "e3"), "lateral": ("q",)}
+_CONSTANT_STATES = {"full": (), "longitudinal": (), "lateral": ("u", "w", "q", "h")}
+
+
+def _flow_angles(n: Numbers, s: Surroundings, e: Quaternion, velocity: Vector) -> dict[str, Any]:
+    vanes = frames.vane(n, s.velocity, s.omega)
+    return {"V": s.air.V, "alpha": vanes.alpha, "beta": vanes.beta}
+
+
+def _ground_velocity(n: Numbers, s: Surroundings, e: Quaternion, velocity: Vector) -> dict[str, Any]:
+    return dict(zip(("vn", "ve", "vd"), frames.over_ground(e, velocity), strict=True))
+
+
+@dataclass(frozen=True)
+class _FrameEquations:
+    """Equations that depend on the frame of the observations."""
+
+    air: Callable[[Vector], Air]
+    gust: Callable[[Quaternion, Vector], Vector]  #: from its own axes to those of the body
+    observed: Callable[[Numbers, Surroundings, Quaternion, Vector], dict[str, Any]]  #: velocity, by channel
+
+
+_FRAMES: dict[Frame, _FrameEquations] = {
+    AIR_FRAME: _FrameEquations(frames.air, lambda _, gust: gust, _flow_angles),
+    GROUND_FRAME: _FrameEquations(frames.slow_air, frames.to_body, _ground_velocity),
+}
+
+
+def build_model(vehicle: Vehicle) -> SymbolicModel:
+    """Return the equations of a vehicle, reduced as its file says.
+
+    The longitudinal model sets v = p = r = phi = psi = 0; the lateral one keeps u, w, h at their initial values and q
+    at zero.
+    """
+    n = Numbers.of(vehicle)
+    x = {s: sp.Symbol(f"state {s}", real=True) for s in dict.fromkeys((*RIGID_STATES, *vehicle.states))}
+    u = {c: sp.Symbol(f"input {c}", real=True) for c in vehicle.inputs}
+    rates, outputs = _motion(n, x, u)
+    zero = {x[s]: sp.Integer(0) for s in _ZERO_STATES[vehicle.reduce]}
+    constant = _CONSTANT_STATES[vehicle.reduce]
+    move = {name: sp.Symbol(f"move {name}", real=True) for name in vehicle.moves}
+    return SymbolicModel(
+        states=tuple(x[s] for s in vehicle.states),
+        inputs=tuple(u[c] for c in vehicle.inputs),
+        held=tuple(vehicle.inputs.index(slope_input(c)) for c in vehicle.sloped),
+        parameters=n.symbols,
+        derivatives=tuple(sp.Integer(0) if s in constant else rates[s].subs(zero) for s in vehicle.states),
+        outputs=tuple(sp.sympify(outputs[c]).subs(zero) for c in vehicle.outputs),
+        output_names=vehicle.outputs,
+        wrapped=tuple(c in ("phi", "psi") for c in vehicle.outputs),
+        moves=tuple(move.values()),
+        moved=_retraction(vehicle, {s: x[s].subs(zero) for s in vehicle.states}, move),
+        latex=equations(vehicle),
+    )
+
+
+def _motion(n: Numbers, x: Mapping[str, Any], u: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the rates of the states and the readings of the instruments, eqs. (1) and (2)."""
+    vehicle, frame = n.vehicle, _FRAMES[n.vehicle.frame]
+    velocity: Vector = (x["u"], x["v"], x["w"])
+    omega: Vector = (x["p"], x["q"], x["r"])
+    e = (x["e0"], x["e1"], x["e2"], x["e3"])
+    flight = velocity
+    if vehicle.gusts:
+        flight = frames.subtract(velocity, frame.gust(e, frames.gust(n, x)))
+    turned = frames.attitude(e)
+    choice = vehicle.file.environment.density
+    if choice == "log":
+        density = u["density"]
+    else:
+        density = polynomial_density(x["h"]) if choice == "standard" else n["environment.density"]
+    deflections, lag_rates = _deflections(n, x, u)
+    spin, spin_rates, rotor_lag_rates = spins(n, x, u)
+    s = Surroundings(n, frame.air(flight), density, omega, deflections, u, flight, spin, spin_rates)
+    load = total(s)
+
+    # Newton and Euler for a rigid body of constant mass, flat Earth
+    specific = scale(1 / n["mass.mass"], load.force)
+    acceleration = frames.body_acceleration(specific, n["environment.gravity"], turned.down, velocity, omega)
+    omega_rate = _angular_acceleration(n, load.moment, omega)
+    climb = -sum(d * v for d, v in zip(turned.down, velocity, strict=True))
+    rigid = [*acceleration, *omega_rate, *frames.quaternion_rate(e, omega), climb]
+    rates = (
+        dict(zip(RIGID_STATES, rigid, strict=True)) | lag_rates | rotor_lag_rates | frames.gust_rates(n, x, u)
+    )
+    return rates, readings(n, frame.observed(n, s, e, velocity), turned, specific, omega, omega_rate)
+
+
+def readings(
+    n: Numbers,
+    observed: Mapping[str, Any],
+    turned: Attitude,
+    specific: Vector,
+    omega: Vector,
+    omega_rate: Vector,
+) -> dict[str, Any]:
+    """Return the readings of the instruments, eq. (2) with positions, scales and biases.
+
+    `observed` is the velocity by channel, `specific` the specific force at the center of gravity, m/s2.
+    """
+    arm = n.arm("sensors.accelerometer_position")
+    if arm != (0, 0, 0):
+        specific = add(specific, add(cross(omega_rate, arm), cross(omega, cross(omega, arm))))
+    truth = {
+        **observed,
+        **dict(zip("pqr", omega, strict=True)),
+        "phi": turned.phi,
+        "theta": turned.theta,
+        "psi": turned.psi,
+        **dict(zip(("ax", "ay", "az"), specific, strict=True)),
+    }
+    return {c: n.get(f"sensors.{c}.scale", 1) * t + n[f"sensors.{c}.bias"] for c, t in truth.items()}
+
+
+def _deflections(
+    n: Numbers, x: Mapping[str, Any], u: Mapping[str, Any]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the deflection of each control, rad (calibration, mixer and lag), and the rates of the lag states."""
+    deflections, rates = {}, {}
+    for control in n.vehicle.controls:
+        base, mix = f"controls.{control}", n.vehicle.file.controls[control].mix
+        mixed = u.get(control)
+        if mix is not None:
+            mixed = sum(n[f"{base}.mix.{c}"] * (u[c] - n.get(f"{base}.center.{c}")) for c in mix)
+        deflections[control] = mixed + n.get(f"{base}.offset")
+        lag = f"{control}.lag"
+        if lag in x:
+            rates[lag] = (deflections[control] - x[lag]) / n[f"{base}.lag"]
+            deflections[control] = x[lag]
+    return deflections, rates
+
+
+def _angular_acceleration(n: Numbers, moment: Vector, omega: Vector) -> Vector:
+    """Return I^-1 (M - omega x I omega), rad/s2, as a quadratic form in the rates.
+
+    The coefficients of the quadratic form depend on the inertia alone, so the compiler takes them out of the time loop.
+    """
+    axes = ("xx", "yy", "zz", "xz", "xy", "yz")
+    xx, yy, zz, xz, xy, yz = (n.get(f"mass.inertia.{a}") for a in axes)
+    inertia = sp.Matrix([[xx, -xy, -xz], [-xy, yy, -yz], [-xz, -yz, zz]])
+    gyroscopic = inertia.adjugate() * sp.Matrix(omega).cross(inertia * sp.Matrix(omega))
+    quadratic = []
+    for row in gyroscopic:
+        out = sp.Integer(0)
+        for powers, coefficient in sp.Poly(sp.expand(row), *omega).terms():
+            product = sp.Mul(*(w**k for w, k in zip(omega, powers, strict=True)))
+            out += (coefficient / inertia.det()) * product
+        quadratic.append(out)
+    driven = (inertia.adjugate() / inertia.det()) * sp.Matrix(moment)
+    return driven[0] - quadratic[0], driven[1] - quadratic[1], driven[2] - quadratic[2]
+
+
+def _retraction(vehicle: Vehicle, states: Mapping[str, Any], moves: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Return every state after a small correction by a filter.
+
+    The attitude is corrected by three small rotations about the body axes (e + e x delta / 2, then back to unit length),
+    which does not depend on the heading; other states by addition. Altitude is not corrected, because next to nothing
+    that is measured depends on it; nor are the states that a reduced model keeps constant.
+    """
+    zero = sp.Integer(0)
+    e = (states.get("e0", zero), states.get("e1", zero), states.get("e2", zero), states.get("e3", zero))
+    phi, theta, psi = (moves.get(f"turn {axis}", zero) for axis in ("phi", "theta", "psi"))
+    turned = [a + b for a, b in zip(e, frames.quaternion_rate(e, (phi, theta, psi)), strict=True)]
+    length2 = sum((a * a for a in turned), zero)
+    after = {f"e{i}": a * (sp.Rational(3, 2) - length2 / 2) for i, a in enumerate(turned)}
+    after |= {name: states[name] + moves[name] for name in moves if name in states}
+    return tuple(after.get(name, states[name]) for name in vehicle.states)

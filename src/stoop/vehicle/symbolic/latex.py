@@ -1,6 +1,6 @@
 """The equations of a vehicle as LaTeX, printed from the SymPy expressions that are compiled; i counts the rotors.
 
-Sums over rotors and cross products are written as vectors; everything inside them is printed.
+Sums over rotors and cross products are written as vectors; their terms are printed.
 """
 
 from __future__ import annotations
@@ -12,9 +12,14 @@ import sympy as sp
 
 from stoop.vehicle import terms
 from stoop.vehicle.notation import BODY_DRAG, EACH_ROTOR, SURFACES, coefficient_symbol, plain, symbols
-from stoop.vehicle.symbolic import rotors
-from stoop.vehicle.symbolic.ground_effect import lift_gain, thrust_gain
-from stoop.vehicle.symbolic.symbols import Numbers, scale
+from stoop.vehicle.symbolic.forces import (
+    blade_loads,
+    body_resistance,
+    lift_gain,
+    rotor_commands,
+    thrust_gain,
+)
+from stoop.vehicle.symbolic.frames import Numbers, scale
 from stoop.vehicle.vehicle import Vehicle
 
 X, AXIAL, INPLANE, DRAWN, DENSITY_RATIO = sp.symbols(
@@ -31,7 +36,7 @@ def equations(vehicle: Vehicle) -> tuple[str, ...]:
 
 
 def _aerodynamics(n: Numbers, names: dict[Any, str]) -> Iterator[str]:
-    """Yield C = sum of terms, eq. (1), each term printed in the order of the file."""
+    """Yield C = sum of terms, eq. (1), in the order of the file."""
     if n.vehicle.file.reference is None:
         return
     speed = "V" if n.vehicle.actual_rates else "V_*"
@@ -50,10 +55,9 @@ def _aerodynamics(n: Numbers, names: dict[Any, str]) -> Iterator[str]:
             for name, text in group.items()
         ]
         total, gain = " + ".join(printed) or "0", lift_gain(n, _height(n)) if coefficient == "CL" else 1
-        gained = (
-            total if gain == 1 else rf"\left({total}\right) \left({sp.latex(gain, symbol_names=names)}\right)"
-        )
-        yield f"{coefficient_symbol(coefficient)} = {gained}"
+        if gain != 1:
+            total = rf"\left({total}\right) \left({sp.latex(gain, symbol_names=names)}\right)"
+        yield f"{coefficient_symbol(coefficient)} = {total}"
 
 
 def _height(n: Numbers) -> dict[str, Any]:
@@ -84,14 +88,14 @@ def _rotors(n: Numbers, names: dict[Any, str]) -> Iterator[str]:
         return f"{left} = {sp.latex(right, symbol_names=names)}"
 
     channels = {rotor.channel: COMMAND for rotor in vehicle.file.rotor.values()} | {"voltage": VOLTAGE}
-    commanded = rotors.commands(n, channels)[first]
+    commanded = rotor_commands(n, channels)[first]
     if "rotors.lag" in n:
         yield line("x_{c,i}", commanded)
         yield line(r"\dot{x}_{i}", (sp.Symbol("x_{c,i}") - X) / n["rotors.lag"])
     else:
         yield line("x_{i}", commanded)
     through = AXIAL + (DRAWN if "rotors.radius" in n else 0)
-    thrust, drag, torque = rotors.blade_loads(n, first, X, through, INPLANE**2, DENSITY_RATIO)
+    thrust, drag, torque = blade_loads(n, first, X, through, INPLANE**2, DENSITY_RATIO)
     yield line("T_{i}", thrust * thrust_gain(n, _height(n)))
     if "rotors.radius" in n:
         flow = sp.sqrt(INPLANE**2 + through**2)
@@ -114,7 +118,7 @@ def _body_drag(n: Numbers, names: dict[Any, str]) -> Iterator[str]:
     present = [part for part in BODY_DRAG if f"body_drag.{part}.x" in n]
     names = names | {n[f"body_drag.{part}.x"]: f"{BODY_DRAG[part]}_{{k}}" for part in present}
     speed, rate = sp.symbols(r"v_{k} \omega_{k}", real=True)
-    load = rotors.body_resistance(n, scale(speed, (1, 1, 1)), scale(rate, (1, 1, 1)))
+    load = body_resistance(n, scale(speed, (1, 1, 1)), scale(rate, (1, 1, 1)))
     for name, value in (("F", load.force[0]), ("M", load.moment[0])):
         if value != 0:
             yield rf"{name}_{{\mathrm{{body}},k}} = {sp.latex(value, symbol_names=names)}"

@@ -94,6 +94,13 @@ def test_a_result_has_curves_figures_and_its_method(gusty_start, gusty_flight):
     assert noise == pytest.approx(true, rel=0.2)
 
 
+@pytest.mark.parametrize("method", ["filter-error", "filter-error-ekf"])
+def test_an_interrupted_fit_is_resumed_to_the_same_result(gusty_start, gusty_flight, resumed, method):
+    window, options = [Window("sim", 0.0, 4.0)], Options(method=method)
+    found = resumed(methods.find(method).fitter(), gusty_start, {"sim": gusty_flight}, window, options)
+    assert found.outcome.status == "converged"
+
+
 def test_an_unknown_method_is_one_line():
     with pytest.raises(IdentificationError, match="did you mean filter-error"):
         methods.find("filter-eror")

@@ -131,8 +131,8 @@ def test_accelerations_alone_come_close(quad, start, flight):
         methods.find("frequency-domain").fitter()(start, {"sim": flight}, WINDOW, Options())
 
 
-def test_a_hopeless_start_is_searched_for(start, flight, monkeypatch):
-    """Without the regression's start, and with thrust and torque far off, the optimizer takes over."""
+def test_a_hopeless_start_is_searched_for(start, flight, monkeypatch, resumed):
+    """Without the regression's start, and with thrust and torque far off, the optimizer takes over; it may be interrupted."""
     from stoop.estimate import multiple_shooting as method
 
     monkeypatch.setattr(
@@ -155,7 +155,8 @@ def test_a_hopeless_start_is_searched_for(start, flight, monkeypatch):
         n: {"value": start.value(n) / f} for n, f in WRONG.items() if n not in ("rotors.T1", "rotors.T2")
     }
     options = Options(budget=300.0)
-    fit = method.fit(lost.with_numbers(right), {"sim": flight}, [Window("sim", 0.0, 8.0)], options)
+    window = [Window("sim", 0.0, 8.0)]
+    fit = resumed(method.fit, lost.with_numbers(right), {"sim": flight}, window, options)
     assert fit.outcome.optimizer == "ps-gde-lm"
     assert fit.estimates["rotors.T2"] == pytest.approx(6.0, rel=0.02)
     assert "global-start" in [n.code for n in fit.notices]

@@ -113,6 +113,12 @@ def test_truth_comes_back_within_three_standard_errors(start, flight):
     assert found.estimates["Cmalpha"] == pytest.approx(1.5, abs=0.1)
 
 
+def test_an_interrupted_fit_is_resumed_to_the_same_result(start, flight, resumed):
+    options = Options(method="multiple-shooting")
+    found = resumed(MultipleShooting(), start, {"damped": flight}, WINDOW, options)
+    assert found.outcome.status == "converged"
+
+
 def test_the_length_of_the_windows_does_not_matter(start, flight):
     estimates = []
     for length in (0.5, 1.0, 2.0):

@@ -21,7 +21,7 @@ BUILT_IN_HELP: Final = "a built-in vehicle: twin-boom, quad-x, quad-plus, hexa-x
 VEHICLE_HELP: Final = f"vehicle file (TOML), or {BUILT_IN_HELP}"
 LOG_HELP: Final = ".ulg, .bin, .log, .usd, .nc, .mat, .parquet, .csv, a ROS bag, or a folder of CSV files"
 WINDOW: Final = "[FLIGHT@]START:STOP[#LOADING]"
-HOVERING: Final = "the vehicle's reference; a vehicle with rotors hovers"
+HOVERING: Final = "the vehicle's reference; hover for a vehicle with rotors"
 SEVERAL: Final[dict[str, Any]] = {"nargs": "+", "action": "extend", "default": []}
 
 

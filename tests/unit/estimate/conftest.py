@@ -1,0 +1,49 @@
+"""Fits that are interrupted and resumed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stoop import optimize
+from stoop.estimate.fit import Fit
+
+Resumed = Callable[..., Fit]
+
+
+@pytest.fixture
+def resumed(tmp_path: Path) -> Resumed:
+    """Return a function that interrupts a fit early, halfway and at its end, resumes it from a file, and compares."""
+
+    def check(fit: Callable[..., Fit], *arguments: Any) -> Fit:
+        trials: list[optimize.Progress] = []
+        whole = fit(*arguments, trials.append, None)
+        for count in sorted({1, len(trials) // 2, len(trials)}):
+            left: list[optimize.Progress] = []
+
+            def stop(progress: optimize.Progress, at: int = count, seen: list[Any] = left) -> None:
+                seen.append(progress)
+                if len(seen) == at:
+                    raise KeyboardInterrupt
+
+            cut = fit(*arguments, stop, None)
+            assert cut.outcome.status == "interrupted"
+            assert cut.outcome.state is not None
+            optimize.save_state(tmp_path / "search.npz", cut.outcome.state)
+            left.clear()
+            again = fit(*arguments, left.append, optimize.load_state(tmp_path / "search.npz"))
+            assert len(left) == len(trials) - count  # no trial twice
+            np.testing.assert_array_equal(again.z, whole.z)
+            assert (again.cost, again.trajectories) == (whole.cost, whole.trajectories)
+            assert again.outcome.status == whole.outcome.status
+            np.testing.assert_array_equal(again.outcome.history, whole.outcome.history)
+            np.testing.assert_array_equal(again.noise, whole.noise)
+            for one, other in zip(again.evidence.pieces, whole.evidence.pieces, strict=True):
+                np.testing.assert_array_equal(one.residual, other.residual)
+        return whole
+
+    return check
