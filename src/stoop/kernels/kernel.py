@@ -339,10 +339,7 @@ def load_kernel(structure: str, model: Callable[[], SymbolicModel]) -> Kernel:
     KernelError
         Numba is told not to compile, or no disk has room for what it compiles.
     """
-    key = _key(structure)
-    if key not in _loaded:
-        _loaded[key] = _load(key, model)
-    return _loaded[key]
+    return _load(_key(structure), model)
 
 
 def _key(structure: str) -> str:
@@ -384,6 +381,8 @@ def _later(folder: Path, final: Path, key: str, name: str) -> Callable[[], Modul
 
 
 def _load(key: str, model: Callable[[], SymbolicModel]) -> Kernel:
+    if key in _loaded:
+        return _loaded[key]
     root = cache.cache_folder()
     folder = _build(root / key, key, "shared", lambda f: _write_sources(f, model()))
     nx, nu, np_, ny, lanes, moves = (int(v) for v in (folder / "sizes.txt").read_text().split())
@@ -391,4 +390,6 @@ def _load(key: str, model: Callable[[], SymbolicModel]) -> Kernel:
     later = {name: _later(folder, root / f"{key}-{end}", key, name) for name, end in suffixes.items()}
     shared = _open(folder, key, "shared")
     latex = tuple((folder / "equations.tex").read_text().splitlines())
-    return Kernel(folder, lanes, (nx, nu, np_, ny), shared, later.pop("per_lane"), later, moves, latex)
+    per_lane, sizes = later.pop("per_lane"), (nx, nu, np_, ny)
+    _loaded[key] = Kernel(folder, lanes, sizes, shared, per_lane, later, moves, latex)
+    return _loaded[key]

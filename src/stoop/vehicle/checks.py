@@ -170,10 +170,8 @@ def _check_angles_and_bounds(vehicle: Vehicle) -> None:
     for name in ("reference.alpha", "propulsion.pitch", *offsets):
         value = vehicle.value(name, 0.0)
         if abs(value) > math.pi / 2.0:
-            raise VehicleError(
-                f"{vehicle.where}: {name}: {value:g} looks like degrees; "
-                f"write radians ({math.radians(value):.4g})"
-            )
+            advice = f"looks like degrees; write radians ({math.radians(value):.4g})"
+            raise VehicleError(f"{vehicle.where}: {name}: {value:g} {advice}")
     for p in vehicle.parameters:
         if p.free and not 0.0 < p.upper - p.lower < math.inf:
             raise VehicleError(
