@@ -295,8 +295,7 @@ class Shifted(Derived):
 def stationary(optimum: Optimum) -> Optimum:
     """Return the optimum of the same problem without the part of its residuals that the unknowns still explain.
 
-    A likelihood with further terms (the size of innovations) has its maximum beside that of the sum of squares; taken
-    off, the estimate is the least-squares optimum.
+    A likelihood with further terms (the size of innovations) has its maximum beside that of the sum of squares.
     """
     factor, J = optimum.inverse.factor, optimum.jacobian
     explained = J @ (factor @ (factor.T @ (J.T @ optimum.residual)))

@@ -65,9 +65,8 @@ MAX_LOST: Final = 0.02  #: share of replicates without an optimum from which it 
 def block_length(series: FloatArray) -> float:
     """Return the length of moving blocks that suits a series (n,) best, samples; at least 1.
 
-    Politis and White (2004) with the correction of 2009: the length that minimizes the mean square error of the
-    variance of a mean, from the autocovariance up to where it dies away: the lag from which a run of autocorrelations
-    is within chance.
+    Politis and White (2004) with the correction of 2009: it minimizes the mean square error of the variance of a mean, from
+    the autocovariance up to the lag from which a run of autocorrelations is within chance.
     """
     n = len(series)
     centered = series - series.mean()
@@ -91,9 +90,8 @@ class ColoredBlocks:
     """Blocks of innovations, colored again."""
 
     noise: ColoredNoise  #: color and strength of the weighted noise
-    pools: tuple[
-        FloatArray, ...
-    ]  #: (m_i, ny), innovations of each segment, of the noise's strength; NaN if unknown
+    #: (m_i, ny), innovations of each segment, of the noise's strength; NaN if unknown
+    pools: tuple[FloatArray, ...]
     present: tuple[BoolArray, ...]  #: (n_i, ny) bool; where each segment was measured
     block: int  #: samples of one block
     #: residuals behind those of the readings, which have no noise (gaps between windows that meet)
@@ -142,8 +140,8 @@ class ColoredBlocks:
 def whitened(segments: Sequence[FloatArray], order: int) -> list[FloatArray]:
     """Return the innovations of a series, (n_i - order,) for segments (n_i,); NaN where unknown.
 
-    The autoregression is fitted by least squares: one from the autocovariance, as it is used to color, is biased where
-    the spectrum is steep, and what little color it leaves would be amplified when the noise is colored again.
+    By least squares: an autoregression from the autocovariance is biased where the spectrum is steep, and what little color it
+    leaves would be amplified when the noise is colored again.
     """
     window = np.lib.stride_tricks.sliding_window_view
     rows = [window(s, order + 1)[:, ::-1] for s in segments]  # beside its own past, the latest first
@@ -159,9 +157,8 @@ def whitened(segments: Sequence[FloatArray], order: int) -> list[FloatArray]:
 class WholeWindows:
     """Residuals of whole windows, with the gaps behind them, each of random sign in the place of another."""
 
-    windows: tuple[
-        FloatArray, ...
-    ]  #: (w_i, n_i, ny), as a fit to all others would leave them; as long as the longest
+    #: (w_i, n_i, ny), as a fit to all others would leave them; as long as the longest
+    windows: tuple[FloatArray, ...]
     gaps: tuple[FloatArray, ...]  #: (w_i, e); from each window to the next; zero for the last
     edges: tuple[tuple[int, ...], ...]  #: first sample of each window, then the number of samples
     present: tuple[BoolArray, ...]  #: (m_i, ny) bool; where each piece was measured

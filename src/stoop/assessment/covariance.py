@@ -49,18 +49,15 @@ NORMAL_95: Final = 1.959963984540054  #: two-sided 95 % quantile of the normal d
 NULL_EIGENVALUE: Final = 1e-13  #: of the greatest scaled eigenvalue; below it is rounding, not information
 NULL_COMPONENT: Final = 1e-3  #: an unknown with a larger component in a null direction is not determined
 MIN_POWER: Final = 1e-3  #: of the variance, at any frequency; bounds how slow the noise can be
-MAX_ORDER: Final = (
-    20  #: of the autoregression: at 100 Hz, slow residuals under white noise still come out right
-)
+#: of the autoregression: at 100 Hz, slow residuals under white noise still come out right
+MAX_ORDER: Final = 20
 SAMPLES_PER_LAG: Final = 50  #: short records get a lower order, or the autoregression fits its own noise
-ROUNDS: Final = (
-    3  #: of what the fit absorbed, which depends on the noise model; afterwards it changes below 1 %
-)
+#: of what the fit absorbed, which depends on the noise model; afterwards it changes below 1 %
+ROUNDS: Final = 3
 NEIGHBORS: Final = 3  #: windows whose residuals may still be correlated
 MIN_WINDOWS: Final = 12  #: below which a mean over windows says little
-MAX_SHARE: Final = (
-    0.5  #: of the information about a direction, in one window; of more, others foresee nothing
-)
+#: of the information about a direction, in one window; of more, others foresee nothing
+MAX_SHARE: Final = 0.5
 
 
 @dataclass(frozen=True, eq=False)

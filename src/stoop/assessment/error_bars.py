@@ -34,18 +34,16 @@ CORRELATION_LAGS: Final = 200  #: samples over which the residual autocorrelatio
 CONDITIONAL_RATIO: Final = 2.0  #: of error bars, from which one is conditional on parameters at a bound
 NOT_ESTIMATED: Final = "the method does not estimate it"
 COMBINED: Final = "known only in combination with others: they can almost take its place"
-PRIOR_SHARE: Final = (
-    0.95  #: of the prior's standard deviation left by the fit: the data added next to nothing
-)
+#: of the prior's standard deviation left by the fit: the data added next to nothing
+PRIOR_SHARE: Final = 0.95
 BOX_SHARE: Final = 0.25  #: of the box's width; a value thrown into the box blindly would have 0.29
 SIZE_SHARE: Final = 3.0  #: of the size of the parameter, where there is neither prior nor box to compare with
 COLLINEAR: Final = 30.0  #: marginal over conditional standard error; correlated above 0.999 with the others
 STRONG_CORRELATION: Final = 0.9  #: from which a pair is named
 PARTNER_CORRELATION: Final = 0.7  #: from which another parameter counts as able to stand in
 MAX_DIRECTIONS: Final = 6
-MIN_COMPONENT: Final = (
-    0.3  #: of its standard error, by which a parameter must move along a direction to be named
-)
+#: of its standard error, by which a parameter must move along a direction to be named
+MIN_COMPONENT: Final = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,9 +85,8 @@ class ErrorBars:
     """Uncertainty of the parameters and nuisances of a fit, in SI; k = parameters, then nuisances."""
 
     covariance: FloatArray  #: (k, k), corrected for color; zero for what is at a bound or not estimated
-    cramer_rao_std: (
-        FloatArray  #: (k,), as if residuals were white; NaN where a method does not use their color
-    )
+    #: (k,), as if residuals were white; NaN where a method does not use their color
+    cramer_rao_std: FloatArray
     at_bound: BoolArray  #: (k,) bool; whether the estimate lies at a bound
     identifiability: dict[str, Identifiability]  #: by parameter; those at a bound have none
     conditional: tuple[str, ...]  #: more than twice as uncertain if the parameters at a bound were free
@@ -153,7 +150,8 @@ def _error_bars(evidence: Evidence) -> ErrorBars:
         covariance=covariance[:k, :k],
         cramer_rao_std=white[:k],
         at_bound=at_bound[:k],
-        identifiability=own | {n: Identifiability.none(n, NOT_ESTIMATED) for n in idle},
+        identifiability=own
+        | {n: Identifiability(n, False, NOT_ESTIMATED, np.inf, np.inf, 0.0) for n in idle},
         conditional=conditional,
         uncertainty=found,
         free=free,
@@ -170,11 +168,6 @@ class Identifiability:
     conditional_std: float  #: standard error if everything else were known
     marginal_std: float  #: standard error as it is; infinite when the data leave it free
     multiple_correlation: float  #: with all other unknowns together; 1 means that they can take its place
-
-    @classmethod
-    def none(cls, name: str, reason: str) -> Identifiability:
-        """Return that of a parameter that nothing was learned about."""
-        return cls(name, False, reason, np.inf, np.inf, 0.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -171,10 +171,9 @@ class _Oscillation:
         return np.asarray(end.x, dtype=np.float64), float(end.cost)
 
     def drift(self, x: FloatArray) -> FloatArray:
-        """Return by how much (2,) parts of the response give other log w and zeta than the whole, noise apart.
+        """Return by how much (2,) parts of the response give other log w and zeta than the whole.
 
-        Were the response one damped oscillation in noise, a part's estimate would differ from the whole's with the
-        difference of their variances (J. A. Hausman, Econometrica 46(6), 1978); what is beyond that is not noise.
+        Beyond the difference of their variances that is no noise (J. A. Hausman, Econometrica 46(6), 1978).
         """
         whole, beyond = self.errors(x) ** 2, []
         for first, last in PARTS:

@@ -56,11 +56,7 @@ BLOCK: Final = 1.0  #: s that are left out together
 
 
 def theil(measured: FloatArray, simulated: FloatArray) -> float:
-    """Return Theil's inequality coefficient over the samples (n,) where both are finite; NaN without any.
-
-    It is rms(z - y) / (rms(z) + rms(y)): 0 perfect, 1 worst. Unlike the coefficient of determination it is bounded, and an
-    output that hardly moves does not blow it up; but it depends on the origin.
-    """
+    """Return Theil's coefficient rms(z - y) / (rms(z) + rms(y)) where both are finite, 0 perfect, 1 worst; NaN without any."""
     z, y = _common(measured, simulated)
     scale = _rms(z) + _rms(y)
     return np.nan if z.size == 0 else _rms(z - y) / scale if scale > 0.0 else 0.0
@@ -69,8 +65,7 @@ def theil(measured: FloatArray, simulated: FloatArray) -> float:
 def theil_shares(measured: FloatArray, simulated: FloatArray) -> TheilShares:
     """Return the shares of bias, variance and covariance in the squared error; NaN for a perfect match.
 
-    They add up to 1: difference of the means (an offset), of the standard deviations (a wrong amplitude), and what does not
-    correlate (noise, phase, missing physics), ideally all of it.
+    An offset, a wrong amplitude, and what does not correlate (noise, phase, missing physics), ideally all of it.
     """
     z, y = _common(measured, simulated)
     error = _rms(z - y)

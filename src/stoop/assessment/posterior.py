@@ -50,9 +50,8 @@ WARM_UP: Final = (150, 300)  #: steps thrown away; after each the proposals are 
 STEPS_PER_ROUND: Final = 250  #: steps between looks at convergence
 MAX_STEPS: Final = 8000
 MAX_RHAT: Final = 1.01  #: of every parameter
-MIN_SAMPLE_SIZE: Final = (
-    1000.0  #: independent draws' worth, in the middle and in the tails of every parameter
-)
+#: independent draws' worth, in the middle and in the tails of every parameter
+MIN_SAMPLE_SIZE: Final = 1000.0
 MIN_WALKERS: Final = 32
 MISSING: Final = "the posterior needs emcee and arviz; install them with pip install 'stoop[posterior]'"
 FILE: Final = "posterior.nc"
@@ -129,10 +128,7 @@ class Target:
         return np.asarray(whole[:k, :k] + whole[:k, k:] @ self._follow)
 
     def error(self, X: FloatArray) -> FloatArray:
-        """Return by how much the marginalization misses the log density (W,) at points (W, k).
-
-        What is compared is the least cost over the nuisances: by one projection, and by Gauss-Newton steps.
-        """
+        """Return the error of the log density (W,) at points (W, k): nuisances by one projection, or Gauss-Newton steps."""
         problem, rung, k = self.optimum.problem, self.optimum.rung, self.size
         steps = (X - self.center) @ self.stretch.T
         found = []
@@ -143,14 +139,13 @@ class Target:
                 z[k:] -= np.linalg.lstsq(jacobian, r, rcond=None)[0]
             r = problem.residuals(z[None, :], rung)[0]
             found.append(-0.5 * float(r @ r))
-        return np.asarray(np.array(found) - self._densities(steps))
+        return np.array(found) - self._densities(steps)
 
 
 def stretch(information: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return the matrix M (k, k) with M' `information` M the inverse of `covariance`: the most even one.
+    """Return the matrix M (k, k) with M' `information` M the inverse of `covariance`.
 
-    Among all such it is the symmetric one, in coordinates in which the information has a unit diagonal: the
-    optimal transport between the two normal distributions.
+    Among all such it is the symmetric one where the information has a unit diagonal: the optimal transport.
     """
     scale = np.sqrt(np.diag(information))
     root, inverse = _roots(information / np.outer(scale, scale))
@@ -181,8 +176,7 @@ class Reference:
     def propose(self, X: FloatArray, random: np.random.RandomState) -> tuple[FloatArray, FloatArray]:
         """Return new points (W, k) and what the acceptance owes to the proposal (W,): emcee's `MHMove`.
 
-        The preconditioned Crank-Nicolson step leaves this distribution as it is, whatever its length. Long and
-        short ones are mixed: near a normal posterior the long ones are accepted, elsewhere the short ones.
+        The preconditioned Crank-Nicolson step leaves this distribution as it is, whatever its length; lengths are mixed.
         """
         reach = random.choice(STEP_LENGTHS, size=(len(X), 1))
         before = np.linalg.solve(self.factor, (X - self.center).T).T

@@ -62,9 +62,8 @@ DISAGREEMENT: Final = 1.4  #: ratio of standard errors from which two methods di
 SKEWNESS: Final = 1.5  #: ratio of the arms of an interval from which it is no longer normal
 MAX_RHAT: Final = 1.02  #: above it a posterior says nothing yet
 SCATTER_LEVEL: Final = 0.05  #: chance of calling a scatter too large that is not
-MAX_PRIOR_SHARE: Final = (
-    0.5  #: of an estimate: where the prior knows more than the maneuver, it is the prior's
-)
+#: of an estimate: where the prior knows more than the maneuver, it is the prior's
+MAX_PRIOR_SHARE: Final = 0.5
 
 
 def with_uncertainty(result: Result, fit: Fit, bars: ErrorBars) -> Result:

@@ -48,9 +48,8 @@ SLOPE_STD: Final = 0.3  #: prior of the voltage slope; without a correction thru
 LIFT_STD: Final = 0.01  #: relative scatter of the lift between flights, counted as `LIFT_FLIGHTS` flights
 LIFT_FLIGHTS: Final = 3.0
 CHANCE: Final = 0.05  #: of attributing a loss to any rotor of a healthy flight
-DISTINCT: Final = (
-    6.63  #: difference of squares that separates two explanations (1 % of chi-square, one degree)
-)
+#: difference of squares that separates two explanations (1 % of chi-square, one degree)
+DISTINCT: Final = 6.63
 ODD_CHANCE: Final = 0.01  #: below which the unexplained part counts
 POWER: Final = 0.8  #: how often a loss of the stated least size is detected
 MANY: Final = 8  #: healthy flights after which more bring little
@@ -59,7 +58,7 @@ HELPS: Final = 0.9  #: of the least detectable loss, below which an advice is wo
 
 @dataclass(frozen=True)
 class Balance:
-    """The rotors of a vehicle as they act on it at hover; `rotors` are the columns of its arrays."""
+    """The rotors of a vehicle as they act on it at hover; they are the columns of its arrays."""
 
     vehicle: Vehicle
 
@@ -76,38 +75,30 @@ class Balance:
             )
 
     @property
-    def rotors(self) -> tuple[str, ...]:
-        """Names, in the order of the columns."""
-        return self.vehicle.rotors
-
-    @property
     def needs_voltage(self) -> bool:
         """Whether commands are corrected with the measured voltage."""
         return "rotors.nominal_voltage" in self.vehicle.rows
 
     @cached_property
-    def channels(self) -> tuple[str, ...]:
-        """Recorded channel of each rotor."""
-        return tuple(self.vehicle.file.rotor[name].channel for name in self.rotors)
-
-    @cached_property
     def directions(self) -> FloatArray:
         """Shape (3, n): unit vector of each rotor's thrust, body axes."""
-        axes = [self._point(f"rotor.{name}.axis", (0.0, 0.0, -1.0)) for name in self.rotors]
+        axes = [self._point(f"rotor.{name}.axis", (0.0, 0.0, -1.0)) for name in self.vehicle.rotors]
         return np.array([a / np.linalg.norm(a) for a in axes]).T
 
     @cached_property
     def of_thrust(self) -> FloatArray:
         """Shape (4, n): lift and moments (roll, pitch, yaw; m) of a thrust of 1 N of each rotor."""
         center = self._point("mass.center_of_gravity")
-        arms = np.array([self._point(f"rotor.{name}.position") - center for name in self.rotors])
+        arms = np.array([self._point(f"rotor.{name}.position") - center for name in self.vehicle.rotors])
         return np.vstack([-self.directions[2], np.cross(arms, self.directions.T).T])
 
     @cached_property
     def of_torque(self) -> FloatArray:
         """Shape (4, n): what a torque of 1 N m of each rotor does."""
-        turns = np.array([1.0 if self.vehicle.file.rotor[n].spin == "ccw" else -1.0 for n in self.rotors])
-        return np.vstack([np.zeros(len(self.rotors)), -turns * self.directions])
+        turns = np.array(
+            [1.0 if self.vehicle.file.rotor[n].spin == "ccw" else -1.0 for n in self.vehicle.rotors]
+        )
+        return np.vstack([np.zeros(len(self.vehicle.rotors)), -turns * self.directions])
 
     @cached_property
     def arm(self) -> float:
@@ -119,12 +110,12 @@ class Balance:
 
         Commands are those recorded, channel -> (k,), with ``voltage``, V, where the vehicle needs it.
         """
-        recorded = np.array([commands[channel] for channel in self.channels])
+        recorded = np.array([commands[rotor.channel] for rotor in self.vehicle.file.rotor.values()])
         x = self._number("rotors.gain", 1.0) * np.maximum(recorded - self._number("rotors.idle"), 0.0)
         if self.needs_voltage:
             x = x * commands["voltage"] / self._number("rotors.nominal_voltage")
         factor, torque_factor = (
-            np.array([self._number(f"rotor.{name}.{last}", 1.0) for name in self.rotors])[:, None]
+            np.array([self._number(f"rotor.{name}.{last}", 1.0) for name in self.vehicle.rotors])[:, None]
             for last in ("factor", "torque_factor")
         )
         thrust = self._polynomial("T", x)
@@ -167,7 +158,8 @@ def hover(flight: Flight, balance: Balance) -> Hover:
     whatever the motion in between. A FlightError says that a command is missing, the flight too short or too fast.
     """
     recorded = {str(name) for name in flight.data.data_vars}
-    needed = [*balance.channels, *(["voltage"] if balance.needs_voltage else [])]
+    channels = [rotor.channel for rotor in balance.vehicle.file.rotor.values()]
+    needed = [*channels, *(["voltage"] if balance.needs_voltage else [])]
     if missing := [name for name in needed if name not in recorded]:
         raise FlightError(
             f"{flight.name}: {', '.join(missing)} not recorded; log the commands of all rotors, or name them in a mapping"
@@ -381,7 +373,7 @@ class Assessment:
 
 def assess(hover: Hover, reference: Reference) -> Assessment:
     """Compare a flight with the healthy ones."""
-    units, rotors = reference.units, reference.balance.rotors
+    units, rotors = reference.units, reference.balance.vehicle.rotors
     whiten = np.linalg.inv(np.linalg.cholesky(reference.covariance(hover)))
     d = whiten @ (reference.sums(hover) - reference.level)
     load = reference.balance.of_thrust * np.array([1.0, 1.0, 1.0, 0.0])[:, None]

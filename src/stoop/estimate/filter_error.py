@@ -66,7 +66,13 @@ TOLERANCES: Final = Tolerances()
 
 
 class ScoringModel(StagedModel):
-    """Fisher's scoring on a likelihood, from z within its bounds, until less than a tolerance of -ln L is left to gain."""
+    """Fisher's scoring on a likelihood, from z within its bounds, until less than a tolerance of -ln L is left to gain.
+
+    The cost is twice the negative logarithm of the posterior; the history (i, 2) holds iterations and cost.
+    """
+
+    status: Status
+    history: FloatArray
 
     def __init__(self, likelihood: Likelihood, z: FloatArray, tolerance: float) -> None:
         self.likelihood, self.tolerance = likelihood, tolerance
@@ -81,6 +87,11 @@ class ScoringModel(StagedModel):
     def go_to(self, point: FloatArray) -> None:
         """Go to a point."""
         self.z, self.cost, self.current = point, self.likelihood.cost(point), False
+
+    @property
+    def usable(self) -> bool:
+        """Whether to go on from here."""
+        return self.status != "interrupted" and bool(np.isfinite(self.cost))
 
     def linearize(self) -> None:
         """Take gradient and information; unknowns that a bound holds are left out."""
@@ -121,33 +132,17 @@ class ScoringModel(StagedModel):
         self.z, self.cost, self.current = trial.point, trial.cost, False
 
 
-@dataclass(frozen=True, eq=False)
-class Ascent:
-    """Where scoring ended."""
-
-    likelihood: Likelihood  #: with the gains of this ascent
-    z: FloatArray  #: (k,)
-    cost: float  #: twice the negative logarithm of the posterior
-    status: Status
-    history: FloatArray  #: (i, 2), iterations and cost
-
-    @property
-    def usable(self) -> bool:
-        """Whether to go on from here."""
-        return self.status != "interrupted" and bool(np.isfinite(self.cost))
-
-
-def ascend(stages: Stages, likelihood: Likelihood, z: FloatArray, tolerance: float) -> Ascent:
+def ascend(stages: Stages, likelihood: Likelihood, z: FloatArray, tolerance: float) -> ScoringModel:
     """Ascend from z until so much of -ln L is left to gain; Ctrl-C keeps the best so far."""
     model = ScoringModel(likelihood, z, tolerance)
-    damping = TenfoldDamping(1e-3, growth=4.0, smallest=1e-9)
     try:
-        ending = stages.search(model, damping, MAX_ITERATIONS)
-        status: Status = "converged" if ending == "converged" else "generations"
+        ending = stages.search(model, TenfoldDamping(1e-3, growth=4.0, smallest=1e-9), MAX_ITERATIONS)
+        model.status = "converged" if ending == "converged" else "generations"
     except KeyboardInterrupt:
-        status = "interrupted"
+        model.status = "interrupted"
     costs = stages.stages[-1].costs
-    return Ascent(likelihood, model.z, model.cost, status, np.column_stack([np.arange(len(costs)), costs]))
+    model.history = np.column_stack([np.arange(len(costs)), costs])
+    return model
 
 
 @dataclass(frozen=True)
@@ -187,7 +182,7 @@ class FilterError:
                     break
             best = min(ascents, key=lambda a: a.cost)
             if ascents[-1].status == "interrupted":
-                best = replace(best, status="interrupted")
+                best.status = "interrupted"
             for _ in range(MAX_LINEARIZATIONS):
                 if not best.usable:
                     break
@@ -218,7 +213,11 @@ def with_gusts(problem: Misfit) -> Misfit:
 
 
 def _fit(
-    problem: Misfit, prepared: Prepared, best: Ascent, costs: Sequence[float], state: optimize.State | None
+    problem: Misfit,
+    prepared: Prepared,
+    best: ScoringModel,
+    costs: Sequence[float],
+    state: optimize.State | None,
 ) -> Fit:
     """Return the fit of the best ascent; `costs` are those of the ascents from each start, ascending.
 

@@ -137,16 +137,32 @@ class Refined:
     noise_converged: bool = False
 
 
-def refined(problem: ShootingProblem, at: Iterate, options: Options, stages: Stages) -> Refined:
-    """Alternate Gauss-Newton, with gaps that count ever more, and noise-covariance estimation until both converge."""
-    schedule = window_model(problem.problem.layout.vehicle).strictness
+def refined(
+    problem: ShootingProblem,
+    begins: Sequence[FloatArray],
+    options: Options,
+    stages: Stages,
+    interrupted: bool = False,
+) -> Refined:
+    """Alternate Gauss-Newton, with gaps that count ever more, and noise-covariance estimation until both converge.
+
+    It begins at the best of some vectors (D + E,), and ends there after an interrupted search.
+    """
+    vehicle = problem.problem.layout.vehicle
+    nodes, schedule = [shots.measured_nodes() for shots in problem.shots], window_model(vehicle).strictness
+    at = min((problem.iterate(z, nodes) for z in begins), key=lambda p: p.cost)
+    if not np.isfinite(at.cost):
+        length = problem.shots[0].edges[1] * problem.problem.pieces[0].dt
+        raise IdentificationError(
+            f"{vehicle.where}: not even windows of {length:.2g} s can be flown from the start; check values and units"
+        )
     iterations, before = 0, np.inf
-    status: Status = "generations"
+    status: Status = "interrupted" if interrupted else "generations"
     noise_converged = False
     problem = replace(problem, strictness=schedule[-1])
     end = at
     try:
-        for _ in range(ALTERNATION.rounds):
+        for _ in range(0 if interrupted else ALTERNATION.rounds):
             for strictness in schedule if np.isinf(before) else schedule[-1:]:
                 stricter = replace(problem, strictness=strictness)
                 model = GaussNewtonModel(stricter, stricter.leveled(at))
@@ -229,32 +245,14 @@ class MultipleShooting:
                 begun = state is not None and not isinstance(state, StagesState)
                 if begun or not float(np.min(windowed.costs(guesses, 0))) < poor:
                     start = search(options.budget)
-            found = self._from(shooting, padded if start is None else [start.z], options, start, stages)
+            cut = start is not None and start.status == "interrupted"
+            found = refined(shooting, padded if start is None else [start.z], options, stages, cut)
             if start is None and found.status == "generations" and model.global_start:
                 start = search(min(SECOND_BUDGET, options.budget))
-                again = self._from(shooting, [start.z], options, start, stages)
-                found = again if again.status == "converged" else found
+                again = refined(shooting, [start.z], options, stages, start.status == "interrupted")
+                if again.status in ("converged", "interrupted"):
+                    found = again if again.status == "converged" else replace(found, status="interrupted")
             return self._fit(problem, prepared, found, start, stages.state)
-
-    def _from(
-        self,
-        problem: ShootingProblem,
-        begins: Sequence[FloatArray],
-        options: Options,
-        start: optimize.Outcome | None,
-        stages: Stages,
-    ) -> Refined:
-        """Return the solution from the best of some vectors (D + E,); an interrupted search is not refined."""
-        nodes = tuple(shots.measured_nodes() for shots in problem.shots)
-        at = min((problem.iterate(z, nodes) for z in begins), key=lambda p: p.cost)
-        if not np.isfinite(at.cost):
-            raise IdentificationError(
-                f"{problem.problem.layout.vehicle.where}: not even windows of {self.length:g} s can be flown from the "
-                "start; check values and units"
-            )
-        if start is not None and start.status == "interrupted":
-            return Refined(problem, at, 0, "interrupted")
-        return refined(problem, at, options, stages)
 
     def _fit(
         self,

@@ -148,8 +148,7 @@ class Knowledge:
 
     def std(self, names: tuple[str, ...]) -> FloatArray:
         """Return the standard errors (n,) of parameters; infinite where nothing is known."""
-        inverse = invert(self.among(names))
-        return standard_errors(marked(inverse.matrix, inverse.determined))
+        return information_errors(self.among(names))
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,8 +228,8 @@ class Setup:
 
     def std(self, *forecasts: Forecast) -> FloatArray:
         """Return the standard errors (D,), SI, that flights with these forecasts leave, with what is known."""
-        inverse = invert(self.known + sum((f.information for f in forecasts), np.zeros_like(self.known)))
-        return standard_errors(marked(inverse.matrix, inverse.determined)) * self.layout.width
+        whole = self.known + sum((f.information for f in forecasts), np.zeros_like(self.known))
+        return information_errors(whole) * self.layout.width
 
     def gain(self, forecast: Forecast) -> float:
         """Return the mean logarithm of how much smaller a flight makes the parameters' uncertainty ellipsoid.
@@ -250,6 +249,12 @@ class Setup:
             {n: {"value": float(v)} for n, v in zip(self.names, values, strict=True)}
         )
         return replace(self, vehicle=vehicle, trim=trim(vehicle, self.trim.start["V"], self.trim.start["h"]))
+
+
+def information_errors(information: FloatArray) -> FloatArray:
+    """Return the standard errors (n,) that information (n, n) leaves; infinite where it determines nothing."""
+    inverse = invert(information)
+    return standard_errors(marked(inverse.matrix, inverse.determined))
 
 
 def marginal(J: FloatArray, d: int) -> FloatArray:

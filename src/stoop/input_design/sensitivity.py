@@ -17,14 +17,13 @@ from typing import Final
 
 import numpy as np
 
-from stoop.assessment.covariance import invert, marked, standard_errors
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, IdentificationError
 from stoop.estimate.fit import starts
 from stoop.estimate.noise import correlation_times
 from stoop.flight import Flight
 from stoop.input_design.candidates import Candidate, fit_style
-from stoop.input_design.information import BOX_INFORMATION, sensor_noise
+from stoop.input_design.information import BOX_INFORMATION, information_errors, sensor_noise
 from stoop.problem import Layout, Misfit, Weights
 from stoop.problem.prepare import Prepared, nuisances, prepare, without_stuck_channels
 from stoop.problem.windows import Window
@@ -104,8 +103,7 @@ class VehicleInformation:
 
     def errors(self, matrices: Sequence[FloatArray]) -> FloatArray:
         """Return the standard errors (D,), SI, of windows together; infinite where they are not identifiable."""
-        inverse = invert(self.prior + sum(matrices, np.zeros_like(self.prior)))
-        return standard_errors(marked(inverse.matrix, inverse.determined)) * self.layout.width
+        return information_errors(self.prior + sum(matrices, np.zeros_like(self.prior))) * self.layout.width
 
     def information(self, candidate: CandidateProblem) -> FloatArray | None:
         """Return the information (D, D) of a window, in the unit box; None where the simulation diverges.

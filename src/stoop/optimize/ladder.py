@@ -41,14 +41,8 @@ class Climb:
 def climb(ledger: Ledger, z: FloatArray, least: FloatArray, bound: float = np.inf) -> Climb:
     """Refine from z on each shortened record in turn, as long as the gates let it pass.
 
-    Parameters
-    ----------
-    ledger : Ledger
-    z : (D + E,)
-    least : (rungs,), least cost that earlier refinements reached on each rung
-    bound : float
-        What a trusted optimum leaves on the full record: a candidate that leaves more on a part of it is not better,
-        so it must fall fast on the way there.
+    `least`, (rungs,), are the least costs that earlier refinements reached on each rung; `bound` is what a trusted optimum
+    leaves on the full record: a candidate that leaves more on a part of it is not better, so it must fall fast on the way.
     """
     bound = max(bound, NEARLY_EXACT * ledger.reference(ledger.full))
     least = least.copy()

@@ -90,18 +90,13 @@ def refine(
 
     Parameters
     ----------
-    problem : Problem
+    problem, rung, settings
     z : (D + E,), the first D are kept in [0, 1], the rest are free
-    rung : int
-    settings : Settings
-    incumbent : float
-        Best cost known on this rung; a refinement that stays above it must fall fast or is given up.
-    acceptable : float
-        A refinement below this cost is not given up early (inf: never): near an optimum that noise or an imperfect
-        model keeps far above zero, every one falls slowly.
-    optimum : float
-        Cost of an optimum that another refinement converged to; this one ends as soon as it agrees with it, or falls
-        slowly far above it.
+    incumbent : best cost known on this rung; a refinement that stays above it must fall fast or is given up
+    acceptable : a refinement below this cost is not given up early (inf: never): near an optimum that noise or an imperfect
+        model keeps far above zero, every one falls slowly
+    optimum : cost of an optimum that another refinement converged to; this one ends as soon as it agrees with it, or falls
+        slowly far above it
     """
     model = SecantModel(problem, z, rung, settings)
     model.incumbent, model.acceptable, model.optimum = incumbent, acceptable, optimum
@@ -242,19 +237,9 @@ class SecantModel(LinearModel):
 def descend(problem: Problem, z: FloatArray, rung: int, iterations: int = 10_000) -> Refinement:
     """Minimize the sum of squares from z on one rung, to the last digit.
 
-    Parameters
-    ----------
-    problem : Problem
-        With the best Jacobian that there is: digits of the answer are digits of its gradient.
-    z : (D + E,), the first D are kept in [0, 1], the rest are free
-    rung : int
-    iterations : at most so many
-
-    Returns
-    -------
-    Refinement
-        Ending "converged" (less than 1e-12 of the cost is left to gain), "stalled" (more is left, but no
-        step gains it), "limit" or "diverged".
+    The problem should have the best Jacobian that there is: digits of the answer are digits of its gradient. The first D of z,
+    (D + E,), are kept in [0, 1]. The ending is "converged" (less than 1e-12 of the cost is left to gain), "stalled" (more is
+    left, but no step gains it), "limit" or "diverged".
     """
     model = QRModel(problem, z, rung)
     damping = NielsenDamping(0.01, largest=MAX_DAMPING**2)

@@ -90,17 +90,11 @@ def minimize(
 
     Parameters
     ----------
-    optimizer : Optimizer
-    problem : Problem
-    seed : int
-        Ignored when resuming.
-    starts : (k, D) or (k, D + E), optional
-        Own guesses in the unit box, with nuisances where they are known, tried first.
-    stop : Stop
-    callback : callable, optional
-        Called with a `Progress` after each step.
-    state : State, optional
-        Where to go on from.
+    optimizer, problem, stop
+    seed : ignored when resuming
+    starts : (k, D) or (k, D + E), own guesses in the unit box, with nuisances where they are known, tried first
+    callback : called with a `Progress` after each step
+    state : where to go on from
 
     Raises
     ------

@@ -88,12 +88,10 @@ def forward_jacobian(
 
     Parameters
     ----------
-    problem : Residuals
+    problem, rung
     z : (D + E,), first D in [0, 1]
-    rung : int
     r : (n_r,), residuals at z
-    step : float
-        Balances truncation against rounding for residuals of order one.
+    step : balances truncation against rounding for residuals of order one
 
     Returns
     -------

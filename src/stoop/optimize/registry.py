@@ -63,12 +63,8 @@ def state_classes() -> dict[str, str]:
 def create(name: str = DEFAULT, budget: float | None = None) -> Optimizer[Any]:
     """Return the optimizer of a name.
 
-    Parameters
-    ----------
-    name : str
-    budget : float, optional
-        Evaluations planned, in trajectories of the full record; for those that plan ahead (they shrink their
-        population towards its end), ignored by all others. Infinity is the same as None.
+    The budget, evaluations planned in trajectories of the full record, is for those that plan ahead (they shrink their
+    population towards its end), and ignored by all others. Infinity is the same as None.
 
     Raises
     ------

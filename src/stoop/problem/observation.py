@@ -133,22 +133,9 @@ def guess_start(
 ) -> tuple[dict[str, float], list[str]]:
     """Guess the state at the first sample from a line through the first 0.2 s of each channel.
 
-    Sensor bias, scale and vane position are undone with the vehicle file's values.
-
-    Parameters
-    ----------
-    t : (n,), s
-    readings : mapping
-        Channel of :func:`state_channels` -> (n,), NaN where missing.
-    where : str
-        The maneuver, for messages.
-
-    Returns
-    -------
-    start : dict
-        By the vehicle's ``start_names``, without the altitude.
-    missing : list of str
-        Observed channels that were not recorded: their start is a default.
+    Sensor bias, scale and vane position are undone with the vehicle file's values. Times (n,) are in s, readings those of
+    :func:`state_channels`, (n,), NaN where missing; `where` is the maneuver, for messages. The start has the vehicle's
+    ``start_names``, without the altitude; observed channels that were not recorded are returned too: their start is a default.
     """
     model, missing = observation_model(vehicle), []
     start = model.default_start(vehicle)

@@ -117,9 +117,8 @@ class History:
     time: FloatArray  #: (n,), s, the log's own clock
     dt: float  #: s
     coefficients: Mapping[str, FloatArray]  #: ``CL`` ... -> (n,)
-    variables: Mapping[
-        str, FloatArray
-    ]  #: of terms (:data:`stoop.vehicle.terms.STATE_VARIABLES`, controls) -> (n,)
+    #: of terms (:data:`stoop.vehicle.terms.STATE_VARIABLES`, controls) -> (n,)
+    variables: Mapping[str, FloatArray]
 
     def regressor(self, term: str) -> FloatArray:
         """Return the values (n,) of a term."""

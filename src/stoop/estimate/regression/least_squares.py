@@ -92,9 +92,8 @@ class TimeDomain:
 class FrequencyDomain:
     """Fourier coefficients of a band from `low` to `high` Hz, real parts above imaginary parts.
 
-    The record is detrended and tapered first. Frequencies are spaced by one over the record's length: closer ones would repeat
-    the same information. Residuals count as white within the band; what lies outside - rate noise that differentiation
-    amplifies, vibration, drift - is not used. The band is limited to one over the record's length and the Nyquist frequency.
+    The record is detrended and tapered first. Frequencies are spaced by one over the record's length, which also limits the
+    band, as does the Nyquist frequency: closer ones would repeat the same information. Residuals count as white within the band.
     """
 
     low: float = 0.1

@@ -1,12 +1,10 @@
 """Model structure determination: candidate terms of each coefficient, and those that flights need.
 
-Stepwise regression adds the candidate that explains most and removes what has become needless; multivariate orthogonal
-functions order the candidates by what each explains beyond those before it. A product or power enters after the
-variables that it is made of, which stay as long as it does (marginality: J. A. Nelder, "A reformulation of linear
-models", Journal of the Royal Statistical Society A 140(1), 1977).
+A product or power enters after the variables that it is made of, which stay as long as it does (marginality).
 
 References
 ----------
+J. A. Nelder, "A reformulation of linear models", Journal of the Royal Statistical Society A 140(1), 1977 (marginality).
 V. Klein and E. A. Morelli, *Aircraft System Identification: Theory and Practice*, 2nd ed., Sunflyte, 2016,
 sections 5.4 and 5.5.
 E. A. Morelli, "Global nonlinear aerodynamic modeling using multivariate orthogonal functions", *Journal of
@@ -123,20 +121,13 @@ class Model:
 
     @property
     def press(self) -> float:
-        """Prediction sum of squares: each row predicted by a fit to all others.
-
-        e_i / (1 - h_ii), with the residual and the leverage of the whole fit, is the residual of the row left
-        out (D. M. Allen, Technometrics 16(1), 1974).
-        """
+        """Prediction sum of squares of e_i / (1 - h_ii), each row left out (D. M. Allen, Technometrics 16(1), 1974)."""
         leverage = np.sum(self.basis**2, axis=1) + self.regression.spent / max(self.regression.count, 1)
         return float(np.sum((self.residual / np.maximum(1.0 - leverage, 1e-12)) ** 2))
 
     @property
     def pse(self) -> float:
-        """Predicted squared error: fit error plus a penalty per term for the largest possible noise, the variance of y.
-
-        Barron's criterion as Morelli uses it (J. Aircraft 32(6), 1995, eqs. 27 to 29).
-        """
+        """Predicted squared error: a penalty per term for the largest noise (J. Aircraft 32(6), 1995, eqs. 27 to 29)."""
         max_noise = self.regression.total / max(self.regression.count, 1)
         return (self.rss + max_noise * len(self.columns)) / self.regression.count
 
@@ -252,9 +243,8 @@ Criterion = PartialF | Press  #: whether a model needs a term
 def stepwise(regression: Regression, criterion: Criterion = PartialF()) -> Selection:
     """Add the candidate that explains most, remove what is no longer needed, until nothing changes.
 
-    Twice: from no term, and from all candidates, needless ones removed first. Terms that cancel each other - static
-    stability, damping and elevator in a slow pitching moment - explain nothing one by one, so forward selection misses
-    them; backward elimination does not. The end with the lower PRESS is kept.
+    From no term, and from all candidates: forward selection misses terms that cancel each other (static stability, damping and
+    elevator in a slow pitching moment), backward elimination does not. The end with the lower PRESS is kept.
     """
     everything = Model(regression, ())
     ends = [_stepped(everything, criterion)]

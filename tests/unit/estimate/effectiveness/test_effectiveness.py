@@ -112,14 +112,14 @@ def flown(balance: Balance, rng: np.random.Generator, name: str, **truth: float)
     Truth: rotor name -> share that it loses, "mass" -> share of the weight taped to the rotor named by `near`, "scatter"
     -> times the usual one.
     """
-    n = len(balance.rotors)
+    n = len(balance.vehicle.rotors)
     near = int(truth.pop("near", 0))
     taped, scatter = truth.pop("mass", 0.0), truth.pop("scatter", 1.0)
     weight, ratio = 1.0, 0.01
     unit = np.array([weight, weight * balance.arm, weight * balance.arm, weight * ratio])
     needed = np.array([weight, 0.0, 0.0, 0.0]) + scatter * unit * np.array(USUAL) * rng.normal(size=4)
     needed += taped * weight * balance.of_thrust[:, near] * np.array([1.0, 1.0, 1.0, 0.0])
-    share = np.array([1.0 - truth.get(rotor, 0.0) for rotor in balance.rotors])
+    share = np.array([1.0 - truth.get(rotor, 0.0) for rotor in balance.vehicle.rotors])
     acts = balance.of_thrust + ratio * balance.of_torque
     thrust = np.linalg.pinv(acts * share) @ needed if n == 4 else _mixed(acts, share, needed)
     return Hover(name, thrust, ratio * thrust, np.zeros((4, 4)), float("nan"), 10.0)
@@ -187,7 +187,7 @@ def test_a_mass_is_told_by_the_yaw_that_it_leaves_alone(quad: Balance) -> None:
 
 def test_six_rotors(hexa: Balance) -> None:
     rng = np.random.default_rng(7)
-    rotor = hexa.rotors[3]
+    rotor = hexa.vehicle.rotors[3]
     found = assess(flown(hexa, rng, "new", **{rotor: 0.4}), healthy(hexa, rng, 5))
     assert found.suspected.rotor == rotor
     assert rotor in judge(found).rotors
@@ -317,7 +317,7 @@ def test_a_rotor_that_was_never_commanded_is_no_suspect(quad: Balance) -> None:
 def test_rotors_that_explain_it_nearly_as_well_are_named_with_it(hexa: Balance, quad: Balance) -> None:
     """A rotor of six and its neighbor differ by less than flights do, until the loss is large."""
     rng = np.random.default_rng(14)
-    reference, rotor = healthy(hexa, rng, 3), hexa.rotors[0]
+    reference, rotor = healthy(hexa, rng, 3), hexa.vehicle.rotors[0]
     small = assess(flown(hexa, rng, "small", **{rotor: 0.15}), reference)
     assert len(indistinct(small)) > 1
     assert indistinct(small)[0] == small.suspected.rotor
