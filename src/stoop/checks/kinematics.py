@@ -6,7 +6,7 @@ The residuals hold for any vehicle. Offsets of sensors contradict nothing: means
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -33,9 +33,8 @@ class Agreement:
     longest: int = 30_000  #: samples of that, ten minutes: the part of a longer record that moves most
     turn: float = 0.2  #: s over which rates are compared
     move: float = 1.0  #: s over which velocities and accelerations are
-    turn_floor: float = 0.01  #: rad/s; less is no motion
-    force_floor: float = 0.05  #: m/s2
-    place_floor: float = 0.1  #: m/s
+    #: rad/s, m/s2, m/s; less is no motion
+    floors: Mapping[str, float] = field(default_factory=lambda: {"turn": 0.01, "force": 0.05, "place": 0.1})
     samples: int = 200  #: spans that are compared, at least
     turning: float = 3.0 * DEGREE  #: rad/s rms; less turning shows nothing
     followed: float = 0.8  #: share of the turning that a matching pair of channels explains
@@ -50,13 +49,8 @@ Columns: TypeAlias = Mapping[str, FloatArray]  #: variable -> (n,) SI, on one un
 def check_motion(data: Columns, rate: float, lines: Lines) -> tuple[list[Notice], dict[str, FloatArray]]:
     """Return the lines of a mapping that other channels contradict, and the columns with these corrected.
 
-    Signs and axes of body rates are examined in any log; all else only where the user wrote the line.
-
-    Parameters
-    ----------
-    data : variable -> (n,), gridded, SI
-    rate : Hz
-    lines : what the user's mapping says of each variable
+    Signs and axes of body rates are examined in any log; all else only where the user wrote the line. The columns are
+    gridded at `rate` [Hz], SI.
     """
     step = max(1, round(rate / LIMITS.rate))
     size, many = next(iter(data.values())).size, LIMITS.longest * step
@@ -117,46 +111,44 @@ def _exchanged(one: str, other: str) -> Callable[[Columns], Columns]:
     return lambda data: {**data, one: data[other], other: data[one]}
 
 
+@dataclass(frozen=True)
 class Kinematics:
     """The kinematic residuals of columns at one rate [Hz]: the model that `search` needs."""
 
-    def __init__(self, rate: float) -> None:
-        self.rate = rate
+    rate: float
 
     def __call__(self, data: Columns, changed: Collection[str] | None) -> Residuals:
         """Return what disagrees in each channel that others predict, where some of those that changed take part."""
-        out: dict[Key, Evidence] = {}
-
-        def concerned(parts: set[str], needed: set[str]) -> bool:
-            return needed <= data.keys() and (changed is None or bool(parts & set(changed)))
-
-        def centered(y: FloatArray, x: FloatArray, span: float, floor: float) -> Residual:
-            left = y - x
-            known = left[np.isfinite(left)]
-            mean = float(known.mean()) if known.size else 0.0
-            return Residual(left - mean, y, span * self.rate, floor**2)
-
-        def slope(x: FloatArray) -> FloatArray:
-            return np.asarray((x[steps:] - x[:-steps]) * self.rate / steps)
-
-        steps, span = round(LIMITS.move * self.rate), LIMITS.move
-        if concerned({*RATES, *EULER}, {*RATES, *QUATERNION}):
+        there, steps = data.keys(), round(LIMITS.move * self.rate)
+        parts: dict[Key, tuple[FloatArray, FloatArray]] = {}  # measured, and predicted by the others
+        if {*RATES, *QUATERNION} <= there and (changed is None or {*RATES, *EULER} & set(changed)):
             implied, measured, _ = _mean_rates(data, LIMITS.turn, self.rate)
             for i, name in enumerate(RATES):
-                y, x = implied[:, i], measured[:, i]
-                out["turn", name] = centered(y, x, LIMITS.turn, LIMITS.turn_floor)
+                parts["turn", name] = implied[:, i], measured[:, i]
+        slopes = {
+            name: (data[name][steps:] - data[name][:-steps]) * self.rate / steps
+            for name in (*MOVED_BY, *VELOCITY)
+            if name in data
+        }
         for name, cause in MOVED_BY.items():
-            if concerned({*VELOCITY, *MOVED_BY}, {name, cause}):
-                moved = slope(data[name]) * (-1.0 if name == "altitude" else 1.0)
-                left = moved - _means(data[cause], steps)
-                out["place", name] = Residual(left, moved, span * self.rate, LIMITS.place_floor**2)
-        if concerned({*EULER, *SPECIFIC_FORCE, *VELOCITY}, {*SPECIFIC_FORCE, *QUATERNION, *VELOCITY}):
+            if {name, cause} <= there and (changed is None or {*VELOCITY, *MOVED_BY} & set(changed)):
+                moved = slopes[name] * (-1.0 if name == "altitude" else 1.0)
+                parts["place", name] = moved, _means(data[cause], steps)
+        force = {*EULER, *SPECIFIC_FORCE, *VELOCITY}
+        if {*SPECIFIC_FORCE, *QUATERNION, *VELOCITY} <= there and (changed is None or force & set(changed)):
             attitude = np.column_stack([data[name] for name in QUATERNION])
             felt = to_ground(attitude, np.column_stack([data[name] for name in SPECIFIC_FORCE]))
             felt[:, 2] += STANDARD_GRAVITY
             for i, name in enumerate(VELOCITY):
-                x = _means(felt[:, i], steps)
-                out["force", name] = centered(slope(data[name]), x, span, LIMITS.force_floor)
+                parts["force", name] = slopes[name], _means(felt[:, i], steps)
+        out: dict[Key, Evidence] = {}
+        for key, (y, x) in parts.items():
+            left = y - x
+            known = left[np.isfinite(left)]
+            if key[0] != "place" and known.size:
+                left = left - float(known.mean())
+            span = LIMITS.turn if key[0] == "turn" else LIMITS.move
+            out[key] = Residual(left, y, span * self.rate, LIMITS.floors[key[0]] ** 2)
         return out
 
 
@@ -188,18 +180,23 @@ def _mean_rates(data: Columns, span: float, rate: float) -> tuple[FloatArray, Fl
 def check_rates(data: Columns, rate: float, lines: Lines) -> list[Notice]:
     """Compare body rates with those that the attitude implies: scale, clipping, lag, or nothing in common.
 
-    Parameters
-    ----------
-    data : variable -> (n,), gridded, signs and axes already corrected
-    rate : Hz
-    lines : what the user's mapping says of each variable
+    The columns are gridded at `rate` [Hz], SI, signs and axes already corrected.
     """
     if not {*RATES, *QUATERNION} <= data.keys():
         return []
     implied, measured, first = _mean_rates(data, LIMITS.turn, rate)
     if len(first) < LIMITS.samples:
         return []
-    noise = _attitude_noise(data, rate) * np.sqrt(2.0) * rate / max(2, round(LIMITS.turn * rate))
+    # How far the attitude scatters beside what the rates say: second differences over a time longer than the grid's
+    # filter remembers, and their median, which passes over maneuvers in which both disagree.
+    steps = max(1, round(LIMITS.separation * rate))
+    close, rates, at = _mean_rates(data, LIMITS.separation, rate)
+    left = np.full((len(data["q0"]), 3), np.nan)
+    left[at] = (close - rates) * max(2, steps) / rate
+    jumps = left[steps:] - left[:-steps]
+    known = jumps[np.isfinite(jumps).all(axis=1)]
+    noise = MAD * np.median(np.abs(known), axis=0) / np.sqrt(6.0) if len(known) else np.zeros(3)
+    noise = noise * np.sqrt(2.0) * rate / max(2, round(LIMITS.turn * rate))
     implied, measured = implied - implied.mean(axis=0), measured - measured.mean(axis=0)
     out = []
     for i, name in enumerate(RATES):
@@ -217,18 +214,3 @@ def check_rates(data: Columns, rate: float, lines: Lines) -> list[Notice]:
             code = "rate-unlike-attitude" if unlike else "rate-scale"
             out.append(notice(code, name, **values, line=where((name,), lines)))
     return out
-
-
-def _attitude_noise(data: Columns, rate: float) -> FloatArray:
-    """Return (3,) rad: how far the attitude about each body axis scatters, beside what the rates say.
-
-    Second differences over a time longer than the grid's filter remembers: neighbors on the grid scatter less than what
-    was recorded. The median passes over maneuvers in which attitude and rates disagree.
-    """
-    steps = max(1, round(LIMITS.separation * rate))
-    implied, measured, first = _mean_rates(data, LIMITS.separation, rate)
-    left = np.full((len(data["q0"]), 3), np.nan)
-    left[first] = (implied - measured) * max(2, steps) / rate
-    jumps = left[steps:] - left[:-steps]
-    known = jumps[np.isfinite(jumps).all(axis=1)]
-    return MAD * np.median(np.abs(known), axis=0) / np.sqrt(6.0) if len(known) else np.zeros(3)

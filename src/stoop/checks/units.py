@@ -6,7 +6,6 @@ edit costs nothing: the state of the search is the factor by which each mapped c
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -178,6 +177,11 @@ class UnitModel:
         self.rises = {name: _rise(name, signals) for name in risen}
         level = signals["az"][1][np.isfinite(signals["az"][1])] if "az" in there else np.empty(0)
         self.level = float(np.median(level)) if level.size else 0.0
+        # pairs that differ by a degree, of which gravity may show the right one
+        need = {*EULER, *SPECIFIC_FORCE, *VELOCITY}
+        enough = need <= there and all(signals[name][1].size >= 100 for name in need)
+        ratios = {pair: abs(x) for pair, x in self.growth.items() if x and pair[0] in EULER and enough}
+        self.ambiguous = [pair for pair, x in ratios.items() if abs(math.log(x)) > STATISTICS.far]
 
     def __call__(self, factors: Factors, changed: Collection[str] | None) -> Residuals:
         """Return the statistics of columns multiplied by factors, where some of those that changed take part."""
@@ -186,7 +190,7 @@ class UnitModel:
             concerned = SPECIFIC_FORCE if key[0] in ("weight", "noise", "z-axis", "up") else key[1:]
             if changed is None or set(concerned) & set(changed):
                 out[key] = Range(value, low, high, odds)
-        if (changed is None or set(EULER) & set(changed)) and self._ambiguous:
+        if (changed is None or set(EULER) & set(changed)) and self.ambiguous:
             out.update(self._gravity(factors))
         return out
 
@@ -225,7 +229,7 @@ class UnitModel:
         kind, name = key[:2]
         unit = VARIABLES[name].unit if VARIABLES[name].unit != "1" else ""
         if kind in ("growth", "gravity"):
-            angle, rate = key[1:] if kind == "growth" else self._ambiguous[0]
+            angle, rate = key[1:] if kind == "growth" else self.ambiguous[0]
             return {"angle": angle, "rate": rate, "factor": abs(self.growth[angle, rate])}
         if kind in ("noise", "z-axis"):
             axis, ratio = self._odd_axis({})
@@ -249,15 +253,6 @@ class UnitModel:
             ratios[name] = own / float(np.mean(others))
         axis = max(ratios, key=lambda name: abs(math.log(ratios[name])))
         return axis, ratios[axis]
-
-    @functools.cached_property
-    def _ambiguous(self) -> list[tuple[str, str]]:
-        """Pairs that differ by a degree, of which gravity may show the right one."""
-        need = {*EULER, *SPECIFIC_FORCE, *VELOCITY}
-        if not need <= self.signals.keys() or any(self.signals[name][1].size < 100 for name in need):
-            return []
-        far = [pair for pair, x in self.growth.items() if x and abs(math.log(abs(x))) > STATISTICS.far]
-        return [pair for pair in far if pair[0] in EULER]
 
     def _gravity(self, factors: Factors) -> dict[Key, Evidence]:
         """Compare the velocity over ground with specific force, turned by the attitude, and gravity; m/s."""
@@ -319,7 +314,8 @@ def _units(
         yield _unit(names, unit, ("rad" if unit.startswith("deg") else "deg") + ending, prior)
         return
     si = VARIABLES[names[0]].unit
-    others = [si] if unit and _factor(names[0], unit) != _factor(names[0], si) else []
+    factors = PULSE_FACTORS if names[0].startswith("pwm_") else FACTORS
+    others = [si] if unit and factors.get(unit, 1.0) != factors.get(si, 1.0) else []
     for rank, other in enumerate((*others, *MEDIANS["az" if names[0] in SPECIFIC_FORCE else names[0]].units)):
         if other == "degC" and signal is not None:
             warmer = _multiplied(names, 1.0 + ZERO_CELSIUS / (median_size(signal[1]) or 1.0))
@@ -329,14 +325,11 @@ def _units(
 
 
 def _unit(names: tuple[str, ...], unit: str, other: str, prior: float) -> Edit[Factors]:
-    factor = _factor(names[0], other) / _factor(names[0], unit or VARIABLES[names[0]].unit)
+    factors = PULSE_FACTORS if names[0].startswith("pwm_") else FACTORS
+    factor = factors.get(other, 1.0) / factors.get(unit or VARIABLES[names[0]].unit, 1.0)
     return Edit(
         "unit", names, f'write unit = "{other}"', _multiplied(names, factor), prior=prior, value=other
     )
-
-
-def _factor(name: str, unit: str) -> float:
-    return PULSE_FACTORS.get(unit, 1.0) if name.startswith("pwm_") else FACTORS.get(unit, 1.0)
 
 
 def _multiplied(names: Sequence[str], factor: float) -> Callable[[Factors], Factors]:
@@ -347,14 +340,7 @@ def _multiplied(names: Sequence[str], factor: float) -> Callable[[Factors], Fact
 def growth(angle: Signal, rate: Signal) -> tuple[float, float]:
     """Return how many times faster an angle changes than a rate says, with its sign, and their correlation.
 
-    Parameters
-    ----------
-    angle : time (n,) s and values (n,)
-    rate : time (m,) s and values (m,)
-
-    Returns
-    -------
-    factor, correlation : zeros where they have nothing in common
+    Both are zero where angle and rate, each with times (n,) s and values (n,), have nothing in common.
     """
     limits = STATISTICS
     t, x = (part[np.isfinite(angle[1])] for part in angle)

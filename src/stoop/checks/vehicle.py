@@ -109,10 +109,7 @@ def check(flight: Flight, vehicle: Vehicle | None = None) -> tuple[Notice, ...]:
 def check_vehicle(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> list[Notice]:
     """Return what speaks against this vehicle in these windows; quick, and worth knowing before any search.
 
-    Raises
-    ------
-    FlightError
-        A flight lacks what drives the vehicle: then nothing else needs saying.
+    Raises FlightError when a flight lacks what drives the vehicle: then nothing else needs saying.
     """
     for name in dict.fromkeys(w.flight for w in windows):
         require_channels(vehicle, flights[name])
@@ -248,13 +245,8 @@ def foreign_motors(vehicle: Vehicle, flight: Flight, windows: Sequence[Window]) 
 def inertia_notices(vehicle: Vehicle, estimates: Mapping[str, float] | None = None) -> list[Notice]:
     """Challenge moments of inertia by their radii of gyration over the span, or over the distance between rotors.
 
-    About the roll axis even a wing that carries all mass evenly over its span has 0.29.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-    estimates : mapping, optional
-        Numbers that replace those of the file, by name.
+    About the roll axis even a wing that carries all mass evenly over its span has 0.29. Estimates replace numbers of the
+    file, by name.
     """
 
     def value(name: str) -> float:

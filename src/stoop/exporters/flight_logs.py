@@ -23,7 +23,8 @@ from stoop.errors import OutputError
 from stoop.exporters.log_bytes import Event, Table, Topic, crazyflie_bytes, dataflash_bytes, ulog
 from stoop.flight import VARIABLES, Flight, save
 from stoop.flight.conversion import MAX_DEFLECTION, SURFACES, rotate_axes
-from stoop.flight.mapping import FlightMapping, Source, ready, with_other_form
+from stoop.flight.flight import with_other_form
+from stoop.flight.mapping import FlightMapping, Source, ready
 from stoop.logs.csv_tables import mapping_beside
 
 OWN: Final = ".nc"

@@ -55,7 +55,7 @@ class StateSpace:
     x, u, y : (n_x,), (n_u,), (n_y,)
         The steady flight that the model's deviations are from, SI and rad.
     standard_errors : mapping of str to array
-        Of the entries of A, B, C, D, first order in the parameters' covariance, the steady flight held; infinite
+        Of the entries of A, B, C, D, first order in the parameters' covariance, at a fixed steady flight; infinite
         for an entry that depends on a parameter which the data do not determine; empty where no covariance is known.
     """
 

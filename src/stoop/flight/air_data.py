@@ -28,27 +28,12 @@ from stoop.base.notices import Notice, notice
 from stoop.base.rotations import matrices_of, normalized, quaternions_of
 from stoop.base.units import DEGREE
 from stoop.base.variables import EULER, QUATERNION, RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
+from stoop.flight import airspeed
 from stoop.flight.airborne import carried_by_rotors, hovered
-from stoop.flight.airspeed import (
-    KAPPA,
-    OFFSET,
-    SLOPE,
-    STANDARD,
-    TRIM,
-    WIND_E,
-    WIND_N,
-    Airborne,
-    Evidence,
-    Fit,
-    air_relative,
-    fit,
-    pitot_equation,
-    sideslip_equation,
-)
 from stoop.flight.flight import NAN, AirData, Flight, dataset
 from stoop.flight.gridding import complete
 from stoop.flight.instrument_errors import prior_std
-from stoop.flight.velocity_smoother import Record, Smoothed, smooth_velocity
+from stoop.flight.velocity_smoother import Smoothed, smooth_velocity
 
 RECONSTRUCTED: Final = "reconstructed"  #: source of what no sensor measured
 SMOOTHED: Final = ("vn_smooth", "ve_smooth", "vd_smooth")
@@ -198,7 +183,7 @@ def reconstruct(
         if lacking:
             return {}, AirData("none", notices=(notice(code),))
     rotation, step = matrices_of(attitude), float(np.median(np.diff(time)))
-    motion = smooth_velocity(Record(time, rotation, read.stack(SPECIFIC_FORCE), velocity), velocity_rate)
+    motion = smooth_velocity(time, rotation, read.stack(SPECIFIC_FORCE), velocity, velocity_rate)
     if motion is None:  # without accelerometers the velocity is taken as logged
         none = np.full(3, np.nan)
         motion = Smoothed(velocity, np.full(time.size, np.nan), none, none, *[NAN] * 6)
@@ -218,7 +203,7 @@ def reconstruct(
     good = used & np.isfinite(rotation).all(axis=(1, 2))
     taken = np.flatnonzero(good & (np.arange(good.size) % stride == 0))
     lateral = np.nan_to_num(read["ay"][taken] - np.nan_to_num(motion.bias[1]))
-    samples = Airborne(
+    samples = airspeed.Airborne(
         np.asarray(time[taken], dtype=np.float64),
         stride * step,
         motion.velocity[taken],
@@ -237,19 +222,16 @@ def reconstruct(
 
 
 def flow(velocity: FloatArray, least: float = 0.0) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return airspeed, angle of attack and sideslip (n,) of velocities through the air along body axes (n, 3).
+    """Return airspeed, angle of attack and sideslip (n,) of velocities through the air along body axes (n, 3), m/s.
 
-    Parameters
-    ----------
-    velocity : (n, 3) m/s
-    least : m/s; beta is taken as if no speed were lower
+    Sideslip is taken as if no speed were lower than `least`.
     """
     u, v, w = velocity.T
     speed = np.sqrt(u**2 + v**2 + w**2)
     return speed, np.arctan2(w, u), np.arcsin(np.clip(v / np.maximum(speed, least), -1.0, 1.0))
 
 
-def _air_data(read: _Columns, step: float, samples: Airborne, motion: Smoothed) -> AirData:
+def _air_data(read: _Columns, step: float, samples: airspeed.Airborne, motion: Smoothed) -> AirData:
     """Fit the wind and describe it; the residuals of the fit are taken as gusts, alike in all directions."""
     # the median reading of the pitot while the vehicle stands still
     pitot, rest = read["airspeed_pitot"], NAN
@@ -266,47 +248,35 @@ def _air_data(read: _Columns, step: float, samples: Airborne, motion: Smoothed) 
     prior = prior_mean, np.array([*map(prior_std, names), LIMITS.kappa])
     sideslip = _sideslip_wind(samples, *prior)
     method, found = _best_wind(samples, logged, prior, sideslip)
-    theta, std = found.theta, found.std
-    through, speeds = air_relative(samples.velocity, theta)
+    (north, east, slope, offset, *_), std = found.theta.tolist(), found.std.tolist()
+    through, speeds = airspeed.air_relative(samples.velocity, found.theta)
     speed = float(np.median(speeds))
     smoothing = float(np.nanmedian(motion.std)) if np.isfinite(motion.std).any() else 0.0
     rms = found.rms[0] if found.rms else NAN
-    calibrated, slope = "pitot" in method, float(theta[SLOPE])
-    calibration: dict[str, Any] = {}
-    if calibrated:
-        calibration = {
-            "pitot_scale": 1.0 / slope,
-            "pitot_scale_std": float(std[SLOPE] / theta[SLOPE] ** 2),
-            "pitot_offset": float(theta[OFFSET]),
-            "pitot_offset_std": float(std[OFFSET]),
-        }
-    gust = rms / (slope if calibrated else 1.0)
     at = np.searchsorted(read.time, samples.time)
     traces = {
         "time": samples.time,
         "speed_inertial": speeds,
         "pitot": samples.pitot,
-        "pitot_corrected": (samples.pitot - theta[OFFSET]) / theta[SLOPE],
+        "pitot_corrected": (samples.pitot - offset) / slope,
         "wind_n_log": read["wind_n"][at],
         "wind_e_log": read["wind_e"][at],
         "beta": np.arcsin(np.clip(np.sum(samples.right * through, axis=1) / speeds, -1.0, 1.0)),
     }
-    lateral_wind = NAN, NAN, NAN, NAN
+    values: dict[str, Any] = {"wind_n": north, "wind_e": east, "wind_n_std": std[0], "wind_e_std": std[1]}
+    if "pitot" in method:
+        values |= {"pitot_scale": 1.0 / slope, "pitot_scale_std": std[airspeed.SLOPE] / slope**2}
+        values |= {"pitot_offset": offset, "pitot_offset_std": std[airspeed.OFFSET]}
     if sideslip is not None:
-        trim, kappa = sideslip.theta[TRIM], sideslip.theta[KAPPA]
+        trim, kappa = sideslip.theta[airspeed.TRIM], sideslip.theta[airspeed.KAPPA]
         traces["beta_from_force"] = trim + kappa * samples.lateral / speeds**2
-        (north, east), (north_std, east_std) = sideslip.theta[:2].tolist(), sideslip.std[:2].tolist()
-        lateral_wind = north, east, north_std, east_std
+        values["sideslip_wind"] = (*sideslip.theta[:2].tolist(), *sideslip.std[:2].tolist())
+    gust = rms / (slope if "pitot" in method else 1.0)
     air = AirData(
         method,
-        wind_n=float(theta[WIND_N]),
-        wind_e=float(theta[WIND_E]),
-        wind_n_std=float(std[WIND_N]),
-        wind_e_std=float(std[WIND_E]),
-        **calibration,
+        **values,
         rest_offset=rest,
         residual_rms=rms,
-        sideslip_wind=lateral_wind,
         gust=gust,
         incidence_std=float(np.sqrt(gust**2 + found.wind_std**2 + smoothing**2)) / speed,
         velocity_delay=motion.delay,
@@ -318,49 +288,49 @@ def _air_data(read: _Columns, step: float, samples: Airborne, motion: Smoothed) 
         traces=traces,
     )
     density = read["density"]
-    rho = float(np.nanmedian(density)) if np.isfinite(density).any() else STANDARD.density
+    rho = float(np.nanmedian(density)) if np.isfinite(density).any() else airspeed.STANDARD.density
     return replace(air, notices=_notices(air, speed, rho, logged))
 
 
-def _sideslip_wind(samples: Airborne, mean: FloatArray, std: FloatArray) -> Fit | None:
+def _sideslip_wind(samples: airspeed.Airborne, mean: FloatArray, std: FloatArray) -> airspeed.Fit | None:
     """Fit the wind to the sideslip; None when the vehicle does not fly like a weather vane.
 
     It does when sideslip, less what the lateral force explains, is small, and when that force opposes
     the sideslip.
     """
-    found = fit([(sideslip_equation, samples)], mean, std)
-    speed = float(np.median(air_relative(samples.velocity, found.theta)[1]))
+    found = airspeed.fit([(airspeed.sideslip_equation, samples)], mean, std)
+    speed = float(np.median(airspeed.air_relative(samples.velocity, found.theta)[1]))
     steady = found.rms[0] < LIMITS.sideslip * speed
-    opposing = found.theta[KAPPA] < 2.0 * found.std[KAPPA]
+    opposing = found.theta[airspeed.KAPPA] < 2.0 * found.std[airspeed.KAPPA]
     return found if steady and opposing else None
 
 
 def _best_wind(
-    samples: Airborne,
+    samples: airspeed.Airborne,
     logged: tuple[FloatArray, FloatArray] | None,
     prior: tuple[FloatArray, FloatArray],
-    sideslip: Fit | None,
-) -> tuple[str, Fit]:
+    sideslip: airspeed.Fit | None,
+) -> tuple[str, airspeed.Fit]:
     """Trust the pitot when it determines the wind, else the most certain of the other estimates."""
     with_pitot = samples.where(np.isfinite(samples.pitot))
-    pitot: list[Evidence] = []
+    pitot: list[airspeed.Evidence] = []
     if with_pitot.time.size * samples.step > LIMITS.time:
-        pitot = [(pitot_equation, with_pitot)]
-    options: list[tuple[str, Fit]] = []
+        pitot = [(airspeed.pitot_equation, with_pitot)]
+    options: list[tuple[str, airspeed.Fit]] = []
     if pitot:
-        options.append(("pitot", fit(pitot, *prior)))
+        options.append(("pitot", airspeed.fit(pitot, *prior)))
         if options[0][1].wind_std < LIMITS.poor_wind:
             return options[0]
         if sideslip is not None:
-            both = fit([*pitot, (sideslip_equation, samples)], *prior)
+            both = airspeed.fit([*pitot, (airspeed.sideslip_equation, samples)], *prior)
             options.append(("pitot and sideslip", both))
     elif sideslip is not None:
         options.append(("sideslip", sideslip))
     if logged is not None:
         mean = np.concatenate([logged[0], prior[0][2:]])
         std = np.concatenate([np.maximum(logged[1], LIMITS.log_wind), prior[1][2:]])
-        options.append(("pitot and log" if pitot else "log", fit(pitot, mean, std)))
-    options = options or [("still air", fit([], *prior))]
+        options.append(("pitot and log" if pitot else "log", airspeed.fit(pitot, mean, std)))
+    options = options or [("still air", airspeed.fit([], *prior))]
     return min(options, key=lambda option: option[1].wind_std)
 
 
@@ -371,18 +341,11 @@ def _notices(
     found = [notice("wind-unknown")]
     if air.method != "still air":
         poor = max(air.wind_n_std, air.wind_e_std) > LIMITS.poor_wind
-        found = [
-            notice(
-                "steady-wind-poor" if poor else "steady-wind",
-                speed=float(np.hypot(air.wind_n, air.wind_e)),
-                direction=float(np.arctan2(-air.wind_e, -air.wind_n) % (2.0 * np.pi)),
-                north=air.wind_n,
-                north_std=air.wind_n_std,
-                east=air.wind_e,
-                east_std=air.wind_e_std,
-                source=_WIND_SOURCES[air.method],
-            )
-        ]
+        wind = {"north": air.wind_n, "east": air.wind_e, "speed": float(np.hypot(air.wind_n, air.wind_e))}
+        wind["direction"] = float(np.arctan2(-air.wind_e, -air.wind_n) % (2.0 * np.pi))
+        wind |= {"north_std": air.wind_n_std, "east_std": air.wind_e_std}
+        code = "steady-wind-poor" if poor else "steady-wind"
+        found = [notice(code, "", **wind, source=_WIND_SOURCES[air.method])]
     found += _pitot_notices(air, speed, density)
     north, east, north_std, east_std = air.sideslip_wind
     if np.isfinite(north) and "sideslip" not in air.method:
@@ -411,18 +374,10 @@ def _pitot_notices(air: AirData, speed: float, density: float) -> list[Notice]:
     """Return the calibration, and how the reading at rest agrees with it: a pressure offset fades as 1 / V."""
     found, error = [], air.pitot_error(speed)
     if np.isfinite(air.pitot_scale):
-        found.append(
-            notice(
-                "pitot-reads-low" if error < 0.0 else "pitot-reads-high",
-                "airspeed_pitot",
-                offset=air.pitot_offset,
-                offset_std=air.pitot_offset_std,
-                scale=air.pitot_scale,
-                scale_std=air.pitot_scale_std,
-                speed=speed,
-                error=abs(error),
-            )
-        )
+        line = {"offset": air.pitot_offset, "offset_std": air.pitot_offset_std, "scale": air.pitot_scale}
+        line |= {"scale_std": air.pitot_scale_std, "speed": speed, "error": abs(error)}
+        code = "pitot-reads-low" if error < 0.0 else "pitot-reads-high"
+        found.append(notice(code, "airspeed_pitot", **line))
         if air.pitot_scale_std / air.pitot_scale**2 > 0.5 * prior_std("airspeed_pitot.scale"):
             found.append(notice("pitot-scale-unknown", "airspeed_pitot"))
     rest = air.rest_offset

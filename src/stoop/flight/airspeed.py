@@ -142,24 +142,14 @@ def with_true_airspeed(
 
 @dataclass(frozen=True)
 class Airborne:
-    """Samples of the airborne part, thinned to `step`.
+    """Samples of the airborne part, thinned to `step`."""
 
-    Attributes
-    ----------
-    time : (n,) s, on a uniform grid of `step` with holes
-    step : s
-    velocity : (n, 3) m/s, NED, over ground
-    right : (n, 3), the body's right-hand axis in NED (second column of R)
-    lateral : (n,) m/s2, specific force along it
-    pitot : (n,) m/s, NaN where there is none
-    """
-
-    time: FloatArray
-    step: float
-    velocity: FloatArray
-    right: FloatArray
-    lateral: FloatArray
-    pitot: FloatArray
+    time: FloatArray  #: (n,) s, on a uniform grid of `step` with holes
+    step: float  #: s
+    velocity: FloatArray  #: (n, 3) m/s, NED, over ground
+    right: FloatArray  #: (n, 3), the body's right-hand axis in NED (second column of R)
+    lateral: FloatArray  #: (n,) m/s2, specific force along it
+    pitot: FloatArray  #: (n,) m/s, NaN where there is none
 
     def where(self, good: BoolArray) -> Airborne:
         """Keep the samples at which a mask (n,) holds."""

@@ -24,7 +24,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Annotated, Final, Literal, TypeAlias, TypeGuard
+from typing import Annotated, Final, Literal, NamedTuple, TypeAlias, TypeGuard
 
 import numpy as np
 from pydantic import Field
@@ -91,32 +91,18 @@ class Alignment(Table):
 
 @dataclass(frozen=True)
 class Lag:
-    """What must be added to one clock to read another.
+    """What must be added to one clock to read another."""
 
-    Attributes
-    ----------
-    shift : s, to be added at `origin`
-    sigma : s, standard error of the shift
-    correlation : of both records when shifted, 0 to 1
-    rival : the highest correlation at any quite different shift
-    overlap : s in which both records were compared
-    samples : independent ones among them
-    using : quantities that were compared
-    drift : s per s, to be added beyond `origin`
-    drift_sigma : its standard error
-    origin : s on the moved clock
-    """
-
-    shift: float
-    sigma: float
-    correlation: float
-    rival: float
-    overlap: float
-    samples: float
-    using: tuple[str, ...]
-    drift: float = 0.0
-    drift_sigma: float = 0.0
-    origin: float = 0.0
+    shift: float  #: s, to be added at `origin`
+    sigma: float  #: s, standard error of the shift
+    correlation: float  #: of both records when shifted, 0 to 1
+    rival: float  #: the highest correlation at any quite different shift
+    overlap: float  #: s in which both records were compared
+    samples: float  #: independent ones among them
+    using: tuple[str, ...]  #: quantities that were compared
+    drift: float = 0.0  #: s per s, to be added beyond `origin`
+    drift_sigma: float = 0.0  #: its standard error
+    origin: float = 0.0  #: s on the moved clock
 
     @property
     def trusted(self) -> bool:
@@ -133,7 +119,7 @@ class Lag:
 def align(
     place: str, alignments: Mapping[str, Alignment], recording: Recording, supply: Supply
 ) -> tuple[Recording, list[Notice]]:
-    """Move the clocks of streams.
+    """Move the clocks of streams; notices say by how much, and with which certainty.
 
     Parameters
     ----------
@@ -141,11 +127,6 @@ def align(
     alignments : stream to be moved -> how
     recording : as it was read
     supply : gives all channels that a stream of the recording can supply
-
-    Returns
-    -------
-    recording : with the clocks moved
-    notices : by how much, and with which certainty
 
     Raises
     ------
@@ -196,13 +177,9 @@ def align(
 
 
 def suggest_alignments(recording: Recording, supply: Supply, place: str) -> list[Notice]:
-    """Name the streams of a log of several files whose clocks seem to disagree.
+    """Name the streams of a log of several files, each with a clock of its own, whose clocks seem to disagree.
 
-    Parameters
-    ----------
-    recording : of several files, each with a clock of its own
-    supply : gives all channels that a stream of the recording can supply
-    place : of the mapping, for the advice
+    `place` is that of the mapping, for the advice.
     """
     if len(recording.streams) < 2:
         return []
@@ -299,15 +276,12 @@ def _slope(t: FloatArray, x: FloatArray) -> Signal:
     return (t, np.gradient(x, t)) if t.size > 2 else (t[:0], x[:0])
 
 
-@dataclass(frozen=True)
-class _Curve:
-    """Correlation over shifts: shift (m,) s, value and overlap (m,) [1, s], rms rate of change of the signal [1/s], Hz."""
-
-    shift: FloatArray
-    value: FloatArray
-    overlap: FloatArray
-    speed: float
-    bandwidth: float
+class _Curve(NamedTuple):
+    shift: FloatArray  #: (m,) s
+    value: FloatArray  #: (m,) correlation
+    overlap: FloatArray  #: (m,) s
+    speed: float  #: 1/s, rms rate of change of the signal
+    bandwidth: float  #: Hz
 
 
 def find_lag(

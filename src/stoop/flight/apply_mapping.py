@@ -17,8 +17,9 @@ from stoop.base.variables import EULER
 from stoop.errors import FlightError, LogError, listed
 from stoop.flight.alignment import align, suggest_alignments
 from stoop.flight.conversion import rotate_axes
+from stoop.flight.flight import with_other_form
 from stoop.flight.gridding import MAX_VALUE, Channels
-from stoop.flight.mapping import READY, FlightMapping, Source, read_flight_mapping, ready, with_other_form
+from stoop.flight.mapping import READY, FlightMapping, Source, read_flight_mapping, ready
 from stoop.logs import Recording, Stream
 from stoop.logs.csv_tables import mapping_beside, read_raw_csv
 from stoop.logs.read import kind
@@ -29,20 +30,15 @@ MAX_TRANSPORT: Final = 0.2  #: s; a sample stamp further from its publication is
 
 @dataclass(frozen=True)
 class Mapped:
-    """A recording under a mapping.
+    """A recording under a mapping."""
 
-    Attributes
-    ----------
-    channels : variables of the registry, each group on its own clock
-    notices : what was found
-    unmapped : stream -> columns that the mapping does not name; none where nothing of the stream was read
-    places : variable -> file and key of the mapping, for advice
-    """
-
-    channels: list[Channels]
-    notices: list[Notice]
+    channels: list[Channels]  #: variables of the registry, each group on its own clock
+    notices: list[Notice]  #: what was found
+    #: stream -> columns that the mapping does not name; none where nothing of the stream was read
     unmapped: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    places: Mapping[str, str] = field(default_factory=dict)
+    places: Mapping[str, str] = field(
+        default_factory=dict
+    )  #: variable -> file and key of the mapping, for advice
 
 
 def read_mapped(path: Path, given: Path | None = None) -> tuple[Recording, Mapped | None]:
@@ -60,10 +56,8 @@ def read_mapped(path: Path, given: Path | None = None) -> tuple[Recording, Mappe
 
     Raises
     ------
-    FlightError
-        When the mapping names a variable that is not in the registry, or there is no mapping for this format.
-    LogError
-        When log or mapping cannot be read, or the mapping names what is not in the log.
+    FlightError, LogError
+        When log or mapping cannot be read, there is none for this format, or it names what is not in log or registry.
     """
     place = given
     if place is None:
@@ -89,19 +83,16 @@ def read_mapped(path: Path, given: Path | None = None) -> tuple[Recording, Mappe
     whole = _with_files(recording, mapping) if mapping.files else recording
     found = apply_mapping(mapping, whole)
     if not mapping.alignments and (mapping.files or recording.format not in READY):
-        found = replace(found, notices=[*found.notices, *_suggestions(whole, found, place)])
+        by_stream: dict[str, list[Channels]] = {}
+        for group in found.channels:
+            by_stream.setdefault(group.source, []).append(group)
+        disagreeing = suggest_alignments(
+            whole, lambda _, name: by_stream.get(name, []), str(place or "the mapping")
+        )
+        found = replace(found, notices=[*found.notices, *disagreeing])
     unnamed = {f"{stream} {column}" for stream, columns in found.unmapped.items() for column in columns}
     defects = tuple(d for d in recording.defects if d.kind != "text" or d.place not in unnamed)
     return replace(recording, defects=defects), found
-
-
-def _suggestions(recording: Recording, found: Mapped, place: Path | None) -> list[Notice]:
-    """Compare the clocks of several files."""
-    by_stream: dict[str, list[Channels]] = {}
-    for group in found.channels:
-        by_stream.setdefault(group.source, []).append(group)
-    where = str(place or "the mapping")
-    return suggest_alignments(recording, lambda _, name: by_stream.get(name, []), where)
 
 
 def _with_files(recording: Recording, mapping: FlightMapping) -> Recording:
@@ -124,13 +115,7 @@ def _with_files(recording: Recording, mapping: FlightMapping) -> Recording:
 
 
 def apply_mapping(mapping: FlightMapping, recording: Recording) -> Mapped:
-    """Pick the variables of the registry out of a recording.
-
-    Raises
-    ------
-    LogError
-        When a column that the mapping names for a variable is not in the log.
-    """
+    """Pick the variables of the registry out of a recording; LogError when a column that the mapping names is not there."""
     timed = recording
     notices: list[Notice] = []
     if mapping.clock or mapping.clocks:
@@ -265,7 +250,8 @@ def _supply(recording: Recording, source: Source, name: str) -> Channels | None:
         raise LogError(f"{column} is in no stream of the log; {holds}")
     values = _values(stream, source, only_used=source.partial or source.unused is not None)
     time = sample_time(stream, source.stamp, source.stamp_factor) if source.stamp else stream.time
-    return Channels(name, time, rotate_axes(values, source.frame)) if values else None
+    values = rotate_axes(values, source.frame) if source.frame else values
+    return Channels(name, time, values) if values else None
 
 
 def _has_columns(source: Source, stream: Stream) -> bool:

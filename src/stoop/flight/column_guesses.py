@@ -179,13 +179,7 @@ def without_unit(column: str) -> tuple[str, str]:
 
 
 def with_units(lines: Sequence[DraftLine], columns: Mapping[str, Signal]) -> list[DraftLine]:
-    """Choose units, and turn signs, by what the numbers say.
-
-    Parameters
-    ----------
-    lines : one for each variable
-    columns : variable -> samples of its column, as recorded
-    """
+    """Choose units, and turn signs, of lines, one for each variable, by what their columns read, as recorded."""
     known: dict[str, DraftLine] = {}
     for line in lines:
         new = line

@@ -81,18 +81,9 @@ MIXERS: Final[dict[MixerKind, dict[str, tuple[float, float]]]] = {
 
 
 def check_frame(at: str, variables: tuple[str, ...], given: str | Sequence[str]) -> Frame:
-    """Check that a frame means something for these variables.
+    """Return the frame of these variables: one name, or two for an attitude, those of body and ground.
 
-    Parameters
-    ----------
-    at : file and key, for the error message
-    variables : that are in this frame
-    given : one name, or two for an attitude: those of body and ground
-
-    Raises
-    ------
-    LogError
-        When the variables cannot be turned one by one.
+    Raises LogError, which begins with `at` (file and key), when the variables cannot be turned one by one.
     """
     frame = (given,) if isinstance(given, str) else tuple(given)
     attitude = set(variables) in (set(EULER), set(QUATERNION))
@@ -118,12 +109,9 @@ def check_frame(at: str, variables: tuple[str, ...], given: str | Sequence[str])
 
 
 def rotate_axes(values: Mapping[str, FloatArray], frame: Frame) -> dict[str, FloatArray]:
-    """Bring vectors and attitudes into our axes; all of these rotations are their own inverse.
+    """Bring vectors and attitudes (n,), SI, into our axes; all of these rotations are their own inverse.
 
-    Parameters
-    ----------
-    values : variable -> (n,) SI; those of a vector stand in the order x, y, z of its own frame
-    frame : checked by `check_frame`; empty leaves all as it is
+    Those of a vector stand in the order x, y, z of its own frame, which `check_frame` has checked.
     """
     out = dict(values)
     if not frame:
@@ -178,16 +166,11 @@ class MixerTable(Table):
 
 @dataclass(frozen=True)
 class Calibration:
-    """Deflection over one output.
+    """Deflection over one output."""
 
-    Attributes
-    ----------
-    inputs, outputs : (n,) the table, inputs rising; rad, or 1 for a throttle
-    curve : coefficients of a fitted polynomial of (input - middle) / half, lowest power first; empty for lines
-    """
-
-    inputs: tuple[float, ...]
+    inputs: tuple[float, ...]  #: (n,) the table, inputs rising; rad, or 1 for a throttle
     outputs: tuple[float, ...]
+    #: coefficients of a fitted polynomial of (input - middle) / half, lowest power first; empty for lines
     curve: tuple[float, ...] = ()
 
     @classmethod
@@ -245,18 +228,11 @@ class Calibration:
 
 @dataclass(frozen=True)
 class Surfaces:
-    """Calibrations and what they are mixed to.
+    """Calibrations and what they are mixed to."""
 
-    Attributes
-    ----------
-    place : of the mapping, for messages
-    calibrations : output -> its calibration
-    mixes : surface -> output -> weight
-    """
-
-    place: str = ""
-    calibrations: Mapping[str, Calibration] = field(default_factory=dict)
-    mixes: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    place: str = ""  #: of the mapping, for messages
+    calibrations: Mapping[str, Calibration] = field(default_factory=dict)  #: output -> its calibration
+    mixes: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  #: surface -> output -> weight
 
     @classmethod
     def of(
@@ -268,10 +244,7 @@ class Surfaces:
     ) -> Surfaces:
         """Return what the tables calibration, surface and mixer of a mapping say.
 
-        Raises
-        ------
-        LogError
-            When a table does not rise or fall all the way or is in degrees, or a mix names no calibration.
+        Raises LogError when a table does not rise or fall all the way or is in degrees, or a mix names no calibration.
         """
         known = {}
         for name, table in calibrations.items():
@@ -307,13 +280,7 @@ class Surfaces:
         return cls(place, known, mixes)
 
     def deflections(self, channels: Sequence[Channels]) -> tuple[list[Channels], list[Notice]]:
-        """Make surface deflections of recorded outputs, each mix on the clock of its first output.
-
-        Raises
-        ------
-        LogError
-            When an output was not recorded.
-        """
+        """Make surface deflections of recorded outputs, each mix on the clock of its first output, and notices."""
         there = {name: group for group in channels for name in group.values}
         made, found = [], {}
         for surface, mix in self.mixes.items():

@@ -45,23 +45,15 @@ Kind = Literal["stuck", "clipped", "offset at rest", "wrong sign", "wrong unit",
 
 @dataclass(frozen=True)
 class Fault:
-    """One suspicion.
+    """One suspicion."""
 
-    Attributes
-    ----------
-    kind : "stuck", "clipped", "offset at rest", "wrong sign", "wrong unit" or "inconsistent" (with the attitude)
-    variable : registry name
-    value : SI; where it is stuck or clipped, or what it reads at rest
-    start, stop : s, where it was seen first and last
-    notice : for the user
-    """
-
+    #: "stuck", "clipped", "offset at rest", "wrong sign", "wrong unit" or "inconsistent" (with the attitude)
     kind: Kind
-    variable: str
-    value: float
-    start: float
+    variable: str  #: registry name
+    value: float  #: SI; where it is stuck or clipped, or what it reads at rest
+    start: float  #: s, where it was seen first and last
     stop: float
-    notice: Notice
+    notice: Notice  #: for the user
 
     @property
     def message(self) -> str:
@@ -163,13 +155,7 @@ def contradiction(found: Notice, start: float, stop: float) -> Fault:
 
 
 def at_rest(data: Mapping[str, FloatArray], rate: float) -> BoolArray:
-    """Tell at which grid points (n,) the vehicle surely stands: slow over ground and not turning, for a while.
-
-    Parameters
-    ----------
-    data : variable -> (n,), gridded
-    rate : Hz
-    """
+    """Tell at which grid points (n,) of `rate` [Hz] the vehicle surely stands: slow over ground, not turning, for a while."""
     if not {*VELOCITY, *RATES} <= data.keys():
         return np.zeros(next(iter(data.values())).size, dtype=bool)
     speed = np.sqrt(data["vn"] ** 2 + data["ve"] ** 2 + data["vd"] ** 2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -30,50 +30,36 @@ NAN: Final = float("nan")
 
 @dataclass(frozen=True)
 class AirData:
-    """What the air data reconstruction found; NaN where the flight holds no such thing.
+    """What the air data reconstruction found; NaN where the flight holds no such thing."""
 
-    Attributes
-    ----------
-    method : "pitot", "pitot and sideslip", "pitot and log", "sideslip", "log" (where the wind is from),
-        "still air" (it is unknown and taken as zero) or "none" (nothing was reconstructed)
-    wind_n, wind_e : m/s, towards which the air moves; steady over the flight
-    wind_n_std, wind_e_std : m/s, standard errors, the color of the residuals counted
-    pitot_scale, pitot_offset : true airspeed = (airspeed_pitot - pitot_offset) * pitot_scale; 1, m/s
-    pitot_scale_std, pitot_offset_std : standard errors
-    rest_offset : m/s, median reading of the pitot on the ground
-    residual_rms : m/s, of the residual that the wind was fitted to
-    sideslip_wind : (north, east, standard errors of both) m/s, from sideslip and lateral force alone
-    gust : m/s, estimate of what a steady wind leaves out, per axis
-    incidence_std : rad, standard error of alpha and beta from gusts and the error of the wind together
-    velocity_delay, velocity_delay_std : s, by which the logged velocity is late (corrected when evident)
-    heading_error, heading_error_std : rad, true minus logged heading, mean of the flight (not corrected)
-    accelerometer_bias, accelerometer_bias_std : (3,) m/s2, body axes
-    notices : for the user
-    traces : name -> (n,), airborne samples to plot: time, speed_inertial (|v - w|), pitot, pitot_corrected,
-        wind_n_log, wind_e_log, beta, beta_from_force
-    """
-
+    #: "pitot", "pitot and sideslip", "pitot and log", "sideslip", "log" (where the wind is from), "still air" (it is
+    #: unknown and taken as zero) or "none" (nothing was reconstructed)
     method: str
-    wind_n: float = NAN
+    wind_n: float = NAN  #: m/s, towards which the air moves; steady over the flight
     wind_e: float = NAN
-    wind_n_std: float = NAN
+    wind_n_std: float = NAN  #: m/s, standard errors, the color of the residuals counted
     wind_e_std: float = NAN
-    pitot_scale: float = NAN
-    pitot_scale_std: float = NAN
+    pitot_scale: float = NAN  #: true airspeed = (airspeed_pitot - pitot_offset) * pitot_scale; 1, m/s
+    pitot_scale_std: float = NAN  #: standard errors
     pitot_offset: float = NAN
     pitot_offset_std: float = NAN
-    rest_offset: float = NAN
-    residual_rms: float = NAN
+    rest_offset: float = NAN  #: m/s, median reading of the pitot on the ground
+    residual_rms: float = NAN  #: m/s, of the residual that the wind was fitted to
+    #: (north, east, standard errors of both) m/s, from sideslip and lateral force alone
     sideslip_wind: tuple[float, float, float, float] = (NAN, NAN, NAN, NAN)
-    gust: float = NAN
-    incidence_std: float = NAN
-    velocity_delay: float = NAN
+    gust: float = NAN  #: m/s, estimate of what a steady wind leaves out, per axis
+    incidence_std: float = (
+        NAN  #: rad, standard error of alpha and beta from gusts and the error of the wind together
+    )
+    velocity_delay: float = NAN  #: s, by which the logged velocity is late (corrected when evident)
     velocity_delay_std: float = NAN
-    heading_error: float = NAN
+    heading_error: float = NAN  #: rad, true minus logged heading, mean of the flight (not corrected)
     heading_error_std: float = NAN
-    accelerometer_bias: tuple[float, float, float] = (NAN, NAN, NAN)
+    accelerometer_bias: tuple[float, float, float] = (NAN, NAN, NAN)  #: (3,) m/s2, body axes
     accelerometer_bias_std: tuple[float, float, float] = (NAN, NAN, NAN)
-    notices: tuple[Notice, ...] = ()
+    notices: tuple[Notice, ...] = ()  #: for the user
+    #: name -> (n,), airborne samples to plot: time, speed_inertial (|v - w|), pitot, pitot_corrected, wind_n_log,
+    #: wind_e_log, beta, beta_from_force
     traces: Mapping[str, FloatArray] = field(default_factory=dict, compare=False, repr=False)
 
     def pitot_error(self, speed: float) -> float:
@@ -83,30 +69,19 @@ class AirData:
 
 @dataclass(frozen=True, repr=False)
 class Flight:
-    """One flight, ready to be cut into maneuvers.
+    """One flight, ready to be cut into maneuvers."""
 
-    Attributes
-    ----------
-    name : stem of the path, as in FLIGHT@START:STOP
-    path : where it was read from, if anywhere
-    data : registry variables (SI, body axes forward-right-down) over "time" [s, log's own clock],
-        uniform, NaN where there is no data
-    rate : Hz, of the grid
-    sources : variable -> how it was recorded
-    notices : what was found: gaps, faults, defects, what was reconstructed
-    air : result of the air data reconstruction, where there was one
-    faults : suspected faults of sensors; each has a notice too
-    unmapped : stream -> columns of the log that no mapping names; not kept in files of our own
-    """
-
-    name: str
-    path: Path | None
+    name: str  #: stem of the path, as in FLIGHT@START:STOP
+    path: Path | None  #: where it was read from, if anywhere
+    #: registry variables (SI, body axes forward-right-down) over "time" [s, log's own clock], uniform, NaN where there
+    #: is no data
     data: xr.Dataset
-    rate: float
-    sources: Mapping[str, SourceRate]
-    notices: tuple[Notice, ...] = ()
-    air: AirData | None = None
-    faults: tuple[Fault, ...] = ()
+    rate: float  #: Hz, of the grid
+    sources: Mapping[str, SourceRate]  #: variable -> how it was recorded
+    notices: tuple[Notice, ...] = ()  #: what was found: gaps, faults, defects, what was reconstructed
+    air: AirData | None = None  #: result of the air data reconstruction, where there was one
+    faults: tuple[Fault, ...] = ()  #: suspected faults of sensors; each has a notice too
+    #: stream -> columns of the log that no mapping names; not kept in files of our own
     unmapped: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
@@ -196,6 +171,13 @@ def with_attitude(data: dict[str, FloatArray]) -> dict[str, FloatArray]:
     return {**data, **dict(zip(QUATERNION, continuous(quaternions_of(parts)).T, strict=True))}
 
 
+def with_other_form(taken: Set[str]) -> frozenset[str]:
+    """Count the other form of an attitude, or of the pitot's airspeed, as taken too: both would contradict each other."""
+    pairs = (({*EULER}, {*QUATERNION}), ({"airspeed_pitot"}, {"airspeed_equivalent"}))
+    others = [other for forms in pairs for form, other in (forms, forms[::-1]) if taken & form]
+    return frozenset(taken).union(*others)
+
+
 def dataset(time: FloatArray, data: Mapping[str, FloatArray]) -> xr.Dataset:
     """Make a data set of gridded variables, with units and meanings from the registry."""
     import xarray as xr  # heavy, and only here
@@ -219,20 +201,12 @@ def flight_name(path: Path) -> str:
 
 @dataclass(frozen=True)
 class Segment:
-    """A contiguous piece of a maneuver; it has its own initial state.
+    """A contiguous piece of a maneuver; it has its own initial state."""
 
-    Attributes
-    ----------
-    t : (n,) s, uniform, on the log's own clock
-    u : (n, m) inputs, complete
-    z : (n, ny) outputs, NaN where missing
-    extras : name -> (n,), NaN where missing
-    """
-
-    t: FloatArray
-    u: FloatArray
-    z: FloatArray
-    extras: Mapping[str, FloatArray]
+    t: FloatArray  #: (n,) s, uniform, on the log's own clock
+    u: FloatArray  #: (n, m) inputs, complete
+    z: FloatArray  #: (n, ny) outputs, NaN where missing
+    extras: Mapping[str, FloatArray]  #: name -> (n,), NaN where missing
 
 
 def segments(

@@ -62,18 +62,11 @@ LIMITS: Final = GridLimits()
 
 @dataclass(frozen=True)
 class Channels:
-    """Variables that share one clock.
+    """Variables that share one clock."""
 
-    Attributes
-    ----------
-    source : topic or file they come from
-    time : (n,) s, strictly increasing
-    values : variable -> (n,) SI, NaN where there is none
-    """
-
-    source: str
-    time: FloatArray
-    values: Mapping[str, FloatArray]
+    source: str  #: topic or file they come from
+    time: FloatArray  #: (n,) s, strictly increasing
+    values: Mapping[str, FloatArray]  #: variable -> (n,) SI, NaN where there is none
 
     @property
     def rate(self) -> float:
@@ -83,22 +76,13 @@ class Channels:
 
 @dataclass(frozen=True)
 class SourceRate:
-    """How a variable was recorded.
+    """How a variable was recorded."""
 
-    Attributes
-    ----------
-    source : topic or file
-    rate : Hz, from the median period
-    longest_gap : s, the longest hole between two samples
-    gaps : how many holes end a contiguous stretch
-    start, stop : s, first and last sample on the log's own clock
-    """
-
-    source: str
-    rate: float
-    longest_gap: float
-    gaps: int
-    start: float
+    source: str  #: topic or file
+    rate: float  #: Hz, from the median period
+    longest_gap: float  #: s, the longest hole between two samples
+    gaps: int  #: how many holes end a contiguous stretch
+    start: float  #: s, first and last sample on the log's own clock
     stop: float
 
 
@@ -192,13 +176,7 @@ def make_grid(start: float, stop: float, rate: float, width: int, place: str) ->
 def grid_channels(
     channels: Sequence[Channels], rate: float, place: str
 ) -> tuple[Grid, dict[str, FloatArray], dict[str, SourceRate]]:
-    """Bring all channels onto one grid.
-
-    Parameters
-    ----------
-    channels : each on its own clock
-    rate : Hz
-    place : for error messages
+    """Bring channels, each on its own clock, onto one grid of `rate` [Hz]; `place` is for error messages.
 
     Returns
     -------
@@ -264,17 +242,10 @@ def _grid_group(grid: Grid, group: Channels) -> dict[str, FloatArray]:
 
 
 def resample(grid: Grid, time: FloatArray, values: FloatArray, *, smooth: bool) -> FloatArray:
-    """Bring samples onto the grid: slow ones are interpolated, fast ones decimated.
+    """Bring samples (n, k), finite, at rising times (n,) s onto the grid: slow ones are interpolated, fast ones decimated.
 
     Decimation makes the samples uniform at their own rate before the low-pass: interpolating onto the grid first
-    would fold the beat between both rates into the pass band.
-
-    Parameters
-    ----------
-    grid : where to
-    time : (n,) s, increasing
-    values : (n, k), finite
-    smooth : interpolate by cubic splines where the samples are slower than the grid
+    would fold the beat between both rates into the pass band. Slow ones are interpolated by cubic splines with `smooth`.
 
     Returns
     -------
@@ -311,14 +282,10 @@ def _interpolate(at: FloatArray, t: FloatArray, x: FloatArray, smooth: bool) -> 
 
 
 def low_pass(values: FloatArray, rate: float, grid_rate: float) -> FloatArray:
-    """Low-pass of zero phase before decimation to `grid_rate`.
+    """Low-pass of zero phase of uniform samples (n, k) at `rate` [Hz], before decimation to `grid_rate` [Hz].
 
-    Parameters
-    ----------
-    values : (n, k), uniform samples without holes
-    rate : Hz, of the samples
-    grid_rate : Hz, of the grid to come; the amplitude at f is 1 / (1 + (f / (CUTOFF grid_rate))**(2 ORDER)),
-        with both frequencies as tan(pi f / rate) in the digital filter
+    The amplitude at f is 1 / (1 + (f / (CUTOFF grid_rate))**(2 ORDER)), with both frequencies as tan(pi f / rate) in the
+    digital filter.
     """
     from scipy.signal import butter, sosfiltfilt
 
@@ -336,14 +303,8 @@ def interpolate_by_rates(
     """Return the columns with a slowly logged attitude that follows the body rates between its samples, and a notice.
 
     A spline through an attitude of 5 Hz cuts the corners of every quick maneuver. The rates are integrated instead;
-    the slowly changing rotation between the integral and the logged attitude is interpolated linearly.
-
-    Parameters
-    ----------
-    grid : of the columns
-    data : variable -> (n,)
-    sources : how each was recorded
-    channels : as recorded, each on its own clock; the attitude as a quaternion
+    the slowly changing rotation between the integral and the logged attitude is interpolated linearly. `channels` are
+    as recorded, each on its own clock, the attitude as a quaternion.
     """
     known = sources.get("q0")
     logged = next((g for g in channels if set(QUATERNION) <= g.values.keys()), None)

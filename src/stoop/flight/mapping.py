@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
@@ -22,7 +22,7 @@ from stoop.base.schema_errors import first_complaint
 from stoop.base.text import nearest
 from stoop.base.toml import parse_source, read_source
 from stoop.base.units import FACTORS, KINDS, PULSE_FACTORS, ZEROS
-from stoop.base.variables import EULER, QUATERNION, VARIABLES
+from stoop.base.variables import VARIABLES
 from stoop.errors import FlightError, LogError
 from stoop.flight.alignment import Alignment
 from stoop.flight.conversion import (
@@ -36,6 +36,7 @@ from stoop.flight.conversion import (
     Text,
     check_frame,
 )
+from stoop.flight.flight import with_other_form
 
 READY: Final[dict[str, str]] = {
     "ulog": "px4",
@@ -46,10 +47,6 @@ READY: Final[dict[str, str]] = {
 }  #: format of a recording -> the mapping that comes with the package
 MAX_EXPANSION: Final = 64  #: names that one pair of braces may stand for
 _BRACES: Final = re.compile(r"\{(\d{1,3})\.\.(\d{1,3})\}")
-_FORMS: Final = (
-    (frozenset(EULER), frozenset(QUATERNION)),
-    (frozenset({"airspeed_pitot"}), frozenset({"airspeed_equivalent"})),
-)  #: of one quantity; both would contradict each other
 _Item = TypeVar("_Item")
 TimeUnit: TypeAlias = Literal["s", "ms", "us", "ns"]
 Columns: TypeAlias = str | Annotated[dict[str, Number], Field(min_length=1)]  #: one, or weights of a sum
@@ -137,80 +134,54 @@ class MappingFile(Table):
 
 @dataclass(frozen=True)
 class Source:
-    """One stream that can supply a group of variables.
+    """One stream that can supply a group of variables."""
 
-    Attributes
-    ----------
-    place : file and key, for messages
-    variables : names in the registry
-    stream : of the recording; empty means the one stream that holds the columns
-    columns : one per variable: column -> weight, summed
-    factors, offsets : SI value of one and of zero, one per variable
-    units : as written, one per variable; empty where it was not
-    valid : flags that must be positive for a sample to count, one per variable; empty is none
-    stamp : column that holds the time of the measurement [stamp_factor s], empty for that of the stream
-    frame : axes that the columns are in, where they are not ours
-    instance : which of several instances of the stream is taken
-    partial : columns that are not there are left out; otherwise all must be there
-    unused : a column that never holds anything but this is left out
-    required : its absence is an error
-    """
-
-    place: str
-    variables: tuple[str, ...]
-    stream: str
-    columns: tuple[Mapping[str, float], ...]
-    factors: tuple[float, ...]
+    place: str  #: file and key, for messages
+    variables: tuple[str, ...]  #: names in the registry
+    stream: str  #: of the recording; empty means the one stream that holds the columns
+    columns: tuple[Mapping[str, float], ...]  #: one per variable: column -> weight, summed
+    factors: tuple[float, ...]  #: SI value of one and of zero, one per variable
     offsets: tuple[float, ...]
-    units: tuple[str, ...]
-    valid: tuple[str, ...] = ()
-    stamp: str = ""
+    units: tuple[str, ...]  #: as written, one per variable; empty where it was not
+    valid: tuple[
+        str, ...
+    ] = ()  #: flags that must be positive for a sample to count, one per variable; empty is none
+    stamp: str = (
+        ""  #: column that holds the time of the measurement [stamp_factor s], empty for that of the stream
+    )
     stamp_factor: float = 1e-6
-    frame: Frame = ()
-    instance: Literal["first", "most moved"] = "first"
-    partial: bool = False
-    unused: float | None = None
-    required: bool = False
+    frame: Frame = ()  #: axes that the columns are in, where they are not ours
+    instance: Literal["first", "most moved"] = "first"  #: which of several instances of the stream is taken
+    partial: bool = False  #: columns that are not there are left out; otherwise all must be there
+    unused: float | None = None  #: a column that never holds anything but this is left out
+    required: bool = False  #: its absence is an error
 
 
 @dataclass(frozen=True)
 class Group:
-    """Variables that belong together.
+    """Variables that belong together."""
 
-    Attributes
-    ----------
-    sources : in order of trust
-    choose : "first": the first that holds values; "fastest": unless a later one was logged more than twice as fast
-    without : variables that others supply
-    """
-
-    sources: tuple[Source, ...]
+    sources: tuple[Source, ...]  #: in order of trust
+    #: "first": the first that holds values; "fastest": unless a later one was logged more than twice as fast
     choose: Literal["fastest", "first"] = "fastest"
-    without: frozenset[str] = frozenset()
+    without: frozenset[str] = frozenset()  #: variables that others supply
 
 
 @dataclass(frozen=True)
 class FlightMapping:
-    """A whole mapping, with what it extends.
+    """A whole mapping, with what it extends."""
 
-    Attributes
-    ----------
-    place : file, or name of the ready mapping, for messages
-    groups : name -> group, in order of precedence: a variable belongs to the first that supplies it
-    clock : of every stream that holds its column; None keeps the clocks of the reader
-    clocks : stream -> a clock of its own
-    surfaces : calibrations and mixers
-    alignments : stream -> how its clock is brought to that of another
-    files : name -> file beside the log, that is read as well
-    """
-
-    place: str
+    place: str  #: file, or name of the ready mapping, for messages
+    #: name -> group, in order of precedence: a variable belongs to the first that supplies it
     groups: Mapping[str, Group]
-    clock: Clock | None = None
-    clocks: Mapping[str, Clock] = field(default_factory=dict)
-    surfaces: Surfaces = field(default_factory=Surfaces)
+    clock: Clock | None = None  #: of every stream that holds its column; None keeps the clocks of the reader
+    clocks: Mapping[str, Clock] = field(default_factory=dict)  #: stream -> a clock of its own
+    surfaces: Surfaces = field(default_factory=Surfaces)  #: calibrations and mixers
+    #: stream -> how its clock is brought to that of another
     alignments: Mapping[str, Alignment] = field(default_factory=dict)
-    files: Mapping[str, str] = field(default_factory=dict)
+    files: Mapping[str, str] = field(
+        default_factory=dict
+    )  #: name -> file beside the log, that is read as well
 
     @functools.cached_property
     def sources(self) -> tuple[Source, ...]:
@@ -227,13 +198,7 @@ class FlightMapping:
 
 @functools.cache
 def ready(name: str) -> FlightMapping:
-    """Return a mapping that comes with the package.
-
-    Raises
-    ------
-    LogError
-        When there is none of that name.
-    """
+    """Return a mapping that comes with the package; LogError when there is none of that name."""
     if name not in READY.values():
         raise LogError(f"there is no ready mapping '{name}'; {nearest(name, sorted(set(READY.values())))}")
     text = (files("stoop.data") / "mappings" / f"{name}.toml").read_text("utf-8")
@@ -289,12 +254,6 @@ def flight_mapping(place: str, content: Mapping[str, Any]) -> FlightMapping:
                 f"{place}: align.{stream}: a stream cannot be aligned with itself; name another one in with"
             )
     return FlightMapping(place, groups, file.time, file.clock, surfaces, file.align, file.files)
-
-
-def with_other_form(taken: Set[str]) -> frozenset[str]:
-    """Count the other form of an attitude, or of the pitot's airspeed, as taken too: both would contradict each other."""
-    others = [other for forms in _FORMS for form, other in (forms, forms[::-1]) if taken & form]
-    return frozenset(taken).union(*others)
 
 
 def _groups(place: str, name: str, table: GroupTable) -> dict[str, Group]:

@@ -24,8 +24,8 @@ from stoop.errors import LogError, one_line
 from stoop.flight.airborne import rotor_pulses
 from stoop.flight.apply_mapping import apply_mapping
 from stoop.flight.column_guesses import DraftLine, recognized, with_units, without_unit
-from stoop.flight.flight import from_columns
-from stoop.flight.mapping import READY, ready, with_other_form
+from stoop.flight.flight import from_columns, with_other_form
+from stoop.flight.mapping import READY, ready
 from stoop.logs import Recording
 from stoop.logs.csv_tables import guess_clock, read_px4_folder, read_raw_csv
 from stoop.logs.read import is_bag_folder, kind, read_as

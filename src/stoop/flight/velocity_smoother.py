@@ -66,48 +66,19 @@ LIMITS: Final = Limits()
 
 
 @dataclass(frozen=True)
-class Record:
-    """What the smoother is given, on a uniform grid; NaN where there is no data.
-
-    Attributes
-    ----------
-    time : (N,) s
-    rotation : (N, 3, 3), body -> NED
-    force : (N, 3) m/s2, specific force, body
-    velocity : (N, 3) m/s, NED, over ground, as logged
-    """
-
-    time: FloatArray
-    rotation: FloatArray
-    force: FloatArray
-    velocity: FloatArray
-
-
-@dataclass(frozen=True)
 class Smoothed:
-    """Result of the smoother.
+    """Result of the smoother."""
 
-    Attributes
-    ----------
-    velocity : (N, 3) m/s, NED, NaN where the inertial data are missing or the velocity is not tied down
-    std : (N,) m/s, standard deviation per axis
-    bias, bias_std : (3,) m/s2, accelerometer bias in body axes, mean over the flight
-    heading_error, heading_error_std : rad; true heading = logged heading + error
-    delay, delay_std : s, by which the logged velocity is late
-    logged_noise : m/s, white noise of the logged velocity
-    force_noise : m/s2 per square root of Hz, density of the noise of the specific force
-    """
-
-    velocity: FloatArray
-    std: FloatArray
-    bias: FloatArray
+    velocity: FloatArray  #: (N, 3) m/s, NED, NaN where the inertial data are missing or the velocity is not tied down
+    std: FloatArray  #: (N,) m/s, standard deviation per axis
+    bias: FloatArray  #: (3,) m/s2, accelerometer bias in body axes, mean over the flight
     bias_std: FloatArray
-    heading_error: float
+    heading_error: float  #: rad; true heading = logged heading + error
     heading_error_std: float
-    delay: float
+    delay: float  #: s, by which the logged velocity is late
     delay_std: float
-    logged_noise: float
-    force_noise: float
+    logged_noise: float  #: m/s, white noise of the logged velocity
+    force_noise: float  #: m/s2 per square root of Hz, density of the noise of the specific force
 
 
 @dataclass(frozen=True)
@@ -127,37 +98,42 @@ class _Path:
     ends: IntArray
 
 
-@dataclass(frozen=True)
-class _Ties:
-    """Logged velocities, each at the sample where it was true: index (k,), velocity (k, 3) m/s NED."""
-
-    index: IntArray
-    velocity: FloatArray
+_Ties = tuple[IntArray, FloatArray]  #: logged velocities (k, 3) m/s NED, each at the sample where it was true
 
 
-def smooth_velocity(record: Record, rate: float) -> Smoothed | None:
-    """Smooth the ground velocity over a whole flight, which was recorded at `rate` [Hz] before it was interpolated.
+def smooth_velocity(
+    time: FloatArray, rotation: FloatArray, force: FloatArray, logged: FloatArray, rate: float
+) -> Smoothed | None:
+    """Smooth the ground velocity over a whole flight; NaN where there is no data.
+
+    Parameters
+    ----------
+    time : (N,) s, uniform
+    rotation : (N, 3, 3), body -> NED
+    force : (N, 3) m/s2, specific force, body
+    logged : (N, 3) m/s, NED, over ground
+    rate : Hz at which the velocity was recorded, before it was interpolated
 
     Returns
     -------
     Smoothed, or None where no stretch of inertial data holds a logged velocity
     """
-    path = _integrate(record)
+    path = _integrate(time, rotation, force)
     stride = max(1, round(1.0 / (max(rate, LIMITS.rate) * path.step)))
     late, delay, delay_std = 0, 0.0, np.inf
-    ties = _ties(record, path, stride, 0)
+    ties = _ties(logged, path, stride, 0)
     for _ in range(LIMITS.passes):
         more, delay_std = _delay(path, ties, stride)
         delay = late * path.step + more
         shift = round(delay / path.step) if abs(delay) > max(3.0 * delay_std, LIMITS.delay) else 0
         if shift == late:
             break
-        late, ties = shift, _ties(record, path, stride, shift)
-    if ties.index.size < 2:
+        late, ties = shift, _ties(logged, path, stride, shift)
+    if ties[0].size < 2:
         return None
     logged_noise, force_noise = _noise_levels(path, ties)
-    holes = np.flatnonzero((path.label >= 0) & ~complete(record.velocity))[::stride]
-    knots = np.unique(np.concatenate([ties.index, path.ends, holes]))
+    holes = np.flatnonzero((path.label >= 0) & ~complete(logged))[::stride]
+    knots = np.unique(np.concatenate([ties[0], path.ends, holes]))
     states, covariances = _smooth(path, knots, ties, logged_noise, force_noise)
     variances = np.diagonal(covariances, axis1=1, axis2=2)
     mean, spread = states[:, 3:].mean(axis=0), np.sqrt(variances[:, 3:].mean(axis=0))
@@ -182,15 +158,15 @@ def _labels(valid: BoolArray) -> IntArray:
     return np.where(valid, np.cumsum(valid & ~before) - 1, -1).astype(np.intp)
 
 
-def _integrate(record: Record) -> _Path:
-    step = float(np.median(np.diff(record.time)))
-    force = np.einsum("nij,nj->ni", record.rotation, record.force)
+def _integrate(time: FloatArray, rotation: FloatArray, force: FloatArray) -> _Path:
+    step = float(np.median(np.diff(time)))
+    force = np.einsum("nij,nj->ni", rotation, force)
     valid = complete(force)
     label = _labels(valid)
     inside = (label[1:] == label[:-1]) & valid[1:]
     edges = valid & ~(np.append(inside, False) & np.insert(inside, 0, False))
     # columns: clock, R f, R
-    values = np.column_stack([np.ones(valid.size), force, record.rotation.reshape(-1, 9)])
+    values = np.column_stack([np.ones(valid.size), force, rotation.reshape(-1, 9)])
     pieces = np.where(inside[:, None], 0.5 * step * (values[1:] + values[:-1]), 0.0)
     integral = np.concatenate([np.zeros((1, 13)), np.cumsum(pieces, axis=0)])
     clock, gained, turn = integral[:, 0], integral[:, 1:4], integral[:, 4:].reshape(-1, 3, 3)
@@ -198,15 +174,15 @@ def _integrate(record: Record) -> _Path:
     return _Path(step, label, clock, gained, turn, gained + fallen, np.flatnonzero(edges))
 
 
-def _ties(record: Record, path: _Path, stride: int, late: int) -> _Ties:
+def _ties(logged: FloatArray, path: _Path, stride: int, late: int) -> _Ties:
     """Take the logged velocities at their own rate, `late` samples later than they were true."""
-    label = _labels(complete(record.velocity))
+    label = _labels(complete(logged))
     start = np.flatnonzero((label >= 0) & (np.insert(label[:-1], 0, -1) != label))
     count = np.arange(label.size) - start[label] if start.size else np.zeros(label.size, dtype=np.intp)
     taken = np.flatnonzero((label >= 0) & (count % stride == 0))
     taken = taken[(taken >= late) & (taken - late < label.size)]
     taken = taken[path.label[taken - late] >= 0]
-    return _Ties(taken - late, record.velocity[taken])
+    return taken - late, logged[taken]
 
 
 def _delay(path: _Path, ties: _Ties, stride: int) -> tuple[float, float]:
@@ -214,11 +190,12 @@ def _delay(path: _Path, ties: _Ties, stride: int) -> tuple[float, float]:
 
     logged(t) = v(t - delay) ~ v(t) - delay dv/dt, so d(logged - v) = -delay d(dv/dt).
     """
-    mismatch = ties.velocity - path.velocity[ties.index]
-    same = path.label[ties.index[1:]] == path.label[ties.index[:-1]]
+    index, velocity = ties
+    mismatch = velocity - path.velocity[index]
+    same = path.label[index[1:]] == path.label[index[:-1]]
     jump = np.diff(mismatch, axis=0)[same].ravel()
     span = max(1, stride // 2)
-    low, high = (np.clip(ties.index + side, 0, path.clock.size - 1) for side in (-span, span))
+    low, high = (np.clip(index + side, 0, path.clock.size - 1) for side in (-span, span))
     lapse = np.maximum(path.clock[high] - path.clock[low], path.step)
     acceleration = (path.velocity[high] - path.velocity[low]) / lapse[:, None]
     change = np.diff(acceleration, axis=0)[same].ravel()
@@ -242,10 +219,11 @@ def _noise_levels(path: _Path, ties: _Ties) -> tuple[float, float]:
     """
     from scipy.optimize import nnls  # heavy, and only here
 
-    mismatch = ties.velocity - path.velocity[ties.index]
+    index, velocity = ties
+    mismatch = velocity - path.velocity[index]
     rows = []
     for lag in range(1, LIMITS.lags + 1):
-        later, earlier = ties.index[lag:], ties.index[:-lag]
+        later, earlier = index[lag:], index[:-lag]
         same = path.label[later] == path.label[earlier]
         if np.count_nonzero(same) >= 10:
             squares = np.sum((mismatch[lag:] - mismatch[:-lag]) ** 2, axis=1)[same]
@@ -278,11 +256,12 @@ def _smooth(
     elapsed = path.step * (after - before)
     noise[:, 3:] = elapsed[:, None] * np.array([PRIORS.bias_walk] * 3 + [PRIORS.heading_walk]) ** 2
     gain = path.velocity[after] - path.velocity[before]
+    index, velocity = ties
     logged = np.full((count, 3), np.nan)
-    logged[np.searchsorted(knots, ties.index)] = ties.velocity
+    logged[np.searchsorted(knots, index)] = velocity
     tied = np.isfinite(logged[:, 0]).tolist()
 
-    x = np.concatenate([ties.velocity[0], np.zeros(SIZE - 3)])
+    x = np.concatenate([velocity[0], np.zeros(SIZE - 3)])
     P = np.diag(np.array([PRIORS.velocity] * 3 + [PRIORS.bias] * 3 + [PRIORS.heading]) ** 2)
     predicted_x, predicted_P = np.empty((count, SIZE)), np.empty((count, SIZE, SIZE))
     smooth_x, smooth_P = np.empty((count, SIZE)), np.empty((count, SIZE, SIZE))

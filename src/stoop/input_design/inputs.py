@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final, Protocol
+from typing import Final
 
 import numpy as np
 from scipy.optimize import brentq
@@ -48,21 +48,6 @@ class Frame:
     def least(self, amplitude: float) -> float:
         """Return the shortest step, s, in which a surface gets from one side to the other."""
         return max(self.shortest, 2.0 * abs(amplitude) / self.slew)
-
-
-class Shape(Protocol):
-    """A family of inputs."""
-
-    @property
-    def dimension(self) -> int:
-        """Number of unknowns, each in [0, 1]."""
-
-    @property
-    def starts(self) -> FloatArray:
-        """Guesses (k, dimension): what one would fly without a design."""
-
-    def inputs(self, x: FloatArray) -> tuple[Input, ...]:
-        """Return the tables of a maneuver file for a point (dimension,)."""
 
 
 @dataclass(frozen=True)
@@ -241,7 +226,10 @@ def _from_zero(harmonics: IntArray, weights: FloatArray, phases: FloatArray) -> 
     return np.asarray(np.mod(phases + harmonics * begin, 2.0 * np.pi))
 
 
-SHAPES: Final[dict[str, Callable[[Frame], Any]]] = {
+#: a family of inputs: its dimension, guesses ``starts`` (k, dimension) of what one would fly without a design, and the tables
+#: of a maneuver file, ``inputs(x)``, for a point of the unit box
+Shape = StepInputs | SquareWaves | Multisines
+SHAPES: Final[dict[str, Callable[[Frame], Shape]]] = {
     "multisine": Multisines,
     "square": SquareWaves,
     "3-2-1-1": lambda frame: StepInputs(frame, "3-2-1-1"),

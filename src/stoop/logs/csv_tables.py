@@ -342,7 +342,7 @@ def topic_files(folder: Path) -> list[TopicFile]:
     # the prefix that most topics have; of equals the shortest, as some topics end in another's name
     prefix = min(topics, key=lambda one: (-len(topics[one]), len(one), one))
     strays = [file for file in known if not file.path.name.startswith(prefix)]
-    several = {p for p, held in topics.items() if p != prefix and len({topic for topic, _ in held}) > 1}
+    several = {p for p, own in topics.items() if p != prefix and len({topic for topic, _ in own}) > 1}
     several |= {file.prefix for file in strays if (file.topic, file.instance) in topics[prefix]}
     if several:
         names = ", ".join(sorted({prefix} | several)[:3])

@@ -21,7 +21,6 @@ from stoop.logs.guard import is_hdf5
 from stoop.logs.netcdf import MAX_BYTES, MAX_DEPTH, read_hdf5
 from stoop.logs.recording import Defect, Recording, read_bounded, reason
 
-MAX_DEFECTS: Final = 20
 MAX_ELEMENTS: Final = 1000  #: of an array of structures
 HEAD: Final = 128  #: bytes before the first variable
 
@@ -71,11 +70,11 @@ def _read_old(path: Path) -> tuple[list[Array], list[Defect]]:
     if not arrays and defects:
         raise LogError(f"{path}: nothing can be read ({defects[0]}); save it again")
     why = "neither numbers nor structures of numbers (cells, objects, tables); save plain arrays"
-    return arrays, [*defects[:MAX_DEFECTS], *left_out(path, skipped, why)]
+    return arrays, [*defects[:20], *left_out(path, skipped, why)]
 
 
 def _variables(content: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield where each variable begins, and a file of it alone; files before version 5 are taken as a whole."""
+    """Yield where each variable begins, and a file of it alone; files before version 5 are one variable."""
     order = {b"IM": "<", b"MI": ">"}.get(content[126:HEAD])
     if order is None:
         yield 0, content

@@ -43,7 +43,6 @@ CODES: Final = {
 SIZES: Final = {code: struct.calcsize("<" + code) for code in CODES.values()}
 MAX_WIDTH: Final = 64  #: numbers of an array that become columns
 MAX_PARTS: Final = 20_000  #: of a definition
-SAME_CLOCK: Final = 1e6  #: s; stamps farther from the time of recording are of another clock
 NANOSECOND: Final = 1e-9  #: s
 STAMP: Final = ("header.stamp.sec", "header.stamp.nanosec")
 
@@ -221,7 +220,7 @@ class _Topic:
         if all(key in self.columns for key in STAMP):
             seconds, nanoseconds = (np.frombuffer(self.columns[key]) for key in STAMP)
             stamped = (seconds - start // 10**9) + (nanoseconds - start % 10**9) * NANOSECOND
-            if abs(float(np.median(stamped - time))) < SAME_CLOCK:
+            if abs(float(np.median(stamped - time))) < 1e6:  # s; farther apart they are of different clocks
                 time = stamped
             else:
                 message = "header.stamp is empty or of another clock; the time of recording is used"

@@ -36,7 +36,7 @@ _MESSAGES: Final = {
     "SQLITE_BUSY": _BUSY,
     "SQLITE_LOCKED": _BUSY,
     "SQLITE_FULL": f"the disk is full; {_SAFE}: free space and start the same command again",
-    "SQLITE_IOERR": f"cannot be read or written (full disk, quota, or a failing one); {_SAFE}: mend that and start the same "
+    "SQLITE_IOERR": f"cannot be read or written (full disk, quota, or a failing one); {_SAFE}: correct that and start the same "
     "command again",
     "SQLITE_NOTADB": _FOREIGN,
     "SQLITE_CORRUPT": _DAMAGED,

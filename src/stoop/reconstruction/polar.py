@@ -166,35 +166,19 @@ class Bin:
 
 @dataclass(frozen=True, eq=False)
 class Polar:
-    """A fitted polar.
-
-    Attributes
-    ----------
-    blocks : Blocks
-    area, mass : float, m2, kg
-    names : tuple of str
-    values : (k,)
-        c0, c1, c2 [1], airspeed factor [1] and, with power, efficiency [1] and logarithm of the diameter [m].
-    covariance : (k, k)
-        Corrected for the color of the residuals, priors in it.
-    prior_std : (k,)
-        NaN where there is none.
-    CL, CD : (n,)
-        Of the blocks, at the estimates of airspeed and propulsion.
-    weights : (n,)
-        Of the robust fit, 0 to 1.
-    """
+    """A fitted polar of a wing of `area` [m2] and an airplane of `mass` [kg]; k = unknown, n = block."""
 
     blocks: Blocks
     area: float
     mass: float
     names: tuple[str, ...]
+    #: (k,) c0, c1, c2 [1], airspeed factor [1] and, with power, efficiency [1] and logarithm of the diameter [m]
     values: FloatArray
-    covariance: FloatArray
-    prior_std: FloatArray
-    CL: FloatArray
-    CD: FloatArray
-    weights: FloatArray
+    covariance: FloatArray  #: (k, k), corrected for the color of the residuals, priors in it
+    prior_std: FloatArray  #: (k,), NaN where there is none
+    CL: FloatArray  #: (n,), at the estimates of airspeed and propulsion
+    CD: FloatArray  #: (n,)
+    weights: FloatArray  #: (n,) of the robust fit, 0 to 1
 
     @property
     def std(self) -> FloatArray:

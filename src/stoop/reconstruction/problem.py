@@ -85,12 +85,7 @@ class Pieces:
 
 
 def cut_pieces(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> Pieces:
-    """Cut a flight into pieces.
-
-    Parameters
-    ----------
-    flight : Flight
-    windows : sequence of (start, stop), s on the log's own clock; the airborne part without any
+    """Cut a flight, or windows (start, stop) of it, s on the log's own clock, into pieces; the airborne part without any.
 
     Raises
     ------

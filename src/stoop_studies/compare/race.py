@@ -49,17 +49,7 @@ class Race:
 def race(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> list[Json]:
     """Run an optimizer on a problem to the target, its own end, or the end of the budget.
 
-    Parameters
-    ----------
-    arguments : mapping
-        As of `stoop_studies.search.search`.
-    stops : sequence
-        Generations, as there.
-
-    Returns
-    -------
-    list of dict, one per stop
-        The fields of `Race` that the run decides.
+    Arguments and stops are those of `stoop_studies.search.search`; returned are the fields of `Race` that the run decides.
     """
     posed, kept = posed_by(arguments), list[Json]()
     for result in searched(posed, {**arguments, "to_target": True, "history": ROWS}, stops):

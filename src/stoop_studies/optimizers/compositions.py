@@ -55,16 +55,11 @@ def ps_gde(
 
     Parameters
     ----------
-    mutation : Mutation
-        `Unordered` takes the sorting away.
-    initialization : callable
-        First population; `uniform` takes the chaos away.
-    prey : PreySchedule, optional
-        None takes the local search away; ``PreySchedule(SteepestDescent(), swapped=True)`` is it as printed.
-    scale, rate : float
-        F and CR.
-    members : int
-        Of the population.
+    mutation : `Unordered` takes the sorting away
+    initialization : first population; `uniform` takes the chaos away
+    prey : None takes the local search away; ``PreySchedule(SteepestDescent(), swapped=True)`` is it as printed
+    scale, rate : F and CR
+    members : of the population
     """
     control = Fixed(scale, rate)
     return DifferentialEvolution(

@@ -46,16 +46,7 @@ def names() -> tuple[str, ...]:
 
 
 def pose(name: str, seed: int, **arguments: Any) -> Posed:
-    """Pose a problem.
-
-    Parameters
-    ----------
-    name : str
-        One of `names`.
-    seed : int
-        Draws what a problem leaves open: box, noise, instance.
-    **arguments
-        Of the problem itself; most have none.
+    """Pose a problem, one of `names`; the seed draws what it leaves open (box, noise, instance), most take no arguments.
 
     Raises
     ------

@@ -97,13 +97,8 @@ def names() -> tuple[str, ...]:
 def pose(name: str, seed: int, **arguments: object) -> Posed:
     """Pose windows of flights; the seed is the search's alone, the problem is always the same.
 
-    Parameters
-    ----------
-    name : str
-    seed : int
-    **arguments
-        ``flight``: path of a log, or a list of them; ``vehicle``: path, or the name of a built-in vehicle;
-        ``maneuvers``: list of ``[FLIGHT@]START:STOP[#LOADING]``.
+    Arguments are ``flight``: path of a log, or a list of them; ``vehicle``: path, or the name of a built-in vehicle;
+    ``maneuvers``: list of ``[FLIGHT@]START:STOP[#LOADING]``.
 
     Raises
     ------

@@ -57,14 +57,7 @@ def names() -> tuple[str, ...]:
 
 
 def pose(name: str, seed: int, **arguments: object) -> Posed:
-    """Pose the flight; the seed is the search's alone.
-
-    Parameters
-    ----------
-    name : str
-    seed : int
-    **arguments
-        ``data``: folder of the log, or the one above it.
+    """Pose the flight of the log in the folder ``data``, or the one below it; the seed is the search's alone.
 
     Raises
     ------

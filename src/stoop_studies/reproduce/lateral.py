@@ -62,15 +62,10 @@ def measured(case: str, seed: int, noise: bool) -> FloatArray:
 
 
 def work(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Any]:
-    """Fit one model to one flight, with the default optimizer to its end.
+    """Fit one model to one flight, with the default optimizer to its end; one result per stop, of which each is None.
 
-    Parameters
-    ----------
-    arguments : mapping
-        ``case``: of `CASES`; ``model``: of `MODELS`; ``seed``: of box, noise and search; ``noise``: whether there
-        is any.
-    stops : sequence
-        One None per result.
+    Arguments are ``case``: of `CASES`; ``model``: of `MODELS`; ``seed``: of box, noise and search; ``noise``: whether there
+    is any.
     """
     model, seed = str(arguments["model"]), int(arguments["seed"])
     case = replace(truth(), names=LATERAL) if model == FREE else truth()

@@ -61,12 +61,8 @@ def truth() -> Paper:
 def model(free: bool, propeller: bool) -> Paper:
     """Return what is fitted to the truth's flight.
 
-    Parameters
-    ----------
-    free : bool
-        Whether the V terms are searched with the ten coefficients.
-    propeller : bool
-        Whether the thrust falls as it truly does; otherwise it stays at its trimmed value.
+    `free`: whether the V terms are searched with the ten coefficients. `propeller`: whether the thrust falls as it truly
+    does; otherwise it stays at its trimmed value.
     """
     case, names = truth(), (*TABLE_1, *TERMS) if free else TABLE_1
     if propeller:
@@ -103,14 +99,9 @@ def expected() -> dict[str, float]:
 
 
 def work(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Any]:
-    """Fit one model to one flight, with the default optimizer to its end.
+    """Fit one model to one flight, with the default optimizer to its end; one result per stop, of which each is None.
 
-    Parameters
-    ----------
-    arguments : mapping
-        ``model``: of `MODELS`; ``seed``: of box, noise and search; ``noise``: whether there is any.
-    stops : sequence
-        One None per result.
+    Arguments are ``model``: of `MODELS`; ``seed``: of box, noise and search; ``noise``: whether there is any.
     """
     case, seed = model(*MODELS[str(arguments["model"])]), int(arguments["seed"])
     measured = truth().measured(seed, bool(arguments["noise"]))

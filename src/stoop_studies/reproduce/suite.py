@@ -229,13 +229,8 @@ def hits_of(results: Sequence[Mapping[str, Any]]) -> FloatArray:
 def bound_deviations(posed: Posed, values: FloatArray | None = None) -> FloatArray:
     """Return the standard deviations (D,) of the Cramer-Rao bound in physical units.
 
-    Residuals are in units of the noise, so their Jacobian J has the information J'J; nuisances are part of it.
-
-    Parameters
-    ----------
-    posed : Posed
-    values : (D,), optional
-        Where the bound is taken; the problem's truth when absent.
+    Residuals are in units of the noise, so their Jacobian J has the information J'J; nuisances are part of it. The bound is
+    taken at the values (D,), the problem's truth when absent.
 
     Raises
     ------

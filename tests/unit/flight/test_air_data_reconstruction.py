@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 from stoop.base.rotations import matrices_of, quaternions_of
 from stoop.flight import air_data
 from stoop.flight.flight import AirData
-from stoop.flight.velocity_smoother import PRIORS, Record, smooth_velocity
+from stoop.flight.velocity_smoother import PRIORS, smooth_velocity
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 RATE = 100.0
@@ -395,18 +395,19 @@ def test_smoother_equals_one_big_least_squares_problem() -> None:
     force, velocity = columns
     force[70:80] = np.nan  # a gap
     velocity[:3] = velocity[70:80] = np.nan
-    record = Record(data["time"].to_numpy(), rotation, force, velocity)
-    found = smooth_velocity(record, 10.0)
+    found = smooth_velocity(data["time"].to_numpy(), rotation, force, velocity, 10.0)
     assert found is not None
-    reference, std = dense_smoother(record, found.logged_noise, found.force_noise)
+    reference, std = dense_smoother(rotation, force, velocity, (found.logged_noise, found.force_noise))
     valid = np.isfinite(force[:, 0])
     np.testing.assert_allclose(found.velocity[valid], reference[valid], atol=2e-3)
     np.testing.assert_allclose(found.std[valid], std[valid], rtol=0.35)
 
 
-def dense_smoother(record: Record, logged_noise: float, force_noise: float) -> tuple[Array, Array]:
-    size, step = record.time.size, 0.01
-    ned = np.einsum("nij,nj->ni", record.rotation, record.force)
+def dense_smoother(
+    rotation: Array, force: Array, velocity: Array, noise: tuple[float, float]
+) -> tuple[Array, Array]:
+    (logged_noise, force_noise), size, step = noise, len(force), 0.01
+    ned = np.einsum("nij,nj->ni", rotation, force)
     rows, right = [], []
 
     def add(blocks: dict[int, Array], value: Array, std: Array) -> None:
@@ -417,19 +418,19 @@ def dense_smoother(record: Record, logged_noise: float, force_noise: float) -> t
         right.append(value / std)
 
     prior = np.array([PRIORS.velocity] * 3 + [PRIORS.bias] * 3 + [PRIORS.heading])
-    first = np.flatnonzero(np.isfinite(record.velocity[:, 0]))[0]
-    add({0: np.eye(7)}, np.concatenate([record.velocity[first], np.zeros(4)]), prior)
+    first = np.flatnonzero(np.isfinite(velocity[:, 0]))[0]
+    add({0: np.eye(7)}, np.concatenate([velocity[first], np.zeros(4)]), prior)
     for k in range(size - 1):
         move, gain = np.eye(7), np.zeros(7)
         sigma = np.array([PRIORS.velocity] * 3 + [PRIORS.bias_walk * 0.1] * 3 + [PRIORS.heading_walk * 0.1])
         if np.isfinite(ned[k : k + 2]).all():
-            mean, turn = 0.5 * (ned[k] + ned[k + 1]), 0.5 * (record.rotation[k] + record.rotation[k + 1])
+            mean, turn = 0.5 * (ned[k] + ned[k + 1]), 0.5 * (rotation[k] + rotation[k + 1])
             move[:3, 3:6], move[0, 6], move[1, 6] = -step * turn, -step * mean[1], step * mean[0]
             gain[:3], sigma[:3] = step * (mean + GRAVITY), force_noise * np.sqrt(step)
         add({k: -move, k + 1: np.eye(7)}, gain, sigma)
     for run in (np.arange(3, 70), np.arange(80, size)):
         for k in run[::10]:
-            add({int(k): np.eye(7)[:3]}, record.velocity[k], np.full(3, logged_noise))
+            add({int(k): np.eye(7)[:3]}, velocity[k], np.full(3, logged_noise))
     A, b = np.concatenate(rows), np.concatenate(right)
     covariance = np.linalg.inv(A.T @ A)
     states = (covariance @ (A.T @ b)).reshape(size, 7)
