@@ -90,7 +90,7 @@ def test_wind_and_pitot(
     text = " ".join(PAGE.read_text(encoding="utf-8").split())
     monkeypatch.chdir(workplace)
     assert main(["info", "flight2"]) == 0
-    whole, fitted = capsys.readouterr().out, " ".join(note for w in result.wind for note in w.notes)
+    whole, fitted = capsys.readouterr().out, " ".join(str(note) for w in result.wind for note in w.notes)
     (wind, low), found = air(whole), air(fitted)
     assert f"a steady wind of {wind} m/s from 68 degrees" in text
     assert f"The pitot reads {low} m/s low at 24 m/s" in text

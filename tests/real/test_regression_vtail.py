@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.assessment.error_bars import error_bars
 from stoop.estimate.fit import Options
 from stoop.estimate.regression.least_squares import FrequencyDomain
 from stoop.estimate.regression.method import frequency_domain
@@ -29,8 +30,7 @@ def test_in_real_time_as_in_batch(shared_data: Path) -> None:
         vehicle, {flight.name: flight}, [Window(flight.name, *SPAN)], Options(method="frequency-domain")
     )
     names = [p.name for p in batch.problem.layout.parameters]
-    assert batch.covariance is not None
-    std = dict(zip(names, np.sqrt(np.diag(batch.covariance)), strict=False))
+    std = dict(zip(names, error_bars(batch).std, strict=False))
     dt = 1.0 / flight.rate
     first, last = np.searchsorted(flight.time, SPAN)
     online = RealTime(batch.problem.layout.vehicle, dt, FrequencyDomain().frequencies(int(last - first), dt))

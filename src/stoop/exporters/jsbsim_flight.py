@@ -342,7 +342,7 @@ def jsbsim_readings(
     from stoop.vehicle.symbolic.frames import Numbers, air, attitude, vane
 
     vehicle = record.vehicle
-    n = Numbers.of(vehicle)
+    n = Numbers(vehicle)
     names = ("u", "v", "w", "p", "q", "r", "pdot", "qdot", "rdot", "X", "Y", "Z", "e0", "e1", "e2", "e3")
     s = {key: sp.Symbol(f"jsbsim {key}", real=True) for key in names}
     velocity, omega = (s["u"], s["v"], s["w"]), (s["p"], s["q"], s["r"])

@@ -172,7 +172,7 @@ class Physics:
         density = symbol("density", DENSITY)
         deflections = {c: symbol(f"control {c}", deflection(c)) for c in vehicle.controls}
         channels = {c: symbol(f"channel {c}", channel(c)) for c in vehicle.inputs}
-        n = Numbers.of(vehicle)
+        n = Numbers(vehicle)
         numbers = dict(zip(n.symbols, vehicle.values.tolist(), strict=True))
         return cls(forces.Surroundings(n, air, density, (p, q, r), deflections, channels), names, numbers)
 

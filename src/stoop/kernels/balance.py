@@ -15,19 +15,10 @@ from pathlib import Path
 
 BUSY = 8.0  #: operations on their way at once
 _LEAVES = {"sqrt": 5.0, "fabs": 0.5, "select": 1.0}  #: how long they take, in multiply-adds
-_DIVISION = 3.0
 
 
 def groups(source: str, name: str) -> int:
-    """Return how many groups of lanes a function's work is worth: one or two.
-
-    Parameters
-    ----------
-    source : str
-        Straight-line functions; they may call those of the runtime header.
-    name : str
-        The function.
-    """
+    """Return how many groups of lanes, one or two, suit a function of straight-line source code."""
     header = Path(__file__).with_name("runtime.py").read_text()
     tree = ast.parse(f"{header}\n{source}")
     functions = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
@@ -61,17 +52,15 @@ class _Walk:
         return begin + self._takes(node)
 
     def _takes(self, node: ast.AST) -> float:
+        """Return how long an operation takes, in multiply-adds, and count it."""
         if isinstance(node, ast.BinOp):
             self.work += 1.0
-            return _DIVISION if isinstance(node.op, ast.Div) else 1.0
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-            return self._call(node.func.id)
-        return 0.0
-
-    def _call(self, name: str) -> float:
-        if name in _LEAVES:
+            return 3.0 if isinstance(node.op, ast.Div) else 1.0
+        if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name)):
+            return 0.0
+        if node.func.id in _LEAVES:
             self.work += 1.0
-            return _LEAVES[name]
-        work, chain = _Walk(self.functions).function(self.functions[name])
+            return _LEAVES[node.func.id]
+        work, chain = _Walk(self.functions).function(self.functions[node.func.id])
         self.work += work
         return chain

@@ -27,9 +27,8 @@ STALE = 86400.0  #: s
 
 def cache_folder() -> Path:
     """Return where compiled modules are kept: ``STOOP_CACHE_DIR``, else the user's cache folder."""
-    chosen = os.environ.get("STOOP_CACHE_DIR")
-    if chosen:
-        return Path(chosen)
+    if folder := os.environ.get("STOOP_CACHE_DIR"):
+        return Path(folder)
     base = os.environ.get("XDG_CACHE_HOME")
     try:
         return Path(base or Path.home() / ".cache") / "stoop" / "kernels"
@@ -58,12 +57,11 @@ def _private(folder: Path) -> bool:
     if not hasattr(os, "getuid"):
         return True
     closed = not folder.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO)
-    return all(_ours(p.lstat(), closed) for p in (folder, *folder.rglob("*")))
-
-
-def _ours(status: os.stat_result, closed: bool) -> bool:
-    writable = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-    return status.st_uid in (os.getuid(), 0) and not stat.S_ISLNK(status.st_mode) and (closed or not writable)
+    for status in (p.lstat() for p in (folder, *folder.rglob("*"))):
+        writable = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+        if status.st_uid not in (os.getuid(), 0) or stat.S_ISLNK(status.st_mode) or (writable and not closed):
+            return False
+    return True
 
 
 def intact(folder: Path) -> bool:

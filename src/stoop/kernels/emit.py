@@ -26,14 +26,11 @@ class _Printer(PythonCodePrinter):  # type: ignore[misc]
         twice = 2 * exponent
         if not twice.is_Integer:
             raise NotImplementedError(f"power {exponent} has no vector form")
-        magnitude = self._power(base, abs(int(twice)))
-        return f"(1.0/{magnitude})" if twice < 0 else magnitude
-
-    def _power(self, base: Any, halves: int) -> str:
-        factors = [self.parenthesize(base, 1000)] * (halves // 2)
-        if halves % 2:
+        factors = [self.parenthesize(base, 1000)] * (abs(int(twice)) // 2)
+        if int(twice) % 2:
             factors.append(f"sqrt({self._print(base)})")
-        return "(" + "*".join(factors) + ")"
+        magnitude = "(" + "*".join(factors) + ")"
+        return f"(1.0/{magnitude})" if twice < 0 else magnitude
 
     def _print_atan2(self, expr: Any) -> str:
         return f"atan2({self._print(expr.args[0])}, {self._print(expr.args[1])})"
@@ -45,13 +42,13 @@ class _Printer(PythonCodePrinter):  # type: ignore[misc]
     def _print_Abs(self, expr: Any) -> str:
         return f"fabs({self._print(expr.args[0])})"
 
+    def _print_Float(self, expr: Any) -> str:
+        return repr(float(expr))
+
     def _print_Integer(self, expr: Any) -> str:
         return repr(float(expr))
 
     def _print_Rational(self, expr: Any) -> str:
-        return repr(float(expr))
-
-    def _print_Float(self, expr: Any) -> str:
         return repr(float(expr))
 
 
@@ -84,20 +81,18 @@ class _Hoister:
         return self.names[expr]
 
     def visit(self, expr: Any) -> Any:
-        if expr not in self.memo:
-            self.memo[expr] = self._visit(expr)
-        return self.memo[expr]
-
-    def _visit(self, expr: Any) -> Any:
+        if expr in self.memo:
+            return self.memo[expr]
         if self.constant(expr):
-            return self.name(expr)
-        if not expr.args:
-            return expr
-        if not (expr.is_Mul or expr.is_Add):
-            return expr.func(*map(self.visit, expr.args))
-        fixed = [a for a in expr.args if self.constant(a)]
-        moving = [self.visit(a) for a in expr.args if not self.constant(a)]
-        return expr.func(*([self.name(expr.func(*fixed))] if fixed else []), *moving)
+            out = self.name(expr)
+        elif not (expr.is_Mul or expr.is_Add):
+            out = expr.func(*map(self.visit, expr.args)) if expr.args else expr
+        else:
+            fixed = [a for a in expr.args if self.constant(a)]
+            varying = [self.visit(a) for a in expr.args if not self.constant(a)]
+            out = expr.func(*([self.name(expr.func(*fixed))] if fixed else []), *varying)
+        self.memo[expr] = out
+        return out
 
 
 def hoist(expressions: Sequence[Any], parameters: Iterable[Any]) -> Hoisted:
@@ -139,30 +134,27 @@ class Emitted:
 _KNOWN = (sp.Symbol, sp.Float, sp.Rational, sp.Add, sp.Mul, sp.Pow, sp.atan2, sp.atan, sp.Abs)
 
 
-def _check(expressions: Sequence[Any]) -> None:
-    """Refuse here what the runtime header has no function for, rather than deep inside the compiler."""
-    for expr in expressions:
-        for node in sp.preorder_traversal(expr):
-            if not isinstance(node, _KNOWN):
-                raise NotImplementedError(f"{type(node).__name__} has no vector form")
+def _renamed(
+    expressions: Sequence[Any], **symbols: Sequence[Any]
+) -> tuple[list[Any], dict[str, Sequence[Any]]]:
+    """Return expressions of symbols named by a letter and a number, and those symbols.
 
-
-def _renamed(model: SymbolicModel) -> tuple[list[Any], list[Any], list[Any], list[Any]]:
-    """Give every symbol a name of our own; return states, inputs, parameters, expressions."""
-    groups = []
-    table: dict[Any, Any] = {}
-    for prefix, symbols in (("x", model.states), ("u", model.inputs), ("p", model.parameters)):
-        new = [sp.Symbol(f"{prefix}{i}", real=True) for i in range(len(symbols))]
-        table.update(zip(symbols, new, strict=True))
-        groups.append(new)
-    expressions = [sp.sympify(e).xreplace(table) for e in (*model.derivatives, *model.outputs)]
-    _check(expressions)
-    return groups[0], groups[1], groups[2], expressions
+    What the runtime header has no function for is refused here, rather than deep inside the compiler.
+    """
+    new = {p: [sp.Symbol(f"{p}{i}", real=True) for i in range(len(old))] for p, old in symbols.items()}
+    table = {old: s for p, many in symbols.items() for old, s in zip(many, new[p], strict=True)}
+    renamed = [sp.sympify(e).xreplace(table) for e in expressions]
+    for node in (node for expr in renamed for node in sp.preorder_traversal(expr)):
+        if not isinstance(node, _KNOWN):
+            raise NotImplementedError(f"{type(node).__name__} has no vector form")
+    return renamed, dict(new)
 
 
 def emit(model: SymbolicModel) -> Emitted:
-    """Write ``prepare`` (once per candidate), ``derive`` and ``observe`` (in the time loop)."""
-    x, u, p, expressions = _renamed(model)
+    """Write ``prepare`` (once per candidate), ``derive`` and ``observe`` (in the time loop), and ``correct``."""
+    equations = (*model.derivatives, *model.outputs)
+    expressions, named = _renamed(equations, x=model.states, u=model.inputs, p=model.parameters)
+    x, u, p = named["x"], named["u"], named["p"]
     hoisted = hoist(expressions, p)
     used = set().union(*(e.free_symbols for e in hoisted.expressions))
     direct = [(s, s) for s in p if s in used]
@@ -177,19 +169,11 @@ def emit(model: SymbolicModel) -> Emitted:
             function_source("observe", arguments, hoisted.expressions),
         ]
     )
+    correction = ""
+    if model.moves:
+        after, arguments = _renamed(model.moved, x=model.states, d=model.moves)
+        correction = function_source("correct", arguments, after)
     return Emitted(
         source, nx, len(u), len(p), len(names), len(model.outputs), model.wrapped, groups(source, "derive"),
-        model.held, len(model.moves), _correction(model),
+        model.held, len(model.moves), correction,
     )  # fmt: skip
-
-
-def _correction(model: SymbolicModel) -> str:
-    """Write ``correct``: a state after a small move."""
-    if not model.moves:
-        return ""
-    x = [sp.Symbol(f"x{i}", real=True) for i in range(len(model.states))]
-    d = [sp.Symbol(f"d{i}", real=True) for i in range(len(model.moves))]
-    table = dict(zip((*model.states, *model.moves), (*x, *d), strict=True))
-    expressions = [sp.sympify(e).xreplace(table) for e in model.moved]
-    _check(expressions)
-    return function_source("correct", {"x": x, "d": d}, expressions)

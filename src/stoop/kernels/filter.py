@@ -1,13 +1,10 @@
-"""The time loop of a filter: at every sample the state moves by a gain times what was not foreseen.
+"""The time loop of a filter: at every sample the state is corrected by a gain times the innovation.
 
 As in :mod:`stoop.kernels.lanes`, candidates lie side by side in lanes and all that the lane loop touches lies in one
-scratch array; a candidate has its own gain. There is one group of lanes.
+scratch array; a candidate has its own gain. There is one group of lanes. The model defines how the error state corrects
+the state, :attr:`SymbolicModel.moved`: a quaternion by a rotation, anything else by addition.
 
-A gain turns innovations into a small move of the state. How the state moves (a rotation turns a quaternion, anything
-else is added) is said by the model, :attr:`SymbolicModel.moved`; the numbers of a move are as many as the states can
-move by, which leaves out the length of a quaternion.
-
-Axes: b = candidate, k = sample, i = innovation, e = number of a move, g = gain, r = point of linearization.
+Axes: b = candidate, k = sample, i = innovation, e = component of the error state, g = gain, r = point of linearization.
 """
 
 from __future__ import annotations

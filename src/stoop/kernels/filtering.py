@@ -30,7 +30,6 @@ def innovations(
 
     Parameters
     ----------
-    kernel : Kernel
     parameters, initial, dt, threads
         As in :meth:`Kernel.cost`.
     gains : (G, n_e n_y, B) array
@@ -54,7 +53,7 @@ def innovations(
     z, m, k = matrix(np.where(seen, measured, 0.0)), matrix(seen.astype(np.float64)), matrix(gains)
     out = np.empty((count, n, ny))
     path = np.empty((count, n, nx) if states else (0, 1, 1))
-    module = kernel.filter_module()
+    module = kernel.module("filtering")
 
     def run(a: int, b: int) -> None:
         module.run_filter(p, x, k, g, u, rows, z, m, float(dt), n, out, path, int(states), a, b)
@@ -73,14 +72,8 @@ def step(
 ) -> tuple[FloatArray, FloatArray]:
     """Return states (n_x, B) one sample later, and outputs (n_y, B) now.
 
-    Parameters
-    ----------
-    kernel : Kernel
-    parameters, states, inputs
-        As in :meth:`Kernel.evaluate`.
-    following : (n_u, B) array
-        Inputs one sample later.
-    dt : float, s
+    Parameters, states and inputs are those of :meth:`Kernel.evaluate`; `following` (n_u, B) are inputs one sample, `dt`
+    in s, later.
     """
     nx, nu, np_, ny = kernel.sizes
     count = parameters.shape[1]
@@ -90,7 +83,7 @@ def step(
     fits("following", following, (nu, count))
     out = np.empty((nx + ny, count))
     arrays = [matrix(a) for a in (parameters, states, inputs, following)]
-    kernel.step_module().run_step(*arrays, float(dt), out)
+    kernel.module("steps").run_step(*arrays, float(dt), out)
     return out[:nx], out[nx:]
 
 
@@ -99,7 +92,7 @@ def move(kernel: Kernel, states: FloatArray, moves: FloatArray) -> FloatArray:
     fits("states", states, (kernel.sizes[0], states.shape[1]))
     fits("moves", moves, (kernel.moves, states.shape[1]))
     out = np.empty(states.shape)
-    kernel.step_module().run_move(matrix(states), matrix(moves), out)
+    kernel.module("steps").run_move(matrix(states), matrix(moves), out)
     return out
 
 
@@ -117,7 +110,6 @@ def riccati(
 
     Parameters
     ----------
-    kernel : Kernel
     transition, readings, process : (r, n_e, n_e), (r, n_y, n_e), (r, n_e, n_e)
         At points of linearization: what becomes of a move over a sample, what it does to the readings, and the
         process noise over a sample.

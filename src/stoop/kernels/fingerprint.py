@@ -18,23 +18,18 @@ _CODE_SETTINGS = (
 )  # fmt: skip
 
 
-def _code_settings() -> list[str]:
-    """Return the settings that change compiled code, be they from the environment or from Numba's own file."""
-    from numba import config
-
-    return [f"{name}={getattr(config, name, None)!r}" for name in _CODE_SETTINGS]
-
-
 @functools.cache
 def environment() -> Mapping[str, str]:
     """Return what numbers depend on beside the model: processor, versions, settings, our own sources.
 
-    Where two processes agree on all of it, compiled equations give the same bytes.
+    Where two processes agree on all of it, compiled equations give the same bytes. Settings of the compiler come from the
+    environment or from Numba's own file.
     """
     import llvmlite
     import llvmlite.binding as llvm
     import numba
 
+    settings = [f"{name}={getattr(numba.config, name, None)!r}" for name in _CODE_SETTINGS]
     sources = b"".join(p.read_bytes() for p in sorted(_HERE.glob("*.py")))
     return MappingProxyType(
         {
@@ -44,7 +39,7 @@ def environment() -> Mapping[str, str]:
             "sympy": metadata.version("sympy"),
             "processor": llvm.get_host_cpu_name(),
             "processor's features": llvm.get_host_cpu_features().flatten(),
-            "settings of the compiler": " ".join(_code_settings()),
+            "settings of the compiler": " ".join(settings),
             "sources of stoop.kernels": hashlib.sha256(sources).hexdigest(),
         }
     )

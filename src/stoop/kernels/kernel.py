@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import atexit
-import contextlib
 import functools
 import hashlib
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import CodeType, ModuleType
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +23,6 @@ from stoop.errors import KernelError
 from stoop.kernels import cache
 from stoop.kernels.fingerprint import environment
 from stoop.kernels.symbolic import SymbolicModel
-
-_HERE = Path(__file__).parent
-
-
-class _Entry(Protocol):
-    def __call__(self, *arguments: Any) -> None: ...
 
 
 def thread_count() -> int:
@@ -75,10 +68,8 @@ class Kernel:
     sizes: tuple[int, int, int, int]  #: states, inputs, parameters, outputs
     shared: ModuleType
     per_lane: Callable[[], ModuleType]
-    moves: int = 0  #: numbers of a move of the state; zero where no filter takes the model
-    filtering: Callable[[], ModuleType] | None = None
-    steps: Callable[[], ModuleType] | None = None
-    shooting: Callable[[], ModuleType] | None = None
+    modules: Mapping[str, Callable[[], ModuleType]]  #: filtering, steps and windows, compiled when needed
+    moves: int = 0  #: components of the error state; zero where no filter takes the model
     latex: tuple[str, ...] = ()  #: the equations, one a line
 
     def cost(
@@ -117,7 +108,10 @@ class Kernel:
         fits("measured", measured, (len(measured), self.sizes[3]))
         fits("weights", weights, measured.shape)
         fits("inputs", inputs, (max(n, rows), *inputs.shape[1:]))
-        z, w = _shown(measured, weights)
+        seen = weights > 0.0
+        if not seen.all():  # else no copies, which take as long as several trajectories
+            measured, weights = np.where(seen, measured, 0.0), np.where(seen, weights, 0.0)
+        z, w = matrix(measured), matrix(weights)
         out = np.empty(p.shape[1])
         self.share(
             lambda a, b: module.run_cost(p, x, u, rows, z, w, float(dt), n, out, a, b), p.shape[1], threads
@@ -148,13 +142,9 @@ class Kernel:
     def evaluate(
         self, parameters: FloatArray, states: FloatArray, inputs: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return state derivatives (n_x, B) and outputs (n_y, B) at single points, no time passing.
+        """Return state derivatives (n_x, B) and outputs (n_y, B) at single points.
 
-        Parameters
-        ----------
-        parameters : (n_p, B) array
-        states : (n_x, B) array
-        inputs : (n_u, B) array
+        Parameters, states and inputs are (n_p, B), (n_x, B) and (n_u, B).
         """
         nx, nu, np_, ny = self.sizes
         count = parameters.shape[1]
@@ -165,34 +155,17 @@ class Kernel:
         self.shared.run_evaluate(matrix(parameters), matrix(states), matrix(inputs), out)
         return out[:nx], out[nx:]
 
-    def filter_module(self) -> ModuleType:
-        """Return the compiled loops of a filter, see :mod:`stoop.kernels.filtering`."""
-        if self.filtering is None or not self.moves:
-            raise ValueError("this model says no moves, so no filter takes it")
-        return self.filtering()
-
-    def step_module(self) -> ModuleType:
-        """Return the compiled single steps and moves of a state, see :mod:`stoop.kernels.filtering`."""
-        if self.steps is None or not self.moves:
-            raise ValueError("this model says no moves, so no filter takes it")
-        return self.steps()
-
-    def windows_module(self) -> ModuleType:
-        """Return the compiled loop of windows, see :mod:`stoop.kernels.windows`."""
-        if self.shooting is None:
-            raise ValueError("this kernel was made without a loop of windows")
-        return self.shooting()
+    def module(self, name: str) -> ModuleType:
+        """Return a further compiled module: ``filtering`` and ``steps`` of a filter, or ``windows``."""
+        if name != "windows" and not self.moves:
+            raise ValueError("this model has no error state, so no filter takes it")
+        return self.modules[name]()
 
     def assembly(self, entry: str = "run_cost", per_lane: bool = False) -> str:
         """Return the machine code of a time loop as text, to be searched for vector instructions.
 
-        Numba keeps no text of what came from its cache, so the kernel is compiled once more.
-
-        Parameters
-        ----------
-        entry : "run_cost" or "run_outputs"
-        per_lane : bool
-            The variant in which each candidate has its own inputs.
+        It is compiled once more, because Numba keeps no text of cached code. `entry` is run_cost or run_outputs; with
+        `per_lane` each candidate has its own inputs.
         """
         import numba
 
@@ -216,7 +189,12 @@ class Kernel:
         p, x = matrix(parameters), matrix(initial)
         if inputs.ndim == 2:
             return p, x, matrix(inputs), len(inputs), self.shared
-        return p, x, _interleave(inputs, self.lanes), len(inputs), self.per_lane()
+        # One flat array [block, sample, input, lane]; the last block is padded.
+        n, lanes = len(inputs), self.lanes
+        blocks = -(-count // lanes)
+        padding = np.repeat(inputs[..., -1:], blocks * lanes - count, axis=2)
+        padded = np.concatenate([inputs, padding], axis=2).reshape(n, nu, blocks, lanes)
+        return p, x, np.ascontiguousarray(padded.transpose(2, 0, 1, 3)).ravel(), n, self.per_lane()
 
     def share(
         self, run: Callable[[int, int], None], count: int, threads: int | None, lanes: int | None = None
@@ -238,25 +216,6 @@ def fits(name: str, array: NDArray[Any], shape: tuple[int, ...]) -> None:
         raise ValueError(f"{name}: shape {array.shape} instead of {shape}")
 
 
-def _shown(measured: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return measurements and weights with zeros where the weight hides a sample.
-
-    Copies are made only where there is something to hide: they take as long as several trajectories.
-    """
-    seen = weights > 0.0
-    if seen.all():
-        return matrix(measured), matrix(weights)
-    return matrix(np.where(seen, measured, 0.0)), matrix(np.where(seen, weights, 0.0))
-
-
-def _interleave(inputs: FloatArray, lanes: int) -> FloatArray:
-    """Arrange (n, n_u, B) as one flat array [block, sample, input, lane]; the last block is padded."""
-    n, m, count = inputs.shape
-    blocks = -(-count // lanes)
-    padded = np.concatenate([inputs, np.repeat(inputs[..., -1:], blocks * lanes - count, axis=2)], axis=2)
-    return np.ascontiguousarray(padded.reshape(n, m, blocks, lanes).transpose(2, 0, 1, 3)).ravel()
-
-
 class _SourceLoader(SourceFileLoader):
     """Reads the source and leaves no byte code beside it: the sealed folder must not change."""
 
@@ -266,44 +225,29 @@ class _SourceLoader(SourceFileLoader):
         return code
 
 
-@contextlib.contextmanager
-def _beside_source() -> Iterator[None]:
-    """Let Numba keep its files beside the source, also where the user sends them to another folder.
+def import_generated(folder: Path, key: str, name: str) -> ModuleType:
+    """Return the module ``name.py`` of a folder, imported under a name of its own, with Numba's files beside it.
 
-    There no checksum would guard them, and a damaged one ends the process.
+    They lie beside the source even where the user sends them to another folder: no checksum would guard them there, and
+    a damaged one ends the process.
     """
     from numba import config
 
-    wanted, config.CACHE_DIR = config.CACHE_DIR, ""
-    try:
-        yield
-    finally:
-        config.CACHE_DIR = wanted
-
-
-def import_generated(folder: Path, key: str, name: str) -> ModuleType:
-    """Return the module ``name.py`` of a folder, imported under a name of its own, with Numba's files beside it."""
     unique = f"_stoop_kernel_{key}_{name}"  # Numba's files hold this name: it may not depend on the folder
     loader = _SourceLoader(unique, str(folder / f"{name}.py"))
     module = ModuleType(unique)
     module.__file__ = loader.path
     sys.modules[unique] = module
-    with _beside_source():
+    wanted, config.CACHE_DIR = config.CACHE_DIR, ""
+    try:
         loader.exec_module(module)
+    finally:
+        config.CACHE_DIR = wanted
     return module
 
 
 def _open(folder: Path, key: str, name: str) -> ModuleType:
     """Import a generated module and compile its entry points, or take them from Numba's files beside it."""
-    module = import_generated(folder, key, name)
-    for entry, signature in _signatures(name).items():
-        dispatcher = getattr(module, entry)
-        dispatcher.compile(signature)
-        dispatcher.disable_compile()
-    return module
-
-
-def _signatures(name: str) -> dict[str, str]:
     from stoop.kernels import filter as filters
     from stoop.kernels import windows
     from stoop.kernels.lanes import signatures
@@ -312,7 +256,12 @@ def _signatures(name: str) -> dict[str, str]:
         "filtering": filters.SIGNATURES, "steps": filters.STEP_SIGNATURES,
         "riccati": filters.RICCATI_SIGNATURES, "windows": windows.SIGNATURES,
     }  # fmt: skip
-    return others[name] if name in others else signatures(name == "per_lane")
+    module = import_generated(folder, key, name)
+    for entry, signature in (others[name] if name in others else signatures(name == "per_lane")).items():
+        dispatcher = getattr(module, entry)
+        dispatcher.compile(signature)
+        dispatcher.disable_compile()
+    return module
 
 
 def _write_sources(folder: Path, model: SymbolicModel) -> None:
@@ -343,7 +292,17 @@ def _build(final: Path, key: str, name: str, write: Callable[[Path], None]) -> P
     try:
         return _build_in_cache(final, key, name, write)
     except OSError:
-        return _build_aside(key, name, write)
+        pass
+    try:
+        building = _for_this_process(cache.private())
+        write(building)
+        _open(building, key, name)
+    except OSError as error:
+        raise KernelError(
+            f"kernel cache: no room to keep compiled equations ({error.strerror or error}); "
+            "free disk space, or set STOOP_CACHE_DIR or TMPDIR to a folder on another disk"
+        ) from error
+    return building
 
 
 def _build_in_cache(final: Path, key: str, name: str, write: Callable[[Path], None]) -> Path:
@@ -358,19 +317,6 @@ def _build_in_cache(final: Path, key: str, name: str, write: Callable[[Path], No
         cache.discard(building)
         raise
     return _for_this_process(building) if sealed is building else sealed
-
-
-def _build_aside(key: str, name: str, write: Callable[[Path], None]) -> Path:
-    try:
-        building = _for_this_process(cache.private())
-        write(building)
-        _open(building, key, name)
-    except OSError as error:
-        raise KernelError(
-            f"kernel cache: no room to keep compiled equations ({error.strerror or error}); "
-            "free disk space, or set STOOP_CACHE_DIR or TMPDIR to a folder on another disk"
-        ) from error
-    return building
 
 
 def _for_this_process(folder: Path) -> Path:
@@ -393,12 +339,11 @@ def load_kernel(structure: str, model: Callable[[], SymbolicModel]) -> Kernel:
     KernelError
         Numba is told not to compile, or no disk has room for what it compiles.
     """
-    _check_compiler()
-    key = hashlib.sha256("\n".join([structure, *environment().values()]).encode()).hexdigest()[:32]
-    return _load(key, model)
+    return _load(_key(structure), model)
 
 
-def _check_compiler() -> None:
+def _key(structure: str) -> str:
+    """Return the name of what is compiled from a structure on this machine; refuse where nothing is."""
     from numba import config
 
     if config.DISABLE_JIT:
@@ -406,6 +351,7 @@ def _check_compiler() -> None:
             "NUMBA_DISABLE_JIT: set, so the equations cannot be compiled, and uncompiled they do not run; "
             "unset it (or take disable_jit out of .numba_config.yaml)"
         )
+    return hashlib.sha256("\n".join([structure, *environment().values()]).encode()).hexdigest()[:32]
 
 
 @functools.cache
@@ -413,8 +359,7 @@ def riccati_module() -> ModuleType:
     """Return the compiled covariance recursion of a filter; one serves every model."""
     from stoop.kernels.filter import riccati_source
 
-    _check_compiler()
-    key = hashlib.sha256("\n".join(["riccati", *environment().values()]).encode()).hexdigest()[:32]
+    key = _key("riccati")
 
     def write(folder: Path) -> None:
         (folder / "riccati.py").write_text(riccati_source())
@@ -436,18 +381,15 @@ def _later(folder: Path, final: Path, key: str, name: str) -> Callable[[], Modul
 
 
 def _load(key: str, model: Callable[[], SymbolicModel]) -> Kernel:
-    if key not in _loaded:
-        root = cache.cache_folder()
-        folder = _build(root / key, key, "shared", lambda f: _write_sources(f, model()))
-        numbers = [int(v) for v in (folder / "sizes.txt").read_text().split()]
-        nx, nu, np_, ny, lanes, moves = numbers
-        per_lane = _later(folder, root / f"{key}-lanes", key, "per_lane")
-        filtering = _later(folder, root / f"{key}-filter", key, "filtering")
-        steps = _later(folder, root / f"{key}-steps", key, "steps")
-        shooting = _later(folder, root / f"{key}-windows", key, "windows")
-        shared = _open(folder, key, "shared")
-        latex = tuple((folder / "equations.tex").read_text().splitlines())
-        _loaded[key] = Kernel(
-            folder, lanes, (nx, nu, np_, ny), shared, per_lane, moves, filtering, steps, shooting, latex
-        )
+    if key in _loaded:
+        return _loaded[key]
+    root = cache.cache_folder()
+    folder = _build(root / key, key, "shared", lambda f: _write_sources(f, model()))
+    nx, nu, np_, ny, lanes, moves = (int(v) for v in (folder / "sizes.txt").read_text().split())
+    suffixes = {"per_lane": "lanes", "filtering": "filter", "steps": "steps", "windows": "windows"}
+    later = {name: _later(folder, root / f"{key}-{end}", key, name) for name, end in suffixes.items()}
+    shared = _open(folder, key, "shared")
+    latex = tuple((folder / "equations.tex").read_text().splitlines())
+    per_lane, sizes = later.pop("per_lane"), (nx, nu, np_, ny)
+    _loaded[key] = Kernel(folder, lanes, sizes, shared, per_lane, later, moves, latex)
     return _loaded[key]

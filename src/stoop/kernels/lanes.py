@@ -52,15 +52,6 @@ def _rows(e: Emitted, first: int, count: int) -> str:
     return f"load_rows(S, {first * lanes(e)}, {lanes(e)}, {count}, j)"
 
 
-def _axpy(count: int, k: str) -> str:
-    return "(" + "".join(f"x[{i}] + a * {k}[{i}], " for i in range(count)) + ")"
-
-
-def _residual(i: int, wrapped: bool, nx: int) -> str:
-    difference = f"y[{nx + i}] - z[{i}]"
-    return f"wrap({difference})" if wrapped else difference
-
-
 def _stages(e: Emitted) -> str:
     """Write a step of Runge-Kutta of order four; each stage is taken by all groups before the next begins."""
     combined = "x[{i}] + h6 * (k1[{i}] + 2.0 * (k2[{i}] + k3[{i}]) + k4[{i}])"
@@ -68,7 +59,7 @@ def _stages(e: Emitted) -> str:
     return f"""
 @inline
 def axpy(x, a, k):
-    return {_axpy(e.states, "k")}
+    return {tuple_of("x[{i}] + a * k[{i}]", e.states)}
 
 
 @inline
@@ -89,7 +80,9 @@ def _helpers(e: Emitted) -> str:
     """Write the cost of one sample, loads and stores of one group."""
     nx, apart = e.states, lanes(e)
     terms = " + ".join(f"w[{i}] * (e{i} * e{i})" for i in range(e.outputs))
-    errors = "\n".join(f"    e{i} = {_residual(i, w, nx)}" for i, w in enumerate(e.wrapped))
+    difference = [f"y[{nx + i}] - z[{i}]" for i in range(e.outputs)]
+    residuals = [f"wrap({d})" if w else d for d, w in zip(difference, e.wrapped, strict=True)]
+    errors = "\n".join(f"    e{i} = {residual}" for i, residual in enumerate(residuals))
     return f"""
 @inline
 def penalty(y, z, w):
@@ -246,11 +239,7 @@ def run_outputs(P, X0, U, rows, dt, samples, Y, first, last):
 {step}{indent(keep, 16)}            for j in range(min(LANES, last - b0)):
                 for i in range({e.outputs}):
                     Y[b0 + j, k, i] = S[({results} + i) * LANES + j]
-"""
 
-
-def _evaluate(e: Emitted) -> str:
-    return f"""
 @compiled
 def run_evaluate(P, X, U, D):
     for b in range(P.shape[1]):
@@ -278,7 +267,7 @@ def input_tuples(e: Emitted) -> str:
 
 def loop_source(e: Emitted, per_lane: bool) -> str:
     """Write all that follows the model's functions in the generated module."""
-    parts = [stepping(e), _input_loads(e) if per_lane else "", _loops(e, per_lane), _evaluate(e)]
+    parts = [stepping(e), _input_loads(e) if per_lane else "", _loops(e, per_lane)]
     return f"LANES = {lanes(e)}\n" + "".join(parts)
 
 

@@ -1,8 +1,7 @@
-"""The time loop of windows: every lane flies from a sample of its own, in a record that all lanes share.
+"""The time loop of windows: every lane is a trajectory from a sample of its own, in a record that all lanes share.
 
-Multiple shooting flies hundreds of short windows with dozens of candidates each. Side by side they fill the lanes;
-one after the other each would pay for a call of its own. Inputs are read at the lane's own row of the record, so
-that no window needs a copy of them.
+The hundreds of short windows of multiple shooting, with dozens of candidates each, fill the lanes of one call. Inputs
+are read at the lane's own row of the record, so that no window needs a copy of them.
 
 Axes: b = lane (candidate and window), k = sample of the window, i = state, input or output.
 """
@@ -46,7 +45,6 @@ def windows(
 
     Parameters
     ----------
-    kernel : Kernel
     parameters, initial : (n_p, B), (n_x, B)
     record : (rows, n_u) array
         Inputs, linear between rows (those that the model holds are steps); several records may stand one below the other.
@@ -69,7 +67,7 @@ def windows(
     samples = 1 + max(0, int(many.max(initial=0)))
     p, x, u = matrix(parameters), matrix(initial), matrix(record)
     out, last = np.empty((count, samples, ny)), np.full((nx, count), np.nan)
-    module = kernel.windows_module()
+    module = kernel.module("windows")
 
     def run(a: int, b: int) -> None:
         module.run_windows(p, x, u, begin, behind, many, float(dt), samples, out, last, a, b)

@@ -19,7 +19,6 @@ _POSITIVE = (
     *(f"turbulence.{axis}.{number}" for axis in "uvw" for number in ("intensity", "length")),
     "rotors.gain", "rotors.nominal_voltage", "rotors.lag", "rotors.inertia", "rotors.radius", "turbulence.airspeed",
 )  # fmt: skip
-MAX_POSITION = 20.0  #: m, of a rotor
 
 
 def check(vehicle: Vehicle) -> None:
@@ -117,7 +116,7 @@ def _check_rotors(vehicle: Vehicle, where: str) -> None:
             raise VehicleError(
                 f"{where}rotor.{name}.axis: has no length; write the direction of the thrust, up is [0, 0, -1]"
             )
-        if np.max(np.abs(position)) > MAX_POSITION:
+        if np.max(np.abs(position)) > 20.0:
             raise VehicleError(
                 f"{where}rotor.{name}.position: {np.max(np.abs(position)):g} m looks like millimeters; write meters"
             )
@@ -171,10 +170,8 @@ def _check_angles_and_bounds(vehicle: Vehicle) -> None:
     for name in ("reference.alpha", "propulsion.pitch", *offsets):
         value = vehicle.value(name, 0.0)
         if abs(value) > math.pi / 2.0:
-            raise VehicleError(
-                f"{vehicle.where}: {name}: {value:g} looks like degrees; "
-                f"write radians ({math.radians(value):.4g})"
-            )
+            advice = f"looks like degrees; write radians ({math.radians(value):.4g})"
+            raise VehicleError(f"{vehicle.where}: {name}: {value:g} {advice}")
     for p in vehicle.parameters:
         if p.free and not 0.0 < p.upper - p.lower < math.inf:
             raise VehicleError(

@@ -164,7 +164,7 @@ def _rotor_sizes(numbers: Mapping[str, Quantity]) -> dict[str, float]:
     x = hover_command(numbers, thrust) or 0.5 * abs(_value(numbers, "rotors.gain", 1.0)) or 0.5
     x = min(max(x, 1.0 / largest), largest)
     lever = 0.05  # m: torque over thrust of small propellers is 0.01 to 0.03
-    weight = thrust * _rotor_count(numbers)
+    weight = thrust * sum(name.startswith("rotor.") and name.endswith(".position.x") for name in numbers)
     moments = {a: _value(numbers, f"mass.inertia.{a}{a}", 0.01) for a in "xyz"}
     return {
         "T0": thrust, "T1": thrust / x, "T2": thrust / x**2, "inflow": thrust / (5.0 * x), "drag": thrust / (10.0 * x),
@@ -200,11 +200,8 @@ def hover_command(numbers: Mapping[str, Quantity], thrust: float) -> float | Non
 def share_of_weight(numbers: Mapping[str, Quantity]) -> float:
     """Return the weight that one rotor carries if all carry the same, N."""
     weight = _value(numbers, "mass.mass", 1.0) * _value(numbers, "environment.gravity", 9.80665)
-    return abs(weight) / max(_rotor_count(numbers), 1) or 1.0
-
-
-def _rotor_count(numbers: Mapping[str, Quantity]) -> int:
-    return sum(name.startswith("rotor.") and name.endswith(".position.x") for name in numbers)
+    count = sum(name.startswith("rotor.") and name.endswith(".position.x") for name in numbers)
+    return abs(weight) / max(count, 1) or 1.0
 
 
 def _value(numbers: Mapping[str, Quantity], name: str, default: float = 0.0) -> float:

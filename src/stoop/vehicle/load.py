@@ -19,9 +19,7 @@ from stoop.vehicle.vehicle import Vehicle
 STANDARD_CONTROLS = ("elevator", "aileron", "rudder")
 _SENSOR_DEFAULTS = {
     "vn": (3.0, 0.1), "ve": (3.0, 0.1), "vd": (0.5, 0.1), "V": (1.0, 0.3), "alpha": (0.02, 0.005), "beta": (0.02, 0.005),
-    "p": (0.02, 0.01), "q": (0.02, 0.01), "r": (0.02, 0.01),
-    "phi": (0.02, 0.01), "theta": (0.02, 0.01), "psi": (0.02, 0.01),
-    "ax": (0.2, 0.1), "ay": (0.2, 0.1), "az": (0.2, 0.1),
+    **dict.fromkeys(("p", "q", "r", "phi", "theta", "psi"), (0.02, 0.01)), **dict.fromkeys(("ax", "ay", "az"), (0.2, 0.1)),
 }  # fmt: skip
 """Prior of the bias and noise, standard deviations in the channel's unit."""
 

@@ -331,7 +331,7 @@ class GroundEffect(Table):
 
 
 class Model(Table):
-    """Reduction of the equations of motion."""
+    """Equations of motion that are kept."""
 
     reduce: Literal["full", "longitudinal", "lateral"] = "full"
 

@@ -169,12 +169,9 @@ def _angle_degree(node: ast.expr, angles: frozenset[str]) -> int:
             return int(name in angles)
         case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=int(power))):
             return power * _angle_degree(left, angles)
-        case ast.BinOp(left=left, op=ast.Mult(), right=right):
-            return _angle_degree(left, angles) + _angle_degree(right, angles)
-        case ast.BinOp(left=left, op=ast.Div(), right=right):
-            return _angle_degree(left, angles) - _angle_degree(right, angles)
-        case ast.BinOp(left=left):
-            return _angle_degree(left, angles)
-        case ast.UnaryOp(operand=operand) | ast.Call(args=[operand]):
+        case ast.BinOp(left=left, op=ast.Mult() | ast.Div() as op, right=right):
+            sign = 1 if isinstance(op, ast.Mult) else -1
+            return _angle_degree(left, angles) + sign * _angle_degree(right, angles)
+        case ast.BinOp(left=operand) | ast.UnaryOp(operand=operand) | ast.Call(args=[operand]):
             return _angle_degree(operand, angles)
     return 0

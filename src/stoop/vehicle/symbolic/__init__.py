@@ -53,7 +53,7 @@ def build_model(vehicle: Vehicle) -> SymbolicModel:
     The longitudinal model sets v = p = r = phi = psi = 0; the lateral one keeps u, w, h at their initial values and q
     at zero.
     """
-    n = Numbers.of(vehicle)
+    n = Numbers(vehicle)
     x = {s: sp.Symbol(f"state {s}", real=True) for s in dict.fromkeys((*RIGID_STATES, *vehicle.states))}
     u = {c: sp.Symbol(f"input {c}", real=True) for c in vehicle.inputs}
     rates, outputs = _motion(n, x, u)

@@ -70,17 +70,12 @@ def scale(factor: Any, a: Vector) -> Vector:
     return factor * a[0], factor * a[1], factor * a[2]
 
 
-@dataclass(frozen=True)
 class Numbers:
     """Symbols of the numbers of a vehicle file, one per kernel row, by name; absent numbers are structural zeros."""
 
-    vehicle: Vehicle
-    symbols: tuple[Any, ...]
-
-    @classmethod
-    def of(cls, vehicle: Vehicle) -> Numbers:
-        """Return the symbols of a vehicle."""
-        return cls(vehicle, tuple(sp.Symbol(p.name, real=True) for p in vehicle.parameters))
+    def __init__(self, vehicle: Vehicle) -> None:
+        self.vehicle = vehicle
+        self.symbols = tuple(sp.Symbol(p.name, real=True) for p in vehicle.parameters)
 
     def __contains__(self, name: str) -> bool:
         return name in self.vehicle.rows

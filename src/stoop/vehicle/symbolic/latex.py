@@ -30,7 +30,7 @@ COMMAND, VOLTAGE, DENSITY = sp.symbols(r"u_{i} U \rho", real=True)
 
 def equations(vehicle: Vehicle) -> tuple[str, ...]:
     """Return one equation per coefficient of the kept equations, then those of rotors and body drag."""
-    numbers = Numbers.of(vehicle)
+    numbers = Numbers(vehicle)
     names = {numbers[name]: latex for name, latex in symbols(vehicle).items()}
     return (*_aerodynamics(numbers, names), *_rotors(numbers, names), *_body_drag(numbers, names))
 
