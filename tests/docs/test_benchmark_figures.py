@@ -17,7 +17,7 @@ def measured() -> dict[str, str]:
 
 @pytest.fixture(scope="module")
 def readme() -> Table:
-    return table(ROOT / "README.md", "How it compares", "what")
+    return table(ROOT / "README.md", "How it compares", "quantity")
 
 
 def rounded(text: str) -> list[float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from docs.pages import DOCS, table
-from stoop.simulation import asked, maneuver
+from stoop.simulation import autopilot, maneuver
 
 PAGE = DOCS / "maneuver-file.md"
 
@@ -28,6 +28,6 @@ def test_keys_of_a_battery() -> None:
 
 
 def test_how_fast_set_points_are_followed() -> None:
-    level, _, vertical, turning = asked.MOST.tolist()
+    level, _, vertical, turning = autopilot.RATE_LIMITS.tolist()
     text = PAGE.read_text(encoding="utf-8")
     assert f"no more than {level:g} m/s2 ({vertical:g} m/s2 up and down) and {turning:g} rad/s" in text
