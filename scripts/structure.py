@@ -18,7 +18,9 @@ from types import FrameType
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-FLAG = re.compile(r"\b(?:hovers|has_rotors)\b")
+FLAG = re.compile(
+    r"\bhas_rotors\b|\b(?:if|elif|not|and|or|while|bool\() ?(?:\w+\.)*vehicle\.(?:file\.)?rotors?\b(?!\[)|\bvehicle\.hovers\b"
+)  #: tests whether a vehicle has rotors
 VTAIL = ("140:145", "146:152", "160:168.3")
 
 

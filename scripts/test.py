@@ -24,7 +24,7 @@ CHECKS = {
     "format": ["ruff", "format", "--check", "."],
     "types": ["mypy"],
     "layers": ["lint-imports"],
-    "tests": [*PYTEST, "--durations=10", "--durations-file", "{durations}"],
+    "tests": [*PYTEST, "--durations=10", "--durations-file={durations}"],
     "docs": ["sphinx-build", "-q", "-W", "--keep-going", "docs", "{scratch}/site"],
 }  #: name -> command of the environment; {scratch} is thrown away
 QUICK = {"lint": CHECKS["lint"], "format": CHECKS["format"], "quick tests": [*PYTEST, "--quick"]}
