@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -64,13 +65,10 @@ class Record:
 
     Attributes
     ----------
-    vehicle : Vehicle
-        With the numbers that it is flown with, biases too.
-    start : mapping
-        Initial state by :data:`stoop.simulation.START_NAMES`; ``NAME.lag`` adds to a lagged deflection, rad.
+    vehicle : with the numbers that it is flown with, biases too
+    start : initial state by :data:`stoop.simulation.START_NAMES`; ``NAME.lag`` adds to a lagged deflection, rad
     time : (n,), s, uniform
-    inputs : (n, n_u)
-        As recorded, in the order of ``vehicle.inputs``.
+    inputs : (n, n_u) as recorded, in the order of ``vehicle.inputs``
     """
 
     vehicle: Vehicle
@@ -106,20 +104,20 @@ def own_readings(record: Record, steps: int = 1) -> FloatArray:
     begin = initial_states(vehicle, record.start, rows, inputs[0])
     flown = vehicle.kernel().trajectories(rows, begin, late_inputs(vehicle, inputs, rows, dt), dt)
     out = late_outputs(vehicle, flown[:, ::steps].copy(), rows, record.dt)[0]
-    if not np.isfinite(out).all():
-        last = record.time[int(np.argmin(np.isfinite(out).all(axis=1)))]
-        raise SimulationError(
-            f"{vehicle.where}: the flight diverges at {last:.2f} s; there is nothing to compare"
+    finite = np.isfinite(out).all(axis=1)
+    if not finite.all():
+        problem = (
+            f"the flight diverges at {record.time[np.argmin(finite)]:.2f} s; there is nothing to compare"
         )
+        raise SimulationError(f"{vehicle.where}: {problem}")
     return np.asarray(out)
 
 
 def differences(vehicle: Vehicle, a: FloatArray, b: FloatArray) -> FloatArray:
     """Return b - a of readings (n, n_y), angles taken to the nearest turn."""
     out = b - a
-    for i, name in enumerate(vehicle.outputs):
-        if name in WRAPPED:
-            out[:, i] -= 2.0 * np.pi * np.round(out[:, i] / (2.0 * np.pi))
+    angles = [name in WRAPPED for name in vehicle.outputs]
+    out[:, angles] -= 2.0 * np.pi * np.round(out[:, angles] / (2.0 * np.pi))
     return out
 
 
@@ -168,11 +166,9 @@ def excitation_record(vehicle: Vehicle, point: Trim) -> Record | None:
     """Return :func:`every_control` in 30, 10 or 3 s, the first in which it does not diverge; None where it always does."""
     for duration in (30.0, 10.0, 3.0):
         out = maneuver_record(vehicle, point, every_control(vehicle, point, duration))
-        try:
+        with suppress(SimulationError):
             own_readings(out)
-        except SimulationError:
-            continue
-        return out
+            return out
     return None
 
 
@@ -200,19 +196,13 @@ class Sortie:
 
     Attributes
     ----------
-    aircraft : str
-        Name of a folder in ``root/aircraft``.
-    start : mapping
-        Of :data:`START`, SI and rad; body axes, relative to still air.
+    aircraft : name of a folder in ``root/aircraft``
+    start : mapping of :data:`START`, SI and rad; body axes, relative to still air
     time : (n,), s, uniform
-    inputs : mapping of property to (n,)
-        Linear between samples.
-    constants : mapping of property to value
-        Set for the whole flight.
-    planet : Path, optional
-        A planet file; JSBSim's Earth when absent.
-    frames : int
-        Of JSBSim per sample.
+    inputs : mapping of property to (n,), linear between samples
+    constants : mapping of property to value for the whole flight
+    planet : a planet file; JSBSim's Earth when absent
+    frames : of JSBSim per sample
     """
 
     aircraft: str
@@ -245,13 +235,7 @@ def sortie(name: str, record: Record, planet: Path | None, rate: float = FRAME_R
 
 
 def simulator(root: Path | None) -> Any:
-    """Return a silent JSBSim that looks for aircraft in ``root/aircraft``, or among its own where there is none.
-
-    Raises
-    ------
-    StoopError
-        The package is not installed.
-    """
+    """Return a silent JSBSim that looks for aircraft in ``root/aircraft``, or among its own; StoopError without jsbsim."""
     try:
         import jsbsim as imported
     except ModuleNotFoundError:
@@ -326,15 +310,11 @@ def jsbsim_readings(
 
     Parameters
     ----------
-    root : Path
-        JSBSim's root folder.
-    name : str
-        Folder of the aircraft in it.
+    root : JSBSim's root folder
+    name : folder of the aircraft in it
     record : Record
-    planet : Path or None
-        A planet file; JSBSim's own Earth without one.
-    rate : float, Hz
-        Of JSBSim's frames, at least.
+    planet : a planet file; JSBSim's own Earth without one
+    rate : Hz, of JSBSim's frames, at least
     """
     import sympy as sp
 
@@ -370,12 +350,9 @@ class RecordedManeuver:
     Attributes
     ----------
     title : str
-    record : Record
-        Vehicle, start and inputs.
-    measured : (n, n_y), optional
-        Readings of the instruments, NaN where there is none.
-    loaded : bool
-        Whether it flew with numbers of a loading in place of the vehicle file's own.
+    record : vehicle, start and inputs
+    measured : (n, n_y), readings of the instruments, NaN where there is none
+    loaded : whether it flew with numbers of a loading in place of the vehicle file's own
     """
 
     title: str
@@ -391,10 +368,8 @@ class Comparison:
     Attributes
     ----------
     maneuver : RecordedManeuver
-    own, fine : (n, n_y)
-        Our simulation: a step per sample, and a step per frame of JSBSim.
-    flat, earth : (n, n_y)
-        JSBSim on the flat planet and on its Earth.
+    own, fine : (n, n_y), our simulation: a step per sample, and a step per frame of JSBSim
+    flat, earth : (n, n_y), JSBSim on the flat planet and on its Earth
     """
 
     maneuver: RecordedManeuver

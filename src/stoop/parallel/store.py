@@ -47,13 +47,7 @@ _MESSAGES: Final = {
 
 
 class Store:
-    """An open store; see :func:`open_store`.
-
-    Parameters
-    ----------
-    connection : sqlite3.Connection
-    path : Path
-    """
+    """An open store; see :func:`open_store`."""
 
     def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
         self._connection, self._path = connection, path
@@ -92,9 +86,8 @@ class Store:
         OutputError
             The file cannot be written; everything before is safe.
         """
-        rows = [
-            (r.key, r.identity, x, _seal(r.key, r.identity, x)) for r, x in zip(runs, results, strict=True)
-        ]
+        parts = [(run.key, run.identity, result) for run, result in zip(runs, results, strict=True)]
+        rows = [(*part, _seal(*part)) for part in parts]
         with _explained(self._path), _transaction(self._connection, "IMMEDIATE"):
             self._connection.executemany("INSERT OR IGNORE INTO runs VALUES (?, ?, ?, ?)", rows)
         self.identities.update({run.key: run.identity for run in runs})
@@ -122,12 +115,7 @@ def _seal(*parts: str) -> str:
 def open_store(path: Path, plan: Plan, environment: Mapping[str, str]) -> Iterator[Store]:
     """Open the store of a plan, or make it; nobody else can until it is closed.
 
-    Parameters
-    ----------
-    path : Path
-    plan : Plan
-    environment : mapping of str to str
-        See :func:`stoop.parallel.environment`.
+    `environment` is that of :func:`stoop.parallel.environment`, with the sources of the work functions.
 
     Raises
     ------
@@ -138,9 +126,8 @@ def open_store(path: Path, plan: Plan, environment: Mapping[str, str]) -> Iterat
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(
-            f"{path}: its folder cannot be made ({error.strerror or error}); choose another"
-        ) from None
+        problem = f"its folder cannot be made ({error.strerror or error}); choose another"
+        raise OutputError(f"{path}: {problem}") from None
     if _is_truncated(path):
         raise OutputError(f"{path}: {_FOREIGN}")
     with (
@@ -148,9 +135,8 @@ def open_store(path: Path, plan: Plan, environment: Mapping[str, str]) -> Iterat
         closing(sqlite3.connect(path.resolve(), timeout=_PATIENCE, isolation_level=None)) as connection,
     ):
         connection.execute("PRAGMA synchronous = FULL")
-        connection.execute(
-            "PRAGMA locking_mode = EXCLUSIVE"
-        )  # the lock stays from one transaction to the next
+        # the lock stays from one transaction to the next
+        connection.execute("PRAGMA locking_mode = EXCLUSIVE")
         with _transaction(connection, "EXCLUSIVE"):
             if _is_foreign(connection):
                 raise OutputError(f"{path}: {_FOREIGN}")
@@ -175,10 +161,6 @@ def open_store(path: Path, plan: Plan, environment: Mapping[str, str]) -> Iterat
 def forget(path: Path) -> None:
     """Remove a store of a campaign that nobody uses; nothing where there is none.
 
-    Parameters
-    ----------
-    path : Path
-
     Raises
     ------
     OutputError
@@ -200,9 +182,8 @@ def forget(path: Path) -> None:
             file.unlink()
             file.with_name(f"{file.name}-journal").unlink(missing_ok=True)
         except OSError as error:
-            raise OutputError(
-                f"{path}: cannot be removed ({error.strerror or error}); choose another folder"
-            ) from None
+            problem = f"cannot be removed ({error.strerror or error}); choose another folder"
+            raise OutputError(f"{path}: {problem}") from None
 
 
 def _is_foreign(connection: sqlite3.Connection) -> bool:
@@ -217,11 +198,9 @@ def _is_truncated(path: Path) -> bool:
 
     The file is not opened for this: closing it would drop the locks that this process may hold on it.
     """
-    try:
-        size = path.stat().st_size
-    except OSError:
-        return False
-    return 0 < size < 512 and not path.with_name(f"{path.name}-journal").exists()
+    with suppress(OSError):
+        return 0 < path.stat().st_size < 512 and not path.with_name(f"{path.name}-journal").exists()
+    return False
 
 
 @contextmanager
@@ -273,16 +252,15 @@ def _check_meta(
         raise OutputError(
             f"{path}: holds the runs of {there['plan']}, not of {here['plan']}; name another file"
         )
+    objects = [{k: _object(x[k], path) for k in ("settings", "environment")} for x in (here, there)]
     if there["settings"] != here["settings"]:
-        ours, theirs = (
-            {k: to_text(v, k) for k, v in _object(x["settings"], path).items()} for x in (here, there)
-        )
+        ours, theirs = ({k: to_text(v, k) for k, v in x["settings"].items()} for x in objects)
         name = min(n for n in {*ours, *theirs} if ours.get(n) != theirs.get(n))
         raise OutputError(
             f"{path}: made with other settings ({name}: {_cut(theirs.get(name))}, now {_cut(ours.get(name))}); "
             "give the same again, or begin a new store in another folder"
         )
-    kept = {name: str(value) for name, value in _object(there["environment"], path).items()}
+    kept = {name: str(value) for name, value in objects[1]["environment"].items()}
     if unlike := differences(environment, kept):
         raise OutputError(
             f"{path}: made in another environment ({unlike}): the rest would not fit what is there to the last bit; "
