@@ -288,10 +288,9 @@ def _at(
     density = condition.density(vehicle)
     try:
         point, about, remark = trim(vehicle, start["V"], start["h"], density=density), "trim", ""
-    except SimulationError as error:
+    except SimulationError:
         point, about = Trim(dict(start), {}, {}, condition.inputs, {}, math.nan), "mean state"
-        reason = str(error).rpartition(": ")[2].partition(";")[0]  # without the file's name and the advice
-        remark = f"about the mean state of the maneuvers, for {reason}"
+        remark = "about the mean state of the maneuvers: no steady flight found at this airspeed and altitude"
     free = fit.problem.layout.parameters
     values, widths = {p.name: fit.estimates[p.name] for p in free}, {p.name: p.upper - p.lower for p in free}
     try:

@@ -6,7 +6,7 @@ import argparse
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from stoop.base.files import check_targets
 from stoop.cli import options
@@ -78,14 +78,8 @@ def polar_arguments(parser: argparse.ArgumentParser) -> None:
         help="of the wing, the reference of CL and CD",
     )
     efficiency = "of motor, controller and blades, and its standard error (default: 0.7 0.1)"
-    add(
-        "--efficiency",
-        metavar=("ETA", "STD"),
-        nargs=2,
-        type=options.positive,
-        default=(0.7, 0.1),
-        help=efficiency,
-    )
+    pair: Any = {"metavar": ("ETA", "STD"), "nargs": 2, "type": options.positive, "default": (0.7, 0.1)}
+    add("--efficiency", **pair, help=efficiency)
     disc = "diameter of the propeller's disc (default: unknown, about 0.35 of the root of the area)"
     add("--disc", metavar="M", type=options.positive, help=disc)
     options.add_window(parser, "what is used (default: the airborne part)")
@@ -145,16 +139,7 @@ def rotors_arguments(parser: argparse.ArgumentParser) -> None:
 def rotors(arguments: argparse.Namespace) -> int:
     """Compare flights near hover with healthy ones, and say which rotor gives less than its command says."""
     from stoop.checks.vehicle import foreign_motors
-    from stoop.estimate.effectiveness import (
-        Balance,
-        Reference,
-        advice,
-        assess,
-        hover,
-        judge,
-        leave_one_out,
-        pooled,
-    )
+    from stoop.estimate import effectiveness
     from stoop.flight import load
     from stoop.problem.windows import whole
     from stoop.vehicle.builtin import resolve_vehicle
@@ -169,13 +154,13 @@ def rotors(arguments: argparse.Namespace) -> int:
     for path in paths:  # it would be compared with itself, or count twice
         if known.count(path.resolve()) > 1:
             raise FlightError(f"{path}: given twice; name each flight once, in question or under --healthy")
-    balance = Balance(resolve_vehicle(arguments.vehicle))
+    balance = effectiveness.Balance(resolve_vehicle(arguments.vehicle))
 
     def read_hover(paths: Sequence[Path], watch: Watch) -> tuple[Hover, ...]:
         out = []
         for path in paths:
             flight = load(path, arguments.mapping)
-            out.append(hover(flight, balance))
+            out.append(effectiveness.hover(flight, balance))
             for found in foreign_motors(balance.vehicle, flight, whole({flight.name: flight})):
                 watch.warn(str(found))
         return tuple(out)
@@ -184,17 +169,17 @@ def rotors(arguments: argparse.Namespace) -> int:
         healthy = read_hover(arguments.healthy, watch)
         flown = read_hover(arguments.flight, watch)
     one = arguments.together and len(flown) > 1
-    reference = Reference(balance, healthy, repeats=(flown,) if one else ())
+    reference = effectiveness.Reference(balance, healthy, repeats=(flown,) if one else ())
     out = page()
-    _compare("Healthy flights, each against the others", leave_one_out(reference), chance)
-    found = [assess(h, reference) for h in flown]
+    _compare("Healthy flights, each against the others", effectiveness.leave_one_out(reference), chance)
+    found = [effectiveness.assess(h, reference) for h in flown]
     _compare("Flights in question", found, chance)
     if one:
-        _compare("All in question as one", [assess(pooled(flown), reference)], chance)
+        together = effectiveness.assess(effectiveness.pooled(flown), reference)
+        _compare("All in question as one", [together], chance)
     out.bullets(_notes(reference, flown, chance), "What it rests on")
-    out.bullets(
-        advice(reference, flown, [judge(f, chance) for f in found], chance), "What would make it sharper"
-    )
+    judged = [effectiveness.judge(f, chance) for f in found]
+    out.bullets(effectiveness.advice(reference, flown, judged, chance), "What would make it sharper")
     return 0
 
 
@@ -204,12 +189,9 @@ def _compare(title: str, found: Sequence[Assessment], chance: float) -> None:
 
     if not found:
         return
-    out, suspects, names = page(), [f.suspected for f in found], [indistinct(f) for f in found]
+    out, suspects, names = page(), [f.suspected for f in found], [(f, indistinct(f)) for f in found]
     out.heading(title)
-    named = [
-        "any" if len(n) == len(f.weak) else " or ".join(n) or "none"
-        for n, f in zip(names, found, strict=True)
-    ]
+    named = ["any" if len(n) == len(f.weak) else " or ".join(n) or "none" for f, n in names]
     out.table(
         words("flight", [f.name for f in found]),
         words("suspected", named),

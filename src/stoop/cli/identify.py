@@ -63,10 +63,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Identify, write, and print what was found."""
+    from stoop.assessment.profile import DOUBTFUL
     from stoop.checks.vehicle import check_vehicle
     from stoop.estimate.methods import choose_method
     from stoop.flight.flight import flight_name
     from stoop.problem.windows import expanded, files_among, parse_window
+    from stoop.workflow import Bootstrap, Posterior, Profile
     from stoop.workflow.checkpoint import Checkpoint, identity
     from stoop.workflow.outputs import check_folder, file_hashes, flight_files
 
@@ -80,7 +82,14 @@ def run(arguments: argparse.Namespace) -> int:
     vehicle, flights, settings = _read(arguments)
     known = {flight.name: flight for flight in flights}
     fitted = [parse_window(text, known) for text in arguments.maneuver]
-    assessments = _assessments(arguments)
+    stores = [arguments.output / name for name in STORES]
+    assessments: list[Assessment] = []
+    if arguments.bootstrap:
+        assessments.append(Bootstrap(arguments.bootstrap, store=stores[0]))
+    if arguments.posterior:
+        assessments.append(Posterior())
+    if arguments.profile is not None:
+        assessments.append(Profile(tuple(arguments.profile) or (DOUBTFUL,), store=stores[1]))
     with Watch() as watch:
         # What contradicts the vehicle comes before a search that may be long; the report holds it too.
         for doubt in check_vehicle(vehicle, known, fitted):
@@ -125,22 +134,6 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
             libraries()
         check_names([p.name for p in vehicle.parameters if p.free], arguments.profile or ())
     return vehicle, flights, settings
-
-
-def _assessments(arguments: argparse.Namespace) -> list[Assessment]:
-    """Return the assessments that were asked for."""
-    from stoop.assessment.profile import DOUBTFUL
-    from stoop.workflow import Bootstrap, Posterior, Profile
-
-    bootstrap, profile = (arguments.output / name for name in STORES)
-    out: list[Assessment] = []
-    if arguments.bootstrap:
-        out.append(Bootstrap(arguments.bootstrap, store=bootstrap))
-    if arguments.posterior:
-        out.append(Posterior())
-    if arguments.profile is not None:
-        out.append(Profile(tuple(arguments.profile) or (DOUBTFUL,), store=profile))
-    return out
 
 
 def _identify(

@@ -31,36 +31,8 @@ def run(arguments: argparse.Namespace) -> int:
         summary = describe(load(arguments.flight, arguments.mapping))
     if arguments.json:
         print(to_json(info_document(summary)))
-    else:
-        _print(summary, source_arguments([arguments.flight], arguments.mapping))
-    return 0
-
-
-def info_document(summary: FlightSummary) -> dict[str, Any]:
-    """Return what is known of a flight for JSON, SI and rad; time histories and notes of its air data stand elsewhere."""
-    flight = summary.flight
-    air = (
-        None
-        if flight.air is None
-        else {k: v for k, v in vars(flight.air).items() if k not in ("traces", "notices")}
-    )
-    return {
-        "format": "stoop-info/1",
-        "name": flight.name,
-        "path": None if flight.path is None else str(flight.path),
-        "start": float(flight.time[0]),
-        "stop": float(flight.time[-1]),
-        "rate": flight.rate,
-        "channels": [asdict(row) for row in summary.rows],
-        "faults": [fault.to_dict() for fault in flight.faults],
-        "maneuvers": [asdict(maneuver) for maneuver in summary.maneuvers],
-        "air": air,
-        "unmapped": flight.unmapped,
-        "notes": [str(found) for found in summary.notices],
-    }
-
-
-def _print(summary: FlightSummary, source: Sequence[str]) -> None:
+        return 0
+    source = source_arguments([arguments.flight], arguments.mapping)
     flight, out = summary.flight, page()
     start, stop = float(flight.time[0]), float(flight.time[-1])
     out.line(source[0])
@@ -84,10 +56,9 @@ def _print(summary: FlightSummary, source: Sequence[str]) -> None:
         out.table(
             words("", [row.variable for row in full]),
             words("unit", [shown_unit(row.unit) for row in full]),
-            *(
-                points(head, texts)
-                for head, texts in (("lowest", low), ("median", middle), ("highest", high))
-            ),
+            points("lowest", low),
+            points("median", middle),
+            points("highest", high),
             words("missing", [_percent(row.missing) for row in full]),
             words("meaning", [row.meaning for row in full]),
         )
@@ -118,6 +89,28 @@ def _print(summary: FlightSummary, source: Sequence[str]) -> None:
         )
     out.bullets([one for one in summary.notices if one not in faults], "Notes")
     out.bullets(unmapped_lines(flight.unmapped), "Not mapped")
+    return 0
+
+
+def info_document(summary: FlightSummary) -> dict[str, Any]:
+    """Return what is known of a flight for JSON, SI and rad; time histories and notes of its air data stand elsewhere."""
+    flight = summary.flight
+    own = {} if flight.air is None else vars(flight.air)
+    air = {k: v for k, v in own.items() if k not in ("traces", "notices")} or None
+    return {
+        "format": "stoop-info/1",
+        "name": flight.name,
+        "path": None if flight.path is None else str(flight.path),
+        "start": float(flight.time[0]),
+        "stop": float(flight.time[-1]),
+        "rate": flight.rate,
+        "channels": [asdict(row) for row in summary.rows],
+        "faults": [fault.to_dict() for fault in flight.faults],
+        "maneuvers": [asdict(maneuver) for maneuver in summary.maneuvers],
+        "air": air,
+        "unmapped": flight.unmapped,
+        "notes": [str(found) for found in summary.notices],
+    }
 
 
 def unmapped_lines(unmapped: Mapping[str, Sequence[str]]) -> list[str]:

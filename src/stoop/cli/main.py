@@ -80,16 +80,7 @@ class _Version(argparse.Action):
 
 
 def main(given: Sequence[str] | None = None) -> int:
-    """Run the command line.
-
-    Parameters
-    ----------
-    given : the arguments; those of the process when absent
-
-    Returns
-    -------
-    The exit code.
-    """
+    """Run the command line with the arguments `given`, by default those of the process; return the exit code."""
     if given is None:
         given = sys.argv[1:]
         for stream in (sys.stdout, sys.stderr):

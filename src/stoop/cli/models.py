@@ -117,10 +117,9 @@ def structure(arguments: argparse.Namespace) -> int:
             candidates[coefficient] = (*candidates.get(coefficient, ()), *terms)
     flights = by_name([load(path, arguments.mapping) for path in arguments.flight], "structure")
     choose = criteria[arguments.criterion]
+    domain = FrequencyDomain(low, high)
     with busy(options.COMPILING):
-        found = determined(
-            vehicle, flights, arguments.maneuver, candidates, choose, FrequencyDomain(low, high)
-        )
+        found = determined(vehicle, flights, arguments.maneuver, candidates, choose, domain)
     write_structure(found, arguments.output, options.command_line())
 
     out, nothing = page(), (float("nan"),) * 2
@@ -129,25 +128,15 @@ def structure(arguments: argparse.Namespace) -> int:
         out.heading(f"{coefficient}: {share}, R2 {chosen.selection.model.r2:.3f}")
         names = found.names[coefficient]
         values = [found.estimates.get(name, nothing) for name in names.values()]
-        estimates, errors = (
-            numbers("estimate", [v for v, _ in values]),
-            numbers("std error", [s for _, s in values]),
-        )
+        estimates = numbers("estimate", [value for value, _ in values])
+        errors = numbers("std error", [error for _, error in values])
         out.table(words("term", names), words("parameter", names.values()), estimates, errors)
     of_terms = [n for chosen in found.structure.chosen.values() for n in chosen.notices]
     out.bullets([*of_terms, *found.structure.notices], "notes")
     out.line()
     out.line(f"page: {arguments.output / 'structure.html'}")
-    target = str(arguments.output / "vehicle.toml")
-    command = [
-        "stoop",
-        "identify",
-        *map(str, arguments.flight),
-        "--vehicle",
-        target,
-        "--maneuver",
-        *arguments.maneuver,
-    ]
+    command = ["stoop", "identify", *map(str, arguments.flight)]
+    command += ["--vehicle", str(arguments.output / "vehicle.toml"), "--maneuver", *arguments.maneuver]
     out.command("next: ", [*command, "-o", f"{arguments.output}-result"])
     return 0
 

@@ -116,10 +116,7 @@ def add_climb_angle(parser: argparse.ArgumentParser) -> None:
 def windows(texts: Sequence[str]) -> tuple[tuple[float, float], ...]:
     """Read windows START:STOP of one flight, s on the log's own clock.
 
-    Raises
-    ------
-    FlightError
-        Not of the form START:STOP, the wrong way round, or overlapping.
+    Raises `FlightError` if one is not of this form, the wrong way round, or overlaps another.
     """
     found = []
     for text in texts:
@@ -156,10 +153,7 @@ def source_arguments(flights: Sequence[Path], mapping: Path | None) -> list[str]
 def with_free(vehicle: Vehicle, free: Sequence[str], fix: Sequence[str]) -> Vehicle:
     """Return the vehicle with numbers freed and fixed by ``--free`` and ``--fix``.
 
-    Raises
-    ------
-    StoopError
-        A number that does not exist, is tied to another, is not in the equations, or has no bounds.
+    Raises `StoopError` for a number that does not exist, is tied to another, is not in the equations, or has no bounds.
     """
     both = set(free) & set(fix)
     if both:

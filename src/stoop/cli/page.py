@@ -11,6 +11,7 @@ import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import TYPE_CHECKING, Any, Final
 
 from stoop.base.text import printable
@@ -97,32 +98,22 @@ def plain(columns: Sequence[Column]) -> str:
 
 
 def fit(columns: Sequence[Column], width: int) -> list[Column]:
-    """Make a table as narrow as the page at the cost of its last column, if that holds words.
-
-    It goes on in further lines where it may, is cut otherwise, and left out where nothing useful remains.
-    """
+    """Make a table as narrow as the page: a last column of words is wrapped, else cut, else left out."""
     *others, last = columns
     room = width - sum(column.width + len(GAP) for column in others)
     if last.right or last.width <= room or not others:
         return list(columns)
     if last.wraps:
         parts = [textwrap.wrap(cell, max(room, MIN_WIDTH)) or [""] for cell in last.cells]
-        folded = [
-            replace(
-                c,
-                cells=tuple(
-                    t
-                    for cell, lines in zip(c.cells, parts, strict=True)
-                    for t in [cell, *[""] * (len(lines) - 1)]
-                ),
-            )
-            for c in others
-        ]
-        return [*folded, replace(last, cells=tuple(line for lines in parts for line in lines))]
+        folded = []
+        for c in others:
+            cells = ((cell, *[""] * (len(lines) - 1)) for cell, lines in zip(c.cells, parts, strict=True))
+            folded.append(replace(c, cells=tuple(chain.from_iterable(cells))))
+        return [*folded, replace(last, cells=tuple(chain.from_iterable(parts)))]
     if room < MIN_WIDTH:
         return others
-    cells = (cell if len(cell) <= room else f"{cell[: room - 3]}..." for cell in last.cells)
-    return [*others, replace(last, cells=tuple(cells))]
+    cut = tuple(cell if len(cell) <= room else f"{cell[: room - 3]}..." for cell in last.cells)
+    return [*others, replace(last, cells=cut)]
 
 
 def blocks(label: Column, columns: Sequence[Column], width: int) -> list[list[Column]]:
@@ -144,11 +135,9 @@ def shown_unit(unit: str) -> str:
 
 
 class Page:
-    """Somewhere to print on: a terminal, where long lines wrap and tables fit, or a pipe.
+    """Somewhere to print on: a terminal's console, where long lines wrap and tables fit, or plain text on stdout.
 
     Whatever is printed may come from a hostile file: it is made printable and never read as markup.
-
-    A console is that of a terminal; without it everything is plain text on stdout.
     """
 
     def __init__(self, console: Console | None = None) -> None:

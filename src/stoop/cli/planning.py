@@ -56,14 +56,11 @@ def maneuvers(arguments: argparse.Namespace) -> int:
             watch.warn(str(doubt))
         found = find_windows(flights, vehicle, watch.turn_to)
     folder = arguments.output
-    words_of = [
-        ("--vehicle", given or "V.toml"),
-        *(("--free", n) for n in free),
-        *(("--fix", n) for n in fix),
-    ]
-    words_of += [("--maneuver", str(folder / NAME)), ("-o", "result")]
     source = options.source_arguments(arguments.flight, arguments.mapping)
-    following = ["stoop", "identify", *source, *(word for pair in words_of for word in pair)]
+    following = ["stoop", "identify", *source, "--vehicle", given or "V.toml"]
+    for option, names in (("--free", free), ("--fix", fix)):
+        following += [word for name in names for word in (option, name)]
+    following += ["--maneuver", str(folder / NAME), "-o", "result"]
     every = replace(found, notices=(*map(as_notice, warned), *found.notices))
     name = "" if vehicle is None else vehicle.name
     write_windows(every, flights, name, folder, options.command_line(), following)
@@ -144,8 +141,16 @@ def design(arguments: argparse.Namespace) -> int:
         if not 0.0 <= size < math.pi / 2.0:
             raise SimulationError(f"--amplitude {text}: {value} is not between 0 and 90 degrees")
         amplitudes |= {control: size} if equals else dict.fromkeys(model.vehicle.controls, size)
-    slew, envelope = math.radians(arguments.slew), _envelope(arguments.within)
-    limits = Limits.about(model.vehicle, steady, amplitudes, slew, envelope)
+    envelope: dict[str, tuple[float, float]] = {}
+    for text in arguments.within:  # alpha=-5:10
+        channel, _, span = text.partition("=")
+        factor = math.radians(1.0) if channel in IN_DEGREES else 1.0
+        edges = [factor * _number(edge, "--within", text, "CHANNEL=LOW:HIGH") for edge in span.split(":")]
+        if len(edges) != 2 or not edges[0] < edges[1]:
+            form = "write CHANNEL=LOW:HIGH with LOW below HIGH, for example alpha=-5:10"
+            raise SimulationError(f"--within {text}: {form}")
+        envelope[channel] = (edges[0], edges[1])
+    limits = Limits.about(model.vehicle, steady, amplitudes, math.radians(arguments.slew), envelope)
     plan = Plan(
         duration=arguments.duration, band=arguments.band, optimizer=arguments.optimizer,
         evaluations=arguments.evaluations, seed=arguments.seed,
@@ -179,21 +184,6 @@ def design(arguments: argparse.Namespace) -> int:
     command = ["stoop", "simulate", str(flown), "--maneuver", str(folder / "maneuver.toml")]
     out.command("next: ", [*command, "-o", "designed.nc"])
     return 0
-
-
-def _envelope(given: list[str]) -> dict[str, tuple[float, float]]:
-    """Read ``alpha=-5:10``."""
-    out: dict[str, tuple[float, float]] = {}
-    for text in given:
-        channel, _, span = text.partition("=")
-        factor = math.radians(1.0) if channel in IN_DEGREES else 1.0
-        edges = [factor * _number(edge, "--within", text, "CHANNEL=LOW:HIGH") for edge in span.split(":")]
-        if len(edges) != 2 or not edges[0] < edges[1]:
-            raise SimulationError(
-                f"--within {text}: write CHANNEL=LOW:HIGH with LOW below HIGH, for example alpha=-5:10"
-            )
-        out[channel] = (edges[0], edges[1])
-    return out
 
 
 def _number(text: str, option: str, whole: str, form: str) -> float:

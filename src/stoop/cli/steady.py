@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Container, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -15,7 +14,7 @@ from stoop.cli.page import blocks, busy, fixed, numbers, page, shown_unit, to_js
 from stoop.errors import SimulationError
 
 if TYPE_CHECKING:
-    from stoop.simulation import LinearModel, Mode, Trim
+    from stoop.simulation import LinearModel, Trim
     from stoop.vehicle import Vehicle
 
 STDOUT: Final = Path("-")
@@ -231,7 +230,14 @@ def linear_document(vehicle: Vehicle, point: Trim, model: LinearModel, climb_ang
 
 
 def _print_model(vehicle: Vehicle, model: LinearModel) -> None:
+    from stoop.base.variables import VARIABLES
+
     out, modes = page(), model.modes
+    amplitudes = []  # how fast each mode dies away or grows
+    for mode in modes:
+        time = math.log(2.0) * mode.time_constant
+        text = f"halves in {time:.2f} s" if time > 0.0 else f"doubles in {-time:.2f} s"
+        amplitudes.append(text if math.isfinite(time) else "stays")
     out.heading("Modes")
     periods = [2.0 * math.pi / m.eigenvalue.imag if m.eigenvalue.imag > 0.0 else math.nan for m in modes]
     out.table(
@@ -240,12 +246,14 @@ def _print_model(vehicle: Vehicle, model: LinearModel) -> None:
         fixed("damping", [mode.damping for mode in modes], 4),
         fixed("period s", periods, 3),
         fixed("time constant s", [mode.time_constant for mode in modes], 3),
-        words("amplitude", map(_amplitude, modes)),
+        words("amplitude", amplitudes),
     )
     out.heading("x' = A x + B u, y = C x + D u (SI units and rad, about the steady flight)")
-    lags = frozenset(f"{rotor}.lag" for rotor in vehicle.rotors)
+    # Deflections and their lags are in rad; lags of rotors have no unit.
+    known = {name: shown_unit(one.unit) for name, one in VARIABLES.items()} | STATE_UNITS
+    known |= {f"{rotor}.lag": "" for rotor in vehicle.rotors}
     for letter, names in (("x", model.states), ("u", model.inputs), ("y", model.outputs)):
-        out.line(f"{letter}: {_with_units(names, lags)}")
+        out.line(f"{letter}: " + ", ".join(f"{name} {known.get(name, 'rad')}".rstrip() for name in names))
     sides = {"A": (0, 0), "B": (0, 1), "C": (2, 0), "D": (2, 1)}
     groups = (model.states, model.inputs, model.outputs)
     for name, (rows, heads) in sides.items():
@@ -256,20 +264,3 @@ def _print_model(vehicle: Vehicle, model: LinearModel) -> None:
         for block in blocks(words(name, groups[rows]), columns, out.width):
             out.line()
             out.table(*block)
-
-
-def _amplitude(mode: Mode) -> str:
-    """Say how fast it dies away or grows."""
-    if not math.isfinite(mode.time_constant):
-        return "stays"
-    time = math.log(2.0) * mode.time_constant
-    return f"halves in {time:.2f} s" if time > 0.0 else f"doubles in {-time:.2f} s"
-
-
-def _with_units(names: Sequence[str], plain: Container[str]) -> str:
-    """Write names with their units, deflections and their lags in rad; ``plain`` ones (lags of rotors) as they are."""
-    from stoop.base.variables import VARIABLES
-
-    known = {name: shown_unit(one.unit) for name, one in VARIABLES.items()} | STATE_UNITS
-    units = ["" if name in plain else known.get(name, "rad") for name in names]
-    return ", ".join(f"{name} {unit}".rstrip() for name, unit in zip(names, units, strict=True))

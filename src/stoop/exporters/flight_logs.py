@@ -34,17 +34,10 @@ Writer: TypeAlias = Callable[[Flight], tuple[bytes, str]]
 
 
 def check_ending(target: Path) -> None:
-    """Refuse a name by which the file could not be read again.
-
-    Raises
-    ------
-    OutputError
-        With the endings that there are.
-    """
+    """Refuse a name by which the file could not be read again: OutputError with the endings that there are."""
     if target.suffix.lower() not in ENDINGS:
-        raise OutputError(
-            f"{target}: no kind of flight file; end its name in {', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}"
-        )
+        endings = f"{', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}"
+        raise OutputError(f"{target}: no kind of flight file; end its name in {endings}")
 
 
 def save_flight_as(flight: Flight, target: Path) -> Path | None:
@@ -78,66 +71,58 @@ def save_flight_as(flight: Flight, target: Path) -> Path | None:
     return None
 
 
-@dataclass
-class LogLayout:
-    """Streams and columns of a log: a mapping, inverted.
+def lay_out(
+    flight: Flight, mapping: FlightMapping, columns: Mapping[str, Collection[str]]
+) -> tuple[dict[str, Columns], Columns]:
+    """Lay a flight out as a log: a mapping, inverted.
 
-    Attributes
+    Parameters
     ----------
+    flight : whose channels share one clock
+    mapping : by which the log will be read
+    columns : stream -> columns to write; every source of the mapping among them is written
+
+    Returns
+    -------
     streams : stream -> column -> (n,) in the unit and the axes of the log
     unmapped : variable -> (n,) SI, of those that the mapping has no column for
     """
+    known = {str(name): flight.column(str(name)) for name in flight.data.data_vars}
+    streams: dict[str, Columns] = {}
+    placed: set[tuple[str, str]] = set()  # a variable stands once in a stream
+    for source in mapping.sources:
+        there = set(columns.get(source.stream, ()))
+        wanted = {
+            name: i
+            for i, name in enumerate(source.variables)
+            if name in known and set(source.columns[i]) <= there
+        }
+        if source.stream not in columns or not wanted:
+            continue
+        if not source.partial and len(wanted) < len(source.variables):
+            continue
+        # a half turn is its own inverse
+        rotated = rotate_axes({name: known[name] for name in wanted}, source.frame)
+        for name, i in wanted.items():
+            if (source.stream, name) not in placed:
+                placed.add((source.stream, name))
+                total = (rotated[name] - source.offsets[i]) / source.factors[i]
+                _add_columns(streams.setdefault(source.stream, {}), source, i, total)
+    either = with_other_form({name for _, name in placed})  # either form of the attitude
+    return streams, {name: x for name, x in known.items() if name not in either}
 
-    streams: dict[str, Columns] = field(default_factory=dict)
-    unmapped: Columns = field(default_factory=dict)
 
-    @classmethod
-    def of(cls, flight: Flight, mapping: FlightMapping, columns: Mapping[str, Collection[str]]) -> LogLayout:
-        """Lay a flight out as a log.
-
-        Parameters
-        ----------
-        flight : whose channels share one clock
-        mapping : by which the log will be read
-        columns : stream -> columns to write; every source of the mapping among them is written
-        """
-        known = {str(name): flight.column(str(name)) for name in flight.data.data_vars}
-        out = cls()
-        placed: set[tuple[str, str]] = set()  # a variable stands once in a stream
-        for source in mapping.sources:
-            there = set(columns.get(source.stream, ()))
-            wanted = [
-                i
-                for i, name in enumerate(source.variables)
-                if name in known and set(source.columns[i]) <= there
-            ]
-            if source.stream not in columns or not wanted:
-                continue
-            if not source.partial and len(wanted) < len(source.variables):
-                continue
-            # a half turn is its own inverse
-            names = [source.variables[i] for i in wanted]
-            rotated = rotate_axes({name: known[name] for name in names}, source.frame)
-            for i, name in zip(wanted, names, strict=True):
-                if (source.stream, name) not in placed:
-                    placed.add((source.stream, name))
-                    out._write(source, i, (rotated[name] - source.offsets[i]) / source.factors[i])
-        either = with_other_form({name for _, name in placed})  # either form of the attitude
-        out.unmapped = {name: x for name, x in known.items() if name not in either}
-        return out
-
-    def _write(self, source: Source, i: int, total: FloatArray) -> None:
-        """Solve a weighted sum of columns for those that are empty; the first of them takes the remainder."""
-        table = self.streams.setdefault(source.stream, {})
-        weights = source.columns[i]
-        if source.valid[i]:
-            table[source.valid[i]] = np.ones(total.size)
-        empty = [column for column in weights if column not in table]
-        for column in empty[1:]:
-            table[column] = np.zeros(total.size)
-        if empty:
-            rest = sum((w * table[c] for c, w in weights.items() if c != empty[0]), np.zeros(total.size))
-            table[empty[0]] = (total - rest) / weights[empty[0]]
+def _add_columns(table: Columns, source: Source, i: int, total: FloatArray) -> None:
+    """Solve a weighted sum of columns for those that are empty; the first of them takes the remainder."""
+    weights = source.columns[i]
+    if source.valid[i]:
+        table[source.valid[i]] = np.ones(total.size)
+    empty = [column for column in weights if column not in table]
+    for column in empty[1:]:
+        table[column] = np.zeros(total.size)
+    if empty:
+        rest = sum((w * table[c] for c, w in weights.items() if c != empty[0]), np.zeros(total.size))
+        table[empty[0]] = (total - rest) / weights[empty[0]]
 
 
 @dataclass
@@ -165,8 +150,10 @@ class MappingFile:
     def calibrate(self, surface: str, output: str, low: float, high: float, travel: float) -> None:
         """Add the calibration of a surface: -travel at the pulse or command `low`, travel at `high`."""
         points = f"[[{low:g}, {-travel:g}], [{high:g}, {travel:g}]]"
-        self.tables.append(f"[calibration.{output}]\npoints = {points}\n")
-        self.tables.append(f"[surface.{surface}]\nfrom = {{ {output} = 1.0 }}\n")
+        self.tables += [
+            f"[calibration.{output}]\npoints = {points}\n",
+            f"[surface.{surface}]\nfrom = {{ {output} = 1.0 }}\n",
+        ]
 
     def text(self) -> str:
         """Return the file; empty where the ready mapping reads all."""
@@ -218,8 +205,8 @@ def px4_log(flight: Flight) -> tuple[bytes, str]:
     Deflections go to the servos, as normalized commands; V to the validated airspeed; what else PX4 has no topic for to
     its array for debugging.
     """
-    log, mapping = LogLayout.of(flight, ready("px4"), {**ARRAYS, **SINGLE}), MappingFile("px4")
-    streams, unmapped, time = log.streams, log.unmapped, flight.time
+    (streams, unmapped), time = lay_out(flight, ready("px4"), {**ARRAYS, **SINGLE}), flight.time
+    mapping = MappingFile("px4")
     if "V" in unmapped and "airspeed_validated" not in streams:
         streams["airspeed_validated"] = {"true_airspeed_m_s": unmapped.pop("V")}
         mapping.add("V", "true_airspeed_m_s", "m/s", "airspeed_validated")
@@ -277,9 +264,8 @@ class Message:
         one = bool(self.instance)
         letters = "Q" + "B" * one + self.letter * len(kept)
         units = "s" + "#" * one + "".join(self.unit[i] for i in kept)
-        return Table(
-            name, ",".join(values), letters, units, "F" + "-" * one + self.multiplier * len(kept), values
-        )
+        multipliers = "F" + "-" * one + self.multiplier * len(kept)
+        return Table(name, ",".join(values), letters, units, multipliers, values)
 
 
 _OUTPUTS: Final = tuple(f"C{i}" for i in range(1, 15))
@@ -306,8 +292,7 @@ def ardupilot_log(flight: Flight) -> tuple[bytes, str]:
     else ArduPilot has no message for stands in messages SM00, SM01, ... of its own, as scripts of users write them.
     """
     columns = {name: m.columns for name, m in MESSAGES.items()}
-    log, mapping = LogLayout.of(flight, ready("ardupilot"), columns), MappingFile("ardupilot")
-    streams, unmapped = log.streams, log.unmapped
+    (streams, unmapped), mapping = lay_out(flight, ready("ardupilot"), columns), MappingFile("ardupilot")
     for name in ("airspeed_pitot", "V"):
         if name in unmapped and "ARSP" not in streams:
             streams["ARSP"] = {"Airspeed": unmapped.pop(name)}
@@ -367,12 +352,12 @@ def crazyflie_log(flight: Flight) -> tuple[bytes, str]:
 
     Motor commands have 16 bits. What the firmware has no variable for, such as a fifth motor, stands in a group "sim".
     """
-    log = LogLayout.of(flight, ready("crazyflie"), {"": CRAZYFLIE_VARIABLES})
+    streams, unmapped = lay_out(flight, ready("crazyflie"), {"": CRAZYFLIE_VARIABLES})
     mapping, columns = MappingFile("crazyflie"), dict[str, npt.NDArray[Any]]()
-    for name, x in sorted(log.streams.get("", {}).items()):
+    for name, x in sorted(streams.get("", {}).items()):
         motor = name.startswith("motor.")
         columns[name] = np.rint(np.clip(x, 0, 65535)).astype(np.uint16) if motor else x.astype(np.float32)
-    for name, x in log.unmapped.items():
+    for name, x in unmapped.items():
         columns[f"sim.{name}"] = x.astype(np.float32)
         mapping.add(name, f"sim.{name}", VARIABLES[name].unit)
     return crazyflie_bytes({"fixedFrequency": Event(1, flight.time, columns)}), mapping.text()
@@ -396,20 +381,13 @@ def matlab_table(flight: Flight) -> tuple[bytes, str]:
 
 
 def parquet_table(flight: Flight) -> tuple[bytes, str]:
-    """Return a Parquet file, and the mapping that names its columns.
-
-    Raises
-    ------
-    OutputError
-        Without pyarrow.
-    """
+    """Return a Parquet file, and the mapping that names its columns; OutputError without pyarrow."""
     try:
         import pyarrow as pa
         from pyarrow import parquet
     except ImportError:
-        raise OutputError(
-            "Parquet is written by pyarrow, which is not installed: pip install 'stoop[parquet]'"
-        ) from None
+        message = "Parquet is written by pyarrow, which is not installed: pip install 'stoop[parquet]'"
+        raise OutputError(message) from None
     (columns, mapping), content = _table(flight), io.BytesIO()
     parquet.write_table(pa.table(columns), content)
     return content.getvalue(), mapping
@@ -428,9 +406,6 @@ def _table(flight: Flight) -> tuple[Columns, str]:
 
 TABLES: Final[dict[str, Writer]] = {".csv": csv_table, ".mat": matlab_table, ".parquet": parquet_table}
 WRITERS: Final[dict[str, Writer]] = {
-    ".ulg": px4_log,
-    ".bin": ardupilot_log,
-    ".usd": crazyflie_log,
-    **TABLES,
-}  #: ending -> log and mapping
+    ".ulg": px4_log, ".bin": ardupilot_log, ".usd": crazyflie_log, **TABLES,
+}  # fmt: skip  #: ending -> log and mapping
 ENDINGS: Final = (OWN, *WRITERS)

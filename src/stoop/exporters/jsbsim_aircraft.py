@@ -14,7 +14,15 @@ from xml.etree.ElementTree import Element, SubElement
 
 from stoop.base.units import FOOT, INCH, POUND_FORCE, SLUG
 from stoop.errors import VehicleError, one_line
-from stoop.exporters.jsbsim_flight import FRAME_RATE, INTEGRATORS, PLANET, START, Record, file_name, sortie
+from stoop.exporters.jsbsim_flight import (
+    FRAME_RATE,
+    INTEGRATORS,
+    PLANET,
+    START,
+    Record,
+    file_name,
+    settings,
+)
 from stoop.exporters.jsbsim_model import (
     THRUST,
     aerodynamics,
@@ -51,13 +59,7 @@ _INITIAL: Final = {
 
 
 def folder(vehicle: Vehicle, steady: Record | None) -> dict[str, str]:
-    """Return the files by their place below the root.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-    steady : Record, optional
-        A steady flight, of which the start is used.
+    """Return the files by their place below the root; with a steady flight, its start and a script that flies it.
 
     Raises
     ------
@@ -70,19 +72,13 @@ def folder(vehicle: Vehicle, steady: Record | None) -> dict[str, str]:
         PLANET: flat_planet(vehicle.value("environment.gravity")),
     }
     if steady is not None:
-        out[f"aircraft/{name}/{STEADY}.xml"] = initialization(steady, name)
-        out[f"scripts/{name}.xml"] = script(steady, name)
+        out[f"aircraft/{name}/{STEADY}.xml"] = initialization(steady)
+        out[f"scripts/{name}.xml"] = script(steady)
     return out
 
 
 def aircraft(vehicle: Vehicle) -> str:
-    """Return the text of ``aircraft/NAME/NAME.xml``.
-
-    Raises
-    ------
-    VehicleError
-        What JSBSim cannot fly.
-    """
+    """Return the text of ``aircraft/NAME/NAME.xml``; VehicleError for what JSBSim cannot fly."""
     check(vehicle)
     root = Element("fdm_config", {"name": one_line(vehicle.name), "version": "2.0", "release": "BETA"})
     header = SubElement(root, "fileheader")
@@ -105,9 +101,8 @@ def aircraft(vehicle: Vehicle) -> str:
     root.append(Element("ground_reactions"))
     root.append(flight_control(vehicle))
     if vehicle.file.propulsion is not None:  # the thrust as an external force along its line
-        force = SubElement(
-            SubElement(root, "external_reactions"), "force", {"name": "thrust", "frame": "BODY"}
-        )
+        reactions = SubElement(root, "external_reactions")
+        force = SubElement(reactions, "force", {"name": "thrust", "frame": "BODY"})
         SubElement(SubElement(force, "function"), "product").extend([prop(THRUST), value(1.0 / POUND_FORCE)])
         force.append(location(point(vehicle, "propulsion.position")))
         pitch = vehicle.value("propulsion.pitch") if "propulsion.pitch" in vehicle.rows else 0.0
@@ -125,29 +120,26 @@ def document(root: Element) -> str:
 
 
 def check(vehicle: Vehicle) -> None:
-    """Refuse what JSBSim's equations of motion do not have.
-
-    Raises
-    ------
-    VehicleError
-        With what to do instead.
-    """
+    """Refuse what JSBSim's equations of motion do not have: VehicleError with what to do instead."""
+    early = [name for name, seconds in delays(vehicle).items() if seconds < 0.0]
+    problem = ""
     if vehicle.rotors:
-        raise VehicleError(
-            f"{vehicle.where}: rotors are not written for JSBSim, which has no form of their induced flow; "
+        problem = (
+            "rotors are not written for JSBSim, which has no form of their induced flow; "
             "export to state-space or simulink"
         )
-    if vehicle.reduce == "lateral":
-        raise VehicleError(
-            f"{vehicle.where}: the lateral model holds speed and incidence, which JSBSim does not; "
+    elif vehicle.reduce == "lateral":
+        problem = (
+            "the lateral model holds speed and incidence, which JSBSim does not; "
             'export to state-space, or set model.reduce = "full"'
         )
-    early = [name for name, seconds in delays(vehicle).items() if seconds < 0.0]
-    if early:
-        raise VehicleError(
-            f"{vehicle.where}: the channel {early[0]} acts before it is recorded (its delay is negative), which "
-            "JSBSim cannot fly; set the delay to zero"
+    elif early:
+        problem = (
+            f"the channel {early[0]} acts before it is recorded (its delay is negative), which JSBSim cannot fly; "
+            "set the delay to zero"
         )
+    if problem:
+        raise VehicleError(f"{vehicle.where}: {problem}")
 
 
 def point(vehicle: Vehicle, name: str) -> Point:
@@ -179,46 +171,37 @@ def flat_planet(gravity: float) -> str:
     """
     radius = 1e10 / FOOT
     out = Element("planet", {"name": "flat"})
-    for tag, x, unit in (
-        ("semimajor_axis", radius, "FT"),
-        ("semiminor_axis", radius, "FT"),
-        ("rotation_rate", 0.0, "RAD/SEC"),
-        ("GM", gravity / FOOT * radius**2, "FT3/SEC2"),
-    ):
-        out.append(_quantity(tag, x, unit))
+    out.extend(_quantity(f"{axis}_axis", radius, "FT") for axis in ("semimajor", "semiminor"))
+    out.append(_quantity("rotation_rate", 0.0, "RAD/SEC"))
+    out.append(_quantity("GM", gravity / FOOT * radius**2, "FT3/SEC2"))
     out.append(leaf("J2", number(0.0)))
     return document(out)
 
 
-def initialization(steady: Record, name: str) -> str:
+def initialization(steady: Record) -> str:
     """Return the start of a steady flight as JSBSim reads it."""
-    start = sortie(name, steady, None).start
-    out = Element("initialize", {"name": STEADY})
+    out, start = Element("initialize", {"name": STEADY}), settings(steady).start
     for key, (tag, unit) in _INITIAL.items():
         out.append(_quantity(tag, start[key] / START[key][1], unit))
     out.extend(leaf(tag, "0.0") for tag in ("latitude", "longitude"))
     return document(out)
 
 
-def script(steady: Record, name: str) -> str:
+def script(steady: Record) -> str:
     """Return a script that flies the steady flight for its time."""
-    flown = sortie(name, steady, None)
-    out = Element("runscript", {"name": one_line(steady.vehicle.name)})
+    out, given = Element("runscript", {"name": one_line(steady.vehicle.name)}), settings(steady)
     SubElement(out, "description").text = "A steady flight; made by stoop export"
-    SubElement(out, "use", {"aircraft": name, "initialize": STEADY})
+    SubElement(out, "use", {"aircraft": file_name(steady.vehicle.name), "initialize": STEADY})
     length = float(steady.time[-1] - steady.time[0])
     run = SubElement(out, "run", {"start": "0.0", "end": number(length), "dt": number(1.0 / FRAME_RATE)})
-    inputs = {n: float(column[0]) for n, column in flown.inputs.items()}
-    for place, x in {**INTEGRATORS, **flown.constants, **inputs}.items():
+    inputs = {n: float(column[0]) for n, column in given.inputs.items()}
+    for place, x in {**INTEGRATORS, **given.constants, **inputs}.items():
         SubElement(run, "property", {"value": number(x)}).text = place
     return document(out)
 
 
 def read_numbers(text: str) -> dict[str, float]:
-    """Return mass properties, geometry and aerodynamic coefficients of an aircraft file that stoop wrote, SI.
-
-    The text is trusted: it is read to check what was written.
-    """
+    """Return mass properties, geometry and aerodynamic coefficients of an aircraft file that stoop wrote (trusted), SI."""
     root = ET.fromstring(text)  # noqa: S314 - our own
 
     def number_at(node: Element, path: str) -> float:

@@ -10,8 +10,7 @@ value, which is a property.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Final
 from xml.etree.ElementTree import Element, SubElement
 
@@ -76,17 +75,9 @@ def function(name: str, body: Element, description: str = "") -> Element:
 
 
 def convert(expr: Any, names: Mapping[Any, str]) -> Element:
-    """Return the element that computes an expression.
+    """Return the element that computes a SymPy expression, whose symbols are the properties `names`.
 
-    Parameters
-    ----------
-    expr : SymPy expression of symbols, numbers, sums, products, whole or half powers and ``Abs``
-    names : mapping of symbol to property
-
-    Raises
-    ------
-    NotImplementedError
-        A function that vehicle files cannot express.
+    It is made of symbols, numbers, sums, products, whole or half powers and ``Abs``; NotImplementedError for others.
     """
     expr = sp.sympify(expr)
     if expr.is_Symbol:
@@ -110,77 +101,40 @@ def convert(expr: Any, names: Mapping[Any, str]) -> Element:
     raise NotImplementedError(f"{type(expr).__name__} has no form in JSBSim")
 
 
-def channel(name: str) -> str:
-    """Return the property that takes a recorded channel."""
-    return f"stoop/channel/{name}"
+channel: Final = "stoop/channel/{}".format  #: property that takes a recorded channel
+channel_start: Final = "stoop/start/{}".format  #: of the value of a delayed channel before the flight began
+lag_start: Final = (
+    "stoop/start/{}-rad".format
+)  #: of where a lagged surface stood before the flight began, rad
+deflection: Final = "stoop/deflection/{}-rad".format  #: of a surface's deflection, rad
+variable: Final = "stoop/variable/{}".format  #: of a variable of the aerodynamic terms
+coefficient: Final = "aero/coefficient/{}".format  #: name of the function of an aerodynamic term
+_delayed: Final = "stoop/delayed/{}".format  #: property of a channel as the surfaces receive it
 
 
-def channel_start(name: str) -> str:
-    """Return the property of the value that a delayed channel had before the flight began."""
-    return f"stoop/start/{name}"
+def physics(vehicle: Vehicle) -> tuple[forces.Surroundings, Callable[[Any], Element]]:
+    """Return symbols for what JSBSim knows, and what converts an expression of them, with the vehicle's numbers in place.
 
-
-def lag_start(control: str) -> str:
-    """Return the property of where a lagged surface stood before the flight began, rad."""
-    return f"stoop/start/{control}-rad"
-
-
-def deflection(control: str) -> str:
-    """Return the property of a surface's deflection, rad."""
-    return f"stoop/deflection/{control}-rad"
-
-
-def variable(name: str) -> str:
-    """Return the property of a variable of the aerodynamic terms."""
-    return f"stoop/variable/{name}"
-
-
-def coefficient(name: str) -> str:
-    """Return the name of the function of an aerodynamic term."""
-    return f"aero/coefficient/{name}"
-
-
-@dataclass(frozen=True, eq=False)
-class Physics:
-    """The symbols of a vehicle's loads, what property each is in JSBSim, and the numbers in place.
-
-    Attributes
-    ----------
-    surroundings : Surroundings
-    names : mapping of symbol to property
-    numbers : mapping of symbol to its value, SI
+    The symbols are air-relative motion, density, rates, deflections and channels.
     """
+    names: dict[Any, str] = {}
 
-    surroundings: forces.Surroundings
-    names: dict[Any, str]
-    numbers: dict[Any, float]
+    def symbol(name: str, place: str) -> Any:
+        made = sp.Symbol(name, real=True)
+        names[made] = place
+        return made
 
-    @classmethod
-    def of(cls, vehicle: Vehicle) -> Physics:
-        """Make symbols for what JSBSim knows: air-relative motion, density, rates, deflections, channels."""
-        names: dict[Any, str] = {}
-
-        def symbol(name: str, place: str) -> Any:
-            made = sp.Symbol(name, real=True)
-            names[made] = place
-            return made
-
-        V = symbol("V", AIRSPEED)
-        alpha, beta = symbol("alpha", "aero/alpha-rad"), symbol("beta", "aero/beta-rad")
-        air = Air(V, V**2, alpha, beta, sp.cos(alpha), sp.sin(alpha), sp.cos(beta), sp.sin(beta))
-        p, q, r = (symbol(a, f"velocities/{a}-aero-rad_sec") for a in "pqr")
-        density = symbol("density", DENSITY)
-        deflections = {c: symbol(f"control {c}", deflection(c)) for c in vehicle.controls}
-        channels = {c: symbol(f"channel {c}", channel(c)) for c in vehicle.inputs}
-        n = Numbers(vehicle)
-        numbers = dict(zip(n.symbols, vehicle.values.tolist(), strict=True))
-        return cls(forces.Surroundings(n, air, density, (p, q, r), deflections, channels), names, numbers)
-
-    def element(self, expr: Any) -> Element:
-        """Return the element that computes an expression with the vehicle's numbers in place."""
-        return convert(
-            sp.sympify(expr).xreplace({s: sp.Float(v) for s, v in self.numbers.items()}), self.names
-        )
+    V = symbol("V", AIRSPEED)
+    alpha, beta = symbol("alpha", "aero/alpha-rad"), symbol("beta", "aero/beta-rad")
+    air = Air(V, V**2, alpha, beta, sp.cos(alpha), sp.sin(alpha), sp.cos(beta), sp.sin(beta))
+    p, q, r = (symbol(a, f"velocities/{a}-aero-rad_sec") for a in "pqr")
+    density = symbol("density", DENSITY)
+    deflections = {c: symbol(f"control {c}", deflection(c)) for c in vehicle.controls}
+    channels = {c: symbol(f"channel {c}", channel(c)) for c in vehicle.inputs}
+    n = Numbers(vehicle)
+    numbers = {s: sp.Float(x) for s, x in zip(n.symbols, vehicle.values.tolist(), strict=True)}
+    surroundings = forces.Surroundings(n, air, density, (p, q, r), deflections, channels)
+    return surroundings, lambda expr: convert(sp.sympify(expr).xreplace(numbers), names)
 
 
 def constant_thrust(vehicle: Vehicle) -> dict[str, float]:
@@ -192,7 +146,7 @@ def constant_thrust(vehicle: Vehicle) -> dict[str, float]:
 
 def aerodynamics(vehicle: Vehicle) -> Element:
     """Return the aerodynamics section: air, variables of the terms, thrust, and an axis per coefficient."""
-    physics = Physics.of(vehicle)
+    surroundings, element = physics(vehicle)
     out = Element("aerodynamics")
     out.append(function(AIRSPEED, node("product", prop("velocities/vt-fps"), value(FOOT))))
     source = str(vehicle.file.environment.density)
@@ -210,14 +164,14 @@ def aerodynamics(vehicle: Vehicle) -> Element:
     factors = (value(0.5), prop(DENSITY), prop(AIRSPEED), prop(AIRSPEED))
     area = value(vehicle.value("reference.area"))
     out.append(function(PRESSURE_AREA, node("product", *factors, area, value(1.0 / POUND_FORCE))))
-    known = forces.term_variables(physics.surroundings)
+    known = forces.term_variables(surroundings)
     for name, meaning in terms.STATE_VARIABLES.items():
-        out.append(function(variable(name), physics.element(known[name]), meaning))
+        out.append(function(variable(name), element(known[name]), meaning))
     propulsion = vehicle.file.propulsion
     if (
         propulsion is not None and propulsion.kind != "constant"
     ):  # a constant one is a property that can be set
-        out.append(function(THRUST, physics.element(forces.thrust(physics.surroundings))))
+        out.append(function(THRUST, element(forces.thrust(surroundings))))
     symbols = {n: sp.Symbol(n, real=True) for n in (*terms.STATE_VARIABLES, *vehicle.file.controls)}
     names = {s: deflection(n) if n in vehicle.file.controls else variable(n) for n, s in symbols.items()}
     for name, group in vehicle.terms.items():
@@ -270,11 +224,6 @@ def _component(name: str, body: Element) -> Element:
     return out
 
 
-def _delayed(name: str) -> str:
-    """Return the property of a channel as the surfaces receive it."""
-    return f"stoop/delayed/{name}"
-
-
 def _delay(name: str, seconds: float) -> Iterator[Element]:
     """Yield what delays a channel by a time that need not be whole frames."""
 
@@ -316,11 +265,8 @@ def _surface(vehicle: Vehicle, control: str, late: dict[str, float]) -> Iterator
     if control not in lagged(vehicle):
         yield _component(deflection(control), mixed)
         return
-    deviation, follower, start = (
-        f"stoop/command/{control}-rad",
-        f"stoop/lagged/{control}-rad",
-        lag_start(control),
-    )
+    start, deviation = lag_start(control), f"stoop/command/{control}-rad"
+    follower = f"stoop/lagged/{control}-rad"
     yield _component(deviation, node("difference", mixed, prop(start)))
     out = Element("lag_filter", {"name": follower})
     out.append(leaf("input", deviation))

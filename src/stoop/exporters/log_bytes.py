@@ -39,11 +39,7 @@ def _interleaved(tables: Sequence[Bytes], times: Sequence[npt.NDArray[Any]]) -> 
     order = np.argsort(np.concatenate(times), kind="stable")
     begins = np.empty(order.size, dtype=np.intp)
     begins[order] = np.cumsum(widths[order]) - widths[order]
-    out, first, block = (
-        np.frombuffer(content, dtype=np.uint8),
-        0,
-        2**16,
-    )  # rows at a time: lists of places are large
+    out, first, block = np.frombuffer(content, dtype=np.uint8), 0, 2**16  # rows at a time: places are large
     for table in tables:
         own = begins[first : first + table.shape[0]]
         for k in range(0, table.shape[0], block):
@@ -71,9 +67,8 @@ class Topic:
 
 
 _TYPES: Final = {np.dtype(code): name for name, code in reversed(BASIC.items())} | {
-    np.dtype(bool): "bool",
-    np.dtype("i1"): "int8_t",
-}
+    np.dtype(bool): "bool", np.dtype("i1"): "int8_t",
+}  # fmt: skip
 
 
 def ulog(
@@ -107,23 +102,22 @@ def ulog_definitions(
 ) -> bytes:
     """Return what stands before the first row: flags, information, formats, parameters, and the list of topics."""
 
-    def keyed(kind: str, key: str, value: bytes) -> bytes:
+    def keyed(key: str, value: str | float) -> bytes:
+        if isinstance(value, str):
+            content = value.encode()
+            kind = f"char[{len(content)}]"
+        else:
+            whole = isinstance(value, int)
+            kind, content = "int32_t" if whole else "float", struct.pack("<i" if whole else "<f", value)
         name = f"{kind} {key}".encode()
-        return bytes([len(name)]) + name + value
-
-    def number(key: str, value: float) -> bytes:
-        whole = isinstance(value, int)
-        return keyed("int32_t" if whole else "float", key, struct.pack("<i" if whole else "<f", value))
+        return bytes([len(name)]) + name + content
 
     start = min((round(t.time[0] / MICROSECOND) for t in topics if t.time.size), default=0)
     out = [b"ULog\x01\x12\x35\x01", struct.pack("<Q", start), ulog_message("B", bytes(40))]
-    for key, value in (info or {}).items():
-        text = str(value).encode()
-        body = number(key, value) if isinstance(value, int) else keyed(f"char[{len(text)}]", key, text)
-        out.append(ulog_message("I", body))
+    out += [ulog_message("I", keyed(key, value)) for key, value in (info or {}).items()]
     formats = {topic.name: _format(topic) for topic in topics}
     out += [ulog_message("F", body) for body in formats.values()]
-    out += [ulog_message("P", number(key, value)) for key, value in (parameters or {}).items()]
+    out += [ulog_message("P", keyed(key, value)) for key, value in (parameters or {}).items()]
     for i, topic in enumerate(topics):
         out.append(ulog_message("A", struct.pack("<BH", topic.instance, i) + topic.name.encode()))
     return b"".join(out)
@@ -209,16 +203,9 @@ class Table:
 
 def _described(name: str, letters: str, **columns: Values) -> Table:
     """Return a table that describes a log, at time zero."""
-    count = len(next(iter(columns.values())))
-    values = {"TimeUS": np.zeros(count), **columns}
-    return Table(
-        name,
-        ",".join(values),
-        f"Q{letters}",
-        "s".ljust(len(values), "-"),
-        "F".ljust(len(values), "-"),
-        values,
-    )
+    values = {"TimeUS": np.zeros(len(next(iter(columns.values())))), **columns}
+    units, multipliers = (mark.ljust(len(values), "-") for mark in "sF")
+    return Table(name, ",".join(values), f"Q{letters}", units, multipliers, values)
 
 
 def dataflash_bytes(
@@ -251,27 +238,19 @@ def dataflash_bytes(
     marks = [t.units for t in every], [t.multipliers for t in every]
     every[0] = _described("FMTU", "BNN", FmtType=[*kinds.values()], UnitIds=marks[0], MultIds=marks[1])
     out = [_definition(FMT, "FMT", FMT_LENGTH, "BBnNZ", "Type,Length,Name,Format,Columns")]
-    layouts = []
+    blocks: list[Bytes] = []
     for table in every:
         layout = make_layout(kinds[table.name], table.name, table.letters, table.columns)
         fits = len(table.name) <= 4 and len(table.letters) <= 16 and len(table.columns) <= 64
         if layout is None or not fits or layout.row.itemsize > 252:
-            raise ValueError(
-                f"table {table.name} of columns {table.columns} cannot be written as {table.letters}"
-            )
-        layouts.append(layout)
-        out.append(
-            _definition(layout.kind, table.name, layout.row.itemsize + 3, table.letters, table.columns)
-        )
-    blocks = [_rows(layout, table) for layout, table in zip(layouts, every, strict=True)]
-    first = len(every) - len(tables)
-    times = [
-        np.asarray(table.values.get("TimeUS", np.zeros(len(block))))
-        for table, block in zip(tables, blocks[first:], strict=True)
-    ]
-    return b"".join(
-        [*out, *(block.tobytes() for block in blocks[:first]), _interleaved(blocks[first:], times)[0]]
-    )
+            raise ValueError(f"table {table.name} of {table.columns} cannot be written as {table.letters}")
+        length = layout.row.itemsize + 3
+        out.append(_definition(layout.kind, table.name, length, table.letters, table.columns))
+        blocks.append(_rows(layout, table))
+    own = blocks[-len(tables) :] if tables else []
+    heads = [block.tobytes() for block in blocks[: len(blocks) - len(own)]]
+    times = [np.asarray(t.values.get("TimeUS", np.zeros(len(b)))) for t, b in zip(tables, own, strict=True)]
+    return b"".join([*out, *heads, _interleaved(own, times)[0]])
 
 
 def _definition(kind: int, name: str, length: int, letters: str, columns: str) -> bytes:
@@ -297,9 +276,8 @@ def _rows(layout: Layout, table: Table) -> Bytes:
             least, most = np.iinfo(kind).min, np.iinfo(kind).max
             if numbers.dtype.kind not in "iu":
                 numbers = np.rint(np.nan_to_num(numbers) * DIVISORS.get(letter, 1.0))
-                most = (
-                    int(np.nextafter(float(most), 0.0)) if kind.itemsize == 8 else most
-                )  # 2**63 is no int64
+                if kind.itemsize == 8:  # 2**63 is no int64
+                    most = int(np.nextafter(float(most), 0.0))
             numbers = np.clip(numbers, least, most).astype(kind)
         rows["body"][str(i)] = numbers
     return rows.view(np.uint8).reshape(len(rows), rows.itemsize)
@@ -338,8 +316,6 @@ def crazyflie_bytes(events: Mapping[str, Event], version: int = 2) -> bytes:
         records[names[1]] = np.round(event.time * (1e3 if version == 1 else 1e6))
         for column in names[2:]:
             records[column] = event.columns[column]
-        tables.append(
-            records.view(np.uint8).reshape(len(records), -1) if len(records) else np.zeros((0, 1), np.uint8)
-        )
+        tables.append(records.view(np.uint8).reshape(len(records), records.itemsize))
     body = head + bytes(_interleaved(tables, [event.time for event in events.values()])[0])
     return body + struct.pack("<I", zlib.crc32(body))

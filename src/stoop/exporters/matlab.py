@@ -92,10 +92,8 @@ def standard_errors(vehicle: Vehicle, point: Trim, known: ParameterCovariance) -
     """
 
     def slopes(name: str, step: float) -> list[FloatArray]:
-        center = vehicle.value(name)
-        up, down = (
-            linearize(vehicle.with_numbers({name: {"value": center + s}}), point) for s in (step, -step)
-        )
+        shifted = [{name: {"value": vehicle.value(name) + s}} for s in (step, -step)]
+        up, down = (linearize(vehicle.with_numbers(change), point) for change in shifted)
         return [(getattr(up, m) - getattr(down, m)) / (2.0 * step) for m in MATRICES]
 
     variances = np.diag(known.covariance)
@@ -129,21 +127,28 @@ def unit(name: str, vehicle: Vehicle) -> str:
     return VARIABLES[name].unit if name in VARIABLES else "rad"
 
 
-def numbers(vehicle: Vehicle, point: Trim | None) -> dict[str, float]:
+def numbers(vehicle: Vehicle, point: Trim) -> dict[str, float]:
     """Return every number of the vehicle as it is flown, by name."""
     own = dict(zip((p.name for p in vehicle.parameters), vehicle.values.tolist(), strict=True))
-    return own | ({} if point is None else {n: float(v) for n, v in point.changes.items()})
+    return own | {n: float(v) for n, v in point.changes.items()}
 
 
-def document(found: StateSpace) -> dict[str, Any]:
-    """Return the model for JSON, SI and rad; numbers carry all their digits."""
+def json_text(found: StateSpace) -> str:
+    """Return the model as JSON, SI and rad; numbers carry all their digits, and what does not exist is null."""
     model, vehicle = found.model, found.vehicle
 
     def signals(names: tuple[str, ...], values: FloatArray) -> list[dict[str, Any]]:
         rows = zip(names, values.tolist(), strict=True)
         return [{"name": n, "unit": unit(n, vehicle), "trim": v} for n, v in rows]
 
-    return {
+    def finite(node: Any) -> Any:
+        if isinstance(node, Mapping):
+            return {k: finite(v) for k, v in node.items()}
+        if isinstance(node, list):
+            return [finite(v) for v in node]
+        return None if isinstance(node, float) and not math.isfinite(node) else node
+
+    content = {
         "format": FORMAT,
         "vehicle": vehicle.name,
         "reduce": vehicle.reduce,
@@ -156,19 +161,7 @@ def document(found: StateSpace) -> dict[str, Any]:
         "trim": {"altitude": found.point.start.get("h", 0.0), "residual": found.point.residual},
         "parameters": numbers(vehicle, found.point),
     }
-
-
-def json_text(found: StateSpace) -> str:
-    """Return the model as JSON; what does not exist is null."""
-    return json.dumps(_finite(document(found)), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-
-
-def _finite(node: Any) -> Any:
-    if isinstance(node, Mapping):
-        return {k: _finite(v) for k, v in node.items()}
-    if isinstance(node, list):
-        return [_finite(v) for v in node]
-    return None if isinstance(node, float) and not math.isfinite(node) else node
+    return json.dumps(finite(content), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
 def variables(found: StateSpace) -> dict[str, Any]:
@@ -200,16 +193,14 @@ def mat_bytes(variables: Mapping[str, Any]) -> bytes:
     """Return a MATLAB 5 file; the same numbers give the same bytes, so no date stands in its header."""
     from scipy.io import savemat
 
-    stream = io.BytesIO()
-    target: Any = stream  # SciPy's types know of files with a name only
-    savemat(target, dict(variables), format="5", oned_as="column")
-    return b"MATLAB 5.0 MAT-file, made by stoop export".ljust(116) + stream.getvalue()[116:]
+    stream: Any = io.BytesIO()  # SciPy's types know of files with a name only
+    savemat(stream, dict(variables), format="5", oned_as="column")
+    content: bytes = stream.getvalue()
+    return b"MATLAB 5.0 MAT-file, made by stoop export".ljust(116) + content[116:]
 
 
 class _Printer(OctaveCodePrinter):  # type: ignore[misc]
-    """Prints floating-point numbers with all their digits."""
-
-    def _print_Float(self, expr: Any) -> str:
+    def _print_Float(self, expr: Any) -> str:  # with all digits
         return repr(float(expr))
 
 
@@ -230,10 +221,8 @@ def matlab(vehicle: Vehicle, point: Trim, linear: StateSpace) -> Matlab:
     name = identifier(vehicle.name)
     slopes = hold = turn = ""
     if vehicle.sloped:  # slopes of channels are computed by the script
-        to, of = (
-            " ".join(str(1 + vehicle.inputs.index(n)) for n in names)
-            for names in (map(slope_input, vehicle.sloped), vehicle.sloped)
-        )
+        sources = list(vehicle.sloped), [slope_input(name) for name in vehicle.sloped]
+        of, to = (" ".join(str(1 + vehicle.inputs.index(n)) for n in names) for names in sources)
         slopes = (
             f"slopes = diff(u(:, [{of}])) / h;  % of channels that spin rotors up, held between samples\n"
             f"u(:, [{to}]) = slopes([1:end end], :);\n"

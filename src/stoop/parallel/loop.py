@@ -75,42 +75,32 @@ def execute(
     """
     here = {**environment(), **work_sources(run.work for run in plan.runs)}
     with open_store(path, plan, here) as store:
-        left = tasks(store.missing(plan.runs))
-        driver = _Driver(store, left, len(plan.runs), watch or (lambda _: None), here)
-        driver.report("")
-        if left:
+        missing, began = store.missing(plan.runs), time.monotonic()
+        driver = _Driver(store, tasks(missing), len(missing), here)
+
+        def report(note: str) -> None:
+            done, seconds = len(plan.runs) - driver.left, time.monotonic() - began
+            restored = len(plan.runs) - len(missing)
+            seconds_left = seconds / (done - restored) * driver.left if done > restored else None
+            if watch is not None:
+                watch(Tally(done, len(plan.runs), restored, seconds, seconds_left, note))
+
+        report("")
+        if missing:
             with pool.open() as workers:
-                driver.run(workers)
+                driver.run(workers, report)
         return {key: from_text(text) for key, text in store.results(plan.runs).items()}
 
 
 class _Driver:
-    """A campaign under way."""
+    """A campaign under way; `left` counts its runs that are not yet done."""
 
-    def __init__(
-        self, store: Store, left: list[Task], total: int, watch: Callable[[Tally], None], here: dict[str, str]
-    ) -> None:
-        self._store, self._queue, self._total, self._watch, self._here = (
-            store,
-            deque(left),
-            total,
-            watch,
-            here,
-        )
-        self._left = sum(len(task.runs) for task in left)
-        self._restored = total - self._left
+    def __init__(self, store: Store, queue: list[Task], left: int, here: dict[str, str]) -> None:
+        self._store, self._queue, self.left, self._here = store, deque(queue), left, here
         self._under_way: dict[Future[Report], Task] = {}
         self._losses: Counter[str] = Counter()
-        self._began = time.monotonic()
 
-    def report(self, note: str) -> None:
-        """Pass the progress to the watcher."""
-        done, seconds = self._total - self._left, time.monotonic() - self._began
-        fresh = done - self._restored
-        seconds_left = seconds / fresh * self._left if fresh else None
-        self._watch(Tally(done, self._total, self._restored, seconds, seconds_left, note))
-
-    def run(self, workers: Workers) -> None:
+    def run(self, workers: Workers, report: Callable[[str], None]) -> None:
         """Compute until nothing is left; what is done when an error ends the campaign is committed."""
         try:
             while self._queue or self._under_way:
@@ -120,7 +110,7 @@ class _Driver:
                 ended, _ = wait(self._under_way, 0.5, FIRST_COMPLETED)
                 for future in ended:
                     self._commit(future, workers)
-                self.report(workers.status())
+                report(workers.status())
         except BaseException:
             for future in [f for f in self._under_way if f.done()]:
                 with suppress(StoopError):
@@ -153,13 +143,12 @@ class _Driver:
                 "machines, edit nothing meanwhile, and start again; what is done is safe"
             )
         if report["failure"]:
-            failed = CampaignError(
-                f"run {key}: {report['failure']}; correct that and start again, what is done is safe"
-            )
+            remedy = "correct that and start again, what is done is safe"
+            failed = CampaignError(f"run {key}: {report['failure']}; {remedy}")
             if report["trace"]:
                 failed.add_note(report["trace"])
             raise failed
         self._store.add(task.runs, report["results"])
         del self._under_way[future]
-        self._left -= len(task.runs)
+        self.left -= len(task.runs)
         self._losses.clear()

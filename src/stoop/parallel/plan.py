@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -18,26 +19,19 @@ def to_text(value: Any, what: str) -> str:
     """Return the canonical text of a value: keys sorted, no blanks, ASCII only, floats to the last bit.
 
     JSON has no infinity and nan; as in Python, SQLite and JavaScript, they are written ``Infinity`` and ``NaN``.
-
-    Parameters
-    ----------
-    value : Json
-    what : str
-        Names the value in the error.
+    `what` names the value in the error.
 
     Raises
     ------
     CampaignError
-        The value is not made of None, bool, int, float, str, list and dict with str keys: read back, it would be
-        another one.
+        The value is not made of None, bool, int, float, str, list and dict with str keys: read back, it would differ.
     """
     try:
         _check(value, what)
         return json.dumps(value, sort_keys=True, separators=(",", ":"))
     except (RecursionError, ValueError) as error:
-        raise CampaignError(
-            f"{what}: cannot be written as JSON ({error}); make it flatter or smaller"
-        ) from None
+        problem = f"cannot be written as JSON ({error}); make it flatter or smaller"
+        raise CampaignError(f"{what}: {problem}") from None
 
 
 def from_text(text: str) -> Json:
@@ -125,20 +119,16 @@ class Plan:
     def __post_init__(self) -> None:
         if not (self.name and self.name.isprintable()):
             raise CampaignError(f"plan {self.name!r}: the name cannot be printed; choose another")
-        keys: set[str] = set()
-        for run in self.runs:
-            if not (run.key and run.key.isprintable()):
-                raise CampaignError(
-                    f"plan {self.name}: the key {run.key!r} cannot be printed; choose another"
-                )
-            if run.key in keys:
-                raise CampaignError(f"plan {self.name}: two runs have the key {run.key}; give each its own")
-            keys.add(run.key)
+        for key, count in Counter(run.key for run in self.runs).items():
+            if not (key and key.isprintable()):
+                raise CampaignError(f"plan {self.name}: the key {key!r} cannot be printed; choose another")
+            if count > 1:
+                raise CampaignError(f"plan {self.name}: two runs have the key {key}; give each its own")
 
 
 @dataclass(frozen=True)
 class Task:
-    """Runs that share a prefix: one call of their function, with the arguments as `text`; the earliest stop is first."""
+    """Runs that share a prefix, the earliest stop first: one call of their function, with the arguments as `text`."""
 
     work: str
     text: str

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import functools
 import logging
 import multiprocessing
 import os
@@ -42,13 +40,8 @@ class Workers(Protocol):
         """Return why a task that has no report ends the campaign; None to submit it once more."""
 
     def status(self) -> str:
-        """Return why nothing advances; empty if all is well.
-
-        Raises
-        ------
-        CampaignError
-            It never will.
-        """
+        """Return why nothing advances, empty if all is well; CampaignError if nothing ever will."""
+        return ""
 
 
 class Pool(Protocol):
@@ -91,7 +84,7 @@ class Given:
 
 
 @final
-class _ExecutorWorkers:
+class _ExecutorWorkers(Workers):
     def __init__(self, executor: Executor, ahead: int) -> None:
         self._executor, self._ahead = executor, ahead
         self.begun: set[Future[Report]] = set()
@@ -109,18 +102,12 @@ class _ExecutorWorkers:
         return future
 
     def failure(self, error: BaseException) -> StoopError:
+        reason, remedy = f"failed ({type(error).__name__}: {error})", "start again with another"
         if isinstance(error, BrokenExecutor):
-            return CampaignError(
-                "the executor broke: one of its workers died; make a new one and start again"
-            )
-        if isinstance(error, CancelledError):
-            return CampaignError("the executor was shut down; make a new one and start again")
-        return CampaignError(
-            f"the executor failed ({type(error).__name__}: {error}); start again with another"
-        )
-
-    def status(self) -> str:
-        return ""
+            reason, remedy = "broke: one of its workers died", "make a new one and start again"
+        elif isinstance(error, CancelledError):
+            reason, remedy = "was shut down", "make a new one and start again"
+        return CampaignError(f"the executor {reason}; {remedy}")
 
 
 # Processes on this machine. Each worker has a thread and a pipe of its own in the driver. A worker that is killed, in
@@ -153,29 +140,34 @@ class LocalProcesses:
 
     @contextmanager
     def open(self) -> Iterator[Workers]:
-        """Return the workers; each starts with its first task."""
-        workers = _LocalWorkers(self.workers)
-        try:
-            yield workers
-        finally:
-            workers.close()
-
-
-@final
-class _LocalWorkers:
-    def __init__(self, count: int) -> None:
+        """Return the workers; each starts with its first task. At the end idle ones end, the others are killed."""
         if hasattr(signal, "pthread_sigmask"):
             # multiprocessing's helper process: starting it later would let Ctrl-C through to a worker
             from multiprocessing import resource_tracker
 
             resource_tracker.ensure_running()
-        self._calls: SimpleQueue[_Call | None] = SimpleQueue()
-        self._threads = [_WorkerThread(self._calls) for _ in range(count)]
-        for thread in self._threads:
+        calls: SimpleQueue[_Call | None] = SimpleQueue()
+        threads = [_WorkerThread(calls) for _ in range(self.workers)]
+        for thread in threads:
             thread.start()
+        try:
+            yield _LocalWorkers(calls, 2 * self.workers)
+        finally:
+            for thread in threads:
+                thread.leave()
+            for _ in threads:
+                calls.put(None)
+            for thread in threads:
+                thread.join()
+
+
+@final
+class _LocalWorkers(Workers):
+    def __init__(self, calls: SimpleQueue[_Call | None], ahead: int) -> None:
+        self._calls, self._ahead = calls, ahead
 
     def capacity(self) -> int:
-        return 2 * len(self._threads)
+        return self._ahead
 
     def submit(self, task: Task) -> Future[Report]:
         future: Future[Report] = Future()
@@ -189,107 +181,73 @@ class _LocalWorkers:
             return error
         return CampaignError(f"the workers cannot be reached ({type(error).__name__}: {error}); start again")
 
-    def status(self) -> str:
-        return ""
-
-    def close(self) -> None:
-        """Let idle workers end and kill the others."""
-        for thread in self._threads:
-            thread.leave()
-        for _ in self._threads:
-            self._calls.put(None)
-        for thread in self._threads:
-            thread.join()
-
 
 class _WorkerThread(threading.Thread):
-    """Passes tasks on to one process, and starts a new one when it dies."""
+    """Passes tasks on to one process through a pipe, and starts a new one when it dies."""
+
+    _pipe: Connection
 
     def __init__(self, calls: SimpleQueue[_Call | None]) -> None:
         super().__init__(daemon=True, name="stoop-campaign")
         self._calls = calls
-        self._process: _Process | None = None
-        self._busy = self._leaving = False
+        self._process: SpawnProcess | None = None
+        self._busy = self._leaving = self._ready = False
         self._lock = threading.Lock()
 
     def run(self) -> None:
-        """Pass tasks on until there are no more."""
+        """Pass tasks on until there are no more; the idle process has 5 s to end by itself, so that it cleans up."""
         if hasattr(signal, "pthread_sigmask"):  # inherited by the workers: Ctrl-C is the driver's business
             signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
         while (call := self._calls.get()) is not None:
             future, task = call
             try:
-                future.set_result(self._start().compute(task))
+                self._begin()
+                if not self._ready:
+                    self._ready = bool(self._pipe.recv())
+                self._pipe.send((task.work, task.text, task.stops))
+                future.set_result(self._pipe.recv())
             except (EOFError, OSError) as error:
-                with self._lock:
-                    process, self._process = self._process, None
-                future.set_exception(
-                    WorkerLostError(str(error)) if process is None else process.cause_of_death()
-                )
+                future.set_exception(self._cause_of_loss(error))
             except Exception as error:
                 future.set_exception(error)
             with self._lock:
                 self._busy = False
         if self._process is not None:
-            self._process.close()
+            self._pipe.close()
+            self._end(self._process, 5.0)
 
     def leave(self) -> None:
         """End the task under way and begin none."""
         with self._lock:
             self._leaving = True
             if self._busy and self._process is not None:
-                self._process.kill()
+                with suppress(OSError):
+                    self._process.kill()
 
-    def _start(self) -> _Process:
-        """Return the process, a new one if need be."""
+    def _begin(self) -> None:
+        """Start a process if there is none."""
         with self._lock:
             if self._leaving:
                 raise EOFError
             self._busy = True
             if self._process is None:
-                self._process = _Process()
-            return self._process
+                context = multiprocessing.get_context("spawn")
+                pipe, other = context.Pipe()
+                process = context.Process(target=serve, args=(other,), daemon=True)
+                try:
+                    process.start()
+                finally:
+                    other.close()
+                self._process, self._pipe, self._ready = process, pipe, False
 
-
-class _Process:
-    """One process and the pipe to it."""
-
-    def __init__(self) -> None:
-        context = multiprocessing.get_context("spawn")
-        self._pipe, other = context.Pipe()
-        self._process: SpawnProcess = context.Process(target=serve, args=(other,), daemon=True)
-        self._ready = False
-        try:
-            self._process.start()
-        finally:
-            other.close()
-
-    def compute(self, task: Task) -> Report:
-        """Return the report of a task; EOFError or OSError when the process dies over it."""
-        if not self._ready:
-            self._ready = bool(self._pipe.recv())
-        self._pipe.send((task.work, task.text, task.stops))
-        report: Report = self._pipe.recv()
-        return report
-
-    def close(self) -> None:
-        """Let an idle process end by itself, so that it cleans up; it has 5 s."""
-        self._pipe.close()
-        self._process.join(5.0)
-        self.kill()
-        self._process.join()
-
-    def kill(self) -> None:
-        """End the process in whatever it is doing."""
-        with suppress(OSError):
-            self._process.kill()
-
-    def cause_of_death(self) -> Exception:
-        """Return what a pipe that has ended means: a process that was killed is replaced, one that cannot start is not."""
-        self._process.join(1.0)
-        self.kill()
-        self._process.join()
-        code = self._process.exitcode
+    def _cause_of_loss(self, error: Exception) -> Exception:
+        """Return what the end of the pipe means: a process that was killed is replaced, one that cannot start is not."""
+        with self._lock:
+            process, self._process = self._process, None
+        if process is None:
+            return WorkerLostError(str(error))
+        self._end(process, 1.0)
+        code = process.exitcode
         if not self._ready and code is not None and code > 0:
             return CampaignError(
                 f"worker processes do not start (exit code {code}); "
@@ -297,10 +255,25 @@ class _Process:
             )
         return WorkerLostError(f"exit code {code}")
 
+    @staticmethod
+    def _end(process: SpawnProcess, patience: float) -> None:
+        """Wait for the end of a process, s, and then kill it in whatever it is doing."""
+        process.join(patience)
+        with suppress(OSError):
+            process.kill()
+        process.join()
+
 
 def serve(pipe: Connection) -> None:
     """Compute tasks as a worker, on one thread: they come, and reports go, through the pipe, until it is closed."""
-    threading.Thread(target=_end_with_driver, daemon=True).start()
+
+    def end_with_driver() -> None:  # even if it is killed
+        driver = multiprocessing.parent_process()
+        if driver is not None:
+            driver.join()
+            os._exit(1)
+
+    threading.Thread(target=end_with_driver, daemon=True).start()
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     if "numpy" in sys.modules:  # the main script has imported it: too late for the above
         import threadpoolctl
@@ -315,18 +288,11 @@ def serve(pipe: Connection) -> None:
         pipe.send(perform(*task))
 
 
-def _end_with_driver() -> None:
-    """End this process when the driver ends, even if it is killed."""
-    driver = multiprocessing.parent_process()
-    if driver is not None:
-        driver.join()
-        os._exit(1)
-
-
 # A Dask cluster. Futures are passed on by hand: those of `Client.get_executor` stay undone for ever when the connection
 # breaks while a result is being fetched, and the bare ones are not for `concurrent.futures.wait`.
 
 _ADDRESS: Final = re.compile(r"(tcp|tls|ws|wss)://(?:\[([^\s/\[\]]+)\]|([^\s/:\[\]]+)):(\d{1,5})")
+_ATTEMPT: Final = 0.2  #: s between attempts to reach the scheduler
 
 
 @final
@@ -351,11 +317,16 @@ class Dask:
     timeout: float = 10.0
 
     def __post_init__(self) -> None:
+        self._parts()
+
+    def _parts(self) -> tuple[str, str, int]:
+        """Return protocol, host and port."""
         found = _ADDRESS.fullmatch(self.address)
         if found is None or not 0 < int(found[4]) < 1 << 16:
             raise CampaignError(
                 f"scheduler {self.address!r}: is no address; give tcp://HOST:PORT as dask scheduler prints it"
             )
+        return found[1], found[2] or found[3], int(found[4])
 
     @contextmanager
     def open(self) -> Iterator[Workers]:
@@ -382,28 +353,32 @@ class Dask:
             try:
                 yield _DaskWorkers(client, self.address, self.timeout)
             finally:
-                with contextlib.suppress(Exception):  # in any state: the campaign's own error counts
+                with suppress(Exception):  # in any state: the campaign's own error counts
                     client.close(timeout=self.timeout)
         finally:
             for logger, level in zip(loggers, levels, strict=True):
                 logger.setLevel(level)
 
     def _connect(self, make: type[Any]) -> Any:
-        """Return a client, once the scheduler answers.
+        """Return a client, once the scheduler answers; over plain TCP it speaks first.
 
         A client that fails leaves threads behind, which complain later, and waits for ever where something else than
         a scheduler listens; so none is made before.
         """
-        end, pause = time.monotonic() + self.timeout, 0.2  # s between attempts
+        end = time.monotonic() + self.timeout
+        protocol, host, port = self._parts()
         try:
             while True:
+                patience = max(end - time.monotonic(), _ATTEMPT)
                 try:
-                    self._greet(max(end - time.monotonic(), pause))
+                    with socket.create_connection((host, port), patience) as connection:
+                        if protocol == "tcp" and not connection.recv(1):
+                            raise ConnectionResetError("what listens there hangs up")
                     break
                 except OSError:
-                    if time.monotonic() + pause > end:
+                    if time.monotonic() + _ATTEMPT > end:
                         raise
-                time.sleep(pause)
+                time.sleep(_ATTEMPT)
             client: Any = object.__new__(make)
             try:
                 client.__init__(self.address, timeout=self.timeout, set_as_default=False)
@@ -417,22 +392,12 @@ class Dask:
                 "dask scheduler runs there"
             ) from error
 
-    def _greet(self, patience: float) -> None:
-        """Connect once; over plain TCP a scheduler speaks first."""
-        found = _ADDRESS.fullmatch(self.address)
-        assert found is not None  # noqa: S101 - see above
-        with socket.create_connection((found[2] or found[3], int(found[4])), patience) as connection:
-            if found[1] == "tcp" and not connection.recv(1):
-                raise ConnectionResetError("what listens there hangs up")
-
 
 @final
-class _DaskWorkers:
+class _DaskWorkers(Workers):
     def __init__(self, client: Any, address: str, timeout: float) -> None:
         self._client, self._address, self._timeout = client, address, timeout
-        self._link = (
-            client.scheduler_comm
-        )  # another one after a reconnection, and then our tasks are forgotten
+        self._link = client.scheduler_comm  # another one after a reconnection: then our tasks are forgotten
         self._perform = _portable_perform()
         self._checked, self._threads, self._silent = -2.0, 0, False
 
@@ -441,10 +406,19 @@ class _DaskWorkers:
         return 2 * max(self._threads, 1)
 
     def submit(self, task: Task) -> Future[Report]:
+        future: Future[Report] = Future()
+
+        def settle(theirs: Any) -> None:  # as Dask's one was settled, whatever fetching its result raises
+            try:
+                future.set_result(theirs.result())
+            except Exception as error:
+                future.set_exception(error)
+            except BaseException:  # asyncio's cancellation is none of the driver's exceptions
+                future.set_exception(CancelledError())
+
         self._check()
         theirs = self._client.submit(self._perform, task.work, task.text, task.stops, pure=False)
-        future: Future[Report] = Future()
-        theirs.add_done_callback(functools.partial(_settle, future))
+        theirs.add_done_callback(settle)
         return future
 
     def failure(self, error: BaseException) -> StoopError | None:
@@ -490,16 +464,6 @@ class _DaskWorkers:
         return CampaignError(
             f"scheduler {self._address}: lost; {_SAFE}: start the same command again when it is back"
         )
-
-
-def _settle(future: Future[Report], theirs: Any) -> None:
-    """Settle a future as Dask's one was settled, whatever fetching its result raises."""
-    try:
-        future.set_result(theirs.result())
-    except Exception as error:
-        future.set_exception(error)
-    except BaseException:  # asyncio's cancellation is none of the driver's exceptions
-        future.set_exception(CancelledError())
 
 
 def _portable_perform() -> Callable[[str, str, list[int | None]], Report]:

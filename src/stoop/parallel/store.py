@@ -47,13 +47,7 @@ _MESSAGES: Final = {
 
 
 class Store:
-    """An open store; see :func:`open_store`.
-
-    Parameters
-    ----------
-    connection : sqlite3.Connection
-    path : Path
-    """
+    """An open store; see :func:`open_store`."""
 
     def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
         self._connection, self._path = connection, path
@@ -70,32 +64,22 @@ class Store:
             yield row[:3]
 
     def missing(self, runs: Sequence[Run]) -> list[Run]:
-        """Return the runs that are not here.
-
-        Raises
-        ------
-        OutputError
-            A run is here under its key, but with other arguments.
-        """
+        """Return the runs that are not here; OutputError for one that is, but with other arguments."""
         for run in runs:
             if self.identities.get(run.key, run.identity) != run.identity:
-                raise OutputError(
-                    f"{self._path}: run {run.key} was made with other arguments; name another file to start anew"
-                )
+                problem = "was made with other arguments; name another file to start anew"
+                raise OutputError(f"{self._path}: run {run.key} {problem}")
         return [run for run in runs if run.key not in self.identities]
 
     def add(self, runs: Sequence[Run], results: Sequence[str]) -> None:
         """Commit the results of some runs, all or none; those that are here already stay.
 
-        Raises
-        ------
-        OutputError
-            The file cannot be written; everything before is safe.
+        OutputError when the file cannot be written; everything before is safe.
         """
-        rows = [
-            (r.key, r.identity, x, _seal(r.key, r.identity, x)) for r, x in zip(runs, results, strict=True)
-        ]
-        with _explained(self._path), _transaction(self._connection, "IMMEDIATE"):
+        parts = [(run.key, run.identity, result) for run, result in zip(runs, results, strict=True)]
+        rows = [(*part, _seal(*part)) for part in parts]
+        with _explained(self._path), self._connection:
+            self._connection.execute("BEGIN IMMEDIATE")
             self._connection.executemany("INSERT OR IGNORE INTO runs VALUES (?, ?, ?, ?)", rows)
         self.identities.update({run.key: run.identity for run in runs})
 
@@ -122,12 +106,7 @@ def _seal(*parts: str) -> str:
 def open_store(path: Path, plan: Plan, environment: Mapping[str, str]) -> Iterator[Store]:
     """Open the store of a plan, or make it; nobody else can until it is closed.
 
-    Parameters
-    ----------
-    path : Path
-    plan : Plan
-    environment : mapping of str to str
-        See :func:`stoop.parallel.environment`.
+    `environment` is that of :func:`stoop.parallel.environment`, with the sources of the work functions.
 
     Raises
     ------
@@ -138,9 +117,8 @@ def open_store(path: Path, plan: Plan, environment: Mapping[str, str]) -> Iterat
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(
-            f"{path}: its folder cannot be made ({error.strerror or error}); choose another"
-        ) from None
+        problem = f"its folder cannot be made ({error.strerror or error}); choose another"
+        raise OutputError(f"{path}: {problem}") from None
     if _is_truncated(path):
         raise OutputError(f"{path}: {_FOREIGN}")
     with (
@@ -148,10 +126,10 @@ def open_store(path: Path, plan: Plan, environment: Mapping[str, str]) -> Iterat
         closing(sqlite3.connect(path.resolve(), timeout=_PATIENCE, isolation_level=None)) as connection,
     ):
         connection.execute("PRAGMA synchronous = FULL")
-        connection.execute(
-            "PRAGMA locking_mode = EXCLUSIVE"
-        )  # the lock stays from one transaction to the next
-        with _transaction(connection, "EXCLUSIVE"):
+        # the lock stays from one transaction to the next
+        connection.execute("PRAGMA locking_mode = EXCLUSIVE")
+        with connection:  # committed, or rolled back
+            connection.execute("BEGIN EXCLUSIVE")
             if _is_foreign(connection):
                 raise OutputError(f"{path}: {_FOREIGN}")
             meta = {
@@ -175,14 +153,7 @@ def open_store(path: Path, plan: Plan, environment: Mapping[str, str]) -> Iterat
 def forget(path: Path) -> None:
     """Remove a store of a campaign that nobody uses; nothing where there is none.
 
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    OutputError
-        It is another program's file, in use, damaged, or cannot be removed; it is left as it is.
+    OutputError when it is another program's file, in use, damaged, or cannot be removed; it is left as it is.
     """
     file = path.resolve()
     if not file.exists():
@@ -200,9 +171,8 @@ def forget(path: Path) -> None:
             file.unlink()
             file.with_name(f"{file.name}-journal").unlink(missing_ok=True)
         except OSError as error:
-            raise OutputError(
-                f"{path}: cannot be removed ({error.strerror or error}); choose another folder"
-            ) from None
+            problem = f"cannot be removed ({error.strerror or error}); choose another folder"
+            raise OutputError(f"{path}: {problem}") from None
 
 
 def _is_foreign(connection: sqlite3.Connection) -> bool:
@@ -217,11 +187,9 @@ def _is_truncated(path: Path) -> bool:
 
     The file is not opened for this: closing it would drop the locks that this process may hold on it.
     """
-    try:
-        size = path.stat().st_size
-    except OSError:
-        return False
-    return 0 < size < 512 and not path.with_name(f"{path.name}-journal").exists()
+    with suppress(OSError):
+        return 0 < path.stat().st_size < 512 and not path.with_name(f"{path.name}-journal").exists()
+    return False
 
 
 @contextmanager
@@ -233,18 +201,6 @@ def _explained(path: Path, failed: str = "") -> Iterator[None]:
         name = getattr(error, "sqlite_errorname", "")
         message = next((m for start, m in _MESSAGES.items() if name.startswith(start)), f"{error}; {_SAFE}")
         raise OutputError(f"{path}: {failed}{message}") from error
-
-
-@contextmanager
-def _transaction(connection: sqlite3.Connection, kind: str) -> Iterator[None]:
-    connection.execute(f"BEGIN {kind}")
-    try:
-        yield
-        connection.execute("COMMIT")
-    except BaseException:
-        with suppress(sqlite3.Error):  # after some errors SQLite has rolled back by itself
-            connection.execute("ROLLBACK")
-        raise
 
 
 def _write_meta(connection: sqlite3.Connection, meta: Mapping[str, str]) -> None:
@@ -273,16 +229,15 @@ def _check_meta(
         raise OutputError(
             f"{path}: holds the runs of {there['plan']}, not of {here['plan']}; name another file"
         )
+    objects = [{k: _object(x[k], path) for k in ("settings", "environment")} for x in (here, there)]
     if there["settings"] != here["settings"]:
-        ours, theirs = (
-            {k: to_text(v, k) for k, v in _object(x["settings"], path).items()} for x in (here, there)
-        )
+        ours, theirs = ({k: to_text(v, k) for k, v in x["settings"].items()} for x in objects)
         name = min(n for n in {*ours, *theirs} if ours.get(n) != theirs.get(n))
         raise OutputError(
             f"{path}: made with other settings ({name}: {_cut(theirs.get(name))}, now {_cut(ours.get(name))}); "
             "give the same again, or begin a new store in another folder"
         )
-    kept = {name: str(value) for name, value in _object(there["environment"], path).items()}
+    kept = {name: str(value) for name, value in objects[1]["environment"].items()}
     if unlike := differences(environment, kept):
         raise OutputError(
             f"{path}: made in another environment ({unlike}): the rest would not fit what is there to the last bit; "

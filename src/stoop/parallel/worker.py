@@ -15,6 +15,7 @@ import os
 import socket
 import traceback
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final, TypedDict
@@ -22,17 +23,8 @@ from typing import Final, TypedDict
 from stoop.errors import CampaignError, StoopError
 from stoop.parallel.plan import from_text, to_text
 
-LIBRARIES: Final = (
-    "stoop",
-    "numpy",
-    "scipy",
-    "xarray",
-    "pydantic",
-    "pymoo",
-    "cma",
-    "ioh",
-    "pygmo",
-)  #: that compute numbers
+#: that compute numbers
+LIBRARIES: Final = ("stoop", "numpy", "scipy", "xarray", "pydantic", "pymoo", "cma", "ioh", "pygmo")
 ROOMS: Final = (
     "assessment", "base", "data", "estimate", "flight", "kernels", "logs", "optimize", "problem", "results", "simulation",
     "vehicle",
@@ -54,21 +46,10 @@ class Report(TypedDict):
 
 
 def perform(work: str, text: str, stops: Sequence[int | None]) -> Report:
-    """Compute one task; an exception is a failure in the report.
-
-    Parameters
-    ----------
-    work : str
-        "package.module:function"
-    text : str
-        The arguments.
-    stops : sequence of int or None
-    """
+    """Compute one task, "package.module:function" of the arguments in a text; an exception is a failure in the report."""
     name = f"process {os.getpid()} on {socket.gethostname()}"
-    # hashed once, before the module is imported: those are the sources that this process runs
-    report = Report(
-        worker=name, environment={**environment(), **_own_sources(work)}, results=[], failure="", trace=""
-    )
+    here = {**environment(), **_own_sources((work,))}
+    report = Report(worker=name, environment=here, results=[], failure="", trace="")
 
     def first_line(error: BaseException) -> str:
         return "".join(map(str, error.args[:1])).partition("\n")[0]
@@ -88,11 +69,6 @@ def perform(work: str, text: str, stops: Sequence[int | None]) -> Report:
 
 
 @functools.cache
-def _own_sources(work: str) -> Mapping[str, str]:
-    return work_sources([work])
-
-
-@functools.cache
 def environment() -> Mapping[str, str]:
     """Return name and value of everything that results depend on beside the plan.
 
@@ -104,38 +80,31 @@ def environment() -> Mapping[str, str]:
 
     found = dict(compiled())
     for name in LIBRARIES:
-        try:
+        with suppress(metadata.PackageNotFoundError):
             found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue
     found["sources of stoop"] = source_digest(*(Path(__file__).parents[1] / room for room in ROOMS))
     return MappingProxyType(found)
 
 
 def source_digest(*places: Path) -> str:
-    """Return one hash of Python and TOML files, and of those in folders; a plan may keep it among its settings.
-
-    Parameters
-    ----------
-    places : files or folders
-    """
+    """Return one hash of Python and TOML files, and of those in folders; a plan may keep it among its settings."""
     digest = hashlib.sha256()
     for place in places:
-        files = [place] if place.is_file() else [p for p in place.rglob("*") if p.suffix in (".py", ".toml")]
-        for path in sorted(files):
+        for path in sorted([place] if place.is_file() else _sources(place)):
             digest.update(f"{path.relative_to(place.parent).as_posix()}\n".encode())
             digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()
 
 
+def _sources(folder: Path) -> list[Path]:
+    return [p for p in folder.rglob("*") if p.suffix in (".py", ".toml") and p.is_file()]
+
+
 def differences(here: Mapping[str, str], there: Mapping[str, str]) -> str:
     """Return where two environments differ in what both have, long values by name only; empty if they agree."""
-    unlike = [name for name in here if name in there and here[name] != there[name]]
+    unlike = [(name, a, there[name]) for name, a in here.items() if there.get(name, a) != a]
     return ", ".join(
-        name
-        if max(len(here[name]), len(there[name])) > 40
-        else f"{name} {here[name]} here, {there[name]} there"
-        for name in unlike
+        name if max(len(a), len(b)) > 40 else f"{name} {a} here, {b} there" for name, a, b in unlike
     )
 
 
@@ -146,11 +115,6 @@ def work_sources(works: Iterable[str]) -> dict[str, str]:
     text, what they import, and the ``__init__.py`` above each (what only that imports is not). A package that is imported
     as such counts with all of its files: it may import them by names that it computes. Rooms of `stoop` that every
     environment has, or that compute no numbers, are left out. A module without a source file has no entry.
-
-    Parameters
-    ----------
-    works : iterable of str
-        Each "package.module:function".
     """
     found = {}
     for module in sorted({work.partition(":")[0] for work in works}):
@@ -159,6 +123,10 @@ def work_sources(works: Iterable[str]) -> dict[str, str]:
         if text:
             found[f"sources of {module}"] = hashlib.sha256(text.encode()).hexdigest()
     return found
+
+
+#: hashed once, before the module is imported: those are the sources that a worker runs
+_own_sources: Final = functools.cache(work_sources)
 
 
 def source_files(module: str) -> dict[str, bytes]:
@@ -172,16 +140,11 @@ def source_files(module: str) -> dict[str, bytes]:
             continue
         visited.add(name)
         place = _place(name, roots)
+        own: list[tuple[str, Path]] = []
         if place is not None and place.is_file():
             own = [(f"{name}.py", place)]
-        else:
-            paths = place.rglob("*") if place is not None else ()
-            inner = (p for p in paths if p.suffix in (".py", ".toml") and p.is_file())
-            own = (
-                [(".".join((name, *p.relative_to(place).parts)), p) for p in inner]
-                if place is not None
-                else []
-            )
+        elif place is not None:
+            own = [(".".join((name, *p.relative_to(place).parts)), p) for p in _sources(place)]
         for key, path in own:
             files[key] = path.read_bytes()
             queue += _imported(key, files[key], roots)
@@ -198,10 +161,9 @@ def _roots(top: str) -> list[Path]:
     """Return the file of a top-level module, or the folders of a package."""
     if top in ("", "__main__"):  # the latter is another one in each process
         return []
-    try:
+    spec = None
+    with suppress(ImportError, ValueError):
         spec = importlib.util.find_spec(top)
-    except (ImportError, ValueError):
-        return []
     if spec is None:
         return []
     if spec.submodule_search_locations is not None:

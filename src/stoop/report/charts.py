@@ -65,8 +65,11 @@ def plain_panel(
     height: float = 76.0,
 ) -> Markup:
     """Return curves (n,) over one another, each with its class, the last on top."""
-    box = Box(LEFT, 6.0, width - LEFT - RIGHT, height)
-    axes = Axes.around(box, _time_span(time), spanning([values for _, values in curves]))
+    axes = Axes.around(
+        Box(LEFT, 6.0, width - LEFT - RIGHT, height),
+        _time_span(time),
+        spanning([values for _, values in curves]),
+    )
     parts = [axes.hole(*gap) for gap in holes(time)] + axes.frame(rows=round(height / 25.0))
     parts += [axes.curve(time, values, f"curve {kind}") for kind, values in curves]
     return drawing(width, height + 6.0 + FLOOR, description, parts)
@@ -199,31 +202,29 @@ def repeatability_panel(name: str, one: ParameterRepeatability, joint: Parameter
 
 def correlation_map(names: Sequence[str], matrix: FloatArray) -> Markup:
     """Return the lower triangle of a correlation matrix (k, k) as a map, blue below zero, red above."""
-    size, numbered = max(9.0, min(24.0, 680.0 / max(len(names), 1))), len(names) <= 40
+    size = max(9.0, min(24.0, 680.0 / max(len(names), 1)))
+    numbered = len(names) <= 40 and size >= 16
     room = 12.0 + 6.2 * max((len(name) for name in names), default=1)
     parts: list[Markup] = []
     for i, name in enumerate(names):
         y = i * size
         parts.append(element("text", name, x=room - 6, y=y + size / 2 + 3.5, class_="tick end"))
-        parts += [_cell(room + j * size, y, size, float(matrix[i, j]), numbered) for j in range(i)]
+        for j, value in enumerate(map(float, matrix[i, :i])):
+            x, known, strong = room + j * size, math.isfinite(value), abs(value) >= 0.7
+            kind = ("above" if value > 0 else "below") if known else "hole"
+            opacity, side = round(value**2, 3) if known else 1.0, size - 1
+            cell = element("rect", x=x, y=y, width=side, height=side, class_=kind, fill_opacity=opacity)
+            parts.append(cell)
+            if known and strong and numbered:
+                number = f"{abs(value):.2f}".removeprefix("0") if abs(value) < 0.995 else "1.0"
+                kind = "tick mid on-dark" if abs(value) > 0.85 else "tick mid on-light"
+                parts.append(element("text", number, x=x + size / 2 - 0.5, y=y + size / 2 + 3, class_=kind))
         parts.append(element("rect", x=room + y, y=y, width=size - 1, height=size - 1, class_="diagonal"))
         slant = f"translate({room + y + size / 2:.1f} {len(names) * size + 8:.1f}) rotate(-50)"
         parts.append(element("text", name, transform=slant, class_="tick end"))
     side = len(names) * size
     description = "Correlation between the estimates; pairs above 0.9 are listed in the text."
     return drawing(room + side + 4, side + 0.8 * room + 14, description, parts)
-
-
-def _cell(x: float, y: float, size: float, value: float, numbered: bool) -> Markup:
-    known = np.isfinite(value)
-    kind = ("above" if value > 0 else "below") if known else "hole"
-    opacity = round(value**2, 3) if known else 1.0
-    square = element("rect", x=x, y=y, width=size - 1, height=size - 1, class_=kind, fill_opacity=opacity)
-    if not known or abs(value) < 0.7 or not numbered or size < 16:
-        return square
-    number = f"{abs(value):.2f}".removeprefix("0") if abs(value) < 0.995 else "1.0"
-    kind = "tick mid on-dark" if abs(value) > 0.85 else "tick mid on-light"
-    return square + element("text", number, x=x + size / 2 - 0.5, y=y + size / 2 + 3, class_=kind)
 
 
 def holes(time: FloatArray) -> list[Range]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -83,20 +83,13 @@ def design_sheet(proposal: Proposal, command: str) -> Sheet:
         for c, a in limits.amplitude.items()
     )
     files = "maneuver.toml is what stoop simulate flies; maneuver.csv has the deflections from the trim, in rad, against time."
-    to_fly = (
-        Figure("Deflections from the trim", inputs),
-        Prose(files),
-        Table(
-            "The families that were tried", ("family", "information gained", "mean standard error"), families
-        ),
-    )
-    response = (
-        Figure("Readings and their limits", stacked_plots(responses, "time, s", description)),
-        Table("Limits of the controls", ("control", "amplitude", "slew"), controls),
-    )
+    head = ("family", "information gained", "mean standard error")
+    tried = Table("The families that were tried", head, families)
+    readings = Figure("Readings and their limits", stacked_plots(responses, "time, s", description))
+    limited = Table("Limits of the controls", ("control", "amplitude", "slew"), controls)
     sections = (
-        Section("What to fly", to_fly),
-        Section("Response", response),
+        Section("What to fly", (Figure("Deflections from the trim", inputs), Prose(files), tried)),
+        Section("Response", (readings, limited)),
         Section("Expected standard errors", (Prose(DESIGN_EXPECTED), *_standard_errors(proposal))),
         Section("If the model is wrong", (Prose(_robustness(proposal)),)),
         Section("Made by", (Code(command),)),
@@ -123,9 +116,8 @@ def _standard_errors(proposal: Proposal) -> tuple[Figure, Table]:
         shown = [number(v, 3) if np.isfinite(v) else "unknown" for v in (now, textbook, designed)]
         rows.append((name, number(float(setup.values[i]), 4), *shown, f"{designed / textbook:.2f}"))
     head = ("parameter", "believed", "now", "textbook", "designed", "designed over textbook")
-    return Figure("Below one is better than the textbook", drawing), Table(
-        "Standard errors", head, tuple(rows)
-    )
+    table = Table("Standard errors", head, tuple(rows))
+    return Figure("Below one is better than the textbook", drawing), table
 
 
 def _robustness(proposal: Proposal) -> str:
@@ -144,13 +136,10 @@ def _robustness(proposal: Proposal) -> str:
 def windows_sheet(
     found: Found, flights: Mapping[str, Flight], vehicle: str, command: str, following: Sequence[str]
 ) -> Sheet:
-    """Return the page.
-
-    `vehicle` is its name or empty; `following` are the words of the command that takes the file.
-    """
+    """Return the page; `vehicle` is its name or empty, `following` the words of the command that takes the file."""
     criterion = BY_VEHICLE.format(vehicle=vehicle) if vehicle else BY_COMMAND
     sections = [
-        Section(f"The flight {name}" if len(flights) > 1 else "The flight", (_figure(found, flight),))
+        Section(f"The flight {name}" if len(flights) > 1 else "The flight", (_flight_figure(found, flight),))
         for name, flight in flights.items()
     ]
     rows = tuple(
@@ -176,16 +165,13 @@ def windows_sheet(
     if found.notices:
         sections.append(Section("Notes", (Bullets(found.notices),)))
     sections.append(Section("Next", (Code(shlex.join(following)), Prose("Made by"), Code(command))))
-    return Sheet(
-        "Windows worth fitting", WINDOWS_LEAD.format(criterion=criterion, name=NAME), tuple(sections)
-    )
+    lead = WINDOWS_LEAD.format(criterion=criterion, name=NAME)
+    return Sheet("Windows worth fitting", lead, tuple(sections))
 
 
 def use_of(window: Proposed) -> str:
     """Return the proposed use of a window."""
-    if not window.accept:
-        return "not used"
-    return "fit" if window.use == "fit" else "predict"
+    return "not used" if not window.accept else "fit" if window.use == "fit" else "predict"
 
 
 def span_of(window: Proposed, found: Found) -> str:
@@ -196,35 +182,33 @@ def span_of(window: Proposed, found: Found) -> str:
 
 def percent(share: float) -> str:
     """Return a share in percent."""
-    if not math.isfinite(share):
-        return NOTHING
-    return f"{100.0 * share:.1f} %" if share < 10.0 else "> 1000 %"
+    large = "> 1000 %" if math.isfinite(share) else NOTHING
+    return f"{100.0 * share:.1f} %" if share < 10.0 else large
 
 
-def _figure(found: Found, flight: Flight) -> Figure:
+def _flight_figure(found: Found, flight: Flight) -> Figure:
+    """Draw commands, rates, speed and information over the whole flight, with the windows as shades."""
     own = [(i, w) for i, w in enumerate(found.windows, 1) if w.flight == flight.name]
     proposed = ", ".join(f"{w.start:g} to {w.stop:g} s" for _, w in own if w.accept)
     shades = [Shade(w.start, w.stop, str(i), KINDS[use_of(w)]) for i, w in own]
     description = f"Commands, rates and speed of the whole flight; proposed windows: {proposed}"
-    strips = [*_strips(flight), information_strip([w for _, w in own])]
-    drawing = stacked_plots(strips, "time, s of the log's clock", description, shades)
-    return Figure("Commands and motion over the whole flight, windows shaded and numbered", drawing)
-
-
-def _strips(flight: Flight) -> Iterator[Strip]:
+    strips = []
     for command in commands(flight):
         known = VARIABLES.get(command.variable)
         combined = "m/s2" if command.axis == "heave" else "rad/s2"  # of several channels
         factor, unit = factor_and_unit(known.unit if known else combined)
         label = f"{command.axis} command ({command.variable})" + (f", {unit}" if unit else "")
-        yield Strip(label, (Series("command", flight.time, factor * command.u),))
+        strips.append(Strip(label, (Series("command", flight.time, factor * command.u),)))
     rates = [name for name in RATES if name in flight.data]
     if rates:
         series = (Series(n, flight.time, np.degrees(flight.column(n))) for n in rates)
-        yield Strip("rates, deg/s", tuple(series))
+        strips.append(Strip("rates, deg/s", tuple(series)))
     if set(VELOCITY) <= set(flight.data):
         speed = np.linalg.norm([flight.column(name) for name in VELOCITY], axis=0)
-        yield Strip("speed over ground, m/s", (Series("speed", flight.time, speed),))
+        strips.append(Strip("speed over ground, m/s", (Series("speed", flight.time, speed),)))
+    strips.append(information_strip([w for _, w in own]))
+    drawing = stacked_plots(strips, "time, s of the log's clock", description, shades)
+    return Figure("Commands and motion over the whole flight, windows shaded and numbered", drawing)
 
 
 def information_strip(windows: Sequence[Proposed]) -> Strip:

@@ -61,13 +61,13 @@ UNCERTAINTY_LEAD: Final = (
     "estimate. A faded bar that runs to the edge is open: the data give no limit there. A hollow dot has no interval: the "
     "parameter is not identifiable."
 )
+HOW_IDENTIFIABLE: Final = "What would make it identifiable"
 MULTIPLE: Final = "With a multiple correlation of nearly 1 the others can replace a parameter."
 
 
 def label(identification: Identification, name: str) -> Markup:
     """Return a name as its symbol with the plain name as its title, or the plain name."""
-    latex = identification.symbols.get(name)
-    if latex is None:
+    if (latex := identification.symbols.get(name)) is None:
         return escape(name)
     return Markup('<span class="symbol" title="{}">{}</span>').format(name, mathml(latex))
 
@@ -153,10 +153,8 @@ def nuisance_section(identification: Identification) -> Section | None:
         (f"{_place(result, s.maneuver)}, segment {s.segment + 1} at {clock(s.time)} s", s.values)
         for s in result.initial_states
     ]
-    for title, place, groups in (
-        ("Sensor biases", "Maneuver", biases),
-        ("Initial states", "Segment", states),
-    ):
+    named = (("Sensor biases", "Maneuver", biases), ("Initial states", "Segment", states))
+    for title, place, groups in named:
         table = quantity_table(identification, title, place, groups)
         if table.rows:
             parts.append(Details(f"{title} ({len(table.rows)})", (table,)))
@@ -182,9 +180,9 @@ def quantity_table(
     last = None
     for where, values in groups:
         for name, one in values.items():
-            estimate, error = rounded_to_error(one.estimate, one.std_error)
-            unit = readable_unit(one.unit)
-            rows.append((where if where != last else "", label(identification, name), estimate, error, unit))
+            numbers = rounded_to_error(one.estimate, one.std_error)
+            first = where if where != last else ""
+            rows.append((first, label(identification, name), *numbers, readable_unit(one.unit)))
             last = where
     head = (place, "Quantity", "Estimate", "Std. error", "Unit")
     return Table(caption, head, tuple(rows), ("", "", "n", "n", ""))
@@ -257,13 +255,7 @@ def _identifiability(identification: Identification) -> list[Part]:
                 f"The sensitivities to all unknowns have {len(values)} singular values from {values[0]:.3g} to "
                 f"{values[-1]:.2g}, condition {ratio}. "
             )
-        head = (
-            "Parameter",
-            "Doubt",
-            "Multiple correlation",
-            "Correlated with",
-            "What would make it identifiable",
-        )
+        head = ("Parameter", "Doubt", "Multiple correlation", "Correlated with", HOW_IDENTIFIABLE)
         kinds = ("", "wrap", "n", "wrap", "wrap advice")
         parts += [
             Heading("Identifiability"),

@@ -36,7 +36,7 @@ from stoop.results.result import Identification, Result, Role
 
 MAX_NOT_IDENTIFIABLE: Final = 0.5  #: share of the parameters; above it the estimates are no model
 MAX_LOST_TO_LAG: Final = (
-    0.6  #: share of the fitted channels that a lag matches as well; above it the model shows nothing
+    0.6  #: share of the fitted channels that a lag matches as well; above it the model is none
 )
 ENDINGS: Final = {
     "converged": "The search converged",
@@ -61,25 +61,32 @@ SAME_AGAIN: Final = "With the same versions and CPU features, this seed gives th
 
 
 def write_report(identification: Identification, path: Path) -> None:
-    """Write the report whole or not at all, into a folder that exists.
-
-    Raises
-    ------
-    OutputError
-        When the file cannot be written.
-    """
+    """Write the report whole or not at all, into a folder that exists; raises `OutputError`."""
     sheet.write_sheet(identification_sheet(identification), path)
 
 
 def write_validation(identification: Identification, path: Path) -> None:
     """Write the page of a validation: the result that was validated, with the maneuvers that were predicted.
 
-    Raises
-    ------
-    OutputError
-        When the file cannot be written.
+    Whole or not at all, into a folder that exists; raises `OutputError`.
     """
-    sheet.write_sheet(validation_sheet(identification), path)
+    result, maneuvers = identification.result, identification.result.maneuvers
+    lead = f"A fitted model predicts {count(len(maneuvers), 'maneuver')} that it was not fitted to"
+    sentences = tuple(filter(None, (_match(result, "validation"), *result.warnings)))
+    overview: list[sheet.Part] = [sheet.Prose(VALIDATION_LEAD, muted=True), comparison_table(maneuvers)]
+    overview += [sheet.Bullets(result.basis, "notes")] if result.basis else []
+    if result.data_notices:
+        summary = f"Found while preparing the data ({len(result.data_notices)})"
+        overview.append(sheet.Details(summary, (sheet.Bullets(result.data_notices, "notes"),)))
+    pages = [
+        sheet.Section(maneuver_title(m), maneuver_parts(identification, m, trace))
+        for m, trace in zip(maneuvers, identification.traces, strict=True)
+    ]
+    provenance = _provenance_section(identification, validation=True)
+    sections = (sheet.Section("Overview", overview), *pages, provenance)
+    verdict = prediction_verdict(maneuvers, sentences)
+    page = sheet.Sheet(identification.vehicle, lead, sections, "validation", verdict)
+    sheet.write_sheet(page, path)
 
 
 def render(identification: Identification) -> str:
@@ -106,14 +113,11 @@ def identification_sheet(identification: Identification) -> sheet.Sheet:
         formulas = Markup("").join(sheet.mathml(latex, "block") for latex in identification.equations)
         parts += [sheet.Heading("Equations"), sheet.Drawing("equations", formulas, "Model equations")]
     if result.data_notices:
-        parts += [
-            sheet.Heading("Found while preparing the data"),
-            sheet.Bullets(result.data_notices, "notes"),
-        ]
+        found = sheet.Bullets(result.data_notices, "notes")
+        parts += [sheet.Heading("Found while preparing the data"), found]
 
     search = None
-    convergence = np.asarray(identification.convergence, dtype=np.float64).reshape(-1, 2)
-    drawn = convergence_panel(convergence)
+    drawn = convergence_panel(np.asarray(identification.convergence, dtype=np.float64).reshape(-1, 2))
     if drawn is not None:
         text = f"Best cost against simulated trajectories. It ended at {number(result.cost, 6)}."
         panel = sheet.Panel("Cost", drawn, meaning="against whole-trajectory equivalents")
@@ -139,45 +143,19 @@ def identification_sheet(identification: Identification) -> sheet.Sheet:
     return sheet.Sheet(identification.vehicle, lead, there, "identification report", verdict(result))
 
 
-def validation_sheet(identification: Identification) -> sheet.Sheet:
-    """Return the page of a validation."""
-    result, maneuvers = identification.result, identification.result.maneuvers
-    lead = f"A fitted model predicts {count(len(maneuvers), 'maneuver')} that it was not fitted to"
-    sentences = tuple(filter(None, (_match(result, "validation"), *result.warnings)))
-    overview: list[sheet.Part] = [sheet.Prose(VALIDATION_LEAD, muted=True), comparison_table(maneuvers)]
-    overview += [sheet.Bullets(result.basis, "notes")] if result.basis else []
-    if result.data_notices:
-        summary = f"Found while preparing the data ({len(result.data_notices)})"
-        overview.append(sheet.Details(summary, (sheet.Bullets(result.data_notices, "notes"),)))
-    pages = [
-        sheet.Section(maneuver_title(m), maneuver_parts(identification, m, trace))
-        for m, trace in zip(maneuvers, identification.traces, strict=True)
-    ]
-    sections = (
-        sheet.Section("Overview", overview),
-        *pages,
-        _provenance_section(identification, validation=True),
-    )
-    judged = prediction_verdict(maneuvers, sentences)
-    return sheet.Sheet(identification.vehicle, lead, sections, "validation", judged)
-
-
 def _provenance_section(identification: Identification, *, validation: bool) -> sheet.Section:
     """Return command, versions and hashes of the inputs."""
     result = identification.result
     spent = f"{number(result.trajectories, 4)} trajectories, {number(result.seconds, 3)} s"
     search = [("Seed", str(result.seed)), ("Optimizer", f"{result.optimizer}: {result.status}, {spent}")]
     versions = ", ".join(f"{name} {version}" for name, version in result.versions.items())
-    rows = [
-        *([("Command", identification.command)] if identification.command else []),
-        *([] if validation else search),
-        ("Versions", versions or NOTHING),
-        *((name, f"sha256 {digest}") for name, digest in result.inputs.items()),
-    ]
+    rows = [("Command", identification.command)] if identification.command else []
+    rows += [] if validation else search
+    rows += [("Versions", versions or NOTHING)]
+    rows += [(name, f"sha256 {digest}") for name, digest in result.inputs.items()]
     table = sheet.Table("", ("", ""), tuple(rows), ("", "wrap mono"), label="Provenance")
-    return sheet.Section(
-        "Provenance", (table,) if validation else (sheet.Prose(SAME_AGAIN, muted=True), table)
-    )
+    same_again = [] if validation else [sheet.Prose(SAME_AGAIN, muted=True)]
+    return sheet.Section("Provenance", (*same_again, table))
 
 
 def verdict(result: Result) -> sheet.Verdict:

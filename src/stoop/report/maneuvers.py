@@ -59,18 +59,15 @@ AIR_LEAD: Final = (
     "Estimated for each flight from attitude, ground velocity and accelerations (flight-path reconstruction). Wind is the "
     "velocity of the air over ground; true airspeed = pitot_scale × (reading − pitot_offset)."
 )
+AIRSPEEDS: Final = {
+    "speed_inertial": "ground velocity minus wind",
+    "pitot": "pitot as logged",
+    "airspeed_pitot": "pitot as logged",
+    "pitot_corrected": "pitot, corrected",
+    "V": "V",
+}
 AIR_GROUPS: Final = (
-    (
-        "Airspeed",
-        "m/s",
-        {
-            "speed_inertial": "ground velocity minus wind",
-            "pitot": "pitot as logged",
-            "airspeed_pitot": "pitot as logged",
-            "pitot_corrected": "pitot, corrected",
-            "V": "V",
-        },
-    ),
+    ("Airspeed", "m/s", AIRSPEEDS),
     ("Wind as logged", "m/s", {"wind_n_log": "north", "wind_e_log": "east"}),
     ("Angle of attack", "rad", {"alpha": "alpha"}),
     ("Sideslip", "rad", {"beta": "reconstructed", "beta_from_force": "from lateral force"}),
@@ -114,12 +111,9 @@ def maneuver_parts(
     )
     names = [name for name in trace.channels if name in maneuver.channels]
     parts: list[sheet.Part] = [sheet.Prose(f"Data used: {segments}.{each}", muted=True)] if segments else []
-    parts += [
-        _goodness(identification, maneuver, names),
-        _more_goodness(identification, maneuver),
-        sheet.Legend(keys),
-        sheet.Panels([_channel(identification, name, maneuver, trace) for name in trace.channels]),
-    ]
+    parts += [_goodness(identification, maneuver, names), _more_goodness(identification, maneuver)]
+    panels = [_channel(identification, name, maneuver, trace) for name in trace.channels]
+    parts += [sheet.Legend(keys), sheet.Panels(panels)]
     inputs = []
     for name, values in trace.inputs.items():
         factor, unit = _shown_unit(identification, name)
@@ -178,8 +172,16 @@ def _more_goodness(identification: Identification, maneuver: ManeuverResult) -> 
             )  # fmt: skip
             rows.append(row)
     head = (
-        "Channel", "Of", "RMS error", "Left out", "Unit", "R²", "Offset / amplitude / rest", "Q", "Residuals",
-    )  # fmt: skip
+        "Channel",
+        "Of",
+        "RMS error",
+        "Left out",
+        "Unit",
+        "R²",
+        "Offset / amplitude / rest",
+        "Q",
+        "Residuals",
+    )
     kinds = ("", "", "n", "n", "", "n", "n", "n", "")
     table = sheet.Table("", head, tuple(rows), kinds, label=f"More figures, {maneuver_title(maneuver)}")
     return sheet.Details("More figures, each beside the lag’s", (sheet.Prose(MORE_LEAD, muted=True), table))
@@ -196,10 +198,8 @@ def _channel(
         finite_part(factor * channel.simulated),
         None if baseline is None else finite_part(factor * baseline),
     )
-    description = (
-        f"{name}, {_meaning(name)}: measured, simulated and their difference, {maneuver_title(maneuver)}"
-    )
-    note = ""
+    description, note = f"{name}, {_meaning(name)}: measured, simulated and their difference", ""
+    description += f", {maneuver_title(maneuver)}"
     if one is not None:
         description += f"; Theil's coefficient {_decimals(one.theil)}"
         mark = {"better": " ✓", "worse": " ▲"}.get(_against_lag(one), "")
@@ -268,10 +268,8 @@ def prediction_verdict(maneuvers: Sequence[ManeuverResult], sentences: tuple[str
     if not compared:
         level, headline = "caution", "There is no trivial model to compare with."
     elif better > PREDICTS:
-        level, headline = (
-            "good",
-            "The model predicts what it was not fitted to, better than a first-order lag.",
-        )
+        level = "good"
+        headline = "The model predicts what it was not fitted to, better than a first-order lag."
     elif better > PREDICTS_SOME:
         level, headline = "caution", "The model predicts some of what it was not fitted to."
     else:

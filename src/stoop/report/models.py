@@ -59,10 +59,8 @@ def structure_sheet(
 
     `names` are parameters by coefficient and term; `estimates` are estimate and standard error by parameter.
     """
-    sections, steps_head = (
-        [],
-        ("step", "action", "term", "partial F", "threshold", "terms", "R²", "PRESS", "PSE"),
-    )
+    steps_head = ("step", "action", "term", "partial F", "threshold", "terms", "R²", "PRESS", "PSE")
+    sections = []
     for coefficient, chosen in structure.chosen.items():
         constants = [("1", n) for n, t in vehicle.terms[coefficient].items() if t.strip() == "1"]
         rows = []
@@ -159,16 +157,13 @@ def _strips(flown: Comparison) -> list[Strip]:
         curves = {"stoop": flown.own[:, i], "JSBSim": flown.flat[:, i]}
         if measured is not None:
             curves = {"flight": measured[:, i], **curves}
-        series = [Series(n, record.time, factor * _unwrapped(channel, y)) for n, y in curves.items()]
+        series = []
+        for name, y in curves.items():
+            known = np.isfinite(y)
+            if channel in WRAPPED and known.any():  # an angle without jumps, near zero where it begins
+                y = y.copy()
+                y[known] = np.unwrap(y[known])
+                y -= 2.0 * np.pi * np.round(y[known][0] / (2.0 * np.pi))
+            series.append(Series(name, record.time, factor * y))
         out.append(Strip(f"{channel}, {unit}", tuple(series)))
     return out
-
-
-def _unwrapped(channel: str, y: FloatArray) -> FloatArray:
-    """Return an angle without jumps, near zero where it begins."""
-    known = np.isfinite(y)
-    if channel not in WRAPPED or not known.any():
-        return y
-    out = y.copy()
-    out[known] = np.unwrap(y[known])
-    return np.asarray(out - 2.0 * np.pi * np.round(out[known][0] / (2.0 * np.pi)))

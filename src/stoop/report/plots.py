@@ -194,23 +194,21 @@ def _decade(value: float) -> int:
 
 def path(x: FloatArray, y: FloatArray, kind: str) -> Markup:
     """Return a curve through pixels (n,), broken where either is NaN; `kind` is its class."""
-    strokes = "".join(_stroke(x[a:b], y[a:b]) for a, b in runs(np.isfinite(x) & np.isfinite(y)))
+    strokes = ""
+    for first, last in runs(np.isfinite(x) & np.isfinite(y)):
+        u, v = x[first:last], y[first:last]
+        if len(u) > 2 * COLUMNS:  # the extremes of each column, so that no peak is lost
+            starts = np.linspace(0, len(u), COLUMNS, endpoint=False).astype(int)
+            low, high = np.minimum.reduceat(v, starts), np.maximum.reduceat(v, starts)
+            rising = v[starts] <= v[np.append(starts[1:], len(v)) - 1]
+            pairs = np.where(rising[:, None], np.column_stack([low, high]), np.column_stack([high, low]))
+            u, v = np.repeat(u[starts], 2), pairs.ravel()
+        points = np.rint(TENTHS * np.column_stack([u, np.clip(v, -1e4, 1e4)])).astype(int)
+        if len(points) == 1:
+            points = np.array([points[0], [points[0, 0] + 1, points[0, 1]]])
+        changed = np.concatenate([[True], np.any(np.diff(points, axis=0) != 0, axis=1)])
+        strokes += "M" + " ".join(f"{a} {b}" for a, b in points[changed].tolist())
     return Markup('<path class="{}" transform="scale(.1)" d="{}"/>').format(kind, strokes)
-
-
-def _stroke(x: FloatArray, y: FloatArray) -> str:
-    """Return the commands of one unbroken curve; a dense one as the extremes of each column, so that no peak is lost."""
-    if len(x) > 2 * COLUMNS:
-        starts = np.linspace(0, len(x), COLUMNS, endpoint=False).astype(int)
-        low, high = np.minimum.reduceat(y, starts), np.maximum.reduceat(y, starts)
-        rising = y[starts] <= y[np.append(starts[1:], len(y)) - 1]
-        pairs = np.where(rising[:, None], np.column_stack([low, high]), np.column_stack([high, low]))
-        x, y = np.repeat(x[starts], 2), pairs.ravel()
-    points = np.rint(TENTHS * np.column_stack([x, np.clip(y, -1e4, 1e4)])).astype(int)
-    if len(points) == 1:
-        points = np.array([points[0], [points[0, 0] + 1, points[0, 1]]])
-    changed = np.concatenate([[True], np.any(np.diff(points, axis=0) != 0, axis=1)])
-    return "M" + " ".join(f"{a} {b}" for a, b in points[changed].tolist())
 
 
 def element(name: str, content: str = "", **attributes: str | float) -> Markup:
@@ -301,11 +299,9 @@ def plot(
     """
     looks = looks or _looks([one.name for one in series])
     box = Box(LEFT, TOP, WIDTH - LEFT - RIGHT, HEIGHT)
-    across, up = (
-        x_range or _range([s.x for s in series], log_x),
-        y_range or _range([s.y for s in series], log_y),
-    )
-    axes = Axes.around(box, across, up, log_x, log_y)
+    x_range = x_range or _range([s.x for s in series], log_x)
+    y_range = y_range or _range([s.y for s in series], log_y)
+    axes = Axes.around(box, x_range, y_range, log_x, log_y)
     marked = [(value, f"{value:g}") for value in x_ticks] or axes.x.labels(8, _label)
     parts = [*axes.levels(6, _label), *axes.columns(marked), *_titles(box, x_label, y_label)]
     parts.append(axes.inside([_drawn(one, looks[one.name], axes) for one in series]))
@@ -371,11 +367,9 @@ def contour_plot(
     inside = [contour_path(axes.x(x), axes.y(y), values, level, "contour") for level in wanted]
     if trail is not None:
         across, up = axes.x(trail[:, 0]), axes.y(trail[:, 1])
+        dots = zip(across, up, strict=True)
         inside.append(path(across, up, "curve trail"))
-        inside += [
-            element("circle", cx=a, cy=b, r=2.0, class_="spot full hue1")
-            for a, b in zip(across, up, strict=True)
-        ]
+        inside += [element("circle", cx=a, cy=b, r=2.0, class_="spot full hue1") for a, b in dots]
     looks = _looks(["path", *(mark.name for mark in marks)])
     inside += [_spot(axes.x.at(m.x), axes.y.at(m.y), looks[m.name], 5.0) for m in marks]
     ticks = [*axes.levels(6, _label), *axes.columns(axes.x.labels(8, _label))]

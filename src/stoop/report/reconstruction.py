@@ -68,10 +68,9 @@ def compatibility_sheet(result: Compatibility, command: str) -> Sheet:
         Table("Estimates with standard errors", head, tuple(estimates)),
         Table(caption, ("channel", "rms left", "rms movement", "unit"), tuple(channels)),
     )
+    inconsistent = Bullets(of_severity(result.notices, "warning") or ["nothing evident"])
     sections = [
-        Section(
-            "What is inconsistent", (Bullets(of_severity(result.notices, "warning") or ["nothing evident"]),)
-        ),
+        Section("What is inconsistent", (inconsistent,)),
         Section("Sensors", sensors),
         Section("Measured and reconstructed", _figures(result, residual=False)),
         Section("What is left", _figures(result, residual=True)),
@@ -107,16 +106,13 @@ def _strip(result: Compatibility, name: str, residual: bool) -> Strip:
     measured = factor * joined([t.measured[name] for t in result.traces])
     compared = [np.where(np.isfinite(t.measured[name]), t.reconstructed[name], np.nan) for t in result.traces]
     simulated = factor * joined(compared)
-    series: tuple[Series, ...] = (
-        Series("measured", time, measured),
-        Series("reconstructed", time, simulated),
-    )
+    series = (Series("measured", time, measured), Series("reconstructed", time, simulated))
     if residual:
         left = measured - simulated
         if name in ("phi", "psi"):
             turn = factor * 2.0 * np.pi
             left = left - turn * np.round(left / turn)
-        series = (Series("measured minus reconstructed", time, left),)
+        return Strip(f"{name}, {unit}", (Series("measured minus reconstructed", time, left),))
     return Strip(f"{name}, {unit}", series)
 
 

@@ -63,14 +63,12 @@ class Prose:
             for listed, group in groupby(lines, lambda line: line.startswith(ITEM)):
                 found = list(group)
                 texts = [line[len(ITEM) :] for line in found] if listed else [" ".join(found)]
-                lines_of_block = []
-                for (
-                    text
-                ) in texts:  # escaped, with what stands in backticks as code: what is quoted has odd places
+                shown = []
+                for text in texts:  # escaped; what stands in backticks is code, and has the odd places
                     parts = enumerate(QUOTED.split(text))
                     marked = (Markup("<code>{}</code>").format(p) if i % 2 else p for i, p in parts)
-                    lines_of_block.append(Markup("").join(marked))
-                blocks.append(("list" if listed else "text", lines_of_block))
+                    shown.append(Markup("").join(marked))
+                blocks.append(("list" if listed else "text", shown))
         return blocks
 
 
@@ -129,9 +127,7 @@ class Table:
     @property
     def folds(self) -> bool:
         """Whether a narrow page sets the last column below the others, for which there is no room beside them."""
-        if self.kinds:
-            return False
-        return len(self.head) > MAX_BESIDE and self.wraps[-1] and sum(self.wraps) == 1
+        return not self.kinds and len(self.head) > MAX_BESIDE and self.wraps[-1] and sum(self.wraps) == 1
 
 
 @dataclass(frozen=True)
@@ -233,13 +229,7 @@ class Sheet:
 
 
 def write_sheet(sheet: Sheet, path: Path) -> None:
-    """Write the page whole or not at all.
-
-    Raises
-    ------
-    OutputError
-        When the file cannot be written.
-    """
+    """Write the page whole or not at all; raises `OutputError`."""
     write_text_atomic(path, render_sheet(sheet))
 
 

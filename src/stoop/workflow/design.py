@@ -21,10 +21,8 @@ from stoop.input_design.optimization import PriorModel, Proposal
 from stoop.input_design.windows import Found
 from stoop.problem.windows import NAME, Entry, written
 from stoop.simulation.maneuver import Maneuver
-from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
-from stoop.workflow.identified import Identified, read_identified
-from stoop.workflow.outputs import versions
+from stoop.workflow.outputs import read_identified, versions
 
 DESIGN_FILES: Final = ("maneuver.toml", "reference.toml", "maneuver.csv", "design.html", "design.json")
 """In the order of writing: where the last one is, the others are."""
@@ -50,33 +48,22 @@ def prior_model(name_or_path: str | Path) -> PriorModel:
         knowledge = Knowledge(tuple(p.name for p in stated), priors)
         return PriorModel(vehicle, knowledge, sensor_noise(vehicle), "the vehicle file and its priors")
     identified = read_identified(path)
-    vehicle, covariance = with_estimated_free(identified), identified.result.noise_covariance
+    # Those numbers are free that were estimated, within the boxes of that search, with its --free and --fix.
+    estimated, covariance = identified.result.parameters, identified.result.noise_covariance
+    free = [p.name for p in identified.vehicle.parameters if p.free]
+    changes: dict[str, dict[str, Any]] = {name: {"free": name in estimated} for name in (*free, *estimated)}
+    for name, p in estimated.items():
+        if p.bound_lower < p.bound_upper and np.isfinite([p.bound_lower, p.bound_upper]).all():
+            changes[name]["bounds"] = (p.bound_lower, p.bound_upper)
+    vehicle = identified.vehicle.with_numbers(changes)
     # The noise that was estimated where there was a measurement, else that of the vehicle file.
-    noise, variances = (
-        sensor_noise(vehicle),
-        dict(zip(covariance.channels, np.diag(covariance.matrix), strict=True)),
-    )
+    noise = sensor_noise(vehicle)
+    variances = dict(zip(covariance.channels, np.diag(covariance.matrix), strict=True))
     for i, channel in enumerate(vehicle.outputs):
         variance = float(variances.get(channel, np.nan))
         if np.isfinite(variance) and variance > 0.0:
             noise[i, i] = variance
     return PriorModel(vehicle, Knowledge.of_result(identified.result), noise, f"the estimates in {found}")
-
-
-def with_estimated_free(identified: Identified) -> Vehicle:
-    """Return the identified vehicle with those numbers free that were estimated, within the boxes of that search.
-
-    Its file does not hold the ``--free`` and ``--fix`` of stoop identify.
-    """
-    vehicle, estimated = identified.vehicle, identified.result.parameters
-    changes: dict[str, dict[str, Any]] = {
-        p.name: {"free": False} for p in vehicle.parameters if p.free and p.name not in estimated
-    }
-    for name, p in estimated.items():
-        changes[name] = {"free": True}
-        if p.bound_lower < p.bound_upper and np.isfinite([p.bound_lower, p.bound_upper]).all():
-            changes[name]["bounds"] = (p.bound_lower, p.bound_upper)
-    return vehicle.with_numbers(changes)
 
 
 def write_proposal(proposal: Proposal, folder: Path, command: str, overwrite: bool = False) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 import tempfile
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -37,8 +37,7 @@ from stoop.simulation.linearize import left_out
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.vehicle import slope_input
-from stoop.workflow.identified import Identified, read_identified
-from stoop.workflow.outputs import RESULT
+from stoop.workflow.outputs import RESULT, read_identified
 
 NOT_FLOWN: Final = "Not flown: the package jsbsim is not installed; pip install 'stoop[jsbsim]'."
 
@@ -95,26 +94,21 @@ def read_subject(text: str) -> Subject:
     kept = [i for i, name in enumerate(covariance.names) if name in vehicle.rows]
     names = tuple(covariance.names[i] for i in kept)
     known = ParameterCovariance(names, covariance.matrix[np.ix_(kept, kept)]) if kept else None
-    subject = Subject(vehicle, known, notes=notes)
+    windows = [Window(m.flight, m.start, m.stop, m.loading or None) for m in found.result.maneuvers]
     try:
-        return _with_flights(subject, found)
+        flights = found.flights()
+        parts = [prepare(vehicle, flights, [window]).pieces for window in windows]
+        maneuvers = tuple(
+            _maneuver(vehicle, found.result, index, segment, piece)
+            for index, pieces in enumerate(parts)
+            for segment, piece in enumerate(pieces)
+        )
     except StoopError as error:
-        return replace(subject, notes=(*notes, f"No comparison with the flight: {error}."))
-
-
-def _with_flights(subject: Subject, found: Identified) -> Subject:
-    flights, result, vehicle = found.flights(), found.result, subject.vehicle
-    windows = [Window(m.flight, m.start, m.stop, m.loading or None) for m in result.maneuvers]
-    parts = [prepare(vehicle, flights, [window]).pieces for window in windows]
-    maneuvers = [
-        _maneuver(vehicle, result, index, segment, piece)
-        for index, pieces in enumerate(parts)
-        for segment, piece in enumerate(pieces)
-    ]
-    first = parts[0][0]
-    logged = "density" in vehicle.inputs
-    density = float(np.mean(first.inputs[:, vehicle.inputs.index("density")])) if logged else None
-    return replace(subject, maneuvers=tuple(maneuvers), altitude=first.start["h"], density=density)
+        return Subject(vehicle, known, notes=(*notes, f"No comparison with the flight: {error}."))
+    first, density = parts[0][0], None
+    if "density" in vehicle.inputs:
+        density = float(np.mean(first.inputs[:, vehicle.inputs.index("density")]))
+    return Subject(vehicle, known, maneuvers, first.start["h"], density, notes)
 
 
 def _maneuver(vehicle: Vehicle, result: Result, index: int, segment: int, piece: Piece) -> RecordedManeuver:
@@ -191,37 +185,24 @@ def _jsbsim(subject: Subject, condition: Condition) -> Exported:
     aircraft = f"aircraft/{name}/{name}.xml"
     if importlib.util.find_spec("jsbsim") is None:
         return Exported(_encoded(texts), aircraft, (*notes, NOT_FLOWN))
-    flown, failed = _flown(subject, point, texts)
-    notes += failed
-    page = export_page(vehicle, texts[aircraft], name, flown, notes)
-    return Exported(_encoded({**texts, EXPORT_PAGE: page}), EXPORT_PAGE, (*notes, *map(str, flown)))
-
-
-def _flown(
-    subject: Subject, point: Trim | None, texts: Mapping[str, str]
-) -> tuple[list[Comparison], list[str]]:
-    """Fly the files before they are written where the user wants them; one with another loading is exported with that.
-
-    A maneuver that the model cannot hold open loop is a note, and the others are flown.
-    """
+    # The files are flown before they are written where the user wants them; another loading is exported with its maneuver.
     maneuvers = list(subject.maneuvers)
-    record = None if point is None else excitation_record(subject.vehicle, point)
+    record = None if point is None else excitation_record(vehicle, point)
     if record is not None:
-        title = (
-            f"{record.time[-1] - record.time[0]:g} s open loop from the steady flight, every control in turn"
-        )
+        span = f"{record.time[-1] - record.time[0]:g} s open loop"
+        title = f"{span} from the steady flight, every control in turn"
         maneuvers.insert(0, RecordedManeuver(title, record))
-    out: list[Comparison] = []
-    failed: list[str] = []
+    flown: list[Comparison] = []
     for maneuver in maneuvers:
         loaded = jsbsim_aircraft.folder(maneuver.record.vehicle, None) if maneuver.loaded else texts
         with tempfile.TemporaryDirectory(prefix="stoop-export-") as root:
             _place(Path(root), _encoded(loaded))
             try:
-                out.append(compare(Path(root), maneuver))
-            except SimulationError as error:
-                failed.append(f"{maneuver.title}: {error}.")
-    return out, failed
+                flown.append(compare(Path(root), maneuver))
+            except SimulationError as error:  # the model cannot hold it open loop; the others are flown
+                notes.append(f"{maneuver.title}: {error}.")
+    page = export_page(vehicle, texts[aircraft], name, flown, notes)
+    return Exported(_encoded({**texts, EXPORT_PAGE: page}), EXPORT_PAGE, (*notes, *map(str, flown)))
 
 
 def _state_space(subject: Subject, condition: Condition) -> Exported:

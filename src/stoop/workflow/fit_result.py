@@ -27,7 +27,6 @@ from stoop.results.result import (
     Covariance,
     Identification,
     InitialState,
-    ManeuverResult,
     NoiseCovariance,
     ParameterEstimate,
     Quantity,
@@ -67,7 +66,36 @@ def identification(
     if predicted:
         groups.append(Simulated("validation", *predict(fit, flights, predicted)))
     maneuvers, traces = maneuver_curves(vehicle, groups)
-    result = _result(fit, bars, maneuvers, flights, inputs, options)
+
+    parameters, noise = _parameters(fit, bars), fit.noise
+    names = tuple(parameters)
+    if noise is None and options.covariance is not None:
+        noise = problem.weights.covariance
+    elif noise is None:  # NaN for a channel that was never measured
+        measured = np.any([np.isfinite(p.measured).any(axis=0) for p in problem.pieces], axis=0)
+        variance = noise_variance(problem, channel_residuals(problem, fit.z))
+        noise = np.diag(np.where(measured, variance, np.nan))
+    states, biases = _nuisances(fit, bars)
+    result = Result(
+        parameters=parameters,
+        covariance=Covariance(names, bars.covariance[: len(names), : len(names)]),
+        noise_covariance=NoiseCovariance(vehicle.outputs, noise),
+        initial_states=states,
+        biases=biases,
+        wind=_wind(flights),
+        maneuvers=maneuvers,
+        cost=fit.cost,
+        trajectories=fit.trajectories,
+        seconds=0.0,
+        seed=options.seed,
+        optimizer=fit.outcome.optimizer,
+        status=fit.outcome.status,
+        advice=fit.outcome.advice,
+        notices=fit_warnings(parameters, bars, maneuvers, fit, flights),
+        versions=versions(),
+        inputs=inputs,
+        method=options.method,
+    )
     result = replace(result, modes=modes(fit, result.covariance.names, result.covariance.matrix))
     result = with_uncertainty(result, fit, bars)
 
@@ -96,46 +124,6 @@ def identification(
             if f.air is not None and "time" in f.air.traces
         ),
         command=command,
-    )
-
-
-def _result(
-    fit: Fit,
-    bars: ErrorBars,
-    maneuvers: tuple[ManeuverResult, ...],
-    flights: Mapping[str, Flight],
-    inputs: Mapping[str, str],
-    options: Options,
-) -> Result:
-    problem, parameters = fit.problem, _parameters(fit, bars)
-    noise = fit.noise
-    if noise is None and options.covariance is not None:
-        noise = problem.weights.covariance
-    elif noise is None:  # NaN for a channel that was never measured
-        measured = np.any([np.isfinite(p.measured).any(axis=0) for p in problem.pieces], axis=0)
-        variance = noise_variance(problem, channel_residuals(problem, fit.z))
-        noise = np.diag(np.where(measured, variance, np.nan))
-    names = tuple(parameters)
-    states, biases = _nuisances(fit, bars)
-    return Result(
-        parameters=parameters,
-        covariance=Covariance(names, bars.covariance[: len(names), : len(names)]),
-        noise_covariance=NoiseCovariance(problem.layout.vehicle.outputs, noise),
-        initial_states=states,
-        biases=biases,
-        wind=_wind(flights),
-        maneuvers=maneuvers,
-        cost=fit.cost,
-        trajectories=fit.trajectories,
-        seconds=0.0,
-        seed=options.seed,
-        optimizer=fit.outcome.optimizer,
-        status=fit.outcome.status,
-        advice=fit.outcome.advice,
-        notices=fit_warnings(parameters, bars, maneuvers, fit, flights),
-        versions=versions(),
-        inputs=inputs,
-        method=options.method,
     )
 
 

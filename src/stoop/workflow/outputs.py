@@ -1,4 +1,4 @@
-"""The output folder, written whole or not at all; and what a result was made from: flights, hashes, versions."""
+"""The output folder of an identification, written whole or not at all and read back; hashes and versions."""
 
 from __future__ import annotations
 
@@ -7,19 +7,27 @@ import platform
 import shutil
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
 import tomlkit
 from tomlkit.items import InlineTable, Table
 
+from stoop.assessment.baseline import BaselineManeuver
 from stoop.base.files import check_targets
-from stoop.errors import FlightError, OutputError
-from stoop.flight import Flight, save
+from stoop.errors import FlightError, OutputError, StoopError
+from stoop.flight import Flight, load, save
+from stoop.flight.flight import flight_name
 from stoop.logs.csv_tables import mapping_beside
-from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.problem.prepare import prepare
+from stoop.problem.windows import Window
+from stoop.results.result import Result, read_result
+from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 from stoop.vehicle.defaults import COEFFICIENTS
+from stoop.workflow.curves import baseline_maneuver
 
 if TYPE_CHECKING:
     from stoop.workflow.identification import Job
@@ -105,9 +113,8 @@ def place_outputs(job: Job, folder: Path, overwrite: bool = False) -> Path:
         for name in names:
             (working / name).replace(folder / name)
     except OSError as error:
-        raise OutputError(
-            f"{folder}: cannot be written ({error.strerror}); free some space or name another folder"
-        ) from None
+        why = f"cannot be written ({error.strerror}); free some space or name another folder"
+        raise OutputError(f"{folder}: {why}") from None
     finally:
         if working != folder:
             shutil.rmtree(working, ignore_errors=True)
@@ -143,13 +150,7 @@ def _set(document: Any, keys: list[str], value: float | str) -> None:
 
 
 def by_name(flights: Sequence[Flight], verb: str) -> dict[str, Flight]:
-    """Return flights by their names.
-
-    Raises
-    ------
-    FlightError
-        Two have the same name.
-    """
+    """Return flights by their names; raises `FlightError` if two have the same."""
     out: dict[str, Flight] = {}
     for flight in flights:
         if flight.name in out:
@@ -197,3 +198,97 @@ def file_hashes(paths: Iterable[Path], taken: Iterable[str] = ()) -> dict[str, s
                     digest.update(chunk)
         out[str(path) if path.name in {*taken, *out} else path.name] = digest.hexdigest()
     return out
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """The output folder of stoop identify."""
+
+    folder: Path
+    result: Result
+    vehicle: Vehicle  #: with its free numbers at their estimates, to the last digit
+    #: SHA-256 of every fitted flight, and of its copy in the folder, to the flight's name
+    hashes: Mapping[str, str]
+
+    def biases(self, flight: str | None) -> dict[str, float]:
+        """Return each bias averaged over the fitted maneuvers of a flight, or of all flights if it has none."""
+        fitted = self.result.maneuvers
+        of_flight = [b for b in self.result.biases if fitted[b.maneuver].flight == flight]
+        found: dict[str, list[float]] = {}
+        for one in of_flight or self.result.biases:
+            for channel, quantity in one.values.items():
+                found.setdefault(f"sensors.{channel}.bias", []).append(quantity.estimate)
+        return {name: float(np.mean(values)) for name, values in found.items()}
+
+    def name_of(self, flight: Flight) -> str | None:
+        """Return the name under which a flight was fitted; None for one that was not."""
+        digests = file_hashes(flight_files([flight])).values()
+        return next((self.hashes[d] for d in digests if d in self.hashes), None)
+
+    def fitted_maneuvers(self) -> list[BaselineManeuver]:
+        """Return the fitted maneuvers, from which the baseline model is estimated.
+
+        Raises `StoopError` if a flight no longer lies in the folder, or is not the one that was fitted.
+        """
+        fitted = [m for m in self.result.maneuvers if m.role == "fit"]
+        windows = [Window(m.flight, m.start, m.stop, m.loading or None) for m in fitted]
+        prepared = prepare(self.vehicle, self.flights(), windows)
+        pieces = [[prepared.pieces[i] for i in prepared.of_maneuver(m)] for m in range(len(windows))]
+        return [baseline_maneuver(self.vehicle, "fit", some) for some in pieces]
+
+    def flights(self) -> dict[str, Flight]:
+        """Return the flights that lie in the folder, by name; raises `StoopError` if one is missing."""
+        copies = _copies(self.folder, self.result)
+        return {name: replace(load(path), name=name) for name, path in copies.items()}
+
+
+def read_identified(path: Path) -> Identified:
+    """Read the folder of stoop identify, or the ``result.json`` in it.
+
+    Raises `StoopError` if there is no such folder, or it does not hold what stoop identify writes.
+    """
+    folder, file = (path, path / RESULT) if path.is_dir() else (path.parent, path)
+    if not file.exists():
+        raise StoopError(f"{path}: holds no {RESULT}; name the folder that stoop identify wrote")
+    result = read_result(file)
+    # What stoop identify does not write: a file that was edited, or cut and mended.
+    lost = next((name for name, p in result.parameters.items() if not np.isfinite(p.estimate)), None)
+    covariance, noise = result.covariance, result.noise_covariance
+    sizes = ((len(covariance.matrix), len(covariance.names)), (len(noise.matrix), len(noise.channels)))
+    places = {b.maneuver for b in result.biases} | {i.maneuver for i in result.initial_states}
+    checks = (
+        (lost is not None, f"has no estimate of {lost}"),
+        (
+            not set(covariance.names) <= set(result.parameters),
+            "has a covariance of other parameters than its estimates",
+        ),
+        *((rows != names, f"has a covariance of {rows} rows for {names} names") for rows, names in sizes),
+        (all(m.role != "fit" for m in result.maneuvers), "names no maneuver that was fitted"),
+        (
+            not places <= set(range(len(result.maneuvers))),
+            "has biases or initial states of a maneuver that it does not name",
+        ),
+    )
+    wrong = next((text for failed, text in checks if failed), None)
+    if wrong is not None:
+        raise StoopError(f"{file}: {wrong}; write it again with stoop identify")
+    if not (folder / "vehicle.toml").exists():
+        raise StoopError(
+            f"{folder}: holds no vehicle.toml beside {RESULT}; name the whole folder that stoop identify wrote"
+        )
+    vehicle = load_vehicle(folder / "vehicle.toml")
+    try:
+        vehicle = vehicle.with_numbers({n: {"value": p.estimate} for n, p in result.parameters.items()})
+    except StoopError as error:
+        raise StoopError(f"{folder}: {RESULT} and vehicle.toml do not belong together ({error})") from None
+    copies = _copies(folder, result)
+    hashes = {digest: flight_name(Path(file)) for file, digest in result.inputs.items()}
+    hashes = {digest: name for digest, name in hashes.items() if name in copies}
+    hashes |= {next(iter(file_hashes([p]).values())): name for name, p in copies.items() if p.exists()}
+    return Identified(folder, result, vehicle, hashes)
+
+
+def _copies(folder: Path, result: Result) -> dict[str, Path]:
+    """Return where the flights of a result lie in its folder, by name."""
+    names = tuple(dict.fromkeys(m.flight for m in result.maneuvers))
+    return {name: folder / flight_file(name, len(names)) for name in names}

@@ -11,6 +11,7 @@ import numpy as np
 
 from stoop.assessment.error_bars import ErrorBars
 from stoop.base.notices import Notice, as_notice, notice, of_severity
+from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.checks.vehicle import check_lift, check_rotors, inertia_notices
 from stoop.estimate.excitation import excitation_notices
 from stoop.estimate.fit import Fit
@@ -31,22 +32,14 @@ MIN_CORRELATION_TIME: Final = 2.0  #: samples; from here on residuals count as c
 CONFIRMED: Final = frozenset({"converged", "target"})  #: a search that ended so has found its optimum
 BASIC_METHODS: Final = ("corrected", "cramer_rao")  #: of uncertainty, that every result has
 SHOWN: Final = (
-    "vn",
-    "ve",
-    "vd",
+    *VELOCITY,
     "V",
     "alpha",
     "beta",
-    "p",
-    "q",
-    "r",
-    "phi",
-    "theta",
-    "psi",
-    "ax",
-    "ay",
-    "az",
-)
+    *RATES,
+    *EULER,
+    *SPECIFIC_FORCE,
+)  #: channels of the table of figures
 
 
 def fit_warnings(
@@ -58,9 +51,18 @@ def fit_warnings(
 ) -> tuple[Notice, ...]:
     """Return what makes a result doubtful, the most serious first."""
     vehicle, windows = fit.problem.layout.vehicle, fit.prepared.windows
+    read = {*vehicle.outputs, *vehicle.inputs}
+    spans = [(m.flight, m.start, m.stop) for m in maneuvers if m.role == "fit"]
+    sensor_faults = [  # suspected, of sensors that the fit reads, within its windows
+        notice(SENSOR_FAULTS[fault.kind], flight.name, fault=fault.message)
+        for flight in flights.values()
+        for fault in flight.faults
+        if fault.variable in read and fault.kind in SENSOR_FAULTS
+        if any(name == flight.name and a < fault.stop and fault.start < b for name, a, b in spans)
+    ]
     found: list[Notice | str] = [
         *search_notices(fit.outcome.status, fit.outcome.advice),
-        *_sensor_faults(vehicle, flights, maneuvers),
+        *sensor_faults,
         *check_lift(vehicle, flights),
         *inertia_notices(vehicle, fit.estimates),
     ]
@@ -89,10 +91,7 @@ def fit_warnings(
 
 
 def basis_notices(vehicle: Vehicle, flights: Mapping[str, Flight], correlation: float) -> list[Notice]:
-    """Return what the figures rest on.
-
-    `correlation` is the correlation time of the residuals, samples.
-    """
+    """Return what the figures rest on; `correlation` is the correlation time of the residuals, samples."""
     found = [notice("vehicle-file-note", text=text) for text in vehicle.file.notes]
     for flight in flights.values():
         if "V" in vehicle.outputs and flight.air is not None and flight.air.method != "none":
@@ -127,21 +126,6 @@ def slowest_rate(fit: Fit, flights: Mapping[str, Flight]) -> float:
     outputs = fit.problem.layout.vehicle.outputs
     rates = [f.sources[c].rate for f in flights.values() for c in outputs if c in f.sources]
     return min((rate for rate in rates if rate > 0.0), default=np.inf)
-
-
-def _sensor_faults(
-    vehicle: Vehicle, flights: Mapping[str, Flight], maneuvers: Sequence[ManeuverResult]
-) -> list[Notice]:
-    """Return suspected faults of sensors that the fit reads, within its windows."""
-    read = {*vehicle.outputs, *vehicle.inputs}
-    spans = [(m.flight, m.start, m.stop) for m in maneuvers if m.role == "fit"]
-    return [
-        notice(SENSOR_FAULTS[fault.kind], flight.name, fault=fault.message)
-        for flight in flights.values()
-        for fault in flight.faults
-        if fault.variable in read and fault.kind in SENSOR_FAULTS
-        if any(name == flight.name and a < fault.stop and fault.start < b for name, a, b in spans)
-    ]
 
 
 def estimates_table(result: Result, truth: Mapping[str, float] | None = None) -> str:

@@ -19,8 +19,15 @@ from stoop.problem.windows import Window, parse_window
 from stoop.results.result import Identification, ManeuverResult, ManeuverTrace, plain
 from stoop.vehicle.notation import symbols
 from stoop.workflow.curves import Simulated, channel_units, maneuver_curves
-from stoop.workflow.identified import Identified, read_identified
-from stoop.workflow.outputs import RESULT, by_name, file_hashes, flight_files, versions
+from stoop.workflow.outputs import (
+    RESULT,
+    Identified,
+    by_name,
+    file_hashes,
+    flight_files,
+    read_identified,
+    versions,
+)
 from stoop.workflow.summary import basis_notices, data_notices, lag_notices, search_notices
 
 NAMES = ("validation.html", "validation.json")
@@ -146,7 +153,7 @@ def validate(
         versions=record.versions,
         inputs={RESULT: digest, **record.inputs},
     )
-    drawn_result = Identification(
+    page = Identification(
         result=result,
         traces=tuple(traces),
         vehicle=vehicle.name,
@@ -155,7 +162,7 @@ def validate(
         symbols=symbols(vehicle),
         command=command,
     )
-    return Validated(record, drawn_result)
+    return Validated(record, page)
 
 
 def _windows(

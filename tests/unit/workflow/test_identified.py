@@ -13,7 +13,7 @@ import pytest
 from stoop.errors import StoopError
 from stoop.workflow import Job
 from stoop.workflow.design import prior_model
-from stoop.workflow.identified import read_identified
+from stoop.workflow.outputs import read_identified
 
 
 @pytest.fixture(scope="module")
