@@ -32,7 +32,9 @@ def motion(vehicle: Vehicle, evaluate: Evaluate, inputs: np.ndarray, **start: fl
 
 
 def test_effect_of_the_parameters() -> None:
-    said = dict(zip(table(PAGE, "Effect of the parameters", "parameter").column("parameter"), _last(), strict=True))
+    said = dict(
+        zip(table(PAGE, "Effect of the parameters", "parameter").column("parameter"), _last(), strict=True)
+    )
     quad = builtin_vehicle("quad-x")
     evaluate, x = interpreted(quad), hover(quad)
     u = np.full(4, x)
