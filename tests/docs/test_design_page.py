@@ -21,7 +21,7 @@ def records() -> dict[str, dict[str, str]]:
 
 
 def test_the_table_is_the_one_that_was_written() -> None:
-    shown = table(PAGE, "What it is worth", "parameter").rows
+    shown = table(PAGE, "Benefit", "parameter").rows
     assert len(shown) > 10
     for name, *cells in shown:
         row = records()[name]

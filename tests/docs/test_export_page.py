@@ -28,7 +28,7 @@ def most(rows: list[dict[str, str]], column: str) -> float:
 
 
 def test_the_table_is_the_one_that_was_written() -> None:
-    shown = table(PAGE, "What holds", "vehicle", "inputs").rows
+    shown = table(PAGE, "Accuracy", "vehicle", "inputs").rows
     written = flights()
     assert list(written) == [(v, i) for v in VEHICLES for i in INPUTS]
     for cells, (key, rows) in zip(shown, written.items(), strict=True):

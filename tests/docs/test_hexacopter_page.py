@@ -24,14 +24,14 @@ def digits(row: dict[str, str], *names: str) -> list[str]:
 
 def test_the_tables_are_those_that_were_written() -> None:
     numbers = ("model", "constant", "static_thrust", "authors_here", "authors_published")
-    shown = table(PAGE, "What comes out", "fitted").rows
+    shown = table(PAGE, "Results", "fitted").rows
     for cells, row in zip(shown, records("hexacopter.csv"), strict=True):
         assert list(cells) == [row["fitted"], row["window"], row["axis"], *digits(row, *numbers)]
-    shown = table(PAGE, "What comes out", "without").rows
+    shown = table(PAGE, "Results", "without").rows
     for cells, row in zip(shown, records("hexacopter-without.csv"), strict=True):
         assert list(cells) == [row["left_out"], *digits(row, *AXES)]
     numbers = ("value", "std_error", "of_whole_flight", "authors")
-    shown = table(PAGE, "Coefficients beside theirs", "quantity").rows
+    shown = table(PAGE, "Comparison with the published coefficients", "quantity").rows
     for cells, row in zip(shown, records("hexacopter-coefficients.csv"), strict=True):
         assert list(cells) == [row["quantity"], row["unit"], *(f"{float(row[n]):.4g}" for n in numbers)]
 

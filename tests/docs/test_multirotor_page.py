@@ -31,8 +31,10 @@ def motion(vehicle: Vehicle, evaluate: Evaluate, inputs: np.ndarray, **start: fl
     return rates | dict(zip(vehicle.outputs, y[:, 0].tolist(), strict=True))
 
 
-def test_what_the_numbers_do() -> None:
-    said = dict(zip(table(PAGE, "What the numbers do", "number").column("number"), _last(), strict=True))
+def test_effect_of_the_parameters() -> None:
+    said = dict(
+        zip(table(PAGE, "Effect of the parameters", "parameter").column("parameter"), _last(), strict=True)
+    )
     quad = builtin_vehicle("quad-x")
     evaluate, x = interpreted(quad), hover(quad)
     u = np.full(4, x)
@@ -55,7 +57,7 @@ def test_what_the_numbers_do() -> None:
 
 
 def _last() -> list[str]:
-    return [row[-1] for row in table(PAGE, "What the numbers do", "number").rows]
+    return [row[-1] for row in table(PAGE, "Effect of the parameters", "parameter").rows]
 
 
 def test_templates() -> None:

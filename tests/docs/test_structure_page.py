@@ -33,7 +33,7 @@ def percent(share: str) -> str:
 
 def test_the_table_of_structures_is_the_one_that_was_written() -> None:
     written = {(r["criterion"], r["coefficient"]): r for r in records("structure")}
-    shown = table(PAGE, "How often that is right", "coefficient").rows
+    shown = table(PAGE, "Success rate", "coefficient").rows
     assert len(shown) * len(CRITERIA) == len(written)
     for coefficient, *cells in shown:
         key = "all" if coefficient == "all six" else coefficient
@@ -44,7 +44,7 @@ def test_structures_reach_what_was_asked_for() -> None:
     whole = next(r for r in records("structure") if (r["criterion"], r["coefficient"]) == ("f", "all"))
     assert int(whole["aircraft"]) == 200
     assert int(whole["exact"]) >= 0.9 * 200
-    assert f"In {whole['exact']} of 200 simulated aircraft exactly the true terms" in TEXT
+    assert f"For {whole['exact']} of 200 simulated aircraft, `f` selected exactly the true terms" in TEXT
 
 
 def test_the_scene_is_the_one_that_is_told() -> None:

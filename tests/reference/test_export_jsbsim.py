@@ -20,7 +20,6 @@ from stoop.exporters.jsbsim_flight import (
     maneuver_record,
     own_readings,
     relative_differences,
-    sortie,
     specific_force,
     steady_record,
 )
@@ -61,7 +60,7 @@ def test_accelerations_at_random_states(name: str, tmp_path: Path) -> None:
         }
         inputs = point.inputs * (1.0 + 0.1 * random.standard_normal(len(point.inputs)))
         record = Record(vehicle, start, np.array([0.0, 0.01]), np.stack([inputs, inputs]))
-        flown = fly(tmp_path, sortie(aircraft, record, tmp_path / jsbsim_aircraft.PLANET))
+        flown = fly(tmp_path, aircraft, record, tmp_path / jsbsim_aircraft.PLANET)
         rates, readings = vehicle.kernel().evaluate(
             rows, initial_states(vehicle, start, rows, inputs), inputs[:, None]
         )

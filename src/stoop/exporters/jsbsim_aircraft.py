@@ -20,9 +20,8 @@ from stoop.exporters.jsbsim_flight import (
     PLANET,
     START,
     Record,
-    Sortie,
     file_name,
-    sortie,
+    settings,
 )
 from stoop.exporters.jsbsim_model import (
     THRUST,
@@ -73,9 +72,8 @@ def folder(vehicle: Vehicle, steady: Record | None) -> dict[str, str]:
         PLANET: flat_planet(vehicle.value("environment.gravity")),
     }
     if steady is not None:
-        flown = sortie(name, steady, None)
-        out[f"aircraft/{name}/{STEADY}.xml"] = initialization(flown)
-        out[f"scripts/{name}.xml"] = script(flown, steady.vehicle.name)
+        out[f"aircraft/{name}/{STEADY}.xml"] = initialization(steady)
+        out[f"scripts/{name}.xml"] = script(steady)
     return out
 
 
@@ -180,24 +178,24 @@ def flat_planet(gravity: float) -> str:
     return document(out)
 
 
-def initialization(flown: Sortie) -> str:
+def initialization(steady: Record) -> str:
     """Return the start of a steady flight as JSBSim reads it."""
-    out = Element("initialize", {"name": STEADY})
+    out, start = Element("initialize", {"name": STEADY}), settings(steady).start
     for key, (tag, unit) in _INITIAL.items():
-        out.append(_quantity(tag, flown.start[key] / START[key][1], unit))
+        out.append(_quantity(tag, start[key] / START[key][1], unit))
     out.extend(leaf(tag, "0.0") for tag in ("latitude", "longitude"))
     return document(out)
 
 
-def script(flown: Sortie, name: str) -> str:
-    """Return a script that flies the steady flight of a vehicle of that name for its time."""
-    out = Element("runscript", {"name": one_line(name)})
+def script(steady: Record) -> str:
+    """Return a script that flies the steady flight for its time."""
+    out, given = Element("runscript", {"name": one_line(steady.vehicle.name)}), settings(steady)
     SubElement(out, "description").text = "A steady flight; made by stoop export"
-    SubElement(out, "use", {"aircraft": flown.aircraft, "initialize": STEADY})
-    length = float(flown.time[-1] - flown.time[0])
+    SubElement(out, "use", {"aircraft": file_name(steady.vehicle.name), "initialize": STEADY})
+    length = float(steady.time[-1] - steady.time[0])
     run = SubElement(out, "run", {"start": "0.0", "end": number(length), "dt": number(1.0 / FRAME_RATE)})
-    inputs = {n: float(column[0]) for n, column in flown.inputs.items()}
-    for place, x in {**INTEGRATORS, **flown.constants, **inputs}.items():
+    inputs = {n: float(column[0]) for n, column in given.inputs.items()}
+    for place, x in {**INTEGRATORS, **given.constants, **inputs}.items():
         SubElement(run, "property", {"value": number(x)}).text = place
     return document(out)
 

@@ -191,47 +191,37 @@ def file_name(name: str) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Sortie:
-    """A flight of JSBSim.
+class Settings:
+    """What JSBSim is given for a record.
 
     Attributes
     ----------
-    aircraft : name of a folder in ``root/aircraft``
     start : mapping of :data:`START`, SI and rad; body axes, relative to still air
-    time : (n,), s, uniform
     inputs : mapping of property to (n,), linear between samples
     constants : mapping of property to value for the whole flight
-    planet : a planet file; JSBSim's Earth when absent
-    frames : of JSBSim per sample
     """
 
-    aircraft: str
     start: Mapping[str, float]
-    time: FloatArray
     inputs: Mapping[str, FloatArray]
     constants: Mapping[str, float]
-    planet: Path | None
-    frames: int
 
 
-def sortie(name: str, record: Record, planet: Path | None, rate: float = FRAME_RATE) -> Sortie:
-    """Return the flight of JSBSim for a record."""
+def settings(record: Record, rate: float = FRAME_RATE) -> Settings:
+    """Return what JSBSim is given for a record, with frames of a rate, Hz, of at least so much."""
     vehicle, rows = record.vehicle, parameter_rows(record.vehicle)
     rigid = {k: float(v[0]) for k, v in rigid_states(record.start).items() if k in (*"uvwpqr", "h")}
     start = rigid | {a: float(record.start.get(a, 0.0)) for a in EULER}
     columns = {n: record.inputs[:, i] for i, n in enumerate(vehicle.inputs) if n != "none"}
     constants = {channel_start(n): float(columns[n][0]) for n in delays(vehicle)}
-    frames = frames_per_sample(record.dt, rate)
     for control in lagged(vehicle):
         # The lag filter y1 = ca (x1 + x0) + cb y0 runs once before the flight, with zeros behind it; so the surface
         # begins at S + ca (x0 - S) for a start value S and a command x0.
-        step = record.dt / frames / vehicle.value(f"controls.{control}.lag")
+        step = record.dt / frames_per_sample(record.dt, rate) / vehicle.value(f"controls.{control}.lag")
         command = float(commanded(vehicle, control, rows, record.inputs[0])[0])
         offset = float(record.start.get(f"{control}.lag", 0.0))
         constants[lag_start(control)] = command + offset * (2.0 + step) / 2.0
     constants |= constant_thrust(vehicle)
-    inputs = {channel(n): c for n, c in columns.items()}
-    return Sortie(name, start, record.time, inputs, constants, planet, frames)
+    return Settings(start, {channel(n): c for n, c in columns.items()}, constants)
 
 
 def simulator(root: Path | None) -> Any:
@@ -252,8 +242,10 @@ def frames_per_sample(dt: float, rate: float = FRAME_RATE) -> int:
     return max(1, math.ceil(dt * rate - 1e-9))
 
 
-def fly(root: Path, sortie: Sortie) -> dict[str, FloatArray]:
-    """Return the quantities of :data:`READ` at each sample, SI and rad.
+def fly(
+    root: Path, name: str, record: Record, planet: Path | None, rate: float = FRAME_RATE
+) -> dict[str, FloatArray]:
+    """Return the quantities of :data:`READ` at each sample, SI and rad; parameters as of :func:`jsbsim_readings`.
 
     Raises
     ------
@@ -263,38 +255,39 @@ def fly(root: Path, sortie: Sortie) -> dict[str, FloatArray]:
 
     def check(done: bool, what: str) -> None:
         if not done:
-            raise SimulationError(f"{sortie.aircraft}: JSBSim does not take {what}; export it again")
+            raise SimulationError(f"{name}: JSBSim does not take {what}; export it again")
 
+    given, frames, time = settings(record, rate), frames_per_sample(record.dt, rate), record.time
     fdm = simulator(root)
-    fdm.set_dt(float(sortie.time[1] - sortie.time[0]) / sortie.frames)
-    if sortie.planet is not None:
-        check(fdm.load_planet(str(sortie.planet), False), "its planet")
-    check(fdm.load_model(sortie.aircraft), "its aircraft file")
-    if sortie.planet is not None:
+    fdm.set_dt(record.dt / frames)
+    if planet is not None:
+        check(fdm.load_planet(str(planet), False), "its planet")
+    check(fdm.load_model(name), "its aircraft file")
+    if planet is not None:
         fdm["simulation/gravity-model"] = 0.0
-    first = {name: float(column[0]) for name, column in sortie.inputs.items()}
+    first = {place: float(column[0]) for place, column in given.inputs.items()}
     # at a latitude of 45 deg the Earth pulls as the standard gravity does
-    latitude = math.pi / 4.0 if sortie.planet is None else 0.0
-    place = {"ic/lat-geod-rad": latitude, "ic/long-gc-rad": 0.0}
-    start = {name: float(sortie.start.get(n, 0.0)) / unit for n, (name, unit) in START.items()}
-    for name, x in [*{**INTEGRATORS, **sortie.constants, **first}.items(), *place.items(), *start.items()]:
-        fdm[name] = x
+    latitude = math.pi / 4.0 if planet is None else 0.0
+    where = {"ic/lat-geod-rad": latitude, "ic/long-gc-rad": 0.0}
+    start = {place: float(given.start.get(n, 0.0)) / unit for n, (place, unit) in START.items()}
+    for place, x in [*{**INTEGRATORS, **given.constants, **first}.items(), *where.items(), *start.items()]:
+        fdm[place] = x
     check(fdm.run_ic(), "its initial conditions")
     properties = fdm.get_property_manager()
-    nodes = [properties.get_node(name) for name in sortie.inputs]
-    columns = np.stack(list(sortie.inputs.values()), axis=1) if nodes else np.zeros((len(sortie.time), 0))
-    out = np.full((len(sortie.time), len(READ)), np.nan)
-    watched = [(properties.get_node(name), unit) for name, unit in READ.values()]
+    nodes = [properties.get_node(place) for place in given.inputs]
+    columns = np.stack(list(given.inputs.values()), axis=1) if nodes else np.zeros((len(time), 0))
+    out = np.full((len(time), len(READ)), np.nan)
+    watched = [(properties.get_node(place), unit) for place, unit in READ.values()]
     out[0] = [n.get_double_value() * unit for n, unit in watched]
-    for k in range(1, len(sortie.time)):
-        for j in range(1, sortie.frames + 1):
-            here = columns[k - 1] + (columns[k] - columns[k - 1]) * (j / sortie.frames)
+    for k in range(1, len(time)):
+        for j in range(1, frames + 1):
+            here = columns[k - 1] + (columns[k] - columns[k - 1]) * (j / frames)
             for n, x in zip(nodes, here.tolist(), strict=True):
                 n.set_double_value(x)
             fdm.run()
         out[k] = [n.get_double_value() * unit for n, unit in watched]
         if not np.isfinite(out[k]).all():
-            raise SimulationError(f"{sortie.aircraft}: diverges in JSBSim at {sortie.time[k]:.2f} s")
+            raise SimulationError(f"{name}: diverges in JSBSim at {time[k]:.2f} s")
     return dict(zip(READ, out.T, strict=True))
 
 
@@ -334,7 +327,7 @@ def jsbsim_readings(
     expressions = [sp.sympify(read[c]).xreplace(numbers) for c in vehicle.outputs]
     function = sp.lambdify(list(s.values()), expressions, "numpy")
 
-    flown = fly(root, sortie(name, record, planet, rate))
+    flown = fly(root, name, record, planet, rate)
     forces = dict(zip("XYZ", specific_force(flown), strict=True))
     turn = dict(zip(names[-4:], quaternions_of(np.column_stack([flown[a] for a in EULER])).T, strict=True))
     known = {**flown, **forces, **turn}
@@ -393,17 +386,11 @@ class Comparison:
 def compare(root: Path, maneuver: RecordedManeuver) -> Comparison:
     """Fly a maneuver by our equations and in JSBSim, whose root folder holds the exported aircraft.
 
-    Raises
-    ------
-    StoopError
-        The flight diverges, or JSBSim is not there.
+    StoopError when the flight diverges, or JSBSim is not there.
     """
     record = maneuver.record
+    own = own_readings(record), own_readings(record, frames_per_sample(record.dt))
     name = file_name(record.vehicle.name)
     return Comparison(
-        maneuver,
-        own_readings(record),
-        own_readings(record, frames_per_sample(record.dt)),
-        jsbsim_readings(root, name, record, root / PLANET),
-        jsbsim_readings(root, name, record, None),
+        maneuver, *own, *(jsbsim_readings(root, name, record, p) for p in (root / PLANET, None))
     )

@@ -102,23 +102,22 @@ def ulog_definitions(
 ) -> bytes:
     """Return what stands before the first row: flags, information, formats, parameters, and the list of topics."""
 
-    def keyed(kind: str, key: str, value: bytes) -> bytes:
+    def keyed(key: str, value: str | float) -> bytes:
+        if isinstance(value, str):
+            content = value.encode()
+            kind = f"char[{len(content)}]"
+        else:
+            whole = isinstance(value, int)
+            kind, content = "int32_t" if whole else "float", struct.pack("<i" if whole else "<f", value)
         name = f"{kind} {key}".encode()
-        return bytes([len(name)]) + name + value
-
-    def number(key: str, value: float) -> bytes:
-        whole = isinstance(value, int)
-        return keyed("int32_t" if whole else "float", key, struct.pack("<i" if whole else "<f", value))
+        return bytes([len(name)]) + name + content
 
     start = min((round(t.time[0] / MICROSECOND) for t in topics if t.time.size), default=0)
     out = [b"ULog\x01\x12\x35\x01", struct.pack("<Q", start), ulog_message("B", bytes(40))]
-    for key, value in (info or {}).items():
-        text = str(value).encode()
-        body = number(key, value) if isinstance(value, int) else keyed(f"char[{len(text)}]", key, text)
-        out.append(ulog_message("I", body))
+    out += [ulog_message("I", keyed(key, value)) for key, value in (info or {}).items()]
     formats = {topic.name: _format(topic) for topic in topics}
     out += [ulog_message("F", body) for body in formats.values()]
-    out += [ulog_message("P", number(key, value)) for key, value in (parameters or {}).items()]
+    out += [ulog_message("P", keyed(key, value)) for key, value in (parameters or {}).items()]
     for i, topic in enumerate(topics):
         out.append(ulog_message("A", struct.pack("<BH", topic.instance, i) + topic.name.encode()))
     return b"".join(out)

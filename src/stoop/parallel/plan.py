@@ -19,12 +19,7 @@ def to_text(value: Any, what: str) -> str:
     """Return the canonical text of a value: keys sorted, no blanks, ASCII only, floats to the last bit.
 
     JSON has no infinity and nan; as in Python, SQLite and JavaScript, they are written ``Infinity`` and ``NaN``.
-
-    Parameters
-    ----------
-    value : Json
-    what : str
-        Names the value in the error.
+    `what` names the value in the error.
 
     Raises
     ------

@@ -64,31 +64,22 @@ class Store:
             yield row[:3]
 
     def missing(self, runs: Sequence[Run]) -> list[Run]:
-        """Return the runs that are not here.
-
-        Raises
-        ------
-        OutputError
-            A run is here under its key, but with other arguments.
-        """
+        """Return the runs that are not here; OutputError for one that is, but with other arguments."""
         for run in runs:
             if self.identities.get(run.key, run.identity) != run.identity:
-                raise OutputError(
-                    f"{self._path}: run {run.key} was made with other arguments; name another file to start anew"
-                )
+                problem = "was made with other arguments; name another file to start anew"
+                raise OutputError(f"{self._path}: run {run.key} {problem}")
         return [run for run in runs if run.key not in self.identities]
 
     def add(self, runs: Sequence[Run], results: Sequence[str]) -> None:
         """Commit the results of some runs, all or none; those that are here already stay.
 
-        Raises
-        ------
-        OutputError
-            The file cannot be written; everything before is safe.
+        OutputError when the file cannot be written; everything before is safe.
         """
         parts = [(run.key, run.identity, result) for run, result in zip(runs, results, strict=True)]
         rows = [(*part, _seal(*part)) for part in parts]
-        with _explained(self._path), _transaction(self._connection, "IMMEDIATE"):
+        with _explained(self._path), self._connection:
+            self._connection.execute("BEGIN IMMEDIATE")
             self._connection.executemany("INSERT OR IGNORE INTO runs VALUES (?, ?, ?, ?)", rows)
         self.identities.update({run.key: run.identity for run in runs})
 
@@ -137,7 +128,8 @@ def open_store(path: Path, plan: Plan, environment: Mapping[str, str]) -> Iterat
         connection.execute("PRAGMA synchronous = FULL")
         # the lock stays from one transaction to the next
         connection.execute("PRAGMA locking_mode = EXCLUSIVE")
-        with _transaction(connection, "EXCLUSIVE"):
+        with connection:  # committed, or rolled back
+            connection.execute("BEGIN EXCLUSIVE")
             if _is_foreign(connection):
                 raise OutputError(f"{path}: {_FOREIGN}")
             meta = {
@@ -161,10 +153,7 @@ def open_store(path: Path, plan: Plan, environment: Mapping[str, str]) -> Iterat
 def forget(path: Path) -> None:
     """Remove a store of a campaign that nobody uses; nothing where there is none.
 
-    Raises
-    ------
-    OutputError
-        It is another program's file, in use, damaged, or cannot be removed; it is left as it is.
+    OutputError when it is another program's file, in use, damaged, or cannot be removed; it is left as it is.
     """
     file = path.resolve()
     if not file.exists():
@@ -212,18 +201,6 @@ def _explained(path: Path, failed: str = "") -> Iterator[None]:
         name = getattr(error, "sqlite_errorname", "")
         message = next((m for start, m in _MESSAGES.items() if name.startswith(start)), f"{error}; {_SAFE}")
         raise OutputError(f"{path}: {failed}{message}") from error
-
-
-@contextmanager
-def _transaction(connection: sqlite3.Connection, kind: str) -> Iterator[None]:
-    connection.execute(f"BEGIN {kind}")
-    try:
-        yield
-        connection.execute("COMMIT")
-    except BaseException:
-        with suppress(sqlite3.Error):  # after some errors SQLite has rolled back by itself
-            connection.execute("ROLLBACK")
-        raise
 
 
 def _write_meta(connection: sqlite3.Connection, meta: Mapping[str, str]) -> None:

@@ -63,7 +63,8 @@ def test_what_is_committed_is_there_and_nothing_else(path: Path) -> None:
 
 
 def interrupt(connection: sqlite3.Connection) -> None:
-    with room._transaction(connection, "IMMEDIATE"):
+    with connection:
+        connection.execute("BEGIN IMMEDIATE")
         connection.execute("INSERT INTO runs VALUES ('000', '', '', '')")
         raise KeyboardInterrupt
 
