@@ -85,7 +85,7 @@ def with_air(flight: Flight) -> Flight:
     if (air.method == "none" and carried_by_rotors(flight)) or (air.method == "sideslip" and hovered(flight)):
         return flight
     new = columns.keys() - (there if _measured_speed(flight) is not None else there - {"V"})
-    sources = {name: replace(flight.sources["vn"], source=RECONSTRUCTED) for name in new}
+    sources = {name: replace(flight.sources["vn"], source=RECONSTRUCTED) for name in sorted(new)}
     # The reconstruction says more of the pitot than its faults do.
     replaced = [fault.notice for fault in flight.faults if fault.variable == "airspeed_pitot"]
     return replace(
