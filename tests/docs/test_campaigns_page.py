@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from docs.pages import DOCS, blocks, table
-from stoop.cli.campaign import add_campaign_arguments
+from stoop.cli.progress import add_campaign_arguments
 
 PAGE = DOCS / "campaigns.md"
 

@@ -60,7 +60,7 @@ def search(arguments: Mapping[str, Any], stops: Sequence[int]) -> list[Any]:
 
 def main() -> int:
     from stoop.base.files import write_text_atomic
-    from stoop.cli.campaign import add_campaign_arguments, run_campaign
+    from stoop.cli.progress import add_campaign_arguments, run_campaign
     from stoop.errors import StoopError
     from stoop.parallel import Plan, Run
 

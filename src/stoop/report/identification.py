@@ -18,7 +18,9 @@ from stoop.report.charts import convergence_panel
 from stoop.report.estimates import (
     correlation_section,
     estimates_section,
+    modes_section,
     nuisance_section,
+    repeatability_section,
     uncertainty_section,
 )
 from stoop.report.maneuvers import (
@@ -31,7 +33,6 @@ from stoop.report.maneuvers import (
     role_section,
     segments_text,
 )
-from stoop.report.modes import modes_section, repeatability_section
 from stoop.results.result import Identification, Result, Role
 
 MAX_NOT_IDENTIFIABLE: Final = 0.5  #: share of the parameters; above it the estimates are no model

@@ -79,28 +79,22 @@ def structure_sheet(
             for i, s in enumerate(chosen.selection.steps, 1)
         )  # fmt: skip
         caption = "Steps; F of the term, R², PRESS and PSE of the model after the step"
-        figure = _coefficient(structure, vehicle, coefficient)
+        smooth, curves = TimeDomain(), list[Series]()
+        for history in structure.histories:
+            terms, nothing = vehicle.terms[coefficient].items(), np.zeros(len(history.time))
+            modeled = sum((vehicle.value(n) * history.regressor(t) for n, t in terms), nothing)
+            columns = np.column_stack([history.coefficients[coefficient], modeled, history.time])
+            measured, modeled, time = smooth.rows(columns, history.dt).T
+            if len(time):
+                curves += [Series("measured", time, measured), Series("chosen terms", time, modeled)]
+        title = f"{coefficient} as it was flown, smoothed over {smooth.span:g} s, and the chosen terms"
+        figure = Figure(title, plot(curves, "time, s", coefficient, title))
         parts = (Prose(summary), table, figure, Table(caption, steps_head, steps))
         sections.append(Section(coefficient, parts))
     notes = [n for chosen in structure.chosen.values() for n in chosen.notices] + list(structure.notices)
     first = [Section("Notes", (Bullets(notes),))] if notes else []
     made = Section("Made by", (Code(command),))
     return Sheet(f"Model structure of {vehicle.name}", STRUCTURE_LEAD, (*first, *sections, made))
-
-
-def _coefficient(structure: Structure, vehicle: Vehicle, coefficient: str) -> Figure:
-    """Draw the measured coefficient, smoothed, and the chosen terms."""
-    smooth, curves = TimeDomain(), list[Series]()
-    for history in structure.histories:
-        terms = vehicle.terms[coefficient].items()
-        nothing = np.zeros(len(history.time))
-        modeled = sum((vehicle.value(n) * history.regressor(t) for n, t in terms), nothing)
-        rows = np.column_stack([history.coefficients[coefficient], modeled, history.time])
-        measured, modeled, time = smooth.rows(rows, history.dt).T
-        if len(time):
-            curves += [Series("measured", time, measured), Series("chosen terms", time, modeled)]
-    caption = f"{coefficient} as it was flown, smoothed over {smooth.span:g} s, and the chosen terms"
-    return Figure(caption, plot(curves, "time, s", coefficient, caption))
 
 
 def export_page(

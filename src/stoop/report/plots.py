@@ -287,9 +287,6 @@ def plot(
 
     Parameters
     ----------
-    series : sequence of Series
-    x_label, y_label : str, with units
-    description : str, for screen readers
     log_x, log_y : bool, logarithmic axes; what is not positive is left out
     x_range, y_range : (low, high), data units; by default what the series span
     looks : mapping of name to number, optional
@@ -347,19 +344,10 @@ def contour_plot(
     description: str,
     levels: FloatArray | None = None,
 ) -> Markup:
-    """Return lines of equal value, with a path over them.
+    """Return lines of equal value of `values` (ny, nx) over rising `x` (nx,) and `y` (ny,), with a path over them.
 
-    Parameters
-    ----------
-    x, y : (nx,), (ny,), rising
-    values : (ny, nx)
-    trail : (k, 2), optional
-        Points joined in order, a dot at each.
-    marks : sequence of Mark
-    x_label, y_label : str, with units
-    description : str, for screen readers
-    levels : (l,), optional
-        By default spread so that each lies between equally many grid points.
+    `trail` (k, 2) are points joined in order, a dot at each; `levels` (l,) are by default spread so that each lies
+    between equally many grid points.
     """
     box = Box(LEFT, TOP, WIDTH - LEFT - RIGHT, HEIGHT * 1.3)
     axes = Axes.around(box, (float(x[0]), float(x[-1])), (float(y[0]), float(y[-1])))

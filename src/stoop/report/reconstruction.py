@@ -82,8 +82,8 @@ def compatibility_sheet(result: Compatibility, command: str) -> Sheet:
 
 
 def _figures(result: Compatibility, *, residual: bool) -> list[Figure]:
-    what = "measured minus reconstructed"
-    what = what if residual else "measured (first) and reconstructed from rates and accelerations"
+    what = "measured (first) and reconstructed from rates and accelerations"
+    what = "measured minus reconstructed" if residual else what
     spans = ", ".join(window(float(t.time[0]), float(t.time[-1])) for t in result.traces)
     out = []
     for title, names in GROUPS:
@@ -158,7 +158,21 @@ def polar_sheet(name: str, polar: Polar, notices: Sequence[Notice], command: str
         Section("Made by", (Code(command),)),
     ]
     if polar.blocks.powered:
-        sections.insert(1, Section("Power of steady level flight", (_power(polar),)))
+        low, high = np.quantile(polar.blocks.speed, [0.05, 0.95])
+        speed = np.linspace(low, high, 61)
+        power, std = polar.level_power(speed)
+        series = [
+            Series("electric power", speed, power),
+            Series("95 % interval, low", speed, power - NORMAL_95 * std),
+            Series("95 % interval, high", speed, power + NORMAL_95 * std),
+        ]
+        best, shown = int(np.argmin(power)), (0.0, 1.1 * float(np.max(power + std)))
+        caption = (
+            f"Least power {power[best]:.0f} ± {std[best]:.0f} W at {speed[best]:.1f} m/s (one standard error), from the "
+            "parabola and the propulsion."
+        )
+        drawing = plot(series, "true airspeed, m/s", "electric power, W", caption, y_range=shown)
+        sections.insert(1, Section("Power of steady level flight", (Figure(caption, drawing),)))
     return Sheet(f"Drag polar of {name}", POLAR_LEAD, tuple(sections))
 
 
@@ -166,20 +180,3 @@ def lift_grid(polar: Polar) -> FloatArray:
     """Return the lift coefficients in tenths that the blocks cover."""
     low, high = polar.valid
     return np.round(np.arange(np.ceil(10.0 * low), np.floor(10.0 * high) + 1.0) / 10.0, 10)
-
-
-def _power(polar: Polar) -> Figure:
-    low, high = np.quantile(polar.blocks.speed, [0.05, 0.95])
-    speed = np.linspace(low, high, 61)
-    value, std = polar.level_power(speed)
-    series = [
-        Series("electric power", speed, value),
-        Series("95 % interval, low", speed, value - NORMAL_95 * std),
-        Series("95 % interval, high", speed, value + NORMAL_95 * std),
-    ]
-    best, shown = int(np.argmin(value)), (0.0, 1.1 * float(np.max(value + std)))
-    caption = (
-        f"Least power {value[best]:.0f} ± {std[best]:.0f} W at {speed[best]:.1f} m/s (one standard error), from the "
-        "parabola and the propulsion."
-    )
-    return Figure(caption, plot(series, "true airspeed, m/s", "electric power, W", caption, y_range=shown))

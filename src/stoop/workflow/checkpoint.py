@@ -78,10 +78,7 @@ class Checkpoint:
     def load(self) -> State:
         """Return the saved state.
 
-        Raises
-        ------
-        OutputError
-            There is none, or it belongs to another search.
+        Raises `OutputError`: there is none, or it belongs to another search.
         """
         if not self._path.exists():
             raise OutputError(f"{self._path.parent}: holds no interrupted search; leave --resume out")

@@ -37,9 +37,7 @@ def maneuver_curves(
 
     The lag also learns from `fitted` maneuvers that are not among the groups.
     """
-    flown = [
-        (g, index, g.prepared.of_maneuver(index)) for g in groups for index in range(len(g.prepared.windows))
-    ]
+    flown = [(g, i, g.prepared.of_maneuver(i)) for g in groups for i in range(len(g.prepared.windows))]
     rate = 1.0 / flown[0][0].prepared.pieces[0].dt
     shown = [baseline_maneuver(vehicle, g.role, [g.prepared.pieces[i] for i in own]) for g, _, own in flown]
     lags = baseline_matches([*fitted, *shown], vehicle.outputs)[len(fitted) :]

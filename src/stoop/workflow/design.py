@@ -34,10 +34,7 @@ def prior_model(name_or_path: str | Path) -> PriorModel:
 
     It is a built-in vehicle, a vehicle file, a result.json, or the folder that holds it.
 
-    Raises
-    ------
-    StoopError
-        There is no such thing, or the result's vehicle is not beside it.
+    Raises `StoopError`: there is no such thing, or the result's vehicle is not beside it.
     """
     path = Path(name_or_path)
     found = path / "result.json" if path.is_dir() else path
@@ -69,10 +66,7 @@ def prior_model(name_or_path: str | Path) -> PriorModel:
 def write_proposal(proposal: Proposal, folder: Path, command: str, overwrite: bool = False) -> None:
     """Write maneuver files, a table of deflections, the page and the numbers; each file whole or not at all.
 
-    Raises
-    ------
-    OutputError
-        The folder cannot be made, or holds a design already; or a file cannot be written.
+    Raises `OutputError`: the folder cannot be made, or holds a design already; or a file cannot be written.
     """
     from stoop.report.design import design_sheet
     from stoop.report.sheet import write_sheet

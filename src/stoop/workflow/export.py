@@ -78,10 +78,7 @@ class Exported:
 def read_subject(text: str) -> Subject:
     """Read a built-in vehicle, a vehicle file, or an identification: its folder or its ``result.json``.
 
-    Raises
-    ------
-    StoopError
-        It is none of these, or damaged.
+    Raises `StoopError`: it is none of these, or damaged.
     """
     path = Path(text)
     if not (path.is_dir() or path.name == RESULT):
@@ -134,10 +131,7 @@ def _maneuver(vehicle: Vehicle, result: Result, index: int, segment: int, piece:
 def export(subject: Subject, target: str, condition: Condition = DEFAULT) -> Exported:
     """Make the files of a target.
 
-    Raises
-    ------
-    StoopError
-        The vehicle cannot be exported so, or no steady flight is found.
+    Raises `StoopError`: the vehicle cannot be exported so, or no steady flight is found.
     """
     return TARGETS[target](subject, condition)
 
@@ -145,10 +139,7 @@ def export(subject: Subject, target: str, condition: Condition = DEFAULT) -> Exp
 def write(exported: Exported, folder: Path, overwrite: bool = False) -> None:
     """Write the files, each whole or not at all.
 
-    Raises
-    ------
-    OutputError
-        A file is there already, or the folder cannot be written.
+    Raises `OutputError`: a file is there already, or the folder cannot be written.
     """
     check_targets(folder, tuple(exported.files), overwrite)
     _place(folder, exported.files)

@@ -128,9 +128,8 @@ class Job:
     def __repr__(self) -> str:
         """Return vehicle, size and status on one line."""
         r = self.result
-        return (
-            f"<Fit of {self.identification.vehicle}: {len(r.parameters)} parameters, {r.method}, {r.status}>"
-        )
+        vehicle = self.identification.vehicle
+        return f"<Fit of {vehicle}: {len(r.parameters)} parameters, {r.method}, {r.status}>"
 
     def _repr_html_(self) -> str:
         return self.result._repr_html_()
@@ -233,9 +232,8 @@ def search(
     known = by_name(as_flights(flights), "identify")
     rates = sorted({f"{flight.rate:g}" for flight in known.values()})
     if len(rates) > 1:
-        raise FlightError(
-            f"identify: the flights are sampled at {' and '.join(rates)} Hz; bring them to one rate first"
-        )
+        text = " and ".join(rates)
+        raise FlightError(f"identify: the flights are sampled at {text} Hz; bring them to one rate first")
     method = methods.choose_method(options.method, vehicle, known.values())
     options = replace(options, method=method.name)
     if not maneuvers:

@@ -59,10 +59,7 @@ def check_folder(
 
     `flights` and `more` are names of flights and of further files; `inputs` are never written over.
 
-    Raises
-    ------
-    OutputError
-        It holds an input or an earlier output of the same name, is no folder, or cannot be made.
+    Raises `OutputError`: it holds an input or an earlier output of the same name, is no folder, or cannot be made.
     """
     check_targets(folder, (RESULT, *output_names(flights), *more), overwrite, inputs)
     try:
@@ -78,10 +75,7 @@ def check_folder(
 def place_outputs(job: Job, folder: Path, overwrite: bool = False) -> Path:
     """Write into a folder that was checked, maybe hours ago; all is made first, then moved into place.
 
-    Raises
-    ------
-    OutputError
-        The folder cannot be written; or another run has written there since, and this one's lies beside it.
+    Raises `OutputError`: the folder cannot be written; or another run has written there since, and this one's lies beside it.
     """
     from stoop import report
 

@@ -100,10 +100,6 @@ def drag_polar(
         wind = np.nan_to_num(max(flight.air.wind_n_std, flight.air.wind_e_std), nan=2.0)
         airspeed_std = max(MIN_AIRSPEED_STD, float(wind / np.nanquantile(flight.column("V"), 0.9)))
     polar = fit_polar(cut, mass, area, airspeed_std, propulsion)
-    return polar, (*_polar_notices(polar, propulsion), *data_notices(flight.notices))
-
-
-def _polar_notices(polar: Polar, propulsion: Propulsion) -> list[Notice]:
     if polar.blocks.powered:
         assumed: dict[str, Any] = {"efficiency": propulsion.efficiency, "std": propulsion.efficiency_std}
         if propulsion.diameter is None:
@@ -126,7 +122,7 @@ def _polar_notices(polar: Polar, propulsion: Propulsion) -> list[Notice]:
     drag, std = polar.drag(np.linspace(low, high, 5))
     if np.all(drag < NORMAL_95 * std):
         found.append(notice("drag-not-identifiable"))
-    return found
+    return polar, (*found, *data_notices(flight.notices))
 
 
 def write_polar(
@@ -146,6 +142,8 @@ def write_polar(
     write_sheet(polar_sheet(flight.name, polar, notices, command), page)
     CL = np.linspace(*polar.valid, 25)
     value, std = polar.drag(CL)
+    columns = {"time": polar.blocks.time, "CL": polar.CL, "CD": polar.CD, "alpha": polar.blocks.alpha}
+    columns |= {"weight": polar.weights}
     content: dict[str, Any] = {
         "format": "stoop-polar/1",
         "flight": flight.name,
@@ -159,13 +157,7 @@ def write_polar(
         "values": polar.values.tolist(),
         "covariance": polar.covariance.tolist(),
         "curve": {"CL": CL.tolist(), "CD": value.tolist(), "std_error": std.tolist()},
-        "blocks": {
-            "time": polar.blocks.time.tolist(),
-            "CL": polar.CL.tolist(),
-            "CD": polar.CD.tolist(),
-            "alpha": polar.blocks.alpha.tolist(),
-            "weight": polar.weights.tolist(),
-        },
+        "blocks": {name: values.tolist() for name, values in columns.items()},
         "notes": [str(one) for one in notices],
         "versions": versions(),
         "inputs": file_hashes([*flight_files([flight]), *others]),

@@ -61,7 +61,18 @@ def structure(
         )
     windows = [parse_window(text, flights) for text in maneuvers]
     found = determine(vehicle, flights, windows, candidates, choose, domain)
-    names = {c: _names(vehicle, c, chosen.terms) for c, chosen in found.chosen.items()}
+    names: dict[str, dict[str, str]] = {}
+    taken = {p.name for p in vehicle.parameters}
+    for (
+        coefficient,
+        chosen,
+    ) in found.chosen.items():  # a parameter for each term: the file's own where it has one
+        own = {n: t.term for n, t in getattr(vehicle.file.aerodynamics, coefficient).items()}
+        known = own | {n: t for n, (t, _, _) in EQUATION_1[coefficient].items()}
+        group = names[coefficient] = {}
+        for term in chosen.terms:
+            written = next((n for n, t in known.items() if _same(t, term)), None)
+            group[term] = written or parameter_name(coefficient, term, {*taken, *group.values()})
     shaped = parse_vehicle(_text(vehicle, names, {}), vehicle.where)
     shaped = shaped if shaped.reduce == vehicle.reduce else shaped.reduced(vehicle.reduce)
     # Nothing is free but the chosen terms and the constants beside them.
@@ -84,18 +95,6 @@ def _same(a: str, b: str) -> bool:
     """Whether two terms are written alike, blanks and the sign for powers apart."""
     first, second = (ast.dump(ast.parse(t.strip().replace("^", "**"), mode="eval")) for t in (a, b))
     return first == second
-
-
-def _names(vehicle: Vehicle, coefficient: str, chosen: Sequence[str]) -> dict[str, str]:
-    """Return a parameter for each chosen term: the file's own where it has one."""
-    own = {n: t.term for n, t in getattr(vehicle.file.aerodynamics, coefficient).items()}
-    standard = {n: t for n, (t, _, _) in EQUATION_1[coefficient].items()}
-    taken = {p.name for p in vehicle.parameters}
-    out: dict[str, str] = {}
-    for term in chosen:
-        written = next((n for n, t in (own | standard).items() if _same(t, term)), None)
-        out[term] = written or parameter_name(coefficient, term, {*taken, *out.values()})
-    return out
 
 
 def _text(vehicle: Vehicle, names: Mapping[str, Mapping[str, str]], values: Mapping[str, float]) -> str:

@@ -18,16 +18,9 @@ from stoop.flight.maneuvers import find_maneuvers
 from stoop.problem.windows import Window, parse_window
 from stoop.results.result import Identification, ManeuverResult, ManeuverTrace, plain
 from stoop.vehicle.notation import symbols
+from stoop.workflow import outputs
 from stoop.workflow.curves import Simulated, channel_units, maneuver_curves
-from stoop.workflow.outputs import (
-    RESULT,
-    Identified,
-    by_name,
-    file_hashes,
-    flight_files,
-    read_identified,
-    versions,
-)
+from stoop.workflow.outputs import RESULT, Identified, file_hashes
 from stoop.workflow.summary import basis_notices, data_notices, lag_notices, search_notices
 
 NAMES = ("validation.html", "validation.json")
@@ -65,10 +58,7 @@ class Validated:
     def save(self, folder: Path) -> None:
         """Write ``validation.html`` and ``validation.json`` into a folder, each whole or not at all.
 
-        Raises
-        ------
-        OutputError
-            They cannot be written.
+        Raises `OutputError`: they cannot be written.
         """
         from stoop.report import write_validation
 
@@ -91,8 +81,8 @@ def validate(
     StoopError
         One line that says what is wrong and what to do.
     """
-    known = by_name(flights, "validate")
-    identified = read_identified(source)
+    known = outputs.by_name(flights, "validate")
+    identified = outputs.read_identified(source)
     vehicle = identified.vehicle
     for flight in flights:
         require_channels(vehicle, flight, f"which result {source} is")
@@ -142,8 +132,8 @@ def validate(
         better=sum(better),
         warnings=tuple(map(str, [*warnings, *lag_notices(results)])),
         notes=tuple(map(str, notes)),
-        versions=versions(),
-        inputs=file_hashes(flight_files(used)),
+        versions=outputs.versions(),
+        inputs=file_hashes(outputs.flight_files(used)),
         command=command,
     )
     result = replace(
@@ -201,9 +191,8 @@ def _windows(
             )
     skipped: list[Notice] = []
     if not windows:
-        candidates = [
-            Window(name, m.start, m.stop) for name, flight in known.items() for m in find_maneuvers(flight)
-        ]
+        maneuvers_of = ((name, m) for name, flight in known.items() for m in find_maneuvers(flight))
+        candidates = [Window(name, m.start, m.stop) for name, m in maneuvers_of]
         reasons = {window: obstacle(window) for window in candidates}
         skipped = [notice("window-skipped", str(w), reason=reason) for w, reason in reasons.items() if reason]
         windows = [window for window, reason in reasons.items() if not reason]

@@ -7,9 +7,9 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stoop.cli.campaign import add_campaign_arguments, run_campaign
 from stoop.cli.options import at_least_one, count, positive
 from stoop.cli.page import page
+from stoop.cli.progress import add_campaign_arguments, run_campaign
 from stoop.errors import IdentificationError
 
 if TYPE_CHECKING:

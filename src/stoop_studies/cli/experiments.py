@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stoop.base.text import printable
-from stoop.cli.campaign import add_campaign_arguments, run_campaign
 from stoop.cli.options import at_least_one, count
 from stoop.cli.page import page
+from stoop.cli.progress import add_campaign_arguments, run_campaign
 from stoop.errors import StoopError
 
 if TYPE_CHECKING:

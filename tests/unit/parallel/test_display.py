@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from unit.parallel.works import walks
 
-from stoop.cli.campaign import QUIET, Display, add_campaign_arguments, clock, pool, run_campaign
+from stoop.cli.progress import QUIET, Display, add_campaign_arguments, clock, pool, run_campaign
 from stoop.parallel import Dask, LocalProcesses, Tally
 
 

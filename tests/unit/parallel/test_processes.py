@@ -83,7 +83,7 @@ COMMAND = """
 import argparse, sys
 from pathlib import Path
 from stoop.parallel import Plan, Run
-from stoop.cli.campaign import add_campaign_arguments, run_campaign
+from stoop.cli.progress import add_campaign_arguments, run_campaign
 parser = argparse.ArgumentParser()
 add_campaign_arguments(parser)
 runs = tuple(Run(str(i), "unit.parallel.works:sleep", {"seconds": 0.1, "i": i}) for i in range(200))
