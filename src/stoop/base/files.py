@@ -64,7 +64,9 @@ def check_target(path: Path, overwrite: bool) -> None:
     if path.is_dir():
         raise OutputError(f"{path}: this is a folder; name a file in it")
     if path.exists() and not overwrite:
-        raise OutputError(f"{path}: exists already; add --overwrite to replace it, or choose another name")
+        raise OutputError(
+            f"{path}: exists already; add --overwrite (in Python overwrite=True) to replace it, or choose another name"
+        )
     if not path.parent.is_dir():
         raise OutputError(f"{path}: there is no folder {path.parent}; make it first, or choose another")
 
@@ -86,7 +88,7 @@ def check_targets(folder: Path, names: Sequence[str], overwrite: bool, inputs: S
             )
         if target.exists() and not overwrite:
             raise OutputError(
-                f"{target}: exists already; add --overwrite to replace it, or name another folder"
+                f"{target}: exists already; add --overwrite (in Python overwrite=True) to replace it, or name another folder"
             )
     parent = next(p for p in (folder, *folder.absolute().parents) if p.exists())
     if not parent.is_dir():

@@ -119,7 +119,7 @@ def test_bad_input_is_one_line(
 def test_does_not_write_over_a_design_unasked(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = (folder / "design.json").read_bytes()
     assert main(["design", "twin-boom", *QUICK, "-o", str(folder)]) == 2
-    assert "add --overwrite to replace it, or name another folder" in capsys.readouterr().err
+    assert "add --overwrite (in Python overwrite=True) to replace it" in capsys.readouterr().err
     assert (folder / "design.json").read_bytes() == before
 
 
