@@ -31,19 +31,33 @@ from stoop.problem.evidence import Evidence, PieceEvidence
 from stoop.results.uncertainty import CorrelatedPair, NearNullDirection
 
 CORRELATION_LAGS: Final = 200  #: samples over which the residual autocorrelation is shown
-CONDITIONAL_RATIO: Final = 2.0  #: of error bars, from which one is conditional on parameters at a bound
+
+
+@dataclass(frozen=True)
+class IdentifiabilityLimits:
+    """Thresholds of identifiability."""
+
+    conditional_ratio: float = 2.0  #: of error bars, from which one is conditional on parameters at a bound
+    #: of the prior's standard deviation left by the fit: the data added next to nothing
+    prior_share: float = 0.95
+    box_share: float = 0.25  #: of the box's width; a value thrown into the box blindly would have 0.29
+    size_share: float = (
+        3.0  #: of the size of the parameter, where there is neither prior nor box to compare with
+    )
+    collinear: float = (
+        30.0  #: marginal over conditional standard error; correlated above 0.999 with the others
+    )
+    strong_correlation: float = 0.9  #: from which a pair is named
+    partner_correlation: float = 0.7  #: from which another parameter counts as able to stand in
+    max_directions: int = 6
+    #: of its standard error, by which a parameter must move along a direction to be named
+    min_component: float = 0.3
+
+
+LIMITS: Final = IdentifiabilityLimits()
+
 NOT_ESTIMATED: Final = "the method does not estimate it"
 COMBINED: Final = "known only in combination with others: they can almost take its place"
-#: of the prior's standard deviation left by the fit: the data added next to nothing
-PRIOR_SHARE: Final = 0.95
-BOX_SHARE: Final = 0.25  #: of the box's width; a value thrown into the box blindly would have 0.29
-SIZE_SHARE: Final = 3.0  #: of the size of the parameter, where there is neither prior nor box to compare with
-COLLINEAR: Final = 30.0  #: marginal over conditional standard error; correlated above 0.999 with the others
-STRONG_CORRELATION: Final = 0.9  #: from which a pair is named
-PARTNER_CORRELATION: Final = 0.7  #: from which another parameter counts as able to stand in
-MAX_DIRECTIONS: Final = 6
-#: of its standard error, by which a parameter must move along a direction to be named
-MIN_COMPONENT: Final = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +149,7 @@ def _error_bars(evidence: Evidence) -> ErrorBars:
             data_information([p.of(every) for p in evidence.pieces]) + evidence.prior[np.ix_(every, every)]
         )
         wide = standard_errors(marked(whole.matrix, whole.determined))[np.isin(every, free)]
-        leaning = free[wide > CONDITIONAL_RATIO * standard_errors(found.cramer_rao)]
+        leaning = free[wide > LIMITS.conditional_ratio * standard_errors(found.cramer_rao)]
         conditional = tuple(unknowns[i].name for i in leaning if unknowns[i].kind == "parameter")
     known, k = [unknowns[i] for i in free], sum(u.kind != "noise" for u in unknowns)
     scale = ComparisonScale(*(np.array([getattr(u, n) for u in known]) for n in ("prior", "width", "size")))
@@ -195,15 +209,15 @@ def identifiability(
         reason, identifiable = "", False
         if not inverse.determined[i]:
             reason, std = "the data do not see it", np.inf
-        elif std > PRIOR_SHARE * prior:
+        elif std > LIMITS.prior_share * prior:
             reason = "the data add next to nothing to the prior"
-        elif std > BOX_SHARE * box:
+        elif std > LIMITS.box_share * box:
             reason = "its error is as wide as its box: the box decides, not the data"
-        elif not np.isfinite(min(prior, box)) and std > SIZE_SHARE * size:
-            reason = f"its error is more than {SIZE_SHARE:g} times its size"
+        elif not np.isfinite(min(prior, box)) and std > LIMITS.size_share * size:
+            reason = f"its error is more than {LIMITS.size_share:g} times its size"
         else:
             identifiable = True
-            reason = COMBINED if multiple[i] > np.sqrt(1.0 - COLLINEAR**-2) else ""
+            reason = COMBINED if multiple[i] > np.sqrt(1.0 - LIMITS.collinear**-2) else ""
         out.append(Identifiability(name, identifiable, reason, float(alone[i]), std, float(multiple[i])))
     return tuple(out)
 
@@ -222,7 +236,7 @@ def worst_pairs(names: Sequence[str], correlation: FloatArray) -> tuple[Correlat
         CorrelatedPair(names[j], names[i], float(correlation[i, j]))
         for i in range(len(names))
         for j in range(i)
-        if np.isfinite(correlation[i, j]) and abs(correlation[i, j]) >= STRONG_CORRELATION
+        if np.isfinite(correlation[i, j]) and abs(correlation[i, j]) >= LIMITS.strong_correlation
     ]
     return tuple(sorted(found, key=lambda pair: -abs(pair.correlation))[:20])
 
@@ -232,7 +246,7 @@ def partners(names: Sequence[str], correlation: FloatArray, index: int) -> tuple
     strength = np.abs(np.nan_to_num(correlation[index]))
     strength[index] = 0.0
     order = np.argsort(-strength, kind="stable")[:4]
-    return tuple(names[i] for i in order if strength[i] >= PARTNER_CORRELATION)
+    return tuple(names[i] for i in order if strength[i] >= LIMITS.partner_correlation)
 
 
 def marginal_information(information: FloatArray, count: int) -> FloatArray:
@@ -264,12 +278,14 @@ def near_null_directions(
         values, vectors = np.linalg.eigh(information[np.ix_(seen, seen)] / np.outer(scale, scale))
         singular = np.sqrt(np.maximum(values, np.finfo(np.float64).eps * values[-1]))
         sigma = np.sqrt(np.sum((vectors / singular) ** 2, axis=1))
-        for i in np.flatnonzero(singular < 1.0 / COLLINEAR)[:MAX_DIRECTIONS]:
+        for i in np.flatnonzero(singular < 1.0 / LIMITS.collinear)[: LIMITS.max_directions]:
             step = vectors[:, i] / singular[i]
             share, step = step / sigma, step / scale
             step = step / max(1.0, float(np.max(np.abs(step) / size)))
             # the parameters that matter, the most moved first and upward
-            order = [j for j in np.argsort(-np.abs(share), kind="stable") if abs(share[j]) >= MIN_COMPONENT]
+            order = [
+                j for j in np.argsort(-np.abs(share), kind="stable") if abs(share[j]) >= LIMITS.min_component
+            ]
             sign = np.sign(step[order[0]]) if order else 1.0
             parts = {names[int(seen[j])]: float(sign * step[j]) for j in order[:6]}
             moves = ", ".join(f"{name} by {value:+.3g}" for name, value in parts.items())
@@ -278,4 +294,4 @@ def near_null_directions(
                 1: f"The data hardly change with {moves}.",
             }.get(len(parts), f"The data hardly change when these move together: {moves}.")
             out.append(NearNullDirection(float(singular[i]), parts, sentence))
-    return tuple(out[:MAX_DIRECTIONS])
+    return tuple(out[: LIMITS.max_directions])

@@ -42,22 +42,31 @@ from stoop.errors import IdentificationError
 from stoop.problem import Misfit
 from stoop.results.uncertainty import Interval, MethodIntervals
 
-BOX_STD: Final = 0.29  #: of a value thrown blindly into a box of width 1
-BLEND: Final = 0.05  #: of the spread of a reference that stays when it is fitted to draws
-MIN_EIGENVALUE: Final = 1e-12  #: of the greatest eigenvalue; what is below is taken as that
+
+@dataclass(frozen=True)
+class SamplerSettings:
+    """Settings of the sampler and of its checks."""
+
+    box_std: float = 0.29  #: of a value thrown blindly into a box of width 1
+    blend: float = 0.05  #: of the spread of a reference that stays when it is fitted to draws
+    min_eigenvalue: float = 1e-12  #: of the greatest eigenvalue; what is below is taken as that
+    steps_per_round: int = 250  #: steps between looks at convergence
+    max_steps: int = 8000
+    max_rhat: float = 1.01  #: of every parameter
+    #: independent draws' worth, in the middle and in the tails of every parameter
+    min_sample_size: float = 1000.0
+    min_walkers: int = 32
+    file_draws: int = 250  #: draws of each walker in the file, at most
+    checked_draws: int = 16  #: at which the marginalization is checked
+    max_density_error: float = 0.5  #: of the log density, by which it may be off
+
+
+SAMPLER: Final = SamplerSettings()
+
 STEP_LENGTHS: Final = (1.0, 0.7, 0.4, 0.2, 0.1)  #: of a proposal; 1 forgets where it came from
 WARM_UP: Final = (150, 300)  #: steps thrown away; after each the proposals are fitted to its second half
-STEPS_PER_ROUND: Final = 250  #: steps between looks at convergence
-MAX_STEPS: Final = 8000
-MAX_RHAT: Final = 1.01  #: of every parameter
-#: independent draws' worth, in the middle and in the tails of every parameter
-MIN_SAMPLE_SIZE: Final = 1000.0
-MIN_WALKERS: Final = 32
 MISSING: Final = "the posterior needs emcee and arviz; install them with pip install 'stoop[posterior]'"
 FILE: Final = "posterior.nc"
-FILE_DRAWS: Final = 250  #: draws of each walker in the file, at most
-CHECKED_DRAWS: Final = 16  #: at which the marginalization is checked
-MAX_DENSITY_ERROR: Final = 0.5  #: of the log density, by which it may be off
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +166,7 @@ def stretch(information: FloatArray, covariance: FloatArray) -> FloatArray:
 def _roots(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the symmetric square root of a positive matrix, and its inverse."""
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    values = np.sqrt(np.maximum(values, MIN_EIGENVALUE * values[-1]))
+    values = np.sqrt(np.maximum(values, SAMPLER.min_eigenvalue * values[-1]))
     return (vectors * values) @ vectors.T, (vectors / values) @ vectors.T
 
 
@@ -186,16 +195,18 @@ class Reference:
 
     def fitted(self, draws: FloatArray) -> Reference:
         """Return the reference with center and spread of draws (m, k), kept definite by a little of this one."""
-        spread = (1.0 - BLEND) * np.cov(draws.T).reshape(
+        spread = (1.0 - SAMPLER.blend) * np.cov(draws.T).reshape(
             draws.shape[1], -1
-        ) + BLEND * self.factor @ self.factor.T
+        ) + SAMPLER.blend * self.factor @ self.factor.T
         return Reference(np.asarray(draws.mean(axis=0)), np.asarray(np.linalg.cholesky(spread)))
 
 
 def reference(target: Target) -> Reference:
     """Return the normal distribution beside a target; what the data do not see is as wide as the box."""
     information = target.stretch.T @ target.information @ target.stretch
-    values, vectors = np.linalg.eigh(0.5 * (information + information.T) + np.eye(target.size) / BOX_STD**2)
+    values, vectors = np.linalg.eigh(
+        0.5 * (information + information.T) + np.eye(target.size) / SAMPLER.box_std**2
+    )
     return Reference(target.center, vectors / np.sqrt(values))
 
 
@@ -217,7 +228,7 @@ class Chains:
     @property
     def converged(self) -> bool:
         """Whether all walkers tell the same, often enough."""
-        return self.figures["rhat"] <= MAX_RHAT and self.sample_size >= MIN_SAMPLE_SIZE
+        return self.figures["rhat"] <= SAMPLER.max_rhat and self.sample_size >= SAMPLER.min_sample_size
 
 
 def sample(
@@ -226,13 +237,13 @@ def sample(
     seed: int,
     watch: Callable[[int], None] | None = None,
 ) -> Chains:
-    """Walk until R-hat and the effective sample size are good, at most `MAX_STEPS` steps.
+    """Walk until R-hat and the effective sample size are good, at most `SAMPLER.max_steps` steps.
 
     `target` gives the log density (W,) of points (W, k), all walkers at once; `reference` is where walkers start and what
     most of their proposals come from; `watch` receives the number of steps so far. Errors are those of :func:`libraries`.
     """
     emcee, arviz = libraries()
-    walkers = max(MIN_WALKERS, 2 * len(reference.center) + 2)
+    walkers = max(SAMPLER.min_walkers, 2 * len(reference.center) + 2)
     random = np.random.RandomState(seed)
     # walkers start where the density is above zero; one that is lost begins beside one that is not
     points = reference.draw(walkers, random)
@@ -260,8 +271,8 @@ def sample(
         state = walk.run_mcmc(state, steps, skip_initial_state_check=True)
         reference = reference.fitted(walk.get_chain(discard=steps // 2, flat=True))
     walk = sampler()
-    while walk.iteration < MAX_STEPS:
-        state = walk.run_mcmc(state, STEPS_PER_ROUND, skip_initial_state_check=True)
+    while walk.iteration < SAMPLER.max_steps:
+        state = walk.run_mcmc(state, SAMPLER.steps_per_round, skip_initial_state_check=True)
         draws = np.swapaxes(walk.get_chain(), 0, 1)
         data = arviz.convert_to_dataset({"x": draws})
         with np.errstate(all="ignore"):
@@ -309,7 +320,7 @@ class Posterior:
                 target, reference(target), fit.seed, lambda n: watch(f"posterior: {n} steps of every walker")
             )
             every = chains.draws.reshape(-1, target.size)
-            checked = every[np.linspace(0, len(every) - 1, CHECKED_DRAWS).astype(int)]
+            checked = every[np.linspace(0, len(every) - 1, SAMPLER.checked_draws).astype(int)]
             error = float(np.max(np.abs(target.error(checked))))
         chains = replace(chains, figures={**chains.figures, "marginalization_error": error})
         layout, figures = fit.fit.problem.layout, chains.figures
@@ -319,10 +330,10 @@ class Posterior:
         parameters = {name: Interval(*numbers) for name, *numbers in rows}
         notices = []
         if not chains.converged:
-            limits: dict[str, Any] = {"max_rhat": MAX_RHAT, "needed": MIN_SAMPLE_SIZE}
+            limits: dict[str, Any] = {"max_rhat": SAMPLER.max_rhat, "needed": SAMPLER.min_sample_size}
             size, rhat = chains.sample_size, figures["rhat"]
             notices.append(notice("posterior-not-converged", rhat=rhat, sample_size=size, **limits))
-        if error > MAX_DENSITY_ERROR:
+        if error > SAMPLER.max_density_error:
             notices.append(notice("posterior-nuisances-nonlinear", error=error))
         intervals = MethodIntervals(parameters, figures, tuple(notices))
         return Finding(intervals, {FILE: _file(fit, chains)})
@@ -354,7 +365,7 @@ def _file(fit: AssessedFit, chains: Chains) -> bytes:
     """Return an ArviZ InferenceData as NetCDF, SI units, thinned."""
     _, arviz = libraries()
     layout = fit.fit.problem.layout
-    thin = max(1, chains.draws.shape[1] // FILE_DRAWS)
+    thin = max(1, chains.draws.shape[1] // SAMPLER.file_draws)
     values = layout.lower + chains.draws[:, ::thin] * layout.width
     data = arviz.from_dict(
         posterior={p.name: values[:, :, i] for i, p in enumerate(layout.parameters)},

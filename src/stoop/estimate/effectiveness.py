@@ -11,7 +11,7 @@ healthy flights is therefore what the rotors lose, or what the vehicle weighs mo
 d are lift and three moments, in units of weight, weight times arm, and torque of all rotors. S is the scatter between
 flights of one and the same vehicle: air density acts on the lift, the place of the battery on roll and pitch. Few healthy
 flights say little of it, so each of its four variances is that of the healthy flights and of `USUAL` together (scaled
-inverse chi-square with `PRIOR_FLIGHTS` degrees of freedom); d is then compared by Student's t. What the correction for the
+inverse chi-square with `LIMITS.prior_flights` degrees of freedom); d is then compared by Student's t. What the correction for the
 battery's voltage leaves in the lift is a slope, from flights of one configuration at several voltages (`battery`);
 its error is in S.
 
@@ -37,23 +37,34 @@ from stoop.errors import FlightError, VehicleError
 from stoop.flight import Flight
 from stoop.vehicle import Vehicle
 
-AIRBORNE: Final = 0.6  #: of the median thrust while any is commanded
-SETTLE: Final = 2.0  #: s after take-off and before landing that are left out
-MIN_DURATION: Final = 4.0  #: s near hover
-BLOCK: Final = 1.0  #: s; commands correlate for a few tenths of a second
-MAX_SPEED: Final = 3.0  #: m/s; above, drag and inflow are not small
+
+@dataclass(frozen=True)
+class HoverLimits:
+    """Thresholds and priors of the comparison of hover flights."""
+
+    airborne: float = 0.6  #: of the median thrust while any is commanded
+    settle: float = 2.0  #: s after take-off and before landing that are left out
+    min_duration: float = 4.0  #: s near hover
+    block: float = 1.0  #: s; commands correlate for a few tenths of a second
+    max_speed: float = 3.0  #: m/s; above, drag and inflow are not small
+    prior_flights: float = 6.0  #: number of flights that they count as
+    slope_std: float = (
+        0.3  #: prior of the voltage slope; without a correction thrust goes with voltage squared
+    )
+    lift_std: float = 0.01  #: relative scatter of the lift between flights, counted as `LIFT_FLIGHTS` flights
+    lift_flights: float = 3.0
+    #: difference of squares that separates two explanations (1 % of chi-square, one degree)
+    distinct: float = 6.63
+    odd_chance: float = 0.01  #: below which the unexplained part counts
+    power: float = 0.8  #: how often a loss of the stated least size is detected
+    many: int = 8  #: healthy flights after which more bring little
+    helps: float = 0.9  #: of the least detectable loss, below which an advice is worth following
+
+
+LIMITS: Final = HoverLimits()
+
 USUAL: Final = (0.02, 0.01, 0.01, 0.01)  #: standard deviations between flights, in units of d
-PRIOR_FLIGHTS: Final = 6.0  #: number of flights that they count as
-SLOPE_STD: Final = 0.3  #: prior of the voltage slope; without a correction thrust goes with voltage squared
-LIFT_STD: Final = 0.01  #: relative scatter of the lift between flights, counted as `LIFT_FLIGHTS` flights
-LIFT_FLIGHTS: Final = 3.0
 CHANCE: Final = 0.05  #: of attributing a loss to any rotor of a healthy flight
-#: difference of squares that separates two explanations (1 % of chi-square, one degree)
-DISTINCT: Final = 6.63
-ODD_CHANCE: Final = 0.01  #: below which the unexplained part counts
-POWER: Final = 0.8  #: how often a loss of the stated least size is detected
-MANY: Final = 8  #: healthy flights after which more bring little
-HELPS: Final = 0.9  #: of the least detectable loss, below which an advice is worth following
 
 
 @dataclass(frozen=True)
@@ -176,25 +187,26 @@ def hover(flight: Flight, balance: Balance) -> Hover:
         raise FlightError(
             f"{flight.name}: the motors are off throughout; choose a log of a flight, and check the commands' unit"
         )
-    cut, inside = round(SETTLE * flight.rate), np.zeros(total.size, dtype=bool)
-    for stretch in run_slices(np.isfinite(total) & (total > AIRBORNE * np.median(turning))):
+    cut, inside = round(LIMITS.settle * flight.rate), np.zeros(total.size, dtype=bool)
+    for stretch in run_slices(np.isfinite(total) & (total > LIMITS.airborne * np.median(turning))):
         inside[stretch.start + cut : max(stretch.stop - cut, 0)] = True
     seconds = float(inside.sum()) / flight.rate
-    if seconds < MIN_DURATION:
+    if seconds < LIMITS.min_duration:
         raise FlightError(
-            f"{flight.name}: {seconds:.1f} s near hover, take-offs and landings aside; {MIN_DURATION:g} s are needed at least"
+            f"{flight.name}: {seconds:.1f} s near hover, take-offs and landings aside; "
+            f"{LIMITS.min_duration:g} s are needed at least"
         )
     if {"vn", "ve"} <= recorded:
         speed = np.hypot(flight.column("vn")[inside], flight.column("ve")[inside])
-        if np.isfinite(speed).any() and np.nanmedian(speed) > MAX_SPEED:
+        if np.isfinite(speed).any() and np.nanmedian(speed) > LIMITS.max_speed:
             raise FlightError(
                 f"{flight.name}: half of it is faster than {np.nanmedian(speed):.1f} m/s; choose a flight near hover, "
-                f"below {MAX_SPEED:g} m/s"
+                f"below {LIMITS.max_speed:g} m/s"
             )
     thrust, torque = thrust[:, inside], torque[:, inside]
     sums = balance.of_thrust @ thrust + balance.of_torque @ torque
     # the mean of correlated samples scatters as the means of blocks do
-    size = max(round(BLOCK * flight.rate), 1)
+    size = max(round(LIMITS.block * flight.rate), 1)
     count = sums.shape[1] // size
     blocks = sums[:, : count * size].reshape(4, count, size).mean(axis=2)
     voltage = float(np.mean(commands["voltage"][inside])) if "voltage" in commands else np.nan
@@ -220,7 +232,7 @@ class Battery:
     """Relative change of the commanded lift per relative change of the voltage, and its standard error."""
 
     slope: float = 0.0
-    std: float = SLOPE_STD
+    std: float = LIMITS.slope_std
 
 
 def battery(lifts: Sequence[FloatArray], voltages: Sequence[FloatArray]) -> Battery:
@@ -235,8 +247,10 @@ def battery(lifts: Sequence[FloatArray], voltages: Sequence[FloatArray]) -> Batt
     x = np.concatenate([voltages[i] / voltages[i].mean() - 1.0 for i in known])
     plain = float(x @ y) / max(float(x @ x), 1e-12)
     freedom = max(y.size - len(known) - 1, 0)
-    noise = (LIFT_FLIGHTS * LIFT_STD**2 + float(np.sum((y - plain * x) ** 2))) / (LIFT_FLIGHTS + freedom)
-    information = float(x @ x) / noise + SLOPE_STD**-2
+    noise = (LIMITS.lift_flights * LIMITS.lift_std**2 + float(np.sum((y - plain * x) ** 2))) / (
+        LIMITS.lift_flights + freedom
+    )
+    information = float(x @ x) / noise + LIMITS.slope_std**-2
     return Battery(float(x @ y) / noise / information, information**-0.5)
 
 
@@ -290,14 +304,14 @@ class Reference:
     @cached_property
     def degrees(self) -> float:
         """Degrees of freedom of the variances."""
-        return PRIOR_FLIGHTS + sum(len(group) - 1 for group in (self.flights, *self.others))
+        return LIMITS.prior_flights + sum(len(group) - 1 for group in (self.flights, *self.others))
 
     @cached_property
     def variances(self) -> FloatArray:
         """Between flights, (4,), in `units` squared."""
         groups = [np.array([self.sums(h) for h in group]) for group in (self.flights, *self.others)]
         squares = sum(((g - g.mean(axis=0)) ** 2).sum(axis=0) for g in groups)
-        return np.asarray((PRIOR_FLIGHTS * np.square(USUAL) + squares) / self.degrees)
+        return np.asarray((LIMITS.prior_flights * np.square(USUAL) + squares) / self.degrees)
 
     def columns(self, hover: Hover) -> FloatArray:
         """Return what each rotor is commanded to give, (4, n), in `units`."""
@@ -419,7 +433,7 @@ def judge(assessment: Assessment, chance: float = CHANCE) -> Verdict:
     """Decide on a flight with a false-alarm probability of at most `chance`."""
     probability = assessment.chance
     if probability > chance:
-        if stats.f.sf(assessment.distance / 4, 4, assessment.degrees) < ODD_CHANCE:  # Fisher's F
+        if stats.f.sf(assessment.distance / 4, 4, assessment.degrees) < LIMITS.odd_chance:  # Fisher's F
             return Verdict("odd", (), probability, notice("rotors-odd"))
         smallest = least_detectable(assessment, chance)
         return Verdict("healthy", (), probability, notice("rotors-healthy", loss=smallest))
@@ -427,7 +441,7 @@ def judge(assessment: Assessment, chance: float = CHANCE) -> Verdict:
     if len(named) > 1:
         return Verdict("several", named, probability, notice("rotors-indistinct", " or ".join(named)))
     mass = assessment.mass_near(best.rotor)
-    if best.unexplained - mass.unexplained > DISTINCT:
+    if best.unexplained - mass.unexplained > LIMITS.distinct:
         return Verdict("mass", (best.rotor,), probability, notice("rotor-mass", best.rotor, share=mass.size))
     return Verdict("weak or mass", (best.rotor,), probability, notice("rotor-weak-or-mass", best.rotor))
 
@@ -440,7 +454,7 @@ def indistinct(assessment: Assessment) -> tuple[str, ...]:
     rivals = [
         s
         for s in assessment.weak
-        if s is not best and s.size > 0.0 and s.unexplained - best.unexplained < DISTINCT
+        if s is not best and s.size > 0.0 and s.unexplained - best.unexplained < LIMITS.distinct
     ]
     return best.rotor, *(s.rotor for s in sorted(rivals, key=lambda s: s.unexplained))
 
@@ -454,7 +468,7 @@ def least_detectable(assessment: Assessment, chance: float = CHANCE) -> float:
 def _detectable_sigmas(degrees: float, rotors: int, chance: float) -> float:
     """Return the loss, in standard errors, that is detected four times in five."""
     t = stats.t(degrees)
-    return float(t.isf(chance / rotors) + t.isf(1.0 - POWER))
+    return float(t.isf(chance / rotors) + t.isf(1.0 - LIMITS.power))
 
 
 def advice(
@@ -476,15 +490,15 @@ def advice(
     now, worst = max(every, key=lambda pair: pair[0])
     count, out = len(reference.flights), []
     then = detectable(worst, reference.between(worst, count))
-    if then < HELPS * now:
+    if then < LIMITS.helps * now:
         out.append(notice("rotors-calmer-hover", now=now, then=then))
-    if count < MANY:
-        covariance = reference.between(worst, MANY) + reference.within(worst)
-        then = detectable(worst, covariance, MANY - count)
+    if count < LIMITS.many:
+        covariance = reference.between(worst, LIMITS.many) + reference.within(worst)
+        then = detectable(worst, covariance, LIMITS.many - count)
         if count == 1:
-            out.append(notice("rotors-second-healthy", now=now, then=then, count=MANY))
-        elif then < HELPS * now:
-            out.append(notice("rotors-more-healthy", now=now, then=then, count=MANY))
+            out.append(notice("rotors-second-healthy", now=now, then=then, count=LIMITS.many))
+        elif then < LIMITS.helps * now:
+            out.append(notice("rotors-more-healthy", now=now, then=then, count=LIMITS.many))
     named = tuple(dict.fromkeys(name for v in verdicts if v.kind != "mass" for name in v.rotors))
     if named:
         out.append(notice("rotors-swap-propellers", rotors=named, count=len(named)))

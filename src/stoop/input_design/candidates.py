@@ -22,21 +22,31 @@ from stoop.simulation.maneuver import Maneuver as PlannedManeuver
 from stoop.vehicle import Vehicle
 
 LENGTHS: Final = (4.0, 8.0)  #: s, of windows that are tried all along the flight
-STRIDE: Final = 2.0  #: s from one such window to the next
-SHORTEST: Final = 2.0  #: s
-MIN_USABLE: Final = 0.6  #: share of a window; pieces between holes are fitted separately
-LIMIT_MARGIN: Final = 0.002  #: of its range, within which a command is at its limit
-MIN_SATURATED: Final = 5  #: samples in a row at the limit
-MAX_LEVELS: Final = 20  #: different values of a switch, which has no limits
+
+
+@dataclass(frozen=True)
+class CandidateLimits:
+    """Lengths and thresholds of the windows that are tried."""
+
+    stride: float = 2.0  #: s from one such window to the next
+    shortest: float = 2.0  #: s
+    min_usable: float = 0.6  #: share of a window; pieces between holes are fitted separately
+    limit_margin: float = 0.002  #: of its range, within which a command is at its limit
+    min_saturated: int = 5  #: samples in a row at the limit
+    max_levels: int = 20  #: different values of a switch, which has no limits
+    smooth: float = 0.2  #: s
+    slow: float = 5.0  #: s; slower is trim
+    min_motion: float = 0.05  #: of the strongest signal; weaker ones do not count for the condition number
+    min_usual: float = 0.02  #: of the largest excursion: the least usual size of a signal
+    before: float = 1.0  #: s of the steady flight before an input
+    min_stretches: int = 3  #: of which one can be left for validation
+    max_gap: float = 5.0  #: s of rest between two stretches that are fitted as one window
+
+
+LIMITS: Final = CandidateLimits()
+
 LIMITED: Final = ("motor_", "pwm_", "rotor_")  #: outputs that end at full power and at idle
 SENSORS: Final = ("p", "q", "r", "ax", "ay", "az", "phi", "theta", "V", "alpha", "beta")
-SMOOTH: Final = 0.2  #: s
-SLOW: Final = 5.0  #: s; slower is trim
-MIN_MOTION: Final = 0.05  #: of the strongest signal; weaker ones do not count for the condition number
-MIN_USUAL: Final = 0.02  #: of the largest excursion: the least usual size of a signal
-BEFORE: Final = 1.0  #: s of the steady flight before an input
-MIN_STRETCHES: Final = 3  #: of which one can be left for validation
-MAX_GAP: Final = 5.0  #: s of rest between two stretches that are fitted as one window
 
 
 @dataclass(frozen=True)
@@ -68,7 +78,7 @@ def candidates(flight: Flight, channels: Sequence[str]) -> list[Candidate]:
     if good.any():
         first, last = float(time[good][0]), float(time[good][-1])
         for length in LENGTHS:
-            tiles = np.arange(first, max(last - length, first) + 1e-6, STRIDE)
+            tiles = np.arange(first, max(last - length, first) + 1e-6, LIMITS.stride)
             spans += [(float(start), float(start + length), None) for start in tiles]
     out: dict[tuple[float, float], Candidate] = {}
     for start, stop, maneuver in spans:
@@ -76,7 +86,7 @@ def candidates(flight: Flight, channels: Sequence[str]) -> list[Candidate]:
         if not inside.size:
             continue
         first, last = float(time[inside[0]]), float(time[inside[-1]])
-        if last - first < SHORTEST or inside.size / (inside[-1] - inside[0] + 1) < MIN_USABLE:
+        if last - first < LIMITS.shortest or inside.size / (inside[-1] - inside[0] + 1) < LIMITS.min_usable:
             continue
         low, high = np.ceil(first * 10.0 - 1e-6) / 10.0, np.floor(last * 10.0 + 1e-6) / 10.0
         low, high = float(low) + 0.0, float(high)  # no -0.0
@@ -105,15 +115,15 @@ def saturated(x: FloatArray, up: BoolArray) -> BoolArray:
     """
     seen = x[up & np.isfinite(x)]
     out = np.zeros(x.size, dtype=bool)
-    if np.unique(seen).size <= MAX_LEVELS:
+    if np.unique(seen).size <= LIMITS.max_levels:
         return out
-    near = LIMIT_MARGIN * float(np.ptp(seen))
+    near = LIMITS.limit_margin * float(np.ptp(seen))
     ends = [x >= seen.max() - near]
     if np.median(seen) > seen.min() + near:
         ends.append(x <= seen.min() + near)
     for held in ends:
         for run in run_slices(held & up):
-            if run.stop - run.start >= MIN_SATURATED:
+            if run.stop - run.start >= LIMITS.min_saturated:
                 out[run] = True
     return out
 
@@ -169,12 +179,14 @@ class Excitation:
         columns = [*(c.u for c in by_command.values()), *(flight.column(name) for name in rates.values())]
         names = (*(f"{axis} command" for axis in by_command), *(f"{axis} rate" for axis in rates))
         x, up = np.column_stack(columns), flying(flight)
-        x = moving_average(x, round(SMOOTH * flight.rate)) - moving_average(x, round(SLOW * flight.rate), 0.3)
+        x = moving_average(x, round(LIMITS.smooth * flight.rate)) - moving_average(
+            x, round(LIMITS.slow * flight.rate), 0.3
+        )
         sizes = []
         for column in x.T:  # where a signal usually rests, a share of its largest excursion
             seen = column[up & np.isfinite(column)]
             largest = float(np.max(np.abs(seen))) if seen.size else 0.0
-            sizes.append(max(usual_deviation(column, up), MIN_USUAL * largest) or 1.0)
+            sizes.append(max(usual_deviation(column, up), LIMITS.min_usual * largest) or 1.0)
         return cls(names, (*by_command, *rates), x / np.array(sizes))
 
     def inside(self, flight: Flight, one: Candidate) -> FloatArray:
@@ -196,7 +208,7 @@ class Excitation:
         if len(rows) <= len(self.names):
             return float("inf")
         size = np.sqrt(np.sum(rows**2, axis=0))
-        moved = size > MIN_MOTION * float(size.max())
+        moved = size > LIMITS.min_motion * float(size.max())
         if not moved.any():
             return float("inf")
         values = np.linalg.svd(rows[:, moved] / size[moved], compute_uv=False)
@@ -257,15 +269,15 @@ def maneuver_windows(maneuver: PlannedManeuver, style: FitStyle) -> ManeuverWind
     rate, time, moving = maneuver.rate, maneuver.time, np.any(moves, axis=0)
     inside = np.zeros(moving.size, dtype=bool)
     for run in run_slices(moving):
-        inside[max(run.start - round(BEFORE * rate), 0) : run.stop + round(style.rest * rate)] = True
+        inside[max(run.start - round(LIMITS.before * rate), 0) : run.stop + round(style.rest * rate)] = True
     found, held_out = run_slices(inside), None
-    if len(found) >= MIN_STRETCHES:
+    if len(found) >= LIMITS.min_stretches:
         moved = np.array([moves[:, one].any(axis=1) for one in found])
         spare = [i for i in range(len(found)) if (moved[i] <= np.delete(moved, i, axis=0).any(axis=0)).all()]
         held_out = min(spare, key=lambda i: found[i].stop - found[i].start, default=None)
     kept: list[slice] = []
     for i, one in enumerate(found):
-        near = kept and held_out != i - 1 and one.start - kept[-1].stop <= round(MAX_GAP * rate)
+        near = kept and held_out != i - 1 and one.start - kept[-1].stop <= round(LIMITS.max_gap * rate)
         if i != held_out and near:
             kept[-1] = slice(kept[-1].start, one.stop)
         elif i != held_out:

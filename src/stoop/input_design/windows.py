@@ -27,20 +27,31 @@ from stoop.input_design.sensitivity import (
 from stoop.problem.windows import whole
 from stoop.vehicle import Vehicle
 
-PRIOR_SPAN: Final = 8.0  #: s of usual flight that count as prior information
-MIN_GAIN: Final = 0.05  #: per parameter, below which a window is not worth fitting: error bars 5 % smaller
-MAX_WINDOWS: Final = 8  #: to fit; each has an initial state and biases of its own
-WINDOW_COST: Final = 2.0  #: s that a window costs besides its length
-MANEUVER_WEIGHT: Final = 1.5  #: of a whole maneuver, over a window that may cut one
-REDUNDANT: Final = 0.25  #: loss per parameter at which a fitted window may be held out instead
-VALIDATION_WORTH: Final = 0.5  #: of the fitted windows' gain, at which a window that is left is held out
+
+@dataclass(frozen=True)
+class SelectionLimits:
+    """Thresholds of the selection of windows."""
+
+    prior_span: float = 8.0  #: s of usual flight that count as prior information
+    min_gain: float = (
+        0.05  #: per parameter, below which a window is not worth fitting: error bars 5 % smaller
+    )
+    max_windows: int = 8  #: to fit; each has an initial state and biases of its own
+    window_cost: float = 2.0  #: s that a window costs besides its length
+    maneuver_weight: float = 1.5  #: of a whole maneuver, over a window that may cut one
+    redundant: float = 0.25  #: loss per parameter at which a fitted window may be held out instead
+    validation_worth: float = 0.5  #: of the fitted windows' gain, at which a window that is left is held out
+    max_candidates: int = 100  #: of a flight, the most excited ones
+    min_excitation: float = 2.0  #: times the usual; a window with less is of no axis
+    sharper: float = 0.8  #: ratio of standard errors, below which a parameter is named as a reason
+    max_named: int = 3
+    max_declined: int = 6  #: windows that are shown beside those that are proposed
+
+
+LIMITS: Final = SelectionLimits()
+
 Use = Literal["fit", "validate"]
-MAX_CANDIDATES: Final = 100  #: of a flight, the most excited ones
-MIN_EXCITATION: Final = 2.0  #: times the usual; a window with less is of no axis
 NO_AXIS: Final = "motion"  #: of windows in which no command stands out
-SHARPER: Final = 0.8  #: ratio of standard errors, below which a parameter is named as a reason
-MAX_NAMED: Final = 3
-MAX_DECLINED: Final = 6  #: windows that are shown beside those that are proposed
 MAX_UNKNOWN: Final = (
     0.5  #: share of the free numbers, unknown to their own size, that leaves a calm flight nothing to fit
 )
@@ -89,15 +100,15 @@ def select(found: Sequence[Candidate], information: CandidateInformation) -> Sel
     """
 
     def weight(one: Candidate) -> float:
-        return (1.0 if one.maneuver is None else MANEUVER_WEIGHT) / (one.seconds + WINDOW_COST)
+        return (1.0 if one.maneuver is None else LIMITS.maneuver_weight) / (one.seconds + LIMITS.window_cost)
 
     fitted: list[int] = []
     gains: list[float] = []
     base = information.prior
-    while len(fitted) < MAX_WINDOWS:
+    while len(fitted) < LIMITS.max_windows:
         free = [i for i in range(len(found)) if not any(found[i].meets(found[j]) for j in fitted)]
         rated = {i: information.gain(base, i) for i in free}
-        rated = {i: g for i, g in rated.items() if g >= MIN_GAIN}
+        rated = {i: g for i, g in rated.items() if g >= LIMITS.min_gain}
         if not rated:
             break
         best = max(rated, key=lambda i: rated[i] * weight(found[i]))
@@ -115,9 +126,9 @@ def _held_out(
     """Return the window to validate with: a maneuver that is left, else one whose axis is fitted twice, else the cheapest."""
     free = [i for i in range(len(found)) if not any(found[i].meets(found[j]) for j in fitted)]
     usual = float(np.median([information.gain_alone(i) for i in fitted])) if fitted else np.inf
-    eligible = [i for i in free if information.gain_alone(i) >= VALIDATION_WORTH * usual]
+    eligible = [i for i in free if information.gain_alone(i) >= LIMITS.validation_worth * usual]
     losses = {i: information.gain(information.total([j for j in fitted if j != i]), i) for i in fitted}
-    spare = [i for i in fitted if losses[i] < REDUNDANT] if len(fitted) > 1 else []
+    spare = [i for i in fitted if losses[i] < LIMITS.redundant] if len(fitted) > 1 else []
     flown = [i for i in eligible if found[i].maneuver is not None]
     axes = [m.axis for i in fitted if (m := found[i].maneuver) is not None]
     twice = [i for i in spare if (m := found[i].maneuver) is not None and axes.count(m.axis) > 1]
@@ -128,7 +139,7 @@ def _held_out(
         if group:
             return min(group, key=lambda i: losses[i])
     best = max(free, key=information.gain_alone, default=None)
-    return best if best is not None and information.gain_alone(best) > MIN_GAIN else None
+    return best if best is not None and information.gain_alone(best) > LIMITS.min_gain else None
 
 
 def excitation_information(
@@ -142,7 +153,7 @@ def excitation_information(
     for one in found:
         flight = flights[one.flight]
         rows = excitations[one.flight].inside(flight, one)
-        out.append(rows.T @ rows / (PRIOR_SPAN * flight.rate))
+        out.append(rows.T @ rows / (LIMITS.prior_span * flight.rate))
     size = len(next(iter(excitations.values())).names)
     return CandidateInformation(np.eye(size), tuple(out))
 
@@ -254,7 +265,7 @@ def find_windows(
     if calm and len(unknown) >= MAX_UNKNOWN * len(expected):
         share = (
             f", and {len(unknown)} of {len(expected)} free numbers would not be known to their own size "
-            f"({listed(unknown, MAX_NAMED)})"
+            f"({listed(unknown, LIMITS.max_named)})"
         )
         raise FlightError(
             f"{', '.join(flights)}: no maneuver here: no command moves out of the usual{share if unknown else ''}; fly doublets "
@@ -265,7 +276,7 @@ def find_windows(
 
 
 def _candidates(flight: Flight, vehicle: Vehicle | None, excitation: Excitation | None) -> list[Candidate]:
-    """Return the candidates of a flight, the most excited first, and at most `MAX_CANDIDATES`."""
+    """Return the candidates of a flight, the most excited first, and at most `LIMITS.max_candidates`."""
     if vehicle is not None:
         channels = list(vehicle.recorded)
     else:
@@ -273,10 +284,10 @@ def _candidates(flight: Flight, vehicle: Vehicle | None, excitation: Excitation 
         channels = direct or next(iter(output_families(flight)), [])
     found = candidates(flight, channels)
     if excitation is None:
-        return found[:: max(1, len(found) // MAX_CANDIDATES)]
+        return found[:: max(1, len(found) // LIMITS.max_candidates)]
     information = excitation_information({flight.name: flight}, {flight.name: excitation}, found)
     order = sorted(range(len(found)), key=lambda i: -information.gain_alone(i))
-    return [found[i] for i in order[:MAX_CANDIDATES]]
+    return [found[i] for i in order[: LIMITS.max_candidates]]
 
 
 def _about_vehicle(
@@ -326,7 +337,7 @@ class _Report:
         declined = 0
         for i in sorted(range(len(self.found)), key=self.information.gain_alone, reverse=True):
             one = self.found[i]
-            if i not in taken and one.maneuver is not None and declined < MAX_DECLINED:
+            if i not in taken and one.maneuver is not None and declined < LIMITS.max_declined:
                 clash = any(one.meets(self.found[j]) for j in taken)
                 reason = (
                     "shares samples with a proposed window" if clash else "adds little to the windows chosen"
@@ -345,7 +356,9 @@ class _Report:
         one = self.found[index]
         excitation = self.excitations.get(one.flight)
         sizes = {} if excitation is None else excitation.strengths(self.flights[one.flight], one)
-        strongest = [a for a in sorted(sizes, key=lambda a: -sizes[a])[:1] if sizes[a] > MIN_EXCITATION]
+        strongest = [
+            a for a in sorted(sizes, key=lambda a: -sizes[a])[:1] if sizes[a] > LIMITS.min_excitation
+        ]
         own: list[Axis] = [one.maneuver.axis] if one.maneuver is not None else []
         return {a: sizes.get(a, 0.0) for a in (*own, *strongest)}
 
@@ -363,7 +376,7 @@ class _Report:
         after = base + self.information.matrices[index]
         before, then = (np.sqrt(np.diag(np.linalg.inv(m))) for m in (base, after))
         ratio = then / before
-        best = [int(i) for i in np.argsort(ratio)[:MAX_NAMED] if ratio[i] < SHARPER]
+        best = [int(i) for i in np.argsort(ratio)[: LIMITS.max_named] if ratio[i] < LIMITS.sharper]
         names = ", ".join(self.model.names[i] for i in best)
         return f"{words}; tells {names}" if names else words
 
