@@ -13,7 +13,7 @@ from typing import Final
 
 LIST: Final = Path(__file__).resolve().parents[1] / "tests" / "long_tests.txt"
 QUICK_SECONDS: Final = (
-    180.0  #: of one core, for all quick tests together: half of what two cores do in three minutes
+    90.0  #: of one core, for all quick tests together; two workers start and collect besides
 )
 
 
