@@ -23,18 +23,18 @@ from typing import Any, Final, Literal, Protocol
 
 import numpy as np
 
-from stoop.assessment.covariance import Inverse, invert
 from stoop.assessment.error_bars import ErrorBars, error_bars
 from stoop.assessment.uncertainty import method_agreement
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.filter_likelihood import FrozenFilter
-from stoop.estimate.fit import Fit
+from stoop.estimate.fit import Derived, Fit
 from stoop.estimate.multiple_shooting import FollowingWindows
 from stoop.optimize import Problem, refine
 from stoop.parallel import Json, Plan, Pool, Tally, execute
 from stoop.problem import Layout, Misfit, Nuisance, Piece, Weights
+from stoop.problem.evidence import Inverse, invert
 from stoop.results.result import Result
 from stoop.results.uncertainty import MethodIntervals
 from stoop.vehicle import Parameter, Vehicle
@@ -247,32 +247,6 @@ def unpacked_optimum(text: str) -> tuple[Refittable, Optimum, dict[str, Any]]:
 
 
 @dataclass(frozen=True, eq=False)
-class Derived:
-    """A problem made from another; a child changes what differs."""
-
-    problem: Problem
-
-    @property
-    def dimension(self) -> int:
-        """Number of variables in the unit box."""
-        return self.problem.dimension
-
-    @property
-    def extra(self) -> int:
-        """Number of nuisances."""
-        return self.problem.extra
-
-    @property
-    def prices(self) -> tuple[float, ...]:
-        """Price of one trajectory on each rung."""
-        return self.problem.prices
-
-    def reference(self, rung: int) -> float:
-        """Return the trivial model's cost."""
-        return self.problem.reference(rung)
-
-
-@dataclass(frozen=True, eq=False)
 class Shifted(Derived):
     """A problem with other measurements: the residuals are shifted by (n_r,), nothing else changes."""
 
@@ -281,11 +255,6 @@ class Shifted(Derived):
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
         """Return shifted residuals (B, n_r) on the full record."""
         return self.problem.residuals(Z, rung) + self.shift
-
-    def costs(self, X: FloatArray, rung: int) -> FloatArray:
-        """Return costs (B,) with the nuisances at their start."""
-        Z = np.concatenate([X, np.zeros((len(X), self.extra))], axis=1)
-        return np.asarray(np.sum(self.residuals(Z, rung) ** 2, axis=1))
 
     def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
         """Return the derivative, which the shift does not change, and the trajectories it took."""

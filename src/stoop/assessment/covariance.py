@@ -43,11 +43,9 @@ from scipy.linalg import toeplitz
 
 from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
 from stoop.estimate.noise import lagged_products
-from stoop.problem.evidence import PieceEvidence
+from stoop.problem.evidence import Inverse, PieceEvidence, invert
 
 NORMAL_95: Final = 1.959963984540054  #: two-sided 95 % quantile of the normal distribution
-NULL_EIGENVALUE: Final = 1e-13  #: of the greatest scaled eigenvalue; below it is rounding, not information
-NULL_COMPONENT: Final = 1e-3  #: an unknown with a larger component in a null direction is not determined
 MIN_POWER: Final = 1e-3  #: of the variance, at any frequency; bounds how slow the noise can be
 #: of the autoregression: at 100 Hz, slow residuals under white noise still come out right
 MAX_ORDER: Final = 20
@@ -58,34 +56,6 @@ NEIGHBORS: Final = 3  #: windows whose residuals may still be correlated
 MIN_WINDOWS: Final = 12  #: below which a mean over windows says little
 #: of the information about a direction, in one window; of more, others foresee nothing
 MAX_SHARE: Final = 0.5
-
-
-@dataclass(frozen=True, eq=False)
-class Inverse:
-    """Inverse of an information matrix on the directions that it determines."""
-
-    factor: FloatArray  #: (k, r); factor @ factor.T is the pseudo-inverse; r directions are determined
-    determined: BoolArray  #: (k,) bool; which unknowns have no part in a direction without information
-    eigenvalues: FloatArray  #: (k,), of the information scaled to a unit diagonal, ascending
-
-    @property
-    def matrix(self) -> FloatArray:
-        """Pseudo-inverse (k, k)."""
-        return np.asarray(self.factor @ self.factor.T)
-
-
-def invert(information: FloatArray) -> Inverse:
-    """Invert an information matrix (k, k), scaled to a unit diagonal so that units do not matter.
-
-    Directions without information are left out (pseudo-inverse), and the unknowns that they touch are named.
-    """
-    diagonal = np.sqrt(np.maximum(np.diag(information), 0.0))
-    scale = np.where(diagonal > 0.0, diagonal, 1.0)
-    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    kept = values > NULL_EIGENVALUE * max(float(values[-1]), 0.0) if values.size else values > 0.0
-    factor = vectors[:, kept] / np.sqrt(values[kept]) / scale[:, None]
-    determined = np.sqrt(np.sum(vectors[:, ~kept] ** 2, axis=1)) <= NULL_COMPONENT
-    return Inverse(factor, determined & (diagonal > 0.0), values)
 
 
 def data_information(pieces: Sequence[PieceEvidence]) -> FloatArray:

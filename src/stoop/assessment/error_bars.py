@@ -19,7 +19,6 @@ from stoop.assessment.covariance import (
     Coloring,
     autocorrelation,
     data_information,
-    invert,
     marked,
     standard_errors,
     widened,
@@ -27,7 +26,7 @@ from stoop.assessment.covariance import (
 )
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.estimate.fit import Fit
-from stoop.problem.evidence import Evidence, PieceEvidence
+from stoop.problem.evidence import Evidence, PieceEvidence, invert
 from stoop.results.uncertainty import CorrelatedPair, NearNullDirection
 
 CORRELATION_LAGS: Final = 200  #: samples over which the residual autocorrelation is shown

@@ -26,7 +26,6 @@ from threadpoolctl import threadpool_limits
 
 from stoop.assessment.assessment import (
     AssessedFit,
-    Derived,
     Finding,
     Optimum,
     Watch,
@@ -39,6 +38,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.text import nearest
 from stoop.errors import IdentificationError
+from stoop.estimate.fit import Derived
 from stoop.optimize import Settings, refine
 from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run
 from stoop.problem import Misfit

@@ -136,16 +136,15 @@ class Fit:
 DEFAULTS: Final = Options()
 
 
-class LocalProblem(ABC):
-    """Residuals near an estimate, for refits: a :class:`stoop.optimize.Problem` with one rung and a problem's priors."""
+@dataclass(frozen=True, eq=False)
+class Derived:
+    """A :class:`stoop.optimize.Problem` made from another; a child changes what differs."""
 
-    problem: Misfit  #: layout, weights, priors and pieces
-    kind: ClassVar[str]  #: by which it is restored from a file
-    prices: ClassVar = (1.0,)
+    problem: optimize.Problem
 
     @property
     def dimension(self) -> int:
-        """Number of parameters."""
+        """Number of variables in the unit box."""
         return self.problem.dimension
 
     @property
@@ -153,14 +152,40 @@ class LocalProblem(ABC):
         """Number of nuisances."""
         return self.problem.extra
 
-    @abstractmethod
+    @property
+    def prices(self) -> tuple[float, ...]:
+        """Price of one trajectory on each rung."""
+        return self.problem.prices
+
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
-        """Return whitened simulated minus measured readings, then the residuals of the priors, (B, n_r)."""
+        """Return weighted residuals (B, n_r)."""
+        return self.problem.residuals(Z, rung)
 
     def costs(self, X: FloatArray, rung: int) -> FloatArray:
         """Return costs (B,) with the nuisances at zero."""
         Z = np.concatenate([X, np.zeros((len(X), self.extra))], axis=1)
         return np.asarray(np.sum(self.residuals(Z, rung) ** 2, axis=1))
+
+    def reference(self, rung: int) -> float:
+        """Return the trivial model's cost."""
+        return self.problem.reference(rung)
+
+
+@dataclass(frozen=True, eq=False)
+class LocalProblem(Derived, ABC):
+    """Residuals near an estimate, for refits: one rung, with the priors of a problem of pieces."""
+
+    problem: Misfit  #: layout, weights, priors and pieces
+    kind: ClassVar[str]  #: by which it is restored from a file
+
+    @property
+    def prices(self) -> tuple[float, ...]:
+        """Price of one trajectory."""
+        return (1.0,)
+
+    @abstractmethod
+    def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
+        """Return whitened simulated minus measured readings, then the residuals of the priors, (B, n_r)."""
 
     def reference(self, rung: int) -> float:
         """Return infinity: there is no trivial model to compare with."""

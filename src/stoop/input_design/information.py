@@ -19,10 +19,11 @@ from typing import Final
 
 import numpy as np
 
-from stoop.assessment.covariance import invert, marked, standard_errors
+from stoop.assessment.covariance import marked, standard_errors
 from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError, SimulationError
 from stoop.problem import Layout, Misfit, Piece, Weights
+from stoop.problem.evidence import invert
 from stoop.problem.prepare import Prepared, nuisances
 from stoop.problem.windows import Window
 from stoop.results.result import Result

@@ -10,12 +10,12 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from stoop import optimize
-from stoop.assessment.covariance import invert
 from stoop.base.arrays import FloatArray
 from stoop.errors import SimulationError
 from stoop.input_design.information import Forecast, Knowledge, Limits, Setup
 from stoop.input_design.inputs import LEAD, SHAPES, Frame, Shape
 from stoop.optimize.problem import ScalarProblem
+from stoop.problem.evidence import invert
 from stoop.simulation import Trim
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,9 @@ from stoop.base.arrays import BoolArray, FloatArray
 from stoop.problem.layout import Layout
 from stoop.problem.misfit import Misfit
 
-AT_BOUND = 1e-6  #: of the width of the bounds: an estimate that is nearer lies at its bound
+AT_BOUND: Final = 1e-6  #: of the width of the bounds: an estimate that is nearer lies at its bound
+NULL_EIGENVALUE: Final = 1e-13  #: of the greatest scaled eigenvalue; below it is rounding, not information
+NULL_COMPONENT: Final = 1e-3  #: an unknown with a larger component in a null direction is not determined
 
 
 @dataclass(frozen=True)
@@ -139,3 +141,31 @@ def simulation_evidence(problem: Misfit, z: FloatArray, inflation: float) -> Evi
         first = rows.stop
     unknowns = unknowns_of(problem.layout, z)
     return Evidence(unknowns, tuple(pieces), prior_information(unknowns), inflation)
+
+
+@dataclass(frozen=True, eq=False)
+class Inverse:
+    """Inverse of an information matrix on the directions that it determines."""
+
+    factor: FloatArray  #: (k, r); factor @ factor.T is the pseudo-inverse; r directions are determined
+    determined: BoolArray  #: (k,) bool; which unknowns have no part in a direction without information
+    eigenvalues: FloatArray  #: (k,), of the information scaled to a unit diagonal, ascending
+
+    @property
+    def matrix(self) -> FloatArray:
+        """Pseudo-inverse (k, k)."""
+        return np.asarray(self.factor @ self.factor.T)
+
+
+def invert(information: FloatArray) -> Inverse:
+    """Invert an information matrix (k, k), scaled to a unit diagonal so that units do not matter.
+
+    Directions without information are left out (pseudo-inverse), and the unknowns that they touch are named.
+    """
+    diagonal = np.sqrt(np.maximum(np.diag(information), 0.0))
+    scale = np.where(diagonal > 0.0, diagonal, 1.0)
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    kept = values > NULL_EIGENVALUE * max(float(values[-1]), 0.0) if values.size else values > 0.0
+    factor = vectors[:, kept] / np.sqrt(values[kept]) / scale[:, None]
+    determined = np.sqrt(np.sum(vectors[:, ~kept] ** 2, axis=1)) <= NULL_COMPONENT
+    return Inverse(factor, determined & (diagonal > 0.0), values)

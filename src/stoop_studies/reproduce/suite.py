@@ -11,10 +11,11 @@ from typing import Any, Final, Self, TypeVar
 import numpy as np
 
 from stoop import optimize
-from stoop.assessment.covariance import invert, standard_errors
+from stoop.assessment.covariance import standard_errors
 from stoop.base.arrays import FloatArray
 from stoop.parallel import Plan, Run
 from stoop.problem import Misfit
+from stoop.problem.evidence import invert
 from stoop.report.sheet import Prose, Section, Table
 from stoop_studies.findings import Findings, Results, Setting, number
 from stoop_studies.outputs import Suite

@@ -13,9 +13,10 @@ import numpy as np
 import sympy as sp
 
 from stoop import optimize
-from stoop.assessment.covariance import invert, standard_errors
+from stoop.assessment.covariance import standard_errors
 from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
+from stoop.problem.evidence import invert
 from stoop.report.sheet import Prose, Section
 from stoop_studies.findings import Findings, Setting, holds
 from stoop_studies.verify.study import Columns, Samples, Verification, page_table, published_files

@@ -12,12 +12,11 @@ from stoop.assessment.covariance import (
     ColoredNoise,
     Coloring,
     data_information,
-    invert,
     prior_information,
     standard_errors,
 )
 from stoop.assessment.error_bars import Uncertainty, estimate_uncertainty
-from stoop.problem.evidence import PieceEvidence
+from stoop.problem.evidence import PieceEvidence, invert
 
 CHANNELS, PARAMETERS = 2, 4
 

@@ -12,12 +12,11 @@ from stoop.assessment.covariance import (
     correlation,
     data_information,
     intervals_95,
-    invert,
     marked,
     prior_information,
     standard_errors,
 )
-from stoop.problem.evidence import PieceEvidence
+from stoop.problem.evidence import PieceEvidence, invert
 
 
 def information(seed: int, size: int) -> np.ndarray:

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from stoop.assessment.covariance import invert, marked, prior_information
+from stoop.assessment.covariance import marked, prior_information
 from stoop.assessment.error_bars import (
     ComparisonScale,
     Identifiability,
     identifiability,
     scaled_singular_values,
 )
+from stoop.problem.evidence import invert
 
 
 def judge(

@@ -25,7 +25,7 @@ import numpy as np
 from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
 from stoop.base.notices import Notice
 from stoop.problem import Layout, Nuisance
-from stoop.problem.evidence import PieceEvidence
+from stoop.problem.evidence import NULL_EIGENVALUE, PieceEvidence, invert
 from stoop.vehicle import Parameter, Vehicle
 
 Bounds = tuple[FloatArray, FloatArray]  #: lower and upper, (k,), SI
@@ -37,8 +37,6 @@ WEIGHT_ROUNDS: Final = 3  #: alternations of estimates and residual variances
 MAX_ITERATIONS: Final = 8  #: of Gauss-Newton
 STEP_TOLERANCE: Final = 1e-3  #: in `Equations.scales`
 ZERO_COLUMN: Final = 1e-9  #: norm, of the largest column's, below which a column counts as zero
-NULL_EIGENVALUE: Final = 1e-13  #: of the largest scaled eigenvalue; smaller ones are rounding
-NULL_COMPONENT: Final = 1e-3  #: a parameter with a larger component in the null space is not identifiable
 
 
 @dataclass(frozen=True)
@@ -382,10 +380,5 @@ def _covariance(rows: Sequence[Rows], priors: FloatArray, sigma: dict[str, float
     for r in rows:
         own = np.flatnonzero(r.used)
         M[np.ix_(own, own)] += (r.X[:, own].T @ r.X[:, own]) / sigma[r.equation] ** 2
-    diagonal = np.diag(M)
-    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    powers, vectors = np.linalg.eigh(M / np.outer(scale, scale))
-    kept = powers > NULL_EIGENVALUE * max(float(powers[-1]), 0.0)
-    factor = vectors[:, kept] / np.sqrt(powers[kept]) / scale[:, None]
-    known = (diagonal > 0.0) & (np.linalg.norm(vectors[:, ~kept], axis=1) <= NULL_COMPONENT)
-    return np.where(np.outer(known, known), factor @ factor.T, np.nan)
+    inverse = invert(M)
+    return np.where(np.outer(inverse.determined, inverse.determined), inverse.matrix, np.nan)
