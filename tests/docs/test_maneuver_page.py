@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from docs.pages import DOCS, table
-from stoop.simulation import autopilot, maneuver
+from stoop.simulation import autopilot, maneuver, rotors
 
 PAGE = DOCS / "maneuver-file.md"
 
@@ -16,7 +16,7 @@ def test_inputs_on_rotors() -> None:
     quoted = {name: row[2] for row in rows for name in re.findall(r"`([a-z_0-9]+)`", row[0])}
     told = quoted | {row[0]: row[2] for row in rows if row[0].isidentifier()}
     assert told.pop("motor_1") == "the channel's"
-    assert told == maneuver.EXCITATIONS | maneuver.SETPOINTS
+    assert told == rotors.EXCITATIONS | rotors.SETPOINTS
 
 
 def test_keys_of_a_battery() -> None:

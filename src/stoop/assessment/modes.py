@@ -294,7 +294,7 @@ def _at(
     free = fit.problem.layout.parameters
     values, widths = {p.name: fit.estimates[p.name] for p in free}, {p.name: p.upper - p.lower for p in free}
     try:
-        follow = neighbors(vehicle, point, density=density) if about == "trim" else None
+        follow = neighbors(point) if about == "trim" else None
 
         def matrix(numbers: Mapping[str, float]) -> tuple[tuple[str, ...], FloatArray]:
             """Return A for changed numbers; the trim follows them, a mean state stays."""

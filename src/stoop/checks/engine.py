@@ -35,14 +35,12 @@ class Thresholds:
     #: gain so much less than once in 3,000
     evidence: float = 8.0
     tie: float = 2.3  #: difference of log-likelihood below which no edit is preferred: odds of ten to one
-    improvement: float = (
-        0.5  #: share of a residual's mean square left at most in one channel; else colored noise
-    )
+    #: share of a residual's mean square left at most in one channel; else colored noise
+    improvement: float = 0.5
     visible: float = 0.5  #: share of a residual's mean square that an edit must change, to be judged there
     unexplained: float = 0.3  #: share of a motion's mean square that a `complete` edit may leave
-    margin: float = (
-        0.1  #: share of it that such an edit must explain more: models of vehicles are never exact
-    )
+    #: share of it that such an edit must explain more: models of vehicles are never exact
+    margin: float = 0.1
     busiest: float = 0.2  #: of the record, where the edit changes most: short maneuvers in long logs count
     spans: float = 10.0  #: independent samples, at least
     rounds: int = 3  #: wrong lines that are looked for one after the other
@@ -106,9 +104,8 @@ class Edit(Generic[State]):
     lines: tuple[str, ...]  #: variables of the mapping or entries of the vehicle file whose lines change
     fix: str  #: what to write
     apply: Callable[[State], State]  #: data or vehicle -> the same with the edit
-    complete: bool = (
-        False  #: it must explain the motion by itself; a unit that shrinks a channel shrinks its noise, too
-    )
+    #: it must explain the motion by itself; a unit that shrinks a channel shrinks its noise, too
+    complete: bool = False
     prior: float = 0.0  #: logarithm of its odds before any data, against an edit as likely as any
     value: str = ""  #: what the line says then, such as a unit
 

@@ -86,9 +86,8 @@ class Statistics:
     #: s over which an angle is differenced against noise; the shortest that shows a likeness is taken
     spans: tuple[float, ...] = (0.1, 0.5)
     likeness: float = 0.8  #: correlation from which the factor between an angle and a rate means something
-    far: float = math.log(
-        0.5 / DEGREE
-    )  #: of a factor between them that is that of a degree, less a factor of two
+    #: of a factor between them that is that of a degree, less a factor of two
+    far: float = math.log(0.5 / DEGREE)
     noise_band: float = 4.0  #: ratio of the noise of axes of one sensor and one unit
     gravity_span: float = 0.5  #: s over which velocity is differenced
     gravity_samples: int = 50_000  #: that are compared, at most: the thinned record
@@ -97,9 +96,8 @@ class Statistics:
     growth: float = 15.0  #: odds of an angle against its rate
     noise: float = 10.0  #: odds of noise of an axis
     z_axis: float = 10.0  #: odds of the share along the vertical axis
-    odd_unit: float = (
-        3.0  #: odds of an edit that gives a line the unit of its siblings, which are of one sensor
-    )
+    #: odds of an edit that gives a line the unit of its siblings, which are of one sensor
+    odd_unit: float = 3.0
     several: float = -3.0  #: odds of an edit of all angles or rates at once
     one_axis: float = -10.0  #: odds of an edit of one axis of the specific force alone
     less_usual: float = -3.0  #: odds of each next unit in a list by usage

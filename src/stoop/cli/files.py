@@ -114,7 +114,7 @@ def simulate(arguments: argparse.Namespace) -> int:
     from stoop.base.text import nearest
     from stoop.base.variables import VARIABLES
     from stoop.exporters.flight_logs import OWN, check_ending, save_flight_as
-    from stoop.input_design.candidates import fit_style, maneuver_windows
+    from stoop.input_design.candidates import STYLES, maneuver_windows
     from stoop.logs.csv_tables import mapping_beside
     from stoop.simulation.fly import flown_trim, numbers_set, simulate_flight
     from stoop.simulation.maneuver import load_maneuver
@@ -146,7 +146,7 @@ def simulate(arguments: argparse.Namespace) -> int:
     if mapping is not None:
         out.line(f"wrote {mapping}: the mapping of what the autopilot has no place for, or calls otherwise")
     out.bullets(found for found in flight.notices if found.code != "simulated")
-    windows = maneuver_windows(maneuver, fit_style(vehicle))
+    windows = maneuver_windows(maneuver, STYLES[vehicle.frame])
     if not windows.fit:
         out.line(f"no input moves the vehicle: to identify it, add [[input]] tables to {arguments.maneuver}")
         out.command("next: ", ["stoop", "info", str(target)])

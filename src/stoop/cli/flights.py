@@ -138,7 +138,7 @@ def rotors_arguments(parser: argparse.ArgumentParser) -> None:
 
 def rotors(arguments: argparse.Namespace) -> int:
     """Compare flights near hover with healthy ones, and say which rotor gives less than its command says."""
-    from stoop.checks.vehicle import foreign_motors
+    from stoop.checks.rotors import foreign_motors
     from stoop.estimate import effectiveness
     from stoop.flight import load
     from stoop.problem.windows import whole

@@ -57,7 +57,7 @@ def linearize_arguments(parser: argparse.ArgumentParser) -> None:
 def _trimmed(arguments: argparse.Namespace) -> tuple[Vehicle, Trim, str]:
     """Return the vehicle, the steady flight that the command line asks for, and that in words."""
     from stoop.simulation import trim
-    from stoop.simulation.trim import flies_on_rotors
+    from stoop.simulation.trim import steady_flight
     from stoop.vehicle.builtin import resolve_vehicle
     from stoop.vehicle.schema import Quantity
 
@@ -68,16 +68,10 @@ def _trimmed(arguments: argparse.Namespace) -> tuple[Vehicle, Trim, str]:
         vehicle = replace(vehicle, file=vehicle.file.model_copy(update={"environment": environment}))
         choice = environment.density
     vehicle = vehicle if arguments.reduce is None else vehicle.reduced(arguments.reduce)
-    on_rotors = flies_on_rotors(vehicle, arguments.airspeed)
-    for name in ("velocity", "wind") if not on_rotors else ():
-        if getattr(arguments, name) is not None:
-            raise SimulationError(
-                f"--{name}: {vehicle.where} flies on its wings here; give its steady flight by its airspeed alone"
-            )
-    if on_rotors and arguments.climb_angle:
-        raise SimulationError(
-            f"--climb-angle: {vehicle.where} flies on its rotors here; write --velocity, e.g. --velocity 0 0 -2 to climb"
-        )
+    flight = steady_flight(vehicle, arguments.airspeed)
+    for name in flight.refused:
+        if getattr(arguments, name):
+            raise SimulationError(f"--{name.replace('_', '-')}: {vehicle.where} {flight.advice}")
     # A lateral model holds speed and incidence, so its steady flight is that of the full equations.
     flown = vehicle.reduced("full") if vehicle.reduce == "lateral" else vehicle
     with busy(options.COMPILING):

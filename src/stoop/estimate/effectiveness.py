@@ -74,15 +74,11 @@ class Balance:
     vehicle: Vehicle
 
     def __post_init__(self) -> None:
-        """Refuse a vehicle without rotors or without their torque."""
-        if not self.vehicle.rotors:
+        """Refuse a vehicle without the torque of rotors."""
+        if not {"rotors.torque_ratio", "rotors.Q2"} & self.vehicle.rows.keys():
             raise VehicleError(
-                f"{self.vehicle.where}: has no rotors; add [rotors] and a table for each rotor"
-            )
-        if "rotors.torque_ratio" not in self.vehicle.rows and "rotors.Q2" not in self.vehicle.rows:
-            raise VehicleError(
-                f"{self.vehicle.where}: rotors.torque_ratio is missing: without a torque the balance of yaw is unknown; "
-                "write torque_ratio = 0.01 (m), or what was measured"
+                f"{self.vehicle.where}: has no rotors with a torque, so the balance of yaw is unknown; write [rotors] "
+                "torque_ratio = 0.01 (m), or what was measured, and a table for each rotor"
             )
 
     @property

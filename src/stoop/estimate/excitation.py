@@ -23,13 +23,14 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.units import DEGREE
-from stoop.checks.vehicle import rotor_notices
+from stoop.checks.rotors import rotor_notices
 from stoop.problem import Misfit
 from stoop.simulation import parameter_rows
 from stoop.simulation.initial import commanded
 from stoop.vehicle import Parameter, Vehicle
 from stoop.vehicle.defaults import ROTOR_AERODYNAMICS, WIND_NUMBERS
 from stoop.vehicle.schema import WIND
+from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
 
 AXES: Final = (("V", "alpha", "q"), ("beta", "p", "r"))  #: motions that the terms of one plane multiply
 MIN_DEFLECTION: Final = 0.2 * DEGREE  #: rad rms, below which a deflection is no input
@@ -50,10 +51,12 @@ def excitation_notices(problem: Misfit, z: FloatArray, recorded_rate: float = np
     measured, unknowns = _counts(problem, recorded_rate)
     few = [notice("too-few-samples", measurements=measured, unknowns=unknowns)]
     out = few if too_few(problem, recorded_rate) else []
-    if vehicle.rotors:
-        return [*out, *rotor_notices(problem), *_low_airspeed(problem, z)]
-    if not vehicle.controls:
-        return []
+    return [*out, *(n for of in _OF_KIND[vehicle.frame] for n in of(problem, z))]
+
+
+def _of_controls(problem: Misfit, z: FloatArray) -> Iterator[Notice]:
+    """Yield which controls hardly move, and which move with each other or with the motion."""
+    vehicle = problem.layout.vehicle
     controls: dict[str, list[FloatArray]] = {name: [] for name in vehicle.controls}
     motions: dict[str, list[FloatArray]] = {name: [] for name in vehicle.outputs}
     for i, piece in enumerate(problem.pieces):
@@ -67,9 +70,9 @@ def excitation_notices(problem: Misfit, z: FloatArray, recorded_rate: float = np
     for name, x in list(deflections.items()):
         rms = float(np.sqrt(np.mean(x**2)))
         if rms < MIN_DEFLECTION:
-            out.append(notice("control-still", name, rms=rms))
+            yield notice("control-still", name, rms=rms)
             del deflections[name]
-    return [*out, *collinear(deflections, {name: np.concatenate(parts) for name, parts in motions.items()})]
+    yield from collinear(deflections, {name: np.concatenate(parts) for name, parts in motions.items()})
 
 
 def _low_airspeed(problem: Misfit, z: FloatArray) -> Iterator[Notice]:
@@ -87,6 +90,12 @@ def _low_airspeed(problem: Misfit, z: FloatArray) -> Iterator[Notice]:
     if fastest < LOW_AIRSPEED * reference:
         share = (fastest / reference) ** 2
         yield notice("low-airspeed", airspeed=fastest, share=share, reference=reference, free=free)
+
+
+_OF_KIND: Final = {
+    AIR_FRAME: (_of_controls,),
+    GROUND_FRAME: (lambda problem, _: rotor_notices(problem), _low_airspeed),
+}
 
 
 def too_few(problem: Misfit, recorded_rate: float) -> bool:
@@ -136,7 +145,7 @@ def _correlation(a: FloatArray, b: FloatArray) -> float:
 
 def in_ratio(vehicle: Vehicle) -> tuple[Parameter, ...]:
     """Return the free numbers that are known in ratio to the mass only; none where something determines the mass."""
-    if not vehicle.rotors or vehicle.file.propulsion is not None or any(vehicle.terms.values()):
+    if vehicle.file.propulsion is not None or any(vehicle.terms.values()):
         return ()
     forces = ROTOR_AERODYNAMICS - {"rotors.torque_ratio"} | {"rotors.inertia"}
     group = [

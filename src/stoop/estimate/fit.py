@@ -20,7 +20,7 @@ import numpy as np
 from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
-from stoop.checks.vehicle import require_rotor_data, require_rotors
+from stoop.checks.vehicle import require_channels, require_data
 from stoop.errors import IdentificationError
 from stoop.estimate.excitation import with_mass_held
 from stoop.estimate.noise import channel_residuals, effective_variance, first_variance, noise_variance
@@ -203,10 +203,10 @@ def estimation_problem(
         Nothing is free.
     """
     vehicle = with_mass_held(vehicle)
-    require_rotors(vehicle, flights, windows)
+    for name in dict.fromkeys(w.flight for w in windows):
+        require_channels(vehicle, flights[name])
     prepared = without_stuck_channels(vehicle, prepare(vehicle, flights, windows))
-    if vehicle.rotors:
-        require_rotor_data(vehicle, prepared.windows, prepared.pieces)
+    require_data(vehicle, prepared.windows, prepared.pieces)
     layout = Layout.of(vehicle, nuisances(vehicle, prepared))
     if layout.dimension == 0:
         raise IdentificationError(f"{vehicle.where}: no number is free; set free = true or use --free NAME")

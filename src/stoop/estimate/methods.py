@@ -28,9 +28,11 @@ from stoop.base.variables import VARIABLES
 from stoop.errors import IdentificationError
 from stoop.flight import Flight
 from stoop.vehicle import Vehicle
+from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
 
 DEFAULT: Final = "output-error"
-WITH_ROTORS: Final = "multiple-shooting"  #: open loop a vehicle on rotors falls before a record ends
+#: by kind of vehicle: open loop one on rotors falls before a record ends
+USUAL: Final = {AIR_FRAME: DEFAULT, GROUND_FRAME: "multiple-shooting"}
 SLOW_MOTORS: Final = "equation-error"  #: with rotors whose motors were logged at less than `MIN_MOTOR_RATE`
 MIN_MOTOR_RATE: Final = 100.0
 """Hz. What moves the motors faster than half the rate of their log looks slow in it, and the vehicle seems to answer less. Of a
@@ -95,18 +97,19 @@ class MethodChoice:
 
 def choose_method(name: str, vehicle: Vehicle, flights: Iterable[Flight]) -> MethodChoice:
     """Return the named method, or the one that suits vehicle and flights where none is named."""
-    if name or not vehicle.rotors:
-        return MethodChoice(name or DEFAULT)
+    if name:
+        return MethodChoice(name)
     rates, channels = [MIN_MOTOR_RATE], {rotor.channel for rotor in vehicle.file.rotor.values()}
     for flight in flights:
         for channel in channels & flight.sources.keys():  # measured speeds are smooth, commands are not
             rate = flight.sources[channel].rate
             if VARIABLES[channel].kind != "measurement" and 0.0 < rate < GRID_SHARE * flight.rate:
                 rates.append(rate)
+    usual = USUAL[vehicle.frame]
     if min(rates) >= MIN_MOTOR_RATE:
-        return MethodChoice(WITH_ROTORS)
+        return MethodChoice(usual)
     why = notice(
-        "motors-logged-slowly", rate=min(rates), limit=MIN_MOTOR_RATE, method=SLOW_MOTORS, other=WITH_ROTORS
+        "motors-logged-slowly", rate=min(rates), limit=MIN_MOTOR_RATE, method=SLOW_MOTORS, other=usual
     )
     return MethodChoice(SLOW_MOTORS, (why,))
 

@@ -7,7 +7,7 @@ models stand beside: a constant, and thrust in proportion to the sum of the squa
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -21,13 +21,14 @@ from stoop.estimate.fit import Fit
 from stoop.estimate.regression.rotors import lagged_command, stretches
 from stoop.estimate.shooting_windows import WINDOW_LENGTH, outputs_by_window
 from stoop.flight import Flight
-from stoop.problem import Layout, Misfit, Weights
+from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.misfit import horizon_ladder
-from stoop.problem.observation import START_TIME, observation_model
+from stoop.problem.observation import START_TIME
 from stoop.problem.prepare import Prepared, prepare
 from stoop.problem.windows import Window
 from stoop.simulation import START_NAMES, parameter_rows, trim
 from stoop.vehicle import Vehicle
+from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
 
 CUTOFF: Final = 5.0  #: Hz, of the specific force
 
@@ -76,12 +77,10 @@ def predicted(
     notices = [found for part in parts for found in part.notices]
     weights = Weights.of(np.ones(len(vehicle.outputs)))  # a simulation weighs nothing
     problem = Misfit(replace(Layout.of(vehicle, ()), parameters=()), pieces, weights, horizon_ladder(pieces))
-    if observation_model(vehicle).open_loop:
-        simulated = [problem.outputs(np.empty(0), i) for i in range(len(pieces))]
-    else:
-        simulated = [outputs_by_window(problem, i) for i in range(len(pieces))]
-        notices += [notice("predicted-in-windows", str(w), length=WINDOW_LENGTH) for w in windows]
-    return Prepared(tuple(windows), pieces, tuple(notices)), simulated
+    model = _PREDICTIONS[vehicle.frame]
+    notices += [notice(code, str(w), length=WINDOW_LENGTH) for code in model.codes for w in windows]
+    readings = [model.readings(problem, i) for i in range(len(pieces))]
+    return Prepared(tuple(windows), pieces, tuple(notices)), readings
 
 
 def _of_window(
@@ -99,19 +98,23 @@ def _of_window(
         recorded = dict(zip(vehicle.outputs, early, strict=True))
         missing = tuple(c for c in vehicle.outputs if c in START_NAMES and not recorded[c])
         start = piece.start
-        if missing and observation_model(vehicle).open_loop:
-            loaded = biased.with_numbers({name: {"value": value} for name, value in piece.changes.items()})
-            logged = "density" in vehicle.inputs
-            density = float(piece.inputs[0, vehicle.inputs.index("density")]) if logged else None
-            try:
-                steady = trim(loaded, start["V"], start["h"], density=density).start
-                code = "predicted-from-trim"
-            except SimulationError:
-                steady, code = {}, "predicted-from-default"
+        for steady_start in _PREDICTIONS[vehicle.frame].starts if missing else ():
+            steady, code = steady_start(biased, piece)
             start = {**start, **{c: steady[c] for c in missing if c in steady}}
             notices.append(notice(code, str(window), channels=missing))
         pieces.append(replace(piece, start=start, changes={**piece.changes, **biases}))
     return replace(prepared, pieces=tuple(pieces), notices=tuple(notices))
+
+
+def _trimmed_start(vehicle: Vehicle, piece: Piece) -> tuple[Mapping[str, float], str]:
+    """Return the steady flight at the airspeed and altitude of a piece, and the code of what is told of it."""
+    loaded = vehicle.with_numbers({name: {"value": value} for name, value in piece.changes.items()})
+    logged = "density" in vehicle.inputs
+    density = float(piece.inputs[0, vehicle.inputs.index("density")]) if logged else None
+    try:
+        return trim(loaded, piece.start["V"], piece.start["h"], density=density).start, "predicted-from-trim"
+    except SimulationError:
+        return {}, "predicted-from-default"
 
 
 @dataclass(frozen=True)
@@ -154,10 +157,9 @@ def force_figures(
 ) -> tuple[ForceFigures, ...]:
     """Return the residuals of fitted and predicted windows; none of a vehicle without rotors."""
     vehicle = identified_vehicle(fit)
-    if not vehicle.rotors:
-        return ()
     windows = [*fit.prepared.windows, *predicted]
-    curves = [force_curves(vehicle, flights, w, mean_biases(fit, w.flight)) for w in windows]
+    of_kind = _PREDICTIONS[vehicle.frame].curves
+    curves = [of(vehicle, flights, w, mean_biases(fit, w.flight)) for of in of_kind for w in windows]
     fitted = [c for c in curves[: len(fit.prepared.windows)] if c.time.size]
     if not fitted:
         return ()
@@ -197,6 +199,24 @@ def low_passed(columns: FloatArray, dt: float) -> FloatArray:
     sos = butter(2, min(CUTOFF, 0.45 / dt), fs=1.0 / dt, output="sos")
     pad = min(len(columns) - 1, round(3.0 / (CUTOFF * dt)))
     return np.asarray(sosfiltfilt(sos, columns, axis=0, padlen=pad))
+
+
+@dataclass(frozen=True)
+class PredictionModel:
+    """How a kind of vehicle is predicted."""
+
+    readings: Callable[[Misfit, int], FloatArray]  #: (n, n_y) of a piece of a problem without unknowns
+    codes: tuple[str, ...] = ()  #: of notices about that
+    starts: tuple[
+        Callable[[Vehicle, Piece], tuple[Mapping[str, float], str]], ...
+    ] = ()  #: where not measured
+    curves: tuple[Callable[..., ForceCurves], ...] = ()  #: of the specific force, as :func:`force_curves`
+
+
+_PREDICTIONS: Final = {
+    AIR_FRAME: PredictionModel(lambda problem, i: problem.outputs(np.empty(0), i), starts=(_trimmed_start,)),
+    GROUND_FRAME: PredictionModel(outputs_by_window, codes=("predicted-in-windows",), curves=(force_curves,)),
+}
 
 
 @dataclass(frozen=True, eq=False)

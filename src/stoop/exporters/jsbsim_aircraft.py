@@ -38,6 +38,11 @@ from stoop.vehicle import Vehicle
 
 POUNDS_PER_SLUG: Final = 32.174049  #: with which JSBSim converts a weight to a mass (FGJSBBase)
 STEADY: Final = "steady"
+_UNWRITTEN: Final = {
+    "rotors": "are not written for JSBSim, which has no form of their induced flow",
+    "body_drag": "is not written for JSBSim",
+    "ground_effect": "is not written for JSBSim",
+}  #: tables of a vehicle file
 Point = tuple[float, float, float]
 _AXES: Final = {"x": -1.0, "y": 1.0, "z": -1.0}  #: signs of JSBSim's structural axes
 _METRICS: Final = {
@@ -93,8 +98,7 @@ def aircraft(vehicle: Vehicle) -> str:
     # JSBSim's products of inertia are elements of the tensor in structural axes
     masses = SubElement(root, "mass_balance", {"negated_crossproduct_inertia": "true"})
     for axes, sign in _INERTIA.items():
-        name = f"mass.inertia.{axes}"
-        inertia = vehicle.value(name) if name in vehicle.rows else 0.0
+        inertia = vehicle.value(f"mass.inertia.{axes}", 0.0)
         masses.append(_quantity(f"i{axes}", sign * inertia / _INERTIA_UNIT + 0.0, "SLUG*FT2"))
     masses.append(_quantity("emptywt", vehicle.value("mass.mass") / SLUG * POUNDS_PER_SLUG, "LBS"))
     masses.append(location(point(vehicle, "mass.center_of_gravity"), "CG"))
@@ -105,7 +109,7 @@ def aircraft(vehicle: Vehicle) -> str:
         force = SubElement(reactions, "force", {"name": "thrust", "frame": "BODY"})
         SubElement(SubElement(force, "function"), "product").extend([prop(THRUST), value(1.0 / POUND_FORCE)])
         force.append(location(point(vehicle, "propulsion.position")))
-        pitch = vehicle.value("propulsion.pitch") if "propulsion.pitch" in vehicle.rows else 0.0
+        pitch = vehicle.value("propulsion.pitch", 0.0)
         along = (math.cos(pitch), 0.0, -math.sin(pitch))
         direction = SubElement(force, "direction")
         direction.extend(leaf(a, number(x + 0.0)) for a, x in zip(_AXES, along, strict=True))
@@ -121,13 +125,10 @@ def document(root: Element) -> str:
 
 def check(vehicle: Vehicle) -> None:
     """Refuse what JSBSim's equations of motion do not have: VehicleError with what to do instead."""
+    unwritten = [table for table in _UNWRITTEN if getattr(vehicle.file, table) is not None]
     early = [name for name, seconds in delays(vehicle).items() if seconds < 0.0]
-    problem = ""
-    if vehicle.rotors:
-        problem = (
-            "rotors are not written for JSBSim, which has no form of their induced flow; "
-            "export to state-space or simulink"
-        )
+    if unwritten:
+        problem = f"{unwritten[0]} {_UNWRITTEN[unwritten[0]]}; export to state-space or simulink"
     elif vehicle.reduce == "lateral":
         problem = (
             "the lateral model holds speed and incidence, which JSBSim does not; "
@@ -138,17 +139,16 @@ def check(vehicle: Vehicle) -> None:
             f"the channel {early[0]} acts before it is recorded (its delay is negative), which JSBSim cannot fly; "
             "set the delay to zero"
         )
-    if problem:
-        raise VehicleError(f"{vehicle.where}: {problem}")
+    else:
+        return
+    raise VehicleError(f"{vehicle.where}: {problem}")
 
 
 def point(vehicle: Vehicle, name: str) -> Point:
     """Return a point of the file, m; the center of gravity where the file has none."""
-    for place in (name, "mass.center_of_gravity"):
-        if f"{place}.x" in vehicle.rows:
-            x, y, z = (vehicle.value(f"{place}.{a}") for a in _AXES)
-            return x, y, z
-    return 0.0, 0.0, 0.0
+    place = name if f"{name}.x" in vehicle.rows else "mass.center_of_gravity"
+    x, y, z = (vehicle.value(f"{place}.{a}", 0.0) for a in _AXES)
+    return x, y, z
 
 
 def _quantity(tag: str, x: float, unit: str) -> Element:
@@ -192,8 +192,8 @@ def script(steady: Record) -> str:
     out, given = Element("runscript", {"name": one_line(steady.vehicle.name)}), settings(steady)
     SubElement(out, "description").text = "A steady flight; made by stoop export"
     SubElement(out, "use", {"aircraft": file_name(steady.vehicle.name), "initialize": STEADY})
-    length = float(steady.time[-1] - steady.time[0])
-    run = SubElement(out, "run", {"start": "0.0", "end": number(length), "dt": number(1.0 / FRAME_RATE)})
+    length = number(float(steady.time[-1] - steady.time[0]))
+    run = SubElement(out, "run", {"start": "0.0", "end": length, "dt": number(1.0 / FRAME_RATE)})
     inputs = {n: float(column[0]) for n, column in given.inputs.items()}
     for place, x in {**INTEGRATORS, **given.constants, **inputs}.items():
         SubElement(run, "property", {"value": number(x)}).text = place

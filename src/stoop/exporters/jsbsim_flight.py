@@ -69,12 +69,18 @@ class Record:
     start : initial state by :data:`stoop.simulation.START_NAMES`; ``NAME.lag`` adds to a lagged deflection, rad
     time : (n,), s, uniform
     inputs : (n, n_u) as recorded, in the order of ``vehicle.inputs``
+    title : str
+    measured : (n, n_y), readings of the instruments, NaN where there is none; None for a flight that was not flown
+    loaded : whether it flew with numbers of a loading in place of the vehicle file's own
     """
 
     vehicle: Vehicle
     start: Mapping[str, float]
     time: FloatArray
     inputs: FloatArray
+    title: str = ""
+    measured: FloatArray | None = None
+    loaded: bool = False
 
     @property
     def dt(self) -> float:
@@ -106,10 +112,10 @@ def own_readings(record: Record, steps: int = 1) -> FloatArray:
     out = late_outputs(vehicle, flown[:, ::steps].copy(), rows, record.dt)[0]
     finite = np.isfinite(out).all(axis=1)
     if not finite.all():
-        problem = (
-            f"the flight diverges at {record.time[np.argmin(finite)]:.2f} s; there is nothing to compare"
+        at = record.time[np.argmin(finite)]
+        raise SimulationError(
+            f"{vehicle.where}: the flight diverges at {at:.2f} s; there is nothing to compare"
         )
-        raise SimulationError(f"{vehicle.where}: {problem}")
     return np.asarray(out)
 
 
@@ -129,13 +135,11 @@ def relative_differences(vehicle: Vehicle, ours: FloatArray, theirs: FloatArray)
     return dict(zip(vehicle.outputs, relative.tolist(), strict=True))
 
 
-def every_control(
-    vehicle: Vehicle, point: Trim, duration: float = 30.0, amplitude: float = AMPLITUDE
-) -> Maneuver:
-    """Return a 3-2-1-1 on each control one after the other, then a doublet on each; `amplitude` in rad."""
+def every_control(vehicle: Vehicle, point: Trim, duration: float = 30.0) -> Maneuver:
+    """Return a 3-2-1-1 on each control one after the other, then a doublet on each."""
     gap = 0.45 * duration / max(len(vehicle.controls), 1)
     inputs = [
-        {"control": c, "shape": shape, "start": first + i * gap, "step": min(step, gap / 8.0), "amplitude": amplitude}
+        {"control": c, "shape": shape, "start": first + i * gap, "step": min(step, gap / 8.0), "amplitude": AMPLITUDE}
         for shape, first, step in (("3-2-1-1", 0.03 * duration, 0.3), ("doublet", 0.53 * duration, 0.6))
         for i, c in enumerate(vehicle.controls)
     ]  # fmt: skip
@@ -144,22 +148,15 @@ def every_control(
 
 
 def maneuver_record(vehicle: Vehicle, point: Trim, maneuver: Maneuver) -> Record:
-    """Return a maneuver from a steady flight, with the vehicle's thrust set to that of the steady flight."""
-    flown = steady_vehicle(vehicle, point)
+    """Return a maneuver from a steady flight, with the vehicle's numbers that this sets: a constant thrust."""
+    flown = vehicle.with_numbers({name: {"value": value} for name, value in point.changes.items()})
     inputs = inputs_about(flown, point, maneuver.deflections(), len(maneuver.time))
     return Record(flown, point.start, maneuver.time, inputs)
 
 
-def steady_vehicle(vehicle: Vehicle, point: Trim) -> Vehicle:
-    """Return the vehicle with the numbers that its steady flight sets: a constant thrust."""
-    return vehicle.with_numbers({name: {"value": value} for name, value in point.changes.items()})
-
-
 def steady_record(vehicle: Vehicle, point: Trim, duration: float = 30.0) -> Record:
     """Return a steady flight."""
-    time = np.arange(round(duration * RATE) + 1) / RATE
-    inputs = np.repeat(point.inputs[None, :], len(time), axis=0)
-    return Record(steady_vehicle(vehicle, point), point.start, time, inputs)
+    return maneuver_record(vehicle, point, Maneuver(duration=duration, rate=RATE))
 
 
 def excitation_record(vehicle: Vehicle, point: Trim) -> Record | None:
@@ -168,13 +165,15 @@ def excitation_record(vehicle: Vehicle, point: Trim) -> Record | None:
         out = maneuver_record(vehicle, point, every_control(vehicle, point, duration))
         with suppress(SimulationError):
             own_readings(out)
-            return out
+            return replace(
+                out, title=f"{duration:g} s open loop from the steady flight, every control in turn"
+            )
     return None
 
 
 def without_turbulence(vehicle: Vehicle) -> tuple[Vehicle, tuple[Notice, ...]]:
     """Return the vehicle in calm air, and a notice where it had turbulence: gusts are weather, not aircraft."""
-    if getattr(vehicle.file, "turbulence", None) is None:
+    if vehicle.file.turbulence is None:
         return vehicle, ()
     loadings = {
         loading: {name: value for name, value in numbers.items() if not name.startswith("turbulence.")}
@@ -186,8 +185,7 @@ def without_turbulence(vehicle: Vehicle) -> tuple[Vehicle, tuple[Notice, ...]]:
 
 def file_name(name: str) -> str:
     """Return a name for files and folders that any system takes."""
-    out = re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-").lower()[:60].strip("-")
-    return out or "vehicle"
+    return re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-").lower()[:60].strip("-") or "vehicle"
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,17 +258,15 @@ def fly(
     given, frames, time = settings(record, rate), frames_per_sample(record.dt, rate), record.time
     fdm = simulator(root)
     fdm.set_dt(record.dt / frames)
+    latitude, own = math.pi / 4.0, {}  # at 45 deg the Earth pulls as the standard gravity does
     if planet is not None:
         check(fdm.load_planet(str(planet), False), "its planet")
+        latitude, own = 0.0, {"simulation/gravity-model": 0.0}
     check(fdm.load_model(name), "its aircraft file")
-    if planet is not None:
-        fdm["simulation/gravity-model"] = 0.0
     first = {place: float(column[0]) for place, column in given.inputs.items()}
-    # at a latitude of 45 deg the Earth pulls as the standard gravity does
-    latitude = math.pi / 4.0 if planet is None else 0.0
     where = {"ic/lat-geod-rad": latitude, "ic/long-gc-rad": 0.0}
     start = {place: float(given.start.get(n, 0.0)) / unit for n, (place, unit) in START.items()}
-    for place, x in [*{**INTEGRATORS, **given.constants, **first}.items(), *where.items(), *start.items()]:
+    for place, x in {**own, **INTEGRATORS, **given.constants, **first, **where, **start}.items():
         fdm[place] = x
     check(fdm.run_ic(), "its initial conditions")
     properties = fdm.get_property_manager()
@@ -291,11 +287,6 @@ def fly(
     return dict(zip(READ, out.T, strict=True))
 
 
-def specific_force(flown: Mapping[str, FloatArray]) -> FloatArray:
-    """Return (3, n) force other than weight over mass, body axes, m/s2."""
-    return np.stack([flown[a] / flown["mass"] for a in "XYZ"])
-
-
 def jsbsim_readings(
     root: Path, name: str, record: Record, planet: Path | None, rate: float = FRAME_RATE
 ) -> FloatArray:
@@ -314,21 +305,18 @@ def jsbsim_readings(
     from stoop.vehicle.symbolic import readings
     from stoop.vehicle.symbolic.frames import Numbers, air, attitude, vane
 
-    vehicle = record.vehicle
-    n = Numbers(vehicle)
+    vehicle, n = record.vehicle, Numbers(record.vehicle)
     names = ("u", "v", "w", "p", "q", "r", "pdot", "qdot", "rdot", "X", "Y", "Z", "e0", "e1", "e2", "e3")
-    s = {key: sp.Symbol(f"jsbsim {key}", real=True) for key in names}
-    velocity, omega = (s["u"], s["v"], s["w"]), (s["p"], s["q"], s["r"])
-    specific, omega_rate = (s["X"], s["Y"], s["Z"]), (s["pdot"], s["qdot"], s["rdot"])
-    turned, flow = attitude((s["e0"], s["e1"], s["e2"], s["e3"])), vane(n, velocity, omega)
+    s = [sp.Symbol(f"jsbsim {key}", real=True) for key in names]
+    velocity, omega, omega_rate, specific = (tuple(s[i : i + 3]) for i in range(0, 12, 3))
+    flow = vane(n, velocity, omega)
     observed = {"V": air(velocity).V, "alpha": flow.alpha, "beta": flow.beta}
-    read = readings(n, observed, turned, specific, omega, omega_rate)
+    read = readings(n, observed, attitude(tuple(s[12:])), specific, omega, omega_rate)
     numbers = dict(zip(n.symbols, vehicle.values.tolist(), strict=True))
-    expressions = [sp.sympify(read[c]).xreplace(numbers) for c in vehicle.outputs]
-    function = sp.lambdify(list(s.values()), expressions, "numpy")
+    function = sp.lambdify(s, [sp.sympify(read[c]).xreplace(numbers) for c in vehicle.outputs], "numpy")
 
     flown = fly(root, name, record, planet, rate)
-    forces = dict(zip("XYZ", specific_force(flown), strict=True))
+    forces = {axis: flown[axis] / flown["mass"] for axis in "XYZ"}  # specific, without weight
     turn = dict(zip(names[-4:], quaternions_of(np.column_stack([flown[a] for a in EULER])).T, strict=True))
     known = {**flown, **forces, **turn}
     columns = function(*(known[key] for key in names))
@@ -337,35 +325,17 @@ def jsbsim_readings(
 
 
 @dataclass(frozen=True, eq=False)
-class RecordedManeuver:
-    """A stretch of flight.
-
-    Attributes
-    ----------
-    title : str
-    record : vehicle, start and inputs
-    measured : (n, n_y), readings of the instruments, NaN where there is none
-    loaded : whether it flew with numbers of a loading in place of the vehicle file's own
-    """
-
-    title: str
-    record: Record
-    measured: FloatArray | None = None
-    loaded: bool = False
-
-
-@dataclass(frozen=True, eq=False)
 class Comparison:
     """One maneuver, flown by our simulation and by JSBSim.
 
     Attributes
     ----------
-    maneuver : RecordedManeuver
+    record : Record
     own, fine : (n, n_y), our simulation: a step per sample, and a step per frame of JSBSim
     flat, earth : (n, n_y), JSBSim on the flat planet and on its Earth
     """
 
-    maneuver: RecordedManeuver
+    record: Record
     own: FloatArray
     fine: FloatArray
     flat: FloatArray
@@ -374,23 +344,20 @@ class Comparison:
     @property
     def relative(self) -> dict[str, float]:
         """Largest difference of each channel over its largest magnitude, JSBSim against our simulation."""
-        return relative_differences(self.maneuver.record.vehicle, self.own, self.flat)
+        return relative_differences(self.record.vehicle, self.own, self.flat)
 
     def __str__(self) -> str:
         """Return the largest difference of all channels as a sentence."""
         channel, largest = max(self.relative.items(), key=lambda item: item[1])
-        title = self.maneuver.title
-        return f"{title}: JSBSim within {largest:.1e} of each channel's maximum (largest in {channel})."
+        return f"{self.record.title}: JSBSim within {largest:.1e} of each channel's maximum (largest in {channel})."
 
 
-def compare(root: Path, maneuver: RecordedManeuver) -> Comparison:
+def compare(root: Path, record: Record) -> Comparison:
     """Fly a maneuver by our equations and in JSBSim, whose root folder holds the exported aircraft.
 
     StoopError when the flight diverges, or JSBSim is not there.
     """
-    record = maneuver.record
-    own = own_readings(record), own_readings(record, frames_per_sample(record.dt))
     name = file_name(record.vehicle.name)
-    return Comparison(
-        maneuver, *own, *(jsbsim_readings(root, name, record, p) for p in (root / PLANET, None))
-    )
+    own = (own_readings(record, steps) for steps in (1, frames_per_sample(record.dt)))
+    theirs = (jsbsim_readings(root, name, record, planet) for planet in (root / PLANET, None))
+    return Comparison(record, *own, *theirs)

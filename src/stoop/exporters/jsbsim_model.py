@@ -103,9 +103,8 @@ def convert(expr: Any, names: Mapping[Any, str]) -> Element:
 
 channel: Final = "stoop/channel/{}".format  #: property that takes a recorded channel
 channel_start: Final = "stoop/start/{}".format  #: of the value of a delayed channel before the flight began
-lag_start: Final = (
-    "stoop/start/{}-rad".format
-)  #: of where a lagged surface stood before the flight began, rad
+#: of where a lagged surface stood before the flight began, rad
+lag_start: Final = "stoop/start/{}-rad".format
 deflection: Final = "stoop/deflection/{}-rad".format  #: of a surface's deflection, rad
 variable: Final = "stoop/variable/{}".format  #: of a variable of the aerodynamic terms
 coefficient: Final = "aero/coefficient/{}".format  #: name of the function of an aerodynamic term

@@ -75,11 +75,12 @@ def state_space(vehicle: Vehicle, point: Trim, known: ParameterCovariance | None
     states = initial_states(vehicle, point.start, rows, point.inputs)
     _, readings = vehicle.kernel().evaluate(rows, states, point.inputs[:, None])
     surfaces = {c: float(commanded(vehicle, c, rows, point.inputs)[0]) for c in vehicle.controls}
-    spins = {r: float(commanded(vehicle, r, rows, point.inputs)[0]) for r in vehicle.rotors}
-    lags = {f"{c}.lag": position for c, position in (surfaces | spins).items()}
-    channels = dict(zip(vehicle.inputs, point.inputs.tolist(), strict=True))
-    x = np.array([lags[n] if n in lags else point.start.get(n, 0.0) for n in model.states])
-    u = np.array([surfaces[n] if n in surfaces else channels[n] for n in model.inputs])
+    begin = point.start | {
+        n: x for n, x in zip(vehicle.states, states[:, 0], strict=True) if n.endswith(".lag")
+    }
+    channels = dict(zip(vehicle.inputs, point.inputs.tolist(), strict=True)) | surfaces
+    x = np.array([begin.get(n, 0.0) for n in model.states])
+    u = np.array([channels[n] for n in model.inputs])
     errors = {} if known is None else standard_errors(vehicle, point, known)
     return StateSpace(vehicle, point, model, x, u, readings[:, 0], errors)
 
@@ -122,8 +123,8 @@ def unit(name: str, vehicle: Vehicle) -> str:
     if name.endswith(".slope"):
         own = unit(name.removesuffix(".slope"), vehicle)
         return f"{own}2" if own.endswith("/s") else f"{own}/s"
-    if vehicle.file.rotors is not None and name.removesuffix(".lag") in vehicle.rotors:
-        return "rad/s" if vehicle.file.rotors.drive == "speed" else "1"
+    if name.removesuffix(".lag") in vehicle.rotors:
+        return "rad/s" if vehicle.drive == "speed" else "1"
     return VARIABLES[name].unit if name in VARIABLES else "rad"
 
 

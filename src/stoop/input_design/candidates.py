@@ -17,9 +17,10 @@ from stoop.flight import Flight, Maneuver, find_maneuvers
 from stoop.flight.airborne import flying
 from stoop.flight.maneuvers import MOTION, Axis, by_axis, commands, moving_average, usual_deviation
 from stoop.problem import Piece
-from stoop.problem.observation import guess_start, observation_model, state_channels
+from stoop.problem.observation import guess_start, state_channels
 from stoop.simulation.maneuver import Maneuver as PlannedManeuver
 from stoop.vehicle import Vehicle
+from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
 
 LENGTHS: Final = (4.0, 8.0)  #: s, of windows that are tried all along the flight
 
@@ -133,12 +134,11 @@ def with_motors(flight: Flight, vehicle: Vehicle | None) -> Flight:
 
     Motors show when the vehicle is airborne and what was commanded about an axis; pulses alone may be surfaces.
     """
-    if vehicle is None or vehicle.file.rotors is None:
+    if vehicle is None:
         return flight
-    kind = "motor" if vehicle.file.rotors.drive == "command" else "rotor"
+    kind = {"command": "motor"}.get(vehicle.drive, "rotor")
     if any(str(name).startswith(f"{kind}_") for name in flight.data):
         return flight
-    gain, idle = vehicle.value("rotors.gain"), vehicle.value("rotors.idle")
     made = {}
     for rotor in vehicle.file.rotor.values():
         forward, right, down = (
@@ -146,6 +146,7 @@ def with_motors(flight: Flight, vehicle: Vehicle | None) -> Flight:
         )
         lifts, channel = -down > math.hypot(forward, right), rotor.channel
         if lifts and channel.startswith("pwm_") and channel in flight.data:
+            gain, idle = vehicle.value("rotors.gain"), vehicle.value("rotors.idle")
             command = np.maximum(gain * (flight.column(channel) - idle), 0.0)
             made[channel.replace("pwm", kind)] = ("time", command)
     return replace(flight, data=flight.data.assign(made)) if made else flight
@@ -246,15 +247,12 @@ def _short_pieces(vehicle: Vehicle, piece: Piece) -> list[Piece]:
     return out
 
 
-ON_WINGS: Final = FitStyle(
-    20.0, lambda _, piece: [piece]
-)  #: from one start, with the phugoid after the last input
-ON_ROTORS: Final = FitStyle(1.0, _short_pieces)  #: unstable: by short windows that restart
-
-
-def fit_style(vehicle: Vehicle) -> FitStyle:
-    """Return how flights of a vehicle are fitted."""
-    return ON_WINGS if observation_model(vehicle).open_loop else ON_ROTORS
+STYLES: Final = {
+    AIR_FRAME: FitStyle(
+        20.0, lambda _, piece: [piece]
+    ),  # from one start, with the phugoid after the last input
+    GROUND_FRAME: FitStyle(WINDOW_LENGTH, _short_pieces),  # unstable: by short windows that restart
+}
 
 
 def maneuver_windows(maneuver: PlannedManeuver, style: FitStyle) -> ManeuverWindows:

@@ -22,7 +22,7 @@ from stoop.errors import FlightError, IdentificationError
 from stoop.estimate.fit import starts
 from stoop.estimate.noise import correlation_times
 from stoop.flight import Flight
-from stoop.input_design.candidates import Candidate, fit_style
+from stoop.input_design.candidates import STYLES, Candidate
 from stoop.input_design.information import BOX_INFORMATION, information_errors, sensor_noise
 from stoop.problem import Layout, Misfit, Weights
 from stoop.problem.prepare import Prepared, nuisances, prepare, without_stuck_channels
@@ -31,9 +31,8 @@ from stoop.vehicle import Vehicle
 
 NOISE_WINDOWS: Final = 8  #: from which the noise is estimated
 NOISE_ROUNDS: Final = 2  #: of linear step and noise
-MAX_RESIDUAL: Final = (
-    4.0  #: times the usual rms of a piece, beyond which the simulation does not follow the flight
-)
+#: times the usual rms of a piece, beyond which the simulation does not follow the flight
+MAX_RESIDUAL: Final = 4.0
 NOISE_FLOOR: Final = 0.1  #: of the noise that the vehicle file gives a sensor
 
 
@@ -58,7 +57,7 @@ def candidate_problem(vehicle: Vehicle, flight: Flight, one: Candidate) -> Candi
         prepared = prepare(vehicle, {flight.name: flight}, [window])
     except FlightError:
         return None
-    prepared, style = without_stuck_channels(vehicle, prepared), fit_style(vehicle)
+    prepared, style = without_stuck_channels(vehicle, prepared), STYLES[vehicle.frame]
     cut = [parts for piece in prepared.pieces if (parts := style.cut(vehicle, piece))]
     if not cut:
         return None

@@ -11,10 +11,11 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.variables import RATES
+from stoop.checks.rotors import KINDS, require_motors_ran
 from stoop.checks.vehicle import check_vehicle, require_channels
 from stoop.errors import FlightError, listed
 from stoop.flight import Flight
-from stoop.flight.airborne import flying, lift_command, motors_ran
+from stoop.flight.airborne import flying
 from stoop.flight.maneuvers import Axis, commands, output_families
 from stoop.input_design.candidates import Candidate, Excitation, candidates, with_motors
 from stoop.input_design.information import BOX_INFORMATION
@@ -33,9 +34,8 @@ class SelectionLimits:
     """Thresholds of the selection of windows."""
 
     prior_span: float = 8.0  #: s of usual flight that count as prior information
-    min_gain: float = (
-        0.05  #: per parameter, below which a window is not worth fitting: error bars 5 % smaller
-    )
+    #: per parameter, below which a window is not worth fitting: error bars 5 % smaller
+    min_gain: float = 0.05
     max_windows: int = 8  #: to fit; each has an initial state and biases of its own
     window_cost: float = 2.0  #: s that a window costs besides its length
     maneuver_weight: float = 1.5  #: of a whole maneuver, over a window that may cut one
@@ -52,9 +52,8 @@ LIMITS: Final = SelectionLimits()
 
 Use = Literal["fit", "validate"]
 NO_AXIS: Final = "motion"  #: of windows in which no command stands out
-MAX_UNKNOWN: Final = (
-    0.5  #: share of the free numbers, unknown to their own size, that leaves a calm flight nothing to fit
-)
+#: share of the free numbers, unknown to their own size, that leaves a calm flight nothing to fit
+MAX_UNKNOWN: Final = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -326,30 +325,25 @@ class _Report:
 
     def windows(self, selection: Selection) -> list[Proposed]:
         """Return the windows to fit, the one to predict, and maneuvers that were declined, in order of time."""
-        out = []
+        rows: list[tuple[int, str, float, bool, Use]] = []
         for k, (index, gain) in enumerate(zip(selection.fitted, selection.gains, strict=True)):
-            why = self._why(index, self.information.total(selection.fitted[:k]))
-            out.append(self._proposed(index, why, gain, True, "fit"))
-        if selection.held_out is not None:
-            why = f"{self._excited(selection.held_out)}; held out, to be predicted"
-            out.append(self._proposed(selection.held_out, why, 0.0, True, "validate"))
-        taken = [*selection.fitted, *([] if selection.held_out is None else [selection.held_out])]
-        declined = 0
-        for i in sorted(range(len(self.found)), key=self.information.gain_alone, reverse=True):
-            one = self.found[i]
-            if i not in taken and one.maneuver is not None and declined < LIMITS.max_declined:
-                clash = any(one.meets(self.found[j]) for j in taken)
-                reason = (
-                    "shares samples with a proposed window" if clash else "adds little to the windows chosen"
-                )
-                out.append(self._proposed(i, f"{self._excited(i)}; {reason}", 0.0, False, "fit"))
-                declined += 1
+            rows.append(
+                (index, self._why(index, self.information.total(selection.fitted[:k])), gain, True, "fit")
+            )
+        if (held := selection.held_out) is not None:
+            rows.append((held, f"{self._excited(held)}; held out, to be predicted", 0.0, True, "validate"))
+        taken = [index for index, *_ in rows]
+        left = [i for i, one in enumerate(self.found) if one.maneuver is not None and i not in taken]
+        for i in sorted(left, key=self.information.gain_alone, reverse=True)[: LIMITS.max_declined]:
+            clash = any(self.found[i].meets(self.found[j]) for j in taken)
+            reason = "shares samples with a proposed window" if clash else "adds little to the windows chosen"
+            rows.append((i, f"{self._excited(i)}; {reason}", 0.0, False, "fit"))
+        out = []
+        for index, why, gain, accept, use in rows:
+            one, alone = self.found[index], self.information.gain_alone(index)
+            axis = next(iter(self.axes(index)), NO_AXIS)
+            out.append(Proposed(one.flight, one.start, one.stop, axis, why, alone, gain, accept, use))
         return sorted(out, key=lambda w: (w.flight, w.start))
-
-    def _proposed(self, index: int, why: str, gain: float, accept: bool, use: Use) -> Proposed:
-        one, alone = self.found[index], self.information.gain_alone(index)
-        axis = next(iter(self.axes(index)), NO_AXIS)
-        return Proposed(one.flight, one.start, one.stop, axis, why, alone, gain, accept, use)
 
     def axes(self, index: int) -> dict[Axis, float]:
         """Return how many times the usual the excited axes move, that of a maneuver first, then the strongest."""
@@ -391,13 +385,8 @@ def _check_inputs(flight: Flight, vehicle: Vehicle | None) -> None:
             f"{flight.name}: {', '.join(missing)} {'was' if len(missing) == 1 else 'were'} not recorded, and without "
             "body rates no maneuver shows; log the gyros, or name their columns in a mapping ([variables] p, q, r)"
         )
-    if (vehicle is None or vehicle.rotors) and not motors_ran(flight):
-        command = lift_command(flight)
-        most = 0.0 if command is None else float(np.nanmax(np.append(command, 0.0)))
-        raise FlightError(
-            f"{flight.name}: the motors never ran (their commands reach {100.0 * most:.0f} % at most): nothing flew in this "
-            "log; give a log of a flight, or check the scale of the motor channels in the mapping"
-        )
+    for require in (require_motors_ran,) if vehicle is None else KINDS[vehicle.frame].flight:
+        require(flight)
     if vehicle is None and not commands(flight):
         raise FlightError(
             f"{flight.name}: no command was recorded that moves (surfaces, control_roll/pitch/yaw, motor_n, servo_n, "
@@ -409,16 +398,12 @@ def _nothing_found(flights: Mapping[str, Flight], vehicle: Vehicle | None) -> Fl
     """Return the error for flights in which no window can be used."""
     name, flight = next(iter(flights.items()))
     airborne = float(flying(flight).sum()) / flight.rate
-    other = "or name windows yourself: --maneuver START:STOP"
+    advice = "fly doublets about each axis (stoop design proposes them)"
     if airborne < 2.0:
-        return FlightError(
-            f"{name}: the vehicle is in the air for {airborne:.1f} s only, as speed and commands show; give a log of a "
-            f"flight, {other}"
-        )
-    if vehicle is None:
+        reason = f"the vehicle is in the air for {airborne:.1f} s only, as speed and commands show"
+        advice = "give a log of a flight"
+    elif vehicle is None:
         reason = "no window moves the vehicle out of the usual"
     else:
         reason = f"no window in which the inputs ({', '.join(vehicle.recorded)}) and the state were measured is informative"
-    return FlightError(
-        f"{name}: {reason}; fly doublets about each axis (stoop design proposes them), {other}"
-    )
+    return FlightError(f"{name}: {reason}; {advice}, or name windows yourself: --maneuver START:STOP")

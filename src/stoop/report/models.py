@@ -108,9 +108,9 @@ def export_page(
     )
     sections = []
     for one in flown:
-        title = one.maneuver.title
+        title = one.record.title
         drawing = stacked_plots(_strips(one), "time, s", f"{title}: every channel as flown and simulated")
-        measured = "Measured, by" if one.maneuver.measured is not None else "By"
+        measured = "Measured, by" if one.record.measured is not None else "By"
         figure = Figure(f"{measured} our simulation and by JSBSim", drawing)
         sections.append(Section(title, (_differences(one), figure)))
     sections.append(Section("Why they differ at all", (Prose(EXPLANATION.format(rate=FRAME_RATE)),)))
@@ -120,7 +120,7 @@ def export_page(
 
 
 def _differences(flown: Comparison) -> Table:
-    vehicle, measured = flown.maneuver.record.vehicle, flown.maneuver.measured
+    vehicle, measured = flown.record.vehicle, flown.record.measured
     columns = {"JSBSim, flat planet": flown.relative}
     if delays(vehicle):
         columns["on JSBSim's frames"] = relative_differences(vehicle, flown.fine, flown.flat)
@@ -144,7 +144,7 @@ def _differences(flown: Comparison) -> Table:
 
 
 def _strips(flown: Comparison) -> list[Strip]:
-    record, measured = flown.maneuver.record, flown.maneuver.measured
+    record, measured = flown.record, flown.record.measured
     out = []
     for i, channel in enumerate(record.vehicle.outputs):
         factor, unit = factor_and_unit(VARIABLES[channel].unit)

@@ -36,9 +36,8 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import slope_input
 
 GRAVITY: Final = 9.80665
-RATE_LIMITS: Final = np.array(
-    [3.0, 3.0, 1.5, 0.5]
-)  #: of set-points: m/s2 north, east, down, rad/s of heading
+#: of set-points: m/s2 north, east, down, rad/s of heading
+RATE_LIMITS: Final = np.array([3.0, 3.0, 1.5, 0.5])
 RISE_TIME: Final = 0.4  #: s, in which a set-point is reached within those limits
 ERROR_SCALES: Final = np.repeat([1.0, 1.0, 0.25, 1.5], 3)  #: errors of equal cost: m, m/s, rad, rad/s
 COMMAND_SHARE: Final = 0.3  #: of what the rotors can do at once: a command of the same cost as those errors
@@ -60,7 +59,7 @@ def reference_motion(signals: Mapping[str, FloatArray], point: Trim, count: int,
     """Return the motion that set-points describe, relative to a trim.
 
     The attitude tilts the thrust of the trim into the wanted acceleration and turns about it into the heading.
-    `signals` are changes (n,) from the trim by name of :data:`~stoop.simulation.maneuver.SETPOINTS`; `dt`, s.
+    `signals` are changes (n,) from the trim by name of :data:`~stoop.simulation.rotors.SETPOINTS`; `dt`, s.
     """
     zero = np.zeros(count)
     turned, turn_rate = _rate_limited(signals.get("heading", zero)[:, None], RATE_LIMITS[3:], dt)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -17,12 +16,12 @@ from stoop.errors import ManeuverError, SimulationError
 from stoop.flight import VARIABLES, Flight, from_columns
 from stoop.simulation import trajectories
 from stoop.simulation.delays import late_outputs
-from stoop.simulation.initial import commanded, initial_states, mixed_inputs, parameter_rows, rigid_states
+from stoop.simulation.initial import commanded, initial_states, parameter_rows, rigid_states
 from stoop.simulation.maneuver import Maneuver, check_maneuver, load_maneuver
 from stoop.simulation.on_rotors import fly_on_rotors
 from stoop.simulation.rotors import channel_range
 from stoop.simulation.trajectories import Flown
-from stoop.simulation.trim import Trim, flies_on_rotors, inputs_about, steady_wind, trim
+from stoop.simulation.trim import OnRotors, OnWings, SteadyFlight, Trim, inputs_about, steady_flight, trim
 from stoop.vehicle import Vehicle
 from stoop.vehicle.defaults import WIND_NUMBERS
 from stoop.vehicle.schema import CHANNELS, WIND
@@ -80,15 +79,12 @@ def simulate(
         return simulate_flight(vehicle, inputs, seed, noise, name)
     time, columns = _columns(vehicle, inputs, time)
     point = trim(vehicle, airspeed, altitude)
-    channels = np.repeat(point.inputs[None, :], len(time), axis=0)
-    for control in (c for c in columns if c not in vehicle.recorded):
-        deflections = {**point.deflections, control: point.deflections[control] + 1.0}
-        unit = mixed_inputs(vehicle, deflections, point.inputs) - point.inputs
-        channels += np.outer(columns[control] - point.deflections[control], unit)
+    moved = {c: columns[c] - point.deflections[c] for c in columns if c not in vehicle.recorded}
+    channels = inputs_about(vehicle, point, moved, len(time))
     for channel in (c for c in columns if c in vehicle.recorded):
         channels[:, vehicle.recorded.index(channel)] = columns[channel]
     gusts = np.random.default_rng([seed, _GUSTS])
-    flown = _open_loop(vehicle, time, channels, point, gusts, WIND[0] in vehicle.outputs)
+    flown = _open_loop(vehicle, time, channels, point, gusts, windy=False)
     _check_finite(vehicle, flown, "reduce the inputs")
     sigma = np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs]) * float(noise)
     return _record(vehicle, flown, sigma, altitude, seed, name, {} if noise else None)
@@ -131,28 +127,28 @@ def fly(vehicle: Vehicle, maneuver: Maneuver, seed: int = 0) -> Flown:
     check_maneuver(vehicle, maneuver)
     point = flown_trim(vehicle, maneuver)
     rng = np.random.default_rng([seed, _GUSTS])
-    if not flies_on_rotors(vehicle, maneuver.airspeed):
-        inputs = inputs_about(vehicle, point, maneuver.deflections(), len(maneuver.time))
-        over_ground = maneuver.wind is not None or WIND[0] in vehicle.outputs
-        flown = _open_loop(vehicle, maneuver.time, inputs, point, rng, over_ground)
-        _check_finite(vehicle, flown, "reduce the amplitude or check the vehicle's stability")
-        return flown
-    flown = fly_on_rotors(vehicle, maneuver, point, rng)
-    advice = "raise the rate of the maneuver, reduce the amplitude or check the vehicle's stability"
-    _check_finite(vehicle, flown, advice)
+    flight, advice = _FLIGHTS[steady_flight(vehicle, maneuver.airspeed)]
+    flown = flight(vehicle, maneuver, point, rng)
+    _check_finite(vehicle, flown, f"{advice}reduce the amplitude or check the vehicle's stability")
     return flown
+
+
+def _fly_open_loop(vehicle: Vehicle, maneuver: Maneuver, point: Trim, rng: np.random.Generator) -> Flown:
+    inputs = inputs_about(vehicle, point, maneuver.deflections(), len(maneuver.time))
+    return _open_loop(vehicle, maneuver.time, inputs, point, rng, maneuver.wind is not None)
+
+
+#: equations of the steady flight -> what flies from there, and advice where that diverges
+_FLIGHTS: Final[dict[type[SteadyFlight], tuple[Callable[..., Flown], str]]] = {
+    OnWings: (_fly_open_loop, ""),
+    OnRotors: (fly_on_rotors, "raise the rate of the maneuver, "),
+}
 
 
 def flown_trim(vehicle: Vehicle, maneuver: Maneuver) -> Trim:
     """Return the steady flight at the start of a maneuver."""
-    if flies_on_rotors(vehicle, maneuver.airspeed):
-        velocity, wind, heading = maneuver.velocity, maneuver.wind, maneuver.heading
-        return trim(vehicle, None, maneuver.altitude, velocity=velocity, wind=wind, heading=heading)
-    point = trim(vehicle, maneuver.airspeed, maneuver.altitude)
-    steady = tuple(steady_wind(vehicle, maneuver.wind).tolist())
-    known = dict(zip(WIND_NUMBERS, steady, strict=True)) if set(WIND_NUMBERS) <= vehicle.rows.keys() else {}
-    start = {**point.start, "psi": maneuver.heading}
-    return replace(point, start=start, changes={**point.changes, **known}, wind=steady)
+    velocity, wind, heading = maneuver.velocity, maneuver.wind, maneuver.heading
+    return trim(vehicle, maneuver.airspeed, maneuver.altitude, velocity=velocity, wind=wind, heading=heading)
 
 
 def numbers_set(vehicle: Vehicle, point: Trim) -> dict[str, float]:
@@ -207,32 +203,33 @@ def _open_loop(
     inputs: FloatArray,
     point: Trim,
     rng: np.random.Generator,
-    over_ground: bool,
+    windy: bool,
 ) -> Flown:
-    """Fly recorded channels (n, n_u) from a trim; `over_ground` asks for the velocity over ground, too."""
+    """Fly recorded channels (n, n_u) from a trim; with wind, or where it is observed, give the velocity over ground."""
     dt, rows = float(time[1] - time[0]), parameter_rows(vehicle, point.changes)
     start = initial_states(vehicle, {**point.start, **trajectories.gust_start(vehicle, rng)}, rows, inputs[0])
-    state = rng.bit_generator.state  # set again before each pass: the same gusts
+    noise = trajectories.gust_noise(vehicle, len(time), dt, rng)
+
+    def states() -> FloatArray:
+        fine, steps = trajectories.arriving(vehicle, rows, inputs, dt, noise)
+        return trajectories.states_along(vehicle, rows, start, fine, dt / steps)[::steps]
+
     if (
         vehicle.file.ground_effect is not None
     ):  # height above the ground is an input that follows from the states
         column, h = vehicle.inputs.index(vehicle.file.ground_effect.channel), vehicle.states.index("h")
         terrain = inputs[:, column] - start[h, 0]
         for _ in range(HEIGHT_PASSES):
-            rng.bit_generator.state = state
-            states = trajectories.states_flown(vehicle, rows, start, inputs, dt, rng)
-            height = states[:, h] + terrain
+            height = states()[:, h] + terrain
             change = float(np.max(np.abs(height - inputs[:, column])))
             inputs[:, column] = height
             if not change > HEIGHT_TOLERANCE:
                 break
-        rng.bit_generator.state = state
-    readings = trajectories.readings_flown(vehicle, rows, start, inputs, dt, rng)
+    fine, steps = trajectories.arriving(vehicle, rows, inputs, dt, noise)
+    readings = np.ascontiguousarray(vehicle.kernel().trajectories(rows, start, fine, dt / steps)[:, ::steps])
     velocity = None
-    if over_ground:
-        rng.bit_generator.state = state
-        states = trajectories.states_flown(vehicle, rows, start, inputs, dt, rng)
-        velocity = trajectories.over_ground(vehicle, point, states)
+    if windy or WIND[0] in vehicle.outputs:
+        velocity = trajectories.over_ground(vehicle, point, states())
     return Flown(point, time, inputs, late_outputs(vehicle, readings, rows, dt)[0], velocity)
 
 

@@ -55,7 +55,7 @@ def linearize(vehicle: Vehicle, point: Trim) -> LinearModel:
     Inputs are control deflections in rad (the mixer is undone) and the channels of thrust and rotors, if any. On rotors
     the states are velocities along the body axes in place of airspeed and flow angles.
     """
-    names, (G, Fx, Fu, Hx, Hu) = _state_names(vehicle, point), _jacobians(vehicle, point)
+    names, (G, Fx, Fu, Hx, Hu) = _jacobians(vehicle, point)
     right = np.linalg.pinv(G)
     inputs, mixing = _input_mixing(vehicle)
     A = Fx @ right
@@ -65,8 +65,8 @@ def linearize(vehicle: Vehicle, point: Trim) -> LinearModel:
 
 def state_matrix(vehicle: Vehicle, point: Trim) -> tuple[tuple[str, ...], FloatArray]:
     """Return the names of the states of the linear model, and A alone."""
-    G, rates, *_ = _jacobians(vehicle, point)
-    return _state_names(vehicle, point), rates @ np.linalg.pinv(G)
+    names, (G, rates, *_) = _jacobians(vehicle, point)
+    return names, rates @ np.linalg.pinv(G)
 
 
 def left_out(vehicle: Vehicle) -> tuple[str, ...]:
@@ -109,14 +109,9 @@ def _mode_name(weights: dict[str, float], oscillates: bool) -> str:
 
     if (
         "w" in weights
-    ):  # on rotors: tilt drives speed, speed drives the rates (the hovering cubic of helicopters)
-        found = {
-            "pitch": share("u", "q", "theta"),
-            "roll": share("v", "p", "phi"),
-            "yaw": share("r"),
-            "heave": share("w"),
-            "lag": share(*lags),
-        }
+    ):  # on rotors tilt drives speed, speed drives the rates (the hovering cubic of helicopters)
+        motions = {"pitch": ("u", "q", "theta"), "roll": ("v", "p", "phi"), "yaw": ("r",), "heave": ("w",)}
+        found = {name: share(*states) for name, states in (motions | {"lag": tuple(lags)}).items()}
         kind = max(found, key=lambda name: found[name])
         return f"{kind} and speed" if oscillates and kind in ("pitch", "roll") else kind
     lag = max(lags, key=lambda n: weights[n], default=None)
@@ -130,27 +125,25 @@ def _mode_name(weights: dict[str, float], oscillates: bool) -> str:
     return "roll" if share("p") > share("phi", "r", "beta") else "spiral"
 
 
-def _state_names(vehicle: Vehicle, point: Trim) -> tuple[str, ...]:
-    """Return the minimal state; flow angles have no meaning in a hover."""
-    rigid = _MINIMAL[vehicle.reduce] if "V" in point.start else ("u", "v", "w", *_MINIMAL["full"][3:])
-    return (*rigid, *(s for s in vehicle.states if s.endswith(".lag")))
-
-
 _FUNCTIONS: dict[
     tuple[str, ...], Any
 ] = {}  #: by structure: values do not enter, and making one takes a second
 
 
-def _jacobians(vehicle: Vehicle, point: Trim) -> list[FloatArray]:
-    """Return G, and the derivatives of G f and of the readings by states and by inputs, at a trim."""
-    names = _state_names(vehicle, point)
+def _jacobians(vehicle: Vehicle, point: Trim) -> tuple[tuple[str, ...], list[FloatArray]]:
+    """Return the minimal state; and G, and the derivatives of G f and of the readings by states and by inputs, at a trim.
+
+    Flow angles have no meaning in a hover.
+    """
+    rigid = _MINIMAL[vehicle.reduce] if "V" in point.start else ("u", "v", "w", *_MINIMAL["full"][3:])
+    names = (*rigid, *(s for s in vehicle.states if s.endswith(".lag")))
     key = (vehicle.structure, *names)
     if key not in _FUNCTIONS:
         _FUNCTIONS[key] = _jacobian_function(vehicle, names)
     rows = parameter_rows(vehicle, point.changes)
     states = initial_states(vehicle, point.start, rows, point.inputs)
     values = _FUNCTIONS[key](*states[:, 0], *point.inputs, *rows[:, 0])
-    return [np.atleast_2d(np.asarray(v, dtype=float)) for v in values]
+    return names, [np.atleast_2d(np.asarray(v, dtype=float)) for v in values]
 
 
 def _jacobian_function(vehicle: Vehicle, names: tuple[str, ...]) -> Any:

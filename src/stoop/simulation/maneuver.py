@@ -36,7 +36,8 @@ from stoop.base.arrays import FloatArray
 from stoop.base.schema_errors import first_complaint
 from stoop.base.toml import parse_source, read_source
 from stoop.errors import ManeuverError
-from stoop.simulation.trim import flies_on_rotors
+from stoop.simulation.rotors import EXCITATIONS, SETPOINTS
+from stoop.simulation.trim import SteadyFlight, steady_flight
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import Number, Table
 
@@ -44,18 +45,12 @@ MAX_SAMPLES, MAX_ROTOR_SAMPLES = 5_000_000, 500_000  #: on rotors an autopilot t
 MAX_HARMONICS = MAX_LEVELS = 2000
 MAX_VALUE = 1e6  #: of any unit
 _EDGE = 1e-9  #: s, so that a step falls on the sample it names
-EXCITATIONS = {"roll": "rad/s2", "pitch": "rad/s2", "yaw": "rad/s2", "heave": "m/s2"}
-"""Accelerations added to the commands of the autopilot, and their units; heave is up."""
-SETPOINTS = {
-    "north": "m/s", "east": "m/s", "down": "m/s", "forward": "m/s", "right": "m/s", "heading": "rad",
-}  # fmt: skip
-"""Set-points of the autopilot, and units: a velocity over ground (forward and right of the heading), a heading."""
 PATTERNS = {"3-2-1-1": (3, 2, 1, 1), "doublet": (1, 1), "1-1": (1, 1), "2-1-1": (2, 1, 1)}
 
 
 def unit_of(control: str) -> str:
     """Return the unit in which an input of this name is given."""
-    by_channel = {"motor_": "", "rotor_": "rad/s", "pwm_": "us"}  # of a rotor
+    by_channel = {"motor_": "", "throttle": "", "rotor_": "rad/s", "pwm_": "us"}
     unit = next((unit for head, unit in by_channel.items() if control.startswith(head)), "rad")
     return (EXCITATIONS | SETPOINTS).get(control, unit)
 
@@ -313,21 +308,21 @@ def check_maneuver(vehicle: Vehicle, maneuver: Maneuver) -> None:
     ManeuverError
         An input, wings, rotors or a battery that the vehicle does not have.
     """
-    on_rotors = flies_on_rotors(vehicle, maneuver.airspeed)
-    known = movable(vehicle, on_rotors)
+    flight, rotors = steady_flight(vehicle, maneuver.airspeed), vehicle.file.rotors
+    known, without_airspeed = (movable(vehicle, f) for f in (flight, steady_flight(vehicle, None)))
     if vehicle.file.reference is None and maneuver.airspeed is not None:
         raise ManeuverError(
             f"airspeed: {vehicle.where} has no wings to fly {maneuver.airspeed:g} m/s on, so no trim there; leave it out, write "
-            f"velocity, and move {', '.join(movable(vehicle, True))}"
+            f"velocity, and move {', '.join(without_airspeed)}"
         )
     for spec in maneuver.input:
         if spec.control not in known:
             hint = f", or leave the airspeed out: '{spec.control}' is moved where rotors carry the vehicle"
             raise ManeuverError(
                 f"{vehicle.where}: the maneuver moves '{spec.control}', but the controls are {', '.join(known) or 'none'}; "
-                f"correct the maneuver file{hint if spec.control in movable(vehicle, True) else ''}"
+                f"correct the maneuver file{hint if spec.control in without_airspeed else ''}"
             )
-    if on_rotors and len(maneuver.time) > MAX_ROTOR_SAMPLES:
+    if flight.commands and len(maneuver.time) > MAX_ROTOR_SAMPLES:
         raise ManeuverError(
             f"duration times rate: more than {MAX_ROTOR_SAMPLES} samples under the autopilot; lower one of them"
         )
@@ -335,14 +330,13 @@ def check_maneuver(vehicle: Vehicle, maneuver: Maneuver) -> None:
         raise ManeuverError(
             "heading: a longitudinal model flies north; remove the heading, or fly the full model"
         )
-    rotors = vehicle.file.rotors
-    if maneuver.velocity is not None and rotors is None:
+    if maneuver.velocity is not None and "velocity" in flight.refused:
         raise ManeuverError(
             f"velocity: {vehicle.where} has no rotors to hover on; write airspeed, and wind for the speed over ground"
         )
     if maneuver.battery is None:
         return
-    if rotors is None or rotors.nominal_voltage is None or not on_rotors:
+    if rotors is None or rotors.nominal_voltage is None or not flight.commands:
         raise ManeuverError(
             f"battery: no rotor of {vehicle.where} depends on the voltage in this flight; write nominal_voltage into [rotors] "
             "of the vehicle file, or remove it"
@@ -354,11 +348,7 @@ def check_maneuver(vehicle: Vehicle, maneuver: Maneuver) -> None:
         )
 
 
-def movable(vehicle: Vehicle, on_rotors: bool) -> list[str]:
-    """Return the names that a maneuver may move: on rotors also excitations and set-points of the autopilot."""
-    ground = () if vehicle.file.ground_effect is None else (vehicle.file.ground_effect.channel,)
-    if not vehicle.rotors:
-        return [*vehicle.controls, *ground]
-    names = (*EXCITATIONS, *SETPOINTS) if on_rotors else ()
-    channels = set(vehicle.recorded) - {"voltage", "density"}
-    return list(dict.fromkeys((*names, *vehicle.controls, *sorted(channels))))
+def movable(vehicle: Vehicle, flight: type[SteadyFlight]) -> list[str]:
+    """Return what a maneuver may move: commands of the autopilot, controls, and recorded channels that are no weather."""
+    channels = sorted(set(vehicle.recorded) - {"voltage", "density"})
+    return list(dict.fromkeys((*flight.commands, *vehicle.controls, *channels)))

@@ -17,8 +17,8 @@ from stoop.base.rotations import to_ground
 from stoop.simulation import autopilot, trajectories
 from stoop.simulation.delays import OFFSETS, input_delays, lagrange, late_outputs, with_slopes
 from stoop.simulation.initial import initial_states, parameter_rows
-from stoop.simulation.maneuver import EXCITATIONS, SETPOINTS, Battery, Maneuver
-from stoop.simulation.rotors import AXES, channel_range
+from stoop.simulation.maneuver import Battery, Maneuver
+from stoop.simulation.rotors import AXES, EXCITATIONS, SETPOINTS, channel_range
 from stoop.simulation.trajectories import FINER, Flown
 from stoop.simulation.trim import Trim, inputs_about
 from stoop.vehicle import Vehicle

@@ -15,8 +15,13 @@ from stoop.simulation.initial import initial_states, parameter_rows
 from stoop.vehicle import Vehicle
 from stoop.vehicle.defaults import full_command
 
-AXES: Final = ("roll", "pitch", "yaw", "heave")
-"""Angular accelerations, rad/s2, and specific force up the body, m/s2; the order of every allocation."""
+EXCITATIONS: Final = {"roll": "rad/s2", "pitch": "rad/s2", "yaw": "rad/s2", "heave": "m/s2"}
+"""Angular accelerations and specific force up the body, by unit, that an autopilot commands and a maneuver adds to."""
+SETPOINTS: Final = {
+    "north": "m/s", "east": "m/s", "down": "m/s", "forward": "m/s", "right": "m/s", "heading": "rad",
+}  # fmt: skip
+"""Set-points of the autopilot, and units: a velocity over ground (forward and right of the heading), a heading."""
+AXES: Final = tuple(EXCITATIONS)  #: the order of every allocation
 MIN_AUTHORITY: Final = 1e-7  #: of the strongest axis; a weaker acceleration is none
 
 
@@ -35,15 +40,12 @@ class Range:
 
 
 def channel_range(vehicle: Vehicle) -> Range:
-    """Return the range of a vehicle's rotor channels."""
-    rotors = vehicle.file.rotors
-    if rotors is None:
-        raise ValueError(f"{vehicle.where} has no rotors")
+    """Return the range of a vehicle's rotor channels; of a vehicle without rotors it is empty."""
     names = tuple(dict.fromkeys(rotor.channel for rotor in vehicle.file.rotor.values()))
-    gain, idle = vehicle.value("rotors.gain"), vehicle.value("rotors.idle")
-    by_drive = idle + 1.0 / gain if rotors.drive == "command" and gain > 0.0 else np.inf
-    full = np.minimum(by_drive, [full_command(n) or np.inf for n in names])
-    columns = np.array([vehicle.inputs.index(n) for n in names])
+    gain, idle = vehicle.value("rotors.gain", 1.0), vehicle.value("rotors.idle", 0.0)
+    by_drive = idle + 1.0 / gain if vehicle.drive == "command" and gain > 0.0 else np.inf
+    full = np.minimum(by_drive, np.array([full_command(n) or np.inf for n in names]))
+    columns = np.array([vehicle.inputs.index(n) for n in names], dtype=np.intp)
     return Range(names, columns, np.full(len(names), idle), full)
 
 

@@ -70,47 +70,21 @@ def states_along(
     return np.asarray(path[0])
 
 
-def states_flown(
-    vehicle: Vehicle,
-    rows: FloatArray,
-    start: FloatArray,
-    inputs: FloatArray,
-    dt: float,
-    rng: np.random.Generator,
-) -> FloatArray:
-    """Return states (n, n_x) of a flight with recorded inputs (n, n_u); `rng` draws the noise of the gusts.
+def arriving(
+    vehicle: Vehicle, rows: FloatArray, inputs: FloatArray, dt: float, noise: FloatArray
+) -> tuple[FloatArray, int]:
+    """Return recorded inputs (n, n_u) as they arrive, with the noise of gusts if there are any, and their steps in a sample.
 
     Parameters
     ----------
-    rows, start : (n_p, 1), (n_x, 1)
-        Kernel parameters and states.
+    rows : (n_p, 1)
+        Kernel parameters.
     dt : float, s
+    noise : (FINER (n - 1) + 1, gusts)
+        As of :func:`gust_noise`.
     """
-    fine, times = _driving(vehicle, rows, inputs, dt, rng)
-    return np.asarray(states_along(vehicle, rows, start, fine, dt / times)[::times])
-
-
-def readings_flown(
-    vehicle: Vehicle,
-    rows: FloatArray,
-    start: FloatArray,
-    inputs: FloatArray,
-    dt: float,
-    rng: np.random.Generator,
-) -> FloatArray:
-    """Return the readings (1, n, n_y), before any delay of a sensor; parameters as in :func:`states_flown`."""
-    fine, times = _driving(vehicle, rows, inputs, dt, rng)
-    return np.ascontiguousarray(vehicle.kernel().trajectories(rows, start, fine, dt / times)[:, ::times])
-
-
-def _driving(
-    vehicle: Vehicle, rows: FloatArray, inputs: FloatArray, dt: float, rng: np.random.Generator
-) -> tuple[FloatArray, int]:
-    """Return inputs as they arrive, with the noise of gusts if there are any, and their steps in a sample."""
     received = late_inputs(vehicle, inputs, rows, dt)
-    if not vehicle.gusts:
-        return received, 1
-    return driven(vehicle, received, gust_noise(vehicle, len(received), dt, rng), dt), FINER
+    return (driven(vehicle, received, noise, dt), FINER) if vehicle.gusts else (received, 1)
 
 
 def readings_along(
@@ -133,9 +107,8 @@ class Flown:
     time: FloatArray  #: (n,), s
     inputs: FloatArray  #: (n, n_u), recorded channels
     outputs: FloatArray  #: (n, n_y), noise-free readings in the order of ``vehicle.outputs``
-    velocity: FloatArray | None = (
-        None  #: (n, 3), over ground, m/s; of aircraft only in the wind of a maneuver
-    )
+    #: (n, 3), over ground, m/s; of aircraft only in the wind of a maneuver
+    velocity: FloatArray | None = None
     clipped: BoolArray | None = None  #: (n, m), on rotors: where a channel reached an end of its range
 
 

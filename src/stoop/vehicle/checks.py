@@ -24,8 +24,31 @@ _POSITIVE = (
 def check(vehicle: Vehicle) -> None:
     """Raise :class:`VehicleError` for the first impossible number, also of a loading."""
     _check_numbers(vehicle, f"{vehicle.where}: ")
-    _check_angles_and_bounds(vehicle)
-    _check_delays(vehicle)
+    offsets = tuple(f"controls.{c}.offset" for c in vehicle.file.controls)
+    for name in ("reference.alpha", "propulsion.pitch", *offsets):
+        value = vehicle.value(name, 0.0)
+        if abs(value) > math.pi / 2.0:
+            advice = f"looks like degrees; write radians ({math.radians(value):.4g})"
+            raise VehicleError(f"{vehicle.where}: {name}: {value:g} {advice}")
+    for p in vehicle.parameters:
+        if p.free and not 0.0 < p.upper - p.lower < math.inf:
+            raise VehicleError(
+                f"{vehicle.where}: {p.name}: free, but its bounds are [{p.lower:g}, {p.upper:g}]; "
+                "add bounds = [low, high]"
+            )
+    # all controls and rotors of a channel have one delay
+    driven = [
+        (f"controls.{c}.delay", c, channel) for c in vehicle.controls for channel in vehicle.channels_of(c)
+    ]
+    driven += [("rotors.delay", name, rotor.channel) for name, rotor in vehicle.file.rotor.items()]
+    first: dict[str, tuple[str, str]] = {}
+    for delay, name, channel in driven:
+        other_delay, other = first.setdefault(channel, (delay, name))
+        if vehicle.rows.get(other_delay) != vehicle.rows.get(delay):
+            raise VehicleError(
+                f"{vehicle.where}: {delay}: channel {channel} also moves {other}, whose delay "
+                f'is another; tie them, e.g. delay = "={other_delay}"'
+            )
     known = {name for name, _ in leaves(vehicle.file)}
     for loading, numbers in vehicle.file.loadings.items():
         for name in numbers:
@@ -38,13 +61,6 @@ def check(vehicle: Vehicle) -> None:
         _check_numbers(vehicle.with_numbers(own), f"{vehicle.where}: loadings.{loading}: ")
 
 
-def inertia_tensor(vehicle: Vehicle) -> FloatArray:
-    """Return the (3, 3) inertia tensor about the center of gravity, kg m2, body axes."""
-    axes = ("xx", "yy", "zz", "xz", "xy", "yz")
-    xx, yy, zz, xz, xy, yz = (vehicle.value(f"mass.inertia.{a}", 0.0) for a in axes)
-    return np.array([[xx, -xy, -xz], [-xy, yy, -yz], [-xz, -yz, zz]])
-
-
 def _check_numbers(vehicle: Vehicle, where: str) -> None:
     """Check what a loading can change."""
     for name in (*_POSITIVE, *(f"controls.{c}.lag" for c in vehicle.file.controls)):
@@ -52,7 +68,10 @@ def _check_numbers(vehicle: Vehicle, where: str) -> None:
             advice = "remove it for no lag" if name.endswith(".lag") else "write its true value in SI units"
             raise VehicleError(f"{where}{name}: {vehicle.value(name):g} is not positive; {advice}")
     # The principal moments of every body satisfy the triangle inequality.
-    small, middle, large = np.linalg.eigvalsh(inertia_tensor(vehicle))
+    axes = ("xx", "yy", "zz", "xz", "xy", "yz")
+    xx, yy, zz, xz, xy, yz = (vehicle.value(f"mass.inertia.{a}", 0.0) for a in axes)
+    tensor = np.array([[xx, -xy, -xz], [-xy, yy, -yz], [-xz, -yz, zz]])
+    small, middle, large = np.linalg.eigvalsh(tensor)
     if not small > 0.0:
         raise VehicleError(
             f"{where}mass.inertia: a principal moment is {small:.3g} kg m2; "
@@ -64,8 +83,7 @@ def _check_numbers(vehicle: Vehicle, where: str) -> None:
             f"{small + middle:.4g} kg m2, which no body can have; measure xx, yy, zz again"
         )
     _check_tables(vehicle, where)
-    drive = vehicle.file.rotors.drive if vehicle.file.rotors is not None else ""
-    signed = ("rotors.delay",) if drive == "speed" else ()  # a measured speed may be recorded late
+    signed = ("rotors.delay",) if vehicle.drive == "speed" else ()  # a measured speed may be recorded late
     for name in vehicle.rows:
         sized = name.endswith(("factor", "torque_ratio", "rotors.delay")) and name not in signed
         if sized and vehicle.value(name) < 0.0:
@@ -84,12 +102,12 @@ def _check_tables(vehicle: Vehicle, where: str) -> None:
             f"{where}turbulence.airspeed: missing, and there is no [reference] to take it from; "
             "write the speed at which the gusts pass (flight or wind), m/s"
         )
-    for channel in WIND if not vehicle.rotors else ():
+    for channel in (c for c in WIND if c not in vehicle.frame.outputs):
         if getattr(file.sensors, channel) is not None:
             raise VehicleError(
                 f"{where}sensors.{channel}: only a vehicle with rotors is observed by it; remove it"
             )
-    if vehicle.rotors and vehicle.reduce != "full":
+    if vehicle.reduce not in vehicle.frame.reductions:
         raise VehicleError(
             f'{where}model.reduce: a vehicle with rotors takes all equations; write reduce = "full"'
         )
@@ -163,34 +181,3 @@ def _check_thrust(vehicle: Vehicle, axes: FloatArray, where: str) -> None:
             f"{where}rotors.T2: at full command the rotors lift {upward * most:.3g} N, and the vehicle weighs {weight:.3g} N; "
             "correct T0, T1, T2, gain, idle or mass (thrust in N per rotor, x as drive defines it)"
         )
-
-
-def _check_angles_and_bounds(vehicle: Vehicle) -> None:
-    offsets = tuple(f"controls.{c}.offset" for c in vehicle.file.controls)
-    for name in ("reference.alpha", "propulsion.pitch", *offsets):
-        value = vehicle.value(name, 0.0)
-        if abs(value) > math.pi / 2.0:
-            advice = f"looks like degrees; write radians ({math.radians(value):.4g})"
-            raise VehicleError(f"{vehicle.where}: {name}: {value:g} {advice}")
-    for p in vehicle.parameters:
-        if p.free and not 0.0 < p.upper - p.lower < math.inf:
-            raise VehicleError(
-                f"{vehicle.where}: {p.name}: free, but its bounds are [{p.lower:g}, {p.upper:g}]; "
-                "add bounds = [low, high]"
-            )
-
-
-def _check_delays(vehicle: Vehicle) -> None:
-    """Check that all controls and rotors of a channel have one delay."""
-    driven = [
-        (f"controls.{c}.delay", c, channel) for c in vehicle.controls for channel in vehicle.channels_of(c)
-    ]
-    driven += [("rotors.delay", name, rotor.channel) for name, rotor in vehicle.file.rotor.items()]
-    first: dict[str, tuple[str, str]] = {}
-    for delay, name, channel in driven:
-        other_delay, other = first.setdefault(channel, (delay, name))
-        if vehicle.rows.get(other_delay) != vehicle.rows.get(delay):
-            raise VehicleError(
-                f"{vehicle.where}: {delay}: channel {channel} also moves {other}, whose delay "
-                f'is another; tie them, e.g. delay = "={other_delay}"'
-            )

@@ -39,16 +39,20 @@ _EQUATION_SOURCES = (  #: beside all of symbolic/
 
 @dataclass(frozen=True)
 class Frame:
-    """Frame in which the velocity of a kind of vehicle is observed: of the air, or of the ground."""
+    """Frame in which the velocity of a kind of vehicle is observed: of the air, or of the ground.
+
+    Every package attaches to it what differs by the kind: equations, checks, the usual method, how windows begin.
+    """
 
     outputs: tuple[str, ...]
     start: tuple[str, ...]  #: names of an initial state: m/s and rad, rad/s, rad, m
+    reductions: tuple[str, ...]  #: sets of equations that it can be reduced to
 
 
-AIR_FRAME = Frame(CHANNELS, (*CHANNELS[:9], "h"))  #: airspeed and flow angles
-GROUND_FRAME = Frame(
-    (*WIND, *CHANNELS[3:]), ("u", "v", "w", *CHANNELS[3:9], "h")
-)  #: of a vehicle with rotors
+#: of an aircraft: airspeed and flow angles
+AIR_FRAME = Frame(CHANNELS, (*CHANNELS[:9], "h"), ("full", "longitudinal", "lateral"))
+#: of a vehicle with rotors
+GROUND_FRAME = Frame((*WIND, *CHANNELS[3:]), ("u", "v", "w", *CHANNELS[3:9], "h"), ("full",))
 
 
 @dataclass(frozen=True)
@@ -198,14 +202,13 @@ class Vehicle:
         gusts = {a: dict(leaves(getattr(file.turbulence, a, None), f"turbulence.{a}")) for a in GUST_STATES}
         used = {q.tie or name for a in self.gusts for name, q in gusts[a].items()}
         absent |= {name for found in gusts.values() for name in found} - used
-        drive = file.rotors.drive if file.rotors is not None else ""
         out = []
         for name, (low, high) in bounds(numbers).items():
             q = numbers[name]
             free = (
                 free_by_default(name, estimated, file.sensors.estimate_biases) if q.free is None else q.free
             )
-            symbol = unit(name, q, file.controls, drive)
+            symbol = unit(name, q, file.controls, self.drive)
             out.append(Parameter(name, q.value, low, high, free and name not in absent, q.prior, symbol))
         return tuple(out)
 
@@ -242,6 +245,11 @@ class Vehicle:
     def rotors(self) -> tuple[str, ...]:
         """Names of the rotors."""
         return tuple(self.file.rotor)
+
+    @property
+    def drive(self) -> str:
+        """What x of the rotors is: "command" or "speed", rad/s; empty without rotors."""
+        return "" if self.file.rotors is None else self.file.rotors.drive
 
     @property
     def frame(self) -> Frame:

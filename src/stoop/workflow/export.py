@@ -18,7 +18,6 @@ from stoop.exporters import jsbsim_aircraft, matlab
 from stoop.exporters.jsbsim_flight import (
     Comparison,
     Record,
-    RecordedManeuver,
     compare,
     excitation_record,
     file_name,
@@ -60,7 +59,7 @@ class Subject:
 
     vehicle: Vehicle
     known: ParameterCovariance | None = None  #: its numbers' covariance
-    maneuvers: tuple[RecordedManeuver, ...] = ()  #: of the flight that it was identified from
+    maneuvers: tuple[Record, ...] = ()  #: of the flight that it was identified from
     altitude: float = 200.0  #: m
     density: float | None = None  #: kg/m3, of that flight
     notes: tuple[str, ...] = ()
@@ -108,7 +107,7 @@ def read_subject(text: str) -> Subject:
     return Subject(vehicle, known, maneuvers, first.start["h"], density, notes)
 
 
-def _maneuver(vehicle: Vehicle, result: Result, index: int, segment: int, piece: Piece) -> RecordedManeuver:
+def _maneuver(vehicle: Vehicle, result: Result, index: int, segment: int, piece: Piece) -> Record:
     """Put the estimated start and biases of a fitted maneuver in place of those that are read off the flight."""
     start = dict(piece.start)
     for initial in result.initial_states:
@@ -124,8 +123,8 @@ def _maneuver(vehicle: Vehicle, result: Result, index: int, segment: int, piece:
     flown = result.maneuvers[index]
     span = f"{piece.time[0]:.2f} to {piece.time[-1]:.2f} s"
     title = f"{flown.flight}, {span} ({'fitted' if flown.role == 'fit' else 'predicted'})"
-    record = Record(vehicle.with_numbers(changes), start, piece.time, piece.inputs)
-    return RecordedManeuver(title, record, piece.measured, bool(piece.changes))
+    vehicle = vehicle.with_numbers(changes)
+    return Record(vehicle, start, piece.time, piece.inputs, title, piece.measured, bool(piece.changes))
 
 
 def export(subject: Subject, target: str, condition: Condition = DEFAULT) -> Exported:
@@ -180,12 +179,10 @@ def _jsbsim(subject: Subject, condition: Condition) -> Exported:
     maneuvers = list(subject.maneuvers)
     record = None if point is None else excitation_record(vehicle, point)
     if record is not None:
-        span = f"{record.time[-1] - record.time[0]:g} s open loop"
-        title = f"{span} from the steady flight, every control in turn"
-        maneuvers.insert(0, RecordedManeuver(title, record))
+        maneuvers.insert(0, record)
     flown: list[Comparison] = []
     for maneuver in maneuvers:
-        loaded = jsbsim_aircraft.folder(maneuver.record.vehicle, None) if maneuver.loaded else texts
+        loaded = jsbsim_aircraft.folder(maneuver.vehicle, None) if maneuver.loaded else texts
         with tempfile.TemporaryDirectory(prefix="stoop-export-") as root:
             _place(Path(root), _encoded(loaded))
             try:

@@ -14,6 +14,7 @@ import tomlkit
 from stoop.base.csv_text import csv_text
 from stoop.base.files import make_folder, write_text_atomic
 from stoop.errors import IdentificationError
+from stoop.estimate.regression import kind_of
 from stoop.estimate.regression.aircraft import AircraftEquations
 from stoop.estimate.regression.least_squares import Domain, estimate, unbounded
 from stoop.estimate.regression.structure import Choose, Structure, determine, parameter_name
@@ -54,7 +55,7 @@ def structure(
     StoopError
         One line that says what is wrong and what to do.
     """
-    if vehicle.rotors:
+    if not kind_of(vehicle).linear:
         raise IdentificationError(
             f"{vehicle.where}: it has rotors, and terms are chosen of aerodynamic coefficients only; use stoop identify, "
             "and --fix what it finds at a bound or not identifiable"

@@ -26,11 +26,11 @@ from stoop.estimate.shooting_windows import edges
 from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.observation import through_air
 from stoop.simulation import initial_states, parameter_rows
-from stoop.simulation.delays import first_order_lag
+from stoop.simulation.delays import first_order_lag, late_inputs
 from stoop.simulation.fly import fly
 from stoop.simulation.initial import commanded
 from stoop.simulation.maneuver import parse_maneuver
-from stoop.simulation.trajectories import Flown, readings_along, states_flown
+from stoop.simulation.trajectories import Flown, readings_along, states_along
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.problems import Posed, data_text, take_none
@@ -129,7 +129,7 @@ def quad() -> Quad:
     rows = parameter_rows(vehicle, flown.trim.changes)
     start = initial_states(vehicle, flown.trim.start, rows, flown.inputs[0])
     step = float(flown.time[1] - flown.time[0])
-    states = states_flown(vehicle, rows, start, flown.inputs, step, np.random.default_rng(0))
+    states = states_along(vehicle, rows, start, late_inputs(vehicle, flown.inputs, rows, step), step)
     every = np.repeat(rows, len(flown.inputs), axis=1)
     x = dict(zip(vehicle.states, states.T, strict=True))
     off = {f"{r}.lag": x[f"{r}.lag"] - commanded(vehicle, r, every, flown.inputs.T) for r in vehicle.rotors}

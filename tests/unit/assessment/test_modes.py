@@ -109,7 +109,7 @@ FREE = ("CL0", "CLalpha", "CD0", "Cmalpha", "Cmq", "Clp", "Clbeta", "Cnbeta", "C
 
 def of_aircraft(vehicle: Vehicle) -> tuple[Linearized, dict[str, float]]:
     point = trim(vehicle, 36.0)
-    near = neighbors(vehicle, point)
+    near = neighbors(point)
     values = {name: vehicle.value(name) for name in FREE}
     scales = {name: abs(value) for name, value in values.items()}
     return differentiated(lambda n: state_matrix(vehicle, near(n) if n else point), values, scales), values
@@ -117,7 +117,7 @@ def of_aircraft(vehicle: Vehicle) -> tuple[Linearized, dict[str, float]]:
 
 def test_the_trim_follows_the_parameters(aircraft: Vehicle) -> None:
     point, h = trim(aircraft, 36.0), 1e-4
-    near = neighbors(aircraft, point)
+    near = neighbors(point)
     for name in ("CL0", "CLalpha", "Cmalpha", "CD0"):
         value = aircraft.value(name)
         new, exact = near({name: value + h}), trim(changed(aircraft, {name: value + h}), 36.0)
@@ -168,7 +168,7 @@ def test_what_hardly_moves_a_mode_does_not_make_it_unknown() -> None:
     """The twin-boom flies with a little sideslip: lateral numbers have 1e-7 of a part in the phugoid."""
     vehicle = resolve_vehicle("twin-boom").reduced("full")
     point = trim(vehicle, 35.0, 200.0)
-    follow = neighbors(vehicle, point)
+    follow = neighbors(point)
     names = ("CLalpha", "Cmq", "Cnbeta")
     values = {n: vehicle.value(n) for n in names}
     found = differentiated(

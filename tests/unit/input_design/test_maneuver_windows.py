@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from stoop.input_design.candidates import ON_ROTORS, ON_WINGS, maneuver_windows
+from stoop.input_design.candidates import STYLES, maneuver_windows
 from stoop.simulation.maneuver import Maneuver, parse_maneuver
+from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
+
+ON_WINGS, ON_ROTORS = (STYLES[frame] for frame in (AIR_FRAME, GROUND_FRAME))
 
 
 def maneuver(duration: float, *pulses: tuple[str, float]) -> Maneuver:

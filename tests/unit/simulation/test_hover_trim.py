@@ -10,7 +10,7 @@ from stoop.errors import SimulationError
 from stoop.simulation import linearize, parameter_rows, trim
 from stoop.simulation.initial import initial_states
 from stoop.simulation.rotors import accelerations, channel_range, effects
-from stoop.simulation.trim import Trim, neighbors, trim_equations
+from stoop.simulation.trim import Trim, neighbors
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 
@@ -118,10 +118,11 @@ def test_of_many_ways_the_one_next_to_equal_commands() -> None:
 
 def test_one_newton_step_finds_the_trim_of_a_neighbor(quad: Vehicle) -> None:
     point = trim(quad, velocity=(2.0, 1.0, 0.0))
-    near = neighbors(quad, point)({"mass.mass": 1.5 * (1.0 + 1e-5)})
+    near = neighbors(point)({"mass.mass": 1.5 * (1.0 + 1e-5)})
     exact = trim(quad.with_numbers({"mass.mass": {"value": 1.5 * (1.0 + 1e-5)}}), velocity=(2.0, 1.0, 0.0))
     assert near.inputs - point.inputs == pytest.approx(exact.inputs - point.inputs, rel=1e-3, abs=1e-12)
-    known, x = trim_equations(quad, point)
+    assert point.solution is not None
+    known, x = point.solution
     assert np.abs(known.residuals(x)).max() < 1e-7
 
 

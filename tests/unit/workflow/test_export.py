@@ -12,7 +12,6 @@ import pytest
 
 from stoop.errors import OutputError, StoopError
 from stoop.estimate.fit import Options
-from stoop.exporters.jsbsim_flight import RecordedManeuver
 from stoop.flight import Flight
 from stoop.report.models import EXPORT_PAGE as PAGE
 from stoop.vehicle import parse_vehicle
@@ -111,10 +110,8 @@ def test_a_maneuver_flies_with_its_own_loading(subject: Subject) -> None:
     """Another mass: JSBSim gets an aircraft of that mass, or it would be far off."""
 
     first = subject.maneuvers[0]
-    heavy = first.record.vehicle.with_numbers(
-        {"mass.mass": {"value": 1.2 * subject.vehicle.value("mass.mass")}}
-    )
-    loaded = RecordedManeuver("heavy", replace(first.record, vehicle=heavy), first.measured, loaded=True)
+    heavy = first.vehicle.with_numbers({"mass.mass": {"value": 1.2 * subject.vehicle.value("mass.mass")}})
+    loaded = replace(first, vehicle=heavy, title="heavy", loaded=True)
     made = export(replace(subject, maneuvers=(loaded,)), "jsbsim")
     (note,) = [note for note in made.notes if note.startswith("heavy: ")]
     assert float(note.split("within ")[1].split()[0]) < 1e-3

@@ -32,7 +32,11 @@ def equations(vehicle: Vehicle) -> tuple[str, ...]:
     """Return one equation per coefficient of the kept equations, then those of rotors and body drag."""
     numbers = Numbers(vehicle)
     names = {numbers[name]: latex for name, latex in symbols(vehicle).items()}
-    return (*_aerodynamics(numbers, names), *_rotors(numbers, names), *_body_drag(numbers, names))
+    fullest = sorted(
+        vehicle.rotors, key=lambda r: -sum(f"rotor.{r}.{part}" in numbers for part in EACH_ROTOR)
+    )
+    rotors = (line for rotor in fullest[:1] for line in _rotors(numbers, names, rotor))
+    return (*_aerodynamics(numbers, names), *rotors, *_body_drag(numbers, names))
 
 
 def _aerodynamics(n: Numbers, names: dict[Any, str]) -> Iterator[str]:
@@ -75,12 +79,12 @@ def _factor(expression: Any, names: dict[Any, str]) -> str:
     return rf"\left({text}\right)" if expression.is_Add else text
 
 
-def _rotors(n: Numbers, names: dict[Any, str]) -> Iterator[str]:
-    """Yield command, lag, thrust, in-plane force and torque of rotor i, and the sums over the rotors."""
+def _rotors(n: Numbers, names: dict[Any, str], first: str) -> Iterator[str]:
+    """Yield command, lag, thrust, in-plane force and torque of rotor i, and the sums over the rotors.
+
+    Rotor `first` has all factors that any rotor has.
+    """
     vehicle = n.vehicle
-    if not vehicle.rotors:
-        return
-    first = max(vehicle.rotors, key=lambda r: sum(f"rotor.{r}.{part}" in n for part in EACH_ROTOR))
     each = {n[f"rotor.{first}.{p}"]: f"{s}_{{i}}" for p, s in EACH_ROTOR.items() if f"rotor.{first}.{p}" in n}
     names = names | each | {INPLANE: r"\left| v_{h,i} \right|"}
 

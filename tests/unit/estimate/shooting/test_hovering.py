@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stoop.checks.vehicle import foreign_motors, rotor_notices
+from stoop.checks.rotors import foreign_motors, rotor_notices
 from stoop.errors import FlightError, IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.excitation import in_ratio, ratios
