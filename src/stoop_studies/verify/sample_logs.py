@@ -45,6 +45,9 @@ MESSAGES: Final = 12  #: of a topic
 START: Final = 1_700_000_000 * 10**9  #: ns, of a bag
 FLAT_MAPPING: Final = b'[variables]\nq = { column = "q[0]", unit = "rad/s" }\n'
 NETCDF_MAPPING: Final = b'[variables]\nq = { column = "q", unit = "rad/s" }\n'
+MOCAP_MAPPING: Final = (
+    b"[time]\ncolumn = 'Systime'\nunit = 's'\n[variables]\np = { column = 'p', unit = 'deg/s' }\n"
+)
 TIME: Final = 5.0 + 0.02 * np.arange(N)  #: s, of an array
 GYRO: Final = np.random.default_rng(1).normal(size=(N, 3))
 
@@ -204,17 +207,21 @@ def _own_netcdfs() -> list[Sample]:
 
 def real_sample(reader: str, data: Path) -> list[Sample]:
     """Return a published log of a reader, cut small; none for kinds of which there is no published one."""
+
+    def begin(place: str, size: int) -> bytes:
+        with (data / place).open("rb") as file:
+            return file.read(size)
+
     try:
         if reader == "ulog":  # without parameters and hardware, which are half of the beginning
-            whole = _begin(data / "px4-ulog-reader-samples" / "sample_log_small.ulg", 70_000)
+            whole = begin("px4-ulog-reader-samples/sample_log_small.ulg", 70_000)
             kept = (whole[a:b] for a, b in ulog_messages(whole) if whole[a + 2 : a + 3] not in (b"P", b"M"))
             return [single("a.ulg", whole[:ULOG_HEAD] + b"".join(kept), "ulog")]
         if reader == "dataflash":
-            path = data / "ardupilot-dataflash-sample" / "test.BIN"
-            return [single("a.bin", _begin(path, 20_000), "dataflash")]
+            return [single("a.bin", begin("ardupilot-dataflash-sample/test.BIN", 20_000), "dataflash")]
         if reader == "crazyflie":
-            path = data / "crazypad-propeller-damage" / "normal_flight__E8_log00.usd"
-            return [single("a.usd", _begin(path, 8_000), "crazyflie")]
+            place = "crazypad-propeller-damage/normal_flight__E8_log00.usd"
+            return [single("a.usd", begin(place, 8_000), "crazyflie")]
         if reader == "px4-csv":
             tables = {}
             for path in sorted((data / "mit-solar-surfer-px4csv").glob("*.csv.gz"))[:5]:
@@ -222,22 +229,15 @@ def real_sample(reader: str, data: Path) -> list[Sample]:
                     tables[path.name.removesuffix(".gz")] = b"".join(islice(file, REAL_LINES))
             return [Sample(tables, "lines", targets=tuple(sorted(tables)))]
         if reader == "csv":
-            path = data / "a430-micro-fixedwing-mocap" / "short_straight_4_20230215_133852.csv"
-            content = b"".join(path.read_bytes().splitlines(keepends=True)[:REAL_LINES])
-            mapping = (
-                b"[time]\ncolumn = 'Systime'\nunit = 's'\n[variables]\np = { column = 'p', unit = 'deg/s' }\n"
-            )
-            return [single("a.csv", content, "lines", mapping)]
+            with (data / "a430-micro-fixedwing-mocap" / "short_straight_4_20230215_133852.csv").open(
+                "rb"
+            ) as file:
+                return [single("a.csv", b"".join(islice(file, REAL_LINES)), "lines", MOCAP_MAPPING)]
     except OSError as error:
         raise StoopError(
             f"verify readers: {data}: {error.strerror}: {error.filename}; name the folder of the published data"
         ) from None
     return []
-
-
-def _begin(path: Path, size: int) -> bytes:
-    with path.open("rb") as file:
-        return file.read(size)
 
 
 def old_matlab() -> list[Sample]:
