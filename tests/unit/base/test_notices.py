@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import runpy
 from pathlib import Path
@@ -56,3 +57,12 @@ def test_one_sentence_has_no_full_stop_and_several_have() -> None:
     for code, kind in table().items():
         several = len(re.findall(r"[.?!)] (?=[A-Z-])", kind.text)) > 0
         assert kind.text.endswith(".") == several or kind.text.endswith(("?", "}")), code
+
+
+def test_a_notice_may_name_another() -> None:
+    step = notice("fly-unit-step", seconds=0.4)
+    found = notice("fly-roll", "aileron", step=step)
+    assert str(found) == "fly a bank-to-bank or doublets with aileron, unit step about 0.4 s"
+    document = json.loads(json.dumps(found.to_dict()))
+    assert document["values"]["step"]["code"] == "fly-unit-step"
+    assert from_dict(document) == found
