@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import runpy
 from pathlib import Path
 
@@ -49,3 +50,12 @@ def test_the_page_lists_the_table() -> None:
     assert (ROOT / "docs" / "notices.md").read_text("utf-8") == runpy.run_path(
         str(ROOT / "scripts" / "notices.py")
     )["page"]()
+
+
+def test_a_notice_may_name_another() -> None:
+    step = notice("fly-unit-step", seconds=0.4)
+    found = notice("fly-roll", "aileron", step=step)
+    assert str(found) == "fly a bank-to-bank or doublets with aileron, unit step about 0.4 s"
+    document = json.loads(json.dumps(found.to_dict()))
+    assert document["values"]["step"]["code"] == "fly-unit-step"
+    assert from_dict(document) == found
