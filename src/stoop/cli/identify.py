@@ -144,8 +144,9 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
         arguments.method,
     )  # fmt: skip
     flights = [load(path, arguments.mapping) for path in arguments.flight]
-    if arguments.bootstrap or arguments.posterior or arguments.profile is not None:
-        check_method(choose_method(arguments.method, vehicle, flights).name)
+    if arguments.posterior or arguments.profile is not None:
+        asked = {"posterior": arguments.posterior, "profile": arguments.profile is not None}
+        check_method(choose_method(arguments.method, vehicle, flights).name, [n for n in asked if asked[n]])
         if arguments.posterior:
             libraries()
         check_names([p.name for p in vehicle.parameters if p.free], arguments.profile or ())
