@@ -92,16 +92,18 @@ def _tables(vehicle: Vehicle, channels: Sequence[str]) -> str:
 
 
 def _other_aircraft(vehicle: Vehicle, missing: Sequence[str], on_rotors: bool) -> str:
-    advice = f"rotors carry the vehicle of this log, but {vehicle.where} has none: is it of another vehicle? "
+    advice = f"the vehicle of this log is carried by rotors, but {vehicle.where} has none: is it another? "
     return advice if on_rotors else ""
 
 
 def _other_rotors(vehicle: Vehicle, missing: Sequence[str], on_rotors: bool) -> str:
     if not on_rotors:
-        return f"{vehicle.where} flies on rotors, but no rotors are in this log: is it of another vehicle? "
+        return f"{vehicle.where} flies on rotors, but this log has no rotors: does it belong to another vehicle? "
     rotors = _tables(vehicle, missing)
     tables = f", or channel in {rotors}" if rotors else ""
-    return f"{vehicle.where} has {len(vehicle.rotors)} rotors: is this the log of another vehicle{tables}? "
+    return (
+        f"{vehicle.where} has {len(vehicle.rotors)} rotors: does the log belong to another vehicle{tables}? "
+    )
 
 
 def _lift_of_aircraft(vehicle: Vehicle, carried: Mapping[str, Flight]) -> list[Notice]:

@@ -125,8 +125,8 @@ def require_channels(vehicle: Vehicle, flight: Flight, named_by: str = "--vehicl
         there = [str(name) for name in flight.data.data_vars if str(name).startswith(DRIVES)]
         other = KINDS[vehicle.frame].other_vehicle(vehicle, missing, carried_by_rotors(flight))
         raise FlightError(
-            f"{flight.name}: input {', '.join(repr(name) for name in missing)} is not in this flight, which is driven by "
-            f"{', '.join(there) or 'nothing that was recorded'}; {other}check {named_by}, "
+            f"{flight.name}: input {', '.join(repr(name) for name in missing)} is not in this flight, whose inputs are "
+            f"{', '.join(there) or 'not recorded'}; {other}check {named_by}, "
             "the channels in it, or the mapping"
         )
     empty = [name for name in vehicle.recorded if not np.isfinite(flight.column(name)).any()]

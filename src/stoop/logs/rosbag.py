@@ -53,20 +53,12 @@ class UnreadableError(Exception):
 
 @dataclass(frozen=True)
 class Part:
-    """One part of a message.
+    """One part of a message."""
 
-    Attributes
-    ----------
-    name : of its column; empty where it is skipped
-    code : of its numbers, see `struct`; empty for a text, or for a list of `inner` parts
-    many : whether a uint32 count stands before it
-    inner : parts of each element of a list
-    """
-
-    name: str
-    code: str
-    many: bool = False
-    inner: tuple[Part, ...] = ()
+    name: str  #: of its column; empty where it is skipped
+    code: str  #: of its numbers, see `struct`; empty for a text, or for a list of `inner` parts
+    many: bool = False  #: whether a uint32 count stands before it
+    inner: tuple[Part, ...] = ()  #: parts of each element of a list
 
 
 def message_parts(kind: str, definitions: FieldDefinitions) -> tuple[Part, ...]:

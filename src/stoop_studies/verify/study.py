@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import functools
 import importlib
+import math
 import re
 import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from stoop.base.arrays import FloatArray
 from stoop.base.variables import VARIABLES
@@ -19,6 +20,9 @@ from stoop.parallel import Json, Plan, Run
 from stoop.report.sheet import Table
 from stoop_studies.findings import Experiment, Findings, Results, Setting
 from stoop_studies.outputs import Suite
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
     name: (f"stoop_studies.verify.{name}", line)
@@ -137,6 +141,15 @@ def page_table(
 
     rows = tuple(tuple(cell(r[key], form) for key, (_, form) in columns.items()) for r in records)
     return Table(caption, tuple(heading for heading, _ in columns.values()), rows)
+
+
+def records_of(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return the rows of a table as records; what is not finite is None."""
+    columns = [
+        [None if isinstance(v, float) and not math.isfinite(v) else v for v in table[name].tolist()]
+        for name in table
+    ]
+    return [dict(zip(map(str, table), row, strict=True)) for row in zip(*columns, strict=True)]
 
 
 def percent(value: float) -> str:
