@@ -171,8 +171,7 @@ def _motions(vehicle: Vehicle, flight: Flight, windows: Sequence[Window], area: 
     filters = [butter(ORDER, band, "bandpass", fs=flight.rate, output="sos") for band in BANDS]
     step = max(1, int(flight.rate / RATE))
     stated = [getattr(vehicle.file.sensors, name).sigma for name in RATES]
-    parts: list[tuple[list[FloatArray], list[FloatArray]]] = []
-    variance, count = np.zeros(len(AXES)), 0
+    parts, variance, count = [], np.zeros(len(AXES)), 0
     for start, stop in runs(good):
         if stop - start < MIN_STRETCH * flight.rate:
             continue

@@ -94,12 +94,10 @@ class Limits:
                 f"{where}: no control is moved ({', '.join(amplitudes) or 'it has none'}); "
                 "give one an amplitude above zero"
             )
-        steady = trim.start
-        defaults = {"V": (steady["V"], DEFAULT_WIDTH["V"] * steady["V"])}
-        defaults |= {c: (steady.get(c, 0.0), DEFAULT_WIDTH[c]) for c in ("alpha", "beta", "phi", "theta")}
-        defaults |= {c: (0.0, DEFAULT_WIDTH[c]) for c in ("p", "q", "r")}
-        defaults["az"] = (-STANDARD_GRAVITY * math.cos(steady["theta"]), DEFAULT_WIDTH["az"])
-        inside = {c: (x - w, x + w) for c, (x, w) in defaults.items() if c in vehicle.outputs}
+        steady = {**trim.start, "az": -STANDARD_GRAVITY * math.cos(trim.start["theta"])}
+        widths = {**DEFAULT_WIDTH, "V": DEFAULT_WIDTH["V"] * steady["V"]}
+        middles = {c: (steady.get(c, 0.0), width) for c, width in widths.items() if c in vehicle.outputs}
+        inside = {c: (x - w, x + w) for c, (x, w) in middles.items()}
         return cls(moved, slew, inside | wanted)
 
     def excess(self, readings: FloatArray, outputs: Sequence[str]) -> float:
@@ -146,10 +144,6 @@ class Knowledge:
             own = own - lost
         out[np.ix_(place, place)] = own
         return out
-
-    def std(self, names: tuple[str, ...]) -> FloatArray:
-        """Return the standard errors (n,) of parameters; infinite where nothing is known."""
-        return information_errors(self.among(names))
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -75,13 +76,8 @@ class InformationCost(ScalarProblem):
     def maneuver(self, x: FloatArray, rate: float) -> Maneuver:
         """Return the maneuver of a point, from the trim of the setup."""
         start = self.setup.trim.start
-        flight = {
-            "duration": self.plan.duration,
-            "rate": rate,
-            "airspeed": start["V"],
-            "altitude": start["h"],
-        }
-        return Maneuver.model_validate({**flight, "input": self.shape.inputs(x)})
+        flight = {"duration": self.plan.duration, "airspeed": start["V"], "altitude": start["h"]}
+        return Maneuver.model_validate({**flight, "rate": rate, "input": self.shape.inputs(x)})
 
 
 def design(
@@ -99,10 +95,8 @@ def design(
     SimulationError
         No maneuver of the family stays within the envelope.
     """
-    inner = {
-        c: (low + MARGIN * (high - low), high - MARGIN * (high - low))
-        for c, (low, high) in setup.limits.envelope.items()
-    }
+    margins = {c: MARGIN * (high - low) for c, (low, high) in setup.limits.envelope.items()}
+    inner = {c: (a + margins[c], b - margins[c]) for c, (a, b) in setup.limits.envelope.items()}
     searched = replace(setup, limits=replace(setup.limits, envelope=inner))
     problem = InformationCost(searched, SHAPES[shape](_frame(setup, plan)), plan)
     stop = optimize.Stop(budget=float(plan.evaluations))
@@ -270,8 +264,8 @@ def propose(
     """
     setup = Setup(model.vehicle, trim, limits, model.knowledge, model.noise)
     reference = textbook_maneuver(setup, plan)
-    watch = callback or (lambda name, progress: None)
-    found = [design(setup, plan, name, lambda progress, name=name: watch(name, progress)) for name in shapes]  # type: ignore[misc]
+    watches = [None if callback is None else partial(callback, name) for name in shapes]
+    found = [design(setup, plan, name, watch) for name, watch in zip(shapes, watches, strict=True)]
     designs = tuple(sorted(found, key=lambda one: -one.gain))
     robust = robustness(setup, designs[0].maneuver, reference, DRAWS, plan.seed)
     return Proposal(setup, plan, designs, reference, setup.forecast(reference), robust, model.source)

@@ -250,11 +250,8 @@ def _record(
     columns = dict(zip(vehicle.outputs, readings.T, strict=True))
     columns |= {c: flown.inputs[:, i] for i, c in enumerate(vehicle.recorded)}
     rows = np.repeat(parameter_rows(vehicle, flown.trim.changes), len(flown.inputs), axis=1)
-    for control in vehicle.controls:
-        if (
-            control in VARIABLES and control not in vehicle.inputs
-        ):  # a recorded channel is the command already
-            columns[control] = np.array(commanded(vehicle, control, rows, flown.inputs.T))
+    for control in (c for c in vehicle.controls if c in VARIABLES and c not in vehicle.inputs):
+        columns[control] = np.array(commanded(vehicle, control, rows, flown.inputs.T))
     dt = float(flown.time[1] - flown.time[0])
     if flown.velocity is None:
         # The climb rate that the noise-free readings imply, integrated; gusts count as if the aircraft climbed.

@@ -30,22 +30,19 @@ def rigid_states(start: Mapping[str, ArrayLike]) -> dict[str, FloatArray]:
 
     The velocity is given by V, alpha and beta, or along the body axes by u, v and w.
     """
-    ground = any(axis in start for axis in "uvw")
-    names = (GROUND_FRAME if ground else AIR_FRAME).start
+    names = (GROUND_FRAME if any(axis in start for axis in "uvw") else AIR_FRAME).start
     shapes = (np.shape(v) for k, v in start.items() if k in names)
     zero = np.zeros(np.broadcast_shapes(*shapes) or (1,))
     g = {name: zero + np.asarray(start.get(name, 0.0), dtype=float) for name in names}
-    if ground:
-        velocity = {axis: g[axis] for axis in "uvw"}
-    else:
+    if "V" in g:
         plane = g["V"] * np.cos(g["beta"])
-        velocity = {
+        g |= {
             "u": plane * np.cos(g["alpha"]),
             "v": g["V"] * np.sin(g["beta"]),
             "w": plane * np.sin(g["alpha"]),
         }
     e = quaternions_of(np.stack([g["phi"], g["theta"], g["psi"]], axis=-1))
-    return velocity | {n: g[n] for n in "hpqr"} | {f"e{i}": e[..., i] for i in range(4)}
+    return {n: g[n] for n in "uvwhpqr"} | {f"e{i}": e[..., i] for i in range(4)}
 
 
 def initial_states(

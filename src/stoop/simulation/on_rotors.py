@@ -75,10 +75,11 @@ def fly_on_rotors(vehicle: Vehicle, maneuver: Maneuver, point: Trim, rng: np.ran
             break
         before, velocity = velocity, loop.velocity(states[k + 1])
         position = position + 0.5 * dt * (before + velocity)
-    outputs = late_outputs(
-        vehicle, trajectories.readings_along(vehicle, rows, states, received)[None], rows, dt
-    )[0]
-    ground = trajectories.over_ground(vehicle, point, states)
+    readings = trajectories.readings_along(vehicle, rows, states, received)[None]
+    outputs, ground = (
+        late_outputs(vehicle, readings, rows, dt)[0],
+        trajectories.over_ground(vehicle, point, states),
+    )
     return Flown(point, maneuver.time, inputs, outputs, ground, commands.clipped)
 
 
