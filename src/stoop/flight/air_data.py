@@ -24,6 +24,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.base.notices import Notice, notice
 from stoop.base.rotations import matrices_of, normalized, quaternions_of
 from stoop.base.units import DEGREE
@@ -288,7 +289,7 @@ def _air_data(read: _Columns, step: float, samples: airspeed.Airborne, motion: S
         traces=traces,
     )
     density = read["density"]
-    rho = float(np.nanmedian(density)) if np.isfinite(density).any() else airspeed.STANDARD.density
+    rho = float(np.nanmedian(density)) if np.isfinite(density).any() else SEA_LEVEL_DENSITY
     return replace(air, notices=_notices(air, speed, rho, logged))
 
 

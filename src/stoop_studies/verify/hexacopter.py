@@ -18,6 +18,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.base.rotations import quaternions_of, to_body
 from stoop.base.units import FACTORS
 from stoop.base.variables import EULER, SPECIFIC_FORCE, VELOCITY
@@ -29,7 +30,6 @@ from stoop.problem.windows import Window
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.atmosphere import SEA_LEVEL_DENSITY
 from stoop.workflow import Job, identify
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify.study import (
