@@ -145,13 +145,11 @@ def blocks(
 class Propulsion:
     """What is assumed of the propulsion."""
 
-    efficiency: float = (
-        0.70  #: electric power to power in the disc: motor, controller, blades, no induced loss
-    )
+    #: electric power to power in the disc: motor, controller, blades, no induced loss
+    efficiency: float = 0.70
     efficiency_std: float = 0.10
-    diameter: float | None = (
-        None  #: m, of the disc; of several that of one with their whole area; None when unknown
-    )
+    #: m, of the disc; of several that of one with their whole area; None when unknown
+    diameter: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
