@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 from scipy.stats import norm
 
 from stoop.base.arrays import FloatArray
@@ -45,6 +46,7 @@ from stoop_studies.verify.study import (
     data_text,
     noise_table,
     page_table,
+    records_of,
     work,
 )
 
@@ -52,6 +54,7 @@ SIGMAS: Final = 3.0  #: an estimate agrees within so many standard errors,
 SHARE: Final = 0.02  #: or within this of the true value, whichever is larger
 AGREEING_SHARE: Final = 0.99  #: of single estimates; of normal ones 0.9973 lie within three standard errors
 MEAN_SQUARES: Final = (0.75, 1.5)  #: of the differences in standard errors; 1 without any error of the model
+ZERO: Final = 1e-9  #: what is below is rounding in JSBSim
 LEAD: Final = f"""\
 Aircraft of JSBSim's own package fly {DURATION:.0f} s of multisines on elevator, aileron and rudder together. Their \
 instruments are read at {RATE} Hz, noise is added, and stoop identifies all derivatives from the readings, with known mass \
@@ -248,9 +251,9 @@ def identify_once(case: str, seed: int) -> dict[str, Any]:
     return known.estimates(known.flight(seed))
 
 
-def _rounded(value: float) -> float:
-    """Return six digits; what is zero but for rounding in JSBSim is zero."""
-    return 0.0 if abs(value) < 1e-9 else float(f"{value:.6g}")
+def _digits(values: FloatArray, digits: int = 6) -> list[float]:
+    """Return so many digits; what is zero but for rounding in JSBSim is zero."""
+    return [0.0 if abs(v) < ZERO else float(f"{v:.{digits}g}") for v in values.tolist()]
 
 
 def _signed(value: float) -> str:
@@ -265,40 +268,25 @@ def comparison(
     Results are those of `Case.estimates`, one per flight; ``kind`` is the column that names the subject, ``what`` what a
     parameter is called. Returns the table of the page, the records and the claims.
     """
-    names = tuple(results[0]["truth"])
+    names = list(results[0]["truth"])
     truth = np.array([results[0]["truth"][n] for n in names])
     estimates, sigmas = (
-        np.array([[r[key][n] for n in names] for r in results], dtype=float) for key in ("estimate", "sigma")
+        np.array([[r[key][n] for n in names] for r in results]) for key in ("estimate", "sigma")
     )
-    errors = estimates - truth
+    errors, mean_errors = estimates - truth, (estimates - truth).mean(axis=0)
     scores = errors / sigmas  # in standard errors
     reach = np.maximum(SIGMAS * sigmas, SHARE * np.abs(truth))
-    agree = np.abs(errors) <= reach
-    mean_errors = errors.mean(axis=0)
-    mean_scores = mean_errors / sigmas.mean(axis=0)
-    rms = np.sqrt(np.mean(scores**2, axis=0))
-    records: list[dict[str, Any]] = []
-    for i, name in enumerate(names):
-        true, estimate = float(truth[i]), float(estimates[0, i])
-        records.append(
-            {
-                kind: subject.model,
-                "parameter": name,
-                "flights": len(estimates),
-                "jsbsim": _rounded(true),
-                "estimate": _rounded(estimate),
-                "sigma": _rounded(float(sigmas[0, i])),
-                "difference_in_sigma": round(float(scores[0, i]), 2),
-                "difference_percent": None
-                if _rounded(true) == 0.0
-                else float(f"{100.0 * (estimate / true - 1.0):.3g}"),
-                "agrees": bool(agree[0, i]),
-                "flights_that_agree": int(agree[:, i].sum()),
-                "mean_estimate": _rounded(float(estimates[:, i].mean())),
-                "mean_difference_in_sigma": round(float(mean_scores[i]), 2),
-                "rms_difference_in_sigma": round(float(rms[i]), 2),
-            }
-        )
+    agree, mean_scores = np.abs(errors) <= reach, mean_errors / sigmas.mean(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        percent = 100.0 * (estimates[0] / np.where(np.abs(truth) < ZERO, np.nan, truth) - 1.0)
+    table = pd.DataFrame({
+        kind: subject.model, "parameter": names, "flights": len(results),
+        "jsbsim": _digits(truth), "estimate": _digits(estimates[0]), "sigma": _digits(sigmas[0]),
+        "difference_in_sigma": scores[0].round(2), "difference_percent": _digits(percent, 3), "agrees": agree[0],
+        "flights_that_agree": agree.sum(axis=0), "mean_estimate": _digits(estimates.mean(axis=0)),
+        "mean_difference_in_sigma": mean_scores.round(2), "rms_difference_in_sigma": np.sqrt((scores**2).mean(axis=0)).round(2),
+    })  # fmt: skip
+    records = records_of(table)
     above = np.where(np.abs(mean_errors) > SHARE * np.abs(truth), np.abs(mean_scores), 0.0)
     worst, square = int(np.argmax(above)), float(np.mean(scores**2))
     claims = [
