@@ -23,17 +23,8 @@ from stoop.base.rotations import quaternions_of, to_body
 from stoop.base.units import FACTORS
 from stoop.base.variables import EULER, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import StoopError
+from stoop.estimate import predict
 from stoop.estimate.fit import Options
-from stoop.estimate.predict import (
-    CUTOFF,
-    ForceCurves,
-    ForceFigures,
-    force_curves,
-    force_figures,
-    identified_vehicle,
-    low_passed,
-    mean_biases,
-)
 from stoop.flight import Flight, load
 from stoop.problem.windows import Window
 from stoop.report.plots import Series, plot
@@ -86,8 +77,8 @@ COEFFICIENTS: Final[Columns] = {
 }
 LEAD: Final = f"""\
 A hexacopter of 1.9 kg hovers, climbs twice at 6 m/s and descends slowly for 74 s; then it sprints forth and back at 10 m/s \
-for 46 s. The model is fitted to the first part and predicts the second. Compared is the specific force below {CUTOFF:g} Hz, \
-measured motion in: above, the rotors shake the accelerometers by more than all maneuvers do."""
+for 46 s. The model is fitted to the first part and predicts the second. Compared is the specific force below \
+{predict.CUTOFF:g} Hz, measured motion in: above, the rotors shake the accelerometers by more than all maneuvers do."""
 WORDS: Final = """\
 Residuals are rms, m/s2. A constant is the mean of the fitted part; static thrust is a constant and a factor of the sum of \
 the squared commands, with the battery's voltage and the motors' lag as in the model. The authors' model is evaluated here on \
@@ -199,25 +190,27 @@ def identified(flight: Flight, span: Span, file: Vehicle, predicted: Sequence[Sp
     return search(file, flight, [span], predicted, Options(method=METHOD))
 
 
-def forces(done: Search) -> tuple[ForceFigures, ...]:
+def forces(done: Search) -> tuple[predict.ForceFigures, ...]:
     """Return the residuals of the fitted window, and of the predicted one."""
-    return force_figures(done.fit, done.flights, done.predicted)
+    return predict.force_figures(done.fit, done.flights, done.predicted)
 
 
-def curves(done: Search, window: Window) -> ForceCurves:
+def curves(done: Search, window: Window) -> predict.ForceCurves:
     """Return measured and modelled specific force below 5 Hz."""
-    biases = mean_biases(done.fit, window.flight)
-    return force_curves(identified_vehicle(done.fit), done.flights, window, biases)
+    biases = predict.mean_biases(done.fit, window.flight)
+    return predict.force_curves(predict.identified_vehicle(done.fit), done.flights, window, biases)
 
 
-def authors_residuals(log: Log, fitted: ForceCurves, shown: ForceCurves) -> dict[str, float]:
+def authors_residuals(log: Log, fitted: predict.ForceCurves, shown: predict.ForceCurves) -> dict[str, float]:
     """Return those of the authors' model; a constant per axis is learned from what was fitted, as ours is."""
     force, dt = log.blades.specific_force(log.flight), 1.0 / log.flight.rate
     errors = []
     for own in (fitted, shown):
         rows = np.nan_to_num(force[np.round((own.time - log.flight.time[0]) / dt).astype(int)])
         cuts = np.flatnonzero(np.diff(own.time) > 1.5 * dt) + 1
-        errors.append(own.measured - np.concatenate([low_passed(part, dt) for part in np.split(rows, cuts)]))
+        errors.append(
+            own.measured - np.concatenate([predict.low_passed(part, dt) for part in np.split(rows, cuts)])
+        )
     rms = np.sqrt(np.mean((errors[1] - errors[0].mean(axis=0)) ** 2, axis=0))
     return dict(zip(AXES, rms.tolist(), strict=True))
 
@@ -330,7 +323,7 @@ def coefficient_records(ahead: Search, whole: Search, theirs: Blades) -> list[di
     errors = {n: std[f"rotors.{name}"] / scale for n, (name, scale) in scales.items()}
     errors["lag of the motors"] = std["rotors.lag"]
     columns = []
-    for own in (identified_vehicle(done.fit) for done in (ahead, whole)):
+    for own in (predict.identified_vehicle(done.fit) for done in (ahead, whole)):
         blades = {n: own.value(f"rotors.{name}") / scale for n, (name, scale) in scales.items()}
         blades["ch2"] = -own.value("rotors.drag_inflow") / size
         columns.append(quantities(Blades(**blades), own.value("rotors.lag")))
@@ -357,7 +350,7 @@ def quantities(own: Blades, lag: float = 0.0) -> dict[tuple[str, str], float]:
     }
 
 
-def _figures(found: ForceCurves) -> list[Figure]:
+def _figures(found: predict.ForceCurves) -> list[Figure]:
     time = found.time[::DRAWN_EVERY]
     holes = np.flatnonzero(np.diff(time) > 1.0) + 1
     t, out = np.insert(time, holes, np.nan), []
@@ -365,7 +358,7 @@ def _figures(found: ForceCurves) -> list[Figure]:
         pairs = (("measured", found.measured), ("predicted", found.model))
         series = [Series(name, t, np.insert(y[::DRAWN_EVERY, i], holes, np.nan)) for name, y in pairs]
         drawn = plot(series, "time on the log's clock, s", f"{axis}, m/s2", f"{axis} measured and predicted")
-        out.append(Figure(f"Specific force {axis} in the sprints, below {CUTOFF:g} Hz", drawn))
+        out.append(Figure(f"Specific force {axis} in the sprints, below {predict.CUTOFF:g} Hz", drawn))
     return out
 
 
