@@ -12,7 +12,7 @@ from docs.pages import DOCS, table
 from stoop_studies.cli.reproduce import NAMES
 from stoop_studies.reproduce import lateral, longitudinal
 from stoop_studies.reproduce.registry import EXPERIMENTS
-from stoop_studies.reproduce.table1 import METHODS
+from stoop_studies.reproduce.suite import METHODS
 
 PAGE = DOCS / "reproduce.md"
 SHOWN = {registered: shown for shown, registered in METHODS.items()}

@@ -25,6 +25,7 @@ from stoop.assessment.covariance import (
     windowed_covariance,
 )
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
+from stoop.base.notices import Notice, notice
 from stoop.estimate.fit import Fit
 from stoop.problem.evidence import Evidence, PieceEvidence, invert
 from stoop.results.uncertainty import CorrelatedPair, NearNullDirection
@@ -54,9 +55,6 @@ class IdentifiabilityLimits:
 
 
 LIMITS: Final = IdentifiabilityLimits()
-
-NOT_ESTIMATED: Final = "the method does not estimate it"
-COMBINED: Final = "known only in combination with others: they can almost take its place"
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +109,7 @@ class ErrorBars:
         """Standard errors (k,)."""
         return standard_errors(self.covariance)
 
-    def rejected(self, reason: str) -> ErrorBars:
+    def rejected(self, reason: Notice) -> ErrorBars:
         """Return error bars of which none is a confident statement, for one reason; earlier doubts stay."""
         doubted = {
             name: replace(one, identifiable=False, reason=reason) if one.identifiable else one
@@ -154,6 +152,7 @@ def _error_bars(evidence: Evidence) -> ErrorBars:
     scale = ComparisonScale(*(np.array([getattr(u, n) for u in known]) for n in ("prior", "width", "size")))
     told = identifiability([u.name for u in known], found.information, corrected, scale)
     own = {u.name: j for u, j in zip(known, told, strict=True) if u.kind == "parameter"}
+    idle_reason = notice("not-estimated")
     idle = [u.name for u in unknowns if u.kind == "parameter" and u.fixed == "method"]
     covariance = np.zeros((len(unknowns),) * 2)
     covariance[np.ix_(free, free)] = corrected
@@ -163,8 +162,7 @@ def _error_bars(evidence: Evidence) -> ErrorBars:
         covariance=covariance[:k, :k],
         cramer_rao_std=white[:k],
         at_bound=at_bound[:k],
-        identifiability=own
-        | {n: Identifiability(n, False, NOT_ESTIMATED, np.inf, np.inf, 0.0) for n in idle},
+        identifiability=own | {n: Identifiability(n, False, idle_reason, np.inf, np.inf, 0.0) for n in idle},
         conditional=conditional,
         uncertainty=found,
         free=free,
@@ -177,7 +175,7 @@ class Identifiability:
 
     name: str
     identifiable: bool  #: false when the number is not the data's
-    reason: str  #: why; empty without a doubt
+    reason: Notice | None  #: why; none without a doubt
     conditional_std: float  #: standard error if everything else were known
     marginal_std: float  #: standard error as it is; infinite when the data leave it free
     multiple_correlation: float  #: with all other unknowns together; 1 means that they can take its place
@@ -205,18 +203,18 @@ def identifiability(
     out = []
     for i, name in enumerate(names):
         std, prior, box, size = (float(v[i]) for v in (sigma, scale.prior_std, scale.box, scale.size))
-        reason, identifiable = "", False
+        reason = None
         if not inverse.determined[i]:
-            reason, std = "the data do not see it", np.inf
+            reason, std = notice("not-seen"), np.inf
         elif std > LIMITS.prior_share * prior:
-            reason = "the data add next to nothing to the prior"
+            reason = notice("prior-only")
         elif std > LIMITS.box_share * box:
-            reason = "its error is as wide as its box: the box decides, not the data"
+            reason = notice("error-as-box")
         elif not np.isfinite(min(prior, box)) and std > LIMITS.size_share * size:
-            reason = f"its error is more than {LIMITS.size_share:g} times its size"
-        else:
-            identifiable = True
-            reason = COMBINED if multiple[i] > np.sqrt(1.0 - LIMITS.collinear**-2) else ""
+            reason = notice("error-beyond-size", times=LIMITS.size_share)
+        identifiable = reason is None
+        if identifiable and multiple[i] > np.sqrt(1.0 - LIMITS.collinear**-2):
+            reason = notice("known-in-combination")
         out.append(Identifiability(name, identifiable, reason, float(alone[i]), std, float(multiple[i])))
     return tuple(out)
 
@@ -268,7 +266,7 @@ def near_null_directions(
     diagonal = np.sqrt(np.maximum(np.diag(information), 0.0))
     seen = np.flatnonzero(diagonal > 0.0)
     out = [
-        NearNullDirection(0.0, {name: 1.0}, f"The data do not change with {name} at all.")
+        NearNullDirection(0.0, {name: 1.0}, notice("direction-not-seen", name))
         for name, d in zip(names, diagonal, strict=True)
         if not d > 0.0
     ]
@@ -288,9 +286,6 @@ def near_null_directions(
             sign = np.sign(step[order[0]]) if order else 1.0
             parts = {names[int(seen[j])]: float(sign * step[j]) for j in order[:6]}
             moves = ", ".join(f"{name} by {value:+.3g}" for name, value in parts.items())
-            sentence = {
-                0: "Many parameters share it, none with much weight.",
-                1: f"The data hardly change with {moves}.",
-            }.get(len(parts), f"The data hardly change when these move together: {moves}.")
-            out.append(NearNullDirection(float(singular[i]), parts, sentence))
+            code = {0: "direction-of-many", 1: "direction-of-one"}.get(len(parts), "direction-together")
+            out.append(NearNullDirection(float(singular[i]), parts, notice(code, moves=moves)))
     return tuple(out[: LIMITS.max_directions])

@@ -31,6 +31,7 @@ from scipy.optimize import linear_sum_assignment
 from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.free_response import free_response, measured_mode
 from stoop.base.arrays import ComplexArray, FloatArray
+from stoop.base.notices import notice
 from stoop.base.variables import EULER
 from stoop.errors import SimulationError
 from stoop.estimate.fit import Fit
@@ -51,7 +52,6 @@ INTEGRATORS: Final = ("psi", "h")  #: states that nothing depends on, or next to
 MIN_EFFECT: Final = 1e-3
 REAL: Final = 1e-9  #: 1/s; a smaller imaginary part is rounding
 SAME_CONDITION: Final = 0.05  #: of airspeed and density, between maneuvers flown at one condition
-NOT_FINITE: Final = "the linear model is not finite there"
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,8 +137,8 @@ def mode_estimates(
             found: dict[str, Any] = {
                 name: Estimate(value) for name, value in _quantities(mode.eigenvalue).items()
             }
-            remark = f"depends on {', '.join(unknown)}, which the data cannot tell"
-            out.append(ModeEstimate(mode.name, **found, remark=remark))
+            remark = notice("mode-depends-on-unknown", mode.name, parameters=tuple(unknown))
+            out.append(ModeEstimate(mode.name, **found, remark=(remark,)))
         else:
             out.append(_estimated(mode, gradient, known, drawn[:, linearized.places(mode.eigenvalue)]))
     return tuple(out)
@@ -177,17 +177,17 @@ def _estimated(
             spans[name] = (float(low), float(high))
     if not pair:
         errors |= {"imag": math.nan, "damping": math.nan}  # of a real mode these are what they are
-    became = "two real modes" if pair else "an oscillation"
-    remarks = [f"{became} in {100.0 * other:.0f} % of the draws"] if other > OTHER_CHARACTER else []
+    code = "mode-becomes-real" if pair else "mode-becomes-oscillation"
+    remarks = [notice(code, mode.name, share=other)] if other > OTHER_CHARACTER else []
     if spans["real"][0] < 0.0 < spans["real"][1]:
         spans["time_constant"] = (math.nan, math.nan)
-        remarks.append("stable or unstable: the data cannot tell")
+        remarks.append(notice("mode-stability-unknown", mode.name))
     else:
         low, high = sorted(-1.0 / end if end else math.inf for end in spans["real"])
         spans["time_constant"] = (low, high)
     found: dict[str, Any] = {n: Estimate(values[n], errors[n], *spans[n]) for n in values}
     method = "sampled" if sampled else "delta"
-    return ModeEstimate(mode.name, **found, method=method, other_character=other, remark="; ".join(remarks))
+    return ModeEstimate(mode.name, **found, method=method, other_character=other, remark=tuple(remarks))
 
 
 def _quantities(s: complex) -> dict[str, float]:
@@ -282,15 +282,16 @@ def _at(
     vehicle, start = identified_vehicle(fit), condition.start
     if condition.loading:
         vehicle = vehicle.with_numbers({name: {"value": value} for name, value in condition.loading.items()})
-    nothing = ConditionModes(condition.maneuvers, "", start["V"], start["h"], start["alpha"], (), NOT_FINITE)
+    place = (start["V"], start["h"], start["alpha"])
+    nothing = ConditionModes(condition.maneuvers, "", *place, (), notice("linear-model-not-finite"))
     if not np.isfinite([*start.values(), *condition.inputs]).all():
         return nothing
     density = condition.density(vehicle)
     try:
-        point, about, remark = trim(vehicle, start["V"], start["h"], density=density), "trim", ""
+        point, about, remark = trim(vehicle, start["V"], start["h"], density=density), "trim", None
     except SimulationError:
         point, about = Trim(dict(start), {}, {}, condition.inputs, {}, math.nan), "mean state"
-        remark = "about the mean state of the maneuvers: no steady flight found at this airspeed and altitude"
+        remark = notice("modes-about-mean-state")
     free = fit.problem.layout.parameters
     values, widths = {p.name: fit.estimates[p.name] for p in free}, {p.name: p.upper - p.lower for p in free}
     try:

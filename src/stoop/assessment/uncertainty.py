@@ -47,6 +47,7 @@ from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.results.result import ParameterEstimate, Result
 from stoop.results.uncertainty import (
+    SCATTER_LEVEL,
     IdentifiabilityAnalysis,
     Interval,
     MethodIntervals,
@@ -61,7 +62,6 @@ COLORED_RATIO: Final = 1.25  #: typical factor of the correction from which resi
 DISAGREEMENT: Final = 1.4  #: ratio of standard errors from which two methods disagree
 SKEWNESS: Final = 1.5  #: ratio of the arms of an interval from which it is no longer normal
 MAX_RHAT: Final = 1.02  #: above it a posterior says nothing yet
-SCATTER_LEVEL: Final = 0.05  #: chance of calling a scatter too large that is not
 #: of an estimate: where the prior knows more than the maneuver, it is the prior's
 MAX_PRIOR_SHARE: Final = 0.5
 
@@ -79,12 +79,13 @@ def with_uncertainty(result: Result, fit: Fit, bars: ErrorBars) -> Result:
     for i, name in enumerate(names):
         hidden = [n for d in directions if name in d.changes for n in d.changes if n != name][:5]
         stand_ins = tuple(dict.fromkeys([*partners(names, related, i), *hidden]))
+        doubt: Notice | None
         if bars.at_bound[i]:
-            numbers, doubt = (np.nan,) * 3, "it lies at its bound"
+            numbers, doubt = (np.nan,) * 3, notice("at-its-bound")
         else:
             one = bars.identifiability[name]
             numbers, doubt = (one.conditional_std, one.marginal_std, one.multiple_correlation), one.reason
-        advised = advice(name, stand_ins, model) if doubt else ""
+        advised = advice(name, stand_ins, model) if doubt else ()
         analyses[name] = ParameterIdentifiability(*numbers, stand_ins, doubt, advised)
     return replace(
         result,
@@ -226,7 +227,7 @@ class SingleFit:
 
     window: Window
     estimates: dict[str, SingleEstimate]
-    remark: str = ""
+    remark: Notice | None = None
 
 
 def fit_each(
@@ -240,16 +241,18 @@ def fit_each(
     out, stopped = list[SingleFit](), False
     for window in fit.prepared.windows:
         watch(f"repeatability: {window}")
-        estimates, remark = dict[str, SingleEstimate](), f"{window}: left out, stopped by the user"
+        estimates = dict[str, SingleEstimate]()
+        remark: Notice | None = notice("maneuver-stopped", str(window))
         try:
             own = None if stopped else fitter(vehicle, flights, [window], options, None, None)
             stopped = own is None or own.outcome.status == "interrupted"
             if own is not None and not stopped:
                 estimates = _estimates(own, error_bars(own))
                 confirmed = own.outcome.status in ("converged", "target")
-                remark = "" if confirmed else f"{window}: no confirmed optimum: {own.outcome.advice}"
+                unconfirmed = notice("maneuver-no-optimum", str(window), advice=own.outcome.advice)
+                remark = None if confirmed else unconfirmed
         except (StoopError, np.linalg.LinAlgError) as error:
-            remark = f"{window}: could not be fitted alone: {error}"
+            remark = notice("maneuver-not-fitted", str(window), reason=str(error))
         out.append(SingleFit(window, estimates, remark))
     return out
 

@@ -186,7 +186,8 @@ def check(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> tuple[
     findings = {}
     for u, one, plain in zip(problem.unknowns, found.identifiability, white, strict=True):
         numbers = (values[u.name], errors[u.name], float(plain), u.mean, u.std)
-        findings[u.name] = Finding(*numbers, one.identifiable, one.reason, u.unit, u.meaning)
+        reason = "" if one.reason is None else str(one.reason)
+        findings[u.name] = Finding(*numbers, one.identifiable, reason, u.unit, u.meaning)
     left, moved = np.concatenate(problem.errors(found.z)), []
     for piece in problem.pieces:
         known = np.isfinite(piece.measured)
@@ -260,7 +261,7 @@ def _estimate(pieces: Pieces) -> Estimate:
     known = []
     judged = identifiability(names, found.information, found.corrected, scale)[: problem.shared]
     for one, value in zip(judged, problem.values(z[None, :])[0], strict=True):
-        reason = f"more than the {PIECES.margin:g} s that pieces have to spare at their ends: look at the clocks instead"
+        reason = notice("delay-beyond-margin", one.name, margin=PIECES.margin)
         far = one.name.endswith(".delay") and abs(float(value)) > PIECES.margin
         known.append(replace(one, identifiable=False, reason=reason) if far else one)
     return Estimate(pieces, problem, z, found, tuple(known), converged)

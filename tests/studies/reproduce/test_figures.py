@@ -69,10 +69,9 @@ def test_as_printed_the_first_branch_ends_the_search() -> None:
 def test_every_evaluation_of_a_dive_is_recorded() -> None:
     recorder = Recorder(replace(paper(), names=PAIR))
     pair = both(recorder, np.array([0.2, 0.8]))
-    assert pair is not None
     own = 1 + 2  # the start, and a difference in each of two variables
-    searches = sum(len(line.points) + 1 for line in (pair.repaired, pair.printed))
-    assert len(recorder.points) == own + searches + 1, "and the start again, to compare with"
+    searches = sum(len(line.points) + 1 for line in pair.values())
+    assert len(recorder.points) == own + searches + 2, "and the start again, to compare with"
 
 
 def test_figure_2_holds_the_printed_code_against_the_repaired_one() -> None:

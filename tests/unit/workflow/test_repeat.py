@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from stoop.assessment.uncertainty import fit_each, scatter, with_repeatability
+from stoop.base.notices import notice
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
 from stoop.report.identification import render
@@ -82,7 +83,8 @@ def test_one_maneuver_of_another_aircraft_stands_out() -> None:
 def test_the_terminal_says_how_many_agree(alike: Job) -> None:
     found = alike.identification.result.repeatability
     first, *others = repeatability_lines(found)
-    assert first.startswith("4 parameters are identifiable from two maneuvers or more")
+    summary = found.summary()
+    assert (summary.code, summary.values["compared"], first) == ("repeatability", 4, str(summary))
     named = [name for line in others for name in FREE if f"{name} (4 maneuvers" in line]
     assert sorted(named) == sorted(FREE)
     assert repeatability_lines(Repeatability()) == []
@@ -90,9 +92,10 @@ def test_the_terminal_says_how_many_agree(alike: Job) -> None:
 
 def test_what_only_one_maneuver_tells_is_not_compared() -> None:
     one, none = SingleEstimate(1.0, 0.1, True), SingleEstimate(1.0, 0.1, False)
-    found = Repeatability((0, 1), {"CLalpha": scatter([one, none])}, ("the second diverged",))
-    few = "No parameter is identifiable from two maneuvers fitted alone, so nothing can be compared."
-    assert repeatability_lines(found) == [few, "the second diverged"]
+    remark = notice("maneuver-stopped", "f 1:2")
+    found = Repeatability((0, 1), {"CLalpha": scatter([one, none])}, (remark,))
+    assert found.summary().code == "repeatability-nothing-compared"
+    assert repeatability_lines(found) == [str(found.summary()), "f 1:2: left out, stopped by the user"]
 
 
 def test_the_report_draws_them(alike: Job) -> None:
