@@ -105,7 +105,7 @@ def test_a_broken_thermometer_is_not_believed(tmp_path: Path) -> None:
 def test_nothing_tells_the_density(tmp_path: Path) -> None:
     flight = flown(tmp_path, wavering(EQUIVALENT))
     np.testing.assert_array_equal(flight.column("airspeed_pitot"), flight.column("airspeed_equivalent"))
-    assert "neither pressure nor altitude tells the density" in told(flight)
+    assert "the log has neither pressure nor altitude to compute the density" in told(flight)
 
 
 @pytest.mark.parametrize("variable", ["airspeed_pitot", "V"])
