@@ -16,7 +16,7 @@ from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop_studies.findings import Findings, Setting, holds, number
-from stoop_studies.verify.scenes import ALTITUDE
+from stoop_studies.verify.scenes import ALTITUDE, multisine_maneuver
 from stoop_studies.verify.study import Columns, Samples, Verification, page_table, vehicle_text
 
 DURATION: Final = 30.0  #: s
@@ -58,29 +58,17 @@ def load(name: str) -> Vehicle:
     return parse_vehicle(vehicle_text(name.replace("-", "_")), name)
 
 
-def _maneuver(point: Trim, inputs: list[dict[str, Any]]) -> Maneuver:
-    start = {"airspeed": point.start["V"], "altitude": point.start["h"]}
-    return Maneuver.model_validate(
-        {"duration": DURATION, "rate": jsbsim_flight.RATE, **start, "input": inputs}
-    )
-
-
 def multisines(vehicle: Vehicle, point: Trim) -> Maneuver:
     """Return harmonics from 0.1 to 2 Hz on all controls at once, each control its own."""
-    common = {
-        "shape": "multisine", "start": 1.0, "duration": 20.0, "amplitude": jsbsim_flight.AMPLITUDE, "band": 2.0,
-        "stride": len(vehicle.controls),
-    }  # fmt: skip
-    return _maneuver(
-        point, [{**common, "control": c, "first": 2 + i} for i, c in enumerate(vehicle.controls)]
-    )
+    amplitudes = {c: (jsbsim_flight.AMPLITUDE, 2 + i) for i, c in enumerate(vehicle.controls)}
+    return multisine_maneuver(amplitudes, DURATION, jsbsim_flight.RATE, 2.0, (1.0, 20.0))
 
 
 def pulses(vehicle: Vehicle, point: Trim) -> Maneuver:
     """Return a second and a half on each control, after which the aircraft is left to itself."""
     common = {"shape": "pulse", "duration": 1.5, "amplitude": jsbsim_flight.AMPLITUDE}
     inputs = [{**common, "control": c, "start": 1.0 + 3.0 * i} for i, c in enumerate(vehicle.controls)]
-    return _maneuver(point, inputs)
+    return Maneuver.model_validate({"duration": DURATION, "rate": jsbsim_flight.RATE, "input": inputs})
 
 
 INPUTS: Final[dict[str, Callable[[Vehicle, Trim], Maneuver]]] = {
