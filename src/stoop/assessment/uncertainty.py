@@ -26,7 +26,7 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2
 
-from stoop.assessment.covariance import correlation, intervals_95
+from stoop.assessment.covariance import NORMAL_95, correlation
 from stoop.assessment.error_bars import (
     ErrorBars,
     error_bars,
@@ -37,7 +37,6 @@ from stoop.assessment.error_bars import (
     worst_pairs,
 )
 from stoop.assessment.maneuver_advice import advice, flown_model
-from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.text import enumerated
 from stoop.errors import StoopError
@@ -68,9 +67,19 @@ MAX_PRIOR_SHARE: Final = 0.5
 
 def with_uncertainty(result: Result, fit: Fit, bars: ErrorBars) -> Result:
     """Return the result with its two error bars side by side, which to trust, and what the data can tell."""
-    methods = {"corrected": MethodIntervals(_intervals(result, bars, bars.std))}
+    errors = {"corrected": bars.std}
     if not np.isnan(bars.cramer_rao_std).all():  # a method that takes residuals as white has none to compare
-        methods["cramer_rao"] = MethodIntervals(_intervals(result, bars, bars.cramer_rao_std))
+        errors["cramer_rao"] = bars.cramer_rao_std
+    methods = {}
+    for key, std in errors.items():
+        intervals = {}
+        for (name, p), at_bound, error in zip(
+            result.parameters.items(), bars.at_bound, std.tolist(), strict=False
+        ):
+            reach = NORMAL_95 * error if p.identifiable and not p.at_bound else np.nan
+            shown = np.nan if at_bound else error
+            intervals[name] = Interval(shown, p.estimate - reach, p.estimate + reach)
+        methods[key] = MethodIntervals(intervals)
     names = [p.name for p in fit.problem.layout.parameters]
     related = correlation(bars.covariance[: len(names), : len(names)])
     model = flown_model(result, fit)
@@ -93,16 +102,6 @@ def with_uncertainty(result: Result, fit: Fit, bars: ErrorBars) -> Result:
         trust=tuple(method_agreement(result.parameters, methods)),
         identifiability=IdentifiabilityAnalysis(singular, analyses, worst_pairs(names, related), directions),
     )
-
-
-def _intervals(result: Result, bars: ErrorBars, std: FloatArray) -> dict[str, Interval]:
-    out = {}
-    for i, (name, p) in enumerate(result.parameters.items()):
-        low, high = intervals_95(np.array([p.estimate]), std[i : i + 1])[0]
-        sure = p.identifiable and not p.at_bound
-        ends = (float(low), float(high)) if sure else (np.nan, np.nan)
-        out[name] = Interval(np.nan if bars.at_bound[i] else float(std[i]), *ends)
-    return out
 
 
 def _directions(
