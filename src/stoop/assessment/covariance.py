@@ -38,7 +38,7 @@ from typing import Final
 
 import numpy as np
 from scipy.fft import next_fast_len, rfft
-from scipy.linalg import solve_toeplitz, toeplitz
+from scipy.linalg import toeplitz
 
 from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
 from stoop.estimate.noise import lagged_products
@@ -131,9 +131,7 @@ def fit_noise(autocovariance: FloatArray, residuals: Sequence[FloatArray]) -> Co
         possible = channel.copy()
         least = float(np.linalg.eigvalsh(toeplitz(possible))[0])
         possible[0] += max(0.0, MIN_POWER * abs(float(possible[0])) - least)
-        if possible[0] > 0.0:
-            coefficients[i] = solve_toeplitz(possible[:-1], possible[1:])
-            power[i] = possible[0] - coefficients[i] @ possible[1:]
+        coefficients[i], power[i] = _levinson(possible)
     total = np.zeros((channels, channels))
     for residual in residuals:
         innovations = residual[order:].copy()
@@ -146,6 +144,18 @@ def fit_noise(autocovariance: FloatArray, residuals: Sequence[FloatArray]) -> Co
     np.fill_diagonal(related, 1.0)
     std = np.sqrt(power)
     return ColoredNoise(coefficients, np.outer(std, std) * related)
+
+
+def _levinson(autocovariance: FloatArray) -> tuple[FloatArray, float]:
+    """Return the coefficients and the innovation's variance by the Levinson-Durbin recursion."""
+    coefficients = np.zeros(0)
+    power = float(autocovariance[0])
+    for order in range(1, len(autocovariance)):
+        rest = float(autocovariance[order] - coefficients @ autocovariance[order - 1 : 0 : -1])
+        reflection = rest / power if power > 0.0 else 0.0
+        coefficients = np.append(coefficients - reflection * coefficients[::-1], reflection)
+        power *= 1.0 - reflection**2
+    return coefficients, power
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,13 +227,13 @@ class _Block:
 
     def middle(self, noise: ColoredNoise, joint: bool = True) -> FloatArray:
         """Return the double sum (a, a) over this segment: S' V S; on demand without correlation between channels."""
-        gain = noise.gain(self.size)[:, :, None]
+        gain, innovation = noise.gain(self.size), noise.innovation
         if joint:
-            sums = self.parts[0] + 1j * self.parts[1]
-            colored = gain * (noise.innovation @ (gain.conj() * sums))
+            spectrum = gain[:, :, None] * innovation * gain.conj()[:, None, :]
+            colored = spectrum @ (self.parts[0] + 1j * self.parts[1])
             left, right = self.parts, np.stack([colored.real, colored.imag])
         else:
-            left = right = self.parts * np.abs(gain) * np.sqrt(np.diag(noise.innovation))[:, None]
+            left = right = self.parts * np.sqrt(np.abs(gain) ** 2 * np.diag(innovation))[:, :, None]
         product: FloatArray = left.reshape(-1, left.shape[-1]).T @ right.reshape(-1, right.shape[-1])
         return 0.5 * (product + product.T)
 

@@ -27,7 +27,7 @@ from stoop.assessment.covariance import (
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.notices import Notice, notice
 from stoop.estimate.fit import Fit
-from stoop.problem.evidence import PieceEvidence, invert
+from stoop.problem.evidence import PieceEvidence, Unknown, invert
 from stoop.results.uncertainty import CorrelatedPair, NearNullDirection
 
 CORRELATION_LAGS: Final = 200  #: samples over which the residual autocorrelation is shown
@@ -143,10 +143,7 @@ def error_bars(fit: Fit) -> ErrorBars:
             leaning = free[wide > LIMITS.conditional_ratio * standard_errors(found.cramer_rao)]
             conditional = tuple(unknowns[i].name for i in leaning if unknowns[i].kind == "parameter")
         known, k = [unknowns[i] for i in free], sum(u.kind != "noise" for u in unknowns)
-        scale = ComparisonScale(
-            *(np.array([getattr(u, n) for u in known]) for n in ("prior", "width", "size"))
-        )
-        told = identifiability([u.name for u in known], found.information, corrected, scale)
+        told = identifiability(known, found.information, corrected)
         own = {u.name: j for u, j in zip(known, told, strict=True) if u.kind == "parameter"}
         idle_reason = notice("not-estimated")
         idle = [u.name for u in unknowns if u.kind == "parameter" and u.fixed == "method"]
@@ -179,19 +176,13 @@ class Identifiability:
     multiple_correlation: float  #: with all other unknowns together; 1 means that they can take its place
 
 
-@dataclass(frozen=True, eq=False)
-class ComparisonScale:
-    """Scales (k,) with which standard errors are compared; infinite where there is none."""
-
-    prior_std: FloatArray  #: (k,); standard deviation of the prior
-    box: FloatArray  #: (k,); width between the bounds
-    size: FloatArray  #: (k,); magnitude of the parameter: the greater of estimate and starting value
-
-
 def identifiability(
-    names: Sequence[str], information: FloatArray, covariance: FloatArray, scale: ComparisonScale
+    unknowns: Sequence[Unknown], information: FloatArray, covariance: FloatArray
 ) -> tuple[Identifiability, ...]:
-    """Return the identifiability of k unknowns from their information, priors included, and published covariance."""
+    """Return the identifiability of k unknowns from their information, priors included, and published covariance.
+
+    Standard errors are compared with the unknowns' priors, widths and sizes.
+    """
     inverse = invert(information)
     sigma = standard_errors(covariance)
     alone = 1.0 / np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
@@ -199,21 +190,21 @@ def identifiability(
     # 1 - R^2 = (conditional / marginal)^2
     multiple = np.sqrt(np.clip(1.0 - (alone / np.maximum(marginal, alone)) ** 2, 0.0, 1.0))
     out = []
-    for i, name in enumerate(names):
-        std, prior, box, size = (float(v[i]) for v in (sigma, scale.prior_std, scale.box, scale.size))
+    for i, one in enumerate(unknowns):
+        std = float(sigma[i])
         reason = None
         if not inverse.determined[i]:
             reason, std = notice("not-seen"), np.inf
-        elif std > LIMITS.prior_share * prior:
+        elif std > LIMITS.prior_share * one.prior:
             reason = notice("prior-only")
-        elif std > LIMITS.box_share * box:
+        elif std > LIMITS.box_share * one.width:
             reason = notice("error-as-box")
-        elif not np.isfinite(min(prior, box)) and std > LIMITS.size_share * size:
+        elif not np.isfinite(min(one.prior, one.width)) and std > LIMITS.size_share * one.size:
             reason = notice("error-beyond-size", times=LIMITS.size_share)
         identifiable = reason is None
         if identifiable and multiple[i] > np.sqrt(1.0 - LIMITS.collinear**-2):
             reason = notice("known-in-combination")
-        out.append(Identifiability(name, identifiable, reason, float(alone[i]), std, float(multiple[i])))
+        out.append(Identifiability(one.name, identifiable, reason, float(alone[i]), std, float(multiple[i])))
     return tuple(out)
 
 

@@ -192,16 +192,12 @@ class Condition:
     inputs: FloatArray  #: (n_u,); mean of the recorded channels
     samples: int
 
-    def density(self, vehicle: Vehicle) -> float | None:
-        """Return the recorded density, kg/m3, where the vehicle takes it from the log."""
-        return float(self.inputs[vehicle.inputs.index("density")]) if "density" in vehicle.inputs else None
-
     def is_like(self, other: Condition, vehicle: Vehicle) -> bool:
         """Tell whether both were flown at one airspeed and density, in one loading."""
         pairs = [(self.start["V"], other.start["V"])]
-        density = self.density(vehicle), other.density(vehicle)
-        if density[0] is not None and density[1] is not None:
-            pairs.append((density[0], density[1]))
+        if "density" in vehicle.inputs:
+            i = vehicle.inputs.index("density")
+            pairs.append((float(self.inputs[i]), float(other.inputs[i])))
         near = all(abs(one - another) <= SAME_CONDITION * abs(one) for one, another in pairs)
         return near and dict(self.loading) == dict(other.loading)
 
@@ -266,7 +262,9 @@ def _at(
     nothing = ConditionModes(condition.maneuvers, "", *place, (), notice("linear-model-not-finite"))
     if not np.isfinite([*start.values(), *condition.inputs]).all():
         return nothing
-    density = condition.density(vehicle)
+    density = None  # kg/m3, recorded where the vehicle takes it from the log
+    if "density" in vehicle.inputs:
+        density = float(condition.inputs[vehicle.inputs.index("density")])
     try:
         point, about, remark = trim(vehicle, start["V"], start["h"], density=density), "trim", None
     except SimulationError:

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -43,7 +43,6 @@ from stoop.errors import StoopError
 from stoop.estimate import methods
 from stoop.estimate.fit import Fit, Options
 from stoop.flight import Flight
-from stoop.problem.windows import Window
 from stoop.results.result import ParameterEstimate, Result
 from stoop.results.uncertainty import (
     SCATTER_LEVEL,
@@ -220,40 +219,33 @@ def scatter(singles: Sequence[SingleEstimate]) -> ParameterRepeatability:
     return ParameterRepeatability(tuple(singles), mean, error, square, degrees, p_value, verdict)
 
 
-@dataclass(frozen=True, eq=False)
-class SingleFit:
-    """Estimates of one maneuver fitted alone; none where it could not be fitted, and why."""
-
-    window: Window
-    estimates: dict[str, SingleEstimate]
-    remark: Notice | None = None
-
-
-def fit_each(
+def repeatability(
     fit: Fit, flights: Mapping[str, Flight], options: Options, watch: Callable[[str], None]
-) -> list[SingleFit]:
-    """Fit every maneuver of a finished fit by itself, from the same start, within the same bounds and priors.
+) -> Repeatability:
+    """Fit every maneuver of a finished fit by itself, from the same start, within the same bounds and priors; compare them.
 
     What a maneuver does not determine is not counted. Ctrl-C ends the fit at hand, which `watch` receives, and the rest.
     """
-    vehicle, fitter = fit.problem.layout.vehicle, methods.find(options.method).fitter()
-    out, stopped = list[SingleFit](), False
-    for window in fit.prepared.windows:
+    layout, windows = fit.problem.layout, fit.prepared.windows
+    fitter, stopped, remarks = methods.find(options.method).fitter(), False, list[Notice]()
+    nothing = SingleEstimate(math.nan, math.nan, counted=False)
+    singles = {p.name: [nothing] * len(windows) for p in layout.parameters}
+    for i, window in enumerate(windows):
         watch(f"repeatability: {window}")
-        estimates = dict[str, SingleEstimate]()
-        remark: Notice | None = notice("maneuver-stopped", str(window))
         try:
-            own = None if stopped else fitter(vehicle, flights, [window], options, None, None)
+            own = None if stopped else fitter(layout.vehicle, flights, [window], options, None, None)
             stopped = own is None or own.outcome.status == "interrupted"
-            if own is not None and not stopped:
-                estimates = _estimates(own, error_bars(own))
-                confirmed = own.outcome.status in ("converged", "target")
-                unconfirmed = notice("maneuver-no-optimum", str(window), advice=own.outcome.advice)
-                remark = None if confirmed else unconfirmed
+            if own is None or stopped:
+                remarks.append(notice("maneuver-stopped", str(window)))
+                continue
+            for name, one in _estimates(own, error_bars(own)).items():
+                singles[name][i] = one
+            if own.outcome.status not in ("converged", "target"):
+                remarks.append(notice("maneuver-no-optimum", str(window), advice=own.outcome.advice))
         except (StoopError, np.linalg.LinAlgError) as error:
-            remark = notice("maneuver-not-fitted", str(window), reason=str(error))
-        out.append(SingleFit(window, estimates, remark))
-    return out
+            remarks.append(notice("maneuver-not-fitted", str(window), reason=str(error)))
+    compared = {name: scatter(several) for name, several in singles.items()}
+    return Repeatability(tuple(range(len(windows))), compared, tuple(remarks))
 
 
 def _estimates(fit: Fit, bars: ErrorBars) -> dict[str, SingleEstimate]:
@@ -269,11 +261,3 @@ def _estimates(fit: Fit, bars: ErrorBars) -> dict[str, SingleEstimate]:
         counted = one.counted and not bars.at_bound[i] and bars.identifiability[p.name].identifiable
         out[p.name] = replace(one, counted=bool(counted))
     return out
-
-
-def with_repeatability(result: Result, singles: Sequence[SingleFit]) -> Result:
-    """Return the result with the agreement of its maneuvers."""
-    nothing = SingleEstimate(math.nan, math.nan, counted=False)
-    parameters = {n: scatter([one.estimates.get(n, nothing) for one in singles]) for n in result.parameters}
-    remarks = tuple(one.remark for one in singles if one.remark)
-    return replace(result, repeatability=Repeatability(tuple(range(len(singles))), parameters, remarks))
