@@ -11,7 +11,7 @@ import numpy as np
 
 from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.error_bars import ErrorBars, error_bars
-from stoop.assessment.goodness_of_fit import left_out_residuals
+from stoop.assessment.goodness_of_fit import left_out_residuals, press_notices
 from stoop.assessment.modes import modes
 from stoop.assessment.uncertainty import with_uncertainty
 from stoop.base.notices import as_notice, notice, of_severity
@@ -105,6 +105,7 @@ def identification(
         *result.notices,
         *dict.fromkeys(of_severity(prepared, "warning")),
         *of_severity(fit.notices, "info"),
+        *press_notices(fit),
         *([as_notice(per_mass, "info")] if per_mass else []),
         *basis_notices(vehicle, flights, color),
         *data_notices([*of_flights, *of_severity(prepared, "info")]),

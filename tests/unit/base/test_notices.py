@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import runpy
 from pathlib import Path
 
@@ -16,7 +17,7 @@ ROOT = Path(__file__).parents[3]
 def test_a_notice_survives_json() -> None:
     one = notice("lag-not-beaten", "f 1:2", role="fit", channels=("p", "q"))
     assert from_dict(one.to_dict()) == one
-    assert str(one) == "f 1:2 (fit): no better than a first-order lag in p and q."
+    assert str(one) == "f 1:2 (fit): no better than a first-order lag in p and q"
     assert (one.topic, one.severity) == ("fit", "warning")
 
 
@@ -50,6 +51,12 @@ def test_the_page_lists_the_table() -> None:
     assert (ROOT / "docs" / "notices.md").read_text("utf-8") == runpy.run_path(
         str(ROOT / "scripts" / "notices.py")
     )["page"]()
+
+
+def test_one_sentence_has_no_full_stop_and_several_have() -> None:
+    for code, kind in table().items():
+        several = len(re.findall(r"[.?!)] (?=[A-Z-])", kind.text)) > 0
+        assert kind.text.endswith(".") == several or kind.text.endswith(("?", "}")), code
 
 
 def test_a_notice_may_name_another() -> None:
