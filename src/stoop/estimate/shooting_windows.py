@@ -27,7 +27,7 @@ from stoop.problem.observation import (
     true_value,
 )
 from stoop.simulation import initial_states, parameter_rows
-from stoop.simulation.delays import input_delays, late_inputs
+from stoop.simulation.delays import input_delays, late_inputs, late_outputs
 from stoop.simulation.initial import commanded
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND
@@ -305,7 +305,8 @@ class Shots:
         n, edges = len(self.piece.time), np.array(self.edges)
         steps = np.minimum(edges[which + 1], n - 1) - edges[which]
         first, behind = copy * n + edges[which], (copy + 1) * n
-        return windows(vehicle.kernel(), rows, begin, record, first, behind, steps, dt)
+        out, last = windows(vehicle.kernel(), rows, begin, record, first, behind, steps, dt)
+        return late_outputs(vehicle, out, rows, dt, self.piece.moved), last
 
 
 def residual(problem: Misfit, readings: FloatArray, measured: FloatArray) -> FloatArray:
