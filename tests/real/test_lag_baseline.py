@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from stoop.assessment.baseline import BaselineManeuver, BaselineSegment, baseline_matches
-from stoop.assessment.goodness_of_fit import filtered_theil, join
+from stoop.assessment.goodness_of_fit import join, theil
 from stoop.flight.flight import segments
 from stoop.flight.load import load
 
@@ -37,7 +37,7 @@ def test_lag_on_the_v_tail(shared_data: Path) -> None:
 
     def figure(number: int, channel: str) -> float:
         measured = join([segment.measured[channel] for segment in maneuvers[number].segments])
-        return filtered_theil(measured, curves[number][channel].simulated, flight.rate)
+        return theil(measured, curves[number][channel].simulated, flight.rate)
 
     # The study's lag: 0.204, 0.086, 0.081 in the fits; p 0.22 and r 0.51 in the prediction.
     assert figure(0, "p") == pytest.approx(0.204, abs=0.002)

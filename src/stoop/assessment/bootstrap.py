@@ -217,19 +217,13 @@ def shifts(optimum: Optimum, noise: NoiseSource, numbers: Sequence[int], seed: i
     return np.asarray(-optimum.residual - out)
 
 
-@dataclass(frozen=True, eq=False)
-class Percentiles:
-    """Statistics of the scatter of replicates, (k,) each: standard deviation, and ends of the 95 % interval."""
+def percentiles(estimate: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the spread of converged replicates (B, k) of an estimate (k,), and bias-corrected 95 % percentile intervals.
 
-    std: FloatArray
-    lower: FloatArray
-    upper: FloatArray
-
-
-def percentiles(estimate: FloatArray, values: FloatArray) -> Percentiles:
-    """Return bias-corrected percentile intervals of an estimate (k,) from converged replicates (B, k)."""
+    These are standard deviations, lower and upper ends, (k,) each; NaN of too few replicates.
+    """
     if len(values) < MIN_REPLICATES:
-        return Percentiles(*np.full((3, len(estimate)), np.nan))
+        return (np.full(len(estimate), np.nan),) * 3
     below = np.mean(values < estimate, axis=0) + 0.5 * np.mean(values == estimate, axis=0)
     reach = 1.0 / len(values)
     shift = 2.0 * ndtri(np.clip(below, reach, 1.0 - reach))
@@ -237,7 +231,7 @@ def percentiles(estimate: FloatArray, values: FloatArray) -> Percentiles:
         np.array([np.quantile(values[:, i], ndtr(s + end)) for i, s in enumerate(shift)])
         for end in (-NORMAL_95, NORMAL_95)
     )
-    return Percentiles(values.std(axis=0, ddof=1), lower, upper)
+    return values.std(axis=0, ddof=1), lower, upper
 
 
 @dataclass(frozen=True)
@@ -252,10 +246,26 @@ class Bootstrap:
     name: str = field(default="bootstrap", init=False)
 
     def __call__(self, fit: AssessedFit, watch: Watch) -> Finding:
-        """Return standard errors and bias-corrected percentile intervals."""
+        """Return standard errors and bias-corrected percentile intervals; none at a bound or not identifiable."""
         plan = bootstrap_plan(fit, self.replicates)
         found = refits(plan, self.store, self.pool, "bootstrap: {} of {} replicates", CHUNK, watch)
-        return Finding(_intervals(fit, found))
+        parts: list[Any] = list(found.values())
+        values = np.concatenate([np.array(part["values"], dtype=np.float64) for part in parts])
+        endings = Counter(ending for part in parts for ending in part["endings"])
+        converged = np.isfinite(values).all(axis=1)
+        spread = percentiles(np.array(list(fit.fit.estimates.values())), values[converged])
+        parameters = {}
+        for i, name in enumerate(fit.names):
+            sure = not fit.bars.at_bound[i] and fit.bars.identifiability[name].identifiable
+            parameters[name] = Interval(*(float(one[i]) for one in spread)) if sure else Interval()
+        total, count, lost = endings.total(), int(converged.sum()), endings["lost"]
+        notices: list[Notice] = []
+        if count < MIN_REPLICATES:
+            notices.append(notice("bootstrap-too-few-replicates", count=count, needed=MIN_REPLICATES))
+        if lost > MAX_LOST * total:
+            notices.append(notice("bootstrap-replicates-lost", lost=lost, replicates=total))
+        figures = {"replicates": float(total), "dived": float(endings["dived"]), "lost": float(lost)}
+        return Finding(MethodIntervals(parameters, figures, tuple(notices)))
 
 
 def bootstrap_plan(fit: AssessedFit, count: int) -> Plan:
@@ -304,24 +314,3 @@ def _unpacked(text: str) -> tuple[Refittable, Optimum, NoiseSource]:
     rest = len(optimum.residual) - first - len(base.layout.prior_residuals(arrays["z"][None, :])[0])
     noise = ColoredNoise(arrays["color"], arrays["innovation"])
     return problem, optimum, ColoredBlocks.of(noise, residuals, rest)
-
-
-def _intervals(fit: AssessedFit, results: Mapping[str, Json]) -> MethodIntervals:
-    parts: list[Any] = list(results.values())
-    values = np.concatenate([np.array(part["values"], dtype=np.float64) for part in parts])
-    endings = Counter(ending for part in parts for ending in part["endings"])
-    converged = np.isfinite(values).all(axis=1)
-    found = percentiles(np.array(list(fit.fit.estimates.values())), values[converged])
-    parameters = {}  # no interval for a parameter at a bound or not identifiable
-    for i, name in enumerate(fit.names):
-        sure = not fit.bars.at_bound[i] and fit.bars.identifiability[name].identifiable
-        ends = (float(found.std[i]), float(found.lower[i]), float(found.upper[i]))
-        parameters[name] = Interval(*ends) if sure else Interval()
-    total, count, lost = endings.total(), int(converged.sum()), endings["lost"]
-    notices: list[Notice] = []
-    if count < MIN_REPLICATES:
-        notices.append(notice("bootstrap-too-few-replicates", count=count, needed=MIN_REPLICATES))
-    if lost > MAX_LOST * total:
-        notices.append(notice("bootstrap-replicates-lost", lost=lost, replicates=total))
-    figures = {"replicates": float(total), "dived": float(endings["dived"]), "lost": float(lost)}
-    return MethodIntervals(parameters, figures, tuple(notices))

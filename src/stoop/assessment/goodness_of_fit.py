@@ -34,7 +34,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -55,8 +55,15 @@ CUTOFF: Final = 10.0  #: Hz; above it there is no rigid-body motion worth matchi
 BLOCK: Final = 1.0  #: s that are left out together
 
 
-def theil(measured: FloatArray, simulated: FloatArray) -> float:
-    """Return Theil's coefficient rms(z - y) / (rms(z) + rms(y)) where both are finite, 0 perfect, 1 worst; NaN without any."""
+def theil(measured: FloatArray, simulated: FloatArray, rate: float | None = None) -> float:
+    """Return Theil's coefficient rms(z - y) / (rms(z) + rms(y)) where both are finite, 0 perfect, 1 worst; NaN without any.
+
+    With a sample `rate`, Hz, of both curves low-passed over the stretches that they share.
+    """
+    if rate is not None:
+        missing = ~(np.isfinite(measured) & np.isfinite(simulated))
+        curves = (measured, simulated)
+        measured, simulated = (low_pass(np.where(missing, np.nan, curve), rate) for curve in curves)
     z, y = _common(measured, simulated)
     scale = _rms(z) + _rms(y)
     return np.nan if z.size == 0 else _rms(z - y) / scale if scale > 0.0 else 0.0
@@ -118,36 +125,25 @@ def channel_figures(
     that wraps is unwrapped as in the simulated curve. Theil's coefficients are of the curves low-passed at 10 Hz with zero
     phase, stretch by stretch; all else of the curves as they are.
     """
-    own = _baseline_fit(measured, model)
+    shared: list[dict[str, Any]] = []  # the figures that a model and the baseline have alike
+    for match in (model,) if baseline is None else (model, baseline):
+        missed = np.empty(0) if match.left_out is None else match.left_out[np.isfinite(match.left_out)]
+        shared.append(
+            {
+                "rmse": rmse(measured, match.simulated),
+                "r2": r2(measured, match.simulated),
+                "press": _rms(missed) if missed.size else np.nan,
+                "theil_shares": theil_shares(measured, match.simulated),
+                "whiteness": whiteness(measured - match.simulated),
+            }
+        )
+    coefficient = theil(measured, model.simulated, rate)
+    if baseline is None:
+        return GoodnessOfFit(theil=coefficient, **shared[0])
+    lag = theil(measured, baseline.simulated, rate)
     return GoodnessOfFit(
-        rmse=own.rmse,
-        theil=filtered_theil(measured, model.simulated, rate),
-        r2=own.r2,
-        baseline_theil=np.nan if baseline is None else filtered_theil(measured, baseline.simulated, rate),
-        press=own.press,
-        theil_shares=own.theil_shares,
-        whiteness=own.whiteness,
-        baseline=BaselineFit() if baseline is None else _baseline_fit(measured, baseline),
+        theil=coefficient, **shared[0], baseline_theil=lag, baseline=BaselineFit(**shared[1])
     )
-
-
-def _baseline_fit(measured: FloatArray, match: Match) -> BaselineFit:
-    """Return the figures that a model and the baseline have alike."""
-    missed = np.empty(0) if match.left_out is None else match.left_out[np.isfinite(match.left_out)]
-    return BaselineFit(
-        rmse=rmse(measured, match.simulated),
-        r2=r2(measured, match.simulated),
-        press=_rms(missed) if missed.size else np.nan,
-        theil_shares=theil_shares(measured, match.simulated),
-        whiteness=whiteness(measured - match.simulated),
-    )
-
-
-def filtered_theil(measured: FloatArray, simulated: FloatArray, rate: float) -> float:
-    """Return Theil's coefficient of both curves low-passed over the stretches that they share."""
-    missing = ~(np.isfinite(measured) & np.isfinite(simulated))
-    z, y = (low_pass(np.where(missing, np.nan, curve), rate) for curve in (measured, simulated))
-    return theil(z, y)
 
 
 def whiteness(residual: FloatArray) -> Whiteness:
@@ -174,10 +170,8 @@ def whiteness(residual: FloatArray) -> Whiteness:
 
 def join(pieces: Sequence[ArrayLike]) -> FloatArray:
     """Return the pieces (n_i,) as one curve, a NaN between neighbors, so that a plot breaks there."""
-    parts: list[FloatArray] = []
-    for piece in pieces:
-        parts += [np.full(1, np.nan), np.asarray(piece, dtype=np.float64)]
-    return np.concatenate(parts[1:]) if parts else np.empty(0)
+    parts = [part for piece in pieces for part in ([np.nan], piece)]
+    return np.concatenate(parts[1:], dtype=np.float64) if parts else np.empty(0)
 
 
 def low_pass(values: FloatArray, rate: float, cutoff: float = CUTOFF) -> FloatArray:
